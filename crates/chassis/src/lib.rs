@@ -1,0 +1,19 @@
+//! What the vehicles and controllers of the library share: the catalogue of [`signals`] and [`quantities`], the
+//! [`positions`] of wheels and axles, [`tire`] laws, and the data of the vehicles.
+//!
+//! Axes and signs follow ISO 8855: x forward, y left, z up, SI units, angles in radians. Roll is positive about x (the
+//! body leans right), pitch about y (nose down), yaw about z (left turn). Deflections are negative in compression; a
+//! tire load is the compressive force on the road; a suspension force pushes the body up and the wheel down.
+
+pub mod data;
+pub mod positions;
+pub mod quantities;
+pub mod signals;
+pub mod tire;
+
+/// What a model file needs besides `fmi2::prelude`.
+pub mod prelude {
+    pub use crate::positions::*;
+    pub use crate::quantities::*;
+    pub use crate::signals::*;
+}

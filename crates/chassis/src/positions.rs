@@ -1,0 +1,58 @@
+//! Positions of wheels and axles as families of values.
+
+fmi2::family! {
+    /// The wheels of a three-axle vehicle; left ones have even numbers.
+    pub SixWheels[6] {
+        fl: "front left wheel",
+        fr: "front right wheel",
+        ml: "middle left wheel",
+        mr: "middle right wheel",
+        rl: "rear left wheel",
+        rr: "rear right wheel",
+    }
+}
+
+fmi2::family! {
+    /// The wheels of a two-axle vehicle; left ones have even numbers.
+    pub FourWheels[4] {
+        fl: "front left wheel",
+        fr: "front right wheel",
+        rl: "rear left wheel",
+        rr: "rear right wheel",
+    }
+}
+
+fmi2::family! {
+    /// The sides of a half car seen from the front, or the beams of a balanced suspension.
+    pub Sides[2] {
+        l: "left side",
+        r: "right side",
+    }
+}
+
+fmi2::family! {
+    /// The axles of a three-axle vehicle.
+    pub ThreeAxles[3] {
+        front: "front axle",
+        middle: "middle axle",
+        rear: "rear axle",
+    }
+}
+
+fmi2::family! {
+    /// The axles behind the front axle of a three-axle vehicle.
+    pub RearAxles[2] {
+        middle: "middle axle",
+        rear: "rear axle",
+    }
+}
+
+/// The axle (0, 1, 2) of wheel `i` of [`SixWheels`].
+pub const fn axle_of(i: usize) -> usize {
+    i / 2
+}
+
+/// +1 for a left wheel, -1 for a right one, in [`SixWheels`], [`FourWheels`] and [`Sides`].
+pub const fn left_is_positive(i: usize) -> f64 {
+    if i.is_multiple_of(2) { 1.0 } else { -1.0 }
+}

@@ -1,0 +1,37 @@
+//! The catalogue of physical parameters: the same name means the same in every FMU, so one parameter set feeds a plant
+//! and the controllers that carry copies of its data.
+
+use fmi2::unit::*;
+use fmi2::{Quantity, Range};
+
+macro_rules! quantities {
+    ($($name:ident, $text:literal, $unit:expr, $display:expr, $range:ident, $description:literal;)*) => {$(
+        #[doc = concat!("`", $text, "`: ", $description, ".")]
+        pub const $name: Quantity =
+            Quantity { name: $text, unit: $unit, display: $display, range: Range::$range, description: $description };
+    )*};
+}
+
+quantities! {
+    // Masses and inertias
+    VEHICLE_MASS, "vehicle.mass", KG, None, Positive, "Mass of the whole vehicle";
+    WHEEL_MASS, "wheel.mass", KG, None, Positive, "Unsprung mass of one wheel";
+    VEHICLE_YAW_INERTIA, "vehicle.yaw_inertia", KG_M2, None, Positive, "Yaw inertia of the whole vehicle";
+    BODY_ROLL_AXIS_INERTIA, "body.roll_axis_inertia", KG_M2, None, Positive, "Roll inertia of the sprung mass about the roll axis";
+    BODY_PITCH_AXIS_INERTIA, "body.pitch_axis_inertia", KG_M2, None, Positive, "Pitch inertia of the sprung mass about the pitch axis";
+    BODY_PRODUCT_OF_INERTIA, "body.product_of_inertia", KG_M2, None, Any, "Integral of x z dm of the sprung mass";
+    // Geometry
+    CG_TO_FRONT_AXLE, "geometry.cg_to_front_axle", M, None, Positive, "Center of mass to front axle, along x";
+    FRONT_TO_MIDDLE_AXLE, "geometry.front_to_middle_axle", M, None, Positive, "Front to middle axle";
+    MIDDLE_TO_REAR_AXLE, "geometry.middle_to_rear_axle", M, None, Positive, "Middle to rear axle";
+    TRACK, "geometry.track", M, None, Positive, "Distance between the left and the right wheel of an axle";
+    BODY_CG_TO_ROLL_AXIS, "geometry.body_cg_to_roll_axis", M, None, NonNegative, "Height of the sprung mass's center of mass over the roll axis";
+    // Suspension and tires
+    SUSPENSION_STIFFNESS, "suspension.stiffness", N_PER_M, Some("kN/m"), NonNegative, "Stiffness of one suspension strut";
+    SUSPENSION_DAMPING, "suspension.damping", N_S_PER_M, Some("kN.s/m"), NonNegative, "Damping of one suspension strut";
+    TIRE_STIFFNESS, "tire.stiffness", N_PER_M, Some("kN/m"), Positive, "Vertical stiffness of one tire";
+    TIRE_CORNERING_STIFFNESS, "tire.cornering_stiffness", N_PER_RAD, Some("kN/rad"), Positive, "Cornering stiffness of one tire";
+    TIRE_FRICTION, "tire.friction", ONE, None, NonNegative, "Friction coefficient of the tires";
+    GRAVITY, "gravity", M_PER_S2, None, NonNegative, "Acceleration of free fall";
+    MINIMUM_SPEED, "numerics.minimum_speed", M_PER_S, Some("km/h"), Positive, "Floor of the speed where it divides";
+}

@@ -1,0 +1,91 @@
+//! The catalogue of signals: an output and an input of the same name are the same signal, in every FMU.
+//!
+//! A family appends the place to the name, for example `road_height.fl`.
+
+use fmi2::unit::*;
+use fmi2::{Role, Signal};
+
+macro_rules! signals {
+    ($($name:ident, $text:literal, $unit:expr, $display:expr, $role:ident, $description:literal;)*) => {
+        $(
+            #[doc = concat!("`", $text, "`: ", $description, ".")]
+            pub const $name: Signal =
+                Signal { name: $text, unit: $unit, display: $display, role: Role::$role, description: $description };
+        )*
+        /// Every signal of the library.
+        pub const ALL: &[Signal] = &[$($name),*];
+    };
+}
+
+signals! {
+    // What the driver asks for
+    DRIVER_STEER, "driver.steer", RAD, Some("deg"), Driver, "Road-wheel angle of the front axle that the driver asks for, positive to the left";
+    DRIVER_THROTTLE, "driver.throttle", ONE, None, Driver, "Position of the accelerator pedal, 0 to 1";
+    DRIVER_BRAKE, "driver.brake", ONE, None, Driver, "Position of the brake pedal, 0 to 1";
+    DRIVER_SPEED, "driver.speed", M_PER_S, Some("km/h"), Driver, "Longitudinal speed that is prescribed";
+    // Road
+    ROAD_HEIGHT, "road_height", M, Some("mm"), Environment, "Height of the road under the {}, upwards";
+    ROAD_FRICTION, "road_friction", ONE, None, Environment, "Factor on the tire friction of the {}";
+    ROAD_DISTANCE, "road.distance", M, None, Measurement, "Distance traveled by the front axle";
+    // Motion of the vehicle
+    VEHICLE_SPEED, "vehicle.speed", M_PER_S, Some("km/h"), Measurement, "Longitudinal speed";
+    VEHICLE_LATERAL_VELOCITY, "vehicle.lateral_velocity", M_PER_S, None, Measurement, "Lateral velocity of the reference point under the center of mass, to the left";
+    VEHICLE_LONGITUDINAL_ACCELERATION, "vehicle.longitudinal_acceleration", M_PER_S2, None, Measurement, "Longitudinal acceleration of the reference point";
+    VEHICLE_LATERAL_ACCELERATION, "vehicle.lateral_acceleration", M_PER_S2, None, Measurement, "Lateral acceleration of the reference point, to the left";
+    VEHICLE_SIDESLIP, "vehicle.sideslip", RAD, Some("deg"), Measurement, "Sideslip angle of the reference point";
+    VEHICLE_YAW, "vehicle.yaw", RAD, Some("deg"), Measurement, "Heading in the road plane, positive to the left";
+    VEHICLE_YAW_RATE, "vehicle.yaw_rate", RAD_PER_S, Some("deg/s"), Measurement, "Yaw rate, positive to the left";
+    VEHICLE_YAW_ACCELERATION, "vehicle.yaw_acceleration", RAD_PER_S2, Some("deg/s2"), Measurement, "Yaw acceleration, positive to the left";
+    VEHICLE_POSITION_X, "vehicle.position_x", M, None, Measurement, "Position in the road plane along the initial heading";
+    VEHICLE_POSITION_Y, "vehicle.position_y", M, None, Measurement, "Position in the road plane to the left of the initial heading";
+    VEHICLE_LOAD_TRANSFER_RATIO, "vehicle.load_transfer_ratio", ONE, None, Measurement, "Right minus left tire loads over their sum, positive in a left turn";
+    VEHICLE_LOAD_TRANSFER_ESTIMATE, "vehicle.load_transfer_estimate", ONE, None, Measurement, "The load transfer ratio estimated from lateral acceleration and roll";
+    // Motion of the body
+    BODY_HEAVE, "body.heave", M, Some("mm"), Measurement, "Height of the sprung mass above static equilibrium";
+    BODY_HEAVE_RATE, "body.heave_rate", M_PER_S, Some("mm/s"), Measurement, "Vertical velocity of the sprung mass";
+    BODY_HEAVE_ACCELERATION, "body.heave_acceleration", M_PER_S2, None, Measurement, "Vertical acceleration of the sprung mass";
+    BODY_ROLL, "body.roll", RAD, Some("deg"), Measurement, "Roll angle of the body, positive when it leans right";
+    BODY_ROLL_RATE, "body.roll_rate", RAD_PER_S, Some("deg/s"), Measurement, "Roll rate of the body";
+    BODY_ROLL_ACCELERATION, "body.roll_acceleration", RAD_PER_S2, Some("deg/s2"), Measurement, "Roll acceleration of the body";
+    BODY_PITCH, "body.pitch", RAD, Some("deg"), Measurement, "Pitch angle of the body, positive nose down";
+    BODY_PITCH_RATE, "body.pitch_rate", RAD_PER_S, Some("deg/s"), Measurement, "Pitch rate of the body";
+    BODY_PITCH_ACCELERATION, "body.pitch_acceleration", RAD_PER_S2, Some("deg/s2"), Measurement, "Pitch acceleration of the body";
+    // Wheels, suspension, tires
+    WHEEL_HEIGHT, "wheel_height", M, Some("mm"), Measurement, "Height of the unsprung mass above static equilibrium, {}";
+    WHEEL_VELOCITY, "wheel_velocity", M_PER_S, Some("mm/s"), Measurement, "Vertical velocity of the unsprung mass, {}";
+    SUSPENSION_DEFLECTION, "suspension_deflection", M, Some("mm"), Measurement, "Body attachment height minus wheel height (compression negative), {}";
+    SUSPENSION_VELOCITY, "suspension_velocity", M_PER_S, Some("mm/s"), Measurement, "Rate of the suspension deflection, {}";
+    TIRE_DEFLECTION, "tire_deflection", M, Some("mm"), Measurement, "Wheel height minus road height (compression negative), {}";
+    TIRE_LOAD, "tire_load", N, Some("kN"), Measurement, "Compressive force on the road, static load included, {}";
+    TIRE_LATERAL_FORCE, "tire_lateral_force", N, Some("kN"), Measurement, "Lateral tire force on the vehicle in the frame of the wheel, to the left, {}";
+    TIRE_SLIP_ANGLE, "tire_slip_angle", RAD, Some("deg"), Measurement, "Direction of travel minus direction of the wheel, {}";
+    // Commands to a plant
+    STEER, "steer", RAD, Some("deg"), Command, "Steering angle of the {}, positive to the left";
+    SUSPENSION_FORCE, "suspension_force", N, Some("kN"), Command, "Actuator force of the {}, pushing the body up and the wheel down";
+    // Between controllers
+    STEER_REQUEST, "steer_request", RAD, Some("deg"), Internal, "Steering command of the {} before angle and rate limits";
+    REFERENCE_YAW_RATE, "reference.yaw_rate", RAD_PER_S, Some("deg/s"), Internal, "Yaw rate that a lateral controller follows";
+    SLIDING_SURFACE_SIDESLIP, "sliding_surface.sideslip", RAD, None, Internal, "Value of the sliding surface of the sideslip angle";
+    SLIDING_SURFACE_YAW_RATE, "sliding_surface.yaw_rate", RAD_PER_S, None, Internal, "Value of the sliding surface of the yaw rate";
+    WEIGHT_INTEGRATED, "weight.integrated", ONE, None, Internal, "Share of the integrated suspension law";
+    WEIGHT_ROLL, "weight.roll", ONE, None, Internal, "Share of the roll suspension law";
+    WEIGHT_STEERING, "weight.steering", ONE, None, Internal, "Multi-axle steering is on when above 0.5";
+    INTEGRATED_FORCE, "integrated_force", N, Some("kN"), Internal, "Suspension force that the integrated law proposes for the {}";
+    ROLL_FORCE, "roll_force", N, Some("kN"), Internal, "Suspension force that the roll law proposes for the {}";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_display_units_exist() {
+        let mut names: Vec<_> = ALL.iter().map(|signal| signal.name).collect();
+        names.sort_unstable();
+        assert!(names.windows(2).all(|pair| pair[0] != pair[1]));
+        for signal in ALL {
+            let exists = signal.display.is_none_or(|display| signal.unit.display_unit(display).is_some());
+            assert!(exists, "{} cannot be displayed in {:?}", signal.name, signal.display);
+        }
+    }
+}

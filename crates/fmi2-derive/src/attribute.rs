@@ -1,0 +1,226 @@
+//! The attributes of a field.
+
+use proc_macro2::TokenStream;
+use quote::{ToTokens, quote};
+use syn::parse::{Parse, ParseStream};
+use syn::punctuated::Punctuated;
+use syn::spanned::Spanned;
+use syn::{Attribute, Error, Expr, ExprLit, ExprPath, Field, Ident, Lit, LitStr, Meta, Result, Token, UnOp};
+
+/// How a variable gets its name, unit and description.
+pub(crate) enum Source {
+    /// An entry of a catalogue.
+    Entry(ExprPath),
+    /// Written in place.
+    Name(LitStr),
+}
+
+/// `#[par(source, key = value, flag, …)]`.
+pub(crate) struct Variable {
+    pub(crate) source: Source,
+    pub(crate) keys: Vec<(Ident, Option<Expr>)>,
+}
+
+impl Parse for Variable {
+    fn parse(input: ParseStream<'_>) -> Result<Self> {
+        let source = if input.peek(LitStr) {
+            let name: LitStr = input.parse()?;
+            check_name(&name)?;
+            Source::Name(name)
+        } else {
+            Source::Entry(input.parse().map_err(|e| {
+                Error::new(e.span(), "expected the name of the variable as a string, or an entry of a catalogue")
+            })?)
+        };
+        let mut keys: Vec<(Ident, Option<Expr>)> = Vec::new();
+        while input.parse::<Option<Token![,]>>()?.is_some() && !input.is_empty() {
+            let key: Ident = input.parse()?;
+            if keys.iter().any(|(known, _)| *known == key) {
+                return Err(Error::new(key.span(), format!("`{key}` is given twice")));
+            }
+            let value = if input.parse::<Option<Token![=]>>()?.is_some() { Some(input.parse()?) } else { None };
+            keys.push((key, value));
+        }
+        if !input.is_empty() {
+            return Err(input.error("expected `,`"));
+        }
+        Ok(Self { source, keys })
+    }
+}
+
+/// Dotted words in lower snake case: what the naming convention "structured" and all importers accept.
+fn check_name(name: &LitStr) -> Result<()> {
+    let text = name.value();
+    let word = |word: &str| {
+        word.starts_with(|c: char| c.is_ascii_lowercase())
+            && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+    };
+    if text.split('.').all(word) {
+        return Ok(());
+    }
+    Err(Error::new(name.span(), "a variable's name is made of dotted words in lower snake case, as in `tire.friction`"))
+}
+
+impl Variable {
+    /// The attribute `name` of a field, of which exactly one of `names` must be there.
+    pub(crate) fn of(field: &Field, names: &[&str]) -> Result<(String, Self)> {
+        let mut found = None;
+        for attribute in &field.attrs {
+            let Some(name) = names.iter().find(|name| attribute.path().is_ident(name)) else { continue };
+            if found.is_some() {
+                return Err(Error::new(attribute.span(), "a field is one variable; this attribute is one too many"));
+            }
+            found = Some(((*name).to_owned(), attribute.parse_args::<Self>()?));
+        }
+        found.ok_or_else(|| {
+            let expected: Vec<_> = names.iter().map(|name| format!("#[{name}(…)]")).collect();
+            Error::new(field.span(), format!("this field needs the attribute {}", expected.join(" or ")))
+        })
+    }
+
+    /// The value of a key.
+    pub(crate) fn value(&self, key: &str) -> Result<Option<&Expr>> {
+        match self.keys.iter().find(|(known, _)| known == key) {
+            Some((_, Some(value))) => Ok(Some(value)),
+            Some((known, None)) => Err(Error::new(known.span(), format!("`{key}` needs a value, as in `{key} = …`"))),
+            None => Ok(None),
+        }
+    }
+
+    /// Whether a flag is set.
+    pub(crate) fn flag(&self, key: &str) -> Result<bool> {
+        match self.keys.iter().find(|(known, _)| known == key) {
+            Some((known, Some(_))) => Err(Error::new(known.span(), format!("`{key}` is a flag and takes no value"))),
+            other => Ok(other.is_some()),
+        }
+    }
+
+    /// Refuses keys that mean nothing here.
+    pub(crate) fn allow(&self, allowed: &[&str]) -> Result<()> {
+        match self.keys.iter().find(|(key, _)| !allowed.iter().any(|name| key == name)) {
+            Some((key, _)) => Err(Error::new(
+                key.span(),
+                format!("`{key}` means nothing here; expected one of {}", allowed.join(", ")),
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// The span errors about the whole attribute point at.
+    pub(crate) fn span(&self) -> proc_macro2::Span {
+        match &self.source {
+            Source::Entry(path) => path.span(),
+            Source::Name(name) => name.span(),
+        }
+    }
+
+    /// An expression of type `fmi2::declare::Spec` for a real variable.
+    pub(crate) fn spec(&self, catalogue: &str, doc: &str) -> Result<TokenStream> {
+        let mut spec = match &self.source {
+            Source::Entry(entry) => {
+                if let Some(unit) = self.value("unit")? {
+                    return Err(Error::new(unit.span(), "an entry of a catalogue has its unit already"));
+                }
+                let catalogue = Ident::new(catalogue, entry.span());
+                quote!(::fmi2::declare::Spec::#catalogue(&#entry))
+            }
+            Source::Name(name) => {
+                let unit = self.value("unit")?.ok_or_else(|| {
+                    Error::new(name.span(), "the unit of measure is missing, as in `unit = RAD` (`ONE` for none)")
+                })?;
+                if doc.is_empty() {
+                    return Err(Error::new(
+                        name.span(),
+                        "the doc comment is missing: it is the description of the variable",
+                    ));
+                }
+                quote!(::fmi2::declare::Spec::named(#name, #unit))
+            }
+        };
+        if !doc.is_empty() {
+            spec = quote!(#spec.doc(#doc));
+        }
+        for key in ["min", "max", "nominal"] {
+            if let Some(value) = self.value(key)? {
+                let key = Ident::new(key, value.span());
+                spec = quote!(#spec.#key(#value));
+            }
+        }
+        if let Some(display) = self.value("display")? {
+            let check = match &self.source {
+                Source::Entry(entry) => quote!(&#entry.unit),
+                Source::Name(_) => {
+                    let unit = self.value("unit")?;
+                    quote!(&#unit)
+                }
+            };
+            spec = quote!(#spec.display({
+                const _: () = ::fmi2::unit::require_display_unit(#check, #display);
+                #display
+            }));
+        }
+        if let Some(start) = self.value("start")? {
+            self.check_start(start)?;
+            spec = quote!(#spec.start(#start));
+        }
+        for key in ["positive", "tunable"] {
+            if self.flag(key)? {
+                let key = Ident::new(key, self.span());
+                spec = quote!(#spec.#key());
+            }
+        }
+        Ok(spec)
+    }
+
+    /// A start value outside its limits, as far as both are written as numbers.
+    fn check_start(&self, start: &Expr) -> Result<()> {
+        let outside = |limit: &str, below: bool| -> Result<bool> {
+            let limit = self.value(limit)?.and_then(literal);
+            Ok(literal(start).zip(limit).is_some_and(|(start, limit)| if below { start < limit } else { start > limit }))
+        };
+        if outside("min", true)? || outside("max", false)? {
+            return Err(Error::new(start.span(), "the start value is outside its limits"));
+        }
+        if self.flag("positive")? && literal(start).is_some_and(|start| start <= 0.0) {
+            return Err(Error::new(start.span(), "the start value must be above 0"));
+        }
+        Ok(())
+    }
+}
+
+/// The value of a number as written.
+fn literal(expression: &Expr) -> Option<f64> {
+    match expression {
+        Expr::Lit(ExprLit { lit: Lit::Float(number), .. }) => number.base10_parse().ok(),
+        Expr::Lit(ExprLit { lit: Lit::Int(number), .. }) => number.base10_parse().ok(),
+        Expr::Unary(unary) if matches!(unary.op, UnOp::Neg(_)) => literal(&unary.expr).map(|value| -value),
+        _ => None,
+    }
+}
+
+/// The doc comment in one line.
+pub(crate) fn doc(attributes: &[Attribute]) -> String {
+    let lines = attributes.iter().filter(|attribute| attribute.path().is_ident("doc")).filter_map(|attribute| {
+        match &attribute.meta {
+            Meta::NameValue(pair) => match &pair.value {
+                Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) => Some(text.value().trim().to_owned()),
+                _ => None,
+            },
+            _ => None,
+        }
+    });
+    lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+/// The fields of a struct with names.
+pub(crate) fn fields(input: &syn::DeriveInput) -> Result<&Punctuated<Field, Token![,]>> {
+    match &input.data {
+        syn::Data::Struct(syn::DataStruct { fields: syn::Fields::Named(fields), .. }) => Ok(&fields.named),
+        _ => Err(Error::new(input.ident.span(), "expected a struct with named fields")),
+    }
+}
+
+/// Whether the type is this single word.
+pub(crate) fn is_type(field: &Field, name: &str) -> bool {
+    field.ty.to_token_stream().to_string() == name
+}

@@ -1,0 +1,753 @@
+//! One instance of an FMU, in safe Rust: modes, values, time, state. The C interface calls nothing else.
+
+use std::ffi::CString;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::block::{Design as _, ParameterReader, Parameters as _};
+use crate::calls::{Function, Mode};
+use crate::description::Description;
+use crate::model::{MOST_PARTS, Model, Step, StepError};
+use crate::variable::{Kind, Layout, Role, Variable};
+
+/// Why a call was not carried out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// fmi2Error: what, where and what was expected.
+    Error(String),
+    /// fmi2Discard: there is no such information.
+    Discard(String),
+}
+
+impl From<String> for Refusal {
+    fn from(message: String) -> Self {
+        Self::Error(message)
+    }
+}
+
+type Answer<T = ()> = Result<T, Refusal>;
+
+/// The values of all variables, by type.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Values {
+    pub(crate) reals: Box<[f64]>,
+    pub(crate) integers: Box<[i32]>,
+    pub(crate) booleans: Box<[bool]>,
+    pub(crate) strings: Box<[String]>,
+}
+
+impl Values {
+    fn start(layout: &Layout) -> Self {
+        let mut reals = vec![0.0; layout.reals()];
+        let (mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new());
+        for variable in &layout.variables {
+            match &variable.declaration.kind {
+                Kind::Real(real) => reals[variable.index] = real.start,
+                Kind::Integer { start, .. } => integers.push(*start),
+                Kind::Boolean { start } => booleans.push(*start),
+                Kind::String { start } => strings.push(start.clone()),
+            }
+        }
+        Self { reals: reals.into(), integers: integers.into(), booleans: booleans.into(), strings: strings.into() }
+    }
+
+    fn parameters<M: Model>(&self) -> M::Parameters {
+        let mut reader = ParameterReader::new(&self.reals, &self.integers, &self.booleans, &self.strings);
+        M::Parameters::read(&mut reader)
+    }
+}
+
+/// Where an instance stands in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Clock {
+    pub(crate) start: f64,
+    pub(crate) stop: Option<f64>,
+    pub(crate) time: f64,
+    pub(crate) sample: u64,
+}
+
+impl Clock {
+    const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
+}
+
+/// The whole state of an instance; what fmi2FMUstate points to.
+pub struct Snapshot<M: Model> {
+    pub(crate) mode: Mode,
+    pub(crate) clock: Clock,
+    pub(crate) values: Values,
+    pub(crate) memory: M::Memory,
+    pub(crate) design: Option<Arc<M::Design>>,
+}
+
+/// An instance of the model `M`.
+pub struct Instance<M: Model> {
+    description: &'static Description,
+    resources: PathBuf,
+    mode: Mode,
+    clock: Clock,
+    values: Values,
+    parameters: M::Parameters,
+    /// Computed when it is first needed after a fixed parameter changed.
+    design: Option<Arc<M::Design>>,
+    memory: M::Memory,
+    outputs_are_old: bool,
+    derivatives_are_old: bool,
+    /// What a failed step restores: outputs and states, and the memory.
+    kept_reals: Box<[f64]>,
+    kept_memory: M::Memory,
+    /// Strings handed out by fmi2GetString; they live until the value changes.
+    pub(crate) texts: Box<[CString]>,
+}
+
+impl<M: Model> std::fmt::Debug for Instance<M> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Instance").field("model", &M::INFO.name).field("mode", &self.mode).finish_non_exhaustive()
+    }
+}
+
+impl<M: Model> Instance<M> {
+    /// A new instance in Instantiated. `resources` is the resources folder of the unpacked FMU.
+    pub fn new(description: &'static Description, resources: PathBuf) -> Self {
+        let values = Values::start(&description.layout);
+        let parameters = values.parameters::<M>();
+        let kept_reals = values.reals.clone();
+        let texts = texts(&values.strings);
+        Self {
+            description,
+            resources,
+            mode: Mode::Instantiated,
+            clock: Clock::ZERO,
+            parameters,
+            design: None,
+            memory: M::Memory::default(),
+            outputs_are_old: true,
+            derivatives_are_old: true,
+            kept_reals,
+            kept_memory: M::Memory::default(),
+            texts,
+            values,
+        }
+    }
+
+    /// Where the instance stands.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Refuses a call out of order.
+    ///
+    /// # Errors
+    /// "called in X, allowed in Y".
+    pub fn check(&self, function: Function) -> Answer {
+        Ok(function.check(self.mode)?)
+    }
+
+    /// After a panic nothing but reset and free is trusted.
+    pub(crate) fn mark_broken(&mut self) {
+        self.mode = Mode::Broken;
+    }
+
+    fn layout(&self) -> &'static Layout {
+        &self.description.layout
+    }
+
+    /// fmi2SetupExperiment.
+    ///
+    /// # Errors
+    /// On a start time that is not finite, or a stop time that is not a number after it.
+    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Answer {
+        self.check(Function::SetupExperiment)?;
+        if !start.is_finite() {
+            return Err(format!("fmi2SetupExperiment: startTime = {start}, a finite number was expected").into());
+        }
+        if let Some(stop) = stop
+            && (stop.is_nan() || stop < start)
+        {
+            return Err(format!(
+                "fmi2SetupExperiment: stopTime = {stop}, a number not before startTime = {start} was expected"
+            )
+            .into());
+        }
+        self.clock = Clock { start, stop, time: start, sample: 0 };
+        Ok(())
+    }
+
+    /// fmi2EnterInitializationMode.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn enter_initialization(&mut self) -> Answer {
+        self.check(Function::EnterInitializationMode)?;
+        self.mode = Mode::Initialization;
+        Ok(())
+    }
+
+    /// fmi2ExitInitializationMode: checks the parameters and computes the design.
+    ///
+    /// # Errors
+    /// When a parameter that must be positive is 0, or the design has no solution; the mode is kept.
+    pub fn exit_initialization(&mut self) -> Answer {
+        self.check(Function::ExitInitializationMode)?;
+        let design = self.design()?;
+        self.memory = M::begin(&self.parameters, &design);
+        self.kept_memory = self.memory.clone();
+        self.mode = Mode::Step;
+        Ok(())
+    }
+
+    /// fmi2Terminate.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn terminate(&mut self) -> Answer {
+        self.check(Function::Terminate)?;
+        self.mode = Mode::Terminated;
+        Ok(())
+    }
+
+    /// fmi2Reset: as after instantiation.
+    ///
+    /// # Errors
+    /// Never; every mode allows it.
+    pub fn reset(&mut self) -> Answer {
+        self.check(Function::Reset)?;
+        *self = Self::new(self.description, std::mem::take(&mut self.resources));
+        Ok(())
+    }
+
+    /// The design for the present parameters; computed if a fixed parameter has changed.
+    fn design(&mut self) -> Answer<Arc<M::Design>> {
+        if let Some(design) = &self.design {
+            return Ok(design.clone());
+        }
+        for variable in &self.layout().variables {
+            if let Kind::Real(real) = &variable.declaration.kind
+                && variable.role == Role::Parameter
+                && real.positive
+                && self.values.reals[variable.index] <= 0.0
+            {
+                return Err(format!(
+                    "{}: parameter '{}' = {}, a number above 0 was expected",
+                    M::INFO.name,
+                    variable.declaration.name,
+                    self.values.reals[variable.index]
+                )
+                .into());
+            }
+        }
+        let design = M::load(&self.parameters, &self.resources).map_err(|e| format!("{}: {e}", M::INFO.name))?;
+        let calculated = self.layout().calculated.clone();
+        let mut numbers = vec![0.0; calculated.len()];
+        design.write(&mut numbers);
+        for (number, index) in numbers.iter().zip(calculated.clone()) {
+            if !number.is_finite() {
+                return Err(format!(
+                    "{}: calculated parameter '{}' = {number}, a finite number was expected; check the parameters",
+                    M::INFO.name,
+                    self.layout().real_name(index)
+                )
+                .into());
+            }
+        }
+        self.values.reals[calculated].copy_from_slice(&numbers);
+        let design = Arc::new(design);
+        self.design = Some(design.clone());
+        Ok(design)
+    }
+
+    /// Brings outputs, derivatives and calculated parameters up to date if `references` asks for them.
+    fn refresh(&mut self, references: &[u32]) -> Answer {
+        if !M::IS_PLANT && (self.design.is_some() || self.layout().calculated.is_empty()) {
+            return Ok(());
+        }
+        let layout = self.layout();
+        let (mut calculated, mut outputs, mut derivatives) = (false, false, false);
+        for &reference in references {
+            let index = reference as usize;
+            calculated |= layout.calculated.contains(&index);
+            outputs |= layout.outputs.contains(&index);
+            derivatives |= layout.derivatives.contains(&index);
+        }
+        outputs &= M::IS_PLANT && self.outputs_are_old;
+        derivatives &= self.derivatives_are_old;
+        if !(calculated || outputs || derivatives) {
+            return Ok(());
+        }
+        if self.design.is_none() {
+            self.design()?;
+        }
+        let design = self.design.as_deref().expect("computed above");
+        if outputs {
+            M::outputs(&self.parameters, design, layout, &mut self.values.reals);
+            self.outputs_are_old = false;
+        }
+        if derivatives {
+            M::derivatives(&self.parameters, design, layout, &mut self.values.reals);
+            self.derivatives_are_old = false;
+        }
+        Ok(())
+    }
+
+    fn unknown_reference(&self, function: Function, reference: u32, expected: &str) -> Refusal {
+        let what = match self.layout().by_reference(reference) {
+            Some(variable) => {
+                format!("'{}', a {}", variable.declaration.name, variable.declaration.kind.type_name())
+            }
+            None => "no variable".to_owned(),
+        };
+        Refusal::Error(format!(
+            "{}: value reference {reference} is {what}; a variable of type {expected} was expected",
+            function.name()
+        ))
+    }
+
+    /// fmi2GetReal.
+    ///
+    /// # Errors
+    /// On an unknown reference, a design without solution, or a result that is not finite; `values` is kept then.
+    pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Answer {
+        self.check(Function::GetReal)?;
+        let count = self.layout().reals();
+        if let Some(&reference) = references.iter().find(|&&reference| reference as usize >= count) {
+            return Err(self.unknown_reference(Function::GetReal, reference, "Real"));
+        }
+        self.refresh(references)?;
+        for &reference in references {
+            let value = self.values.reals[reference as usize];
+            if !value.is_finite() {
+                return Err(format!(
+                    "fmi2GetReal: '{}' = {value} at time {} s, not a finite number",
+                    self.layout().real_name(reference as usize),
+                    self.clock.time
+                )
+                .into());
+            }
+        }
+        for (value, &reference) in values.iter_mut().zip(references) {
+            *value = self.values.reals[reference as usize];
+        }
+        Ok(())
+    }
+
+    /// Index of a value that is not a real number.
+    fn other(&self, function: Function, reference: u32, first: u32, end: u32, expected: &str) -> Answer<usize> {
+        if (first..end).contains(&reference) {
+            Ok((reference - first) as usize)
+        } else {
+            Err(self.unknown_reference(function, reference, expected))
+        }
+    }
+
+    fn integer(&self, function: Function, reference: u32) -> Answer<usize> {
+        self.other(function, reference, self.layout().first_integer, self.layout().first_boolean, "Integer")
+    }
+
+    fn boolean(&self, function: Function, reference: u32) -> Answer<usize> {
+        self.other(function, reference, self.layout().first_boolean, self.layout().first_string, "Boolean")
+    }
+
+    fn string(&self, function: Function, reference: u32) -> Answer<usize> {
+        self.other(function, reference, self.layout().first_string, self.layout().end, "String")
+    }
+
+    /// fmi2GetInteger.
+    ///
+    /// # Errors
+    /// On an unknown reference.
+    pub fn get_integer(&self, reference: u32) -> Answer<i32> {
+        self.check(Function::GetInteger)?;
+        Ok(self.values.integers[self.integer(Function::GetInteger, reference)?])
+    }
+
+    /// fmi2GetBoolean.
+    ///
+    /// # Errors
+    /// On an unknown reference.
+    pub fn get_boolean(&self, reference: u32) -> Answer<bool> {
+        self.check(Function::GetBoolean)?;
+        Ok(self.values.booleans[self.boolean(Function::GetBoolean, reference)?])
+    }
+
+    /// fmi2GetString: the index among the handed-out texts.
+    ///
+    /// # Errors
+    /// On an unknown reference.
+    pub fn get_string(&self, reference: u32) -> Answer<usize> {
+        self.check(Function::GetString)?;
+        self.string(Function::GetString, reference)
+    }
+
+    /// Refuses what may not be set now.
+    fn settable(&self, function: Function, reference: u32) -> Answer<&'static Variable> {
+        let Some(variable) = self.layout().by_reference(reference) else {
+            return Err(self.unknown_reference(function, reference, &function.name()["fmi2Set".len()..]));
+        };
+        let before_start = matches!(self.mode, Mode::Instantiated | Mode::Initialization);
+        let (allowed, what) = match variable.role {
+            Role::Input => (true, ""),
+            Role::Parameter if variable.declaration.tunable => (true, ""),
+            Role::Parameter => (before_start, "a fixed parameter"),
+            Role::State => (before_start, "a continuous state"),
+            Role::Calculated => (false, "a calculated parameter"),
+            Role::Output => (false, "an output"),
+            Role::Derivative => (false, "the derivative of a state"),
+        };
+        if allowed {
+            return Ok(variable);
+        }
+        let when = match variable.role {
+            Role::Parameter | Role::State => "settable only in Instantiated and Initialization Mode",
+            _ => "never settable",
+        };
+        Err(format!(
+            "{}: '{}' is {what}, {when}; the instance is in {}",
+            function.name(),
+            variable.declaration.name,
+            self.mode.name()
+        )
+        .into())
+    }
+
+    /// After a parameter was set: the typed parameters, and the design if a fixed one changed.
+    fn parameters_changed(&mut self, fixed: bool) {
+        self.parameters = self.values.parameters::<M>();
+        if fixed {
+            self.design = None;
+        }
+    }
+
+    /// fmi2SetReal. Nothing is set unless all values are accepted.
+    ///
+    /// # Errors
+    /// On an unknown reference, a variable that may not be set now, a number that is not finite or outside its limits.
+    pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Answer {
+        self.check(Function::SetReal)?;
+        let layout = self.layout();
+        let inputs = layout.inputs.clone();
+        let (mut parameter, mut fixed) = (false, false);
+        for (&reference, &value) in references.iter().zip(values) {
+            let index = reference as usize;
+            if index >= layout.reals() {
+                return Err(self.unknown_reference(Function::SetReal, reference, "Real"));
+            }
+            if !value.is_finite() {
+                return Err(format!(
+                    "fmi2SetReal: '{}' = {value}, a finite number was expected",
+                    layout.real_name(index)
+                )
+                .into());
+            }
+            if inputs.contains(&index) {
+                continue; // the usual case; inputs carry no limits
+            }
+            let variable = self.settable(Function::SetReal, reference)?;
+            let Kind::Real(real) = &variable.declaration.kind else { unreachable!("reals come first") };
+            let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
+            if !(min..=max).contains(&value) {
+                return Err(format!(
+                    "fmi2SetReal: '{}' = {value} {}, a number in [{min}, {max}] was expected",
+                    variable.declaration.name, real.unit.name
+                )
+                .into());
+            }
+            if real.positive && value <= 0.0 && self.mode == Mode::Step {
+                return Err(format!(
+                    "fmi2SetReal: '{}' = {value} {}, a number above 0 was expected",
+                    variable.declaration.name, real.unit.name
+                )
+                .into());
+            }
+            if variable.role == Role::Parameter {
+                parameter = true;
+                fixed |= !variable.declaration.tunable;
+            }
+        }
+        for (&reference, &value) in references.iter().zip(values) {
+            self.values.reals[reference as usize] = value;
+        }
+        if parameter {
+            self.parameters_changed(fixed);
+        }
+        self.outputs_are_old = true;
+        self.derivatives_are_old = true;
+        Ok(())
+    }
+
+    /// fmi2SetInteger. Nothing is set unless all values are accepted.
+    ///
+    /// # Errors
+    /// On an unknown reference, a parameter that may not be set now, or a value outside its limits.
+    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> Answer {
+        self.check(Function::SetInteger)?;
+        for (&reference, &value) in references.iter().zip(values) {
+            self.integer(Function::SetInteger, reference)?;
+            let variable = self.settable(Function::SetInteger, reference)?;
+            let Kind::Integer { min, max, choices, .. } = &variable.declaration.kind else {
+                unreachable!("the reference is one of an integer")
+            };
+            let known = choices.is_empty() || choices.iter().any(|choice| choice.value == value);
+            if !(*min..=*max).contains(&value) || !known {
+                let names: Vec<_> = choices.iter().map(|c| format!("{} ({})", c.value, c.name)).collect();
+                let expected =
+                    if names.is_empty() { format!("a number in [{min}, {max}]") } else { names.join(" or ") };
+                return Err(format!(
+                    "fmi2SetInteger: '{}' = {value}, {expected} was expected",
+                    variable.declaration.name
+                )
+                .into());
+            }
+        }
+        for (&reference, &value) in references.iter().zip(values) {
+            let index = self.integer(Function::SetInteger, reference)?;
+            self.values.integers[index] = value;
+        }
+        self.others_changed(references);
+        Ok(())
+    }
+
+    /// fmi2SetBoolean. Nothing is set unless all references are accepted.
+    ///
+    /// # Errors
+    /// On an unknown reference or a parameter that may not be set now.
+    pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> Answer {
+        self.check(Function::SetBoolean)?;
+        for &reference in references {
+            self.boolean(Function::SetBoolean, reference)?;
+            self.settable(Function::SetBoolean, reference)?;
+        }
+        for (&reference, &value) in references.iter().zip(values) {
+            let index = self.boolean(Function::SetBoolean, reference)?;
+            self.values.booleans[index] = value;
+        }
+        self.others_changed(references);
+        Ok(())
+    }
+
+    /// fmi2SetString. Nothing is set unless all references are accepted.
+    ///
+    /// # Errors
+    /// On an unknown reference or a parameter that may not be set now.
+    pub fn set_string(&mut self, references: &[u32], values: &[String]) -> Answer {
+        self.check(Function::SetString)?;
+        for &reference in references {
+            self.string(Function::SetString, reference)?;
+            self.settable(Function::SetString, reference)?;
+        }
+        for (&reference, value) in references.iter().zip(values) {
+            let index = self.string(Function::SetString, reference)?;
+            self.values.strings[index].clone_from(value);
+        }
+        self.texts = texts(&self.values.strings);
+        self.others_changed(references);
+        Ok(())
+    }
+
+    fn others_changed(&mut self, references: &[u32]) {
+        let tunable =
+            |&reference: &u32| self.layout().by_reference(reference).is_some_and(|v| v.declaration.tunable);
+        if !references.is_empty() {
+            self.parameters_changed(!references.iter().all(tunable));
+            self.outputs_are_old = true;
+            self.derivatives_are_old = true;
+        }
+    }
+
+    /// fmi2DoStep.
+    ///
+    /// # Errors
+    /// A refused step (time, step size, stop time) changes nothing; a step with a result that is not finite restores
+    /// what was before it and leaves the instance in Step Failed.
+    pub fn do_step(&mut self, time: f64, step: f64) -> Answer {
+        self.check(Function::DoStep)?;
+        let refused = |message: String| Err(Refusal::Error(format!("fmi2DoStep: {message}")));
+        if !(step.is_finite() && step > 0.0) {
+            return refused(format!("communicationStepSize = {step} s, a finite number above 0 was expected"));
+        }
+        if time.is_nan() || (time - self.clock.time).abs() > 1e-6 * step {
+            return refused(format!(
+                "currentCommunicationPoint = {time} s, the instance is at {} s (difference allowed: 1e-6 of the step)",
+                self.clock.time
+            ));
+        }
+        let end = time + step;
+        if end == time || !end.is_finite() {
+            return refused(format!("a step of {step} s at {time} s does not advance the time"));
+        }
+        if let Some(stop) = self.clock.stop
+            && end > stop + 1e-6 * step
+        {
+            return refused(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
+        }
+        let span = Step { start: self.clock.start, time, step, sample: self.clock.sample };
+        let parts = M::parts(&self.parameters, span);
+        if !(parts <= MOST_PARTS) {
+            return refused(format!(
+                "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} were expected"
+            ));
+        }
+        let parts = parts as u64;
+        let layout = self.layout();
+        let changing = layout.outputs.start..layout.states.end;
+        self.kept_reals[changing.clone()].copy_from_slice(&self.values.reals[changing.clone()]);
+        if !M::IS_PLANT && parts > 0 {
+            self.kept_memory.clone_from(&self.memory);
+        }
+        let design = self.design.as_deref().expect("computed at the end of initialization and kept since");
+        let result =
+            M::step(&self.parameters, design, &mut self.memory, layout, &mut self.values.reals, span, parts);
+        self.derivatives_are_old = true;
+        self.outputs_are_old = M::IS_PLANT;
+        if let Err(error) = result {
+            self.values.reals[changing.clone()].copy_from_slice(&self.kept_reals[changing]);
+            if !M::IS_PLANT {
+                self.memory.clone_from(&self.kept_memory);
+            }
+            self.mode = Mode::StepFailed;
+            let (name, value, at) = match error {
+                StepError::NotFinite { index, value, time } => (layout.real_name(index), value, time),
+                StepError::MemoryNotFinite { name, value, time } => (name, value, time),
+            };
+            return refused(format!(
+                "'{name}' became {value} at {at} s; the state at {time} s was restored and the instance cannot step on"
+            ));
+        }
+        self.clock.time = end;
+        if !M::IS_PLANT {
+            self.clock.sample += parts;
+        }
+        Ok(())
+    }
+
+    /// Time of the last successful step in s.
+    pub fn time(&self) -> f64 {
+        self.clock.time
+    }
+
+    /// fmi2GetDirectionalDerivative: exact, by dual numbers.
+    ///
+    /// # Errors
+    /// For a sampled unit, whose outputs are held; on a reference that is no output or state derivative (unknown) or
+    /// no input or state (known), or a seed or result that is not finite.
+    pub fn directional_derivative(
+        &mut self,
+        unknown: &[u32],
+        known: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Answer {
+        self.check(Function::GetDirectionalDerivative)?;
+        let refused = |message: String| Err(Refusal::Error(format!("fmi2GetDirectionalDerivative: {message}")));
+        if !M::IS_PLANT {
+            return refused("not provided: the outputs of a sampled unit are held between samples".to_owned());
+        }
+        let layout = self.layout();
+        let mut direction = vec![0.0; layout.inputs.len() + layout.states.len()];
+        for (&reference, &slope) in known.iter().zip(seed) {
+            let index = reference as usize;
+            let position = if layout.inputs.contains(&index) {
+                index - layout.inputs.start
+            } else if layout.states.contains(&index) {
+                layout.inputs.len() + index - layout.states.start
+            } else {
+                return refused(format!("value reference {reference} is neither an input nor a state (known)"));
+            };
+            if !slope.is_finite() {
+                return refused(format!("seed of '{}' = {slope}, a finite number was expected", layout.real_name(index)));
+            }
+            direction[position] += slope;
+        }
+        let mut positions = Vec::with_capacity(unknown.len());
+        for &reference in unknown {
+            let index = reference as usize;
+            positions.push(if layout.outputs.contains(&index) {
+                Ok(index - layout.outputs.start)
+            } else if layout.derivatives.contains(&index) {
+                Ok(layout.outputs.len() + index - layout.derivatives.start)
+            } else if layout.states.contains(&index) {
+                Err(layout.inputs.len() + index - layout.states.start) // an output that is a state
+            } else {
+                return refused(format!(
+                    "value reference {reference} is neither an output nor the derivative of a state (unknown)"
+                ));
+            });
+        }
+        let design = self.design()?;
+        let mut slopes = vec![0.0; layout.outputs.len() + layout.states.len()];
+        M::directional(&self.parameters, &design, layout, &self.values.reals, &direction, &mut slopes);
+        let slope = |position: &Result<usize, usize>| position.map_or_else(|own| direction[own], |other| slopes[other]);
+        if let Some(at) = positions.iter().position(|position| !slope(position).is_finite()) {
+            let name = layout.real_name(unknown[at] as usize);
+            return refused(format!("the derivative of '{name}' is not finite at this point"));
+        }
+        for (value, position) in result.iter_mut().zip(&positions) {
+            *value = slope(position);
+        }
+        Ok(())
+    }
+
+    /// fmi2GetFMUstate: a copy of everything.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn snapshot(&self) -> Answer<Snapshot<M>> {
+        self.check(Function::GetFMUstate)?;
+        Ok(Snapshot {
+            mode: self.mode,
+            clock: self.clock,
+            values: self.values.clone(),
+            memory: self.memory.clone(),
+            design: self.design.clone(),
+        })
+    }
+
+    /// fmi2SetFMUstate. The instance continues as the one the snapshot was taken of.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn restore(&mut self, snapshot: &Snapshot<M>) -> Answer {
+        self.check(Function::SetFMUstate)?;
+        self.mode = snapshot.mode;
+        self.clock = snapshot.clock;
+        self.values.clone_from(&snapshot.values);
+        self.memory.clone_from(&snapshot.memory);
+        self.kept_memory.clone_from(&snapshot.memory);
+        self.design.clone_from(&snapshot.design);
+        self.parameters = self.values.parameters::<M>();
+        self.texts = texts(&self.values.strings);
+        self.outputs_are_old = true;
+        self.derivatives_are_old = true;
+        Ok(())
+    }
+
+    /// Bytes of a snapshot, valid in any process with the same FMU.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn serialize(&self, snapshot: &Snapshot<M>) -> Answer<Vec<u8>> {
+        self.check(Function::SerializeFMUstate)?;
+        Ok(crate::state_bytes::write(&self.description.guid, snapshot))
+    }
+
+    /// A snapshot from bytes.
+    ///
+    /// # Errors
+    /// On bytes that are damaged, of another format or FMU, or whose files have changed.
+    pub fn deserialize(&self, bytes: &[u8]) -> Answer<Snapshot<M>> {
+        self.check(Function::DeSerializeFMUstate)?;
+        let read = |message: String| Refusal::Error(format!("fmi2DeSerializeFMUstate: {message}"));
+        let (mut snapshot, fingerprint) =
+            crate::state_bytes::read::<M>(&self.description.guid, self.layout(), bytes).map_err(read)?;
+        if let Some(expected) = fingerprint {
+            let design = M::load(&snapshot.values.parameters::<M>(), &self.resources).map_err(read)?;
+            if M::fingerprint(&design) != expected {
+                return Err(read("a file that the state was made with has another content now".to_owned()));
+            }
+            snapshot.design = Some(Arc::new(design));
+        }
+        Ok(snapshot)
+    }
+}
+
+fn texts(strings: &[String]) -> Box<[CString]> {
+    strings.iter().map(|text| CString::new(text.as_str()).expect("strings come from C, without inner zeros")).collect()
+}

@@ -1,0 +1,22 @@
+//! Parameters that every unit of a kind has.
+
+use crate::signal::{Quantity, Range};
+use crate::unit::S;
+
+/// Time from one sample of a sampled unit to the next.
+pub const SAMPLE_TIME: Quantity = Quantity {
+    name: "sample_time",
+    unit: S,
+    display: Some("ms"),
+    range: Range::Positive,
+    description: "Time from one sample to the next",
+};
+
+/// Longest integration step of a plant.
+pub const MAX_STEP: Quantity = Quantity {
+    name: "max_step",
+    unit: S,
+    display: Some("ms"),
+    range: Range::Positive,
+    description: "Longest integration step; a communication step is divided into equal parts not longer than this",
+};

@@ -1,0 +1,64 @@
+//! `SuspensionMixer`: the suspension force as the weighted sum of the integrated and the roll law.
+//!
+//! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eq. 40: U_i = K1 U_z,i + K2 U_phi,i, limited.
+
+use chassis::prelude::*;
+use fmi2::prelude::*;
+
+/// The controller.
+pub struct SuspensionMixer;
+
+/// Symbols as in the paper.
+#[derive(Parameters, Clone, Debug)]
+pub struct P {
+    /// Limit of a suspension force; assumed, never reached in the paper's experiments
+    #[par("actuator.force_limit", unit = N, start = 100_000.0, min = 0.0, tunable, display = "kN")]
+    pub limit: f64,
+    /// assumed
+    #[par(SAMPLE_TIME, start = 0.001)]
+    pub sample_time: f64,
+}
+
+/// What the two laws propose, and their shares.
+#[derive(Inputs, Clone, Debug)]
+pub struct U {
+    #[signal(WEIGHT_INTEGRATED)]
+    k1: f64,
+    #[signal(WEIGHT_ROLL)]
+    k2: f64,
+    #[signal(INTEGRATED_FORCE)]
+    u_z: SixWheels<f64>,
+    #[signal(ROLL_FORCE)]
+    u_phi: SixWheels<f64>,
+}
+
+/// The mixed force.
+#[derive(Outputs, Clone, Debug)]
+pub struct Y {
+    #[signal(SUSPENSION_FORCE)]
+    f_u: SixWheels<f64>,
+}
+
+impl Sampled for SuspensionMixer {
+    const INFO: Info = Info {
+        name: "SuspensionMixer",
+        description: "Mixes the suspension forces of the integrated and the roll law by their weights",
+        version: env!("CARGO_PKG_VERSION"),
+        stop_time: 20.0,
+        step_size: 0.001,
+    };
+    type Parameters = P;
+    type Design = ();
+    type Memory = ();
+    type Inputs = U;
+    type Outputs = Y;
+
+    fn design(_: &P) -> Result<(), String> {
+        Ok(())
+    }
+    fn update(p: &P, (): &(), (): &mut (), u: &U, _t: f64) -> Y {
+        Y { f_u: SixWheels::from_fn(|i| (u.k1 * u.u_z[i] + u.k2 * u.u_phi[i]).clamp(-p.limit, p.limit)) }
+    }
+}
+
+fmi2::export!(sampled SuspensionMixer);

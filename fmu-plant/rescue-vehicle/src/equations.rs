@@ -1,0 +1,164 @@
+//! Equations of motion, in the order of the paper (eqs. 1-8).
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | Z, theta, phi | heave, pitch, roll of the sprung mass |
+//! | z_w, z_r | height of a wheel and of the road under it |
+//! | d, t | deflection of suspension and tire (compression negative) |
+//! | F_s, U | force of spring and damper (tension positive), of the actuator (pushes the body up) |
+//! | N, F_z0 | tire load, and at rest |
+//! | alpha, F_y | slip angle and lateral force of a tire |
+//! | u, v, r | longitudinal and lateral velocity, yaw rate |
+
+use chassis::positions::{SixWheels, axle_of, left_is_positive};
+use chassis::tire;
+use fmi2::Scalar;
+
+use crate::{D, P, TireModel, U, X, Y};
+
+/// Geometry, static loads and the mass matrix of the lateral motion.
+pub(crate) fn design(p: &P) -> Result<D, String> {
+    let m_s = p.m - 6.0 * p.m_w;
+    if m_s <= 0.0 {
+        return Err(format!("'vehicle.mass' = {} kg must exceed six times 'wheel.mass' = {} kg", p.m, p.m_w));
+    }
+    let axle = [p.a, p.a - p.l12, p.a - p.l12 - p.l23];
+
+    // Three equal springs under a rigid body: the load of an axle is A + D x.
+    let s1: f64 = axle.iter().sum();
+    let s2: f64 = axle.iter().map(|x| x * x).sum();
+    let big_a = p.m * p.g * s2 / (3.0 * s2 - s1 * s1);
+    let big_d = -big_a * s1 / s2;
+    let fz0 = SixWheels::from_fn(|i| (big_a + big_d * axle[axle_of(i)]) / 2.0);
+    if let Some(i) = fz0.iter().position(|&load| load <= 0.0 && p.g > 0.0) {
+        return Err(format!(
+            "'geometry.cg_to_front_axle' = {} m leaves the static load of the {} at {:.0} N; it must be positive",
+            p.a,
+            SixWheels::<f64>::PLACES[i].words,
+            fz0[i]
+        ));
+    }
+
+    let (a, b, c) = (p.m, -m_s * p.h_s, p.i_x);
+    let (d, e) = (-p.i_xz, p.i_z);
+    // [[a, b, 0], [b, c, d], [0, d, e]]
+    let determinant = a * (c * e - d * d) - b * b * e;
+    if determinant <= 0.0 {
+        return Err(format!(
+            "'body.roll_axis_inertia' = {} kg.m2 is too small for the mass, 'geometry.body_cg_to_roll_axis' and \
+             'body.product_of_inertia': the mass matrix must be positive definite",
+            p.i_x
+        ));
+    }
+    let inverse = [[c * e - d * d, -b * e, b * d], [-b * e, a * e, -a * d], [b * d, -a * d, a * c - b * b]]
+        .map(|row| row.map(|cofactor| cofactor / determinant));
+    Ok(D {
+        m_s,
+        fz0,
+        x: std::array::from_fn(|i| axle[axle_of(i)]),
+        y: std::array::from_fn(|i| p.b_t / 2.0 * left_is_positive(i)),
+        inverse,
+    })
+}
+
+/// Everything that follows from state and inputs.
+struct Motion<T> {
+    d: SixWheels<T>,
+    dd: SixWheels<T>,
+    t: SixWheels<T>,
+    n: SixWheels<T>,
+    alpha: SixWheels<T>,
+    f_y: SixWheels<T>,
+    zdd: T,
+    thetadd: T,
+    phidd: T,
+    zdd_w: SixWheels<T>,
+    vd: T,
+    rd: T,
+}
+
+#[inline]
+fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+    let u_e = Scalar::max(u.u, T::from(p.u_min));
+    let delta = SixWheels::<T>::from_fn(|i| u.delta[axle_of(i)]);
+
+    // Suspension (eq. 8 with E4): left wheels are compressed when the body leans left.
+    let d = SixWheels::from_fn(|i| x.z - x.theta * s.x[i] + x.phi * s.y[i] - x.z_w[i]);
+    let dd = SixWheels::from_fn(|i| x.zd - x.thetad * s.x[i] + x.phid * s.y[i] - x.zd_w[i]);
+    let f_s = SixWheels::<T>::from_fn(|i| d[i] * p.k_s + dd[i] * p.c_s);
+
+    // Tires.
+    let t = SixWheels::from_fn(|i| x.z_w[i] - u.z_r[i]);
+    let n = SixWheels::from_fn(|i| {
+        let load = -t[i] * p.k_t + s.fz0[i];
+        if p.lift_off { Scalar::max(load, T::from(0.0)) } else { load }
+    });
+    let alpha = SixWheels::from_fn(|i| (x.v + x.r * s.x[i]).atan2(u_e) - delta[i]);
+    let f_y = SixWheels::<T>::from_fn(|i| {
+        let c = p.c[axle_of(i)];
+        match p.tire_model {
+            TireModel::Linear => tire::linear(c, alpha[i]),
+            TireModel::Saturating => tire::saturating(c, n[i] * u.friction[i] * p.mu, alpha[i]),
+        }
+    });
+
+    // Vertical motion (eqs. 4-6 with E5).
+    let q = SixWheels::<T>::from_fn(|i| u.f_u[i] - f_s[i]);
+    let sum = |f: &dyn Fn(usize) -> T| (0..6).map(f).sum::<T>();
+    let zdd = sum(&|i| q[i]) / s.m_s;
+    let thetadd = (-sum(&|i| q[i] * s.x[i]) + x.theta * (s.m_s * p.g * p.h_s)) / p.i_y;
+    let zdd_w = SixWheels::from_fn(|i| (f_s[i] - u.f_u[i] + (n[i] - s.fz0[i])) / p.m_w);
+
+    // Lateral, roll and yaw motion (eqs. 1-3): one symmetric system in (vd, phidd, rd).
+    let across = SixWheels::<T>::from_fn(|i| f_y[i] * delta[i].cos());
+    let right = [
+        sum(&|i| across[i]) - u.u * x.r * p.m,
+        sum(&|i| q[i] * s.y[i]) + x.phi * (s.m_s * p.g * p.h_s) + u.u * x.r * (s.m_s * p.h_s),
+        sum(&|i| across[i] * s.x[i]),
+    ];
+    let [vd, phidd, rd] = s.inverse.map(|row| right[0] * row[0] + right[1] * row[1] + right[2] * row[2]);
+    Motion { d, dd, t, n, alpha, f_y, zdd, thetadd, phidd, zdd_w, vd, rd }
+}
+
+pub(crate) fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
+    let m = motion(p, s, x, u);
+    X {
+        z: x.zd,
+        theta: x.thetad,
+        phi: x.phid,
+        z_w: x.zd_w,
+        zd: m.zdd,
+        thetad: m.thetadd,
+        phid: m.phidd,
+        zd_w: m.zdd_w,
+        v: m.vd,
+        r: m.rd,
+        psi: x.r,
+        x: u.u * x.psi.cos() - x.v * x.psi.sin(),
+        y: u.u * x.psi.sin() + x.v * x.psi.cos(),
+    }
+}
+
+pub(crate) fn outputs<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+    let m = motion(p, s, x, u);
+    let right: T = (0..6).filter(|i| i % 2 == 1).map(|i| m.n[i]).sum();
+    let left: T = (0..6).filter(|i| i % 2 == 0).map(|i| m.n[i]).sum();
+    let least = T::from(1.0); // N; the ratio of a vehicle in the air is 0
+    let all = right + left;
+    Y {
+        u: u.u,
+        beta: x.v.atan2(Scalar::max(u.u, T::from(p.u_min))),
+        rd: m.rd,
+        a_y: m.vd + u.u * x.r,
+        ltr: all.if_greater(least, (right - left) / Scalar::max(all, least), T::from(0.0)),
+        zdd: m.zdd,
+        thetadd: m.thetadd,
+        phidd: m.phidd,
+        d: m.d,
+        dd: m.dd,
+        t: m.t,
+        n: m.n,
+        alpha: m.alpha,
+        f_y: m.f_y,
+    }
+}
