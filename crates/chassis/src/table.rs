@@ -1,0 +1,200 @@
+//! Tables of measured or prescribed signals, read from text with comma-separated values.
+//!
+//! # Format
+//!
+//! The first line names the columns, every further line is one row of numbers. Blank lines and lines
+//! that start with `#` are skipped, spaces around a field are ignored, a byte order mark and Windows line ends are
+//! accepted. The abscissa (time or distance) has to be there and to increase strictly; every
+//! number has to be finite. There is no quoting: no name and no number needs it.
+//!
+//! ```
+//! # use chassis::table::Table;
+//! let text = "time,driver.steer\n0,0\n2,0.1\n";
+//! let table = Table::parse(text, "steer.csv", "time", &["driver.steer", "driver.speed"])?;
+//! assert_eq!(table.at(0, 1.0), Some(0.05));
+//! assert_eq!(table.at(1, 1.0), None); // the file has no such column
+//! # Ok::<(), String>(())
+//! ```
+
+/// Signals over an increasing abscissa, interpolated linearly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    abscissa: Vec<f64>,
+    columns: Vec<Option<Vec<f64>>>,
+    content_hash: u64,
+}
+
+impl Table {
+    /// Reads a table.
+    ///
+    /// `path` only appears in messages. `abscissa` is the column that has to be there, `columns` are those
+    /// that may be there, in the order in which [`Table::at`] counts them.
+    ///
+    /// # Errors
+    ///
+    /// A message with path, line and column, what stood there and what was expected: a column of another name or
+    /// given twice, no abscissa, no other column, no row, a row of another length, a field that is not a finite
+    /// number, an abscissa that does not increase.
+    pub fn parse(text: &str, path: &str, abscissa: &str, columns: &[&str]) -> Result<Self, String> {
+        let content = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let mut lines = content
+            .lines()
+            .enumerate()
+            .map(|(index, line)| (index + 1, line.trim()))
+            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+
+        let expected = || format!("`{abscissa}` and any of `{}`", columns.join("`, `"));
+        let (header_line, header) =
+            lines.next().ok_or_else(|| format!("{path}: the file is empty, expected columns {}", expected()))?;
+        let names: Vec<&str> = header.split(',').map(str::trim).collect();
+        for (index, name) in names.iter().enumerate() {
+            if *name != abscissa && !columns.contains(name) {
+                return Err(format!("{path}:{header_line}: unknown column `{name}`, expected {}", expected()));
+            }
+            if names[..index].contains(name) {
+                return Err(format!("{path}:{header_line}: column `{name}` is there twice"));
+            }
+        }
+        if !names.contains(&abscissa) || names.len() < 2 {
+            return Err(format!("{path}:{header_line}: expected columns {}, found only `{header}`", expected()));
+        }
+
+        let mut data: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
+        for (line, row) in lines {
+            let fields = row.split(',').count();
+            if fields != names.len() {
+                return Err(format!("{path}:{line}: {fields} fields, expected {} as in the first line", names.len()));
+            }
+            for ((field, name), values) in row.split(',').zip(&names).zip(&mut data) {
+                let field = field.trim();
+                let value = field.parse::<f64>().ok().filter(|value| value.is_finite());
+                let value = value.ok_or_else(|| {
+                    format!("{path}:{line}: column `{name}`: `{field}`, expected a finite number with a decimal point")
+                })?;
+                if let Some(last) = values.last()
+                    && *name == abscissa
+                    && value <= *last
+                {
+                    return Err(format!(
+                        "{path}:{line}: column `{name}`: {value} after {last}, expected strictly increasing values"
+                    ));
+                }
+                values.push(value);
+            }
+        }
+        let mut take = |name: &str| {
+            let index = names.iter().position(|found| *found == name)?;
+            Some(std::mem::take(&mut data[index]))
+        };
+        let points = take(abscissa).unwrap_or_default();
+        if points.is_empty() {
+            return Err(format!("{path}:{header_line}: no row after the column names"));
+        }
+        Ok(Self {
+            abscissa: points,
+            columns: columns.iter().map(|name| take(name)).collect(),
+            content_hash: content_hash(text.as_bytes()),
+        })
+    }
+
+    /// The abscissa of the rows, strictly increasing, at least one.
+    #[must_use]
+    pub fn abscissa(&self) -> &[f64] {
+        &self.abscissa
+    }
+
+    /// The values of a column, one per row; `None` if the file does not have it.
+    #[must_use]
+    pub fn column(&self, column: usize) -> Option<&[f64]> {
+        self.columns.get(column)?.as_deref()
+    }
+
+    /// The value of a column at `x`: linear between the rows, the end values outside; `None` if the file does not
+    /// have the column.
+    #[must_use]
+    pub fn at(&self, column: usize, x: f64) -> Option<f64> {
+        let values = self.column(column)?;
+        let next = self.next_row(x);
+        Some(if next == 0 {
+            values[0]
+        } else if next == values.len() {
+            values[next - 1]
+        } else {
+            let share = (x - self.abscissa[next - 1]) / (self.abscissa[next] - self.abscissa[next - 1]);
+            values[next - 1] + (values[next] - values[next - 1]) * share
+        })
+    }
+
+    /// Index of the first row after `x`: 0 before the first row, the number of rows from the last row on.
+    #[must_use]
+    pub fn next_row(&self, x: f64) -> usize {
+        self.abscissa.partition_point(|point| *point <= x)
+    }
+
+    /// Fingerprint of the text the table was read from, see [`content_hash`].
+    #[must_use]
+    pub fn content_hash(&self) -> u64 {
+        self.content_hash
+    }
+}
+
+/// FNV-1a hash (64 bit) of a file's content: tells whether a saved state belongs to this content.
+///
+/// Not cryptographic; it guards against mistakes, not against intent.
+///
+/// # Reference
+///
+/// Fowler, Noll, Vo, Eastlake: The FNV Non-Cryptographic Hash Algorithm.
+#[must_use]
+pub fn content_hash(content: &[u8]) -> u64 {
+    content.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Table, String> {
+        Table::parse(text, "a.csv", "time", &["steer", "speed"])
+    }
+
+    /// Closed form: the values are exact in binary, so no tolerance.
+    #[test]
+    fn interpolates_between_and_holds_outside() {
+        let table = parse("\u{feff}time, speed\r\n\r\n# a comment\r\n1, 10\r\n3, 20\r\n").unwrap();
+        let at = |x| table.at(1, x).unwrap();
+        assert_eq!([at(0.0), at(1.0), at(1.5), at(3.0), at(9.0)], [10.0, 10.0, 12.5, 20.0, 20.0]);
+        assert_eq!(table.at(0, 1.0), None);
+        assert_eq!(table.at(7, 1.0), None);
+        assert_eq!(table.abscissa(), [1.0, 3.0]);
+        assert_eq!(table.next_row(0.0), 0);
+        assert_eq!(table.next_row(3.0), 2);
+    }
+
+    #[test]
+    fn refuses_with_line_and_column() {
+        for (text, message) in [
+            ("", "a.csv: the file is empty, expected columns `time` and any of `steer`, `speed`"),
+            ("time,wheel\n", "a.csv:1: unknown column `wheel`, expected `time` and any of `steer`, `speed`"),
+            ("time,time\n", "a.csv:1: column `time` is there twice"),
+            ("\nsteer\n1\n", "a.csv:2: expected columns `time` and any of `steer`, `speed`, found only `steer`"),
+            ("time\n1\n", "a.csv:1: expected columns `time` and any of `steer`, `speed`, found only `time`"),
+            ("time,steer\n", "a.csv:1: no row after the column names"),
+            ("time,steer\n0,1\n1\n", "a.csv:3: 1 fields, expected 2 as in the first line"),
+            ("time,steer\n0,x\n", "a.csv:2: column `steer`: `x`, expected a finite number with a decimal point"),
+            ("time,steer\n0,inf\n", "a.csv:2: column `steer`: `inf`, expected a finite number with a decimal point"),
+            ("time,steer\n0,1\n#\n0,2\n", "a.csv:4: column `time`: 0 after 0, expected strictly increasing values"),
+        ] {
+            assert_eq!(parse(text).unwrap_err(), message);
+        }
+    }
+
+    /// Reference: the published test vectors of FNV-1a for the empty text and for "a".
+    #[test]
+    fn content_hash_is_fnv_1a() {
+        assert_eq!(content_hash(b""), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(content_hash(b"a"), 0xaf63_dc4c_8601_ec8c);
+        let text = "time,steer\n0,0\n";
+        assert_eq!(parse(text).unwrap().content_hash(), content_hash(text.as_bytes()));
+    }
+}

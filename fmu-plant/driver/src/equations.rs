@@ -1,0 +1,657 @@
+//! Equations of the driver: steering, speed and pedals as functions of time `t`.
+//!
+//! With `ramp(t0, D) = clamp((t - t0)/D, 0, 1)`, where `D = 0` is a step that is already on at `t0`:
+//!
+//! | `maneuver` | `driver.steer` |
+//! |---|---|
+//! | 0 straight | `0` |
+//! | 1 ramp step | `A ramp(t0, D)` |
+//! | 2 fishhook | `A ramp(t0, D) - (A + A2) ramp(t1, D2)` |
+//! | 3 double lane change | `A sin(2 pi (t - t0)/T)` in `[t0, t0 + T)`, `-A sin(2 pi (t - t1)/T)` in `[t1, t1 + T)`, else 0 |
+//! | 4 slalom | `A sin(2 pi (t - t0)/T)` from `t0` on, for a number of periods or without end; with `T = 0` one period is two cone distances of `driver.speed` |
+//! | 5 sine with dwell | one period of `A sin(2 pi f (t - t0))`, held at its second peak (-A) for the dwell time |
+//! | 6 sine sweep | `A sin` of a frequency rising linearly from `f` to `f1` over a duration, on to the next zero crossing, then 0 |
+//! | 7 table | column `driver.steer` of a file |
+//!
+//! `driver.speed = v0 + (v1 - v0) ramp(tv, Dv)`, `driver.throttle` and
+//! `driver.brake = amplitude * ramp(start, rise time)`; with `maneuver` 7 a column of the file takes the place of
+//! each.
+//!
+//! # Parameters
+//!
+//! All fixed.
+//!
+//! | field | FMI name | type | unit | start | limits |
+//! |---|---|---|---|---|---|
+//! | `sample_time` | `sample_time` | Real | s | 0.001 | > 0 |
+//! | `maneuver` | `maneuver` | Integer | | 1 | 0..7 |
+//! | `a` | `steer.amplitude` | Real | rad | 0.1 | |
+//! | `t_0` | `steer.start` | Real | s | 1 | 0.. |
+//! | `d` | `steer.rise_time` | Real | s | 0.2 | 0.. |
+//! | `t_1` | `steer.reversal_start` | Real | s | 6 | 0.. |
+//! | `d_2` | `steer.reversal_time` | Real | s | 0.4 | 0.. |
+//! | `a_2` | `steer.reversal_amplitude` | Real | rad | 0.1 | |
+//! | `period` | `steer.period` | Real | s | 4 | 0.. |
+//! | `cycles` | `steer.cycles` | Integer | | 0 | 0.. |
+//! | `cone_distance` | `steer.cone_distance` | Real | m | 50 | 0.. |
+//! | `f` | `steer.frequency` | Real | Hz | 0.7 | 0.. |
+//! | `dwell` | `steer.dwell_time` | Real | s | 0.5 | 0.. |
+//! | `f_1` | `steer.final_frequency` | Real | Hz | 4 | 0.. |
+//! | `duration` | `steer.duration` | Real | s | 20 | 0.. |
+//! | `v_0` | `speed.initial` | Real | m/s | 16.666666666666668 (60 km/h) | 0.. |
+//! | `v_1` | `speed.final` | Real | m/s | 0 | 0.. |
+//! | `t_v` | `speed.start` | Real | s | 1e6 (never) | 0.. |
+//! | `d_v` | `speed.rise_time` | Real | s | 1 | 0.. |
+//! | `a_throttle` | `throttle.amplitude` | Real | 1 | 0 | 0..1 |
+//! | `t_throttle` | `throttle.start` | Real | s | 1 | 0.. |
+//! | `d_throttle` | `throttle.rise_time` | Real | s | 0.2 | 0.. |
+//! | `a_brake` | `brake.amplitude` | Real | 1 | 0 | 0..1 |
+//! | `t_brake` | `brake.start` | Real | s | 1 | 0.. |
+//! | `d_brake` | `brake.rise_time` | Real | s | 0.15 | 0.. |
+//! | `table_file` | `table.file` | String | | empty | |
+//!
+//! # References
+//!
+//! * UN Regulation No. 140 (electronic stability control), the same test as in FMVSS 126: sine with dwell, 0.7 Hz,
+//!   0.5 s.
+//! * NHTSA, fishhook maneuver; ISO 7401:2011, step and sinusoidal input, continuous sinusoidal input (sweep).
+
+use std::f64::consts::TAU;
+
+use chassis::table::Table;
+
+/// Names of the columns of a table, in the order of [`Outputs`].
+pub const COLUMNS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "driver.brake"];
+
+/// Share of a sample by which rounding may put a sample before the instant it is meant for.
+const SLACK: f64 = 1e-6;
+
+/// Parameters; the table on top of this file has FMI names, units, starts and limits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Time from sample to sample.
+    pub sample_time: f64,
+    /// Maneuver: 0 straight, 1 ramp_step, 2 fishhook, 3 double_lane_change, 4 slalom, 5 sine_with_dwell, 6
+    /// sine_sweep, 7 table.
+    pub maneuver: i32,
+    /// Amplitude of the steering angle, positive to the left first (maneuvers 1 to 6).
+    pub a: f64,
+    /// Start of the steering (maneuvers 1 to 6).
+    pub t_0: f64,
+    /// Duration of the first ramp, 0 = step (maneuvers 1 and 2).
+    pub d: f64,
+    /// Start of the way back (maneuver 2) or of the second lane change (maneuver 3).
+    pub t_1: f64,
+    /// Duration of the ramp to the other side, 0 = step (maneuver 2).
+    pub d_2: f64,
+    /// Amplitude on the other side (maneuver 2).
+    pub a_2: f64,
+    /// Period of the sine (maneuvers 3 and 4; 0 with maneuver 4: from the distance of the cones).
+    pub period: f64,
+    /// Number of periods, 0 = without end (maneuver 4).
+    pub cycles: i32,
+    /// Distance from cone to cone (maneuver 4 with period 0).
+    pub cone_distance: f64,
+    /// Frequency of the sine (maneuver 5), first frequency (maneuver 6).
+    pub f: f64,
+    /// Time at the second peak (maneuver 5).
+    pub dwell: f64,
+    /// Last frequency (maneuver 6).
+    pub f_1: f64,
+    /// Time from the first to the last frequency (maneuver 6).
+    pub duration: f64,
+    /// Speed before the speed ramp.
+    pub v_0: f64,
+    /// Speed after the speed ramp.
+    pub v_1: f64,
+    /// Start of the speed ramp; the start value is beyond any run, so that the speed is constant.
+    pub t_v: f64,
+    /// Duration of the speed ramp, 0 = step.
+    pub d_v: f64,
+    /// Throttle pedal after its ramp.
+    pub a_throttle: f64,
+    /// Start of the throttle ramp.
+    pub t_throttle: f64,
+    /// Duration of the throttle ramp, 0 = step.
+    pub d_throttle: f64,
+    /// Brake pedal after its ramp.
+    pub a_brake: f64,
+    /// Start of the brake ramp.
+    pub t_brake: f64,
+    /// Duration of the brake ramp, 0 = step.
+    pub d_brake: f64,
+    /// CSV file for `maneuver` 7, column time in s and any of driver.steer, driver.speed, driver.throttle,
+    /// driver.brake; relative paths start at the FMU's resources folder.
+    pub table_file: String,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            sample_time: 0.001,
+            maneuver: 1,
+            a: 0.1,
+            t_0: 1.0,
+            d: 0.2,
+            t_1: 6.0,
+            d_2: 0.4,
+            a_2: 0.1,
+            period: 4.0,
+            cycles: 0,
+            cone_distance: 50.0,
+            f: 0.7,
+            dwell: 0.5,
+            f_1: 4.0,
+            duration: 20.0,
+            v_0: 60.0 / 3.6,
+            v_1: 0.0,
+            t_v: 1e6,
+            d_v: 1.0,
+            a_throttle: 0.0,
+            t_throttle: 1.0,
+            d_throttle: 0.2,
+            a_brake: 0.0,
+            t_brake: 1.0,
+            d_brake: 0.15,
+            table_file: String::new(),
+        }
+    }
+}
+
+/// Outputs of a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outputs {
+    /// `driver.steer` in rad.
+    pub steer: f64,
+    /// `driver.speed` in m/s.
+    pub speed: f64,
+    /// `driver.throttle`, 0 to 1.
+    pub throttle: f64,
+    /// `driver.brake`, 0 to 1.
+    pub brake: f64,
+}
+
+/// What follows from the parameters alone, see [`design`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Design {
+    maneuver: Maneuver,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Maneuver {
+    Straight,
+    RampStep,
+    Fishhook,
+    DoubleLaneChange,
+    Slalom,
+    SineWithDwell,
+    SineSweep,
+    Table(Table),
+}
+
+/// Reads the table of maneuver 7: column `time` in s and any of [`COLUMNS`] in rad, m/s, 1, 1.
+///
+/// # Errors
+///
+/// Those of [`Table::parse`], and a pedal position outside 0 to 1.
+pub fn parse_table(text: &str, path: &str) -> Result<Table, String> {
+    let table = Table::parse(text, path, "time", &COLUMNS)?;
+    for (index, name) in COLUMNS.iter().enumerate().skip(2) {
+        let rows = table.abscissa().iter().zip(table.column(index).unwrap_or(&[]));
+        for (time, value) in rows {
+            if !(0.0..=1.0).contains(value) {
+                return Err(format!("{path}: column `{name}`, time {time}: {value}, expected 0 to 1"));
+            }
+        }
+    }
+    Ok(table)
+}
+
+/// Checks the parameters; `table` is needed for maneuver 7 only.
+///
+/// # Errors
+///
+/// A message with the parameter's FMI name, its value and what was expected.
+pub fn design(p: &Parameters, table: Option<Table>) -> Result<Design, String> {
+    for (name, value) in [
+        ("steer.start", p.t_0),
+        ("steer.rise_time", p.d),
+        ("steer.reversal_start", p.t_1),
+        ("steer.reversal_time", p.d_2),
+        ("steer.period", p.period),
+        ("steer.cycles", f64::from(p.cycles)),
+        ("steer.cone_distance", p.cone_distance),
+        ("steer.frequency", p.f),
+        ("steer.dwell_time", p.dwell),
+        ("steer.final_frequency", p.f_1),
+        ("steer.duration", p.duration),
+        ("speed.initial", p.v_0),
+        ("speed.final", p.v_1),
+        ("speed.start", p.t_v),
+        ("speed.rise_time", p.d_v),
+        ("throttle.start", p.t_throttle),
+        ("throttle.rise_time", p.d_throttle),
+        ("brake.start", p.t_brake),
+        ("brake.rise_time", p.d_brake),
+    ] {
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(format!("{name} = {value}: expected a number of at least 0"));
+        }
+    }
+    for (name, value) in [("throttle.amplitude", p.a_throttle), ("brake.amplitude", p.a_brake)] {
+        if !(0.0..=1.0).contains(&value) {
+            return Err(format!("{name} = {value}: expected 0 to 1"));
+        }
+    }
+    let positive = |name: &str, value: f64, reason: &str| {
+        if value > 0.0 && value.is_finite() {
+            Ok(())
+        } else {
+            Err(format!("{name} = {value}: {reason} expects a number above 0"))
+        }
+    };
+    positive("sample_time", p.sample_time, "the driver")?;
+    let maneuver = match p.maneuver {
+        0 => Maneuver::Straight,
+        1 => Maneuver::RampStep,
+        2 => Maneuver::Fishhook,
+        3 => {
+            positive("steer.period", p.period, "maneuver 3")?;
+            let end = p.t_0 + p.period;
+            if p.t_1 < end {
+                return Err(format!(
+                    "steer.reversal_start = {} s: maneuver 3 expects the second lane change after the end of the first, {end} s",
+                    p.t_1
+                ));
+            }
+            Maneuver::DoubleLaneChange
+        }
+        4 => {
+            if p.period == 0.0 {
+                let reason = "maneuver 4 with steer.period = 0";
+                positive("steer.cone_distance", p.cone_distance, reason)?;
+                positive("speed.initial", p.v_0.max(p.v_1), reason)?;
+            }
+            Maneuver::Slalom
+        }
+        5 => {
+            positive("steer.frequency", p.f, "maneuver 5")?;
+            Maneuver::SineWithDwell
+        }
+        6 => {
+            positive("steer.final_frequency", p.f_1, "maneuver 6")?;
+            positive("steer.duration", p.duration, "maneuver 6")?;
+            Maneuver::SineSweep
+        }
+        7 => Maneuver::Table(table.ok_or("table.file is empty: maneuver 7 expects the path of a CSV file")?),
+        other => return Err(format!("maneuver = {other}: expected 0 to 7")),
+    };
+    Ok(Design { maneuver })
+}
+
+/// One sample: the demands at the time `t` in s.
+#[must_use]
+pub fn update(p: &Parameters, d: &Design, t: f64) -> Outputs {
+    let ramp = |start, rise_time| ramp(t, start, rise_time, SLACK * p.sample_time);
+    let mut y = Outputs {
+        steer: 0.0,
+        speed: p.v_0 + (p.v_1 - p.v_0) * ramp(p.t_v, p.d_v),
+        throttle: p.a_throttle * ramp(p.t_throttle, p.d_throttle),
+        brake: p.a_brake * ramp(p.t_brake, p.d_brake),
+    };
+    match &d.maneuver {
+        Maneuver::Straight => {}
+        Maneuver::RampStep => y.steer = p.a * ramp(p.t_0, p.d),
+        Maneuver::Fishhook => {
+            y.steer = p.a * ramp(p.t_0, p.d) - (p.a + p.a_2) * ramp(p.t_1, p.d_2);
+        }
+        Maneuver::DoubleLaneChange => {
+            y.steer = p.a * sine((t - p.t_0) / p.period, 1.0) - p.a * sine((t - p.t_1) / p.period, 1.0);
+        }
+        Maneuver::Slalom => {
+            let end = if p.cycles == 0 { f64::INFINITY } else { f64::from(p.cycles) };
+            y.steer = p.a * sine(slalom_periods(p, t), end);
+        }
+        Maneuver::SineWithDwell => {
+            // the second peak of the sine, at three quarters of the period, lasts `dwell`
+            let peak = 0.75 / p.f;
+            let running = t - p.t_0;
+            let played = running.min(peak) + (running - peak - p.dwell).max(0.0);
+            y.steer = p.a * sine(p.f * played, 1.0);
+        }
+        Maneuver::SineSweep => {
+            let running = t - p.t_0;
+            let rising = running.min(p.duration);
+            let slope = (p.f_1 - p.f) / p.duration;
+            let periods = p.f * rising + slope * rising * rising / 2.0 + p.f_1 * (running - rising);
+            // at the first zero crossing after the duration
+            let end = (p.duration * (p.f + p.f_1) - SLACK).ceil() / 2.0;
+            y.steer = p.a * sine(periods, end);
+        }
+        Maneuver::Table(table) => {
+            y.steer = table.at(0, t).unwrap_or(0.0);
+            y.speed = table.at(1, t).unwrap_or(y.speed);
+            y.throttle = table.at(2, t).unwrap_or(y.throttle);
+            y.brake = table.at(3, t).unwrap_or(y.brake);
+        }
+    }
+    y
+}
+
+/// `clamp((t - start)/rise_time, 0, 1)`; with `rise_time = 0` a step, on from `start - slack` on (all in s).
+#[must_use]
+pub fn ramp(t: f64, start: f64, rise_time: f64, slack: f64) -> f64 {
+    if rise_time > 0.0 { ((t - start) / rise_time).clamp(0.0, 1.0) } else { f64::from(u8::from(t >= start - slack)) }
+}
+
+/// `sin(2 pi periods)` for `0 <= periods < end`, else 0.
+fn sine(periods: f64, end: f64) -> f64 {
+    if (0.0..end).contains(&periods) { libm::sin(TAU * periods) } else { 0.0 }
+}
+
+/// Periods of the slalom since its start: of time, or of the distance that the prescribed speed covers (two cones
+/// each).
+fn slalom_periods(p: &Parameters, t: f64) -> f64 {
+    if p.period > 0.0 {
+        return (t - p.t_0) / p.period;
+    }
+    // integral of ramp(t_v, d_v) from its start to a time
+    let ramped = |t: f64| {
+        let rising = (t - p.t_v).clamp(0.0, p.d_v);
+        let share = if p.d_v > 0.0 { rising / p.d_v } else { 0.0 };
+        rising * share / 2.0 + (t - p.t_v - p.d_v).max(0.0)
+    };
+    let distance = p.v_0 * (t - p.t_0) + (p.v_1 - p.v_0) * (ramped(t) - ramped(p.t_0));
+    distance / (2.0 * p.cone_distance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SERPENTINE_SPEED: f64 = 60.0 / 3.6;
+
+    fn steer(p: &Parameters, t: f64) -> f64 {
+        update(p, &design(p, None).unwrap(), t).steer
+    }
+
+    fn error(p: &Parameters) -> String {
+        design(p, None).unwrap_err()
+    }
+
+    /// All maneuvers with steering of their own, with the start values of their parameters.
+    fn maneuvers() -> [Parameters; 6] {
+        [1, 2, 3, 4, 5, 6].map(|maneuver| Parameters { maneuver, ..Parameters::default() })
+    }
+
+    /// Reference: Chen et al., Mathematics 2022, 10, 3562: step of pi/6 at 5 s, double lane change of 0.064 rad and 4
+    /// s from 1 s and 6 s on. The same formula in other words, so to a few roundings.
+    #[test]
+    fn rescue_vehicle_maneuvers() {
+        let step = Parameters { a: std::f64::consts::FRAC_PI_6, t_0: 5.0, d: 0.0, ..Parameters::default() };
+        assert_eq!([steer(&step, 4.999), steer(&step, 5.0)], [0.0, step.a]);
+        let lane_change = Parameters { maneuver: 3, a: 0.064, ..Parameters::default() };
+        for n in 0..12_000 {
+            let t = f64::from(n) * 0.001;
+            let expected = if (1.0..5.0).contains(&t) {
+                0.064 * (TAU * (t - 1.0) / 4.0).sin()
+            } else if (6.0..10.0).contains(&t) {
+                -0.064 * (TAU * (t - 6.0) / 4.0).sin()
+            } else {
+                0.0
+            };
+            assert!((steer(&lane_change, t) - expected).abs() < 1e-15);
+        }
+    }
+
+    /// Reference: "Multiobjective Synchronous Control of Heavy-Duty Vehicles" (2022): angle step of 0.1 rad in 0.2 s
+    /// at 1 s, serpentine 0.1 sin(2 pi (u/100)(t - 1)) between cones 50 m apart. Rounding of the angle (a few times 2
+    /// pi) is below 1e-14.
+    #[test]
+    fn heavy_vehicle_maneuvers() {
+        let step = Parameters::default();
+        assert_eq!(steer(&step, 1.0), 0.0);
+        assert!((steer(&step, 1.1) - 0.05).abs() < 1e-15);
+        assert!((steer(&step, 1.2) - 0.1).abs() < 1e-15);
+        assert_eq!(steer(&step, 2.0), 0.1);
+        let serpentine = Parameters { maneuver: 4, period: 0.0, ..Parameters::default() };
+        for n in 0..13_000 {
+            let t = f64::from(n) * 0.001;
+            let expected = 0.1 * (TAU * SERPENTINE_SPEED / 100.0 * (t - 1.0).max(0.0)).sin();
+            assert!((steer(&serpentine, t) - expected).abs() < 1e-14);
+        }
+    }
+
+    /// Reference: states 2, 3 and 5 of the car with electronic stability program: throttle 1 in 0.2 s at 1 s, brake 1
+    /// in 0.15 s at 1.14 s, steering 0.0579 rad in 0.1 s at 1 s.
+    #[test]
+    fn esp_car_maneuvers() {
+        let p = Parameters { a: 0.0579, d: 0.1, a_throttle: 1.0, a_brake: 1.0, t_brake: 1.14, ..Parameters::default() };
+        let d = design(&p, None).unwrap();
+        let at = |t| update(&p, &d, t);
+        assert_eq!(at(1.0), Outputs { speed: SERPENTINE_SPEED, ..Outputs::default() });
+        let y = at(1.05);
+        assert!((y.steer - 0.0579 / 2.0).abs() < 1e-15);
+        assert!((y.throttle - 0.25).abs() < 1e-14);
+        assert_eq!(at(1.14).brake, 0.0);
+        assert!((at(1.215).brake - 0.5).abs() < 1e-14);
+        let y = at(2.0);
+        assert_eq!([y.steer, y.throttle, y.brake], [0.0579, 1.0, 1.0]);
+    }
+
+    /// Reference: Applied Sciences 2020, 10, 1852: J-turn ramp(5, 2.0) 0.1 rad; fishhook ramp(5, 0.8) 0.1 rad -
+    /// ramp(9, 0.4) 0.2 rad.
+    #[test]
+    fn hydro_pneumatic_maneuvers() {
+        let turn = Parameters { t_0: 5.0, d: 2.0, ..Parameters::default() };
+        assert_eq!([5.0, 6.0, 7.0, 9.0].map(|t| steer(&turn, t)), [0.0, 0.05, 0.1, 0.1]);
+        let fishhook = Parameters { maneuver: 2, t_0: 5.0, d: 0.8, t_1: 9.0, ..Parameters::default() };
+        for (t, expected) in [(5.0, 0.0), (5.4, 0.05), (6.0, 0.1), (9.0, 0.1), (9.2, 0.0), (9.4, -0.1), (20.0, -0.1)] {
+            assert!((steer(&fishhook, t) - expected).abs() < 1e-15);
+        }
+    }
+
+    /// Reference: UN Regulation No. 140: 0.7 Hz, half a second at the second peak. Closed form piece by piece;
+    /// rounding of times of 3 s.
+    #[test]
+    fn sine_with_dwell_is_the_test_of_the_regulation() {
+        let p = Parameters { maneuver: 5, ..Parameters::default() };
+        let (period, peak) = (1.0 / 0.7, 0.75 / 0.7);
+        for n in 0..4000 {
+            let t = f64::from(n) * 0.001;
+            let running = t - 1.0;
+            let expected = if running < 0.0 || running >= period + 0.5 {
+                0.0
+            } else if running < peak {
+                (TAU * 0.7 * running).sin()
+            } else if running < peak + 0.5 {
+                -1.0
+            } else {
+                (TAU * 0.7 * (running - 0.5)).sin()
+            };
+            assert!((steer(&p, t) - 0.1 * expected).abs() < 1e-15);
+        }
+        assert!((steer(&p, 1.0 + 0.25 / 0.7) - 0.1).abs() < 1e-15);
+    }
+
+    /// The phase of the sweep is the integral of its frequency: compared with a sum of the frequency by Simpson's
+    /// rule (exact for a linear frequency), 20,000 additions of at most 50 periods round by 1e-9 at most.
+    #[test]
+    fn sweep_phase_is_the_integral_of_its_frequency() {
+        let p = Parameters { maneuver: 6, f: 0.2, f_1: 5.0, duration: 20.0, ..Parameters::default() };
+        let frequency = |running: f64| 0.2 + (5.0 - 0.2) * running / 20.0;
+        let h = 0.001;
+        let mut periods = 0.0;
+        for n in 0..20_000 {
+            let running = f64::from(n) * h;
+            let expected = 0.1 * (TAU * periods).sin();
+            assert!((steer(&p, 1.0 + running) - expected).abs() < 1e-9);
+            periods += h / 6.0 * (frequency(running) + 4.0 * frequency(running + h / 2.0) + frequency(running + h));
+        }
+    }
+
+    /// After the duration the last frequency runs on to the next zero crossing. Phase after 20 s from 0.2 to 5.02 Hz:
+    /// 52.2 periods, so 0.3 periods of 5.02 Hz remain.
+    #[test]
+    fn sweep_ends_at_a_zero_crossing() {
+        let p = Parameters { maneuver: 6, f: 0.2, f_1: 5.02, ..Parameters::default() };
+        let end = 21.0 + 0.3 / 5.02;
+        assert!((steer(&p, 21.0) - 0.1 * (TAU * 0.2).sin()).abs() < 1e-12);
+        assert!((steer(&p, end - 0.01) - 0.1 * (TAU * (0.5 - 0.01 * 5.02)).sin()).abs() < 1e-12);
+        assert_eq!(steer(&p, end + 1e-9), 0.0);
+        assert_eq!(steer(&p, 100.0), 0.0);
+        // a whole number of half periods: nothing runs on
+        let p = Parameters { f: 0.5, f_1: 1.0, ..p };
+        assert_eq!(steer(&p, 21.0 + 1e-9), 0.0);
+    }
+
+    /// No maneuver jumps with the start values: from one 0.1 ms to the next the angle moves by no more than the
+    /// largest slope, which is (A + A2)/D2 = 0.5 rad/s of the fishhook and 2 pi 4 Hz A = 2.6 rad/s of the sweep.
+    #[test]
+    fn maneuvers_are_continuous() {
+        for p in maneuvers() {
+            let h = 1e-4;
+            let limit = h * if p.maneuver == 6 { TAU * 4.0 * 0.1 } else { 0.5 };
+            let mut last = steer(&p, 0.0);
+            assert_eq!(last, 0.0);
+            for n in 1..300_000 {
+                let next = steer(&p, f64::from(n) * h);
+                assert!((next - last).abs() <= limit + 1e-12, "maneuver {} at {n}", p.maneuver);
+                last = next;
+            }
+        }
+    }
+
+    /// Before its start a maneuver does nothing, and the other sign of the amplitude gives the mirror image.
+    #[test]
+    fn maneuvers_mirror() {
+        for p in maneuvers() {
+            let mirrored = Parameters { a: -p.a, a_2: -p.a_2, ..p.clone() };
+            for n in 0..3000 {
+                let t = f64::from(n) * 0.01 - 2.0;
+                assert_eq!(steer(&p, t), -steer(&mirrored, t));
+                if t <= p.t_0 {
+                    assert_eq!(steer(&p, t), 0.0);
+                }
+            }
+        }
+        let straight = Parameters { maneuver: 0, ..Parameters::default() };
+        assert_eq!(steer(&straight, 3.0), 0.0);
+    }
+
+    /// Step times that are no binary fractions: the sample meant for the step is always the first one of it, although
+    /// n * 0.001 may round below.
+    #[test]
+    fn steps_start_with_the_sample_meant() {
+        for n in 1..5000_i32 {
+            // as a master or a user writes it
+            let start: f64 = format!("{}.{:03}", n / 1000, n % 1000).parse().unwrap();
+            for t in [f64::from(n) * 0.001, start, start - 1e-12] {
+                assert_eq!(ramp(t, start, 0.0, 1e-9), 1.0);
+            }
+            assert_eq!(ramp(f64::from(n - 1) * 0.001, start, 0.0, 1e-9), 0.0);
+        }
+    }
+
+    /// Slalom: a number of periods ends it; with cones and a changing speed the cones stay where they are: every 50 m
+    /// a zero crossing. From 10 m/s with 2 m/s2 after 1 s: s = 10 t + t^2.
+    #[test]
+    fn slalom_follows_the_cones() {
+        let p = Parameters { maneuver: 4, cycles: 2, ..Parameters::default() };
+        assert!(steer(&p, 8.9).abs() > 0.01);
+        assert_eq!(steer(&p, 9.1), 0.0);
+        let p =
+            Parameters { maneuver: 4, period: 0.0, v_0: 10.0, v_1: 30.0, t_v: 1.0, d_v: 10.0, ..Parameters::default() };
+        for cone in 0..4 {
+            let time = -5.0 + (25.0 + 50.0 * f64::from(cone)).sqrt();
+            // slope 2 pi A v/100 m < 0.2 rad/s
+            assert!(steer(&p, 1.0 + time).abs() < 1e-13);
+            let half_way = -5.0 + (50.0 + 50.0 * f64::from(cone)).sqrt();
+            let side = if cone % 2 == 0 { 0.1 } else { -0.1 };
+            assert!((steer(&p, 1.0 + half_way) - side).abs() < 1e-13);
+        }
+    }
+
+    /// Closed form of the speed ramp.
+    #[test]
+    fn speed_ramps() {
+        let p = Parameters { v_0: 10.0, v_1: 20.0, t_v: 2.0, d_v: 4.0, ..Parameters::default() };
+        let d = design(&p, None).unwrap();
+        assert_eq!([0.0, 2.0, 3.0, 6.0, 9.0].map(|t| update(&p, &d, t).speed), [10.0, 10.0, 12.5, 20.0, 20.0]);
+        let p = Parameters { d_v: 0.0, ..p };
+        assert_eq!([1.999, 2.0].map(|t| update(&p, &d, t).speed), [10.0, 20.0]);
+    }
+
+    /// A table replaces the outputs it has columns for; the others keep their ramps.
+    #[test]
+    fn table_replaces_what_it_has() {
+        let table = parse_table("time,driver.steer,driver.brake\n0,0,0\n2,0.2,1\n", "a.csv").unwrap();
+        let p = Parameters { maneuver: 7, a_throttle: 0.5, a_brake: 0.3, ..Parameters::default() };
+        let d = design(&p, Some(table)).unwrap();
+        assert_eq!(
+            update(&p, &d, 1.5),
+            Outputs { steer: 0.15000000000000002, speed: SERPENTINE_SPEED, throttle: 0.5, brake: 0.75 }
+        );
+        assert_eq!(update(&p, &d, 9.0).steer, 0.2);
+        assert_eq!(update(&p, &d, -9.0).steer, 0.0);
+    }
+
+    #[test]
+    fn refuses_what_makes_no_sense() {
+        let p = Parameters::default;
+        for (parameters, message) in [
+            (Parameters { maneuver: 8, ..p() }, "maneuver = 8: expected 0 to 7"),
+            (Parameters { maneuver: -1, ..p() }, "maneuver = -1: expected 0 to 7"),
+            (Parameters { sample_time: 0.0, ..p() }, "sample_time = 0: the driver expects a number above 0"),
+            (Parameters { d: -0.1, ..p() }, "steer.rise_time = -0.1: expected a number of at least 0"),
+            (Parameters { t_brake: f64::NAN, ..p() }, "brake.start = NaN: expected a number of at least 0"),
+            (Parameters { cycles: -1, ..p() }, "steer.cycles = -1: expected a number of at least 0"),
+            (Parameters { a_throttle: 1.5, ..p() }, "throttle.amplitude = 1.5: expected 0 to 1"),
+            (Parameters { maneuver: 3, period: 0.0, ..p() }, "steer.period = 0: maneuver 3 expects a number above 0"),
+            (
+                Parameters { maneuver: 3, t_1: 4.0, ..p() },
+                "steer.reversal_start = 4 s: maneuver 3 expects the second lane change after the end of the first, 5 s",
+            ),
+            (
+                Parameters { maneuver: 4, period: 0.0, cone_distance: 0.0, ..p() },
+                "steer.cone_distance = 0: maneuver 4 with steer.period = 0 expects a number above 0",
+            ),
+            (
+                Parameters { maneuver: 4, period: 0.0, v_0: 0.0, ..p() },
+                "speed.initial = 0: maneuver 4 with steer.period = 0 expects a number above 0",
+            ),
+            (Parameters { maneuver: 5, f: 0.0, ..p() }, "steer.frequency = 0: maneuver 5 expects a number above 0"),
+            (
+                Parameters { maneuver: 6, f_1: 0.0, ..p() },
+                "steer.final_frequency = 0: maneuver 6 expects a number above 0",
+            ),
+            (
+                Parameters { maneuver: 6, duration: 0.0, ..p() },
+                "steer.duration = 0: maneuver 6 expects a number above 0",
+            ),
+            (Parameters { maneuver: 7, ..p() }, "table.file is empty: maneuver 7 expects the path of a CSV file"),
+        ] {
+            assert_eq!(error(&parameters), message);
+        }
+        assert_eq!(
+            parse_table("time,driver.brake\n0,0\n1,2\n", "a.csv").unwrap_err(),
+            "a.csv: column `driver.brake`, time 1: 2, expected 0 to 1"
+        );
+        assert!(parse_table("time,brake\n0,0\n", "a.csv").unwrap_err().starts_with("a.csv:1: unknown column `brake`"));
+    }
+
+    proptest::proptest! {
+        /// Whatever the parameters and the time: finite demands or a message, no panic.
+        #[test]
+        fn never_panics(maneuver in -1..9_i32, numbers in proptest::collection::vec(-1.0..1e3_f64, 8), t in proptest::num::f64::ANY) {
+            let p = Parameters {
+                maneuver, a: numbers[0], t_0: numbers[1], d: numbers[2], t_1: numbers[3], period: numbers[4], f: numbers[5],
+                dwell: numbers[6], t_v: numbers[7], ..Parameters::default()
+            };
+            if let Ok(d) = design(&p, None) {
+                let y = update(&p, &d, t);
+                proptest::prop_assert!(y.steer.abs() <= p.a.abs() + p.a_2.abs() || t.is_nan());
+            }
+        }
+    }
+}

@@ -1,0 +1,1204 @@
+//! Equations of the road: what lies under each wheel, as a function of the distance travelled.
+//!
+//! At every sample, with the speed `u` of the vehicle and the sample time `Ts`:
+//!
+//! ```text
+//! height of a wheel = profile of its side at (s - offset of its axle) + obstacle of its side
+//! s <- s + u Ts                                       (after the heights: forward Euler)
+//! ```
+//!
+//! The heights belong to the distance before the step, the plant that steps next moves on over them.
+//!
+//! # Parameters
+//!
+//! | field | FMI name | type | unit | start | limits | variability |
+//! |---|---|---|---|---|---|---|
+//! | `sample_time` | `sample_time` | Real | s | 0.001 | > 0 | fixed |
+//! | `profile` | `profile` | Integer | | 1 | 0..3 | fixed |
+//! | `tracks` | `tracks` | Integer | | 1 | 0..3 | fixed |
+//! | `seed` | `seed` | Integer | | 1 | 0.. | fixed |
+//! | `rho` | `track.coherence` | Real | 1 | 0.995 | 0..1 | fixed |
+//! | `class` | `roughness.class` | Integer | | 3 | 0..8 | fixed |
+//! | `g_d` | `roughness.coefficient` | Real | m3 | 256e-6 | 0.. | fixed |
+//! | `n_00` | `roughness.cutoff` | Real | 1/m | 0.011 | > 0 | fixed |
+//! | `ds` | `roughness.spacing` | Real | m | 0.01 | > 0 | fixed |
+//! | `start` | `roughness.start` | Integer | | 0 | 0..2 | fixed |
+//! | `t_change` | `roughness.change_time` | Real | s | 0 | 0.. | fixed |
+//! | `class_change` | `roughness.change_class` | Integer | | 6 | 1..8 | fixed |
+//! | `l_middle` | `geometry.axle_offset.middle` | Real | m | 0 | 0.. | fixed |
+//! | `l_rear` | `geometry.axle_offset.rear` | Real | m | 0 | 0.. | fixed |
+//! | `t_track` | `geometry.track` | Real | m | 1.56 | 0.. | fixed |
+//! | `obstacle` | `obstacle.shape` | Integer | | 0 | 0..3 | fixed |
+//! | `obstacle_in_time` | `obstacle.in_time` | Boolean | | false | | fixed |
+//! | `x_0` | `obstacle.start` | Real | m or s, declared 1 | 20 | | fixed |
+//! | `x_l` | `obstacle.length` | Real | m or s, declared 1 | 5 | 0.. | fixed |
+//! | `a_left` | `obstacle.height.left` | Real | m | 0.03 | | fixed |
+//! | `a_right` | `obstacle.height.right` | Real | m | 0.03 | | fixed |
+//! | `mu_left` | `friction.left` | Real | 1 | 1 | 0.. | tunable |
+//! | `mu_right` | `friction.right` | Real | 1 | 1 | 0.. | tunable |
+//! | `x_mu` | `friction.change_start` | Real | m | 0 | 0.. | tunable |
+//! | `mu_changed_left` | `friction.changed_left` | Real | 1 | 1 | 0.. | tunable |
+//! | `mu_changed_right` | `friction.changed_right` | Real | 1 | 1 | 0.. | tunable |
+//! | `table_file` | `table.file` | String | | empty | | fixed |
+//!
+//! # Where the road begins, and driving backwards
+//!
+//! The front axle starts at distance 0; the axles behind it stand at negative distances. Flat road, harmonics and
+//! table are defined for every distance, so they are also right for a vehicle that rolls back. Shaped noise is
+//! generated forwards and kept for the last [`HISTORY`] grid points before the farthest one the front axle has
+//! reached (10.2 m at 1 cm): within them a vehicle that rolls back meets the road it came over, to the bit; an axle
+//! farther back stands on the oldest height kept.
+
+use chassis::road::{AllPass, Harmonics, Mixture, Normals, ShapedNoise, bump, class_coefficient, trapezoid};
+use chassis::table::Table;
+
+/// Grid points of shaped noise that are kept for the axles behind the front axle; a power of two.
+pub const HISTORY: usize = 1024;
+
+/// Grid point number 0 has this index on the grid (distance index times `roughness.spacing`): the first [`HISTORY`]
+/// points then end with index 1, the far end of the cell in which the front axle starts.
+const FIRST: f64 = 2.0 - HISTORY as f64;
+
+/// Most grid points of shaped noise that one sample may pass over (50 ms of work): beyond, the speed is a mistake.
+const MOST_POINTS: f64 = 1e6;
+
+/// Share of a cell, or of a sample, that rounding may be off.
+const SLACK: f64 = 1e-6;
+
+/// Parameters; the table on top of this file has FMI names, units, starts and limits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Time from sample to sample.
+    pub sample_time: f64,
+    /// Profile: 0 flat, 1 shaped noise, 2 harmonics, 3 table.
+    pub profile: i32,
+    /// Tracks: 0 same (right = left), 1 independent (table: the file's two columns), 2 mixed with `track.coherence`,
+    /// 3 delayed (right = left through an all-pass of length `geometry.track`).
+    pub tracks: i32,
+    /// Seed of the random numbers; another seed is another road of the same kind.
+    pub seed: i32,
+    /// Correlation of left and right track for `tracks` 2 (magnitude-squared coherence is its square).
+    pub rho: f64,
+    /// Roughness class of ISO 8608: 1 (A) to 8 (H), 0 = `roughness.coefficient` instead.
+    pub class: i32,
+    /// One-sided density Gd at 0.1 1/m for `roughness.class` 0.
+    pub g_d: f64,
+    /// Wavenumber n00 below which the density of shaped noise levels off (harmonics have their own band).
+    pub n_00: f64,
+    /// Grid spacing of shaped noise, linear in between.
+    pub ds: f64,
+    /// Start of shaped noise: 0 stationary (all axles start on rough road), 1 from zero under the front axle (flat up
+    /// to distance 0), 2 from zero under the rear axle.
+    pub start: i32,
+    /// Time at which shaped noise takes on `roughness.change_class`, from the distance reached then on; 0 = never.
+    pub t_change: f64,
+    /// Roughness class of ISO 8608 after `roughness.change_time`: 1 (A) to 8 (H).
+    pub class_change: i32,
+    /// Distance of the middle axle behind the front axle.
+    pub l_middle: f64,
+    /// Distance of the rear axle behind the front axle.
+    pub l_rear: f64,
+    /// Delay length of the right track for `tracks` 3: the full track of the vehicle.
+    pub t_track: f64,
+    /// Obstacle added to the profile: 0 none, 1 bump (1 - cos)/2, 2 trapezoid (up over the first quarter, down over
+    /// the last), 3 step.
+    pub obstacle: i32,
+    /// Obstacle as a function of time, under all axles at once, instead of distance.
+    pub obstacle_in_time: bool,
+    /// Where the obstacle starts: m, with `obstacle.in_time` s.
+    pub x_0: f64,
+    /// Length of bump and trapezoid: m, with `obstacle.in_time` s.
+    pub x_l: f64,
+    /// Height of the obstacle on the left, negative for a hole.
+    pub a_left: f64,
+    /// Height of the obstacle on the right, negative for a hole.
+    pub a_right: f64,
+    /// Factor on the tire friction on the left.
+    pub mu_left: f64,
+    /// Factor on the tire friction on the right.
+    pub mu_right: f64,
+    /// Distance from which the changed friction holds, for each axle as it gets there; 0 = never.
+    pub x_mu: f64,
+    /// Factor on the tire friction on the left from `friction.change_start` on.
+    pub mu_changed_left: f64,
+    /// Factor on the tire friction on the right from `friction.change_start` on.
+    pub mu_changed_right: f64,
+    /// CSV file for `profile` 3, columns distance, height_left, height_right in m; relative paths start at the FMU's
+    /// resources folder.
+    pub table_file: String,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            sample_time: 0.001,
+            profile: 1,
+            tracks: 1,
+            seed: 1,
+            rho: 0.995,
+            class: 3,
+            g_d: 256e-6,
+            n_00: 0.011,
+            ds: 0.01,
+            start: 0,
+            t_change: 0.0,
+            class_change: 6,
+            l_middle: 0.0,
+            l_rear: 0.0,
+            t_track: 1.56,
+            obstacle: 0,
+            obstacle_in_time: false,
+            x_0: 20.0,
+            x_l: 5.0,
+            a_left: 0.03,
+            a_right: 0.03,
+            mu_left: 1.0,
+            mu_right: 1.0,
+            x_mu: 0.0,
+            mu_changed_left: 1.0,
+            mu_changed_right: 1.0,
+            table_file: String::new(),
+        }
+    }
+}
+
+/// Inputs of a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Inputs {
+    /// `vehicle.speed` in m/s.
+    pub u: f64,
+}
+
+/// Outputs of a sample, per wheel in the order `fl fr ml mr rl rr`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outputs {
+    /// `road_height` in m; `l`, `r` are `fl`, `fr`.
+    pub z: [f64; 6],
+    /// `road_friction`; `l`, `r` are `fl`, `fr`.
+    pub mu: [f64; 6],
+    /// `road.distance` in m, of the front axle.
+    pub s: f64,
+}
+
+/// State: what the next sample needs of the past. Starts as [`State::default`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Distance `s` of the front axle in m.
+    pub s: f64,
+    /// What rounding has added to `s` so far (compensated summation): the same distance whatever the sample time.
+    pub s_excess: f64,
+    /// Grid points generated so far: the next one takes the random numbers of this count.
+    pub points: u64,
+    /// Shaped noise of the two independent processes at the newest grid point in m.
+    pub noise: [f64; 2],
+    /// All-pass state of the right track at the newest grid point (m, 1).
+    pub all_pass: [f64; 2],
+    /// The roughness has changed: grid points from here on have the changed class.
+    pub changed: bool,
+    /// Last heights of the left track in m; point number `k` at `k` modulo the length.
+    pub left: [f64; HISTORY],
+    /// Last heights of the right track in m, stored alike.
+    pub right: [f64; HISTORY],
+}
+
+impl Default for State {
+    fn default() -> Self {
+        Self {
+            s: 0.0,
+            s_excess: 0.0,
+            points: 0,
+            noise: [0.0; 2],
+            all_pass: [0.0; 2],
+            changed: false,
+            left: [0.0; HISTORY],
+            right: [0.0; HISTORY],
+        }
+    }
+}
+
+/// What follows from the parameters alone, see [`design`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Design {
+    profile: Profile,
+    obstacle: Option<Shape>,
+    /// How far each axle is behind the front axle in m
+    offsets: [f64; 3],
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Profile {
+    Flat,
+    Noise(Noise),
+    Harmonics { left: Harmonics, right: Harmonics },
+    Table(Heights),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Shape {
+    Bump,
+    Trapezoid,
+    Step,
+}
+
+/// How the right track comes from the profiles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Tracks {
+    Same,
+    Independent,
+    Mixed(Mixture),
+    Delayed(AllPass),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Noise {
+    tracks: Tracks,
+    process: ShapedNoise,
+    changed: ShapedNoise,
+    /// Number of the last grid point with height 0; `None`: stationary from the first point on
+    last_zero: Option<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Heights {
+    table: Table,
+    tracks: Tracks,
+    /// All-pass state at every row, for delayed tracks
+    all_pass: Vec<[f64; 2]>,
+}
+
+/// Reads the table of profile 3: columns `distance`, `height_left`, `height_right` in m.
+///
+/// # Errors
+///
+/// Those of [`Table::parse`], and a missing column.
+pub fn parse_table(text: &str, path: &str) -> Result<Table, String> {
+    let names = ["height_left", "height_right"];
+    let table = Table::parse(text, path, "distance", &names)?;
+    match (0..names.len()).find(|index| table.column(*index).is_none()) {
+        Some(missing) => {
+            Err(format!("{path}: column `{}` is missing, expected distance, height_left, height_right", names[missing]))
+        }
+        None => Ok(table),
+    }
+}
+
+/// Checks the parameters and computes what does not change during a run; `table` is needed for profile 3 only.
+///
+/// # Errors
+///
+/// A message with the parameter's FMI name, its value and what was expected.
+pub fn design(p: &Parameters, table: Option<Table>) -> Result<Design, String> {
+    let mode = |name: &str, value: i32, last: i32| {
+        if (0..=last).contains(&value) { Ok(()) } else { Err(format!("{name} = {value}: expected 0 to {last}")) }
+    };
+    mode("profile", p.profile, 3)?;
+    mode("tracks", p.tracks, 3)?;
+    mode("seed", p.seed, i32::MAX)?;
+    mode("roughness.class", p.class, 8)?;
+    mode("roughness.start", p.start, 2)?;
+    mode("obstacle.shape", p.obstacle, 3)?;
+    let positive = |name: &str, value: f64| {
+        if value > 0.0 && value.is_finite() {
+            Ok(())
+        } else {
+            Err(format!("{name} = {value}: expected a number above 0"))
+        }
+    };
+    let not_negative = |name: &str, value: f64| {
+        if value >= 0.0 && value.is_finite() {
+            Ok(())
+        } else {
+            Err(format!("{name} = {value}: expected a number of at least 0"))
+        }
+    };
+    positive("sample_time", p.sample_time)?;
+    not_negative("roughness.change_time", p.t_change)?;
+    not_negative("geometry.axle_offset.middle", p.l_middle)?;
+    not_negative("geometry.axle_offset.rear", p.l_rear)?;
+    not_negative("friction.change_start", p.x_mu)?;
+
+    let coefficient = match class_coefficient(p.class) {
+        Some(coefficient) => coefficient,
+        None => {
+            not_negative("roughness.coefficient", p.g_d)?;
+            p.g_d
+        }
+    };
+    let tracks = match p.tracks {
+        0 => Tracks::Same,
+        1 => Tracks::Independent,
+        2 if (0.0..=1.0).contains(&p.rho) => Tracks::Mixed(Mixture::new(p.rho)),
+        2 => return Err(format!("track.coherence = {}: expected 0 to 1", p.rho)),
+        _ => {
+            positive("geometry.track", p.t_track)?;
+            Tracks::Delayed(AllPass::new(p.t_track))
+        }
+    };
+    let profile = match p.profile {
+        0 => Profile::Flat,
+        1 => Profile::Noise(noise(p, coefficient, tracks)?),
+        2 => harmonics(p, coefficient, tracks),
+        _ => Profile::Table(heights(
+            table.ok_or("table.file is empty: profile 3 expects the path of a CSV file")?,
+            tracks,
+        )),
+    };
+    let obstacle = match p.obstacle {
+        0 => None,
+        1 => Some(Shape::Bump),
+        2 => Some(Shape::Trapezoid),
+        _ => Some(Shape::Step),
+    };
+    if matches!(obstacle, Some(Shape::Bump | Shape::Trapezoid)) {
+        positive("obstacle.length", p.x_l)?;
+    }
+    Ok(Design { profile, obstacle, offsets: [0.0, p.l_middle, p.l_rear] })
+}
+
+fn noise(p: &Parameters, coefficient: f64, tracks: Tracks) -> Result<Noise, String> {
+    for (name, value) in [("roughness.cutoff", p.n_00), ("roughness.spacing", p.ds)] {
+        if !(value > 0.0 && value.is_finite()) {
+            return Err(format!("{name} = {value}: expected a number above 0"));
+        }
+    }
+    let changed = class_coefficient(p.class_change)
+        .ok_or_else(|| format!("roughness.change_class = {}: expected 1 to 8", p.class_change))?;
+    // one cell less than the points span: the front axle may stand just before its far end
+    let longest = (HISTORY - 3) as f64 * p.ds;
+    for (name, offset) in [("middle", p.l_middle), ("rear", p.l_rear)] {
+        if offset > longest {
+            return Err(format!(
+                "geometry.axle_offset.{name} = {offset} m: shaped noise is kept over {longest} m with roughness.spacing = {} m, expected a larger spacing",
+                p.ds
+            ));
+        }
+    }
+    Ok(Noise {
+        tracks,
+        process: ShapedNoise::new(coefficient, p.n_00, p.ds),
+        changed: ShapedNoise::new(changed, p.n_00, p.ds),
+        last_zero: match p.start {
+            0 => None,
+            1 => Some(-FIRST),
+            // the grid point at the rear axle, or the first one before it
+            _ => Some(-FIRST - (p.l_middle.max(p.l_rear) / p.ds).floor()),
+        },
+    })
+}
+
+/// Both tracks as sums of cosines: mixing and delaying act on the complex amplitudes.
+fn harmonics(p: &Parameters, coefficient: f64, tracks: Tracks) -> Profile {
+    let seed = u64::from(p.seed.unsigned_abs());
+    let first = Harmonics::amplitudes(coefficient, seed);
+    let second = || Harmonics::amplitudes(coefficient, seed + 1_000_003);
+    let (left, right) = match tracks {
+        Tracks::Same => (first.clone(), first),
+        Tracks::Independent => (first, second()),
+        Tracks::Mixed(mixture) => first
+            .iter()
+            .zip(&second())
+            .map(|(a, b)| {
+                let [re_l, re_r] = mixture.tracks([a[0], b[0]]);
+                let [im_l, im_r] = mixture.tracks([a[1], b[1]]);
+                ([re_l, im_l], [re_r, im_r])
+            })
+            .unzip(),
+        Tracks::Delayed(filter) => {
+            let delayed = (0..Harmonics::COUNT)
+                .zip(&first)
+                .map(|(k, a)| {
+                    let h = filter.response(Harmonics::wavenumber(k));
+                    [a[0] * h[0] - a[1] * h[1], a[0] * h[1] + a[1] * h[0]]
+                })
+                .collect();
+            (first, delayed)
+        }
+    };
+    Profile::Harmonics { left: Harmonics::new(&left), right: Harmonics::new(&right) }
+}
+
+fn heights(table: Table, tracks: Tracks) -> Heights {
+    let mut all_pass = Vec::new();
+    if let (Tracks::Delayed(filter), Some(z)) = (tracks, table.column(0)) {
+        let mut x = filter.steady(z[0]);
+        all_pass.push(x);
+        for (z, s) in z.windows(2).zip(table.abscissa().windows(2)) {
+            x = filter.advance(x, z[0], z[1], s[1] - s[0]);
+            all_pass.push(x);
+        }
+    }
+    Heights { table, tracks, all_pass }
+}
+
+/// One sample: the outputs for the distance reached, then the distance of the next sample.
+///
+/// `t` is the time of the sample in s.
+///
+/// # Errors
+///
+/// A distance that is no longer a finite number, or a speed at which one sample passes over more than a million grid
+/// points.
+pub fn update(p: &Parameters, d: &Design, x: &mut State, u: &Inputs, t: f64) -> Result<Outputs, String> {
+    let s = x.s;
+    if !s.is_finite() {
+        return Err(format!("road.distance = {s} m after vehicle.speed = {} m/s: expected a finite distance", u.u));
+    }
+    if let Profile::Noise(noise) = &d.profile {
+        noise.generate(p, x)?;
+        // the points generated up to here are the same however short the samples are
+        x.changed |= p.t_change > 0.0 && t >= p.t_change - SLACK * p.sample_time;
+    }
+
+    let mut y = Outputs { z: [0.0; 6], mu: [0.0; 6], s };
+    for (axle, offset) in d.offsets.iter().enumerate() {
+        let place = s - offset;
+        let [z_l, z_r] = d.profile.heights(p, x, place);
+        let obstacle = d.obstacle.map_or(0.0, |shape| {
+            let (at, slack) = if p.obstacle_in_time { (t, SLACK * p.sample_time) } else { (place, 0.0) };
+            shape.height(at - p.x_0, p.x_l, slack)
+        });
+        y.z[2 * axle] = z_l + p.a_left * obstacle;
+        y.z[2 * axle + 1] = z_r + p.a_right * obstacle;
+
+        let changed = p.x_mu > 0.0 && place >= p.x_mu;
+        y.mu[2 * axle] = if changed { p.mu_changed_left } else { p.mu_left };
+        y.mu[2 * axle + 1] = if changed { p.mu_changed_right } else { p.mu_right };
+    }
+
+    // Kahan: the rounding of this sum is taken off the next step
+    let step = u.u * p.sample_time - x.s_excess;
+    x.s = s + step;
+    x.s_excess = (x.s - s) - step;
+    Ok(y)
+}
+
+impl Shape {
+    /// Height of an obstacle of height 1, `x` after its start.
+    fn height(self, x: f64, length: f64, slack: f64) -> f64 {
+        match self {
+            Self::Bump => bump(x, length),
+            Self::Trapezoid => trapezoid(x, length),
+            Self::Step => f64::from(u8::from(x >= -slack)),
+        }
+    }
+}
+
+impl Profile {
+    /// Left and right height at a distance.
+    fn heights(&self, p: &Parameters, x: &State, place: f64) -> [f64; 2] {
+        match self {
+            Self::Flat => [0.0; 2],
+            Self::Noise(_) => x.heights(place / p.ds),
+            Self::Harmonics { left, right } => [left.height(place), right.height(place)],
+            Self::Table(heights) => heights.at(place),
+        }
+    }
+}
+
+impl Noise {
+    /// Generates the grid points up to the far end of the cell in which the front axle stands.
+    fn generate(&self, p: &Parameters, x: &mut State) -> Result<(), String> {
+        // within the slack of the next cell that cell is generated too, so that rounding does not decide
+        let needed = (x.s / p.ds + SLACK).floor() + 2.0 - FIRST;
+        let missing = needed - x.points as f64;
+        if missing <= 0.0 {
+            return Ok(());
+        }
+        if missing > MOST_POINTS {
+            return Err(format!(
+                "road.distance = {} m: {missing:e} grid points of roughness.spacing = {} m in one sample, expected at most {MOST_POINTS:e}; is vehicle.speed right?",
+                x.s, p.ds
+            ));
+        }
+        let seed = u64::from(p.seed.unsigned_abs());
+        let two = matches!(self.tracks, Tracks::Independent | Tracks::Mixed(_));
+        let mut normals = [0, 1].map(|stream| Normals::new(seed, stream, x.points));
+        let process = if x.changed { &self.changed } else { &self.process };
+        for _ in 0..missing as u64 {
+            let last = x.noise[0];
+            let zero = self.last_zero.is_some_and(|last| x.points as f64 <= last);
+            let count = if two { 2 } else { 1 };
+            for (z, normals) in x.noise.iter_mut().zip(&mut normals).take(count) {
+                let normal = normals.draw();
+                *z = if zero {
+                    0.0
+                } else if x.points == 0 {
+                    process.deviation * normal
+                } else {
+                    process.next(*z, normal)
+                };
+            }
+            let z = x.noise[0];
+            let [left, right] = match self.tracks {
+                Tracks::Same => [z, z],
+                Tracks::Independent => x.noise,
+                Tracks::Mixed(mixture) => mixture.tracks(x.noise),
+                Tracks::Delayed(filter) => {
+                    x.all_pass =
+                        if x.points == 0 { filter.steady(z) } else { filter.advance(x.all_pass, last, z, p.ds) };
+                    [z, filter.output(x.all_pass, z)]
+                }
+            };
+            let place = (x.points % HISTORY as u64) as usize;
+            x.left[place] = left;
+            x.right[place] = right;
+            x.points += 1;
+        }
+        Ok(())
+    }
+}
+
+impl State {
+    /// Both tracks at a distance counted in grid spacings: linear between the points kept, the oldest height before
+    /// them.
+    fn heights(&self, place: f64) -> [f64; 2] {
+        let number = place - FIRST;
+        let newest = self.points.saturating_sub(1);
+        let oldest = self.points.saturating_sub(HISTORY as u64);
+        let cell = number.floor().clamp(oldest as f64, newest.saturating_sub(1) as f64);
+        let share = (number - cell).clamp(0.0, 1.0);
+        let a = (cell as u64 % HISTORY as u64) as usize;
+        let b = (a + 1) % HISTORY;
+        [&self.left, &self.right].map(|z| z[a] + (z[b] - z[a]) * share)
+    }
+}
+
+impl Heights {
+    fn at(&self, place: f64) -> [f64; 2] {
+        // `parse_table` saw to both columns
+        let column = |index| self.table.at(index, place).unwrap_or(0.0);
+        let z = column(0);
+        match self.tracks {
+            Tracks::Same => [z, z],
+            Tracks::Independent => [z, column(1)],
+            Tracks::Mixed(mixture) => mixture.tracks([z, column(1)]),
+            Tracks::Delayed(filter) => {
+                let Some(row) = self.table.next_row(place).checked_sub(1) else {
+                    return [z, z];
+                };
+                let start = self.table.abscissa()[row];
+                let at_row = self.table.at(0, start).unwrap_or(0.0);
+                let x = if place > start {
+                    filter.advance(self.all_pass[row], at_row, z, place - start)
+                } else {
+                    self.all_pass[row]
+                };
+                [z, filter.output(x, z)]
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chassis::road::{REFERENCE_WAVENUMBER, fourier_sum};
+
+    const CLASS_C: f64 = 256e-6;
+
+    /// A road and the state on it.
+    #[derive(Clone)]
+    struct Drive {
+        p: Parameters,
+        d: Design,
+        x: State,
+        sample: u64,
+    }
+
+    impl Drive {
+        fn new(p: Parameters) -> Self {
+            Self::with_table(p, None)
+        }
+
+        fn with_table(p: Parameters, table: Option<Table>) -> Self {
+            let d = design(&p, table).unwrap();
+            Self { p, d, x: State::default(), sample: 0 }
+        }
+
+        fn step(&mut self, speed: f64) -> Outputs {
+            let t = self.sample as f64 * self.p.sample_time;
+            self.sample += 1;
+            update(&self.p, &self.d, &mut self.x, &Inputs { u: speed }, t).unwrap()
+        }
+
+        /// Left and right height of the front axle at every sample.
+        fn tracks(&mut self, speed: f64, samples: usize) -> [Vec<f64>; 2] {
+            let outputs: Vec<Outputs> = (0..samples).map(|_| self.step(speed)).collect();
+            [0, 1].map(|side| outputs.iter().map(|y| y.z[side]).collect())
+        }
+    }
+
+    fn table() -> Table {
+        parse_table("distance,height_left,height_right\n1,0,0.5\n2,0.1,0\n4,-0.1,0.2\n4.5,0.3,0.1\n", "a.csv").unwrap()
+    }
+
+    /// Every profile with every kind of tracks.
+    fn roads() -> impl Iterator<Item = Drive> {
+        (0..16).map(|i| {
+            let p = Parameters {
+                profile: i / 4,
+                tracks: i % 4,
+                rho: 0.6,
+                l_middle: 2.95,
+                l_rear: 4.6,
+                ..Parameters::default()
+            };
+            Drive::with_table(p, Some(table()))
+        })
+    }
+
+    /// Mean spectra over half overlapping Hann windows (Welch 1967): one-sided densities of both tracks, their cross
+    /// density, the distance of two bins in 1/m and the number of windows.
+    struct Spectra {
+        left: Vec<f64>,
+        right: Vec<f64>,
+        cross: Vec<[f64; 2]>,
+        resolution: f64,
+        windows: f64,
+    }
+
+    fn welch([left, right]: &[Vec<f64>; 2], ds: f64, length: usize) -> Spectra {
+        let window: Vec<f64> =
+            (0..length).map(|i| (1.0 - (std::f64::consts::TAU * i as f64 / length as f64).cos()) / 2.0).collect();
+        let scale = 2.0 * ds / window.iter().map(|w| w * w).sum::<f64>();
+        let spectrum = |part: &[f64]| {
+            let mut x: Vec<[f64; 2]> = part.iter().zip(&window).map(|(z, w)| [z * w, 0.0]).collect();
+            fourier_sum(&mut x);
+            x
+        };
+        let mut s = Spectra {
+            left: vec![0.0; length / 2],
+            right: vec![0.0; length / 2],
+            cross: vec![[0.0; 2]; length / 2],
+            resolution: 1.0 / (ds * length as f64),
+            windows: 0.0,
+        };
+        let mut start = 0;
+        while start + length <= left.len() {
+            let l = spectrum(&left[start..start + length]);
+            let r = spectrum(&right[start..start + length]);
+            for k in 0..length / 2 {
+                s.left[k] += scale * (l[k][0].powi(2) + l[k][1].powi(2));
+                s.right[k] += scale * (r[k][0].powi(2) + r[k][1].powi(2));
+                s.cross[k][0] += scale * (l[k][0] * r[k][0] + l[k][1] * r[k][1]);
+                s.cross[k][1] += scale * (l[k][0] * r[k][1] - l[k][1] * r[k][0]);
+            }
+            s.windows += 1.0;
+            start += length / 2;
+        }
+        for k in 0..length / 2 {
+            s.left[k] /= s.windows;
+            s.right[k] /= s.windows;
+            s.cross[k] = s.cross[k].map(|value| value / s.windows);
+        }
+        s
+    }
+
+    /// Heights every 1 cm.
+    fn long_road(p: Parameters, points: usize) -> [Vec<f64>; 2] {
+        Drive::new(p).tracks(10.0, points)
+    }
+
+    /// Reference: the one-sided density Gd n0^2/(n^2 + n00^2) of first-order shaped noise, which is ISO 8608's Gd
+    /// (n/n0)^-2 above n00. In third-octave bands from 0.02 to 5 1/m the mean of estimate/reference over m bins and K
+    /// windows is 1 within four standard errors sqrt(1.94 * 1.06/(m K)): neighboring bins of a Hann window are
+    /// correlated by (2/3)^2 and (1/6)^2 (factor 1.94), half overlapping windows by (1/6)^2 (factor 1.06). 1 % is
+    /// added for the grid (aliasing of the sampled process, 0.8 % at 5 1/m) and leakage.
+    #[test]
+    fn density_is_that_of_iso_8608() {
+        let p = Parameters { seed: 5, ..Parameters::default() };
+        let tracks = long_road(p, 1 << 20);
+        let s = welch(&tracks, 0.01, 1 << 15);
+        for side in [&s.left, &s.right] {
+            let mut lower = 0.02;
+            while lower < 5.0 {
+                let upper = f64::min(5.0, lower * 2.0_f64.cbrt());
+                let bins = (lower / s.resolution).ceil() as usize..(upper / s.resolution).ceil() as usize;
+                let count = bins.len() as f64;
+                let mean = bins
+                    .map(|k| {
+                        let n = k as f64 * s.resolution;
+                        let density = CLASS_C * REFERENCE_WAVENUMBER.powi(2) / (n * n + 0.011 * 0.011);
+                        side[k] / density / count
+                    })
+                    .sum::<f64>();
+                let error = (1.94 * 1.06 / (count * s.windows)).sqrt();
+                assert!((mean - 1.0).abs() < 4.0 * error + 0.01, "{lower} to {upper} 1/m: {mean}");
+                lower = upper;
+            }
+        }
+        // ISO 8608 itself from 0.1 1/m on, where (n00/n)^2 is at most 1.2 %
+        let k = (0.1 / s.resolution) as usize..(5.0 / s.resolution) as usize;
+        let count = k.len() as f64;
+        let mean = k.map(|k| s.left[k] / (CLASS_C * (k as f64 * s.resolution / 0.1).powi(-2)) / count).sum::<f64>();
+        assert!((mean - 1.0).abs() < 0.02, "{mean}");
+    }
+
+    /// Reference: stationary RMS of class C with n00 = 0.011 1/m: n0 sqrt(pi Gd/(2 n00)) = 0.0191 m, everywhere on
+    /// the road, from the start on and under every axle. 4000 independent roads: standard error 1/sqrt(8000) = 1.1 %;
+    /// four of them.
+    #[test]
+    fn stationary_deviation_from_the_start_on() {
+        let mut squares = [0.0; 6];
+        let roads = 4000;
+        for seed in 0..roads {
+            let y = Drive::new(Parameters { seed, l_middle: 2.95, l_rear: 10.2, ..Parameters::default() }).step(0.0);
+            for (square, z) in squares.iter_mut().zip(y.z) {
+                *square += z * z / f64::from(roads);
+            }
+        }
+        for square in squares {
+            assert!((square.sqrt() / 0.0191 - 1.0).abs() < 0.045, "{}", square.sqrt());
+        }
+    }
+
+    /// Means from 0.1 to 5 1/m: real part of the cross density over the density (the correlation of the tracks), and
+    /// magnitude-squared coherence.
+    fn correlation(p: Parameters) -> [f64; 2] {
+        let s = welch(&long_road(p, 1 << 19), 0.01, 1 << 12);
+        let bins = (0.1 / s.resolution) as usize..(5.0 / s.resolution) as usize;
+        let count = bins.len() as f64;
+        let mut mean = [0.0; 2];
+        for k in bins {
+            let size = (s.left[k] * s.right[k]).sqrt();
+            mean[0] += s.cross[k][0] / size / count;
+            mean[1] += (s.cross[k][0].powi(2) + s.cross[k][1].powi(2)) / size.powi(2) / count;
+        }
+        mean
+    }
+
+    /// Reference: the mixture's cross density is rho times the density, its magnitude-squared coherence rho^2. 255
+    /// half overlapping windows are K = 241 independent ones, 200 bins 103 (see the density test). Standard errors of
+    /// the means: real part at most 1/sqrt(2 K 103) = 0.0045; squared coherence sqrt(2) rho (1 - rho^2)/sqrt(K 103)
+    /// <= 0.0035 after a bias of at most 1/K = 0.0041. Four standard errors, and the bias.
+    #[test]
+    fn tracks_have_the_coherence_asked_for() {
+        let p = |tracks, rho| Parameters { tracks, rho, ..Parameters::default() };
+        for (parameters, expected) in [
+            (p(0, 0.5), 1.0),
+            (p(1, 0.5), 0.0),
+            (p(2, 0.0), 0.0),
+            (p(2, 0.6), 0.6),
+            (p(2, 0.995), 0.995),
+            (p(2, 1.0), 1.0),
+        ] {
+            let [mean, squared] = correlation(parameters);
+            assert!((mean - expected).abs() < 0.018, "{mean} for {expected}");
+            assert!((squared - expected * expected).abs() < 0.018, "{squared} for {expected}");
+        }
+    }
+
+    /// Reference: the all-pass has magnitude 1 and the phase of its response; what remains is leakage of the window:
+    /// coherence above 0.99 and phase within 0.05 rad up to 1 1/m.
+    #[test]
+    fn delayed_track_is_the_all_pass_of_the_left() {
+        let p = Parameters { tracks: 3, ..Parameters::default() };
+        let filter = AllPass::new(p.t_track);
+        let s = welch(&long_road(p, 1 << 19), 0.01, 1 << 15);
+        for k in 8..(1.0 / s.resolution) as usize {
+            let [re, im] = s.cross[k];
+            let coherence = (re * re + im * im) / (s.left[k] * s.right[k]);
+            assert!(coherence > 0.99, "{k}: {coherence}");
+            let h = filter.response(k as f64 * s.resolution);
+            // the Fourier sum has the opposite sign in its exponent
+            let angle = f64::atan2(re * h[1] + im * h[0], re * h[0] - im * h[1]);
+            assert!(angle.abs() < 0.05, "{k}: {angle}");
+        }
+    }
+
+    /// The rear and middle wheels follow the front wheels after exactly offset/speed, on every road: 10 m/s and 1 ms
+    /// make 460 and 295 samples of 1 cm. Distances round to 1e-14 m, slopes stay below 10.
+    #[test]
+    fn rear_wheels_follow_exactly() {
+        for mut drive in roads() {
+            let outputs: Vec<Outputs> = (0..3000).map(|_| drive.step(10.0)).collect();
+            for (n, y) in outputs.iter().enumerate() {
+                for (axle, delay) in [(1, 295), (2, 460)] {
+                    if let Some(front) = n.checked_sub(delay).map(|n| outputs[n]) {
+                        for side in 0..2 {
+                            assert!((y.z[2 * axle + side] - front.z[side]).abs() < 1e-12);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// At constant speed the heights at common instants are those of any other sample time, to 1e-12: also with a
+    /// change of class, and at a speed whose steps are no binary fractions. 20 s at 35 km/h.
+    #[test]
+    fn heights_do_not_depend_on_the_sample_time() {
+        for drive in roads() {
+            for t_change in [0.0, 3.0] {
+                for speed in [35.0 / 3.6, 20.0] {
+                    let with = |sample_time| {
+                        let mut drive = drive.clone();
+                        drive.p.sample_time = sample_time;
+                        drive.p.t_change = t_change;
+                        drive
+                    };
+                    let (mut fine, mut coarse) = (with(0.001), with(0.003));
+                    for _ in 0..6000 {
+                        let a = fine.step(speed);
+                        fine.step(speed);
+                        fine.step(speed);
+                        let b = coarse.step(speed);
+                        assert!((a.s - b.s).abs() < 1e-12);
+                        for (a, b) in a.z.iter().zip(b.z) {
+                            assert!((a - b).abs() < 1e-12, "{a} {b} at {} m", fine.x.s);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Reference: a separate program in Python (ChaCha8, Box-Muller and the recursion from their definitions), seed
+    /// 1, class C, at 0 and 5 m. 1500 steps of the recursion round by 1e-16 each.
+    #[test]
+    fn road_is_that_of_the_definition() {
+        let mut drive = Drive::new(Parameters::default());
+        let start = drive.step(5000.0);
+        let later = drive.step(0.0);
+        for (found, expected) in [
+            (start.z[0], 0.001_917_593_504_810_065),
+            (start.z[1], 0.007_823_482_516_940_093),
+            (later.z[0], 0.003_719_705_827_176_047),
+            (later.z[1], -0.014_821_597_784_314_312),
+        ] {
+            assert!((found - expected).abs() < 1e-13);
+        }
+    }
+
+    /// Reference: the heavy vehicle's road: q(25 m) and q(100 m) for seed 1, class B, given to 1e-8 m; right track
+    /// with the second profile of seed 1000004, mixed with 0.995.
+    #[test]
+    fn harmonics_are_the_published_road() {
+        let p = Parameters { profile: 2, class: 2, tracks: 0, ..Parameters::default() };
+        let mut drive = Drive::new(p.clone());
+        drive.step(25_000.0);
+        let y = drive.step(75_000.0);
+        assert!((y.z[0] - -0.001_879_93).abs() < 1e-8 && y.z[0] == y.z[1]);
+        assert!((drive.step(0.0).z[0] - 0.004_244_32).abs() < 1e-8);
+
+        let second = Harmonics::new(&Harmonics::amplitudes(64e-6, 1_000_004)).height(25.0);
+        let mut drive = Drive::new(Parameters { tracks: 2, ..p });
+        drive.step(25_000.0);
+        let z = drive.step(0.0).z;
+        let [left, right] = Mixture::new(0.995).tracks([y.z[0], second]);
+        assert!((z[0] - left).abs() < 1e-15 && (z[1] - right).abs() < 1e-15);
+    }
+
+    /// Other seeds and the other track are other roads: the correlation of 100 roads' heights at 20 places 50 m apart
+    /// (the correlation length is 14 m) is 0 within four standard errors 1/sqrt(2000).
+    #[test]
+    fn seeds_and_tracks_are_uncorrelated() {
+        let heights = |seed| {
+            let mut drive = Drive::new(Parameters { seed, ds: 0.5, ..Parameters::default() });
+            (0..20).map(|_| drive.step(50_000.0).z).collect::<Vec<_>>()
+        };
+        let mut sums = [0.0; 2];
+        for seed in 0..100 {
+            for (a, b) in heights(seed).iter().zip(heights(seed + 1)) {
+                let variance = 0.0191_f64.powi(2) * 2000.0;
+                sums[0] += a[0] * a[1] / variance;
+                sums[1] += a[0] * b[0] / variance;
+            }
+        }
+        assert!(sums.iter().all(|sum| sum.abs() < 4.0 / 2000.0_f64.sqrt()), "{sums:?}");
+    }
+
+    /// From zero: nothing up to distance 0 under all axles (1), or up to the rear axle's place only (2); afterwards
+    /// the same noise.
+    #[test]
+    fn starts_from_zero() {
+        let p = Parameters { start: 1, l_middle: 2.955, l_rear: 4.605, ..Parameters::default() };
+        let mut drive = Drive::new(p.clone());
+        assert_eq!(drive.step(10.0).z, [0.0; 6]);
+        let z = drive.step(10.0).z;
+        assert!(z[0] != 0.0 && z[1] != 0.0);
+        assert_eq!(z[2..], [0.0; 4]);
+
+        let mut drive = Drive::new(Parameters { start: 2, ..p });
+        let z = drive.step(10.0).z;
+        assert!(z[..4].iter().all(|z| *z != 0.0));
+        assert_eq!(z[4..], [0.0; 2]);
+        let z = drive.step(10.0).z;
+        assert!(z[4..].iter().all(|z| *z != 0.0));
+    }
+
+    /// Reference: Applied Sciences 2020, 10, 1852: class C until 3 s, then F. Every innovation z[k+1] - alpha z[k] is
+    /// 8 times (sqrt of 64) that of the unchanged road after the distance reached at 3 s (60 m, one cell further at
+    /// the latest), equal before; rounding of alpha z.
+    #[test]
+    fn class_changes_and_the_filter_goes_on() {
+        let p = |t_change| Parameters { t_change, ..Parameters::default() };
+        let [changed, plain] = [p(3.0), p(0.0)].map(|p| {
+            // one grid point per sample
+            Drive::new(Parameters { sample_time: 0.0005, ..p }).tracks(20.0, 8000)
+        });
+        let alpha = ShapedNoise::new(CLASS_C, 0.011, 0.01).memory;
+        for (changed, plain) in changed.iter().zip(&plain) {
+            assert_eq!(changed[..=6001], plain[..=6001]);
+            for k in 6001..7999 {
+                let [a, b] = [changed, plain].map(|z| z[k + 1] - alpha * z[k]);
+                assert!((a - 8.0 * b).abs() < 1e-13, "{k}: {a} {b}");
+            }
+        }
+    }
+
+    /// The other coefficients: class 0 takes the coefficient; the profile scales with its square root.
+    #[test]
+    fn coefficient_scales_the_road() {
+        for profile in [1, 2] {
+            let p = |class, g_d| Parameters { profile, class, g_d, ..Parameters::default() };
+            let run = |p| Drive::new(p).tracks(20.0, 2000);
+            let c = run(p(3, 0.0));
+            assert_eq!(c, run(p(0, CLASS_C)));
+            let d = run(p(4, 0.0));
+            for (c, d) in c.iter().flatten().zip(d.iter().flatten()) {
+                assert!((2.0 * c - d).abs() < 1e-13);
+            }
+        }
+    }
+
+    /// Reference: linear interpolation by hand; mixing and the delayed ramp by their formulas.
+    #[test]
+    fn table_profile() {
+        let at = |tracks, distance: f64| {
+            let p = Parameters { profile: 3, tracks, rho: 0.28, ..Parameters::default() };
+            let mut drive = Drive::with_table(p, Some(table()));
+            drive.step(distance * 1000.0);
+            let z = drive.step(0.0).z;
+            [z[0], z[1]]
+        };
+        let near = |found: [f64; 2], expected: [f64; 2]| {
+            assert!(
+                (found[0] - expected[0]).abs() < 1e-12 && (found[1] - expected[1]).abs() < 1e-12,
+                "{found:?} {expected:?}"
+            );
+        };
+        near(at(1, 0.0), [0.0, 0.5]);
+        near(at(1, 1.5), [0.05, 0.25]);
+        near(at(1, 4.25), [0.1, 0.15]);
+        near(at(1, 99.0), [0.3, 0.1]);
+        near(at(0, 1.5), [0.05, 0.05]);
+        near(at(2, 1.5), [0.8 * 0.05 + 0.6 * 0.25, 0.8 * 0.05 - 0.6 * 0.25]);
+        near(at(3, 0.0), [0.0, 0.0]);
+        // 100 m behind the last row the all-pass has settled: exp(-3 * 100/1.56)
+        near(at(3, 104.5), [0.3, 0.3]);
+        // within the rows: the all-pass fed in steps of 1 mm
+        let filter = AllPass::new(1.56);
+        let mut x = filter.steady(0.0);
+        let table = table();
+        for k in 0..5500 {
+            let [a, b] = [k, k + 1].map(|k| table.at(0, 0.001 * f64::from(k)).unwrap());
+            if k % 500 == 250 {
+                near(at(3, 0.001 * f64::from(k)), [a, filter.output(x, a)]);
+            }
+            x = filter.advance(x, a, b, 0.001);
+        }
+    }
+
+    /// Closed forms: bump of the hydro-pneumatic half car, (A/2)(1 - cos(2 pi (t - 2)/0.5)) for 2 < t < 2.5 s with A
+    /// = 0.03 m on the left, under all axles at once; the same in distance comes to each axle in its turn.
+    #[test]
+    fn obstacles_in_time_and_distance() {
+        let p = Parameters {
+            profile: 0,
+            obstacle: 1,
+            obstacle_in_time: true,
+            x_0: 2.0,
+            x_l: 0.5,
+            a_right: -0.01,
+            l_middle: 2.0,
+            l_rear: 3.0,
+            ..Parameters::default()
+        };
+        let mut drive = Drive::new(p.clone());
+        for n in 0..3000 {
+            let z = drive.step(20.0).z;
+            let t = f64::from(n) * 0.001;
+            let shape =
+                if t > 2.0 && t < 2.5 { (1.0 - (std::f64::consts::TAU * (t - 2.0) / 0.5).cos()) / 2.0 } else { 0.0 };
+            for (side, height) in [0.03, -0.01].iter().enumerate() {
+                for axle in 0..3 {
+                    assert!((z[2 * axle + side] - height * shape).abs() < 1e-14);
+                }
+            }
+        }
+        for (obstacle, expected) in [(1, [1.0, 0.5, 0.0]), (2, [1.0, 1.0, 0.0]), (3, [1.0, 1.0, 0.0])] {
+            let p = Parameters { obstacle, obstacle_in_time: false, x_0: 10.0, x_l: 4.0, ..p.clone() };
+            let mut drive = Drive::new(Parameters { l_middle: 1.0, ..p });
+            drive.step(12_000.0);
+            let z = drive.step(0.0).z;
+            for (axle, expected) in expected.iter().enumerate() {
+                assert!((z[2 * axle] - 0.03 * expected).abs() < 1e-14, "{obstacle} {axle}");
+            }
+        }
+        // the sample meant for a step in time is the first one on it, although 1.001 s may round below
+        let p = Parameters { obstacle: 3, x_0: 1.001, ..p };
+        let mut drive = Drive::new(p);
+        let heights: Vec<f64> = (0..1002).map(|_| drive.step(0.0).z[0]).collect();
+        assert_eq!(heights[1000..], [0.0, 0.03]);
+    }
+
+    /// Split friction from the start, jumping friction from 10 m on for each axle as it gets there.
+    #[test]
+    fn friction_changes_with_distance() {
+        let p = Parameters {
+            profile: 0,
+            mu_right: 0.3,
+            x_mu: 10.0,
+            mu_changed_left: 0.2,
+            l_middle: 1.0,
+            l_rear: 3.0,
+            ..Parameters::default()
+        };
+        let mut drive = Drive::new(p.clone());
+        assert_eq!(drive.step(12_000.0).mu, [1.0, 0.3, 1.0, 0.3, 1.0, 0.3]);
+        assert_eq!(drive.step(1_000.0).mu, [0.2, 1.0, 0.2, 1.0, 1.0, 0.3]);
+        assert_eq!(drive.step(0.0).mu, [0.2, 1.0, 0.2, 1.0, 0.2, 1.0]);
+        let mut drive = Drive::new(Parameters { x_mu: 0.0, ..p });
+        drive.step(12_000.0);
+        assert_eq!(drive.step(0.0).mu[..2], [1.0, 0.3]);
+    }
+
+    /// Back over the last meters lies the road that came, to the bit at the same distance; further back than the
+    /// history (10.2 m here) the oldest height is held; forwards again the road goes on as if nothing had happened.
+    #[test]
+    fn drives_backwards() {
+        // 1/64 m per sample: all distances are exact
+        let speed = 1000.0 / 64.0;
+        for drive in roads() {
+            let mut drive = drive;
+            drive.p.sample_time = 1.0 / 1024.0;
+            let speed = speed * 1.024;
+            let forwards: Vec<Outputs> = (0..2000).map(|_| drive.step(speed)).collect();
+            let kept = drive.clone();
+            drive.step(-speed);
+            for back in 1..300 {
+                let y = drive.step(-speed);
+                assert_eq!(y, forwards[2000 - back], "{back}");
+            }
+            let far = (0..3000).map(|_| drive.step(-speed)).last().unwrap();
+            assert!(far.z.iter().all(|z| z.is_finite()));
+            if drive.p.profile == 1 {
+                let oldest = (drive.x.points % HISTORY as u64) as usize;
+                assert_eq!(far.z[4], drive.x.left[oldest]);
+            }
+            while drive.x.s < kept.x.s {
+                drive.step(speed);
+            }
+            let mut kept = kept;
+            for _ in 0..100 {
+                assert_eq!(drive.step(speed), kept.step(speed));
+            }
+        }
+    }
+
+    /// Standing, the road stands; a speed that jumps far over many cells meets the same road.
+    #[test]
+    fn standstill_and_jumps() {
+        for drive in roads() {
+            let mut slow = drive.clone();
+            let first = slow.step(0.0);
+            assert_eq!(slow.step(0.0), first);
+            for _ in 0..5000 {
+                slow.step(10.0);
+            }
+            let mut fast = drive;
+            fast.step(50_000.0);
+            let (a, b) = (slow.step(0.0), fast.step(0.0));
+            for (a, b) in a.z.iter().zip(b.z) {
+                assert!((a - b).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_what_makes_no_sense() {
+        let p = Parameters::default;
+        for (parameters, message) in [
+            (Parameters { profile: 4, ..p() }, "profile = 4: expected 0 to 3"),
+            (Parameters { tracks: -1, ..p() }, "tracks = -1: expected 0 to 3"),
+            (Parameters { seed: -1, ..p() }, "seed = -1: expected 0 to 2147483647"),
+            (Parameters { class: 9, ..p() }, "roughness.class = 9: expected 0 to 8"),
+            (Parameters { class: 0, g_d: -1.0, ..p() }, "roughness.coefficient = -1: expected a number of at least 0"),
+            (Parameters { class_change: 0, ..p() }, "roughness.change_class = 0: expected 1 to 8"),
+            (Parameters { start: 3, ..p() }, "roughness.start = 3: expected 0 to 2"),
+            (Parameters { sample_time: 0.0, ..p() }, "sample_time = 0: expected a number above 0"),
+            (Parameters { n_00: 0.0, ..p() }, "roughness.cutoff = 0: expected a number above 0"),
+            (Parameters { ds: f64::NAN, ..p() }, "roughness.spacing = NaN: expected a number above 0"),
+            (Parameters { tracks: 2, rho: 1.5, ..p() }, "track.coherence = 1.5: expected 0 to 1"),
+            (Parameters { tracks: 3, t_track: 0.0, ..p() }, "geometry.track = 0: expected a number above 0"),
+            (Parameters { obstacle: 1, x_l: 0.0, ..p() }, "obstacle.length = 0: expected a number above 0"),
+            (Parameters { obstacle: 4, ..p() }, "obstacle.shape = 4: expected 0 to 3"),
+            (Parameters { l_middle: -1.0, ..p() }, "geometry.axle_offset.middle = -1: expected a number of at least 0"),
+            (Parameters { profile: 3, ..p() }, "table.file is empty: profile 3 expects the path of a CSV file"),
+            (
+                Parameters { l_rear: 10.3, ..p() },
+                "geometry.axle_offset.rear = 10.3 m: shaped noise is kept over 10.21 m with roughness.spacing = 0.01 m, expected a larger spacing",
+            ),
+        ] {
+            assert_eq!(design(&parameters, None).unwrap_err(), message);
+        }
+        assert_eq!(
+            parse_table("distance,height_left\n0,0\n", "a.csv").unwrap_err(),
+            "a.csv: column `height_right` is missing, expected distance, height_left, height_right"
+        );
+    }
+
+    #[test]
+    fn refuses_an_impossible_speed() {
+        let mut drive = Drive::new(Parameters::default());
+        drive.step(1e9);
+        let result = update(&drive.p, &drive.d, &mut drive.x, &Inputs { u: 1.0 }, 0.001);
+        assert_eq!(
+            result.unwrap_err(),
+            "road.distance = 1000000 m: 1e8 grid points of roughness.spacing = 0.01 m in one sample, expected at most 1e6; is vehicle.speed right?"
+        );
+        let mut drive = Drive::new(Parameters { profile: 0, ..Parameters::default() });
+        drive.step(f64::MAX);
+        drive.x.s = f64::INFINITY;
+        let result = update(&drive.p, &drive.d, &mut drive.x, &Inputs { u: 1.0 }, 0.001);
+        assert_eq!(
+            result.unwrap_err(),
+            "road.distance = inf m after vehicle.speed = 1 m/s: expected a finite distance"
+        );
+    }
+
+    proptest::proptest! {
+        /// A state saved at any sample and restored later continues to the bit, at any speeds, on every road.
+        #[test]
+        fn saved_state_continues(road in 0..16_usize, speeds in proptest::collection::vec(-30.0..300.0_f64, 2..200), cut in 0.0..1.0_f64) {
+            let mut drive = roads().nth(road).unwrap();
+            drive.p.t_change = 0.05;
+            let cut = (cut * speeds.len() as f64) as usize;
+            for speed in &speeds[..cut] {
+                drive.step(*speed);
+            }
+            let saved = (drive.x.clone(), drive.sample);
+            let first: Vec<Outputs> = speeds[cut..].iter().map(|speed| drive.step(*speed)).collect();
+            (drive.x, drive.sample) = saved;
+            for (speed, first) in speeds[cut..].iter().zip(first) {
+                let again = drive.step(*speed);
+                proptest::prop_assert_eq!(again.z.map(f64::to_bits), first.z.map(f64::to_bits));
+                proptest::prop_assert_eq!(again, first);
+            }
+        }
+
+        /// Whatever the speed: heights or a message, no panic.
+        #[test]
+        fn never_panics(road in 0..16_usize, speeds in proptest::collection::vec(proptest::num::f64::ANY, 1..20)) {
+            let mut drive = roads().nth(road).unwrap();
+            for (n, u) in speeds.into_iter().enumerate() {
+                let t = n as f64 * 0.001;
+                let result = update(&drive.p, &drive.d, &mut drive.x, &Inputs { u }, t);
+                if result.is_err() {
+                    break;
+                }
+            }
+        }
+    }
+}
