@@ -315,7 +315,6 @@ pub fn design(p: &Parameters, table: Option<Table>) -> Result<Design, String> {
     not_negative("roughness.change_time", p.t_change)?;
     not_negative("geometry.axle_offset.middle", p.l_middle)?;
     not_negative("geometry.axle_offset.rear", p.l_rear)?;
-    not_negative("friction.change_start", p.x_mu)?;
 
     let coefficient = match class_coefficient(p.class) {
         Some(coefficient) => coefficient,
