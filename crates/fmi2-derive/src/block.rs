@@ -23,7 +23,7 @@ pub(crate) fn parameters(input: &DeriveInput) -> Result<TokenStream> {
     let mut readers = Vec::new();
     let mut extra = Vec::new();
     for field in fields(input)? {
-        let (declaration, reader) = parameter(field)?;
+        let (declaration, reader) = if is_nested(field) { nested(field)? } else { parameter(field)? };
         declarations.push(declaration);
         let field_name = name(field);
         readers.push(quote!(#field_name: #reader));
@@ -56,6 +56,23 @@ pub(crate) fn parameters(input: &DeriveInput) -> Result<TokenStream> {
         }
         #(#extra)*
     })
+}
+
+/// A field that is a parameter block itself.
+fn is_nested(field: &Field) -> bool {
+    field.attrs.iter().any(|attribute| attribute.path().is_ident("parameters"))
+}
+
+/// Declarations and reader of a nested block.
+fn nested(field: &Field) -> Result<(TokenStream, TokenStream)> {
+    if let Some(other) = field.attrs.iter().find(|attribute| attribute.path().is_ident("par")) {
+        return Err(Error::new_spanned(other, "the fields of a nested block carry their own attributes"));
+    }
+    let ty = &field.ty;
+    Ok((
+        quote!(all.extend(<#ty as ::fmi2::block::Parameters>::declare());),
+        quote!(<#ty as ::fmi2::block::Parameters>::read(values)),
+    ))
 }
 
 /// Declaration and reader of one parameter.

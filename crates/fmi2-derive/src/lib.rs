@@ -7,6 +7,7 @@
 //! |---|---|---|
 //! | `Parameters` | `#[par("name", unit = U, start = …)]` | the doc comment |
 //! | `Parameters` | `#[par(QUANTITY, start = …)]`, an entry of a parameter catalogue | that of the entry; a doc comment is added |
+//! | `Parameters` | `#[parameters]`: a block of parameters shared by several models | those of its fields |
 //! | `Inputs`, `Outputs`, `State` | `#[signal(SIGNAL)]`, an entry of the signal catalogue | that of the entry; a doc comment is added |
 //! | `Inputs`, `Outputs`, `State` | `#[var("name", unit = U)]`, a variable of this unit alone | the doc comment |
 //! | `Design` | `#[calculated("name", unit = U)]`; fields without it are not shown | the doc comment |
@@ -39,7 +40,7 @@ macro_rules! derives {
 derives! {
     /// The parameters of a model. Also implements `Default` (the start values), and `HasSampleTime` or `HasMaxStep`
     /// for a struct with the field `sample_time` or `max_step`.
-    Parameters(par) = block::parameters;
+    Parameters(par, parameters) = block::parameters;
     /// The inputs of a model. Also implements `Default` (the start values).
     Inputs(signal, var) = |input| block::numbers(input, false);
     /// The outputs of a model that are not states. Also implements `Default` (the start values).

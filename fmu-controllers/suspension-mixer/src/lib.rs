@@ -13,10 +13,10 @@ pub struct SuspensionMixer;
 pub struct P {
     /// Limit of a suspension force; assumed, never reached in the paper's experiments
     #[par("actuator.force_limit", unit = N, start = 100_000.0, min = 0.0, tunable, display = "kN")]
-    pub limit: f64,
+    limit: f64,
     /// assumed
     #[par(SAMPLE_TIME, start = 0.001)]
-    pub sample_time: f64,
+    sample_time: f64,
 }
 
 /// What the two laws propose, and their shares.

@@ -28,67 +28,67 @@ pub enum TireModel {
 pub struct P {
     /// paper, Table 6
     #[par(VEHICLE_MASS, start = data::MASS)]
-    pub m: f64,
+    m: f64,
     /// assumed: 10 % of the vehicle is unsprung
     #[par(WHEEL_MASS, start = data::WHEEL_MASS)]
-    pub m_w: f64,
+    m_w: f64,
     /// paper, Table 6
     #[par(FRONT_TO_MIDDLE_AXLE, start = data::FRONT_TO_MIDDLE)]
-    pub l12: f64,
+    l12: f64,
     /// paper, Table 6
     #[par(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
-    pub l23: f64,
+    l23: f64,
     /// assumed: equal static loads of the axles
     #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
-    pub a: f64,
+    a: f64,
     /// paper, Table 6
     #[par(TRACK, start = data::TRACK)]
-    pub b_t: f64,
+    b_t: f64,
     /// assumed
     #[par(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
-    pub h_s: f64,
+    h_s: f64,
     /// assumed: gyration radius 0.92 m
     #[par(BODY_ROLL_AXIS_INERTIA, start = data::ROLL_AXIS_INERTIA)]
-    pub i_x: f64,
+    i_x: f64,
     /// assumed: gyration radius 2.0 m
     #[par(BODY_PITCH_AXIS_INERTIA, start = data::PITCH_AXIS_INERTIA)]
-    pub i_y: f64,
+    i_y: f64,
     /// assumed: gyration radius 2.3 m
     #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
-    pub i_z: f64,
+    i_z: f64,
     /// assumed: small
     #[par(BODY_PRODUCT_OF_INERTIA, start = data::PRODUCT_OF_INERTIA)]
-    pub i_xz: f64,
+    i_xz: f64,
     /// assumed: heave at 0.97 Hz
     #[par(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
-    pub k_s: f64,
+    k_s: f64,
     /// assumed: damping ratio of heave about 0.3
     #[par(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
-    pub c_s: f64,
+    c_s: f64,
     /// assumed: load over 0.16 times the section height
     #[par(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
-    pub k_t: f64,
+    k_t: f64,
     /// assumed: 5.1 per rad of the static load
     #[par(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
-    pub c: ThreeAxles<f64>,
+    c: ThreeAxles<f64>,
     /// assumed: dry unpaved road
     #[par(TIRE_FRICTION, start = data::FRICTION, tunable)]
-    pub mu: f64,
+    mu: f64,
     /// used in slip and sideslip angles
     #[par(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
-    pub u_min: f64,
+    u_min: f64,
     /// Lateral tire law
     #[par("tire.model", mode, start = TireModel::Saturating)]
-    pub tire_model: TireModel,
+    tire_model: TireModel,
     /// A tire cannot pull on the road; if false, tire springs are linear as in the paper
     #[par("tire.lift_off", start = true)]
-    pub lift_off: bool,
+    lift_off: bool,
     #[par(GRAVITY, start = data::GRAVITY)]
     /// standard value, rounded
-    pub g: f64,
+    g: f64,
     /// Runge-Kutta of order 4; relative error 3e-10 in smooth runs, 1e-6 where wheels lift off
     #[par(MAX_STEP, start = 0.00025)]
-    pub max_step: f64,
+    max_step: f64,
 }
 
 /// Inputs; x_i, y_i, and the wheels 1 to 6 of the paper in the order fl, fr, ml, mr, rl, rr.

@@ -1,0 +1,232 @@
+//! Linear quadratic design of the active suspension of a three-axle vehicle: what the controllers
+//! `IntegratedLqrSuspension` and `RollLqrSuspension` share.
+//!
+//! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 9-13 and 32-39, Appendix A. The springs, dampers and
+//! tire springs are part of the design model; the paper leaves them outside, which makes the pair (A, B) not
+//! stabilizable.
+
+mod model;
+
+use chassis::data::rescue_vehicle as data;
+use chassis::prelude::*;
+use control::riccati::{Regulator, lqr_output_weighted};
+use fmi2::prelude::*;
+use nalgebra::{DMatrix, DVector};
+
+pub use model::{LATERAL_STATES, STATES, Vehicle, output_rows, state_space};
+
+/// Copies of the plant's parameters; a parameter set by name feeds both.
+#[derive(Parameters, Clone, Debug)]
+pub struct VehicleParameters {
+    #[par(VEHICLE_MASS, start = data::MASS)]
+    m: f64,
+    #[par(WHEEL_MASS, start = data::WHEEL_MASS)]
+    m_w: f64,
+    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    a: f64,
+    #[par(FRONT_TO_MIDDLE_AXLE, start = data::FRONT_TO_MIDDLE)]
+    l12: f64,
+    #[par(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
+    l23: f64,
+    #[par(TRACK, start = data::TRACK)]
+    b_t: f64,
+    #[par(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
+    h_s: f64,
+    #[par(BODY_ROLL_AXIS_INERTIA, start = data::ROLL_AXIS_INERTIA)]
+    i_x: f64,
+    #[par(BODY_PITCH_AXIS_INERTIA, start = data::PITCH_AXIS_INERTIA)]
+    i_y: f64,
+    #[par(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
+    k_s: f64,
+    #[par(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
+    c_s: f64,
+    #[par(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
+    k_t: f64,
+    #[par(GRAVITY, start = data::GRAVITY)]
+    g: f64,
+    /// used with `design.lateral_states`
+    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    i_z: f64,
+    /// used with `design.lateral_states`
+    #[par(BODY_PRODUCT_OF_INERTIA, start = data::PRODUCT_OF_INERTIA)]
+    i_xz: f64,
+    /// used with `design.lateral_states`
+    #[par(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
+    c: ThreeAxles<f64>,
+    /// Sideslip and yaw rate are states of the design model and fed back, as eq. 9 of the paper suggests
+    #[par("design.lateral_states", start = false)]
+    lateral_states: bool,
+    /// Speed of the design model with lateral states
+    #[par("design.speed", unit = M_PER_S, start = data::SPEED, positive, display = "km/h")]
+    speed: f64,
+}
+
+impl VehicleParameters {
+    /// The data of the design model.
+    fn vehicle(&self) -> Vehicle {
+        let x = [self.a, self.a - self.l12, self.a - self.l12 - self.l23];
+        Vehicle {
+            m: self.m,
+            m_w: self.m_w,
+            x: std::array::from_fn(|i| x[axle_of(i)]),
+            y: std::array::from_fn(|i| self.b_t / 2.0 * left_is_positive(i)),
+            h_s: self.h_s,
+            i_x: self.i_x,
+            i_y: self.i_y,
+            i_z: self.i_z,
+            i_xz: self.i_xz,
+            k_s: self.k_s,
+            c_s: self.c_s,
+            k_t: self.k_t,
+            c: std::array::from_fn(|i| self.c[axle_of(i)]),
+            g: self.g,
+        }
+    }
+}
+
+/// The measured state.
+#[derive(Inputs, Clone, Debug)]
+pub struct Feedback {
+    #[signal(BODY_HEAVE)]
+    z: f64,
+    #[signal(BODY_PITCH)]
+    theta: f64,
+    #[signal(BODY_ROLL)]
+    phi: f64,
+    #[signal(WHEEL_HEIGHT)]
+    z_w: SixWheels<f64>,
+    #[signal(BODY_HEAVE_RATE)]
+    zd: f64,
+    #[signal(BODY_PITCH_RATE)]
+    thetad: f64,
+    #[signal(BODY_ROLL_RATE)]
+    phid: f64,
+    #[signal(WHEEL_VELOCITY)]
+    zd_w: SixWheels<f64>,
+    /// used with `design.lateral_states`
+    #[signal(VEHICLE_SIDESLIP)]
+    beta: f64,
+    /// used with `design.lateral_states`
+    #[signal(VEHICLE_YAW_RATE)]
+    r: f64,
+}
+
+/// The gain matrix K of U = -K X, by column: force of the wheel per unit of the state.
+#[derive(Design, Clone, Debug)]
+pub struct Gains {
+    /// Force per heave
+    #[calculated("gain.heave", unit = N_PER_M)]
+    z: SixWheels<f64>,
+    /// Force per pitch
+    #[calculated("gain.pitch", unit = N_PER_RAD)]
+    theta: SixWheels<f64>,
+    /// Force per roll
+    #[calculated("gain.roll", unit = N_PER_RAD)]
+    phi: SixWheels<f64>,
+    /// Force per wheel height
+    #[calculated("gain.wheel_height", unit = N_PER_M)]
+    z_w: SixWheels<SixWheels<f64>>,
+    /// Force per heave rate
+    #[calculated("gain.heave_rate", unit = N_S_PER_M)]
+    zd: SixWheels<f64>,
+    /// Force per pitch rate
+    #[calculated("gain.pitch_rate", unit = N_S_PER_RAD)]
+    thetad: SixWheels<f64>,
+    /// Force per roll rate
+    #[calculated("gain.roll_rate", unit = N_S_PER_RAD)]
+    phid: SixWheels<f64>,
+    /// Force per wheel velocity
+    #[calculated("gain.wheel_velocity", unit = N_S_PER_M)]
+    zd_w: SixWheels<SixWheels<f64>>,
+    /// Force per sideslip angle
+    #[calculated("gain.sideslip", unit = N_PER_RAD)]
+    beta: SixWheels<f64>,
+    /// Force per yaw rate
+    #[calculated("gain.yaw_rate", unit = N_S_PER_RAD)]
+    r: SixWheels<f64>,
+}
+
+/// An output of the design model with the largest value that is accepted of it (Bryson's rule: weight 1/value^2).
+#[derive(Clone, Copy, Debug)]
+pub struct Accepted {
+    /// What is weighted.
+    pub quantity: Weighted,
+    /// Largest accepted value, in the SI unit of the quantity, > 0.
+    pub value: f64,
+}
+
+/// Quantities that a cost may weigh; those of the wheels count for each of the six.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weighted {
+    /// Heave acceleration, m/s2.
+    HeaveAcceleration,
+    /// Pitch acceleration, rad/s2.
+    PitchAcceleration,
+    /// Roll angle, rad.
+    Roll,
+    /// Roll acceleration, rad/s2.
+    RollAcceleration,
+    /// Suspension deflections, m.
+    SuspensionDeflections,
+    /// Tire deflections on a flat road, m.
+    TireDeflections,
+}
+
+impl Gains {
+    /// Solves the regulator problem: the cost weighs `outputs` and the forces, of which `force` N are accepted.
+    ///
+    /// # Errors
+    /// When the mass matrix is not positive definite or there is no stabilizing solution.
+    pub fn design(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Self, String> {
+        let regulator = regulator(p, outputs, force)?;
+        let k = &regulator.gain;
+        let column = |j: usize| SixWheels::from_fn(|i| k[(i, j)]);
+        let wheels = |first: usize| SixWheels::from_fn(|i| SixWheels::from_fn(|j| k[(i, first + j)]));
+        let lateral = |j: usize| if p.lateral_states { column(j) } else { SixWheels::default() };
+        Ok(Self {
+            z: column(0),
+            theta: column(1),
+            phi: column(2),
+            z_w: wheels(3),
+            zd: column(9),
+            thetad: column(10),
+            phid: column(11),
+            zd_w: wheels(12),
+            beta: lateral(18),
+            r: lateral(19),
+        })
+    }
+
+    /// U = -K X (eqs. 36, 37), N.
+    pub fn force(&self, x: &Feedback) -> SixWheels<f64> {
+        let wheels = |gains: &SixWheels<f64>, values: &SixWheels<f64>| -> f64 {
+            gains.iter().zip(values.iter()).map(|(k, x)| k * x).sum()
+        };
+        SixWheels::from_fn(|i| {
+            -(self.z[i] * x.z
+                + self.theta[i] * x.theta
+                + self.phi[i] * x.phi
+                + wheels(&self.z_w[i], &x.z_w)
+                + self.zd[i] * x.zd
+                + self.thetad[i] * x.thetad
+                + self.phid[i] * x.phid
+                + wheels(&self.zd_w[i], &x.zd_w)
+                + self.beta[i] * x.beta
+                + self.r[i] * x.r)
+        })
+    }
+}
+
+/// The regulator of the design model.
+///
+/// # Errors
+/// As [`Gains::design`].
+pub fn regulator(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Regulator, String> {
+    let vehicle = p.vehicle();
+    let (a, b) = state_space(&vehicle, p.lateral_states.then_some(p.speed))?;
+    let (d, e, weights) = output_rows(&vehicle, &a, &b, outputs);
+    let q0 = DMatrix::from_diagonal(&DVector::from_vec(weights));
+    let r0 = DMatrix::identity(6, 6) / (force * force);
+    lqr_output_weighted(&a, &b, &d, &e, &q0, &r0)
+        .map_err(|error| format!("no suspension gains for these parameters: {error}"))
+}

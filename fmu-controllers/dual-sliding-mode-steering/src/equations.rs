@@ -1,0 +1,100 @@
+//! One sample of the steering law, in the order of the paper (eqs. 14-31).
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | beta, r, u | sideslip angle, yaw rate, speed |
+//! | df, dm, dr | angles of the front, middle and rear axle |
+//! | a, -b, -c | longitudinal position of the axles |
+//! | C_F, C_M, C_R | cornering stiffness of the axles (two tires each), positive |
+//! | S_b, S_r | sliding surfaces of sideslip and yaw rate |
+//! | n_b, n_r | lateral force and yaw moment that the two axles have to make |
+
+use chassis::positions::{RearAxles, ThreeAxles};
+use control::limit;
+use control::sliding_mode::{integral_surface, reaching_law};
+
+use crate::{P, ReferenceModel, SlipAngleModel, U, X, Y};
+
+/// The geometry must leave the center of mass between the front and the rear axle.
+pub(crate) fn check(p: &P) -> Result<(), String> {
+    if static_front_load(p) <= 0.0 {
+        return Err(format!(
+            "'geometry.cg_to_front_axle' = {} m: the front axle must carry a part of the vehicle",
+            p.a
+        ));
+    }
+    Ok(())
+}
+
+/// W_F/g in kg: three equal springs under a rigid body (the load of an axle is A + D x).
+fn static_front_load(p: &P) -> f64 {
+    let x = [p.a, p.a - p.l12, p.a - p.l12 - p.l23];
+    let s1: f64 = x.iter().sum();
+    let s2: f64 = x.iter().map(|x| x * x).sum();
+    p.m * (s2 - s1 * x[0]) / (3.0 * s2 - s1 * s1)
+}
+
+pub(crate) fn sample(p: &P, x: &mut X, inputs: &U) -> Y {
+    let t = p.sample_time;
+    let (a, b, c) = (p.a, p.l12 - p.a, p.l12 + p.l23 - p.a);
+    let [c_f, c_m, c_r] = p.c.map(|tire| 2.0 * tire);
+    let U { beta, r, .. } = *inputs;
+    let u = inputs.u.max(p.u_min);
+
+    // Front axle and yaw rate reference.
+    let gain = match p.reference_model {
+        ReferenceModel::ZeroSideslip => u / (a + static_front_load(p) * u * u / c_f),
+        ReferenceModel::TwoDegreesOfFreedom => {
+            let a1 = c_f + c_m + c_r;
+            let a2 = a * c_f - b * c_m - c * c_r;
+            let a3 = a * a * c_f + b * b * c_m + c * c * c_r;
+            // An oversteering vehicle has a critical speed; the gain stays finite beyond it.
+            let den = (a1 * a3 - a2 * a2 - a2 * p.m * u * u).max(0.05 * a1 * a3);
+            c_f * (a * a1 - a2) * u / den
+        }
+    };
+    let r_max = p.ay_limit / u;
+    let (f_lim, yaw_rate_of): (f64, fn(f64) -> f64) = match p.reference_model {
+        ReferenceModel::ZeroSideslip => ((r_max / gain).atan(), f64::tan),
+        ReferenceModel::TwoDegreesOfFreedom => (r_max / gain, |angle| angle),
+    };
+    let df = limit::rate(limit::magnitude(inputs.steer, f_lim.min(p.front_limit)), x.df, p.front_rate, t);
+    let target = limit::magnitude(gain * yaw_rate_of(df), r_max);
+    let r_d = x.r_d;
+    let rdd = (target - r_d) / p.tau;
+
+    // Sliding modes (eqs. 16-31).
+    let is_on = inputs.k3 > 0.5;
+    let (e_b, e_r) = (beta, r - r_d);
+    let (mut s_b, mut s_r, mut dm, mut dr) = (0.0, 0.0, 0.0, 0.0);
+    if is_on {
+        s_b = integral_surface(e_b, x.i_b, p.zeta[0]);
+        s_r = integral_surface(e_r, x.i_r, p.zeta[1]);
+        let slip = |lever: f64| match p.slip_angle_model {
+            SlipAngleModel::Arctangent => (beta.tan() + lever * r / u).atan(),
+            SlipAngleModel::SmallAngle => beta + lever * r / u,
+        };
+        let (g_f, g_m, g_r) = (c_f * (slip(a) - df), c_m * slip(-b), c_r * slip(-c));
+        let reach_b = -p.zeta[0] * e_b + reaching_law(s_b, p.k[0], p.eps_b, p.width_b);
+        let reach_r = rdd - p.zeta[1] * e_r + reaching_law(s_r, p.k[1], p.eps_r, p.width_r);
+        let n_b = g_f + g_m + g_r + p.m * u * r + p.m * u * reach_b;
+        let n_r = a * g_f - b * g_m - c * g_r + p.i_z * reach_r;
+        // n_b = C_M dm + C_R dr, n_r = -b C_M dm - c C_R dr
+        dm = (n_r + c * n_b) / ((c - b) * c_m);
+        dr = -(n_r + b * n_b) / ((c - b) * c_r);
+    }
+    let request = RearAxles([dm, dr]);
+
+    // Limits; the integrals are frozen while an axle is at its angle limit (anti-windup).
+    let is_free = dm.abs() <= p.limit && dr.abs() <= p.limit;
+    let limited = |angle, last| limit::rate(limit::magnitude(angle, p.limit), last, p.rate, t);
+    (x.df, x.dm, x.dr) = (df, limited(dm, x.dm), limited(dr, x.dr));
+    if !is_on {
+        (x.i_b, x.i_r) = (0.0, 0.0);
+    } else if is_free {
+        x.i_b += t * e_b;
+        x.i_r += t * e_r;
+    }
+    x.r_d = limit::lag(r_d, target, p.tau, t);
+    Y { delta: ThreeAxles([x.df, x.dm, x.dr]), s_b, s_r, r_d, request }
+}

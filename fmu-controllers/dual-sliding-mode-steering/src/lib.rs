@@ -1,0 +1,172 @@
+//! `DualSlidingModeSteering`: the middle and rear axles of a three-axle vehicle keep sideslip at zero and the yaw rate
+//! at its reference, by two integral sliding modes.
+//!
+//! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 14-31.
+
+mod equations;
+
+use chassis::data::rescue_vehicle as data;
+use chassis::prelude::*;
+use fmi2::prelude::*;
+
+/// The controller.
+pub struct DualSlidingModeSteering;
+
+/// Which steady turn the yaw rate reference belongs to.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReferenceModel {
+    /// rear axles straight: the ordinary two-degree-of-freedom model
+    TwoDegreesOfFreedom = 0,
+    /// all axles steer so that there is no sideslip
+    ZeroSideslip = 1,
+}
+
+/// How the slip angles of the axles are computed.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SlipAngleModel {
+    /// small angles, as in the paper
+    SmallAngle = 0,
+    /// arctangent, right at low speed with large angles
+    Arctangent = 1,
+}
+
+/// Symbols as in the paper; C = -k > 0.
+#[derive(Parameters, Clone, Debug)]
+pub struct P {
+    #[par(VEHICLE_MASS, start = data::MASS)]
+    m: f64,
+    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    i_z: f64,
+    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    a: f64,
+    #[par(FRONT_TO_MIDDLE_AXLE, start = data::FRONT_TO_MIDDLE)]
+    l12: f64,
+    #[par(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
+    l23: f64,
+    #[par(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
+    c: ThreeAxles<f64>,
+    #[par(GRAVITY, start = data::GRAVITY)]
+    g: f64,
+    #[par(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
+    u_min: f64,
+    /// zeta: rate at which the error decays on the surface; raise it against a lasting error
+    #[par("surface.integral_gain", unit = PER_S, start = 1.0, min = 0.0, tunable)]
+    zeta: SlidingModes<f64>,
+    /// K: linear reaching rate; raise it for a faster return to the surface
+    #[par("reaching.rate", unit = PER_S, start = 4.0, min = 0.0, tunable)]
+    k: SlidingModes<f64>,
+    /// eps: switching gain of the sideslip law
+    #[par("switching.gain.sideslip", unit = RAD_PER_S, start = 0.02, min = 0.0, tunable)]
+    eps_b: f64,
+    /// eps: switching gain of the yaw rate law
+    #[par("switching.gain.yaw_rate", unit = RAD_PER_S2, start = 0.05, min = 0.0, tunable)]
+    eps_r: f64,
+    /// Boundary layer of the sideslip law; widen it if the axles chatter, 0 is a pure sign
+    #[par("switching.boundary_layer.sideslip", unit = RAD, start = 0.01, min = 0.0, tunable)]
+    width_b: f64,
+    /// Boundary layer of the yaw rate law; widen it if the axles chatter, 0 is a pure sign
+    #[par("switching.boundary_layer.yaw_rate", unit = RAD_PER_S, start = 0.02, min = 0.0, tunable)]
+    width_r: f64,
+    /// Largest lateral acceleration that the reference asks for (calibrated on Table 4)
+    #[par("reference.lateral_acceleration_limit", unit = M_PER_S2, start = 3.743, positive, tunable)]
+    ay_limit: f64,
+    /// Time constant of the yaw rate reference
+    #[par("reference.time_constant", unit = S, start = 0.2, positive, tunable)]
+    tau: f64,
+    /// Rate limit of the front axle; 0 or less for none (calibrated on Table 4: 10 deg/s)
+    #[par("steer.rate_limit.front", unit = RAD_PER_S, start = 10.0 * DEG, tunable, display = "deg/s")]
+    front_rate: f64,
+    /// Rate limit of the middle and rear axle; 0 or less for none
+    #[par("steer.rate_limit.rear", unit = RAD_PER_S, start = 30.0 * DEG, tunable, display = "deg/s")]
+    rate: f64,
+    /// Angle limit of the front axle (paper: 32 deg)
+    #[par("steer.angle_limit.front", unit = RAD, start = 32.0 * DEG, min = 0.0, tunable, display = "deg")]
+    front_limit: f64,
+    /// Angle limit of the middle and rear axle
+    #[par("steer.angle_limit.rear", unit = RAD, start = 32.0 * DEG, min = 0.0, tunable, display = "deg")]
+    limit: f64,
+    /// Steady turn of the yaw rate reference
+    #[par("reference.model", mode, start = ReferenceModel::ZeroSideslip)]
+    reference_model: ReferenceModel,
+    /// Slip angles of the axles
+    #[par("slip_angle.model", mode, start = SlipAngleModel::Arctangent)]
+    slip_angle_model: SlipAngleModel,
+    /// T
+    #[par(SAMPLE_TIME, start = 0.001)]
+    sample_time: f64,
+}
+
+const DEG: f64 = std::f64::consts::PI / 180.0;
+
+fmi2::family! {
+    /// The two sliding modes.
+    pub SlidingModes[2] {
+        sideslip: "sideslip",
+        yaw_rate: "yaw rate",
+    }
+}
+
+/// What the driver asks for and what is measured.
+#[derive(Inputs, Clone, Debug)]
+pub struct U {
+    #[signal(DRIVER_STEER)]
+    steer: f64,
+    #[signal(VEHICLE_SPEED)]
+    u: f64,
+    #[signal(VEHICLE_SIDESLIP)]
+    beta: f64,
+    #[signal(VEHICLE_YAW_RATE)]
+    r: f64,
+    #[signal(WEIGHT_STEERING)]
+    k3: f64,
+}
+
+/// Axle angles, and what one wants to look at.
+#[derive(Outputs, Clone, Debug)]
+pub struct Y {
+    #[signal(STEER)]
+    delta: ThreeAxles<f64>,
+    #[signal(SLIDING_SURFACE_SIDESLIP)]
+    s_b: f64,
+    #[signal(SLIDING_SURFACE_YAW_RATE)]
+    s_r: f64,
+    #[signal(REFERENCE_YAW_RATE)]
+    r_d: f64,
+    #[signal(STEER_REQUEST)]
+    request: RearAxles<f64>,
+}
+
+/// Integrals of the errors, reference, and the last axle angles.
+#[derive(Memory, Clone, Debug, Default)]
+pub struct X {
+    i_b: f64,
+    i_r: f64,
+    r_d: f64,
+    df: f64,
+    dm: f64,
+    dr: f64,
+}
+
+impl Sampled for DualSlidingModeSteering {
+    const INFO: Info = Info {
+        name: "DualSlidingModeSteering",
+        description: "Multi-axle steering of a three-axle vehicle by two integral sliding modes: zero sideslip and reference yaw rate",
+        version: env!("CARGO_PKG_VERSION"),
+        stop_time: 20.0,
+        step_size: 0.001,
+    };
+    type Parameters = P;
+    type Design = ();
+    type Memory = X;
+    type Inputs = U;
+    type Outputs = Y;
+
+    fn design(p: &P) -> Result<(), String> {
+        equations::check(p)
+    }
+    fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
+        equations::sample(p, x, u)
+    }
+}
+
+fmi2::export!(sampled DualSlidingModeSteering);

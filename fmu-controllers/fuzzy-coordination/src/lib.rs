@@ -1,0 +1,104 @@
+//! `FuzzyCoordination`: how much of each suspension law acts and whether the multi-axle steering is on, from the
+//! steering demand and the speed.
+//!
+//! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, Tables 2 and 3. The rule table drives the share of the roll
+//! law and its mapped output that of the integrated law; as printed it is the other way round, which contradicts the
+//! paper's text and results (`rules.as_printed` restores it).
+
+mod equations;
+
+use chassis::prelude::*;
+use control::fuzzy::{LabelMap, Output, Partition, RuleTable};
+use fmi2::prelude::*;
+
+/// The controller.
+pub struct FuzzyCoordination;
+
+/// Which control case runs.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Strategy {
+    /// constant weights, no coordination
+    Individual = 1,
+    /// weights by fuzzy rules
+    Coordination = 2,
+}
+
+/// Parameters.
+#[derive(Parameters, Clone, Debug)]
+pub struct P {
+    /// Control case
+    #[par("strategy", mode, start = Strategy::Coordination)]
+    strategy: Strategy,
+    /// Share of the integrated law in individual control
+    #[par("fixed_weight.integrated", unit = ONE, start = 1.0, tunable)]
+    fixed_integrated: f64,
+    /// Share of the roll law in individual control; both laws fully on are unstable
+    #[par("fixed_weight.roll", unit = ONE, start = 0.0, tunable)]
+    fixed_roll: f64,
+    /// Multi-axle steering in individual control: on when above 0.5
+    #[par("fixed_weight.steering", unit = ONE, start = 1.0, tunable)]
+    fixed_steering: f64,
+    /// Steering demand from which on the multi-axle steering is on in coordination
+    #[par("steering.activation_angle", unit = RAD, start = std::f64::consts::PI / 180.0, min = 0.0, tunable, display = "deg")]
+    delta_0: f64,
+    /// Tables 2 and 3 drive the shares as printed in the paper
+    #[par("rules.as_printed", start = false)]
+    as_printed: bool,
+    /// assumed
+    #[par(SAMPLE_TIME, start = 0.001)]
+    sample_time: f64,
+}
+
+/// What the rules look at.
+#[derive(Inputs, Clone, Debug)]
+pub struct U {
+    #[signal(DRIVER_STEER)]
+    steer: f64,
+    #[signal(VEHICLE_SPEED)]
+    speed: f64,
+}
+
+/// The shares.
+#[derive(Outputs, Clone, Debug)]
+pub struct Y {
+    #[signal(WEIGHT_INTEGRATED)]
+    k1: f64,
+    #[signal(WEIGHT_ROLL)]
+    k2: f64,
+    #[signal(WEIGHT_STEERING)]
+    k3: f64,
+}
+
+/// The rule base with its tabulated output sets.
+#[derive(Design, Clone, Debug)]
+pub struct D {
+    angle: Partition<5>,
+    speed: Partition<5>,
+    rules: RuleTable<5, 5, 7>,
+    mirrored: LabelMap<7, 7>,
+    output: Output<7, 101>,
+}
+
+impl Sampled for FuzzyCoordination {
+    const INFO: Info = Info {
+        name: "FuzzyCoordination",
+        description: "Shares of the integrated and the roll suspension law and activation of multi-axle steering, by fuzzy rules on steering demand and speed",
+        version: env!("CARGO_PKG_VERSION"),
+        stop_time: 20.0,
+        step_size: 0.001,
+    };
+    type Parameters = P;
+    type Design = D;
+    type Memory = ();
+    type Inputs = U;
+    type Outputs = Y;
+
+    fn design(_: &P) -> Result<D, String> {
+        equations::rule_base()
+    }
+    fn update(p: &P, d: &D, (): &mut (), u: &U, _t: f64) -> Y {
+        equations::weights(p, d, u)
+    }
+}
+
+fmi2::export!(sampled FuzzyCoordination);
