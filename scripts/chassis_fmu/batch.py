@@ -1,0 +1,191 @@
+"""Executes the runs of a plan in parallel processes, with a progress bar over all of their steps."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import signal
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any, cast
+
+import fmpy
+import numpy as np
+from tqdm import tqdm
+
+from . import master, results
+from .plan import Plan, Run, Simulation
+
+# Seconds between two messages of a run about its progress.
+REPORT_INTERVAL = 0.2
+
+
+@dataclass(frozen=True)
+class _Task:
+    run: Run
+    simulation: Simulation
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    folders: Mapping[Path, Path]
+    out: Path
+
+
+def _execute(task: _Task, pipe: Connection) -> None:
+    """Body of a process: simulates one run, writes its files, sends numbers of steps and in the end a verdict."""
+    pending = 0
+    last = time.monotonic()
+
+    def progress(steps: int) -> None:
+        nonlocal pending, last
+        pending += steps
+        if time.monotonic() - last >= REPORT_INTERVAL:
+            pipe.send(pending)
+            pending, last = 0, time.monotonic()
+
+    try:
+        times, rows = master.simulate(
+            task.run,
+            task.simulation,
+            lambda unit: master.FmpyInstance(unit, task.folders[unit.fmu]),
+            progress,
+        )
+        present = [i for i, slot in enumerate(task.run.columns) if slot is not None]
+        names = [task.names[i] for i in present]
+        results.write_csv(task.out / f"{task.run.stem}.csv", names, times, rows)
+        units = [task.units[i] for i in present]
+        results.write_parquet(task.out / f"{task.run.stem}.parquet", names, units, times, rows)
+        pipe.send(pending)
+        pipe.send("")
+    except master.RunError as error:
+        pipe.send(str(error))
+    except Exception as error:
+        pipe.send(f"{type(error).__name__}: {error}")
+    finally:
+        pipe.close()
+
+
+def _extract(plan: Plan, folder: Path) -> tuple[dict[Path, Path], dict[Path, str]]:
+    """Extract every FMU of the plan once. Returns the folders, and the FMUs that could not be extracted."""
+    folders: dict[Path, Path] = {}
+    broken: dict[Path, str] = {}
+    for run in plan.runs:
+        for unit in run.units:
+            if unit.fmu in folders or unit.fmu in broken:
+                continue
+            target = folder / str(len(folders))
+            try:
+                fmpy.extract(str(unit.fmu), str(target))
+                folders[unit.fmu] = target
+            except Exception as error:  # fmpy raises bare Exceptions for illegal archives
+                broken[unit.fmu] = f"{type(error).__name__}: {error}"
+    return folders, broken
+
+
+def execute(plan: Plan, out: Path, jobs: int) -> dict[str, str]:
+    """Execute all runs of the plan, at most `jobs` at a time; their files go to `out`.
+
+    Every run has a process of its own: an FMU that crashes takes only its run with it. Files of an earlier
+    execution of the same runs are removed first. Returns the error message of every run that failed, by run id.
+    """
+    # A method that does not copy the threads of this process; the server imports the modules only once.
+    methods = multiprocessing.get_all_start_methods()
+    context: Any = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+    if "forkserver" in methods:
+        context.set_forkserver_preload(["chassis_fmu.batch"])
+    failures: dict[str, str] = {}
+    names = tuple(c.name for c in plan.columns)
+    units = tuple(c.unit for c in plan.columns)
+    for run in plan.runs:
+        for suffix in (".csv", ".parquet"):
+            (out / f"{run.stem}{suffix}").unlink(missing_ok=True)
+    running: dict[Connection, tuple[Run, Any, int]] = {}
+    with (
+        tempfile.TemporaryDirectory(prefix="chassis-fmu-") as folder,
+        tqdm(total=plan.simulation.steps * len(plan.runs), unit="step", unit_scale=True, disable=None) as bar,
+    ):
+        folders, broken = _extract(plan, Path(folder))
+        waiting = []
+        for run in plan.runs:
+            bad = next((u for u in run.units if u.fmu in broken), None)
+            if bad is None:
+                waiting.append(run)
+            else:
+                failures[run.id] = f"unit {bad.name}, loading: {bad.fmu}: {broken[bad.fmu]}"
+        waiting.reverse()
+        try:
+            while waiting or running:
+                while waiting and len(running) < max(jobs, 1):
+                    run = waiting.pop()
+                    ours, theirs = context.Pipe(duplex=False)
+                    task = _Task(run, plan.simulation, names, units, folders, out)
+                    process = context.Process(target=_execute, args=(task, theirs), daemon=True)
+                    process.start()
+                    theirs.close()
+                    running[ours] = (run, process, 0)
+                for ready in wait(list(running)):
+                    pipe = cast(Connection, ready)
+                    run, process, done = running[pipe]
+                    try:
+                        message = pipe.recv()
+                    except EOFError:
+                        process.join()
+                        message = f"the process of the run died ({_exit(process.exitcode)})"
+                    if isinstance(message, int):
+                        bar.update(message)
+                        running[pipe] = (run, process, done + message)
+                        continue
+                    if message:
+                        failures[run.id] = message
+                    bar.update(plan.simulation.steps - done)
+                    pipe.close()
+                    process.join()
+                    del running[pipe]
+        finally:
+            for pipe, (_run, process, _done) in running.items():
+                process.terminate()
+                process.join()
+                pipe.close()
+            with contextlib.suppress(OSError):
+                for part in out.glob(".*.part"):
+                    part.unlink()
+    return failures
+
+
+def _exit(code: int | None) -> str:
+    if code is not None and code < 0:
+        with contextlib.suppress(ValueError):
+            return f"signal {signal.Signals(-code).name}"
+    return f"exit code {code}"
+
+
+def convert(plan: Plan, source: Path, out: Path) -> dict[str, str]:
+    """Make Parquet files in `out` from the CSV files of `source`, which are copied if they lie elsewhere.
+
+    Returns the error message of every run whose CSV file cannot be used, by run id.
+    """
+    failures: dict[str, str] = {}
+    for run in plan.runs:
+        columns = [c for c, slot in zip(plan.columns, run.columns, strict=True) if slot is not None]
+        names = [c.name for c in columns]
+        try:
+            recording = results.read_csv(source / f"{run.stem}.csv")
+            absent = [n for n in names if n not in recording.values]
+            if absent:
+                raise results.ResultsError(f"{run.stem}.csv has no column {absent[0]}")
+            if len(recording.times) != plan.simulation.rows:
+                raise results.ResultsError(
+                    f"{run.stem}.csv has {len(recording.times)} rows, expected {plan.simulation.rows}"
+                )
+            rows = np.column_stack([recording.values[n] for n in names]) if names else np.empty((0, 0))
+            if not np.isfinite(rows).all():
+                raise results.ResultsError(f"{run.stem}.csv holds a value that is not finite")
+            results.write_parquet(out / f"{run.stem}.parquet", names, [c.unit for c in columns], recording.times, rows)
+            if source != out:
+                results.write_csv(out / f"{run.stem}.csv", names, recording.times, rows)
+        except results.ResultsError as error:
+            failures[run.id] = str(error)
+    return failures

@@ -1,0 +1,452 @@
+"""The co-simulation master: executes one run of a plan through fmpy.
+
+The calls, their order and their arguments are those of the native master (`cargo fmu run`), so that the results
+of both are equal to the bit. The inner loop uses fmpy's ctypes functions directly on preallocated arrays:
+fmpy's convenience methods build two arrays per call and would dominate the run time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from fmpy import calloc, free, read_model_description
+from fmpy.fmi2 import (
+    FMU2Slave,
+    addLoggerProxy,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
+from numpy.typing import NDArray
+
+from .plan import Feed, Kind, Run, Setting, Simulation, Unit, Wire
+
+WARNING = 1
+FATAL = 4
+STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
+
+# Steps between two reports of progress.
+PROGRESS_INTERVAL = 200
+
+# Slack of the zero-order hold of a feed, in steps: a row at t_k counts although t_k is rounded.
+FEED_SLACK = 1e-9
+
+Array = NDArray[np.floating[Any]]
+
+
+class RunError(Exception):
+    """A run that could not be finished: which unit, which function, when, and what the unit logged."""
+
+    def __init__(
+        self,
+        unit: str,
+        function: str,
+        time: float | None,
+        detail: str,
+        messages: Sequence[str] = (),
+        fatal: bool = False,
+    ) -> None:
+        super().__init__(unit, function, time, detail, tuple(messages), fatal)
+        self.unit = unit
+        self.function = function
+        self.time = time
+        self.detail = detail
+        self.messages = tuple(messages)
+        self.fatal = fatal
+
+    def __str__(self) -> str:
+        when = "" if self.time is None else f" at t = {self.time:.9g} s"
+        lines = [f"unit {self.unit}, {self.function}{when}: {self.detail}"]
+        lines += [f"  log: {m}" for m in self.messages]
+        return "\n".join(lines)
+
+
+# Log messages of the current run by instance name. There is one logger per process, because fmpy's proxy (which
+# expands the printf arguments) keeps a single target.
+_log: dict[str, list[str]] = {}
+
+
+def _logger(_environment: object, instance: bytes | None, status: int, category: bytes, message: bytes) -> None:
+    name = (instance or b"").decode("utf-8", "replace")
+    label = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+    text = (message or b"").decode("utf-8", "replace")
+    _log.setdefault(name, []).append(f"[{label}, {(category or b'').decode('utf-8', 'replace')}] {text}")
+
+
+_callbacks = fmi2CallbackFunctions()
+_callbacks.logger = fmi2CallbackLoggerTYPE(_logger)
+_callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
+_callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
+addLoggerProxy(ctypes.byref(_callbacks))
+
+
+class Functions(Protocol):
+    """The FMI functions a run calls: a shared library with the argument types set, or a stand-in in a test."""
+
+    fmi2SetupExperiment: Callable[..., int]
+    fmi2EnterInitializationMode: Callable[..., int]
+    fmi2ExitInitializationMode: Callable[..., int]
+    fmi2Terminate: Callable[..., int]
+    fmi2DoStep: Callable[..., int]
+    fmi2SetReal: Callable[..., int]
+    fmi2SetInteger: Callable[..., int]
+    fmi2SetBoolean: Callable[..., int]
+    fmi2SetString: Callable[..., int]
+    fmi2GetReal: Callable[..., int]
+    fmi2GetInteger: Callable[..., int]
+    fmi2GetBoolean: Callable[..., int]
+
+
+class Instance(Protocol):
+    """A loaded FMU with one instance."""
+
+    functions: Functions
+    component: Any
+
+    def name_of(self, reference: int) -> str:
+        """Name of a real output, for messages."""
+
+    def free(self) -> None:
+        """Free the instance and unload the library."""
+
+
+class FmpyInstance:
+    """An instance made by fmpy."""
+
+    def __init__(self, unit: Unit, folder: Path) -> None:
+        try:
+            self._slave = FMU2Slave(
+                guid=unit.guid,
+                unzipDirectory=str(folder),
+                modelIdentifier=unit.model_identifier,
+                instanceName=unit.name,
+            )
+        except Exception as error:  # fmpy raises bare Exceptions here
+            raise RunError(unit.name, "loading", None, f"{unit.fmu.name}: {error}") from error
+        try:
+            self._slave.instantiate(callbacks=_callbacks, loggingOn=False)
+        except Exception as error:
+            raise RunError(unit.name, "fmi2Instantiate", None, str(error), _log.get(unit.name, ())) from error
+        self.functions: Functions = self._slave.dll
+        self.component = self._slave.component
+        self._folder = folder
+
+    def name_of(self, reference: int) -> str:
+        """Name of a real output, for messages."""
+        for variable in read_model_description(str(self._folder), validate=False).modelVariables:
+            if variable.type == "Real" and variable.valueReference == reference:
+                return str(variable.name)
+        return f"value reference {reference}"
+
+    def free(self) -> None:
+        """Free the instance and unload the library."""
+        self._slave.freeInstance()
+
+
+def _pointer(array: NDArray[Any], kind: Any) -> Any:
+    return array.ctypes.data_as(ctypes.POINTER(kind))
+
+
+class _Group:
+    """The wired variables of one base type and direction, with the arrays the FMI calls work on."""
+
+    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
+        self.count = len(wires)
+        self.bus = bus
+        self.slots = np.array([w.slot for w in wires], dtype=np.intp)
+        self._references = np.array([w.reference for w in wires], dtype=np.uint32)
+        self.references = _pointer(self._references, ctypes.c_uint)
+
+
+class _RealInputs(_Group):
+    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
+        super().__init__(wires, bus)
+        self.buffer = np.zeros(self.count)
+        self.values = _pointer(self.buffer, ctypes.c_double)
+
+    def load(self) -> None:
+        # mode "clip" writes straight into the buffer; the slots are valid by construction
+        self.bus.take(self.slots, out=self.buffer, mode="clip")
+
+
+class _RealOutputs(_Group):
+    """Outputs in consecutive slots are read straight onto the bus, others through a buffer."""
+
+    def __init__(self, wires: Sequence[Wire], bus: Array) -> None:
+        super().__init__(wires, bus)
+        self.direct = self.count > 0 and bool(np.all(np.diff(self.slots) == 1))
+        first = int(self.slots[0]) if self.count else 0
+        self.buffer = bus[first : first + self.count] if self.direct else np.zeros(self.count)
+        self.values = _pointer(self.buffer, ctypes.c_double)
+
+    def store(self) -> None:
+        if not self.direct:
+            self.bus[self.slots] = self.buffer
+
+
+class _WholeGroup(_Group):
+    """Integers and booleans travel on the bus as doubles."""
+
+    def __init__(self, wires: Sequence[Wire], bus: Array, boolean: bool) -> None:
+        super().__init__(wires, bus)
+        self.boolean = boolean
+        self.buffer = np.zeros(self.count, dtype=np.int32)
+        self.values = _pointer(self.buffer, ctypes.c_int)
+
+    def load(self) -> None:
+        values = self.bus[self.slots]
+        self.buffer[:] = values != 0.0 if self.boolean else np.rint(values)
+
+    def store(self) -> None:
+        self.bus[self.slots] = self.buffer != 0 if self.boolean else self.buffer
+
+
+def _of(wires: Iterable[Wire], kind: Kind) -> list[Wire]:
+    return [w for w in wires if w.kind == kind]
+
+
+class Slave:
+    """A unit in execution: its instance and its connection to the bus."""
+
+    def __init__(self, unit: Unit, instance: Instance, bus: Array) -> None:
+        self.unit = unit
+        self.instance = instance
+        self._functions = instance.functions
+        self._component = instance.component
+        self._do_step = self._functions.fmi2DoStep
+        self._set_real = self._functions.fmi2SetReal
+        self._get_real = self._functions.fmi2GetReal
+        self._inputs = _RealInputs(_of(unit.inputs, "Real"), bus)
+        self._outputs = _RealOutputs(_of(unit.outputs, "Real"), bus)
+        f = self._functions
+        # The rare base types; the name of the function is kept for error messages.
+        self._whole_inputs = [
+            (group, name, call)
+            for group, name, call in (
+                (_WholeGroup(_of(unit.inputs, "Integer"), bus, False), "fmi2SetInteger", f.fmi2SetInteger),
+                (_WholeGroup(_of(unit.inputs, "Boolean"), bus, True), "fmi2SetBoolean", f.fmi2SetBoolean),
+            )
+            if group.count
+        ]
+        self._whole_outputs = [
+            (group, name, call)
+            for group, name, call in (
+                (_WholeGroup(_of(unit.outputs, "Integer"), bus, False), "fmi2GetInteger", f.fmi2GetInteger),
+                (_WholeGroup(_of(unit.outputs, "Boolean"), bus, True), "fmi2GetBoolean", f.fmi2GetBoolean),
+            )
+            if group.count
+        ]
+
+    def check(self, status: int, function: str, time: float | None, subject: str = "") -> None:
+        """Raise RunError if a status is worse than a warning."""
+        if status > WARNING:
+            label = STATUS[status] if status < len(STATUS) else "unknown"
+            detail = f"status {status} ({label})" + (f", {subject}" if subject else "")
+            messages = _log.get(self.unit.name, ())
+            raise RunError(self.unit.name, function, time, detail, messages, status == FATAL)
+
+    def setup(self, simulation: Simulation) -> None:
+        """Announce the experiment."""
+        status = self._functions.fmi2SetupExperiment(self._component, 0, 0.0, simulation.start, 1, simulation.stop)
+        self.check(status, "fmi2SetupExperiment", simulation.start)
+
+    def apply(self, settings: Iterable[Setting], time: float) -> None:
+        """Set parameters or constant inputs, one call each."""
+        for s in settings:
+            reference = (ctypes.c_uint * 1)(s.reference)
+            f = self._functions
+            call: Callable[..., int]
+            value: Any
+            if s.kind == "Real":
+                call, value = f.fmi2SetReal, (ctypes.c_double * 1)(float(s.value))
+            elif s.kind == "Integer":
+                call, value = f.fmi2SetInteger, (ctypes.c_int * 1)(int(s.value))
+            elif s.kind == "Boolean":
+                call, value = f.fmi2SetBoolean, (ctypes.c_int * 1)(int(bool(s.value)))
+            else:
+                call, value = f.fmi2SetString, (ctypes.c_char_p * 1)(str(s.value).encode())
+            status = call(self._component, reference, 1, value)
+            self.check(status, f"fmi2Set{s.kind}", time, f"{s.name} = {s.value!r}")
+
+    def enter(self, time: float) -> None:
+        """Enter the initialization mode."""
+        status = self._functions.fmi2EnterInitializationMode(self._component)
+        self.check(status, "fmi2EnterInitializationMode", time)
+
+    def leave(self, time: float) -> None:
+        """Leave the initialization mode."""
+        status = self._functions.fmi2ExitInitializationMode(self._component)
+        self.check(status, "fmi2ExitInitializationMode", time)
+
+    def set(self, time: float) -> None:
+        """Set the wired inputs from the bus."""
+        group = self._inputs
+        if group.count:
+            group.load()
+            status = self._set_real(self._component, group.references, group.count, group.values)
+            if status > WARNING:
+                self.check(status, "fmi2SetReal", time)
+        for whole, name, call in self._whole_inputs:
+            whole.load()
+            self.check(call(self._component, whole.references, whole.count, whole.values), name, time)
+
+    def step(self, time: float, step: float) -> None:
+        """Advance from `time` by `step`."""
+        status = self._do_step(self._component, time, step, 1)
+        if status > WARNING:
+            self.check(status, "fmi2DoStep", time)
+
+    def read(self, time: float) -> None:
+        """Read the wired and recorded outputs onto the bus."""
+        group = self._outputs
+        if group.count:
+            status = self._get_real(self._component, group.references, group.count, group.values)
+            if status > WARNING:
+                self.check(status, "fmi2GetReal", time)
+            group.store()
+        for whole, name, call in self._whole_outputs:
+            self.check(call(self._component, whole.references, whole.count, whole.values), name, time)
+            whole.store()
+
+    def terminate(self, time: float) -> None:
+        """End the simulation."""
+        self.check(self._functions.fmi2Terminate(self._component), "fmi2Terminate", time)
+
+
+class _Player:
+    """Plays a feed: zero-order hold of its rows."""
+
+    def __init__(self, feed: Feed, slack: float) -> None:
+        self.feed = feed
+        self.slack = slack
+        self.row = 0
+
+    def at(self, time: float) -> float:
+        times = self.feed.times
+        while self.row + 1 < len(times) and times[self.row + 1] <= time + self.slack:
+            self.row += 1
+        return self.feed.values[self.row]
+
+
+def _non_finite(slaves: Sequence[Slave], bus: Array) -> tuple[str, str] | None:
+    """Return the unit that wrote the first non-finite value of the bus, and a sentence about it."""
+    bad = np.flatnonzero(~np.isfinite(bus))
+    if not bad.size:
+        return None
+    slot, value = int(bad[0]), float(bus[bad[0]])
+    for slave in slaves:
+        for wire in slave.unit.outputs:
+            if wire.slot == slot:
+                return slave.unit.name, f"output {slave.instance.name_of(wire.reference)} is {value}"
+    return "input file", f"the value for bus slot {slot} is {value}"
+
+
+def simulate(
+    run: Run,
+    simulation: Simulation,
+    instantiate: Callable[[Unit], Instance],
+    progress: Callable[[int], None] = lambda _steps: None,
+) -> tuple[Array, Array]:
+    """Execute a run.
+
+    Returns the times (s) and the rows of the recorded columns that exist in this run, in the order of the plan.
+    `instantiate` makes the instance of a unit, `progress` hears of finished steps.
+    Raises RunError if an FMU cannot be loaded, a call returns more than a warning, or a value is not finite.
+    """
+    _log.clear()
+    start, step, steps, every = simulation.start, simulation.step, simulation.steps, simulation.every
+    bus: Array = np.zeros(run.slots)
+    recorded = np.array([c for c in run.columns if c is not None], dtype=np.intp)
+    times: Array = np.empty(simulation.rows)
+    rows: Array = np.empty((simulation.rows, len(recorded)))
+    players = [_Player(f, FEED_SLACK * step) for f in run.feeds]
+    slaves: list[Slave] = []
+    time = start
+
+    def feed(t: float) -> None:
+        for player in players:
+            bus[player.feed.slot] = player.at(t)
+
+    def record(row: int, t: float) -> None:
+        times[row] = t
+        bus.take(recorded, out=rows[row], mode="clip")
+
+    def finite(t: float, function: str) -> None:
+        # The sum is the cheapest test; only a suspicious one is looked at closely.
+        with np.errstate(all="ignore"):
+            total = float(np.add.reduce(bus))
+        if not math.isfinite(total):
+            bad = _non_finite(slaves, bus)
+            if bad is not None:
+                raise RunError(bad[0], function, t, bad[1], _log.get(bad[0], ()))
+
+    try:
+        for unit in run.units:
+            slaves.append(Slave(unit, instantiate(unit), bus))
+        for slave in slaves:
+            slave.setup(simulation)
+        for slave in slaves:
+            slave.apply(slave.unit.parameters, start)
+        for slave in slaves:
+            slave.enter(start)
+        feed(start)
+        for slave in slaves:
+            slave.read(start)
+        for slave in slaves:
+            slave.apply(slave.unit.constants, start)
+            slave.set(start)
+            slave.read(start)
+        for slave in slaves:
+            slave.leave(start)
+        for slave in slaves:
+            slave.read(start)
+        finite(start, "initialization")
+        record(0, start)
+
+        sequential = simulation.order == "sequential"
+        reported = 0
+        for k in range(steps):
+            time = start + k * step
+            feed(time)
+            if sequential:
+                for slave in slaves:
+                    slave.set(time)
+                    slave.step(time, step)
+                    slave.read(time)
+            else:
+                for slave in slaves:
+                    slave.set(time)
+                for slave in slaves:
+                    slave.step(time, step)
+                for slave in slaves:
+                    slave.read(time)
+            finite(time, "fmi2DoStep")
+            if (k + 1) % every == 0:
+                record((k + 1) // every, start + (k + 1) * step)
+            if k + 1 - reported == PROGRESS_INTERVAL:
+                reported = k + 1
+                progress(PROGRESS_INTERVAL)
+        progress(steps - reported)
+        for slave in slaves:
+            slave.terminate(start + steps * step)
+    except RunError as error:
+        if error.fatal:
+            # The standard forbids any further call after fmi2Fatal.
+            slaves.clear()
+            raise
+        # An FMU that refuses a value is the messenger: say where the value came from.
+        bad = _non_finite(slaves, bus)
+        if bad is not None and bad[0] != error.unit:
+            messages = (*error.messages, f"unit {bad[0]}: {bad[1]}")
+            raise RunError(error.unit, error.function, error.time, error.detail, messages) from error
+        raise
+    finally:
+        for slave in slaves:
+            slave.instance.free()
+    return times, rows

@@ -1,0 +1,349 @@
+"""The plan of a scenario: what `cargo fmu plan` prints, as typed values.
+
+A plan is complete: every connection is a pair of bus slots, every parameter has its value reference and its
+value in the unit of the variable. Nothing here reads the scenario file itself, so that both masters (the native
+one and the one in `master`) execute exactly the same thing and every scenario error has one source.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+FORMAT = 1
+
+Kind = Literal["Real", "Integer", "Boolean", "String"]
+
+
+class PlanError(Exception):
+    """The text is not a plan this version understands."""
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """A unit of measure with its conversion: shown value = factor * value + offset."""
+
+    unit: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A value for a variable: a parameter, or a constant input."""
+
+    name: str
+    kind: Kind
+    reference: int
+    value: float | int | bool | str
+
+
+@dataclass(frozen=True)
+class Wire:
+    """A variable and the bus slot it reads from or writes to."""
+
+    reference: int
+    kind: Kind
+    slot: int
+
+
+@dataclass(frozen=True)
+class Unit:
+    """An FMU instance of a run."""
+
+    name: str
+    fmu: Path
+    model_identifier: str
+    guid: str
+    parameters: tuple[Setting, ...]
+    constants: tuple[Setting, ...]
+    inputs: tuple[Wire, ...]
+    outputs: tuple[Wire, ...]
+
+
+@dataclass(frozen=True)
+class Feed:
+    """A signal from an input file, held between its rows."""
+
+    slot: int
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulation: a case at a point with a seed."""
+
+    id: str
+    case: str
+    point: str | None
+    seed: int | None
+    units: tuple[Unit, ...]
+    feeds: tuple[Feed, ...]
+    slots: int
+    columns: tuple[int | None, ...]
+
+    @property
+    def stem(self) -> str:
+        """File name of the results of the run, without extension."""
+        return self.id.replace("@", "_").replace("#", "_")
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Time grid (s), recording interval in steps, and order of execution."""
+
+    start: float
+    stop: float
+    step: float
+    steps: int
+    order: Literal["sequential", "jacobi"]
+    every: int
+
+    @property
+    def rows(self) -> int:
+        """Number of recorded rows, the first one at the start time."""
+        return self.steps // self.every + 1
+
+
+@dataclass(frozen=True)
+class Case:
+    """A variant of the system; `baseline` names the case its changes are relative to."""
+
+    name: str
+    title: str
+    baseline: str | None
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of the sweep."""
+
+    name: str
+    title: str
+    value: float
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The abscissa of the points."""
+
+    title: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Column:
+    """A recorded signal. `display` is the preferred unit for people, where the variable declares one."""
+
+    name: str
+    unit: str
+    display: Conversion | None
+    description: str
+
+
+@dataclass(frozen=True)
+class Paper:
+    """Numbers of a paper for one metric, by `case` or `case@point`."""
+
+    table: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number computed from one column."""
+
+    name: str
+    title: str
+    column: int
+    kind: str
+    window: tuple[float, float] | None
+    conversion: Conversion
+    digits: int | None
+    paper: Paper | None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A plot: columns over time, or metrics over the points of the sweep (indices into the lists of the plan)."""
+
+    name: str
+    title: str
+    kind: Literal["time", "sweep"]
+    columns: tuple[int, ...]
+    metrics: tuple[int, ...]
+    window: tuple[float, float] | None
+    conversion: Conversion | None
+    caption: str | None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A claim of the paper and what became of it here."""
+
+    status: Literal["reproduced", "partly", "not_reproduced"]
+    claim: str
+    explanation: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A resolved scenario."""
+
+    name: str
+    file: str
+    title: str
+    description: str
+    reference: str
+    simulation: Simulation
+    cases: tuple[Case, ...]
+    points: tuple[Point, ...]
+    sweep: Sweep | None
+    seeds: tuple[int, ...]
+    columns: tuple[Column, ...]
+    runs: tuple[Run, ...]
+    metrics: tuple[Metric, ...]
+    figures: tuple[Figure, ...]
+    findings: tuple[Finding, ...]
+
+    def run(self, case: str, point: str | None, seed: int | None) -> Run:
+        """Return the run of a case, point and seed."""
+        for run in self.runs:
+            if (run.case, run.point, run.seed) == (case, point, seed):
+                return run
+        raise KeyError(f"the plan has no run for case {case}, point {point}, seed {seed}")
+
+    @property
+    def point_names(self) -> tuple[str | None, ...]:
+        """Names of the points; a single None without a sweep."""
+        return tuple(p.name for p in self.points) or (None,)
+
+    @property
+    def seed_values(self) -> tuple[int | None, ...]:
+        """Values of the seeds; a single None without seeds."""
+        return self.seeds or (None,)
+
+
+def _setting(item: Mapping[str, Any]) -> Setting:
+    return Setting(item["name"], item["type"], int(item["reference"]), item["value"])
+
+
+def _wires(items: Sequence[Mapping[str, Any]]) -> tuple[Wire, ...]:
+    return tuple(Wire(int(w["reference"]), w["type"], int(w["slot"])) for w in items)
+
+
+def _unit(item: Mapping[str, Any], root: Path) -> Unit:
+    return Unit(
+        name=item["name"],
+        fmu=root / item["fmu"],
+        model_identifier=item["model_identifier"],
+        guid=item["guid"],
+        parameters=tuple(map(_setting, item["parameters"])),
+        constants=tuple(map(_setting, item["constants"])),
+        inputs=_wires(item["inputs"]),
+        outputs=_wires(item["outputs"]),
+    )
+
+
+def _run(item: Mapping[str, Any], root: Path) -> Run:
+    return Run(
+        id=item["id"],
+        case=item["case"],
+        point=item["point"],
+        seed=item["seed"],
+        units=tuple(_unit(u, root) for u in item["units"]),
+        feeds=tuple(
+            Feed(int(f["slot"]), tuple(map(float, f["times"])), tuple(map(float, f["values"]))) for f in item["feeds"]
+        ),
+        slots=int(item["slots"]),
+        columns=tuple(None if c is None else int(c) for c in item["columns"]),
+    )
+
+
+def _window(value: Sequence[float] | None) -> tuple[float, float] | None:
+    return None if value is None else (float(value[0]), float(value[1]))
+
+
+def _conversion(item: Mapping[str, Any], unit: str) -> Conversion | None:
+    if item.get(unit) is None:
+        return None
+    return Conversion(item[unit], float(item["factor"]), float(item["offset"]))
+
+
+def _metric(item: Mapping[str, Any]) -> Metric:
+    paper = item["paper"]
+    return Metric(
+        name=item["name"],
+        title=item["title"],
+        column=int(item["column"]),
+        kind=item["kind"],
+        window=_window(item["window"]),
+        conversion=_conversion(item, "unit") or Conversion(""),
+        digits=item["digits"],
+        paper=None if paper is None else Paper(paper["table"] or "", dict(paper["values"])),
+    )
+
+
+def _figure(item: Mapping[str, Any]) -> Figure:
+    return Figure(
+        name=item["name"],
+        title=item["title"],
+        kind=item["kind"],
+        columns=tuple(map(int, item["columns"])),
+        metrics=tuple(map(int, item["metrics"])),
+        window=_window(item["window"]),
+        conversion=_conversion(item, "unit"),
+        caption=item["caption"],
+    )
+
+
+def parse(text: str, root: Path) -> Plan:
+    """Read a plan; relative paths of FMUs are relative to `root`.
+
+    Raises PlanError if the text is not JSON, has another format number, or lacks a field.
+    """
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise PlanError(f"the plan is not JSON: {error}") from error
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        found = data.get("format") if isinstance(data, dict) else type(data).__name__
+        raise PlanError(f"plan format {found}, expected {FORMAT}: cargo-fmu and the scripts differ in version")
+    try:
+        s = data["simulation"]
+        sweep = data["sweep"]
+        return Plan(
+            name=data["name"],
+            file=data["file"],
+            title=data["title"],
+            description=data["description"] or "",
+            reference=data["reference"] or "",
+            simulation=Simulation(
+                start=float(s["start"]),
+                stop=float(s["stop"]),
+                step=float(s["step"]),
+                steps=int(s["steps"]),
+                order=s["order"],
+                every=int(s["every"]),
+            ),
+            cases=tuple(Case(c["name"], c["title"], c["baseline"]) for c in data["cases"]),
+            points=tuple(Point(p["name"], p["title"], float(p["value"])) for p in data["points"]),
+            sweep=None if sweep is None else Sweep(sweep["title"], sweep["unit"]),
+            seeds=tuple(int(v) for v in data["seeds"]),
+            columns=tuple(
+                Column(c["name"], c["unit"] or "", _conversion(c, "display_unit"), c["description"] or "")
+                for c in data["columns"]
+            ),
+            runs=tuple(_run(r, root) for r in data["runs"]),
+            metrics=tuple(map(_metric, data["metrics"])),
+            figures=tuple(map(_figure, data["figures"])),
+            findings=tuple(Finding(f["status"], f["claim"], f["explanation"] or "") for f in data["findings"]),
+        )
+    except KeyError as error:
+        raise PlanError(f"the plan has no field {error}") from error
+    except (TypeError, ValueError, IndexError) as error:
+        raise PlanError(f"a field of the plan has an unexpected type: {error}") from error

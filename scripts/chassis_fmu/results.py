@@ -1,0 +1,101 @@
+"""Files of results: tables of recorded signals as CSV and Parquet, written completely or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating[Any]]
+
+
+class ResultsError(Exception):
+    """A file of results that cannot be read."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Recorded signals of a run: times (s) and, per signal, values in the unit of the variable."""
+
+    times: Array
+    values: dict[str, Array]
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a temporary path beside `path` and rename it to `path` when the block ends without an error."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file (UTF-8, line feeds)."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_csv(path: Path, names: Sequence[str], times: Array, rows: Array) -> None:
+    """Write `time` and the columns, every number with the fewest digits that give the same double back."""
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(["time", *names]) + "\n")
+        for time, row in zip(times.tolist(), rows.tolist(), strict=True):
+            file.write(",".join(map(repr, (time, *row))) + "\n")
+
+
+def read_csv(path: Path) -> Recording:
+    """Read a file of `write_csv` or of the native master."""
+    try:
+        table = pyarrow.csv.read_csv(path)
+        values = {name: np.ascontiguousarray(table[name].to_numpy().astype(np.float64)) for name in table.column_names}
+        return Recording(values.pop("time"), values)
+    except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+        raise ResultsError(f"{path}: cannot read the results: {error}") from error
+
+
+def write_parquet(path: Path, names: Sequence[str], units: Sequence[str], times: Array, rows: Array) -> None:
+    """Write the same table as Parquet, units of measure as field metadata.
+
+    Byte stream split with zstd suits series of doubles; the file is a function of its content alone.
+    """
+    fields = [pa.field("time", pa.float64(), nullable=False, metadata={"unit": "s"})]
+    fields += [
+        pa.field(name, pa.float64(), nullable=False, metadata={"unit": unit})
+        for name, unit in zip(names, units, strict=True)
+    ]
+    columns = [pa.array(times), *(pa.array(np.ascontiguousarray(rows[:, i])) for i in range(len(names)))]
+    table = pa.Table.from_arrays(columns, schema=pa.schema(fields))
+    with replacing(path) as temporary:
+        pyarrow.parquet.write_table(
+            table, temporary, compression="zstd", use_dictionary=False, use_byte_stream_split=True
+        )
+
+
+def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
+    """Read a file of `write_parquet`: all signals, or those of `names` that it has."""
+    try:
+        present = pyarrow.parquet.read_schema(path).names
+        wanted = present if names is None else ["time", *(n for n in names if n in present)]
+        table = pyarrow.parquet.read_table(path, columns=list(dict.fromkeys(wanted)))
+    except (OSError, pa.ArrowException) as error:
+        raise ResultsError(f"{path}: cannot read the results: {error}") from error
+    values = {name: table[name].to_numpy() for name in table.column_names}
+    return Recording(values.pop("time"), values)

@@ -1,0 +1,267 @@
+"""The master against stand-ins for FMUs: order of the calls, values on the bus, errors."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from chassis_fmu import master
+from chassis_fmu.plan import Feed, Plan, Run, Unit
+
+OK, WARNING, ERROR, FATAL = 0, 1, 3, 4
+
+
+class StandIn:
+    """The functions of an FMU in Python: `step` changes `values`, every call is noted in a shared list."""
+
+    def __init__(self, name: str, calls: list[str], step: Callable[[dict[int, Any], float], int]) -> None:
+        self.name = name
+        self.calls = calls
+        self.step = step
+        self.values: dict[int, Any] = {}
+        self.freed = False
+        self.functions: Any = self
+        self.component = 1
+
+    def name_of(self, reference: int) -> str:
+        return f"variable.{reference}"
+
+    def free(self) -> None:
+        self.freed = True
+
+    def _note(self, text: str) -> int:
+        self.calls.append(f"{self.name} {text}")
+        return OK
+
+    def __getattr__(self, name: str) -> Callable[..., int]:
+        action = name.removeprefix("fmi2")
+        if action.startswith("Set") and action != "SetupExperiment":
+            return lambda _c, references, n, values: self._set(action, references, n, values)
+        if action.startswith("Get"):
+            return lambda _c, references, n, values: self._get(action, references, n, values)
+        if action == "DoStep":
+            return self._do_step
+        return lambda *_arguments: self._note(action)
+
+    def _set(self, action: str, references: Any, n: int, values: Any) -> int:
+        for i in range(n):
+            self.values[references[i]] = values[i]
+            self._note(f"{action} {references[i]} = {values[i]}")
+            if isinstance(values[i], float) and not np.isfinite(values[i]):
+                return ERROR
+        return OK
+
+    def _get(self, action: str, references: Any, n: int, values: Any) -> int:
+        for i in range(n):
+            values[i] = self.values.get(references[i], 0)
+        return self._note(action)
+
+    def _do_step(self, _component: Any, time: float, step: float, no_set_state: int) -> int:
+        assert no_set_state == 1
+        self._note(f"DoStep {time:.9g}")
+        return self.step(self.values, step)
+
+
+def count(values: dict[int, Any], _step: float) -> int:
+    """Step of the source: a counter."""
+    values[30] = values.get(30, 0) + 1
+    return OK
+
+
+def integrate(values: dict[int, Any], step: float) -> int:
+    """Step of the plant: the integral of gain * (input + bias)."""
+    values[13] = values.get(13, 0.0) + step * values[10] * (values[11] + values[12])
+    return OK
+
+
+class System:
+    """The two units of the fixture as stand-ins."""
+
+    def __init__(self, source: Any = count, plant: Any = integrate) -> None:
+        self.calls: list[str] = []
+        self.units: dict[str, StandIn] = {}
+        self.steps = {"source": source, "plant": plant}
+
+    def __call__(self, unit: Unit) -> StandIn:
+        self.calls.append(f"{unit.name} Instantiate")
+        self.units[unit.name] = StandIn(unit.name, self.calls, self.steps[unit.name])
+        return self.units[unit.name]
+
+
+@pytest.fixture
+def run(scenario: Plan) -> Run:
+    return scenario.runs[0]
+
+
+def test_calls_are_those_of_the_algorithm(scenario: Plan, run: Run) -> None:
+    system = System()
+    one = dataclasses.replace(scenario.simulation, steps=1, stop=0.1)
+    master.simulate(run, one, system)
+    assert system.calls == [
+        "source Instantiate",
+        "plant Instantiate",
+        "source SetupExperiment",
+        "plant SetupExperiment",
+        "source SetInteger 20 = 1",
+        "plant SetReal 10 = 2.0",
+        "plant SetBoolean 40 = 1",
+        "plant SetString 50 = b'blue'",
+        "source EnterInitializationMode",
+        "plant EnterInitializationMode",
+        "source GetInteger",
+        "plant GetReal",
+        "source GetInteger",
+        "plant SetReal 12 = 0.5",
+        "plant SetReal 11 = 0.0",
+        "plant GetReal",
+        "source ExitInitializationMode",
+        "plant ExitInitializationMode",
+        "source GetInteger",
+        "plant GetReal",
+        "source DoStep 0",
+        "source GetInteger",
+        "plant SetReal 11 = 1.0",
+        "plant DoStep 0",
+        "plant GetReal",
+        "source Terminate",
+        "plant Terminate",
+    ]
+
+
+def test_sequential_sees_fresh_outputs(scenario: Plan, run: Run) -> None:
+    times, rows = master.simulate(run, scenario.simulation, System())
+    assert times.tolist() == [0.0, 0.1, 0.2, 0.0 + 3 * 0.1]
+    assert rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0]
+    # sum of step * 2 * (k + 0.5) for k = 1, 2, 3; exact but for rounding
+    assert rows[:, 1] == pytest.approx([0.0, 0.3, 0.8, 1.5], abs=1e-15)
+
+
+def test_jacobi_is_one_step_behind(scenario: Plan, run: Run) -> None:
+    jacobi = dataclasses.replace(scenario.simulation, order="jacobi")
+    _, rows = master.simulate(run, jacobi, System())
+    # the same sum for k = 0, 1, 2
+    assert rows[:, 1] == pytest.approx([0.0, 0.1, 0.4, 0.9], abs=1e-15)
+
+
+def test_every_records_every_nth_step(scenario: Plan, run: Run) -> None:
+    sparse = dataclasses.replace(scenario.simulation, steps=5, every=2)
+    times, rows = master.simulate(run, sparse, System())
+    assert times.tolist() == [0.0, 0.2, 0.4]
+    assert rows[:, 0].tolist() == [0.0, 2.0, 4.0]
+
+
+def test_columns_of_absent_units_are_left_out(scenario: Plan, run: Run) -> None:
+    _, rows = master.simulate(dataclasses.replace(run, columns=(None, 1)), scenario.simulation, System())
+    assert rows.shape == (4, 1)
+
+
+def test_a_feed_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
+    # The row at 3*0.1 counts at t = 0.3 although 0.30000000000000004 is what the master computes, and vice versa.
+    feed = Feed(2, (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
+    plant = dataclasses.replace(run.units[1], inputs=(dataclasses.replace(run.units[1].inputs[0], slot=2),))
+    fed = dataclasses.replace(run, units=(run.units[0], plant), feeds=(feed,), slots=3, columns=(2, 1))
+    longer = dataclasses.replace(scenario.simulation, steps=4, stop=0.4)
+    _, rows = master.simulate(fed, longer, System())
+    assert rows[:, 0].tolist() == [7.0, 7.0, 8.0, 8.0, 9.0]
+
+
+def test_outputs_in_scattered_slots_arrive(scenario: Plan, run: Run) -> None:
+    wires = run.units[1].outputs
+    plant = dataclasses.replace(
+        run.units[1],
+        outputs=(dataclasses.replace(wires[0], slot=3), dataclasses.replace(wires[0], reference=10, slot=1)),
+    )
+    scattered = dataclasses.replace(run, units=(run.units[0], plant), slots=4, columns=(1, 3))
+    _, rows = master.simulate(scattered, scenario.simulation, System())
+    assert rows[:, 0].tolist() == [2.0] * 4
+    assert rows[-1, 1] == pytest.approx(1.5, abs=1e-15)
+
+
+def test_progress_adds_up(scenario: Plan, run: Run) -> None:
+    seen: list[int] = []
+    long = dataclasses.replace(scenario.simulation, steps=2 * master.PROGRESS_INTERVAL + 5, stop=100.0)
+    master.simulate(run, long, System(), seen.append)
+    assert seen == [master.PROGRESS_INTERVAL, master.PROGRESS_INTERVAL, 5]
+
+
+def test_a_warning_does_not_stop(scenario: Plan, run: Run) -> None:
+    def warn(values: dict[int, Any], step: float) -> int:
+        return integrate(values, step) or WARNING
+
+    _, rows = master.simulate(run, scenario.simulation, System(plant=warn))
+    assert rows[-1, 1] == pytest.approx(1.5, abs=1e-15)
+
+
+def test_an_error_names_unit_function_time_and_log(scenario: Plan, run: Run) -> None:
+    def fail(values: dict[int, Any], step: float) -> int:
+        if values[30] == 1:
+            master._logger(None, b"source", ERROR, b"logStatusError", b"no more than 1")
+            return ERROR
+        return count(values, step)
+
+    def start(values: dict[int, Any], step: float) -> int:
+        values.setdefault(30, 0)
+        return fail(values, step)
+
+    system = System(source=start)
+    with pytest.raises(master.RunError) as caught:
+        master.simulate(run, scenario.simulation, system)
+    assert str(caught.value) == (
+        "unit source, fmi2DoStep at t = 0.1 s: status 3 (error)\n  log: [error, logStatusError] no more than 1"
+    )
+    assert all(unit.freed for unit in system.units.values())
+    assert not any("Terminate" in call for call in system.calls)
+
+
+def test_nothing_is_called_after_fatal(scenario: Plan, run: Run) -> None:
+    system = System(plant=lambda _values, _step: FATAL)
+    with pytest.raises(master.RunError, match="fatal"):
+        master.simulate(run, scenario.simulation, system)
+    assert system.calls[-1] == "plant DoStep 0"
+    assert not any(unit.freed for unit in system.units.values())
+
+
+def test_a_refused_parameter_is_named(scenario: Plan, run: Run) -> None:
+    unit = run.units[1]
+    bad = dataclasses.replace(unit, parameters=(dataclasses.replace(unit.parameters[0], value=float("inf")),))
+    with pytest.raises(master.RunError, match=r"plant, fmi2SetReal at t = 0 s: status 3 \(error\), gain = inf"):
+        master.simulate(dataclasses.replace(run, units=(run.units[0], bad)), scenario.simulation, System())
+
+
+def test_a_value_that_is_not_finite_is_an_error(scenario: Plan, run: Run) -> None:
+    def explode(values: dict[int, Any], _step: float) -> int:
+        values[13] = float("nan")
+        return OK
+
+    with pytest.raises(master.RunError, match=r"plant, fmi2DoStep at t = 0 s: output variable\.13 is nan"):
+        master.simulate(run, scenario.simulation, System(plant=explode))
+
+
+def test_a_unit_that_refuses_a_value_is_only_the_messenger(scenario: Plan, run: Run) -> None:
+    def explode(values: dict[int, Any], _step: float) -> int:
+        values[30] = float("inf")
+        return OK
+
+    real = dataclasses.replace(run.units[0], outputs=(dataclasses.replace(run.units[0].outputs[0], kind="Real"),))
+    system = System(source=explode)
+    exploding = dataclasses.replace(run, units=(real, run.units[1]))
+    with pytest.raises(master.RunError) as caught:
+        master.simulate(exploding, scenario.simulation, system)
+    assert caught.value.unit == "plant"
+    assert caught.value.messages == ("unit source: output variable.30 is inf",)
+
+
+def test_huge_finite_values_are_no_error(scenario: Plan, run: Run) -> None:
+    def huge(values: dict[int, Any], _step: float) -> int:
+        values[13] = values[14] = 1.7e308
+        return OK
+
+    wire = run.units[1].outputs[0]
+    plant = dataclasses.replace(run.units[1], outputs=(wire, dataclasses.replace(wire, reference=14, slot=2)))
+    wide = dataclasses.replace(run, units=(run.units[0], plant), slots=3)
+    _, rows = master.simulate(wide, scenario.simulation, System(plant=huge))
+    assert rows[-1, 1] == 1.7e308
