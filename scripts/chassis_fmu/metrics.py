@@ -1,0 +1,153 @@
+"""Metrics of recorded signals, their statistics over the seeds and their changes against a baseline."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .plan import Metric, Plan
+
+Array = NDArray[np.floating[Any]]
+
+# A row counts as inside a window if it misses it by less than this share of the step: t_k = start + k*step is rounded.
+WINDOW_SLACK = 1e-6
+
+
+class MetricError(Exception):
+    """A metric that has no value."""
+
+
+def _mean(x: Array) -> float:
+    # fsum is exact, so that the result does not depend on the vector width of the machine
+    return math.fsum(x.tolist()) / len(x)
+
+
+_KINDS: dict[str, Callable[[Array], float]] = {
+    "rms": lambda x: math.sqrt(_mean(x * x)),
+    "peak": lambda x: float(np.max(np.abs(x))),
+    "max": lambda x: float(np.max(x)),
+    "min": lambda x: float(np.min(x)),
+    "mean": _mean,
+    "final": lambda x: float(x[-1]),
+    "peak_to_peak": lambda x: float(np.max(x) - np.min(x)),
+}
+
+
+def window_mask(times: Array, window: tuple[float, float] | None, step: float) -> NDArray[np.bool_]:
+    """Return which rows lie in a window, both ends included."""
+    if window is None:
+        return np.ones(len(times), dtype=np.bool_)
+    slack = WINDOW_SLACK * step
+    return np.asarray((times >= window[0] - slack) & (times <= window[1] + slack), dtype=np.bool_)
+
+
+def evaluate(metric: Metric, times: Array, values: Array, step: float) -> float:
+    """Compute a metric of one signal, in the unit of the metric.
+
+    Raises MetricError for an unknown kind and for a window without rows.
+    """
+    try:
+        kind = _KINDS[metric.kind]
+    except KeyError as error:
+        raise MetricError(f"metric {metric.name}: unknown kind {metric.kind}") from error
+    inside = values[window_mask(times, metric.window, step)]
+    if not len(inside):
+        raise MetricError(f"metric {metric.name}: no recorded row lies in the window {metric.window}")
+    return kind(inside * metric.conversion.factor + metric.conversion.offset)
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """Mean over the seeds, and sample standard deviation where there are several."""
+
+    mean: float
+    deviation: float | None
+    count: int
+
+    @staticmethod
+    def of(values: Sequence[float]) -> Statistic | None:
+        """Return the statistic of some values; None if there are none."""
+        if not values:
+            return None
+        deviation = statistics.stdev(values) if len(values) > 1 else None
+        return Statistic(statistics.fmean(values), deviation, len(values))
+
+
+def change(value: float, baseline: float) -> float | None:
+    """Return the change in percent of the magnitude of the baseline; None if that is zero."""
+    return None if baseline == 0.0 else 100.0 * (value - baseline) / abs(baseline)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One metric of one case at one point: ours and the paper's. Changes and differences are in percent."""
+
+    metric: Metric
+    case: str
+    point: str | None
+    ours: Statistic | None
+    change: Statistic | None
+    paper: float | None
+    paper_change: float | None
+
+    @property
+    def difference(self) -> float | None:
+        """Difference of our mean from the paper's number, in percent of the latter."""
+        return None if self.ours is None or self.paper is None else change(self.ours.mean, self.paper)
+
+
+Values = Mapping[tuple[str, str, "str | None", "int | None"], float]
+
+
+def table(plan: Plan, values: Values) -> list[Cell]:
+    """Put the values of all metrics, keyed (metric, case, point, seed), beside the numbers of the paper.
+
+    Changes are taken seed by seed against the baseline with the same seed and then averaged: the scatter that
+    the cases share drops out. Rows are ordered by metric, point, case; a value may be missing.
+    """
+    cells = []
+    for metric in plan.metrics:
+        paper_values = metric.paper.values if metric.paper else {}
+
+        def ours(case: str, point: str | None, seed: int | None, name: str = metric.name) -> float | None:
+            return values.get((name, case, point, seed))
+
+        def printed(case: str, point: str | None, known: Mapping[str, float] = paper_values) -> float | None:
+            return known.get(case if point is None else f"{case}@{point}")
+
+        for point in plan.point_names:
+            for case in plan.cases:
+                own = [v for s in plan.seed_values if (v := ours(case.name, point, s)) is not None]
+                changes: list[float] = []
+                paper = printed(case.name, point)
+                paper_change = None
+                if case.baseline is not None:
+                    for seed in plan.seed_values:
+                        value = ours(case.name, point, seed)
+                        base = ours(case.baseline, point, seed)
+                        if value is None or base is None:
+                            continue
+                        percent = change(value, base)
+                        if percent is not None:
+                            changes.append(percent)
+                    paper_base = printed(case.baseline, point)
+                    if paper is not None and paper_base is not None:
+                        paper_change = change(paper, paper_base)
+                cells.append(
+                    Cell(
+                        metric=metric,
+                        case=case.name,
+                        point=point,
+                        ours=Statistic.of(own),
+                        change=Statistic.of(changes),
+                        paper=paper,
+                        paper_change=paper_change,
+                    )
+                )
+    return cells

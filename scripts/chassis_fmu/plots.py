@@ -1,0 +1,275 @@
+"""Figures of a plan: signals over time and metrics over a sweep, as SVG and PNG.
+
+The files depend on the data alone: fixed salt for the identifiers, no date.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from . import metrics, results, tables
+from .plan import Case, Column, Conversion, Figure, Plan
+from .results import Recording
+
+# Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+INK = "#1c2733"
+MUTED = "#64717f"
+GRID = "#dde2e8"
+PAPER = "#ffffff"
+
+# A line is drawn from at most this many pairs of extremes: finer than the width of a panel in points.
+BUCKETS = 600
+
+# Up to this many points of a sweep are marked on the abscissa one by one.
+MOST_TICKS = 8
+
+# A line that turns at more than this share of its points is noise and drawn thin.
+NOISY = 0.2
+
+STYLE = {
+    "svg.hashsalt": "chassis-fmu",
+    "svg.fonttype": "path",
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": MUTED,
+    "axes.linewidth": 0.8,
+    "axes.titlesize": 9.5,
+    "axes.titlepad": 7.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.facecolor": PAPER,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "axes.xmargin": 0.0,
+    "axes.ymargin": 0.08,
+    "figure.facecolor": PAPER,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "lines.solid_joinstyle": "round",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.1,
+}
+
+Array = NDArray[np.floating[Any]]
+Key = tuple[str, "str | None"]
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A finished figure."""
+
+    figure: Figure
+    svg: str
+    png: bytes
+
+    def write(self, folder: Path) -> None:
+        """Write `<name>.svg` and `<name>.png` to a folder."""
+        results.write_text(folder / f"{self.figure.name}.svg", self.svg)
+        with results.replacing(folder / f"{self.figure.name}.png") as temporary:
+            temporary.write_bytes(self.png)
+
+
+def decimate(times: Array, values: Array, buckets: int = BUCKETS) -> tuple[Array, Array]:
+    """Reduce a line to the smallest and the largest value of each of `buckets` pieces, and both ends.
+
+    The picture stays the same as long as a piece is narrower than the line, peaks included.
+    """
+    if len(values) <= 2 * buckets + 2:
+        return times, values
+    size = -(-len(values) // buckets)
+    whole = len(values) // size * size
+    pieces = values[:whole].reshape(-1, size)
+    first = np.arange(len(pieces)) * size
+    keep = np.concatenate(
+        [
+            [0, len(values) - 1],
+            first + pieces.argmin(axis=1),
+            first + pieces.argmax(axis=1),
+            *([] if whole == len(values) else [[whole + values[whole:].argmin(), whole + values[whole:].argmax()]]),
+        ]
+    )
+    keep = np.unique(keep)
+    return times[keep], values[keep]
+
+
+def is_noisy(values: Array) -> bool:
+    """Tell whether a line goes up and down all the time."""
+    moves = np.diff(values)
+    moves = moves[moves != 0.0]
+    if len(moves) < 50:
+        return False
+    return bool(np.mean(moves[1:] * moves[:-1] < 0.0) > NOISY)
+
+
+def color_of(plan: Plan, case: Case) -> str:
+    """Return the color of a case, the same in all figures."""
+    return PALETTE[plan.cases.index(case) % len(PALETTE)]
+
+
+def _label(column: Column) -> str:
+    """Return the essence of a description: what stands before its first remark."""
+    text = column.description
+    for stop in (";", ":", " (", ". "):
+        text = text.split(stop)[0]
+    text = text.strip().rstrip(".")
+    return text[:1].upper() + text[1:] if text else column.name
+
+
+def _title(ax: Axes, left: str, right: str, room: int) -> None:
+    ax.set_title(left, loc="left", color=INK)
+    if right != left and len(left) + len(right) < room:
+        ax.set_title(right, loc="right", color=MUTED, fontsize=8.0, family="DejaVu Sans Mono")
+
+
+def _canvas(panels: int, across: int, height: float) -> tuple[Canvas, list[Axes]]:
+    down = -(-panels // across)
+    canvas = Canvas(figsize=(8.4, 0.65 + height * down), layout="constrained")
+    grid = canvas.subplots(down, across, squeeze=False)
+    axes: list[Axes] = list(grid.flat)
+    for ax in axes[panels:]:
+        ax.remove()
+    return canvas, axes[:panels]
+
+
+def _legend(canvas: Canvas, handles: Sequence[Line2D]) -> None:
+    if len(handles) > 1:
+        canvas.legend(
+            handles=list(handles),
+            loc="outside upper left",
+            ncols=4,
+            handlelength=1.6,
+            columnspacing=1.6,
+        )
+
+
+def _shown(column: Column, figure: Figure) -> Conversion:
+    """Return the unit a column is plotted in: the figure's, the display unit of the variable, its unit."""
+    return figure.conversion or column.display or Conversion(column.unit)
+
+
+def _panels(
+    plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]
+) -> Iterator[tuple[Column, str | None, list[tuple[Case, Recording]]]]:
+    for index in figure.columns:
+        column = plan.columns[index]
+        for point in plan.point_names:
+            lines = [
+                (case, recording)
+                for case in plan.cases
+                if (recording := recordings.get((case.name, point))) is not None and column.name in recording.values
+            ]
+            if lines:
+                yield column, point, lines
+
+
+def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Canvas | None:
+    panels = list(_panels(plan, figure, recordings))
+    if not panels:
+        return None
+    titles = {p.name: p.title for p in plan.points}
+    across = 2 if len(plan.points) > 1 else 1
+    canvas, axes = _canvas(len(panels), across, 1.75 if len(panels) > 1 else 2.9)
+    used: dict[str, Line2D] = {}
+    for i, (ax, (column, point, lines)) in enumerate(zip(axes, panels, strict=True)):
+        shown = _shown(column, figure)
+        for case, recording in lines:
+            mask = metrics.window_mask(recording.times, figure.window, plan.simulation.step)
+            values = recording.values[column.name][mask] * shown.factor + shown.offset
+            times, values = decimate(recording.times[mask], values)
+            noisy = is_noisy(values)
+            color = color_of(plan, case)
+            # The first line is the widest, so that it shows even where the others lie on it.
+            width = 0.6 if noisy else 2.0 if case is lines[0][0] and len(lines) > 1 else 1.2
+            ax.plot(times, values, color=color, linewidth=width, alpha=0.9)
+            used[case.name] = Line2D([], [], color=color, linewidth=2.0, label=case.title)
+        label = _label(column) + (f", {titles[point]}" if point is not None else "")
+        _title(ax, label, column.name, 95 // across)
+        ax.set_ylabel(tables.pretty_unit(shown.unit))
+        if i + across >= len(panels):
+            ax.set_xlabel("Time (s)")
+        else:
+            ax.tick_params(labelbottom=False)
+        ax.set_xlim(figure.window or (plan.simulation.start, plan.simulation.stop))
+    canvas.align_ylabels(axes)
+    _legend(canvas, [used[c.name] for c in plan.cases if c.name in used])
+    return canvas
+
+
+def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas | None:
+    if plan.sweep is None or not figure.metrics:
+        return None
+    canvas, axes = _canvas(len(figure.metrics), 2 if len(figure.metrics) > 1 else 1, 2.7)
+    points = sorted(plan.points, key=lambda p: p.value)
+    handles: dict[str, Line2D] = {}
+    for ax, index in zip(axes, figure.metrics, strict=True):
+        metric = plan.metrics[index]
+        found = {(c.case, c.point): c for c in cells if c.metric is metric}
+        for case in plan.cases:
+            color = color_of(plan, case)
+            row = [(p.value, found[case.name, p.name]) for p in points]
+            ours = [(x, c.ours) for x, c in row if c.ours is not None]
+            if ours:
+                ax.errorbar(
+                    [x for x, _ in ours],
+                    [s.mean for _, s in ours],
+                    yerr=[s.deviation or 0.0 for _, s in ours] if any(s.deviation for _, s in ours) else None,
+                    color=color,
+                    marker="o",
+                    markersize=4.5,
+                    linewidth=1.5,
+                    capsize=3.0,
+                )
+                handles[f"{case.name} ours"] = Line2D([], [], color=color, marker="o", linewidth=1.5, label=case.title)
+            paper = [(x, c.paper) for x, c in row if c.paper is not None]
+            if paper:
+                style = {"color": color, "marker": "s", "markerfacecolor": PAPER, "linestyle": (0, (4, 2))}
+                ax.plot([x for x, _ in paper], [v for _, v in paper], markersize=5.0, linewidth=1.1, **style)  # type: ignore[arg-type]
+                handles[f"{case.name} paper"] = Line2D([], [], linewidth=1.1, label=f"{case.title}, paper", **style)  # type: ignore[arg-type]
+        ax.margins(x=0.06)
+        if len(points) <= MOST_TICKS:
+            ax.set_xticks([p.value for p in points], [f"{p.value:g}" for p in points])
+        ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
+        ax.set_title(metric.title, loc="left")
+        ax.set_ylabel(tables.pretty_unit(metric.conversion.unit))
+        ax.set_xlabel(tables.with_unit(plan.sweep.title, plan.sweep.unit))
+    _legend(canvas, list(handles.values()))
+    return canvas
+
+
+def draw(
+    plan: Plan, figure: Figure, recordings: Mapping[Key, Recording], cells: Sequence[metrics.Cell]
+) -> Drawing | None:
+    """Draw a figure of the plan.
+
+    `recordings` holds the run of each (case, point) that is shown, `cells` the table of metrics.
+    Returns None if there is nothing to draw.
+    """
+    with mpl.rc_context(STYLE):
+        canvas = _time(plan, figure, recordings) if figure.kind == "time" else _sweep(plan, figure, cells)
+        if canvas is None:
+            return None
+        text = io.StringIO()
+        canvas.savefig(text, format="svg", metadata={"Date": None, "Title": figure.title})
+        image = io.BytesIO()
+        canvas.savefig(image, format="png", dpi=150)
+    return Drawing(figure, text.getvalue(), image.getvalue())

@@ -1,0 +1,206 @@
+"""Results as text: numbers, units of measure, and the table of ours beside the paper's numbers."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+
+from .metrics import Cell, Statistic
+from .plan import Plan
+
+# A change smaller than this (percent) is called none.
+NO_CHANGE = 0.5
+
+# Changes whose ratio lies between this and its inverse are called similar.
+SIMILAR = 0.75
+
+
+def remark(cell: Cell) -> str:
+    """Say in words how our numbers compare with those of the paper."""
+    if cell.ours is None:
+        return ""
+    parts = []
+    if cell.difference is not None:
+        parts.append(f"{signed(cell.difference)} from the paper's value")
+    if cell.change is not None and cell.paper_change is not None:
+        parts.append(_direction(cell.change, cell.paper_change))
+    return "; ".join(parts)
+
+
+def _direction(ours: Statistic, paper: float) -> str:
+    none_here = abs(ours.mean) < max(NO_CHANGE, ours.deviation or 0.0)
+    none_there = abs(paper) < NO_CHANGE
+    if none_here or none_there:
+        return "no change " + ("in both" if none_here and none_there else "here" if none_here else "in the paper")
+    ratio = ours.mean / paper
+    if ratio < 0.0:
+        return "opposite direction"
+    size = "smaller" if ratio < SIMILAR else "larger" if ratio * SIMILAR > 1.0 else "similar"
+    return f"same direction, {size} change"
+
+
+def number(value: float | None, digits: int | None) -> str:
+    """Format a number with `digits` decimals, or four significant digits; a dash for None."""
+    if value is None:
+        return "–"
+    text = f"{value:.{digits}f}" if digits is not None else f"{value:.4g}"
+    return _minus(text)
+
+
+def scientific(value: float) -> str:
+    """Format a number of any size with up to six significant digits, powers of ten where that is shorter."""
+    text = f"{value:.6g}"
+    mantissa, _, exponent = text.partition("e")
+    return _minus(mantissa) + (f"×10{str(int(exponent)).translate(_SUPERSCRIPTS)}" if exponent else "")
+
+
+def signed(percent: float | None) -> str:
+    """Format a change in percent with its sign and one decimal; a dash for None."""
+    if percent is None:
+        return "–"
+    text = f"{percent:+.1f}"
+    if float(text) == 0.0:
+        text = "0.0"
+    return _minus(text) + " %"
+
+
+def _minus(text: str) -> str:
+    """Replace the hyphen by a minus sign; a negative zero loses it."""
+    if text.startswith("-") and float(text) == 0.0:
+        text = text[1:]
+    return text.replace("-", "−")
+
+
+def spread(statistic: Statistic | None, digits: int | None) -> str:
+    """Format a mean with its standard deviation."""
+    if statistic is None:
+        return "–"
+    text = number(statistic.mean, digits)
+    if statistic.deviation is not None:
+        deviation = f"{statistic.deviation:.2g}" if digits is None else number(statistic.deviation, digits)
+        text += f" ± {deviation}"
+    return text
+
+
+def spread_percent(statistic: Statistic | None) -> str:
+    """Format a mean change in percent with its standard deviation."""
+    if statistic is None:
+        return "–"
+    text = signed(statistic.mean)
+    if statistic.deviation is not None:
+        text = f"{text.removesuffix(' %')} ± {statistic.deviation:.1f} %"
+    return text
+
+
+UNIT_SIGNS = {"1": "", "deg": "°", "percent": "%"}
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def pretty_unit(unit: str) -> str:
+    """Turn a unit name into typography: rad/s2 becomes rad/s², N.m becomes N·m, 1 becomes nothing."""
+    if unit in UNIT_SIGNS:
+        return UNIT_SIGNS[unit]
+    out = unit.replace(".", "·")
+    return re.sub(r"(?<=[A-Za-z])\d+", lambda power: power[0].translate(_SUPERSCRIPTS), out)
+
+
+def with_unit(title: str, unit: str) -> str:
+    """Append a unit in parentheses, where there is one."""
+    pretty = pretty_unit(unit)
+    return f"{title} ({pretty})" if pretty else title
+
+
+MACHINE_HEADER = (
+    "metric",
+    "title",
+    "kind",
+    "unit",
+    "case",
+    "point",
+    "seeds",
+    "ours",
+    "ours_deviation",
+    "change_percent",
+    "change_percent_deviation",
+    "paper",
+    "paper_change_percent",
+    "difference_percent",
+    "paper_table",
+)
+HEADER = ("Metric", "Point", "Case", "Paper", "Ours", "Change, paper", "Change, ours")
+
+
+def _text_rows(plan: Plan, cells: Sequence[Cell]) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows for people; the point column only with a sweep."""
+    cases = {c.name: c.title for c in plan.cases}
+    points: dict[str | None, str] = {p.name: p.title for p in plan.points}
+    rows = [
+        [
+            with_unit(c.metric.title, c.metric.conversion.unit),
+            points.get(c.point, ""),
+            cases[c.case],
+            number(c.paper, c.metric.digits),
+            spread(c.ours, c.metric.digits),
+            signed(c.paper_change),
+            spread_percent(c.change),
+        ]
+        for c in cells
+    ]
+    keep = [i for i in range(len(HEADER)) if i != 1 or plan.points]
+    return [HEADER[i] for i in keep], [[row[i] for i in keep] for row in rows]
+
+
+def markdown(plan: Plan, cells: Sequence[Cell]) -> str:
+    """Return the table as Markdown."""
+    header, rows = _text_rows(plan, cells)
+
+    def line(row: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
+
+    left = len(header) - 4
+    rule = "|" + "|".join(["---"] * left + ["---:"] * 4) + "|"
+    return "\n".join([f"# {plan.title}", "", line(header), rule, *map(line, rows)]) + "\n"
+
+
+def console(plan: Plan, cells: Sequence[Cell]) -> str:
+    """Return the table for a terminal."""
+    header, rows = _text_rows(plan, cells)
+    shown = [list(row) for row in rows]
+    for i in range(len(shown) - 1, 0, -1):
+        if rows[i][0] == rows[i - 1][0]:
+            shown[i][0] = ""
+    widths = [max(len(row[i]) for row in [header, *shown]) for i in range(len(header))]
+    left = len(header) - 4
+
+    def line(row: Sequence[str]) -> str:
+        cells = [c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))]
+        return "  ".join(cells).rstrip()
+
+    return "\n".join([line(header), "  ".join("─" * w for w in widths), *map(line, shown)]) + "\n"
+
+
+def machine(cells: Sequence[Cell]) -> str:
+    """Return the table as CSV with all digits, empty where there is no value."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(MACHINE_HEADER)
+    for c in cells:
+        ours = (c.ours.mean, c.ours.deviation) if c.ours else (None, None)
+        changes = (c.change.mean, c.change.deviation) if c.change else (None, None)
+        numbers = (*ours, *changes, c.paper, c.paper_change, c.difference)
+        writer.writerow(
+            [
+                c.metric.name,
+                c.metric.title,
+                c.metric.kind,
+                c.metric.conversion.unit,
+                c.case,
+                c.point or "",
+                c.ours.count if c.ours else 0,
+                *("" if v is None else repr(v) for v in numbers),
+                c.metric.paper.table if c.metric.paper else "",
+            ]
+        )
+    return out.getvalue()

@@ -1,0 +1,132 @@
+"""Metrics against closed forms, and the arithmetic of the table."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from chassis_fmu import metrics
+from chassis_fmu.metrics import Statistic
+from chassis_fmu.plan import Conversion, Metric, Plan, Point
+
+STEP = 0.001
+TIMES = np.arange(2001) * STEP
+
+
+def metric(kind: str, window: tuple[float, float] | None = None, unit: Conversion | None = None) -> Metric:
+    return Metric("m", "M", 0, kind, window, unit or Conversion("rad"), None, None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        # 3 sin(2 pi t) - 1 over two whole periods without the double end point: the sums are exact but for rounding
+        ("rms", math.sqrt(3.0**2 / 2.0 + 1.0)),
+        ("mean", -1.0),
+        ("peak", 4.0),
+        ("max", 2.0),
+        ("min", -4.0),
+        ("peak_to_peak", 6.0),
+        ("final", 3.0 * math.sin(2.0 * math.pi * 1.999) - 1.0),
+    ],
+)
+def test_sine(kind: str, expected: float) -> None:
+    values = 3.0 * np.sin(2.0 * np.pi * TIMES) - 1.0
+    got = metrics.evaluate(metric(kind, (0.0, 1.999)), TIMES, values, STEP)
+    assert got == pytest.approx(expected, rel=1e-13)
+
+
+def test_both_ends_of_a_window_count_although_times_are_rounded() -> None:
+    times = np.arange(11) * 0.1
+    assert times[3] > 0.3
+    assert metrics.evaluate(metric("max", (0.2, 0.3)), times, times, 0.1) == times[3]
+    assert metrics.evaluate(metric("min", (0.3, 0.7)), times, times, 0.1) == times[3]
+    assert metrics.window_mask(times, (0.3, 0.7), 0.1).sum() == 5
+
+
+def test_the_unit_is_applied_before_the_metric() -> None:
+    celsius = metric("rms", unit=Conversion("degC", 1.0, -273.15))
+    assert metrics.evaluate(celsius, TIMES, np.full(len(TIMES), 283.15), STEP) == pytest.approx(10.0, rel=1e-12)
+
+
+def test_a_window_without_rows_is_an_error() -> None:
+    with pytest.raises(metrics.MetricError, match="no recorded row"):
+        metrics.evaluate(metric("rms", (3.0, 4.0)), TIMES, TIMES, STEP)
+
+
+def test_an_unknown_kind_is_an_error() -> None:
+    with pytest.raises(metrics.MetricError, match="unknown kind median"):
+        metrics.evaluate(metric("median"), TIMES, TIMES, STEP)
+
+
+def test_statistics() -> None:
+    assert Statistic.of([]) is None
+    assert Statistic.of([2.0]) == Statistic(2.0, None, 1)
+    # sample standard deviation of 1, 2, 3, 4: sqrt(5/3)
+    four = Statistic.of([1.0, 2.0, 3.0, 4.0])
+    assert four is not None
+    assert four.mean == 2.5
+    assert four.deviation == pytest.approx(math.sqrt(5.0 / 3.0), rel=1e-15)
+
+
+def test_change() -> None:
+    assert metrics.change(3.0, 4.0) == -25.0
+    assert metrics.change(-3.0, -4.0) == 25.0
+    assert metrics.change(1.0, 0.0) is None
+
+
+def values(scenario: Plan) -> dict[tuple[str, str, str | None, int | None], float]:
+    assert scenario.seeds == (1, 2)
+    return {
+        ("roll_rms", "passive", None, 1): 4.0,
+        ("roll_rms", "passive", None, 2): 8.0,
+        ("roll_rms", "active", None, 1): 3.0,
+        ("roll_rms", "active", None, 2): 7.0,
+        ("count_final", "passive", None, 1): 3.0,
+    }
+
+
+def test_changes_are_paired_by_seed(scenario: Plan) -> None:
+    passive, active, count_passive, count_active = metrics.table(scenario, values(scenario))
+    assert passive.ours is not None
+    assert (passive.ours.mean, passive.ours.count) == (6.0, 2)
+    # sample standard deviation of 4 and 8
+    assert passive.ours.deviation == pytest.approx(math.sqrt(8.0), rel=1e-15)
+    assert passive.change is None
+    assert passive.paper == 4.0
+    assert passive.difference == 50.0
+    # -25 % and -12.5 %, not 5/6 - 1 = -16.7 %
+    assert active.change is not None
+    assert active.change.mean == -18.75
+    assert active.paper_change == -25.0
+    assert count_passive.ours == Statistic(3.0, None, 1)
+    assert count_active.ours is None
+    assert count_active.change is None
+
+
+def test_a_seed_without_its_baseline_has_no_change(scenario: Plan) -> None:
+    some = values(scenario)
+    del some["roll_rms", "passive", None, 2]
+    active = metrics.table(scenario, some)[1]
+    assert active.ours is not None
+    assert active.ours.count == 2
+    assert active.change == Statistic(-25.0, None, 1)
+
+
+def test_the_paper_is_looked_up_by_case_and_point(scenario: Plan) -> None:
+    first = scenario.metrics[0]
+    assert first.paper is not None
+    paper = dataclasses.replace(first.paper, values={"passive@slow": 2.0, "active@slow": 1.0, "active@fast": 5.0})
+    swept = dataclasses.replace(
+        scenario,
+        points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)),
+        metrics=(dataclasses.replace(first, paper=paper),),
+    )
+    cells = metrics.table(swept, {})
+    assert [(c.point, c.case, c.paper, c.paper_change) for c in cells] == [
+        ("slow", "passive", 2.0, None),
+        ("slow", "active", 1.0, -50.0),
+        ("fast", "passive", None, None),
+        ("fast", "active", 5.0, None),
+    ]

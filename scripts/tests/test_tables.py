@@ -1,0 +1,87 @@
+"""Numbers and tables as text."""
+
+import csv
+import io
+
+import pytest
+
+from chassis_fmu import metrics, tables
+from chassis_fmu.metrics import Cell, Statistic
+from chassis_fmu.plan import Plan
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [(None, 2, "–"), (3.14159, 2, "3.14"), (-3.14159, None, "−3.142"), (-0.0001, 2, "0.00"), (12345.6, 0, "12346")],
+)
+def test_numbers(value: float | None, digits: int | None, text: str) -> None:
+    assert tables.number(value, digits) == text
+
+
+@pytest.mark.parametrize(("value", "text"), [(None, "–"), (-12.44, "−12.4 %"), (0.04, "0.0 %"), (5.0, "+5.0 %")])
+def test_changes(value: float | None, text: str) -> None:
+    assert tables.signed(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.5, "0.5"), (-250000.0, "−250000"), (1.0e6, "1×10⁶"), (-2.5e-9, "−2.5×10⁻⁹")]
+)
+def test_any_size(value: float, text: str) -> None:
+    assert tables.scientific(value) == text
+
+
+@pytest.mark.parametrize(
+    ("unit", "text"), [("rad/s2", "rad/s²"), ("N.m", "N·m"), ("1", ""), ("deg", "°"), ("km/h", "km/h"), ("m3", "m³")]
+)
+def test_units(unit: str, text: str) -> None:
+    assert tables.pretty_unit(unit) == text
+
+
+def test_spreads() -> None:
+    assert tables.spread(Statistic(0.06194, 0.00161, 8), 4) == "0.0619 ± 0.0016"
+    assert tables.spread(Statistic(0.06194, None, 1), 4) == "0.0619"
+    assert tables.spread_percent(Statistic(-12.34, 0.12, 8)) == "−12.3 ± 0.1 %"
+
+
+@pytest.mark.parametrize(
+    ("ours", "paper", "words"),
+    [
+        (-12.4, -30.0, "same direction, smaller change"),
+        (-28.0, -30.0, "same direction, similar change"),
+        (-60.0, -30.0, "same direction, larger change"),
+        (12.0, -30.0, "opposite direction"),
+        (0.1, -23.0, "no change here"),
+        (-5.0, 0.1, "no change in the paper"),
+        (0.0, 0.0, "no change in both"),
+    ],
+)
+def test_remarks(scenario: Plan, ours: float, paper: float, words: str) -> None:
+    cell = Cell(scenario.metrics[0], "active", None, Statistic(3.3, None, 1), Statistic(ours, None, 1), 3.0, paper)
+    assert tables.remark(cell) == f"+10.0 % from the paper's value; {words}"
+
+
+def test_a_change_within_the_spread_is_none(scenario: Plan) -> None:
+    cell = Cell(scenario.metrics[0], "active", None, Statistic(3.0, 0.1, 8), Statistic(-2.0, 2.5, 8), None, -30.0)
+    assert tables.remark(cell) == "no change here"
+
+
+def cells(scenario: Plan) -> list[Cell]:
+    return metrics.table(scenario, {("roll_rms", "passive", None, 1): 1 / 3, ("roll_rms", "active", None, 1): 0.25})
+
+
+def test_the_machine_table_keeps_all_digits(scenario: Plan) -> None:
+    rows = list(csv.DictReader(io.StringIO(tables.machine(cells(scenario)))))
+    assert float(rows[0]["ours"]) == 1 / 3
+    assert rows[0]["change_percent"] == ""
+    assert float(rows[1]["change_percent"]) == pytest.approx(-25.0)
+    assert rows[1]["title"] == "Roll angle <RMS>"
+    assert rows[3]["ours"] == ""
+
+
+def test_tables_for_people(scenario: Plan) -> None:
+    lines = tables.console(scenario, cells(scenario)).splitlines()
+    assert lines[0].split() == ["Metric", "Case", "Paper", "Ours", "Change,", "paper", "Change,", "ours"]
+    assert "Active <fast>" in lines[3]
+    assert lines[3].count("−25.0 %") == 2
+    markdown = tables.markdown(scenario, cells(scenario))
+    assert "| Roll angle <RMS> (°) | Passive | 4.00 | 0.33 | – | – |" in markdown
