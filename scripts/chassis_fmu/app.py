@@ -1,0 +1,180 @@
+"""The command line: plan, runs, tables, figures, page."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from . import batch, metrics, page, plan, plots, results, tables
+from .plan import Plan
+from .results import Recording
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class AppError(Exception):
+    """A failure with a message for the user and an exit code."""
+
+    def __init__(self, message: str, code: int = 1) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
+    return value
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        prog="cosim.py",
+        description="Runs a scenario with the FMUs of this repository and reports the results beside the paper's.",
+    )
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="scenario file (scenarios/*.toml)")
+    parser.add_argument("--jobs", type=_positive, metavar="N", help="runs at the same time (default: all processors)")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "results", metavar="DIR", help="folder of the results (default: results)"
+    )
+    parser.add_argument("--inputs", type=Path, metavar="CSV", help="signals from a file instead of the units' outputs")
+    parser.add_argument("--stop", type=float, metavar="T", help="stop at this time (s)")
+    parser.add_argument("--seeds", type=_positive, metavar="N", help="the first N seeds only")
+    parser.add_argument("--order", choices=("sequential", "jacobi"), help="order of execution")
+    parser.add_argument("--fmus", type=Path, metavar="DIR", help="folder of the FMUs (default: target/fmu)")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--native", action="store_true", help="let `cargo fmu run` do the runs")
+    source.add_argument("--from-csv", type=Path, metavar="DIR", help="make tables and page from the CSV files of DIR")
+    return parser.parse_args(argv)
+
+
+def _options(options: argparse.Namespace) -> list[str]:
+    """Return the arguments that `cargo fmu plan` and `cargo fmu run` share."""
+    out = [str(options.scenario.resolve())]
+    for name in ("inputs", "fmus"):
+        path = getattr(options, name)
+        if path is not None:
+            out += [f"--{name}", str(path.resolve())]
+    for name in ("stop", "seeds", "order"):
+        value = getattr(options, name)
+        if value is not None:
+            out += [f"--{name}", str(value)]
+    # Messages and the plan name files as seen from the project, where they lie in it.
+    prefix = f"{ROOT}{os.sep}"
+    return [a.removeprefix(prefix) for a in out]
+
+
+def _cargo(arguments: Sequence[str], capture: bool) -> str:
+    """Run a subcommand of `cargo fmu`; its messages go to the terminal, its exit code ends this command."""
+    cargo = shutil.which("cargo")
+    if cargo is None:
+        raise AppError("cargo is not on the PATH: install Rust to plan and run scenarios", 127)
+    done = subprocess.run(
+        [cargo, "fmu", *arguments], cwd=ROOT, stdout=subprocess.PIPE if capture else None, check=False
+    )
+    if done.returncode != 0:
+        raise AppError("", done.returncode)
+    return done.stdout.decode() if capture else ""
+
+
+def _collect(
+    scenario: Plan, runs: Path, failures: dict[str, str]
+) -> tuple[dict[tuple[str, str, str | None, int | None], float], dict[plots.Key, Recording]]:
+    """Compute the metrics of all runs, and keep the recordings that the figures show."""
+    values = {}
+    shown: dict[plots.Key, Recording] = {}
+    measured = {scenario.columns[m.column].name for m in scenario.metrics}
+    drawn = {scenario.columns[c].name for f in scenario.figures for c in f.columns}
+    first = scenario.seed_values[0]
+    for run in scenario.runs:
+        if run.id in failures:
+            continue
+        wanted = measured | drawn if run.seed == first else measured
+        recording = results.read_parquet(runs / f"{run.stem}.parquet", sorted(wanted))
+        for metric in scenario.metrics:
+            signal = recording.values.get(scenario.columns[metric.column].name)
+            if signal is not None:
+                value = metrics.evaluate(metric, recording.times, signal, scenario.simulation.step)
+                values[metric.name, run.case, run.point, run.seed] = value
+        if run.seed == first:
+            kept = {n: v for n, v in recording.values.items() if n in drawn}
+            shown[run.case, run.point] = Recording(recording.times, kept)
+    return values, shown
+
+
+def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> str:
+    """Write tables, figures and page of finished runs. Returns the table for the terminal."""
+    values, recordings = _collect(scenario, folder / "runs", failures)
+    cells = metrics.table(scenario, values)
+    results.write_text(folder / "table.csv", tables.machine(cells))
+    results.write_text(folder / "table.md", tables.markdown(scenario, cells))
+    drawings = [d for f in scenario.figures if (d := plots.draw(scenario, f, recordings, cells)) is not None]
+    for drawing in drawings:
+        drawing.write(folder / "figures")
+    results.write_text(folder / "index.html", page.render(scenario, cells, drawings, failures, context))
+    return tables.console(scenario, cells) if cells else ""
+
+
+def _run(options: argparse.Namespace) -> int:
+    shared = _options(options)
+    scenario = plan.parse(_cargo(["plan", *shared], capture=True), ROOT)
+    folder = options.out.resolve() / scenario.name
+    runs = folder / "runs"
+    runs.mkdir(parents=True, exist_ok=True)
+    command = ["scripts/run", *shared]
+    if options.from_csv is not None:
+        master = "CSV files of earlier runs"
+        failures = batch.convert(scenario, options.from_csv.resolve(), runs)
+    elif options.native:
+        master = "native (cargo fmu run)"
+        command.append("--native")
+        out = ["--out", str(options.out.resolve())]
+        jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
+        _cargo(["run", *shared, *out, *jobs], capture=False)
+        failures = batch.convert(scenario, runs, runs)
+    else:
+        master = f"fmpy {importlib.metadata.version('fmpy')}"
+        failures = batch.execute(scenario, runs, options.jobs or _processors())
+    context = page.Context(
+        master=master,
+        command=shlex.join(command),
+        inputs=None if options.inputs is None else options.inputs.name,
+    )
+    print(report(scenario, folder, failures, context))
+    for run, message in failures.items():
+        print(f"error: run {run}: {message}\n", file=sys.stderr)
+    if failures:
+        print(f"{len(failures)} of {len(scenario.runs)} runs failed", file=sys.stderr)
+    print(f"{folder / 'index.html'}")
+    return 1 if failures else 0
+
+
+def _processors() -> int:
+    """Return how many processors this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    try:
+        return _run(arguments(argv))
+    except AppError as error:
+        if str(error):
+            print(f"error: {error}", file=sys.stderr)
+        return error.code
+    except (plan.PlanError, metrics.MetricError, results.ResultsError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130

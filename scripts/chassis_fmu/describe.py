@@ -1,0 +1,57 @@
+"""What an FMU says about itself: the facts a report needs from modelDescription.xml."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fmpy
+
+from .plan import Conversion
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable: its start value (None if it has none), description, and the unit to show it in."""
+
+    start: str | None
+    description: str
+    unit: Conversion
+
+
+@dataclass(frozen=True)
+class Description:
+    """An FMU: its description and its variables by name."""
+
+    text: str
+    variables: dict[str, Variable]
+
+
+def describe(path: Path) -> Description:
+    """Read the description of an FMU; an unreadable file gives an empty one, since a report can do without."""
+    try:
+        model = fmpy.read_model_description(str(path), validate=False)
+    except Exception:  # fmpy raises bare Exceptions
+        return Description("", {})
+    shown: dict[tuple[str, str], Conversion] = {}
+    for unit in model.unitDefinitions:
+        for display in unit.displayUnits:
+            shown[unit.name, display.name] = Conversion(
+                display.name, _number(display.factor, 1.0), _number(display.offset, 0.0)
+            )
+    variables = {}
+    for v in model.modelVariables:
+        unit = str(_first(v, "unit") or "")
+        display = str(_first(v, "displayUnit") or "")
+        variables[v.name] = Variable(v.start, v.description or "", shown.get((unit, display), Conversion(unit)))
+    return Description(model.description or "", variables)
+
+
+def _first(variable: Any, attribute: str) -> object:
+    """Return an attribute of a variable, or else of its declared type."""
+    return getattr(variable, attribute, None) or getattr(variable.declaredType, attribute, None)
+
+
+def _number(value: object, default: float) -> float:
+    return default if value is None else float(str(value))

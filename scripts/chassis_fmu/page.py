@@ -1,0 +1,286 @@
+"""The page of a scenario: one HTML file that needs nothing else.
+
+Everything that comes from a scenario or an FMU passes through Jinja's escaping; only the SVG drawn here is inserted
+as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import jinja2
+import markupsafe
+
+from . import plots, tables
+from .describe import Description, Variable, describe
+from .metrics import Cell
+from .plan import Plan, Run, Setting, Unit
+
+STATUS_TITLES = {"reproduced": "Reproduced", "partly": "Partly reproduced", "not_reproduced": "Not reproduced"}
+
+
+@dataclass(frozen=True)
+class Context:
+    """How the results came about."""
+
+    master: str
+    command: str
+    inputs: str | None = None
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """A parameter the scenario sets, formatted; `values` pairs a label (empty: everywhere) with a value."""
+
+    name: str
+    description: str
+    default: str
+    values: tuple[tuple[str, str], ...]
+
+
+@dataclass
+class UnitSection:
+    """A unit of the scenario with its FMU. `cases` is empty if it takes part in all of them."""
+
+    name: str
+    fmu: str
+    guid: str
+    description: str
+    cases: tuple[str, ...]
+    parameters: list[ParameterRow] = field(default_factory=list)
+    constants: list[tuple[str, str]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar from zero to a change: left edge and width in percent of the box, and its text."""
+
+    left: float
+    width: float
+    text: str
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A row of the headline table, formatted."""
+
+    case: str
+    point: str
+    color: int
+    paper: str
+    ours: str
+    paper_bar: Bar | None
+    ours_bar: Bar | None
+    remark: str
+    first_of_point: bool
+
+
+@dataclass(frozen=True)
+class TableGroup:
+    """The rows of a metric."""
+
+    title: str
+    unit: str
+    source: str
+    rows: list[TableRow]
+
+
+def _bar(percent: float | None, text: str, limit: float) -> Bar | None:
+    if percent is None:
+        return None
+    half = 50.0 * min(abs(percent) / limit, 1.0)
+    return Bar(round(50.0 - half if percent < 0.0 else 50.0, 2), round(half, 2), text)
+
+
+def headline(plan: Plan, cells: Sequence[Cell]) -> list[TableGroup]:
+    """Format the table of metrics, one group per metric."""
+    cases = {c.name: c for c in plan.cases}
+    points: dict[str | None, str] = {p.name: p.title for p in plan.points}
+    changes = [abs(c.paper_change) for c in cells if c.paper_change is not None]
+    changes += [abs(c.change.mean) for c in cells if c.change is not None]
+    limit = max([*(min(v, 100.0) for v in changes), 1.0])
+    groups = []
+    for metric in plan.metrics:
+        rows: list[TableRow] = []
+        for cell in (c for c in cells if c.metric is metric):
+            point = points.get(cell.point, "")
+            rows.append(
+                TableRow(
+                    case=cases[cell.case].title,
+                    point=point,
+                    color=plan.cases.index(cases[cell.case]) % len(plots.PALETTE),
+                    paper=tables.number(cell.paper, metric.digits),
+                    ours=tables.spread(cell.ours, metric.digits),
+                    paper_bar=_bar(cell.paper_change, tables.signed(cell.paper_change), limit),
+                    ours_bar=_bar(cell.change.mean if cell.change else None, tables.spread_percent(cell.change), limit),
+                    remark=tables.remark(cell),
+                    first_of_point=not rows or rows[-1].point != point,
+                )
+            )
+        source = metric.paper.table if metric.paper else ""
+        groups.append(TableGroup(metric.title, tables.pretty_unit(metric.conversion.unit), source, rows))
+    return groups
+
+
+def _value(setting: Setting, variable: Variable | None) -> str:
+    value = setting.value
+    if isinstance(value, bool) or setting.kind == "Boolean":
+        return "on" if value else "off"
+    if isinstance(value, str) or setting.kind == "String":
+        return str(value)
+    if variable is None or setting.kind == "Integer":
+        return f"{value:.9g}"
+    shown = variable.unit
+    text = tables.scientific(value * shown.factor + shown.offset)
+    unit = tables.pretty_unit(shown.unit)
+    return f"{text} {unit}" if unit else text
+
+
+def _default(setting: Setting, variable: Variable | None) -> str:
+    if variable is None or variable.start is None:
+        return ""
+    try:
+        start: float | bool | str
+        if setting.kind == "Real":
+            start = float(variable.start)
+        elif setting.kind == "Integer":
+            start = int(variable.start)
+        elif setting.kind == "Boolean":
+            start = variable.start in ("true", "1")
+        else:
+            start = variable.start
+    except ValueError:
+        return variable.start
+    return _value(Setting(setting.name, setting.kind, setting.reference, start), variable)
+
+
+def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple[tuple[str, str], ...]:
+    """Say a value once if it is the same in all runs, else by case or point, whichever it depends on."""
+    cases = {c.name: c.title for c in plan.cases}
+    points: dict[str | None, str] = {p.name: p.title for p in plan.points}
+    if len(set(values.values())) == 1:
+        return (("", next(iter(values.values()))),)
+    by_case: dict[str, set[str]] = {}
+    by_point: dict[str | None, set[str]] = {}
+    for (case, point), value in values.items():
+        by_case.setdefault(case, set()).add(value)
+        by_point.setdefault(point, set()).add(value)
+    if all(len(v) == 1 for v in by_case.values()):
+        return tuple((cases[c], v.pop()) for c, v in by_case.items())
+    if all(len(v) == 1 for v in by_point.values()):
+        return tuple((points[p], v.pop()) for p, v in by_point.items())
+    return tuple((f"{cases[c]}, {points.get(p, '')}", v) for (c, p), v in values.items())
+
+
+def units(plan: Plan) -> list[UnitSection]:
+    """Collect the units of all runs with the parameters that differ from the defaults of their FMUs."""
+    runs = [r for r in plan.runs if r.seed == plan.seed_values[0]]
+    found: dict[tuple[str, Path], list[tuple[Run, Unit]]] = {}
+    for run in runs:
+        for unit in run.units:
+            found.setdefault((unit.name, unit.fmu), []).append((run, unit))
+    # The order of the scenario, also for units that not every run has.
+    order = {name: i for r in reversed(runs) for i, name in enumerate(u.name for u in r.units)}
+    descriptions: dict[Path, Description] = {}
+    sections = []
+    for (name, fmu), places in sorted(found.items(), key=lambda item: order[item[0][0]]):
+        text = descriptions.setdefault(fmu, describe(fmu))
+        inside = {run.case for run, _ in places}
+        section = UnitSection(
+            name=name,
+            fmu=fmu.stem,
+            guid=places[0][1].guid,
+            description=text.text,
+            cases=() if len(inside) == len(plan.cases) else tuple(c.title for c in plan.cases if c.name in inside),
+        )
+        # A run that leaves a parameter alone has the default.
+        settings = {s.name: s for _, unit in places for s in unit.parameters}
+        for setting in settings.values():
+            variable = text.variables.get(setting.name)
+            default = _default(setting, variable)
+            values = {}
+            for run, unit in places:
+                own = next((s for s in unit.parameters if s.name == setting.name), None)
+                values[run.case, run.point] = default if own is None else _value(own, variable)
+            seeded = len({_of(r, name, setting.name) for r in plan.runs if r.case in inside}) > len(
+                set(values.values())
+            )
+            if seeded and len(plan.seeds) > 1:
+                shown: tuple[tuple[str, str], ...] = (("", "one value per seed"),)
+            else:
+                shown = _collapse(plan, values)
+            if default and shown == (("", default),):
+                continue
+            section.parameters.append(
+                ParameterRow(setting.name, variable.description if variable else "", default, shown)
+            )
+        grouped: dict[str, list[str]] = {}
+        for s in places[0][1].constants:
+            grouped.setdefault(_value(s, text.variables.get(s.name)), []).append(s.name)
+        section.constants = [(", ".join(names), value) for value, names in grouped.items()]
+        sections.append(section)
+    return sections
+
+
+def _of(run: Run, unit: str, parameter: str) -> object:
+    for u in run.units:
+        if u.name == unit:
+            return next((s.value for s in u.parameters if s.name == parameter), None)
+    return None
+
+
+def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
+    """Prepare an SVG for the page: identifiers of its own, colors that follow the theme, size of the page."""
+    name = re.sub(r"[^A-Za-z0-9_-]", "-", drawing.figure.name)
+    svg = drawing.svg[drawing.svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
+    svg = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', svg)
+    svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
+    themed = {plots.INK: "ink", plots.MUTED: "muted", plots.GRID: "grid", plots.PAPER: "card"}
+    themed |= {color: f"series-{i}" for i, color in enumerate(plots.PALETTE)}
+    svg = re.sub("|".join(themed), lambda m: f"var(--{themed[m[0]]})", svg)
+    label = markupsafe.escape(drawing.figure.title)
+    svg = re.sub(r"<svg[^>]*>", lambda m: re.sub(r'\s(width|height)="[^"]*"', "", m[0]), svg, count=1)
+    svg = svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
+    return markupsafe.Markup(svg)
+
+
+def render(
+    plan: Plan,
+    cells: Sequence[Cell],
+    drawings: Sequence[plots.Drawing],
+    failures: Mapping[str, str],
+    context: Context,
+) -> str:
+    """Return the page."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    paragraphs = [" ".join(p.split()) for p in re.split(r"\n\s*\n", plan.description) if p.strip()]
+    s = plan.simulation
+    counts = [(k, t, sum(f.status == k for f in plan.findings)) for k, t in STATUS_TITLES.items()]
+    groups = headline(plan, cells)
+    return environment.get_template("page.html.j2").render(
+        plan=plan,
+        paragraphs=paragraphs,
+        groups=groups,
+        has_paper=any(c.paper is not None for c in cells),
+        has_change=any(c.change is not None or c.paper_change is not None for c in cells),
+        has_remark=any(row.remark for g in groups for row in g.rows),
+        counts=[c for c in counts if c[2]],
+        status_titles=STATUS_TITLES,
+        figures=[(d.figure, inline_svg(d)) for d in drawings],
+        units=units(plan),
+        failures=failures,
+        context=context,
+        duration=f"{s.stop - s.start:g} s",
+        step=f"{s.step * 1e3:g} ms",
+    )

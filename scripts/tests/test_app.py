@@ -1,0 +1,130 @@
+"""The command from end to end, with a stand-in for cargo that prints the plan of the tests."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chassis_fmu import app, results
+from chassis_fmu.plan import Plan
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture
+def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Put a `cargo` on the path that notes its arguments and prints the plan, or fails like a scenario error."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    script = folder / "cargo"
+    script.write_text(
+        f"""#!/bin/sh
+printf '%s\\n' "$*" >> '{folder}/log'
+case "$*" in
+*broken*) echo 'scenario.toml:3:7: unknown unit `rod`, did you mean `road`?' >&2; exit 3 ;;
+*' plan '*) cat '{HERE}/plan.json' ;;
+esac
+"""
+    )
+    script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+    return folder / "log"
+
+
+@pytest.fixture
+def recorded(tmp_path: Path, scenario: Plan) -> Path:
+    folder = tmp_path / "recorded"
+    times = np.arange(4) * 0.1
+    for i, run in enumerate(scenario.runs):
+        columns = [c.name for c, slot in zip(scenario.columns, run.columns, strict=True) if slot is not None]
+        rows = np.column_stack([times * (i + j + 1.0) for j in range(len(columns))])
+        results.write_csv(folder / f"{run.stem}.csv", columns, times, rows)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_outputs_repeat_to_the_byte(
+    cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for out in ("one", "two"):
+        assert app.main(["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / out)]) == 0
+    one = contents(tmp_path / "one")
+    assert one == contents(tmp_path / "two")
+    assert set(one) == {
+        "trial/index.html",
+        "trial/table.csv",
+        "trial/table.md",
+        "trial/figures/roll.svg",
+        "trial/figures/roll.png",
+        *(
+            f"trial/runs/{r}.{s}"
+            for r in ("passive_1", "passive_2", "active_1", "active_2")
+            for s in ("csv", "parquet")
+        ),
+    }
+    assert one["trial/runs/active_1.csv"] == (recorded / "active_1.csv").read_bytes()
+    assert "Roll angle <RMS> (°)" in capsys.readouterr().out
+    assert cargo.read_text().splitlines()[0].startswith("fmu plan ")
+
+
+def test_options_are_passed_on(cargo: Path, recorded: Path, tmp_path: Path) -> None:
+    options = ["--stop", "0.3", "--seeds", "2", "--order", "jacobi", "--fmus", str(tmp_path)]
+    code = app.main(["trial.toml", *options, "--from-csv", str(recorded), "--out", str(tmp_path / "out")])
+    assert code == 0
+    assert cargo.read_text().strip().endswith(f"--fmus {tmp_path} --stop 0.3 --seeds 2 --order jacobi")
+
+
+def test_a_scenario_error_is_shown_as_it_is(cargo: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.main(["broken.toml", "--out", str(tmp_path / "out")]) == 3
+    assert capfd.readouterr().err == "scenario.toml:3:7: unknown unit `rod`, did you mean `road`?\n"
+    assert not (tmp_path / "out").exists()
+    assert cargo.exists()
+
+
+def test_a_missing_run_is_reported_and_the_others_are_kept(
+    cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (recorded / "active_2.csv").unlink()
+    assert app.main(["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / "out")]) == 1
+    assert "error: run active#2:" in capsys.readouterr().err
+    assert (tmp_path / "out" / "trial" / "runs" / "active_1.parquet").exists()
+    assert "1 of 4 runs failed" in (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
+    assert cargo.exists()
+
+
+def test_a_csv_of_other_rows_or_columns_is_refused(
+    cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (recorded / "active_2.csv").write_text("time,body.roll\n0.0,1.0\n")
+    (recorded / "active_1.csv").write_text("time,body.roll\n0.0,1.0\n")
+    assert app.main(["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / "out")]) == 1
+    errors = capsys.readouterr().err
+    assert "active_2.csv has 1 rows, expected 4" in errors
+    assert "active_1.csv has no column source.count" in errors
+    assert cargo.exists()
+
+
+def test_an_fmu_that_cannot_be_opened_fails_its_runs(
+    cargo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = tmp_path / "out" / "trial" / "runs" / "passive_1.csv"
+    results.write_text(old, "stale")
+    assert app.main(["trial.toml", "--out", str(tmp_path / "out")]) == 1
+    assert "error: run passive#1: unit source, loading:" in capsys.readouterr().err
+    assert not old.exists()
+    assert cargo.exists()
+
+
+def test_cargo_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert app.main(["trial.toml"]) == 127
+    assert "cargo is not on the PATH" in capsys.readouterr().err

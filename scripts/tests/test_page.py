@@ -1,0 +1,134 @@
+"""The page: everything escaped, nothing requested, every identifier unique."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from lxml import html
+
+from chassis_fmu import metrics, page, plots
+from chassis_fmu.plan import Plan, Point
+from chassis_fmu.results import Recording
+
+CONTEXT = page.Context("fmpy <1>", "scripts/run scenarios/trial.toml --stop 3", "in & out.csv")
+
+
+@pytest.fixture
+def text(scenario: Plan) -> str:
+    times = np.arange(4) * 0.1
+    recordings: dict[plots.Key, Recording] = {
+        ("passive", None): Recording(times, {"body.roll": times, "source.count": times}),
+        ("active", None): Recording(times, {"body.roll": times * 0.5}),
+    }
+    values: dict[tuple[str, str, str | None, int | None], float] = {
+        ("roll_rms", c.name, None, s): 2.0 + s for c in scenario.cases for s in (1, 2)
+    }
+    cells = metrics.table(scenario, values)
+    figures = [*scenario.figures, dataclasses.replace(scenario.figures[0], name="again")]
+    drawings = [d for f in figures if (d := plots.draw(scenario, f, recordings, cells)) is not None]
+    assert len(drawings) == 2
+    return page.render(scenario, cells, drawings, {"active#2": "unit <plant>: fmi2DoStep"}, CONTEXT)
+
+
+def test_everything_is_escaped(text: str) -> None:
+    for raw in ("<trial>", "<i>with", "<fast>", "<RMS>", "<angle>", "<rolls>", "<roll>", "<plant>", "fmpy <1>"):
+        assert raw not in text
+    for shown in (
+        "A &lt;trial&gt; &amp; its &#34;plan&#34;",
+        "Active &lt;fast&gt;",
+        "in &amp; out.csv",
+        "By &amp; large.",
+    ):
+        assert shown in text
+    assert 'aria-label="Roll &lt;angle&gt;"' in text
+
+
+def test_nothing_is_requested(text: str) -> None:
+    tree = html.document_fromstring(text)
+    assert not tree.xpath("//script | //link | //img | //iframe | //object | //*[@src]")
+    assert all(str(v).startswith("#") for v in tree.xpath("//@href | //@*[name() = 'xlink:href']"))
+    assert "@import" not in text
+    assert all(part.startswith("#") for part in text.split("url(")[1:])
+
+
+def test_identifiers_are_unique(text: str) -> None:
+    identifiers = html.document_fromstring(text).xpath("//@id")
+    assert len(identifiers) > 50
+    assert len(identifiers) == len(set(identifiers))
+
+
+def test_references_inside_the_figures_hold(text: str) -> None:
+    tree = html.document_fromstring(text)
+    identifiers = {str(i) for i in tree.xpath("//@id")}
+    used = {part[1 : part.index(")")] for part in text.split("url(")[1:]}
+    used |= {str(v)[1:] for v in tree.xpath("//@*[name() = 'xlink:href']")}
+    assert used <= identifiers
+
+
+def test_colors_follow_the_theme(text: str) -> None:
+    svg = text[text.index("<svg") :]
+    assert plots.INK not in svg
+    assert "var(--ink)" in svg
+    assert "var(--series-0)" in svg
+    assert "<?xml" not in text
+    assert "<metadata>" not in text
+
+
+def test_the_parts_are_there(text: str) -> None:
+    tree = html.document_fromstring(text)
+    assert tree.xpath("string(//h1)") == 'A <trial> & its "plan"'
+    assert [p.text for p in tree.xpath("//p[@class='lead']")] == [
+        "First paragraph <i>with markup</i>.",
+        "Second paragraph.",
+    ]
+    assert len(tree.xpath("//table[@class='headline']/tbody")) == 2
+    assert len(tree.xpath("//table[@class='headline']/tbody/tr")) == 4
+    assert tree.xpath("string(//article[@class='partly']/span)") == "Partly reproduced"
+    assert len(tree.xpath("//figure//svg")) == 2
+    assert tree.xpath("//table[@class='guids']//code/text()") == ["{22}", "{11}"]
+    assert "1 of 4 runs failed" in text
+
+
+def test_a_page_without_anything_optional(scenario: Plan) -> None:
+    bare = dataclasses.replace(
+        scenario, description="", reference="", metrics=(), figures=(), findings=(), seeds=(), runs=scenario.runs[:1]
+    )
+    bare = dataclasses.replace(bare, runs=(dataclasses.replace(bare.runs[0], seed=None),))
+    tree = html.document_fromstring(page.render(bare, [], [], {}, page.Context("native", "scripts/run")))
+    assert [h.text for h in tree.xpath("//h2")] == ["Units in the order of execution", "How it was run"]
+
+
+def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None:
+    first = scenario.runs[0]
+    plant = first.units[1]
+    gain = plant.parameters[0]
+    points = (Point("slow", "Slow", 1.0), Point("fast", "Fast", 2.0))
+
+    def swept(by_case: dict[str, float], by_point: dict[str, float]) -> tuple[tuple[str, str], ...]:
+        runs = tuple(
+            dataclasses.replace(
+                first,
+                id=f"{c.name}@{p.name}",
+                case=c.name,
+                point=p.name,
+                units=(
+                    dataclasses.replace(
+                        plant,
+                        parameters=(dataclasses.replace(gain, value=by_case[c.name] + by_point[p.name]),),
+                    ),
+                ),
+            )
+            for c in scenario.cases
+            for p in points
+        )
+        sections = page.units(dataclasses.replace(scenario, runs=runs, points=points))
+        return sections[0].parameters[0].values
+
+    same = {"passive": 1.0, "active": 1.0}
+    assert swept(same, {"slow": 0.0, "fast": 0.0}) == (("", "1"),)
+    assert swept({"passive": 1.0, "active": 2.0}, {"slow": 0.0, "fast": 0.0}) == (
+        ("Passive", "1"),
+        ("Active <fast>", "2"),
+    )
+    assert swept(same, {"slow": 1.0, "fast": 2.0}) == (("Slow", "2"), ("Fast", "3"))
+    assert len(swept({"passive": 1.0, "active": 2.0}, {"slow": 1.0, "fast": 2.0})) == 4
