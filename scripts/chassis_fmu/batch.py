@@ -36,6 +36,8 @@ class _Task:
 
 def _execute(task: _Task, pipe: Connection) -> None:
     """Body of a process: simulates one run, writes its files, sends numbers of steps and in the end a verdict."""
+    # An interrupt from the keyboard reaches all processes; the first one ends the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     pending = 0
     last = time.monotonic()
 
