@@ -1,0 +1,786 @@
+//! Mamdani fuzzy inference with one or two inputs, sizes fixed at compile time, no allocation.
+//!
+//! One evaluation is a chain of four steps, each a value built once and a method called per sample:
+//!
+//! | step | built once | per sample |
+//! |---|---|---|
+//! | fuzzify an input: grade of every label | [`Partition`] | [`Partition::grades`] |
+//! | fire the rules: activation of every output label | [`RuleTable`] (two inputs), [`LabelMap`] (one input) | [`RuleTable::activation`], [`LabelMap::apply`] |
+//! | give the same rules another consequent (optional) | [`LabelMap`] | [`LabelMap::apply`] |
+//! | clip, unite and take the centroid | [`Output`] | [`Output::centroid`] |
+//!
+//! ```text
+//! strength of rule (i, j):  g_i and g_j            AND = min or product (Conjunction)
+//! activation of label l:    w_l = max of the strengths of its rules
+//! fuzzy output:             mu(y) = max over l of min(w_l, mu_l(y))
+//! crisp output:             sum(y mu(y)) / sum(mu(y)) over an even grid of points y
+//! ```
+//!
+//! As a label counts with the largest strength of its rules, the activation is computed once per
+//! label, and several outputs that share the rules need only one table.
+//!
+//! # No rule active, NaN
+//!
+//! The centroid of an empty set does not exist: if no label is active at any grid point, the
+//! result is NaN, as it is if any input is NaN. Partitions that cover the whole (clipped) input
+//! range with a rule for every pair of labels never get there.
+//!
+//! # Example
+//!
+//! ```
+//! use control::fuzzy::{Conjunction, LabelMap, Membership, Output, Partition, RuleTable};
+//! # fn main() -> Result<(), control::fuzzy::FuzzyError> {
+//! // Labels low, high of two inputs in 0..=1; labels small, medium, large of the output.
+//! let input = Partition::new(Membership::evenly_spaced_triangles::<2>(0.0, 1.0))?;
+//! let rules = RuleTable::<2, 2, 3>::new([[0, 1], [1, 2]], Conjunction::Minimum)?;
+//! let output = Output::<3, 101>::new(Membership::evenly_spaced_triangles(0.0, 1.0), 0.0, 1.0)?;
+//! let opposite = LabelMap::<3, 3>::new([2, 1, 0])?;
+//!
+//! let activation = rules.activation(&input.grades(0.9), &input.grades(0.2));
+//! let first = output.centroid(&activation);
+//! let second = output.centroid(&opposite.apply(&activation));
+//! assert!((first + second - 1.0).abs() < 1e-12);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Reference
+//!
+//! E. H. Mamdani, S. Assilian, "An experiment in linguistic synthesis with a fuzzy logic
+//! controller", International Journal of Man-Machine Studies 7(1), 1975, 1-13,
+//! doi:10.1016/S0020-7373(75)80002-2.
+
+use std::fmt;
+
+/// A fuzzy set on the real line: the grade (0..=1) to which a number belongs to a label.
+///
+/// The parameters have the unit of the number. [`Partition::new`] and [`Output::new`] check them;
+/// [`Membership::grade`] alone takes them as they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Membership {
+    /// `exp(-(x - center)^2 / (2 width^2))`.
+    Gaussian {
+        /// Where the grade is 1; finite.
+        center: f64,
+        /// Standard deviation; positive and finite.
+        width: f64,
+    },
+    /// 0 at the feet, 1 at the peak, linear in between. An infinite foot makes a shoulder: the
+    /// grade is 1 from the peak on to that side. A foot at the peak makes a vertical edge.
+    Triangle {
+        /// Left foot, at most `peak`; minus infinity for a left shoulder.
+        left: f64,
+        /// Where the grade is 1; finite.
+        peak: f64,
+        /// Right foot, at least `peak`, greater than `left`; plus infinity for a right shoulder.
+        right: f64,
+    },
+    /// 1 between the shoulders, 0 outside the feet, linear in between. An infinite foot makes the
+    /// grade 1 from its shoulder on to that side.
+    Trapezoid {
+        /// Left foot, at most `left_shoulder`.
+        left_foot: f64,
+        /// Left end of grade 1, at most `right_shoulder`; below plus infinity.
+        left_shoulder: f64,
+        /// Right end of grade 1; above minus infinity.
+        right_shoulder: f64,
+        /// Right foot, at least `right_shoulder`, greater than `left_foot`.
+        right_foot: f64,
+    },
+}
+
+impl Membership {
+    /// Grade of `x` in 0..=1; NaN if `x` is NaN.
+    ///
+    /// ```
+    /// use control::fuzzy::Membership;
+    /// let triangle = Membership::Triangle { left: 0.0, peak: 1.0, right: 3.0 };
+    /// assert_eq!(triangle.grade(0.25), 0.25);
+    /// assert_eq!(triangle.grade(2.0), 0.5);
+    /// let shoulder = Membership::Triangle { left: f64::NEG_INFINITY, peak: 1.0, right: 3.0 };
+    /// assert_eq!(shoulder.grade(-100.0), 1.0);
+    /// ```
+    pub fn grade(&self, x: f64) -> f64 {
+        if x.is_nan() {
+            return x;
+        }
+        match *self {
+            Self::Gaussian { center, width } => {
+                let z = (x - center) / width;
+                (-0.5 * z * z).exp()
+            }
+            Self::Triangle { left, peak, right } => trapezoid(x, left, peak, peak, right),
+            Self::Trapezoid { left_foot, left_shoulder, right_shoulder, right_foot } => {
+                trapezoid(x, left_foot, left_shoulder, right_shoulder, right_foot)
+            }
+        }
+    }
+
+    /// `N` Gaussian sets with evenly spaced centers from `first` to `last`, neighbors crossing at
+    /// grade 1/2: `width = spacing / (2 sqrt(2 ln 2))`.
+    ///
+    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`] refuses the sets.
+    pub fn evenly_spaced_gaussians<const N: usize>(first: f64, last: f64) -> [Self; N] {
+        let width = spacing(N, first, last) / (8.0 * std::f64::consts::LN_2).sqrt();
+        grid(first, last).map(|center| Self::Gaussian { center, width })
+    }
+
+    /// `N` triangles with evenly spaced peaks from `first` to `last`, each reaching to the peaks of
+    /// its neighbors, so that they cross at grade 1/2; the outer two reach beyond `first` and
+    /// `last` by the same distance.
+    ///
+    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`] refuses the sets.
+    pub fn evenly_spaced_triangles<const N: usize>(first: f64, last: f64) -> [Self; N] {
+        let spacing = spacing(N, first, last);
+        grid(first, last).map(|peak| Self::Triangle { left: peak - spacing, peak, right: peak + spacing })
+    }
+
+    /// The rule this set breaks, if any.
+    fn broken_rule(&self) -> Option<&'static str> {
+        // Written so that NaN fails every comparison.
+        match *self {
+            Self::Gaussian { center, width } => {
+                if !center.is_finite() {
+                    Some("center must be finite")
+                } else if !(width > 0.0 && width.is_finite()) {
+                    Some("width must be positive and finite")
+                } else {
+                    None
+                }
+            }
+            Self::Triangle { left, peak, right } => {
+                if !peak.is_finite() {
+                    Some("peak must be finite")
+                } else if !(left <= peak && peak <= right && left < right) {
+                    Some("left <= peak <= right and left < right must hold")
+                } else {
+                    None
+                }
+            }
+            Self::Trapezoid { left_foot, left_shoulder, right_shoulder, right_foot } => {
+                if !(left_foot <= left_shoulder
+                    && left_shoulder <= right_shoulder
+                    && right_shoulder <= right_foot
+                    && left_foot < right_foot)
+                {
+                    Some(
+                        "left_foot <= left_shoulder <= right_shoulder <= right_foot and left_foot < right_foot must hold",
+                    )
+                } else if !(left_shoulder < f64::INFINITY && right_shoulder > f64::NEG_INFINITY) {
+                    Some("left_shoulder must be below and right_shoulder above infinity")
+                } else {
+                    None
+                }
+            }
+        }
+    }
+}
+
+/// Grade of a trapezoid whose feet may be infinite.
+fn trapezoid(x: f64, left_foot: f64, left_shoulder: f64, right_shoulder: f64, right_foot: f64) -> f64 {
+    // The falling edge is the rising one seen from the other side.
+    edge(x, left_foot, left_shoulder).min(edge(-x, -right_foot, -right_shoulder))
+}
+
+/// Rising edge: 0 up to `foot`, 1 from `shoulder` on.
+fn edge(x: f64, foot: f64, shoulder: f64) -> f64 {
+    if x >= shoulder || foot == f64::NEG_INFINITY {
+        1.0
+    } else if x <= foot {
+        0.0
+    } else {
+        (x - foot) / (shoulder - foot)
+    }
+}
+
+/// Distance of `n` even points from `first` to `last`.
+fn spacing(n: usize, first: f64, last: f64) -> f64 {
+    (last - first) / (n as f64 - 1.0)
+}
+
+/// `N` even points from `first` to `last`, symmetric to the last bit if `first == -last`.
+fn grid<const N: usize>(first: f64, last: f64) -> [f64; N] {
+    let end = N as f64 - 1.0;
+    std::array::from_fn(|i| (first * (end - i as f64) + last * i as f64) / end)
+}
+
+fn contains_nan(values: &[f64]) -> bool {
+    values.iter().any(|x| x.is_nan())
+}
+
+/// The labels of one input: `N` fuzzy sets over the same axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Partition<const N: usize> {
+    sets: [Membership; N],
+}
+
+impl<const N: usize> Partition<N> {
+    /// Takes the sets of the labels in order.
+    ///
+    /// # Errors
+    ///
+    /// [`FuzzyError::Membership`] if a set breaks the rules stated at its fields.
+    pub fn new(sets: [Membership; N]) -> Result<Self, FuzzyError> {
+        check_sets(&sets)?;
+        Ok(Self { sets })
+    }
+
+    /// Grade (0..=1) of `x` in every label; all NaN if `x` is NaN. `x` is in the unit of the sets
+    /// and is not clipped here.
+    pub fn grades(&self, x: f64) -> [f64; N] {
+        self.sets.map(|set| set.grade(x))
+    }
+}
+
+fn check_sets(sets: &[Membership]) -> Result<(), FuzzyError> {
+    for (index, set) in sets.iter().enumerate() {
+        if let Some(requirement) = set.broken_rule() {
+            return Err(FuzzyError::Membership { index, set: *set, requirement });
+        }
+    }
+    Ok(())
+}
+
+/// How the grades of the two inputs of a rule combine to its strength ("and").
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conjunction {
+    /// The smaller grade.
+    Minimum,
+    /// The product of the grades.
+    Product,
+}
+
+/// A full set of rules with two inputs: "if the first input is row i and the second is column j,
+/// then the output is label `table[i][j]`".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RuleTable<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> {
+    table: [[usize; COLUMNS]; ROWS],
+    conjunction: Conjunction,
+}
+
+impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROWS, COLUMNS, LABELS> {
+    /// Takes the table of output labels, numbered from 0 to `LABELS - 1`. Can be evaluated at
+    /// compile time.
+    ///
+    /// # Errors
+    ///
+    /// [`FuzzyError::Label`] if an entry is not below `LABELS`.
+    pub const fn new(table: [[usize; COLUMNS]; ROWS], conjunction: Conjunction) -> Result<Self, FuzzyError> {
+        let mut row = 0;
+        while row < ROWS {
+            if let Err(error) = check_labels(&table[row], row, LABELS) {
+                return Err(error);
+            }
+            row += 1;
+        }
+        Ok(Self { table, conjunction })
+    }
+
+    /// Activation (0..=1) of every output label: the largest strength among the rules that
+    /// conclude it, 0 if there is none. All NaN if a grade is NaN.
+    ///
+    /// * `rows`, `columns`: grades of the first and the second input in their labels.
+    pub fn activation(&self, rows: &[f64; ROWS], columns: &[f64; COLUMNS]) -> [f64; LABELS] {
+        // f64::min and f64::max would drop a NaN.
+        if contains_nan(rows) || contains_nan(columns) {
+            return [f64::NAN; LABELS];
+        }
+        let mut activation = [0.0_f64; LABELS];
+        for (labels, &row) in self.table.iter().zip(rows) {
+            for (&label, &column) in labels.iter().zip(columns) {
+                let strength = match self.conjunction {
+                    Conjunction::Minimum => row.min(column),
+                    Conjunction::Product => row * column,
+                };
+                activation[label] = activation[label].max(strength);
+            }
+        }
+        activation
+    }
+}
+
+/// A map from `FROM` labels to `TO` labels. It gives the rules of a [`RuleTable`] another
+/// consequent, or is itself the rule list of a system with one input ("if the input is label i,
+/// then the output is label `map[i]`").
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LabelMap<const FROM: usize, const TO: usize> {
+    map: [usize; FROM],
+}
+
+impl<const FROM: usize, const TO: usize> LabelMap<FROM, TO> {
+    /// Takes the new label of every label, numbered from 0 to `TO - 1`. Can be evaluated at compile
+    /// time.
+    ///
+    /// # Errors
+    ///
+    /// [`FuzzyError::Label`] (with row 0) if an entry is not below `TO`.
+    pub const fn new(map: [usize; FROM]) -> Result<Self, FuzzyError> {
+        match check_labels(&map, 0, TO) {
+            Ok(()) => Ok(Self { map }),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Activation of every new label: the largest among the labels mapped to it, 0 if there is
+    /// none. All NaN if an activation is NaN.
+    pub fn apply(&self, activation: &[f64; FROM]) -> [f64; TO] {
+        if contains_nan(activation) {
+            return [f64::NAN; TO];
+        }
+        let mut mapped = [0.0_f64; TO];
+        for (&label, &value) in self.map.iter().zip(activation) {
+            mapped[label] = mapped[label].max(value);
+        }
+        mapped
+    }
+}
+
+const fn check_labels(labels_used: &[usize], row: usize, labels: usize) -> Result<(), FuzzyError> {
+    let mut column = 0;
+    while column < labels_used.len() {
+        if labels_used[column] >= labels {
+            return Err(FuzzyError::Label { row, column, label: labels_used[column], labels });
+        }
+        column += 1;
+    }
+    Ok(())
+}
+
+/// The output of the inference: its labels as fuzzy sets, tabulated on a grid of `POINTS` even
+/// points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Output<const LABELS: usize, const POINTS: usize> {
+    points: [f64; POINTS],
+    /// Grade of every label at each point.
+    grades: [[f64; LABELS]; POINTS],
+}
+
+impl<const LABELS: usize, const POINTS: usize> Output<LABELS, POINTS> {
+    /// Tabulates the sets of the labels on `POINTS` even points from `low` to `high` (in the unit of
+    /// the output, both ends included). Parts of a set outside the grid are cut off.
+    ///
+    /// # Errors
+    ///
+    /// * [`FuzzyError::Membership`] if a set breaks the rules stated at its fields;
+    /// * [`FuzzyError::Grid`] unless `low < high`, both are finite and `POINTS` is at least 2;
+    /// * [`FuzzyError::NoSupport`] if a label has grade 0 at every point, so that it could never
+    ///   have an effect.
+    pub fn new(sets: [Membership; LABELS], low: f64, high: f64) -> Result<Self, FuzzyError> {
+        check_sets(&sets)?;
+        if !(low < high && low.is_finite() && high.is_finite() && POINTS >= 2) {
+            return Err(FuzzyError::Grid { low, high, points: POINTS });
+        }
+        let points = grid(low, high);
+        let grades = points.map(|y| sets.map(|set| set.grade(y)));
+        for label in 0..LABELS {
+            if grades.iter().all(|at_point| at_point[label] == 0.0) {
+                return Err(FuzzyError::NoSupport { label });
+            }
+        }
+        Ok(Self { points, grades })
+    }
+
+    /// Crisp output: the centroid of the united sets, each clipped at the activation of its label,
+    /// in the unit of the output. It lies within the grid to rounding.
+    ///
+    /// NaN if an activation is NaN or if no label is active (see the [module](self)).
+    ///
+    /// * `activation`: w_l of every label, 0..=1.
+    pub fn centroid(&self, activation: &[f64; LABELS]) -> f64 {
+        if contains_nan(activation) {
+            return f64::NAN;
+        }
+        let mut moment = 0.0;
+        let mut area = 0.0;
+        for (y, grades) in self.points.iter().zip(&self.grades) {
+            let mut grade = 0.0_f64;
+            for (of_label, &limit) in grades.iter().zip(activation) {
+                grade = grade.max(of_label.min(limit));
+            }
+            moment += y * grade;
+            area += grade;
+        }
+        moment / area
+    }
+}
+
+/// What is wrong with the description of a fuzzy system.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FuzzyError {
+    /// A fuzzy set has parameters without meaning.
+    Membership {
+        /// Number of the label, from 0.
+        index: usize,
+        /// The set.
+        set: Membership,
+        /// What must hold instead.
+        requirement: &'static str,
+    },
+    /// A rule table or label map names a label that does not exist.
+    Label {
+        /// Row of the entry, from 0.
+        row: usize,
+        /// Column of the entry, from 0.
+        column: usize,
+        /// The entry.
+        label: usize,
+        /// Number of labels there are.
+        labels: usize,
+    },
+    /// The grid of the output is empty or not finite.
+    Grid {
+        /// First point.
+        low: f64,
+        /// Last point.
+        high: f64,
+        /// Number of points.
+        points: usize,
+    },
+    /// An output label has grade 0 at every grid point.
+    NoSupport {
+        /// Number of the label, from 0.
+        label: usize,
+    },
+}
+
+impl fmt::Display for FuzzyError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Membership { index, set, requirement } => {
+                write!(f, "fuzzy set of label {index} ({set:?}): {requirement}")
+            }
+            Self::Label { row, column, label, labels } => write!(
+                f,
+                "fuzzy rule in row {row}, column {column}: label {label} does not exist, expected 0 to {}",
+                labels.saturating_sub(1)
+            ),
+            Self::Grid { low, high, points } => write!(
+                f,
+                "fuzzy output grid of {points} points from {low} to {high}: expected at least 2 points and finite ends, the first below the last"
+            ),
+            Self::NoSupport { label } => write!(
+                f,
+                "fuzzy output label {label}: grade 0 at every grid point, expected a set that covers at least one"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for FuzzyError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Coordination of the rescue vehicle (Chen et al., Mathematics 2022, 10, 3562, Tables 2 and 3):
+    /// inputs steering angle in deg and speed in km/h, output weights of the two suspension laws.
+    struct Coordination {
+        speed: Partition<5>,
+        angle: Partition<5>,
+        rules: RuleTable<5, 5, 7>,
+        opposite: LabelMap<7, 7>,
+        weight: Output<7, 101>,
+    }
+
+    const PES: usize = 0;
+    const PVS: usize = 1;
+    const PS: usize = 2;
+    const PM: usize = 3;
+    const PB: usize = 4;
+    const PVB: usize = 5;
+    const PEB: usize = 6;
+
+    impl Coordination {
+        fn new() -> Self {
+            let table = [
+                [PES, PES, PVS, PS, PM],
+                [PES, PVS, PS, PM, PB],
+                [PVS, PM, PB, PB, PVB],
+                [PS, PM, PB, PVB, PVB],
+                [PS, PB, PVB, PEB, PEB],
+            ];
+            Self {
+                speed: Partition::new(Membership::evenly_spaced_gaussians(0.0, 40.0)).unwrap(),
+                angle: Partition::new(Membership::evenly_spaced_gaussians(0.0, 32.0)).unwrap(),
+                rules: RuleTable::new(table, Conjunction::Minimum).unwrap(),
+                opposite: LabelMap::new([PEB, PEB, PB, PM, PS, PVS, PES]).unwrap(),
+                weight: Output::new(Membership::evenly_spaced_gaussians(0.0, 1.0), 0.0, 1.0).unwrap(),
+            }
+        }
+
+        /// Weights of the integrated and of the roll law.
+        fn weights(&self, degrees: f64, speed: f64) -> [f64; 2] {
+            let activation = self.rules.activation(
+                &self.speed.grades(speed.clamp(0.0, 40.0)),
+                &self.angle.grades(degrees.abs().clamp(0.0, 32.0)),
+            );
+            [self.weight.centroid(&self.opposite.apply(&activation)), self.weight.centroid(&activation)]
+        }
+    }
+
+    /// Check values of the model specification of the rescue vehicle (section "coordination"), made
+    /// by an independent implementation; 9 digits printed, hence 1e-9.
+    #[test]
+    fn coordination_matches_the_check_values() {
+        let coordination = Coordination::new();
+        for (degrees, speed, integrated, roll) in [
+            (30.0, 35.0, 0.146518016, 0.853481984),
+            (0.0, 35.0, 0.615975864, 0.384024136),
+            (10.0, 20.0, 0.492556677, 0.507443323),
+            (32.0, 40.0, 0.075676347, 0.924323653),
+            (16.0, 20.0, 0.381932498, 0.618067502),
+            (5.0, 0.0, 0.932707829, 0.088768399),
+            (20.0, 10.0, 0.580488560, 0.419511440),
+        ] {
+            let [k1, k2] = coordination.weights(degrees, speed);
+            assert!(
+                (k1 - integrated).abs() < 1e-9 && (k2 - roll).abs() < 1e-9,
+                "({degrees} deg, {speed} km/h): {k1}, {k2}"
+            );
+        }
+    }
+
+    /// The first output of a fuzzy PID with 7 x 7 rules, triangles as output sets and 121 points,
+    /// and a system with one input (k1 from k2): check values of the model specification of the heavy
+    /// vehicle, made by an independent implementation; 8 digits printed, hence 1e-8.
+    #[test]
+    fn other_systems_match_their_check_values() {
+        // NB = 0 occurs in neither table.
+        const NM: usize = 1;
+        const NS: usize = 2;
+        const ZO: usize = 3;
+        const PS: usize = 4;
+        const PM: usize = 5;
+        const PB: usize = 6;
+        let input = Partition::new(Membership::evenly_spaced_gaussians::<7>(-3.0, 3.0)).unwrap();
+        let proportional = RuleTable::<7, 7, 7>::new(
+            [
+                [PB, PB, PM, PM, PS, ZO, ZO],
+                [PB, PB, PM, PS, PS, ZO, NS],
+                [PM, PM, PM, PS, ZO, NS, NS],
+                [PM, PM, PS, ZO, PS, PM, PM],
+                [NS, NS, ZO, PS, PM, PM, PM],
+                [NS, ZO, PS, PS, PM, PB, PB],
+                [ZO, ZO, PS, PM, PM, PB, PB],
+            ],
+            Conjunction::Minimum,
+        )
+        .unwrap();
+        let output = Output::<7, 121>::new(Membership::evenly_spaced_triangles(-3.0, 3.0), -3.0, 3.0).unwrap();
+        for (error, rate, expected) in [
+            (0.0, 0.0, 0.21831225),
+            (-3.0, -3.0, 2.68329967),
+            (1.0, 0.0, 0.99996779),
+            (-1.0, 0.0, 0.99996779),
+            (2.2, 0.3, 1.27839916),
+        ] {
+            let activation = proportional.activation(&input.grades(error), &input.grades(rate));
+            assert!((output.centroid(&activation) - expected).abs() < 1e-8);
+        }
+
+        let sets = Membership::evenly_spaced_triangles::<7>(-1.0, 1.0);
+        let input = Partition::new(sets).unwrap();
+        let rules = LabelMap::<7, 7>::new([NM, NS, NS, ZO, PM, PB, PB]).unwrap();
+        let output = Output::<7, 201>::new(sets, -1.0, 1.0).unwrap();
+        for (k2, k1) in
+            [(-1.0, -0.66663366), (-0.5, -0.3334), (0.0, 0.0), (0.1, 0.23939586), (0.5, 0.70883073), (1.0, 0.89217822)]
+        {
+            let y = output.centroid(&rules.apply(&input.grades(k2)));
+            assert!((y - k1).abs() < 1e-8, "{k2}: {y}");
+        }
+    }
+
+    #[test]
+    fn grades_of_every_shape() {
+        let gaussian = Membership::Gaussian { center: 2.0, width: 0.5 };
+        assert_eq!(gaussian.grade(2.0), 1.0);
+        // One standard deviation; the reference is the same function, hence one rounding.
+        assert!((gaussian.grade(1.5) - (-0.5_f64).exp()).abs() < 1e-15);
+        assert_eq!(gaussian.grade(f64::INFINITY), 0.0);
+
+        let edge = Membership::Triangle { left: 1.0, peak: 1.0, right: 2.0 };
+        assert_eq!([0.999, 1.0, 1.5, 2.0].map(|x| edge.grade(x)), [0.0, 1.0, 0.5, 0.0]);
+
+        let trapezoid =
+            Membership::Trapezoid { left_foot: 0.0, left_shoulder: 1.0, right_shoulder: 2.0, right_foot: 4.0 };
+        assert_eq!(
+            [-1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0].map(|x| trapezoid.grade(x)),
+            [0.0, 0.0, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0]
+        );
+
+        let everything = Membership::Trapezoid {
+            left_foot: f64::NEG_INFINITY,
+            left_shoulder: f64::NEG_INFINITY,
+            right_shoulder: f64::INFINITY,
+            right_foot: f64::INFINITY,
+        };
+        let right_shoulder = Membership::Trapezoid {
+            left_foot: 0.0,
+            left_shoulder: 1.0,
+            right_shoulder: 2.0,
+            right_foot: f64::INFINITY,
+        };
+        for x in [f64::NEG_INFINITY, -1.0, 0.0, f64::INFINITY] {
+            assert_eq!(everything.grade(x), 1.0);
+        }
+        assert_eq!([-1.0, 0.5, 1e9, f64::INFINITY].map(|x| right_shoulder.grade(x)), [0.0, 0.5, 1.0, 1.0]);
+        for set in [gaussian, edge, trapezoid, everything, right_shoulder] {
+            assert!(set.grade(f64::NAN).is_nan());
+            assert!(Partition::new([set]).is_ok());
+        }
+    }
+
+    #[test]
+    fn neighbors_cross_at_one_half() {
+        let halfway = 0.5 * (8.0 + 16.0);
+        for sets in
+            [Membership::evenly_spaced_gaussians::<5>(0.0, 32.0), Membership::evenly_spaced_triangles::<5>(0.0, 32.0)]
+        {
+            // exp(-ln 2) with a few roundings in the width.
+            assert!((sets[1].grade(halfway) - 0.5).abs() < 1e-15);
+            assert!((sets[2].grade(halfway) - 0.5).abs() < 1e-15);
+        }
+        // Width in the specification of the rescue vehicle, cut after 6 digits.
+        let [Membership::Gaussian { width, .. }, ..] = Membership::evenly_spaced_gaussians::<5>(0.0, 32.0) else {
+            panic!("not a Gaussian set");
+        };
+        assert!((width - 3.39728).abs() < 1e-5);
+    }
+
+    #[test]
+    fn product_and_minimum_differ_as_they_should() {
+        let [minimum, product] = [Conjunction::Minimum, Conjunction::Product].map(|conjunction| {
+            RuleTable::<2, 2, 3>::new([[0, 1], [1, 2]], conjunction).unwrap().activation(&[0.25, 0.75], &[0.5, 0.5])
+        });
+        assert_eq!(minimum, [0.25, 0.5, 0.5]);
+        assert_eq!(product, [0.125, 0.375, 0.375]);
+    }
+
+    #[test]
+    fn a_label_without_rule_stays_inactive_and_merged_labels_take_the_larger() {
+        let rules = RuleTable::<1, 2, 3>::new([[0, 0]], Conjunction::Minimum).unwrap();
+        assert_eq!(rules.activation(&[0.8], &[0.3, 0.6]), [0.6, 0.0, 0.0]);
+        let merge = LabelMap::<3, 2>::new([1, 0, 1]).unwrap();
+        assert_eq!(merge.apply(&[0.2, 0.3, 0.4]), [0.3, 0.4]);
+    }
+
+    /// One fully active triangle: the centroid is its peak. Tolerance: rounding of a sum of 101
+    /// terms below 1.
+    #[test]
+    fn one_active_label_gives_its_center() {
+        let output = Output::<5, 101>::new(Membership::evenly_spaced_triangles(0.0, 1.0), 0.0, 1.0).unwrap();
+        assert!((output.centroid(&[0.0, 0.0, 1.0, 0.0, 0.0]) - 0.5).abs() < 1e-14);
+        assert!((output.centroid(&[0.0, 1.0, 0.0, 0.0, 0.0]) - 0.25).abs() < 1e-14);
+    }
+
+    #[test]
+    fn no_active_rule_and_nan_give_nan() {
+        let coordination = Coordination::new();
+        assert!(coordination.weight.centroid(&[0.0; 7]).is_nan());
+        for (degrees, speed) in [(f64::NAN, 10.0), (10.0, f64::NAN), (f64::NAN, f64::NAN)] {
+            let [k1, k2] = coordination.weights(degrees, speed);
+            assert!(k1.is_nan() && k2.is_nan());
+        }
+
+        // An input between the sets fires nothing.
+        let gap = Partition::new([
+            Membership::Triangle { left: 0.0, peak: 1.0, right: 2.0 },
+            Membership::Triangle { left: 3.0, peak: 4.0, right: 5.0 },
+        ])
+        .unwrap();
+        let output = Output::<2, 11>::new(Membership::evenly_spaced_triangles(0.0, 1.0), 0.0, 1.0).unwrap();
+        let rules = LabelMap::<2, 2>::new([0, 1]).unwrap();
+        assert!(output.centroid(&rules.apply(&gap.grades(2.5))).is_nan());
+        assert!(!output.centroid(&rules.apply(&gap.grades(1.5))).is_nan());
+    }
+
+    #[test]
+    fn tables_can_be_checked_at_compile_time() {
+        const RULES: Result<RuleTable<2, 2, 2>, FuzzyError> = RuleTable::new([[0, 1], [1, 0]], Conjunction::Product);
+        const MAP: Result<LabelMap<2, 2>, FuzzyError> = LabelMap::new([0, 2]);
+        assert!(RULES.is_ok());
+        assert!(MAP.is_err());
+    }
+
+    #[test]
+    fn bad_descriptions_are_refused() {
+        let bad_label = RuleTable::<2, 2, 3>::new([[0, 1], [2, 3]], Conjunction::Minimum);
+        assert_eq!(
+            bad_label.unwrap_err().to_string(),
+            "fuzzy rule in row 1, column 1: label 3 does not exist, expected 0 to 2"
+        );
+
+        let triangle = |left, peak, right| Membership::Triangle { left, peak, right };
+        let trapezoid = |left_foot, left_shoulder, right_shoulder, right_foot| Membership::Trapezoid {
+            left_foot,
+            left_shoulder,
+            right_shoulder,
+            right_foot,
+        };
+        let gaussian = |center, width| Membership::Gaussian { center, width };
+        let infinity = f64::INFINITY;
+        for set in [
+            gaussian(f64::NAN, 1.0),
+            gaussian(infinity, 1.0),
+            gaussian(0.0, 0.0),
+            gaussian(0.0, -1.0),
+            gaussian(0.0, f64::NAN),
+            gaussian(0.0, infinity),
+            triangle(0.0, f64::NAN, 1.0),
+            triangle(f64::NAN, 0.0, 1.0),
+            triangle(0.0, 2.0, 1.0),
+            triangle(1.0, 0.0, 2.0),
+            triangle(1.0, 1.0, 1.0),
+            triangle(-infinity, infinity, infinity),
+            trapezoid(0.0, 2.0, 1.0, 3.0),
+            trapezoid(1.0, 1.0, 1.0, 1.0),
+            trapezoid(0.0, 1.0, f64::NAN, 3.0),
+            trapezoid(0.0, infinity, infinity, infinity),
+            trapezoid(-infinity, -infinity, -infinity, 0.0),
+        ] {
+            let good = gaussian(0.0, 1.0);
+            let error = Partition::new([good, set]).unwrap_err();
+            assert!(matches!(error, FuzzyError::Membership { index: 1, .. }), "{set:?}: {error}");
+            assert!(Output::<2, 11>::new([good, set], 0.0, 1.0).is_err());
+        }
+        // One set has no spacing.
+        assert!(Partition::new(Membership::evenly_spaced_gaussians::<1>(0.0, 1.0)).is_err());
+
+        let sets = Membership::evenly_spaced_gaussians::<2>(0.0, 1.0);
+        for (low, high) in [(1.0, 0.0), (0.0, 0.0), (0.0, f64::NAN), (-infinity, 0.0)] {
+            assert!(matches!(Output::<2, 11>::new(sets, low, high), Err(FuzzyError::Grid { points: 11, .. })));
+        }
+        assert!(matches!(Output::<2, 1>::new(sets, 0.0, 1.0), Err(FuzzyError::Grid { points: 1, .. })));
+        assert_eq!(
+            Output::<1, 11>::new([triangle(0.11, 0.15, 0.19)], 0.0, 1.0),
+            Err(FuzzyError::NoSupport { label: 0 })
+        );
+    }
+
+    proptest! {
+        /// Weights stay inside the output range and depend on the size of the angle only.
+        #[test]
+        fn coordination_is_bounded_and_even(degrees in -60.0..60.0f64, speed in -10.0..80.0f64) {
+            let coordination = Coordination::new();
+            let weights = coordination.weights(degrees, speed);
+            for weight in weights {
+                prop_assert!((0.0..=1.0).contains(&weight));
+            }
+            prop_assert_eq!(weights, coordination.weights(-degrees, speed));
+        }
+
+        /// Mirrored rules give a mirrored output. Tolerance: the two sums run in opposite order.
+        #[test]
+        fn mirrored_rules_are_odd(x in -4.0..4.0f64, y in -4.0..4.0f64, product: bool) {
+            let input = Partition::new(Membership::evenly_spaced_triangles::<3>(-4.0, 4.0)).unwrap();
+            let conjunction = if product { Conjunction::Product } else { Conjunction::Minimum };
+            let rules = RuleTable::<3, 3, 5>::new([[0, 1, 2], [1, 2, 3], [2, 3, 4]], conjunction).unwrap();
+            let output = Output::<5, 81>::new(Membership::evenly_spaced_gaussians(-2.0, 2.0), -2.0, 2.0).unwrap();
+            let at = |x, y| output.centroid(&rules.activation(&input.grades(x), &input.grades(y)));
+            prop_assert!((at(x, y) + at(-x, -y)).abs() < 1e-13);
+            prop_assert!(at(x, y).abs() <= 2.0);
+            prop_assert!((at(x, y) - at(y, x)).abs() < 1e-13);
+        }
+    }
+}

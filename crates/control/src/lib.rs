@@ -1,0 +1,23 @@
+//! Control laws without a vehicle.
+//!
+//! Everything here is a pure function of `f64` values (or a small value built once from them):
+//! no state is hidden, no FMI type appears, and nothing that runs once per sample allocates.
+//! A controller keeps its own state and calls these functions in the order of its equations.
+//!
+//! | module | what it gives | when it runs |
+//! |---|---|---|
+//! | [`riccati`] | linear quadratic regulators: algebraic Riccati equation with cross term | once, at initialization |
+//! | [`fuzzy`] | Mamdani inference with one or two inputs | every sample |
+//! | [`sliding_mode`] | integral sliding surface, reaching law, boundary layer | every sample |
+//! | [`limit`] | limits of magnitude and rate, exact step of a first-order lag | every sample |
+//!
+//! # Numbers that are not finite
+//!
+//! The functions that run every sample never panic. Where an argument is NaN the result is NaN:
+//! a bad value is carried to the output, where the caller finds it, and is not turned into a
+//! plausible one. Functions that build something return a [`Result`] and say what was wrong.
+
+pub mod fuzzy;
+pub mod limit;
+pub mod riccati;
+pub mod sliding_mode;

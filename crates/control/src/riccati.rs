@@ -1,0 +1,1050 @@
+//! Linear quadratic regulators: the continuous algebraic Riccati equation with cross term.
+//!
+//! For the plant `dx/dt = A x + B u` the feedback that minimizes
+//!
+//! ```text
+//! J = integral over t from 0 to infinity of (x'Q x + 2 x'N u + u'R u) dt
+//! ```
+//!
+//! is `u = -K x` with
+//!
+//! ```text
+//! A'P + P A - (P B + N) R^-1 (B'P + N') + Q = 0,    P symmetric, A - B K stable
+//! K = R^-1 (B'P + N')
+//! ```
+//!
+//! [`care`] solves this, [`lqr_output_weighted`] does so for a cost on outputs. Both allocate and
+//! take about a millisecond for 20 states: they belong to initialization, not to a sample.
+//!
+//! # Method
+//!
+//! 1. Inputs are scaled to a unit diagonal of R; its Cholesky factor removes R and N:
+//!    `A <- A - B R^-1 N'`, `Q <- Q - N R^-1 N'`, `G = B R^-1 B'`.
+//! 2. States are scaled by powers of 2 so that the rows and columns of the Hamiltonian matrix
+//!    `[A, -G; -Q, -A']` have similar norms. The result then hardly depends on the units of the
+//!    states and inputs.
+//! 3. Structure-preserving doubling (Chu, Fan and Lin) after a Cayley transform with a shift near
+//!    the geometric mean of the extreme moduli of the Hamiltonian's eigenvalues; every iterate is
+//!    kept symmetric. It converges quadratically, usually within 10 steps.
+//! 4. One step of Newton's method (Kleinman) removes the rounding errors left by the doubling.
+//! 5. The residual and the closed-loop poles are computed and checked, never assumed.
+//!
+//! # What can be solved
+//!
+//! A solution is found if R is positive definite, (A, B) is stabilizable, the Hamiltonian matrix has
+//! no eigenvalue on the imaginary axis, and every mode of `A - B R^-1 N'` that is not stable is seen
+//! by the cost. The last point excludes designs in which an unstable mode costs nothing by itself:
+//! they have a solution, but not one that doubling finds; weight that mode. All other designs have
+//! no stabilizing solution. Both kinds are reported as [`RiccatiError::NoConvergence`].
+//!
+//! Badly conditioned problems (many unstable modes on one input, long chains of integrators) end in
+//! [`RiccatiError::Inaccurate`] or [`RiccatiError::Unstable`], rather than in a wrong gain.
+//!
+//! # References
+//!
+//! * E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, "A structure-preserving doubling algorithm for
+//!   continuous-time algebraic Riccati equations", Linear Algebra and its Applications 396, 2005,
+//!   55-80, doi:10.1016/j.laa.2004.10.010.
+//! * D. L. Kleinman, "On an iterative technique for Riccati equation computations", IEEE
+//!   Transactions on Automatic Control 13(1), 1968, 114-115, doi:10.1109/TAC.1968.1098829.
+//! * B. D. O. Anderson, J. B. Moore, *Optimal Control: Linear Quadratic Methods*, Dover, 2007,
+//!   ISBN 0-486-45766-4 (the regulator, its existence, the cross term).
+
+use std::fmt;
+
+use nalgebra::{Complex, DMatrix, DVector, Schur};
+
+/// Largest relative residual of the Riccati equation that is accepted.
+pub const MAX_RESIDUAL: f64 = 1e-10;
+
+/// Most doubling steps. Without an eigenvalue on the imaginary axis the error is squared in every
+/// step: 26 steps reach rounding level even if a pole is a million times nearer to the axis than the
+/// shift. With one the error is halved in every step, and the rounding errors, which move such an
+/// eigenvalue off the axis by the root of their size, have not yet hidden it.
+const MAX_DOUBLINGS: usize = 26;
+
+/// A linear quadratic regulator.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Regulator {
+    /// P, the symmetric solution of the Riccati equation; `x'P x` is the cost from the state x on
+    /// (n x n).
+    pub p: DMatrix<f64>,
+    /// K of the feedback `u = -K x`, units of u over units of x (m x n).
+    pub gain: DMatrix<f64>,
+    /// Frobenius norm of the equation's left side over the sum of the norms of its terms, in scaled
+    /// coordinates; at most [`MAX_RESIDUAL`].
+    pub residual: f64,
+    /// Eigenvalues of `A - B K` in 1/s, all with negative real part, slowest (largest real part)
+    /// first.
+    pub poles: Vec<Complex<f64>>,
+}
+
+/// Solves the Riccati equation of the [module](self) for its stabilizing solution.
+///
+/// * `a`: A, n x n, n >= 1, in 1/s times the units of the states.
+/// * `b`: B, n x m, m >= 1.
+/// * `q`: Q, n x n; only its symmetric part counts.
+/// * `r`: R, m x m, positive definite; only its symmetric part counts.
+/// * `n`: N, n x m, the cross term; zero if the cost has none.
+///
+/// Q need not be positive semidefinite, as long as the equation has a stabilizing solution.
+///
+/// # Errors
+///
+/// * [`RiccatiError::Dimensions`] if the sizes do not fit each other,
+/// * [`RiccatiError::NotFinite`] if an element is infinite or NaN,
+/// * [`RiccatiError::NotPositiveDefinite`] if R is not positive definite to rounding,
+/// * [`RiccatiError::NoConvergence`] if there is no stabilizing solution, see the [module](self),
+/// * [`RiccatiError::Unstable`] or [`RiccatiError::Inaccurate`] if the result fails its checks.
+///
+/// # Example
+///
+/// Double integrator, Q = I, R = 1: K = [1, sqrt 3].
+///
+/// ```
+/// use control::riccati::care;
+/// use nalgebra::{dmatrix, DMatrix};
+/// let regulator = care(
+///     &dmatrix![0.0, 1.0; 0.0, 0.0],
+///     &dmatrix![0.0; 1.0],
+///     &DMatrix::identity(2, 2),
+///     &dmatrix![1.0],
+///     &DMatrix::zeros(2, 1),
+/// )?;
+/// assert!((regulator.gain - dmatrix![1.0, 3.0_f64.sqrt()]).amax() < 1e-12);
+/// # Ok::<(), control::riccati::RiccatiError>(())
+/// ```
+pub fn care(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    q: &DMatrix<f64>,
+    r: &DMatrix<f64>,
+    n: &DMatrix<f64>,
+) -> Result<Regulator, RiccatiError> {
+    let (states, inputs) = (a.nrows().max(1), b.ncols().max(1));
+    check("A", a, states, states)?;
+    check("B", b, states, inputs)?;
+    check("Q", q, states, states)?;
+    check("R", r, inputs, inputs)?;
+    check("N", n, states, inputs)?;
+
+    // S R S has a unit diagonal to a factor of 2; u = S u_scaled.
+    let diagonal = r.diagonal();
+    if diagonal.iter().any(|&x| x <= 0.0) {
+        return Err(RiccatiError::NotPositiveDefinite);
+    }
+    let input_scale = diagonal.map(|x| power_of_two(x.sqrt().recip()));
+    let scaled_r =
+        DMatrix::from_fn(inputs, inputs, |i, j| input_scale[i] * symmetric_element(r, i, j) * input_scale[j]);
+    let factor = scaled_r
+        .cholesky()
+        .map(|cholesky| cholesky.unpack())
+        .filter(|l| l.diagonal().min().powi(2) > inputs as f64 * f64::EPSILON)
+        .ok_or(RiccatiError::NotPositiveDefinite)?;
+
+    // With R = L L': columns of B L^-T and N L^-T, as rows.
+    let whitened = |m: &DMatrix<f64>| {
+        let scaled = DMatrix::from_diagonal(&input_scale) * m.transpose();
+        factor.solve_lower_triangular(&scaled)
+    };
+    let b_rows = whitened(b).ok_or(RiccatiError::NotPositiveDefinite)?;
+    let n_rows = whitened(n).ok_or(RiccatiError::NotPositiveDefinite)?;
+    let mut equation = Equation {
+        a: a - b_rows.tr_mul(&n_rows),
+        g: symmetric(b_rows.tr_mul(&b_rows)),
+        q: symmetric(q - n_rows.tr_mul(&n_rows)),
+    };
+
+    let state_scale = equation.balance();
+    let mut p = equation.solve().ok_or(RiccatiError::NoConvergence)?;
+    // Newton's method: the correction solves a Lyapunov equation, which is a Riccati equation
+    // without quadratic term.
+    let correction =
+        Equation { a: equation.closed_loop(&p), g: DMatrix::zeros(states, states), q: equation.residual(&p) };
+    p += correction.solve().ok_or(RiccatiError::NoConvergence)?;
+
+    let residual = equation.relative_residual(&p);
+    let poles = eigenvalues(&equation.closed_loop(&p)).ok_or(RiccatiError::NoConvergence)?;
+    accept(residual, &poles)?;
+
+    // x = D x_scaled, hence P = D^-1 P_scaled D^-1.
+    let unscale = state_scale.map(f64::recip);
+    let p = DMatrix::from_fn(states, states, |i, j| unscale[i] * p[(i, j)] * unscale[j]);
+    let gain = factor.tr_solve_lower_triangular(&(b_rows * &p + n_rows)).ok_or(RiccatiError::NotPositiveDefinite)?;
+    let gain = DMatrix::from_diagonal(&input_scale) * gain;
+    Ok(Regulator { p, gain, residual, poles })
+}
+
+/// Linear quadratic regulator for a cost on outputs `y = D x + E u` and on the inputs:
+///
+/// ```text
+/// J = integral of (y'Q0 y + u'R0 u) dt
+/// Q = D'Q0 D,   N = D'Q0 E,   R = E'Q0 E + R0
+/// ```
+///
+/// With Bryson's rule Q0 and R0 are diagonal with `1 / (largest accepted value)^2`.
+///
+/// * `a`, `b`: A (n x n) and B (n x m) of the plant.
+/// * `d`, `e`: D (p x n) and E (p x m) of the outputs.
+/// * `q0`: weight of the outputs, p x p; only its symmetric part counts.
+/// * `r0`: weight of the inputs, m x m; only its symmetric part counts. It may be zero if
+///   `E'Q0 E` alone is positive definite.
+///
+/// # Errors
+///
+/// As [`care`]; sizes are reported with the names D, E, Q0, R0.
+pub fn lqr_output_weighted(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    d: &DMatrix<f64>,
+    e: &DMatrix<f64>,
+    q0: &DMatrix<f64>,
+    r0: &DMatrix<f64>,
+) -> Result<Regulator, RiccatiError> {
+    let (states, inputs, outputs) = (a.nrows(), b.ncols(), d.nrows());
+    check("D", d, outputs, states)?;
+    check("E", e, outputs, inputs)?;
+    check("Q0", q0, outputs, outputs)?;
+    check("R0", r0, inputs, inputs)?;
+    let q0 = symmetric(q0.clone());
+    let weighted_e = &q0 * e;
+    let q = d.tr_mul(&(q0 * d));
+    let n = d.tr_mul(&weighted_e);
+    let r = e.tr_mul(&weighted_e) + r0;
+    care(a, b, &q, &r, &n)
+}
+
+/// The equation `A'X + X A - X G X + Q = 0` with symmetric G and Q.
+struct Equation {
+    a: DMatrix<f64>,
+    g: DMatrix<f64>,
+    q: DMatrix<f64>,
+}
+
+impl Equation {
+    /// Scales the states, x = D x_scaled, by powers of 2 so that row i of [A, G] and column i of
+    /// [A; Q] have norms within a factor of 2 of each other. Returns the diagonal of D.
+    ///
+    /// This is the balancing of Parlett and Reinsch for the Hamiltonian matrix, restricted to
+    /// scalings that keep it Hamiltonian.
+    fn balance(&mut self) -> DVector<f64> {
+        let states = self.a.nrows();
+        let mut scale = DVector::from_element(states, 1.0);
+        // Usually 3 to 5 sweeps; the bound only guards against going around in circles.
+        for _ in 0..50 {
+            let mut changed = false;
+            for i in 0..states {
+                let own = self.a[(i, i)].powi(2);
+                let row = self.a.row(i).norm_squared() - own + self.g.row(i).norm_squared();
+                let column = self.a.column(i).norm_squared() - own + self.q.row(i).norm_squared();
+                if !(row > 0.0 && column > 0.0) {
+                    continue;
+                }
+                let factor = power_of_two((row / column).powf(0.25));
+                if factor == 1.0 || !factor.is_normal() {
+                    continue;
+                }
+                changed = true;
+                scale[i] *= factor;
+                self.a.row_mut(i).unscale_mut(factor);
+                self.a.column_mut(i).scale_mut(factor);
+                self.g.row_mut(i).unscale_mut(factor);
+                self.g.column_mut(i).unscale_mut(factor);
+                self.q.row_mut(i).scale_mut(factor);
+                self.q.column_mut(i).scale_mut(factor);
+            }
+            if !changed {
+                break;
+            }
+        }
+        scale
+    }
+
+    /// The matrix `[A, -G; -Q, -A']`.
+    fn hamiltonian(&self) -> DMatrix<f64> {
+        let n = self.a.nrows();
+        let mut h = DMatrix::zeros(2 * n, 2 * n);
+        h.view_mut((0, 0), (n, n)).copy_from(&self.a);
+        h.view_mut((0, n), (n, n)).copy_from(&-&self.g);
+        h.view_mut((n, 0), (n, n)).copy_from(&-&self.q);
+        h.view_mut((n, n), (n, n)).copy_from(&-self.a.transpose());
+        h
+    }
+
+    /// The stabilizing solution by structure-preserving doubling; None if it does not converge.
+    fn solve(&self) -> Option<DMatrix<f64>> {
+        let states = self.a.nrows();
+        let (mut a, mut g, mut h) = self.cayley()?;
+        for _ in 0..MAX_DOUBLINGS {
+            // With W = I + G H:  A <- A W^-1 A,  G <- G + A W^-1 G A',  H <- H + A'H W^-1 A.
+            let w = (DMatrix::identity(states, states) + &g * &h).lu();
+            let w_a = w.solve(&a)?;
+            let w_g = w.solve(&g)?;
+            let step = symmetric(a.tr_mul(&(&h * &w_a)));
+            g = symmetric(g + &a * w_g * a.transpose());
+            h += &step;
+            a = &a * w_a;
+            // A is the transition matrix of the closed loop over 2^k steps. If it vanishes, so does
+            // the next change of H, which is of second order in A; a small change of H alone could
+            // also mean that the cost does not see an unstable mode.
+            let rounding = 10.0 * states as f64 * f64::EPSILON;
+            if step.norm() <= rounding * h.norm() && a.norm() <= f64::EPSILON.sqrt() {
+                return Some(h);
+            }
+            if !(a.norm().is_finite() && g.norm().is_finite() && h.norm().is_finite()) {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Start of the doubling: the discrete-time equation that has the same solution, from a Cayley
+    /// transform. Returns A, G, H.
+    fn cayley(&self) -> Option<(DMatrix<f64>, DMatrix<f64>, DMatrix<f64>)> {
+        let n = self.a.nrows();
+        let hamiltonian = self.hamiltonian();
+        let moduli = eigenvalues(&hamiltonian)?.into_iter().map(|z| z.norm());
+        let (slowest, fastest) = moduli.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
+        // An eigenvalue 0 must not make the shift 0. The equation then has no solution, which is
+        // for the doubling to find out.
+        let shift = (slowest.max(1e-12 * fastest) * fastest).sqrt();
+        let shift = if shift > 0.0 { shift } else { 1.0 };
+
+        // M = [A - s I, G; -Q, A' - s I], from the Hamiltonian by a change of sign below and right.
+        // M^-1 holds all three matrices. It does not exist if s happens to be a special value:
+        // of three shifts the one farthest from that is taken.
+        let inverse = [1.0, 1.25, 0.8]
+            .into_iter()
+            .filter_map(|factor| {
+                let shift = shift * factor;
+                let mut m = hamiltonian.clone();
+                m.columns_mut(n, n).neg_mut();
+                for i in 0..2 * n {
+                    m[(i, i)] -= shift;
+                }
+                m.try_inverse().map(|inverse| inverse * (2.0 * shift))
+            })
+            .filter(|inverse| inverse.norm().is_finite())
+            .min_by(|x, y| x.norm().total_cmp(&y.norm()))?;
+        let a = DMatrix::identity(n, n) + inverse.view((0, 0), (n, n));
+        let g = -inverse.view((0, n), (n, n));
+        let h = inverse.view((n, 0), (n, n)).into_owned();
+        Some((a, symmetric(g), symmetric(h)))
+    }
+
+    /// `A - G X`.
+    fn closed_loop(&self, x: &DMatrix<f64>) -> DMatrix<f64> {
+        &self.a - &self.g * x
+    }
+
+    /// Left side of the equation.
+    fn residual(&self, x: &DMatrix<f64>) -> DMatrix<f64> {
+        let x_a = x * &self.a;
+        symmetric(&x_a + x_a.transpose() - x * &self.g * x + &self.q)
+    }
+
+    /// Norm of the left side over the sum of the norms of its terms; 0 if all are 0.
+    fn relative_residual(&self, x: &DMatrix<f64>) -> f64 {
+        let terms = 2.0 * (x * &self.a).norm() + (x * &self.g * x).norm() + self.q.norm();
+        if terms == 0.0 { 0.0 } else { self.residual(x).norm() / terms }
+    }
+}
+
+/// The last gate of a design; `poles` is sorted, slowest first. NaN is refused.
+fn accept(residual: f64, poles: &[Complex<f64>]) -> Result<(), RiccatiError> {
+    let slowest = poles.first().map_or(f64::NAN, |pole| pole.re);
+    if slowest.is_nan() || slowest >= 0.0 {
+        return Err(RiccatiError::Unstable { real_part: slowest });
+    }
+    if residual.is_nan() || residual > MAX_RESIDUAL {
+        return Err(RiccatiError::Inaccurate { residual });
+    }
+    Ok(())
+}
+
+/// Eigenvalues sorted by falling real part, then by falling imaginary part; None if the QR
+/// iteration does not converge or an element is not finite.
+fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    let n = m.nrows();
+    if !m.norm().is_finite() {
+        return None;
+    }
+    let schur = |m| Schur::try_new(m, f64::EPSILON, 100 * n).map(|schur| schur.unpack().1);
+    let direct = schur(m.clone()).map(|t| quasi_diagonal(&t));
+    let mut values = direct.or_else(|| {
+        // nalgebra's iteration has no exceptional shifts and now and then gets stuck, above all
+        // where eigenvalues come in pairs +-x, as those of a Hamiltonian matrix do. The inverse of
+        // M - s I has other eigenvalues, 1 / (x - s), with which it does not.
+        [1.5, -2.5].into_iter().find_map(|factor| {
+            let s = factor * m.norm();
+            let inverse = (m - DMatrix::identity(n, n) * s).try_inverse()?;
+            let inverted = quasi_diagonal(&schur(inverse)?);
+            Some(inverted.into_iter().map(|x| s + x.inv()).collect())
+        })
+    })?;
+    values.sort_by(|x, y| y.re.total_cmp(&x.re).then(y.im.total_cmp(&x.im)));
+    Some(values)
+}
+
+/// Eigenvalues of an upper triangular matrix with blocks of up to 2 x 2 on the diagonal.
+fn quasi_diagonal(t: &DMatrix<f64>) -> Vec<Complex<f64>> {
+    let n = t.nrows();
+    let mut values = Vec::with_capacity(n);
+    while values.len() < n {
+        let i = values.len();
+        if i + 1 == n || t[(i + 1, i)] == 0.0 {
+            values.push(Complex::new(t[(i, i)], 0.0));
+            continue;
+        }
+        // A block of 2 x 2: mean +- sqrt(discriminant).
+        let mean = 0.5 * (t[(i, i)] + t[(i + 1, i + 1)]);
+        let half = 0.5 * (t[(i, i)] - t[(i + 1, i + 1)]);
+        let root = Complex::new(half * half + t[(i, i + 1)] * t[(i + 1, i)], 0.0).sqrt();
+        values.push(mean + root);
+        values.push(mean - root);
+    }
+    values
+}
+
+/// The power of 2 next to a positive number on a logarithmic scale; multiplying by it is exact.
+fn power_of_two(x: f64) -> f64 {
+    x.log2().round().exp2()
+}
+
+/// Element of `(m + m') / 2`.
+fn symmetric_element(m: &DMatrix<f64>, i: usize, j: usize) -> f64 {
+    0.5 * (m[(i, j)] + m[(j, i)])
+}
+
+/// `(m + m') / 2`.
+fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
+    DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| symmetric_element(&m, i, j))
+}
+
+fn check(name: &'static str, matrix: &DMatrix<f64>, rows: usize, columns: usize) -> Result<(), RiccatiError> {
+    if matrix.shape() != (rows, columns) {
+        return Err(RiccatiError::Dimensions { matrix: name, expected: (rows, columns), found: matrix.shape() });
+    }
+    for (j, column) in matrix.column_iter().enumerate() {
+        for (i, &value) in column.iter().enumerate() {
+            if !value.is_finite() {
+                return Err(RiccatiError::NotFinite { matrix: name, row: i, column: j, value });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Why a regulator could not be designed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RiccatiError {
+    /// A matrix does not fit the others.
+    Dimensions {
+        /// Its name in the equations.
+        matrix: &'static str,
+        /// Rows and columns it should have, from A, B and D.
+        expected: (usize, usize),
+        /// Rows and columns it has.
+        found: (usize, usize),
+    },
+    /// A matrix has an element that is infinite or NaN.
+    NotFinite {
+        /// Its name in the equations.
+        matrix: &'static str,
+        /// Row of the element, from 0.
+        row: usize,
+        /// Column of the element, from 0.
+        column: usize,
+        /// The element.
+        value: f64,
+    },
+    /// The weight R of the inputs is not positive definite: some combination of inputs would cost
+    /// nothing.
+    NotPositiveDefinite,
+    /// The iteration does not converge: the equation has no stabilizing solution ((A, B) is not
+    /// stabilizable, or the Hamiltonian matrix has eigenvalues on the imaginary axis), or an
+    /// unstable mode is not seen by the cost.
+    NoConvergence,
+    /// The closed loop with the computed gain is not stable: the problem is too badly conditioned
+    /// for double precision.
+    Unstable {
+        /// Largest real part of its poles, 1/s.
+        real_part: f64,
+    },
+    /// The relative residual of the equation exceeds [`MAX_RESIDUAL`]: the problem is too badly
+    /// conditioned for double precision.
+    Inaccurate {
+        /// The relative residual.
+        residual: f64,
+    },
+}
+
+impl fmt::Display for RiccatiError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Dimensions { matrix, expected, found } => write!(
+                f,
+                "Riccati design: {matrix} is {} x {}, expected {} x {}",
+                found.0, found.1, expected.0, expected.1
+            ),
+            Self::NotFinite { matrix, row, column, value } => write!(
+                f,
+                "Riccati design: element in row {row}, column {column} of {matrix} is {value}, expected a finite number"
+            ),
+            Self::NotPositiveDefinite => {
+                write!(f, "Riccati design: the weight R of the inputs is not positive definite")
+            }
+            Self::NoConvergence => write!(
+                f,
+                "Riccati design: no convergence; (A, B) is not stabilizable, the Hamiltonian matrix has eigenvalues on the imaginary axis, or an unstable mode is not seen by the cost"
+            ),
+            Self::Unstable { real_part } => write!(
+                f,
+                "Riccati design: the closed loop has a pole with real part {real_part:e} 1/s, expected all below 0"
+            ),
+            Self::Inaccurate { residual } => {
+                write!(f, "Riccati design: relative residual {residual:e}, expected at most {MAX_RESIDUAL:e}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for RiccatiError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::dmatrix;
+    use proptest::prelude::*;
+
+    /// Vertical model of the rescue vehicle (Chen et al., Mathematics 2022, 10, 3562, appendix A as
+    /// mended in the model specification): states heave, pitch, roll, six wheel heights (fl fr ml mr
+    /// rl rr) and their rates, inputs the six suspension forces.
+    struct RescueVehicle {
+        a: DMatrix<f64>,
+        b: DMatrix<f64>,
+        /// Rows that give the six suspension deflections from the states.
+        deflection: DMatrix<f64>,
+    }
+
+    impl RescueVehicle {
+        fn new() -> Self {
+            let (m, m_w, g, h_s) = (36_000.0, 600.0, 9.81, 1.0);
+            let (i_x, i_y) = (60_000.0, 160_000.0);
+            let (k_s, c_s, k_t) = (250_000.0, 25_000.0, 1.0e6);
+            let (l_12, l_23, track) = (2.95, 1.65, 2.55);
+            let front = 7.55 / 3.0;
+            let (middle, rear) = (front - l_12, front - l_12 - l_23);
+            let x = [front, front, middle, middle, rear, rear];
+            let y = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0].map(|side| side * track / 2.0);
+            let m_s = m - 6.0 * m_w;
+
+            let mut a = DMatrix::zeros(18, 18);
+            let mut b = DMatrix::zeros(18, 6);
+            let mut deflection = DMatrix::zeros(6, 18);
+            for i in 0..9 {
+                a[(i, 9 + i)] = 1.0;
+            }
+            a[(10, 1)] = m_s * g * h_s / i_y;
+            a[(11, 2)] = m_s * g * h_s / i_x;
+            for i in 0..6 {
+                // Deflection and effect of an upward force on the body share their lever arms.
+                let arms = [1.0, -x[i], y[i]];
+                for (j, arm) in arms.into_iter().enumerate() {
+                    deflection[(i, j)] = arm;
+                }
+                deflection[(i, 3 + i)] = -1.0;
+                for (row, effect) in
+                    [(9, arms[0] / m_s), (10, arms[1] / i_y), (11, arms[2] / i_x), (12 + i, -1.0 / m_w)]
+                {
+                    b[(row, i)] = effect;
+                    for j in 0..9 {
+                        a[(row, j)] -= effect * k_s * deflection[(i, j)];
+                        a[(row, 9 + j)] -= effect * c_s * deflection[(i, j)];
+                    }
+                }
+                a[(12 + i, 3 + i)] -= k_t / m_w;
+            }
+            Self { a, b, deflection }
+        }
+
+        /// Regulator for the outputs that the rows of `first` pick (states, or rates as the rows of
+        /// A and B), then the six deflections, then the six wheel heights.
+        fn regulator(&self, first: &[First], weights: &[f64]) -> Regulator {
+            let outputs = first.len() + 12;
+            let mut d = DMatrix::zeros(outputs, 18);
+            let mut e = DMatrix::zeros(outputs, 6);
+            for (row, choice) in first.iter().enumerate() {
+                match *choice {
+                    First::State(i) => d[(row, i)] = 1.0,
+                    First::Acceleration(i) => {
+                        d.row_mut(row).copy_from(&self.a.row(i));
+                        e.row_mut(row).copy_from(&self.b.row(i));
+                    }
+                }
+            }
+            for i in 0..6 {
+                d.row_mut(first.len() + i).copy_from(&self.deflection.row(i));
+                d[(first.len() + 6 + i, 3 + i)] = 1.0;
+            }
+            let bryson = |accepted: f64| accepted.powi(-2);
+            let mut q0 = DMatrix::zeros(outputs, outputs);
+            for (i, accepted) in weights.iter().copied().chain([0.0347; 6]).chain([0.0589; 6]).enumerate() {
+                q0[(i, i)] = bryson(accepted);
+            }
+            let r0 = DMatrix::identity(6, 6) * bryson(20_000.0);
+            lqr_output_weighted(&self.a, &self.b, &d, &e, &q0, &r0).unwrap()
+        }
+    }
+
+    enum First {
+        State(usize),
+        Acceleration(usize),
+    }
+
+    /// All six rows of a gain matrix from the rows of the left wheels: the right row is the left row
+    /// with the wheels of each axle exchanged and the signs of roll and roll rate turned.
+    fn mirrored(left: [[f64; 18]; 3]) -> DMatrix<f64> {
+        DMatrix::from_fn(6, 18, |row, column| {
+            let values = left[row / 2];
+            if row % 2 == 0 {
+                return values[column];
+            }
+            match column {
+                2 | 11 => -values[column],
+                0 | 1 | 9 | 10 => values[column],
+                _ => {
+                    values[if column % 2 == 1 && column < 9 || column % 2 == 0 && column > 11 {
+                        column + 1
+                    } else {
+                        column - 1
+                    }]
+                }
+            }
+        })
+    }
+
+    /// Poles of the model without control, from the model specification (invariants): checks the
+    /// model of this test and the eigenvalues. 5 decimals printed.
+    #[test]
+    fn rescue_vehicle_has_the_printed_open_loop_poles() {
+        let poles = eigenvalues(&RescueVehicle::new().a).unwrap();
+        let expected = [
+            (-1.11562, 5.00581),
+            (-1.34663, 5.18733),
+            (-1.53572, 6.08773),
+            (-20.83333, 40.61164),
+            (-20.83333, 40.61164),
+            (-20.83333, 40.61164),
+            (-21.41485, 39.17688),
+            (-21.51874, 38.87143),
+            (-21.61243, 38.60507),
+        ];
+        for (pair, (re, im)) in poles.chunks(2).zip(expected) {
+            assert!((pair[0].re - re).abs() < 6e-6 && (pair[0].im - im).abs() < 6e-6);
+            assert!((pair[1].re - re).abs() < 6e-6 && (pair[1].im + im).abs() < 6e-6);
+        }
+    }
+
+    /// Gains of the two regulators from the model specification (section "LQR suspension
+    /// controllers"), solved there with LAPACK; 8 digits printed, compared to 1e-6 of the largest
+    /// element as the specification asks. Slowest real parts: 4 decimals printed.
+    #[test]
+    fn rescue_vehicle_gains_match_the_reference() {
+        let vehicle = RescueVehicle::new();
+        let integrated = vehicle
+            .regulator(&[First::Acceleration(9), First::Acceleration(10), First::Acceleration(11)], &[1.0, 1.0, 0.347]);
+        let roll = vehicle.regulator(&[First::State(2), First::Acceleration(11)], &[1f64.to_radians(), 0.347]);
+        #[rustfmt::skip]
+        let k_integrated = mirrored([
+            [96565.021,-757808.34,-32887.248,-91963.16,-30134.938,84139.289,-21777.567,88813.751,-17103.106,27011.816,-114946.86,24006.052,3022.3609,296.74577,5158.3773,-1312.5696,4258.2518,-2212.6951],
+            [96565.021,130483.56,-32887.248,84139.289,-21777.567,-85044.806,-23216.585,81895.398,-24021.459,27011.816,19792.175,24006.052,5158.3773,-1312.5696,1690.1463,-1035.4689,5590.4664,-880.4804],
+            [96565.021,627324.79,-32887.248,88813.751,-17103.106,81895.398,-24021.459,-89719.268,-27891.047,27011.816,95154.688,24006.052,4258.2518,-2212.6951,5590.4664,-880.4804,2590.2718,-135.34339],
+        ]);
+        #[rustfmt::skip]
+        let k_roll = mirrored([
+            [378252.4,-971468.15,9309.9017,-176424.65,-112256.69,34889.331,-68687.787,59258.377,-44318.74,40041.021,-124816.16,30429.647,123.54526,-2617.6787,3420.788,-3065.7677,3170.1619,-3316.3937],
+            [378252.4,167272.66,9309.9017,34889.331,-68687.787,-140357.68,-76189.717,23191.406,-80385.711,40041.021,21491.525,30429.647,3420.788,-3065.7677,-247.38932,-2988.6133,3541.0965,-2945.4591],
+            [378252.4,804195.49,9309.9017,59258.377,-44318.74,23191.406,-80385.711,-164726.72,-100558.76,40041.021,103324.64,30429.647,3170.1619,-3316.3937,3541.0965,-2945.4591,3.236716,-2737.9873],
+        ]);
+        for (name, regulator, expected, slowest) in
+            [("integrated", integrated, k_integrated, "-3.1400"), ("roll", roll, k_roll, "-2.9949")]
+        {
+            let error = (&regulator.gain - &expected).amax() / expected.amax();
+            assert!(error < 1e-6, "{name}: gain error {error:e}");
+            assert_eq!(format!("{:.4}", regulator.poles[0].re), slowest, "{name}");
+            assert_eq!(regulator.poles.len(), 18);
+        }
+    }
+
+    /// A cyclic permutation has the n-th roots of 1 as eigenvalues and stops the iteration of
+    /// nalgebra (its issues 611 and 1528). Tolerance: rounding of a matrix of norm sqrt(12), twice
+    /// for the way over the inverse.
+    #[test]
+    fn eigenvalues_of_a_cyclic_matrix() {
+        let n = 12;
+        let cyclic = DMatrix::from_fn(n, n, |i, j| f64::from(j == (i + 1) % n));
+        let stuck = Schur::try_new(cyclic.clone(), f64::EPSILON, 100 * n).is_none();
+        assert!(stuck, "the detour over the inverse is no longer tested");
+        let mut left = eigenvalues(&cyclic).unwrap();
+        assert_eq!(left.len(), n);
+        for k in 0..n {
+            let root = Complex::from_polar(1.0, std::f64::consts::TAU * k as f64 / n as f64);
+            let near = left.iter().position(|z| (z - root).norm() < 1e-13);
+            left.swap_remove(near.unwrap_or_else(|| panic!("{root} is missing in {left:?}")));
+        }
+    }
+
+    /// The Riccati equation itself, written as in the crate's documentation, with an explicit
+    /// inverse of R: norm of the left side over the sum of the norms of its terms.
+    fn residual_as_documented([a, b, q, r, n]: [&DMatrix<f64>; 5], regulator: &Regulator) -> f64 {
+        let p = &regulator.p;
+        let quadratic = (p * b + n) * r.clone().try_inverse().unwrap() * (b.transpose() * p + n.transpose());
+        let left = a.transpose() * p + p * a - &quadratic + q;
+        left.norm() / (2.0 * (p * a).norm() + quadratic.norm() + q.norm())
+    }
+
+    fn largest_real_part(m: &DMatrix<f64>) -> f64 {
+        eigenvalues(m).unwrap()[0].re
+    }
+
+    fn scalar(x: f64) -> DMatrix<f64> {
+        DMatrix::from_element(1, 1, x)
+    }
+
+    fn scalar_care(a: f64, b: f64, q: f64, r: f64, n: f64) -> Result<Regulator, RiccatiError> {
+        care(&scalar(a), &scalar(b), &scalar(q), &scalar(r), &scalar(n))
+    }
+
+    /// Chain of n integrators driven at its end, with a weight on all states or on the first only.
+    fn integrator_chain(n: usize, all: bool) -> Result<Regulator, RiccatiError> {
+        let a = DMatrix::from_fn(n, n, |i, j| f64::from(j == i + 1));
+        let b = DMatrix::from_fn(n, 1, |i, _| f64::from(i + 1 == n));
+        let q = DMatrix::from_fn(n, n, |i, j| f64::from(i == j && (all || i == 0)));
+        care(&a, &b, &q, &scalar(1.0), &DMatrix::zeros(n, 1))
+    }
+
+    /// Weight 1 on the first state of a chain of n integrators gives the Butterworth polynomial of
+    /// order n: poles on the left half of the unit circle, evenly spaced. Tolerance: with 8 states
+    /// the poles are conditioned to about 1e3 times rounding.
+    #[test]
+    fn integrator_chain_gives_butterworth_poles() {
+        let n = 8;
+        let regulator = integrator_chain(n, false).unwrap();
+        let last = std::f64::consts::PI / (2 * n) as f64;
+        assert!((regulator.poles[0].re + last.sin()).abs() < 1e-12);
+        for pole in &regulator.poles {
+            assert!((pole.norm() - 1.0).abs() < 1e-12);
+        }
+        let slower_first = regulator.poles.windows(2).all(|pair| pair[0].re >= pair[1].re);
+        assert!(slower_first);
+    }
+
+    #[test]
+    fn output_weights_are_the_weights_of_the_documentation() {
+        let a = dmatrix![0.0, 1.0; -2.0, -0.3];
+        let b = dmatrix![0.0; 1.5];
+        let d = dmatrix![-2.0, -0.3; 1.0, 0.0; 0.0, 1.0];
+        let e = dmatrix![1.5; 0.0; 0.2];
+        let q0 = dmatrix![2.0, 0.1, 0.0; 0.3, 4.0, 0.0; 0.0, 0.0, 1.0];
+        let r0 = scalar(0.7);
+        let by_outputs = lqr_output_weighted(&a, &b, &d, &e, &q0, &r0).unwrap();
+        // Only the symmetric part of Q0 has a meaning.
+        let q0 = 0.5 * (&q0 + q0.transpose());
+        let q = d.transpose() * &q0 * &d;
+        let n = d.transpose() * &q0 * &e;
+        let r = e.transpose() * &q0 * &e + r0;
+        let direct = care(&a, &b, &q, &r, &n).unwrap();
+        assert!((by_outputs.gain - direct.gain).amax() < 1e-14);
+        assert!((by_outputs.p - direct.p).amax() < 1e-14);
+    }
+
+    #[test]
+    fn designs_without_solution_are_refused() {
+        let unsolvable = [
+            ("unstable mode without input", scalar_care(1.0, 0.0, 1.0, 1.0, 0.0)),
+            ("integrator without input", scalar_care(0.0, 0.0, 1.0, 1.0, 0.0)),
+            ("integrator without weight", scalar_care(0.0, 1.0, 0.0, 1.0, 0.0)),
+            ("unstable mode without weight", scalar_care(1.0, 1.0, 0.0, 1.0, 0.0)),
+            ("weight removed by the cross term", scalar_care(1.0, 1.0, 1.0, 1.0, 1.0)),
+            ("double eigenvalue 0", scalar_care(-1.0, 1.0, -1.0, 1.0, 0.0)),
+            ("eigenvalues +-i", scalar_care(-1.0, 1.0, -2.0, 1.0, 0.0)),
+            ("overflow", scalar_care(1e200, 1e200, 1e200, 1.0, 0.0)),
+            (
+                "position without weight",
+                care(
+                    &dmatrix![0.0, 1.0; 0.0, 0.0],
+                    &dmatrix![0.0; 1.0],
+                    &dmatrix![0.0, 0.0; 0.0, 1.0],
+                    &scalar(1.0),
+                    &DMatrix::zeros(2, 1),
+                ),
+            ),
+            (
+                "undamped oscillator without input",
+                care(
+                    &dmatrix![0.0, 1.0; -1.0, 0.0],
+                    &DMatrix::zeros(2, 1),
+                    &DMatrix::identity(2, 2),
+                    &scalar(1.0),
+                    &DMatrix::zeros(2, 1),
+                ),
+            ),
+        ];
+        for (what, result) in unsolvable {
+            assert_eq!(result, Err(RiccatiError::NoConvergence), "{what}");
+        }
+    }
+
+    #[test]
+    fn badly_conditioned_designs_are_refused() {
+        assert!(matches!(
+            integrator_chain(20, false),
+            Err(RiccatiError::Inaccurate { residual }) if residual > MAX_RESIDUAL
+        ));
+        assert!(matches!(
+            integrator_chain(30, true),
+            Err(RiccatiError::Unstable { real_part }) if real_part > 0.0
+        ));
+        let pole = |re| [Complex::new(re, 0.0)];
+        assert!(accept(1e-11, &pole(-1.0)).is_ok());
+        for (residual, re) in [(f64::NAN, -1.0), (2e-10, -1.0), (0.0, f64::NAN), (0.0, 0.0)] {
+            assert!(accept(residual, &pole(re)).is_err());
+        }
+    }
+
+    #[test]
+    fn solvable_designs_at_the_edge_are_solved() {
+        // Nothing to do: stable and without weight.
+        let idle = scalar_care(-1.0, 1.0, 0.0, 1.0, 0.0).unwrap();
+        assert_eq!((idle.p[(0, 0)], idle.gain[(0, 0)]), (0.0, 0.0));
+        // Stable without input: P = q / (2 |a|), the Lyapunov equation.
+        let slow = scalar_care(-1e-9, 0.0, 1.0, 1.0, 0.0).unwrap();
+        assert!((slow.p[(0, 0)] * 2e-9 - 1.0).abs() < 1e-12);
+        // An indefinite cost can have a stabilizing solution: P = -1 + sqrt(1 - 0.5).
+        let indefinite = scalar_care(-1.0, 1.0, -0.5, 1.0, 0.0).unwrap();
+        assert!((indefinite.p[(0, 0)] + 1.0 - 0.5f64.sqrt()).abs() < 1e-14);
+        // Time scales 1e10 apart.
+        let stiff = care(
+            &dmatrix![-1e-10, 0.0; 0.0, -1.0],
+            &dmatrix![1e-10; 1.0],
+            &DMatrix::identity(2, 2),
+            &scalar(1.0),
+            &DMatrix::zeros(2, 1),
+        );
+        assert!(stiff.unwrap().poles[0].re < -1e-10);
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let good = [
+            DMatrix::identity(2, 2),
+            DMatrix::identity(2, 1),
+            DMatrix::identity(2, 2),
+            DMatrix::identity(1, 1),
+            DMatrix::zeros(2, 1),
+        ];
+        let solve = |m: &[DMatrix<f64>; 5]| care(&m[0], &m[1], &m[2], &m[3], &m[4]);
+        for (i, name) in ["A", "B", "Q", "R", "N"].into_iter().enumerate() {
+            let mut bad = good.clone();
+            bad[i] = bad[i].clone().insert_row(0, 0.0);
+            let found = bad[i].shape();
+            let error = solve(&bad).unwrap_err();
+            assert!(
+                matches!(error, RiccatiError::Dimensions { matrix, found: size, .. } if matrix == name && size == found),
+                "{name}: {error}"
+            );
+
+            let mut bad = good.clone();
+            bad[i][(0, 0)] = f64::NAN;
+            let error = solve(&bad).unwrap_err();
+            assert!(
+                matches!(error, RiccatiError::NotFinite { matrix, row: 0, column: 0, .. } if matrix == name),
+                "{name}: {error}"
+            );
+        }
+        let empty = DMatrix::zeros(0, 0);
+        assert!(matches!(
+            care(&empty, &empty, &empty, &empty, &empty),
+            Err(RiccatiError::Dimensions { matrix: "A", .. })
+        ));
+        let no_input = DMatrix::zeros(2, 0);
+        assert!(matches!(
+            care(&good[0], &no_input, &good[2], &empty, &no_input),
+            Err(RiccatiError::Dimensions { matrix: "B", .. })
+        ));
+        for (name, position) in [("D", 2), ("E", 3), ("Q0", 4), ("R0", 5)] {
+            let mut m = [&good[0], &good[1], &good[0], &good[4], &good[0], &good[3]];
+            let wrong = DMatrix::zeros(2, 5);
+            m[position] = &wrong;
+            let error = lqr_output_weighted(m[0], m[1], m[2], m[3], m[4], m[5]).unwrap_err();
+            assert!(matches!(error, RiccatiError::Dimensions { matrix, .. } if matrix == name), "{name}: {error}");
+        }
+        assert_eq!(
+            lqr_output_weighted(&good[0], &good[1], &good[0], &good[4], &empty, &good[3]).unwrap_err().to_string(),
+            "Riccati design: Q0 is 0 x 0, expected 2 x 2"
+        );
+    }
+
+    #[test]
+    fn weights_of_the_inputs_must_be_positive_definite() {
+        let two = DMatrix::identity(2, 2);
+        for r in [
+            dmatrix![0.0, 0.0; 0.0, 1.0],
+            dmatrix![-1.0, 0.0; 0.0, 1.0],
+            dmatrix![1.0, 1.0; 1.0, 1.0],
+            dmatrix![1.0, 2.0; 2.0, 1.0],
+            // Singular in exact arithmetic, positive pivot by rounding.
+            dmatrix![0.01, 0.03; 0.03, 0.09],
+        ] {
+            let result = care(&two, &two, &two, &r, &DMatrix::zeros(2, 2));
+            assert_eq!(result, Err(RiccatiError::NotPositiveDefinite), "{r}");
+        }
+        // Very different units of the inputs are no obstacle.
+        let r = DMatrix::from_diagonal(&DVector::from_vec(vec![1e-12, 1e12]));
+        assert!(care(&two, &two, &two, &r, &DMatrix::zeros(2, 2)).is_ok());
+    }
+
+    fn random_matrix(rows: usize, columns: usize) -> impl Strategy<Value = DMatrix<f64>> {
+        proptest::collection::vec(-1.0..1.0f64, rows * columns)
+            .prop_map(move |values| DMatrix::from_vec(rows, columns, values))
+    }
+
+    /// Q, R, N of the positive definite cost |D x + E u|^2 + 0.01 |x|^2 + 0.1 |u|^2.
+    fn cost(d: &DMatrix<f64>, e: &DMatrix<f64>) -> [DMatrix<f64>; 3] {
+        let [state, input] = [d, e].map(|m| DMatrix::identity(m.ncols(), m.ncols()));
+        [d.tr_mul(d) + 0.01 * state, e.tr_mul(e) + 0.1 * input, d.tr_mul(e)]
+    }
+
+    /// Any plant and cost: A, B, Q, R, N. Some are very badly conditioned: an unstable mode may be
+    /// next to uncontrollable.
+    fn any_design() -> impl Strategy<Value = [DMatrix<f64>; 5]> {
+        (1usize..6, 1usize..4).prop_flat_map(|(states, inputs)| {
+            (
+                random_matrix(states, states),
+                random_matrix(states, inputs),
+                random_matrix(states + inputs, states),
+                random_matrix(states + inputs, inputs),
+            )
+                .prop_map(|(a, b, d, e)| {
+                    let [q, r, n] = cost(&d, &e);
+                    [a, b, q, r, n]
+                })
+        })
+    }
+
+    /// A mechanical system, stable or not, with an actuator for every degree of freedom, which keeps
+    /// the design well conditioned: A, B, Q, R, N with states (positions, speeds).
+    fn mechanical_design() -> impl Strategy<Value = [DMatrix<f64>; 5]> {
+        (1usize..5).prop_flat_map(|freedoms| {
+            (
+                random_matrix(freedoms, 2 * freedoms),
+                random_matrix(freedoms, freedoms),
+                random_matrix(3 * freedoms, 2 * freedoms),
+                random_matrix(3 * freedoms, freedoms),
+            )
+                .prop_map(move |(forces, actuators, d, e)| {
+                    let speeds = DMatrix::identity(freedoms, freedoms);
+                    let mut a = DMatrix::zeros(2 * freedoms, 2 * freedoms);
+                    a.view_mut((0, freedoms), (freedoms, freedoms)).copy_from(&speeds);
+                    a.rows_mut(freedoms, freedoms).copy_from(&forces);
+                    let mut b = DMatrix::zeros(2 * freedoms, freedoms);
+                    // Diagonally dominant, hence far from singular.
+                    b.rows_mut(freedoms, freedoms).copy_from(&(speeds + actuators * (0.5 / freedoms as f64)));
+                    let [q, r, n] = cost(&d, &e);
+                    [a, b, q, r, n]
+                })
+        })
+    }
+
+    proptest! {
+        /// Cross term not 0: the equation holds, the loop is stable, P is symmetric and positive
+        /// semidefinite (the cost cannot be negative). Residual and eigenvalue: rounding times the
+        /// conditioning of these designs, with a reserve.
+        #[test]
+        fn mechanical_designs_are_solved([a, b, q, r, n] in mechanical_design()) {
+            let regulator = care(&a, &b, &q, &r, &n).unwrap();
+            prop_assert!(residual_as_documented([&a, &b, &q, &r, &n], &regulator) < 1e-12);
+            prop_assert!(largest_real_part(&(&a - &b * &regulator.gain)) < 0.0);
+            prop_assert_eq!(regulator.poles.len(), a.nrows());
+            prop_assert_eq!(&regulator.p, &regulator.p.transpose());
+            let smallest = regulator.p.clone().symmetric_eigenvalues().min();
+            prop_assert!(smallest >= -1e-12 * regulator.p.norm());
+        }
+
+        /// What is returned solves the equation, however bad the problem. Residual: the accepted
+        /// bound, ten times as much for the other coordinates and the explicit inverse of R.
+        #[test]
+        fn any_returned_regulator_solves_the_equation([a, b, q, r, n] in any_design()) {
+            if let Ok(regulator) = care(&a, &b, &q, &r, &n) {
+                prop_assert!(residual_as_documented([&a, &b, &q, &r, &n], &regulator) < 10.0 * MAX_RESIDUAL);
+                prop_assert!(regulator.poles[0].re < 0.0);
+            }
+        }
+
+        /// Other units of states and inputs, factors from 1e-6 to 1e6, change the gain by just these
+        /// units and leave the poles alone. Tolerance: rounding times the conditioning of the designs;
+        /// poles close to a double one answer with the root of that.
+        #[test]
+        fn units_do_not_matter(
+            [a, b, q, r, n] in mechanical_design(),
+            exponents in proptest::collection::vec(-6.0..6.0f64, 12),
+        ) {
+            let unit = |from: usize, length: usize| {
+                DVector::from_fn(length, |i, _| 10f64.powf(exponents[from + i]))
+            };
+            let (state, input) = (unit(0, a.nrows()), unit(8, b.ncols()));
+            let [x, u] = [&state, &input].map(DMatrix::from_diagonal);
+            let x_inverse = DMatrix::from_diagonal(&state.map(f64::recip));
+            let plain = care(&a, &b, &q, &r, &n).unwrap();
+            let scaled = care(
+                &(&x_inverse * &a * &x),
+                &(&x_inverse * &b * &u),
+                &(&x * &q * &x),
+                &(&u * &r * &u),
+                &(&x * &n * &u),
+            )
+            .unwrap();
+            let gain = u * scaled.gain * x_inverse;
+            prop_assert!((&gain - &plain.gain).norm() <= 1e-10 * plain.gain.norm());
+            prop_assert!((scaled.poles[0].re - plain.poles[0].re).abs() <= 1e-5 * plain.poles[0].norm());
+        }
+
+        /// One state: with d = sqrt((a - b n / r)^2 + b^2 / r (q - n^2 / r)) the pole is -d and
+        /// K = (a + d) / b (the quadratic equation for P). Tolerance: a few roundings, amplified by
+        /// cancellation in a + d.
+        #[test]
+        fn one_state_matches_the_closed_form(
+            a in -5.0..5.0f64, b in 0.1..5.0f64, root_q in 0.1..3.0f64, r in 0.1..5.0f64, share in -0.9..0.9f64,
+        ) {
+            // |n| < sqrt(q r): positive definite.
+            let q = root_q * root_q;
+            let n = share * root_q * r.sqrt();
+            let regulator = scalar_care(a, b, q, r, n).unwrap();
+            let d = ((a - b * n / r).powi(2) + b * b / r * (q - n * n / r)).sqrt();
+            prop_assert!((regulator.poles[0].re + d).abs() < 1e-12 * (a.abs() + d));
+            prop_assert!((regulator.gain[(0, 0)] * b - (a + d)).abs() < 1e-12 * (a.abs() + d));
+        }
+
+        /// Double integrator: K = [sqrt(q1 / r), sqrt(q2 / r + 2 sqrt(q1 / r))] (Anderson and Moore;
+        /// by comparing coefficients), weights over 12 decades.
+        #[test]
+        fn double_integrator_matches_the_closed_form(
+            position in -6.0..6.0f64, rate in -6.0..6.0f64, input in -6.0..6.0f64,
+        ) {
+            let [q1, q2, r] = [position, rate, input].map(|x| 10f64.powf(x));
+            let regulator = care(
+                &dmatrix![0.0, 1.0; 0.0, 0.0],
+                &dmatrix![0.0; 1.0],
+                &dmatrix![q1, 0.0; 0.0, q2],
+                &scalar(r),
+                &DMatrix::zeros(2, 1),
+            )
+            .unwrap();
+            let k1 = (q1 / r).sqrt();
+            let k2 = (q2 / r + 2.0 * k1).sqrt();
+            prop_assert!((regulator.gain[(0, 0)] / k1 - 1.0).abs() < 1e-10);
+            prop_assert!((regulator.gain[(0, 1)] / k2 - 1.0).abs() < 1e-10);
+        }
+    }
+}
