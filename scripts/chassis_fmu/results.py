@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -54,11 +55,16 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_csv(path: Path, names: Sequence[str], times: Array, rows: Array) -> None:
-    """Write `time` and the columns, every number with the fewest digits that give the same double back."""
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(",".join(["time", *names]) + "\n")
+    """Write `time` and the columns, every number with the fewest digits that give the same double back.
+
+    The file is the one that the native master writes, to the byte.
+    """
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerow(["time", *names])
         for time, row in zip(times.tolist(), rows.tolist(), strict=True):
-            file.write(",".join(map(repr, (time, *row))) + "\n")
+            # Exponents as Rust writes them: neither padded nor with a plus sign.
+            line = ",".join(map(repr, (time, *row))).replace("e-0", "e-").replace("e+", "e")
+            file.write(line + "\n")
 
 
 def read_csv(path: Path) -> Recording:
