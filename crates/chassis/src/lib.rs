@@ -8,7 +8,9 @@
 pub mod data;
 pub mod positions;
 pub mod quantities;
+pub mod road;
 pub mod signals;
+pub mod table;
 pub mod tire;
 
 /// What a model file needs besides `fmi2::prelude`.

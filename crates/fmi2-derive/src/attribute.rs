@@ -176,7 +176,9 @@ impl Variable {
     fn check_start(&self, start: &Expr) -> Result<()> {
         let outside = |limit: &str, below: bool| -> Result<bool> {
             let limit = self.value(limit)?.and_then(literal);
-            Ok(literal(start).zip(limit).is_some_and(|(start, limit)| if below { start < limit } else { start > limit }))
+            Ok(literal(start)
+                .zip(limit)
+                .is_some_and(|(start, limit)| if below { start < limit } else { start > limit }))
         };
         if outside("min", true)? || outside("max", false)? {
             return Err(Error::new(start.span(), "the start value is outside its limits"));
@@ -200,15 +202,16 @@ fn literal(expression: &Expr) -> Option<f64> {
 
 /// The doc comment in one line.
 pub(crate) fn doc(attributes: &[Attribute]) -> String {
-    let lines = attributes.iter().filter(|attribute| attribute.path().is_ident("doc")).filter_map(|attribute| {
-        match &attribute.meta {
+    let lines =
+        attributes.iter().filter(|attribute| attribute.path().is_ident("doc")).filter_map(|attribute| match &attribute
+            .meta
+        {
             Meta::NameValue(pair) => match &pair.value {
                 Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) => Some(text.value().trim().to_owned()),
                 _ => None,
             },
             _ => None,
-        }
-    });
+        });
     lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
 }
 

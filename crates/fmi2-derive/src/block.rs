@@ -88,13 +88,13 @@ fn parameter(field: &Field) -> Result<(TokenStream, TokenStream)> {
     if !is_mode && !is_integer && !is_type(field, "bool") && !is_type(field, "String") {
         variable.allow(REAL_KEYS)?;
         let spec = variable.spec("quantity", &doc)?;
-        return Ok((
-            quote!(#spec.declare::<f64, #ty>(&mut all);),
-            quote!(::fmi2::block::read_reals::<#ty>(values)),
-        ));
+        return Ok((quote!(#spec.declare::<f64, #ty>(&mut all);), quote!(::fmi2::block::read_reals::<#ty>(values))));
     }
     let Source::Name(text) = &variable.source else {
-        return Err(Error::new(variable.span(), "only real parameters stand in a catalogue; write the name as a string"));
+        return Err(Error::new(
+            variable.span(),
+            "only real parameters stand in a catalogue; write the name as a string",
+        ));
     };
     if doc.is_empty() {
         return Err(Error::new(text.span(), "the doc comment is missing: it is the description of the variable"));

@@ -44,8 +44,7 @@ pub type Component = *mut c_void;
 pub type FmuState = *mut c_void;
 
 /// fmi2CallbackLogger: environment, instance name, status, category, message as a printf format.
-pub type Logger =
-    unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
+pub type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
 
 /// fmi2CallbackFunctions; the memory functions are not used.
 #[derive(Clone, Copy, Debug)]
@@ -183,12 +182,7 @@ fn check_array<T>(function: Function, name: &str, pointer: *const T, length: usi
 }
 
 /// The caller's array.
-unsafe fn array<'a, T>(
-    function: Function,
-    name: &str,
-    pointer: *const T,
-    length: usize,
-) -> Result<&'a [T], Refusal> {
+unsafe fn array<'a, T>(function: Function, name: &str, pointer: *const T, length: usize) -> Result<&'a [T], Refusal> {
     if length == 0 {
         return Ok(&[]);
     }
@@ -440,7 +434,11 @@ pub unsafe fn get_integer<E: Export>(
     count: size_t,
     values: *mut c_int,
 ) -> Status {
-    unsafe { get(component, Function::GetInteger, references, count, values, |h: &mut Handle<E>, r| h.instance.get_integer(r)) }
+    unsafe {
+        get(component, Function::GetInteger, references, count, values, |h: &mut Handle<E>, r| {
+            h.instance.get_integer(r)
+        })
+    }
 }
 
 /// fmi2GetBoolean.
@@ -611,11 +609,7 @@ pub unsafe fn free_fmu_state<E: Export>(component: Component, state: *mut FmuSta
 }
 
 /// fmi2SerializedFMUstateSize.
-pub unsafe fn serialized_fmu_state_size<E: Export>(
-    component: Component,
-    state: FmuState,
-    size: *mut size_t,
-) -> Status {
+pub unsafe fn serialized_fmu_state_size<E: Export>(component: Component, state: FmuState, size: *mut size_t) -> Status {
     let function = Function::SerializedFMUstateSize;
     unsafe {
         call::<E>(component, function, |h| {
@@ -781,11 +775,7 @@ pub unsafe fn get_boolean_status<E: Export>(component: Component, kind: c_int, v
 }
 
 /// fmi2GetStringStatus: no step is ever pending.
-pub unsafe fn get_string_status<E: Export>(
-    component: Component,
-    kind: c_int,
-    _value: *mut *const c_char,
-) -> Status {
+pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _value: *mut *const c_char) -> Status {
     unsafe { no_answer::<E>(component, Function::GetStringStatus, kind) }
 }
 

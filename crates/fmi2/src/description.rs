@@ -287,11 +287,11 @@ fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
             xml.create_element("SimpleType")
                 .with_attributes([("name", name), ("description", description.as_str())])
                 .write_inner_content(|xml| {
-                    xml.create_element("Integer")
-                        .with_attributes([("min", min.to_string().as_str()), ("max", max.to_string().as_str())])
-                        .write_empty()?;
-                    Ok(())
-                })?;
+                xml.create_element("Integer")
+                    .with_attributes([("min", min.to_string().as_str()), ("max", max.to_string().as_str())])
+                    .write_empty()?;
+                Ok(())
+            })?;
         }
         Ok(())
     })?;
@@ -387,9 +387,11 @@ fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[
     };
     let unknown = |xml: &mut Xml, variable: &Variable, dependencies: Vec<usize>| -> Written {
         xml.create_element("Unknown")
-            .with_attributes([("index", index(variable).to_string()), ("dependencies", list(dependencies))].iter().map(
-                |(name, value)| (*name, value.as_str()),
-            ))
+            .with_attributes(
+                [("index", index(variable).to_string()), ("dependencies", list(dependencies))]
+                    .iter()
+                    .map(|(name, value)| (*name, value.as_str())),
+            )
             .write_empty()?;
         Ok(())
     };
@@ -404,9 +406,8 @@ fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[
                 .write_inner_content(|xml| outputs.iter().try_for_each(|v| unknown(xml, v, depends(v))))?;
         }
         if !layout.derivatives.is_empty() {
-            xml.create_element("Derivatives").write_inner_content(|xml| {
-                with_role(Role::Derivative).try_for_each(|v| unknown(xml, v, depends(v)))
-            })?;
+            xml.create_element("Derivatives")
+                .write_inner_content(|xml| with_role(Role::Derivative).try_for_each(|v| unknown(xml, v, depends(v))))?;
         }
         // At the start everything may also depend on any parameter; calculated ones on the fixed parameters only.
         let parameters: Vec<_> = with_role(Role::Parameter).map(index).collect();

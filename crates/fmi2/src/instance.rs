@@ -543,8 +543,7 @@ impl<M: Model> Instance<M> {
     }
 
     fn others_changed(&mut self, references: &[u32]) {
-        let tunable =
-            |&reference: &u32| self.layout().by_reference(reference).is_some_and(|v| v.declaration.tunable);
+        let tunable = |&reference: &u32| self.layout().by_reference(reference).is_some_and(|v| v.declaration.tunable);
         if !references.is_empty() {
             self.parameters_changed(!references.iter().all(tunable));
             self.outputs_are_old = true;
@@ -580,7 +579,7 @@ impl<M: Model> Instance<M> {
         }
         let span = Step { start: self.clock.start, time, step, sample: self.clock.sample };
         let parts = M::parts(&self.parameters, span);
-        if !(parts <= MOST_PARTS) {
+        if parts.is_nan() || parts > MOST_PARTS {
             return refused(format!(
                 "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} were expected"
             ));
@@ -593,8 +592,7 @@ impl<M: Model> Instance<M> {
             self.kept_memory.clone_from(&self.memory);
         }
         let design = self.design.as_deref().expect("computed at the end of initialization and kept since");
-        let result =
-            M::step(&self.parameters, design, &mut self.memory, layout, &mut self.values.reals, span, parts);
+        let result = M::step(&self.parameters, design, &mut self.memory, layout, &mut self.values.reals, span, parts);
         self.derivatives_are_old = true;
         self.outputs_are_old = M::IS_PLANT;
         if let Err(error) = result {
@@ -603,13 +601,14 @@ impl<M: Model> Instance<M> {
                 self.memory.clone_from(&self.kept_memory);
             }
             self.mode = Mode::StepFailed;
-            let (name, value, at) = match error {
-                StepError::NotFinite { index, value, time } => (layout.real_name(index), value, time),
-                StepError::MemoryNotFinite { name, value, time } => (name, value, time),
+            let what = match error {
+                StepError::NotFinite { index, value, time } => {
+                    format!("'{}' became {value} at {time} s", layout.real_name(index))
+                }
+                StepError::MemoryNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
+                StepError::Refused(message) => message,
             };
-            return refused(format!(
-                "'{name}' became {value} at {at} s; the state at {time} s was restored and the instance cannot step on"
-            ));
+            return refused(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
         }
         self.clock.time = end;
         if !M::IS_PLANT {
@@ -652,7 +651,10 @@ impl<M: Model> Instance<M> {
                 return refused(format!("value reference {reference} is neither an input nor a state (known)"));
             };
             if !slope.is_finite() {
-                return refused(format!("seed of '{}' = {slope}, a finite number was expected", layout.real_name(index)));
+                return refused(format!(
+                    "seed of '{}' = {slope}, a finite number was expected",
+                    layout.real_name(index)
+                ));
             }
             direction[position] += slope;
         }

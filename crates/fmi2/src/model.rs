@@ -117,14 +117,21 @@ pub trait Sampled: Sized + 'static {
     fn begin(_p: &Self::Parameters, _d: &Self::Design) -> Self::Memory {
         Self::Memory::default()
     }
+    /// Looks at a sample before it is taken: a unit that cannot follow any finite input refuses the step here.
+    ///
+    /// # Errors
+    /// A sentence that names the input and what was expected.
+    fn check(
+        _p: &Self::Parameters,
+        _d: &Self::Design,
+        _x: &Self::Memory,
+        _u: &Self::Inputs,
+        _t: f64,
+    ) -> Result<(), String> {
+        Ok(())
+    }
     /// One sample at time `t` in s.
-    fn update(
-        p: &Self::Parameters,
-        d: &Self::Design,
-        x: &mut Self::Memory,
-        u: &Self::Inputs,
-        t: f64,
-    ) -> Self::Outputs;
+    fn update(p: &Self::Parameters, d: &Self::Design, x: &mut Self::Memory, u: &Self::Inputs, t: f64) -> Self::Outputs;
 }
 
 /// A result that is not a finite number, or a step that cannot be taken.
@@ -139,6 +146,8 @@ pub enum StepError {
         /// When, in s.
         time: f64,
     },
+    /// The unit refused a sample.
+    Refused(String),
     /// This field of the memory is not finite.
     MemoryNotFinite {
         /// Name of the field.
@@ -408,6 +417,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         let u = S::Inputs::read(&reals[layout.inputs.clone()]);
         for sample in step.sample..step.sample + parts {
             let t = step.start + sample as f64 * p.sample_time();
+            S::check(p, d, x, &u, t).map_err(StepError::Refused)?;
             S::update(p, d, x, &u, t).write(&mut reals[layout.outputs.clone()]);
             first_not_finite(reals, layout.outputs.clone(), t)?;
             if let Some((name, value)) = x.not_finite() {

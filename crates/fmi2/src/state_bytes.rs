@@ -100,11 +100,7 @@ impl Reader<'_> {
 }
 
 /// The snapshot without its design, and the fingerprint of the design if there was one.
-pub(crate) fn read<M: Model>(
-    guid: &str,
-    layout: &Layout,
-    bytes: &[u8],
-) -> Result<(Snapshot<M>, Option<u64>), String> {
+pub(crate) fn read<M: Model>(guid: &str, layout: &Layout, bytes: &[u8]) -> Result<(Snapshot<M>, Option<u64>), String> {
     let body = bytes.len().checked_sub(8).filter(|&body| body > MAGIC.len()).ok_or("too few bytes for a state")?;
     let (body, sum) = bytes.split_at(body);
     let mut source = Reader(body);
@@ -178,16 +174,17 @@ pub(crate) fn read<M: Model>(
     }
     let mut memory = M::Memory::default();
     let mut failure = None;
-    memory.load(&mut || {
-        let word = match source.u8() {
-            Ok(0) => source.f64().map(Word::Real),
-            Ok(1) => source.u64().map(Word::Whole),
-            Ok(kind) => Err(format!("unknown kind of value {kind}")),
-            Err(error) => Err(error),
-        };
-        word.map_err(|error| failure = Some(error)).ok()
-    })
-    .map_err(|error| failure.unwrap_or(error))?;
+    memory
+        .load(&mut || {
+            let word = match source.u8() {
+                Ok(0) => source.f64().map(Word::Real),
+                Ok(1) => source.u64().map(Word::Whole),
+                Ok(kind) => Err(format!("unknown kind of value {kind}")),
+                Err(error) => Err(error),
+            };
+            word.map_err(|error| failure = Some(error)).ok()
+        })
+        .map_err(|error| failure.unwrap_or(error))?;
     if !source.0.is_empty() {
         return Err(format!("{} bytes too many", source.0.len()));
     }

@@ -143,9 +143,9 @@ pub fn output_rows(
             Weighted::PitchAcceleration => rows.push(acceleration(THETA)),
             Weighted::RollAcceleration => rows.push(acceleration(PHI)),
             Weighted::Roll => rows.push(of_state(&[(PHI, 1.0)])),
-            Weighted::SuspensionDeflections => rows.extend(
-                (0..6).map(|i| of_state(&[(Z, 1.0), (THETA, -p.x[i]), (PHI, p.y[i]), (Z_W + i, -1.0)])),
-            ),
+            Weighted::SuspensionDeflections => {
+                rows.extend((0..6).map(|i| of_state(&[(Z, 1.0), (THETA, -p.x[i]), (PHI, p.y[i]), (Z_W + i, -1.0)])))
+            }
             Weighted::TireDeflections => rows.extend((0..6).map(|i| of_state(&[(Z_W + i, 1.0)]))),
         }
     }

@@ -17,6 +17,9 @@ use crate::{P, ReferenceModel, SlipAngleModel, U, X, Y};
 
 /// The geometry must leave the center of mass between the front and the rear axle.
 pub(crate) fn check(p: &P) -> Result<(), String> {
+    if p.g <= 0.0 {
+        return Err(format!("'gravity' = {} m/s2, a number above 0 was expected", p.g));
+    }
     if static_front_load(p) <= 0.0 {
         return Err(format!(
             "'geometry.cg_to_front_axle' = {} m: the front axle must carry a part of the vehicle",
@@ -26,12 +29,12 @@ pub(crate) fn check(p: &P) -> Result<(), String> {
     Ok(())
 }
 
-/// W_F/g in kg: three equal springs under a rigid body (the load of an axle is A + D x).
+/// W_F in N: three equal springs under a rigid body (the load of an axle is A + D x).
 fn static_front_load(p: &P) -> f64 {
     let x = [p.a, p.a - p.l12, p.a - p.l12 - p.l23];
     let s1: f64 = x.iter().sum();
     let s2: f64 = x.iter().map(|x| x * x).sum();
-    p.m * (s2 - s1 * x[0]) / (3.0 * s2 - s1 * s1)
+    p.m * p.g * (s2 - s1 * x[0]) / (3.0 * s2 - s1 * s1)
 }
 
 pub(crate) fn sample(p: &P, x: &mut X, inputs: &U) -> Y {
@@ -43,7 +46,7 @@ pub(crate) fn sample(p: &P, x: &mut X, inputs: &U) -> Y {
 
     // Front axle and yaw rate reference.
     let gain = match p.reference_model {
-        ReferenceModel::ZeroSideslip => u / (a + static_front_load(p) * u * u / c_f),
+        ReferenceModel::ZeroSideslip => u / (a + static_front_load(p) / p.g * u * u / c_f),
         ReferenceModel::TwoDegreesOfFreedom => {
             let a1 = c_f + c_m + c_r;
             let a2 = a * c_f - b * c_m - c * c_r;
