@@ -142,15 +142,18 @@ def _run(options: argparse.Namespace) -> int:
         failures = batch.convert(scenario, runs, runs)
     else:
         master = f"fmpy {importlib.metadata.version('fmpy')}"
-        failures = batch.execute(scenario, runs, options.jobs or _processors())
+        outcome = batch.execute(scenario, runs, options.jobs or _processors())
+        failures = outcome.failures
+        for run, warnings in outcome.warnings.items():
+            print(f"warning: run {run}:", *warnings, sep="\n  ", file=sys.stderr)
     context = page.Context(
         master=master,
         command=shlex.join(command),
         inputs=None if options.inputs is None else options.inputs.name,
     )
     print(report(scenario, folder, failures, context))
-    for run, message in failures.items():
-        print(f"error: run {run}: {message}\n", file=sys.stderr)
+    for run, error in failures.items():
+        print(f"error: run {run}: {error}\n", file=sys.stderr)
     if failures:
         print(f"{len(failures)} of {len(scenario.runs)} runs failed", file=sys.stderr)
     print(f"{folder / 'index.html'}")

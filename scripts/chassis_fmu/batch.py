@@ -34,6 +34,22 @@ class _Task:
     out: Path
 
 
+@dataclass(frozen=True)
+class _Verdict:
+    """The end of a run: what went wrong, or what the units logged although nothing did."""
+
+    error: str | None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Error messages of the runs that failed and messages of the units of the others, by run id."""
+
+    failures: dict[str, str]
+    warnings: dict[str, tuple[str, ...]]
+
+
 def _execute(task: _Task, pipe: Connection) -> None:
     """Body of a process: simulates one run, writes its files, sends numbers of steps and in the end a verdict."""
     # An interrupt from the keyboard reaches all processes; the first one ends the others.
@@ -60,12 +76,11 @@ def _execute(task: _Task, pipe: Connection) -> None:
         results.write_csv(task.out / f"{task.run.stem}.csv", names, times, rows)
         units = [task.units[i] for i in present]
         results.write_parquet(task.out / f"{task.run.stem}.parquet", names, units, times, rows)
-        pipe.send(pending)
-        pipe.send("")
+        pipe.send(_Verdict(None, tuple(f"unit {unit}: {text}" for unit, text in master.messages())))
     except master.RunError as error:
-        pipe.send(str(error))
+        pipe.send(_Verdict(str(error)))
     except Exception as error:
-        pipe.send(f"{type(error).__name__}: {error}")
+        pipe.send(_Verdict(f"{type(error).__name__}: {error}"))
     finally:
         pipe.close()
 
@@ -87,11 +102,11 @@ def _extract(plan: Plan, folder: Path) -> tuple[dict[Path, Path], dict[Path, str
     return folders, broken
 
 
-def execute(plan: Plan, out: Path, jobs: int) -> dict[str, str]:
+def execute(plan: Plan, out: Path, jobs: int) -> Outcome:
     """Execute all runs of the plan, at most `jobs` at a time; their files go to `out`.
 
     Every run has a process of its own: an FMU that crashes takes only its run with it. Files of an earlier
-    execution of the same runs are removed first. Returns the error message of every run that failed, by run id.
+    execution of the same runs are removed first. A run that fails does not stop the others.
     """
     # A method that does not copy the threads of this process; the server imports the modules only once.
     methods = multiprocessing.get_all_start_methods()
@@ -99,6 +114,7 @@ def execute(plan: Plan, out: Path, jobs: int) -> dict[str, str]:
     if "forkserver" in methods:
         context.set_forkserver_preload(["chassis_fmu.batch"])
     failures: dict[str, str] = {}
+    warnings: dict[str, tuple[str, ...]] = {}
     names = tuple(c.name for c in plan.columns)
     units = tuple(c.unit for c in plan.columns)
     for run in plan.runs:
@@ -135,13 +151,15 @@ def execute(plan: Plan, out: Path, jobs: int) -> dict[str, str]:
                         message = pipe.recv()
                     except EOFError:
                         process.join()
-                        message = f"the process of the run died ({_exit(process.exitcode)})"
+                        message = _Verdict(f"the process of the run died ({_exit(process.exitcode)})")
                     if isinstance(message, int):
                         bar.update(message)
                         running[pipe] = (run, process, done + message)
                         continue
-                    if message:
-                        failures[run.id] = message
+                    if message.error is not None:
+                        failures[run.id] = message.error
+                    elif message.warnings:
+                        warnings[run.id] = message.warnings
                     bar.update(plan.simulation.steps - done)
                     pipe.close()
                     process.join()
@@ -154,7 +172,7 @@ def execute(plan: Plan, out: Path, jobs: int) -> dict[str, str]:
             with contextlib.suppress(OSError):
                 for part in out.glob(".*.part"):
                     part.unlink()
-    return failures
+    return Outcome(failures, warnings)
 
 
 def _exit(code: int | None) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -49,15 +50,15 @@ class RunError(Exception):
         function: str,
         time: float | None,
         detail: str,
-        messages: Sequence[str] = (),
+        messages: Iterable[str] = (),
         fatal: bool = False,
     ) -> None:
-        super().__init__(unit, function, time, detail, tuple(messages), fatal)
+        self.messages = tuple(messages)
+        super().__init__(unit, function, time, detail, self.messages, fatal)
         self.unit = unit
         self.function = function
         self.time = time
         self.detail = detail
-        self.messages = tuple(messages)
         self.fatal = fatal
 
     def __str__(self) -> str:
@@ -69,14 +70,24 @@ class RunError(Exception):
 
 # Log messages of the current run by instance name. There is one logger per process, because fmpy's proxy (which
 # expands the printf arguments) keeps a single target.
-_log: dict[str, list[str]] = {}
+_log: dict[str, deque[str]] = {}
+
+# As many of the latest messages of a unit are kept.
+KEPT_MESSAGES = 20
 
 
 def _logger(_environment: object, instance: bytes | None, status: int, category: bytes, message: bytes) -> None:
     name = (instance or b"").decode("utf-8", "replace")
     label = STATUS[status] if 0 <= status < len(STATUS) else str(status)
     text = (message or b"").decode("utf-8", "replace")
-    _log.setdefault(name, []).append(f"[{label}, {(category or b'').decode('utf-8', 'replace')}] {text}")
+    _log.setdefault(name, deque(maxlen=KEPT_MESSAGES)).append(
+        f"[{label}, {(category or b'').decode('utf-8', 'replace')}] {text}"
+    )
+
+
+def messages() -> list[tuple[str, str]]:
+    """Return what the units logged during the latest run: pairs of unit and message."""
+    return [(unit, text) for unit, texts in _log.items() for text in texts]
 
 
 _callbacks = fmi2CallbackFunctions()

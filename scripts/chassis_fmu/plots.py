@@ -135,6 +135,12 @@ def _label(column: Column) -> str:
     return text[:1].upper() + text[1:] if text else column.name
 
 
+def _axis_unit(unit: str) -> str:
+    """Return a unit as the label of an axis, where a lone degree sign would be lost."""
+    pretty = tables.pretty_unit(unit)
+    return unit if pretty == "°" else pretty
+
+
 def _title(ax: Axes, left: str, right: str, room: int) -> None:
     ax.set_title(left, loc="left", color=INK)
     if right != left and len(left) + len(right) < room:
@@ -204,7 +210,7 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
             used[case.name] = Line2D([], [], color=color, linewidth=2.0, label=case.title)
         label = _label(column) + (f", {titles[point]}" if point is not None else "")
         _title(ax, label, column.name, 95 // across)
-        ax.set_ylabel(tables.pretty_unit(shown.unit))
+        ax.set_ylabel(_axis_unit(shown.unit))
         if i + across >= len(panels):
             ax.set_xlabel("Time (s)")
         else:
@@ -250,7 +256,7 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas 
             ax.set_xticks([p.value for p in points], [f"{p.value:g}" for p in points])
         ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
         ax.set_title(metric.title, loc="left")
-        ax.set_ylabel(tables.pretty_unit(metric.conversion.unit))
+        ax.set_ylabel(_axis_unit(metric.conversion.unit))
         ax.set_xlabel(tables.with_unit(plan.sweep.title, plan.sweep.unit))
     _legend(canvas, list(handles.values()))
     return canvas

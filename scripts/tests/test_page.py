@@ -81,8 +81,8 @@ def test_the_parts_are_there(text: str) -> None:
         "First paragraph <i>with markup</i>.",
         "Second paragraph.",
     ]
-    assert len(tree.xpath("//table[@class='headline']/tbody")) == 2
-    assert len(tree.xpath("//table[@class='headline']/tbody/tr")) == 4
+    assert len(tree.xpath("//table[@class='headline seeds']/tbody")) == 2
+    assert len(tree.xpath("//table[@class='headline seeds']/tbody/tr")) == 4
     assert tree.xpath("string(//article[@class='partly']/span)") == "Partly reproduced"
     assert len(tree.xpath("//figure//svg")) == 2
     assert tree.xpath("//table[@class='guids']//code/text()") == ["{22}", "{11}"]
