@@ -362,9 +362,15 @@ fn accept(residual: f64, poles: &[Complex<f64>]) -> Result<(), RiccatiError> {
     Ok(())
 }
 
-/// Eigenvalues sorted by falling real part, then by falling imaginary part; None if the QR
-/// iteration does not converge or an element is not finite.
-fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+/// Eigenvalues of a square matrix, sorted by falling real part, then by falling imaginary part; None
+/// if the QR iteration does not converge or an element is not finite.
+///
+/// nalgebra's own `complex_eigenvalues` has no limit of iterations and may never return.
+///
+/// # Panics
+///
+/// If the matrix is not square.
+pub fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let n = m.nrows();
     if !m.norm().is_finite() {
         return None;

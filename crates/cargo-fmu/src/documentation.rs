@@ -1,0 +1,97 @@
+//! `documentation/index.html` of an FMU: the README of the model and the tables of its variables.
+
+use host::description::{Causality, ModelDescription, Value, Variability, Variable};
+use pulldown_cmark::{Options, Parser, html};
+
+/// The licenses that every FMU carries.
+pub(crate) const LICENSES: [(&str, &str); 2] = [
+    ("LICENSE-MIT.txt", include_str!("../../../LICENSE-MIT")),
+    ("LICENSE-APACHE.txt", include_str!("../../../LICENSE-APACHE")),
+];
+
+const STYLE: &str = include_str!("documentation.css");
+
+/// Text in HTML.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The page, complete in itself.
+pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
+    let mut body = String::new();
+    html::push_html(&mut body, Parser::new_ext(readme, Options::ENABLE_TABLES));
+    let name = escape(&description.model_name);
+    let summary = escape(description.description.as_deref().unwrap_or_default());
+    let tables: String = [
+        (Causality::Input, "Inputs"),
+        (Causality::Output, "Outputs"),
+        (Causality::Parameter, "Parameters"),
+        (Causality::CalculatedParameter, "Calculated parameters"),
+        (Causality::Local, "Local variables"),
+    ]
+    .into_iter()
+    .map(|(causality, title)| table(description, causality, title))
+    .collect();
+    let guid = escape(&description.guid);
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{name}</title>\n<style>\n{STYLE}</style>\n\
+         </head>\n<body>\n<p class=\"summary\"><img src=\"../model.png\" alt=\"\">{summary}</p>\n{body}<h2>Variables</h2>\n{tables}\
+         <h2>Calls</h2>\n{CALLS}<p class=\"guid\">GUID {guid}</p>\n</body>\n</html>\n"
+    )
+}
+
+const CALLS: &str = "<p>The communication step may have any length above 0 and may vary; the start time is free. Parameters \
+are set before or in Initialization Mode, tunable ones also between steps. A refused call returns fmi2Error, changes nothing \
+and says in the log what, where and what was expected. A step whose result is not a finite number restores what was before it \
+and returns fmi2Error. The complete state can be saved, serialized and restored in another process.</p>\n\
+<p><code>extra/chassis-fmu/reference.csv</code>, where it exists, holds a reference run made by an independent implementation: \
+set the inputs of a row, and for a plant read its outputs before the step, for a sampled unit after it.</p>\n";
+
+/// The variables of one causality.
+fn table(description: &ModelDescription, causality: Causality, title: &str) -> String {
+    let rows: String = description
+        .variables
+        .iter()
+        .filter(|variable| variable.causality == causality)
+        .map(|variable| row(variable))
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<h3>{title}</h3>\n<table>\n<thead><tr><th>name</th><th>unit</th><th>start</th><th>limits</th><th>kind</th>\
+         <th>description</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n"
+    )
+}
+
+fn row(variable: &Variable) -> String {
+    let unit = variable.unit.as_deref().unwrap_or_default();
+    let start = variable.start.as_ref().map_or_else(String::new, value);
+    let bound = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v}"));
+    let (min, max) = (bound(variable.min), bound(variable.max));
+    let limits = if min.is_empty() && max.is_empty() { String::new() } else { format!("{min} … {max}") };
+    let kind = match variable.variability {
+        Variability::Tunable => "tunable",
+        Variability::Fixed => "fixed",
+        Variability::Discrete => "sampled",
+        Variability::Continuous => "continuous",
+        Variability::Constant => "constant",
+    };
+    format!(
+        "<tr><td><code>{}</code></td><td>{}</td><td>{}</td><td>{limits}</td><td>{kind}</td><td>{}</td></tr>\n",
+        escape(&variable.name),
+        escape(unit),
+        escape(&start),
+        escape(variable.description.as_deref().unwrap_or_default()),
+    )
+}
+
+/// A start value.
+fn value(value: &Value) -> String {
+    match value {
+        Value::Real(number) => format!("{number}"),
+        Value::Integer(number) => format!("{number}"),
+        Value::Boolean(switch) => format!("{switch}"),
+        Value::String(text) => text.clone(),
+    }
+}

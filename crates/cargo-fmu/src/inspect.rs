@@ -1,0 +1,116 @@
+//! `cargo fmu inspect`: what an FMU says of itself.
+
+use std::path::PathBuf;
+
+use host::archive::Archive;
+use host::description::{Causality, ModelDescription, Value};
+use miette::{IntoDiagnostic, Result};
+
+use crate::workspace::Workspace;
+
+/// Which FMU.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Arguments {
+    /// Name of an FMU of this workspace (packed before), or path of any .fmu file
+    fmu: String,
+    /// Prints modelDescription.xml as it is
+    #[arg(long)]
+    xml: bool,
+}
+
+/// Path of an FMU given by name or path.
+///
+/// # Errors
+/// On a name that is no model, or an FMU that was not packed yet.
+pub(crate) fn locate(fmu: &str) -> Result<PathBuf> {
+    let path = PathBuf::from(fmu);
+    if path.extension().is_some_and(|extension| extension == "fmu") {
+        return Ok(path);
+    }
+    let workspace = Workspace::find()?;
+    let model = workspace.select(&[fmu.to_owned()], false)?.remove(0);
+    let path = workspace.fmus().join(format!("{}.fmu", model.name));
+    if !path.exists() {
+        return Err(miette::miette!("{} is not packed; run `cargo fmu pack {}`", model.name, model.name));
+    }
+    Ok(path)
+}
+
+/// Prints.
+///
+/// # Errors
+/// When the file is no FMU.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let path = locate(&arguments.fmu)?;
+    let mut archive = Archive::open(&path).into_diagnostic()?;
+    if arguments.xml {
+        print!("{}", archive.description_text().into_diagnostic()?);
+        return Ok(());
+    }
+    let description = archive.description().into_diagnostic()?;
+    println!("{} {}", description.model_name, description.version.as_deref().unwrap_or_default());
+    if let Some(text) = &description.description {
+        println!("{text}");
+    }
+    println!("GUID       {}", description.guid);
+    println!("made with  {}", description.generation_tool.as_deref().unwrap_or("unknown"));
+    println!("platforms  {}", archive.platforms().join(", "));
+    println!("can        {}", capabilities(&description).join(", "));
+    for (causality, title) in [
+        (Causality::Input, "Inputs"),
+        (Causality::Output, "Outputs"),
+        (Causality::Parameter, "Parameters"),
+        (Causality::CalculatedParameter, "Calculated parameters"),
+        (Causality::Local, "Local variables"),
+        (Causality::Independent, "Independent variable"),
+    ] {
+        table(&description, causality, title);
+    }
+    Ok(())
+}
+
+fn capabilities(description: &ModelDescription) -> Vec<&'static str> {
+    let Some(co_simulation) = &description.co_simulation else { return vec!["no co-simulation"] };
+    [
+        (co_simulation.can_handle_variable_communication_step_size, "variable communication steps"),
+        (co_simulation.can_get_and_set_fmu_state, "save and restore its state"),
+        (co_simulation.can_serialize_fmu_state, "serialize its state"),
+        (co_simulation.provides_directional_derivative, "directional derivatives"),
+        (!co_simulation.can_be_instantiated_only_once_per_process, "several instances in a process"),
+    ]
+    .into_iter()
+    .filter_map(|(can, what)| can.then_some(what))
+    .collect()
+}
+
+fn table(description: &ModelDescription, causality: Causality, title: &str) {
+    let rows: Vec<[String; 4]> = description
+        .variables
+        .iter()
+        .filter(|variable| variable.causality == causality)
+        .map(|variable| {
+            [
+                variable.name.clone(),
+                variable.start.as_ref().map_or_else(String::new, value),
+                variable.unit.clone().unwrap_or_default(),
+                variable.description.clone().unwrap_or_default(),
+            ]
+        })
+        .collect();
+    if rows.is_empty() {
+        return;
+    }
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let (name, start, unit) = (width(0), width(1), width(2));
+    println!("\n{title} ({})", rows.len());
+    for row in &rows {
+        println!("  {:name$}  {:>start$} {:unit$}  {}", row[0], row[1], row[2], row[3]);
+    }
+}
+
+fn value(value: &Value) -> String {
+    match value {
+        Value::Real(number) => format!("{number}"),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,56 @@
+//! `cargo fmu`: packs models into FMUs, inspects and linearizes them, writes new ones from a template, and plans and runs
+//! scenarios.
+
+mod documentation;
+mod inspect;
+mod linearize;
+mod new;
+mod pack;
+mod plan;
+mod run;
+mod selection;
+mod workspace;
+
+use clap::Parser;
+
+/// Exports models as FMUs and runs systems of them
+#[derive(Parser, Debug)]
+#[command(name = "cargo fmu", bin_name = "cargo fmu", version)]
+enum Cli {
+    /// Builds models and packs them to target/fmu/NAME.fmu
+    Pack(pack::Arguments),
+    /// Shows what an FMU says of itself
+    Inspect(inspect::Arguments),
+    /// Prints A, B, C, D and the modes of a plant at an operating point
+    Linearize(linearize::Arguments),
+    /// Writes a working package of a new model
+    New(new::Arguments),
+    /// Resolves a scenario and prints the plan as JSON
+    Plan(plan::Arguments),
+    /// Executes all runs of a scenario and writes a CSV file for each
+    Run(run::Arguments),
+}
+
+fn main() -> miette::Result<()> {
+    // As a subcommand of cargo the program gets its own name as the first argument.
+    let arguments = std::env::args_os().enumerate().filter(|(i, argument)| *i != 1 || argument != "fmu");
+    match Cli::parse_from(arguments.map(|(_, argument)| argument)) {
+        Cli::Pack(arguments) => pack::run(&arguments),
+        Cli::Inspect(arguments) => inspect::run(&arguments),
+        Cli::Linearize(arguments) => linearize::run(&arguments),
+        Cli::New(arguments) => new::run(&arguments),
+        Cli::Plan(arguments) => plan::run(&arguments),
+        Cli::Run(arguments) => run::run(&arguments),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,228 @@
+//! `cargo fmu pack`: builds models and zips them to FMUs.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use host::description::ModelDescription;
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+use crate::documentation;
+use crate::workspace::{Model, Workspace};
+
+/// Which models, and for whom.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Arguments {
+    /// Names of FMUs or packages, such as RescueVehicle or rescue-vehicle; none means all
+    names: Vec<String>,
+    /// All models of the workspace
+    #[arg(long, conflicts_with = "names")]
+    all: bool,
+    /// A linux64 binary that loads on distributions from glibc 2.17 on (needs cargo-zigbuild)
+    #[arg(long)]
+    portable: bool,
+    /// Writes the generated model descriptions to modelDescription/, after an intended change of an interface
+    #[arg(long)]
+    update_descriptions: bool,
+}
+
+/// Oldest glibc that the portable binary needs.
+const PORTABLE_TARGET: &str = "x86_64-unknown-linux-gnu.2.17";
+
+/// Builds, checks against the committed descriptions, and zips.
+///
+/// # Errors
+/// When a model does not build, its library has no description, or a file cannot be written.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let workspace = Workspace::find()?;
+    let models = workspace.select(&arguments.names, arguments.all)?;
+    if models.is_empty() {
+        return Err(miette!("this workspace has no package with the crate type cdylib that depends on fmi2"));
+    }
+    let libraries = build(&workspace, &models, arguments.portable)?;
+    let bar = ProgressBar::new(models.len() as u64).with_style(
+        ProgressStyle::with_template("packing [{bar:30}] {pos}/{len} {msg}").expect("a constant template is valid"),
+    );
+    std::fs::create_dir_all(workspace.fmus()).into_diagnostic()?;
+    let mut changed = Vec::new();
+    let mut report = Vec::new();
+    for (model, library) in models.iter().zip(&libraries) {
+        bar.set_message(model.name.clone());
+        let xml = host::loader::exported_description(library)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("reading the description of {}", model.name))?;
+        if !description_is_committed(&workspace, model, &xml, arguments.update_descriptions)? {
+            changed.push(model.name.as_str());
+        }
+        let bytes = archive(model, library, &xml)?;
+        let path = workspace.fmus().join(format!("{}.fmu", model.name));
+        write_whole(&path, &bytes)?;
+        report.push(format!(
+            "{} ({} kB)",
+            path.strip_prefix(&workspace.root).unwrap_or(&path).display(),
+            bytes.len() / 1000
+        ));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    for line in report {
+        println!("{line}");
+    }
+    if !changed.is_empty() {
+        eprintln!(
+            "The interface of {} differs from modelDescription/; if that is intended, run `cargo fmu pack \
+             --update-descriptions` and commit the change.",
+            changed.join(", ")
+        );
+    }
+    Ok(())
+}
+
+/// Builds all models in one call of cargo and returns their libraries.
+///
+/// The flags: `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; the paths
+/// of the machine are taken out of the messages, so that two machines build the same bytes. The build has a folder of
+/// its own because these flags would make cargo build everything else anew, too.
+fn build(workspace: &Workspace, models: &[Model], portable: bool) -> Result<Vec<PathBuf>> {
+    let target = workspace.target.join("fmu-build");
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(&cargo);
+    let mut folder = target.clone();
+    if portable {
+        require_zigbuild(&cargo)?;
+        command.args(["zigbuild", "--target", PORTABLE_TARGET]);
+        folder.push("x86_64-unknown-linux-gnu");
+    } else {
+        command.arg("build");
+    }
+    command.args(["--profile", "fmu", "--locked", "--target-dir"]).arg(&target).current_dir(&workspace.root);
+    for model in models {
+        command.args(["--package", &model.package]);
+    }
+    let mut flags: Vec<OsString> = Vec::new();
+    if cfg!(target_os = "linux") {
+        flags.push("-Clink-arg=-Wl,-Bsymbolic".into());
+    }
+    let home = std::env::var_os("CARGO_HOME")
+        .map(PathBuf::from)
+        .or_else(|| std::env::home_dir().map(|home| home.join(".cargo")));
+    for (from, to) in [(home, "/cargo"), (Some(workspace.root.clone()), "/chassis-fmu")] {
+        if let Some(from) = from {
+            let mut flag = OsString::from("--remap-path-prefix=");
+            flag.push(from);
+            flag.push(format!("={to}"));
+            flags.push(flag);
+        }
+    }
+    command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
+    let status = command.status().into_diagnostic().wrap_err("cargo cannot be run")?;
+    if !status.success() {
+        return Err(miette!("the models do not build; see the messages above"));
+    }
+    Ok(models.iter().map(|model| folder.join("fmu").join(model.library_file())).collect())
+}
+
+/// Says what to install when the cross linker is missing.
+fn require_zigbuild(cargo: &OsString) -> Result<()> {
+    let found = Command::new(cargo).args(["zigbuild", "--version"]).output().is_ok_and(|o| o.status.success());
+    if found {
+        return Ok(());
+    }
+    Err(miette!(
+        help = "Install it with `pip install ziglang cargo-zigbuild` (in a Python environment on the PATH), then call \
+                this command again; without --portable the FMU needs a glibc as new as this machine's.",
+        "--portable needs cargo-zigbuild, which was not found"
+    ))
+}
+
+/// Compares with, or writes, `modelDescription/NAME.xml`. False if they differ.
+fn description_is_committed(workspace: &Workspace, model: &Model, xml: &str, update: bool) -> Result<bool> {
+    let path = workspace.root.join("modelDescription").join(format!("{}.xml", model.name));
+    if update {
+        write_whole(&path, xml.as_bytes())?;
+    }
+    Ok(std::fs::read_to_string(&path).is_ok_and(|committed| committed == xml))
+}
+
+/// Name of the folder of binaries of this platform (FMI 2.0 knows these).
+fn platform() -> Result<&'static str> {
+    match (std::env::consts::OS, std::env::consts::ARCH) {
+        ("linux", "x86_64") => Ok("linux64"),
+        ("windows", "x86_64") => Ok("win64"),
+        ("macos", _) => Ok("darwin64"),
+        (os, arch) => Err(miette!("FMI 2.0 has no platform for {os} on {arch}")),
+    }
+}
+
+/// The bytes of the FMU: the same for the same files, on every machine.
+fn archive(model: &Model, library: &Path, xml: &str) -> Result<Vec<u8>> {
+    let description = ModelDescription::parse(xml).into_diagnostic()?;
+    let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+    let read =
+        |path: &Path| std::fs::read(path).into_diagnostic().wrap_err_with(|| format!("reading {}", path.display()));
+    let suffix = std::env::consts::DLL_SUFFIX;
+    files.insert(format!("binaries/{}/{}{suffix}", platform()?, model.name), read(library)?);
+    let readme = model.folder.join("README.md");
+    let text = if readme.exists() { String::from_utf8_lossy(&read(&readme)?).into_owned() } else { String::new() };
+    files.insert("documentation/index.html".to_owned(), documentation::page(&description, &text).into_bytes());
+    for (name, license) in documentation::LICENSES {
+        files.insert(format!("documentation/licenses/{name}"), license.as_bytes().to_vec());
+    }
+    for (file, entry) in [("model.png", "model.png"), ("reference.csv", "extra/chassis-fmu/reference.csv")] {
+        let path = model.folder.join(file);
+        if path.exists() {
+            files.insert(entry.to_owned(), read(&path)?);
+        }
+    }
+    let resources = model.folder.join("resources");
+    if resources.exists() {
+        for entry in std::fs::read_dir(&resources).into_diagnostic()? {
+            let path = entry.into_diagnostic()?.path();
+            if let Some(name) = path.file_name().and_then(|name| name.to_str())
+                && path.is_file()
+            {
+                files.insert(format!("resources/{name}"), read(&path)?);
+            }
+        }
+    }
+
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .compression_level(Some(9))
+        .last_modified_time(DateTime::default())
+        .unix_permissions(0o644);
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    // The description stands first, as readers expect it; the rest in the order of the names.
+    let first = ("modelDescription.xml".to_owned(), xml.as_bytes().to_vec());
+    for (name, bytes) in std::iter::once(first).chain(files) {
+        zip.start_file(name, options).into_diagnostic()?;
+        zip.write_all(&bytes).into_diagnostic()?;
+    }
+    Ok(zip.finish().into_diagnostic()?.into_inner())
+}
+
+/// Writes a file so that it is there whole or not at all.
+///
+/// # Errors
+/// When the folder is not writable.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let write = || -> std::io::Result<()> {
+        let folder = path.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder)?;
+        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        file.write_all(bytes)?;
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644))?;
+        }
+        file.persist(path)?;
+        Ok(())
+    };
+    write().into_diagnostic().wrap_err_with(|| format!("writing {}", path.display()))
+}

@@ -1,0 +1,130 @@
+//! `cargo fmu run`: executes a scenario.
+
+use crate::selection::Selection;
+use clap::Args;
+use host::fmu::Fmus;
+use host::master::{self, Recording};
+use host::plan::{Plan, Run};
+use host::results;
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::{IntoDiagnostic, WrapErr, miette};
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Different messages shown after all runs.
+const SHOWN_MESSAGES: usize = 10;
+
+/// Which scenario, and where the results go.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    selection: Selection,
+
+    /// Folder for results; the files go to <OUT>/<scenario>/runs/
+    #[arg(long, value_name = "OUT", default_value = "results")]
+    out: PathBuf,
+
+    /// Number of threads [default: that of the processors]
+    #[arg(long, short, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+}
+
+/// What is left of a run once its file is written.
+struct Done {
+    seconds: f64,
+    messages: Vec<String>,
+}
+
+/// Executes the scenario.
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
+    let plan = arguments.selection.plan()?;
+    let folder = arguments.out.join(&plan.name).join("runs");
+    remove_old(&plan, &folder)?;
+    let fmus = Fmus::load(&plan).into_diagnostic()?;
+    let jobs = arguments.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
+
+    let bar = progress_bar(&plan)?;
+    let began = Instant::now();
+    let finish = |run: &Run, recording: Recording| -> Result<Done, std::io::Error> {
+        let path = folder.join(results::file_name(run));
+        results::write_csv(&path, &plan.columns, &recording)?;
+        let messages = recording.messages.iter().map(|(unit, message)| format!("{unit}: {}", message.text));
+        Ok(Done { seconds: recording.seconds, messages: messages.collect() })
+    };
+    let outcomes = master::execute_all(&plan, &fmus, jobs, &|n| bar.inc(n), &finish);
+    bar.finish_and_clear();
+
+    let mut done = Vec::new();
+    let mut failures = Vec::new();
+    for (run, outcome) in plan.runs.iter().zip(outcomes) {
+        match outcome {
+            Ok(Ok(result)) => done.push((run, result)),
+            Ok(Err(error)) => failures.push(format!("run {}: {error}", run.id)),
+            Err(error) => failures.push(error.to_string()),
+        }
+    }
+    print_summary(&plan, &done, &folder, began.elapsed());
+    if failures.is_empty() {
+        Ok(())
+    } else {
+        Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), failures.join("\n\n")))
+    }
+}
+
+/// Removes the files of an earlier call, so that a failed run leaves no old results behind.
+fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
+    for run in &plan.runs {
+        let path = folder.join(results::file_name(run));
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(error).into_diagnostic().wrap_err_with(|| format!("cannot remove {}", path.display()));
+            }
+            _ => (),
+        }
+    }
+    Ok(())
+}
+
+/// A bar that counts steps; it shows itself on a terminal only.
+fn progress_bar(plan: &Plan) -> miette::Result<ProgressBar> {
+    let runs = u64::try_from(plan.runs.len()).into_diagnostic()?;
+    let style = ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3} % {elapsed} (ready in {eta})")
+        .into_diagnostic()?
+        .progress_chars("=> ");
+    let bar = ProgressBar::new(runs * plan.simulation.steps).with_style(style);
+    bar.set_message(plan.name.clone());
+    bar.enable_steady_tick(Duration::from_millis(200));
+    Ok(bar)
+}
+
+fn print_summary(plan: &Plan, done: &[(&Run, Done)], folder: &Path, elapsed: Duration) {
+    let width = plan.cases.iter().map(|case| case.name.len()).max().unwrap_or(0).max("case".len());
+    println!("{:width$}  runs  seconds per run", "case");
+    for case in &plan.cases {
+        let of_case = || done.iter().filter(|(run, _)| run.case == case.name);
+        let count = of_case().count();
+        let seconds: f64 = of_case().map(|(_, done)| done.seconds).sum();
+        let mean = if count == 0 { "-".to_string() } else { format!("{:.3}", seconds / count as f64) };
+        println!("{:width$}  {count:>4}  {mean:>15}", case.name);
+    }
+    println!(
+        "{} of {} runs over {} s in {:.1} s: {}",
+        done.len(),
+        plan.runs.len(),
+        plan.simulation.stop - plan.simulation.start,
+        elapsed.as_secs_f64(),
+        folder.join("*.csv").display()
+    );
+    let mut messages: BTreeMap<&str, usize> = BTreeMap::new();
+    for message in done.iter().flat_map(|(_, done)| &done.messages) {
+        *messages.entry(message).or_default() += 1;
+    }
+    for (message, count) in messages.iter().take(SHOWN_MESSAGES) {
+        eprintln!("{message} ({count} times)");
+    }
+    if messages.len() > SHOWN_MESSAGES {
+        eprintln!("and {} other messages", messages.len() - SHOWN_MESSAGES);
+    }
+}

@@ -1,0 +1,59 @@
+//! Arguments that say which scenario is meant and what is changed about it.
+
+use clap::{Args, ValueEnum};
+use host::plan::{self, Plan};
+use host::resolve::{FmuFolder, Options, resolve};
+use std::path::PathBuf;
+
+/// A scenario and changes to it.
+#[derive(Debug, Args)]
+pub(crate) struct Selection {
+    /// Scenario file (TOML)
+    scenario: PathBuf,
+
+    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    fmus: Vec<PathBuf>,
+
+    /// CSV file with a column `time` and columns named like signals (or unit:signal), which write
+    /// these signals instead of the units
+    #[arg(long, value_name = "FILE")]
+    inputs: Option<PathBuf>,
+
+    /// Stop at this time instead, s
+    #[arg(long, value_name = "T")]
+    stop: Option<f64>,
+
+    /// Use the first N seeds only
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    seeds: Option<u32>,
+
+    /// Order of the units within a step, instead of the scenario's
+    #[arg(long)]
+    order: Option<Order>,
+}
+
+/// Order of the units within a step.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Order {
+    /// One after the other, each with the new outputs of those before it
+    Sequential,
+    /// All at once from the outputs of the step before
+    Jacobi,
+}
+
+impl Selection {
+    /// Resolves the scenario.
+    pub(crate) fn plan(&self) -> miette::Result<Plan> {
+        let options = Options {
+            stop: self.stop,
+            order: self.order.map(|order| match order {
+                Order::Sequential => plan::Order::Sequential,
+                Order::Jacobi => plan::Order::Jacobi,
+            }),
+            seeds: self.seeds.and_then(|n| usize::try_from(n).ok()),
+            inputs: self.inputs.clone(),
+        };
+        Ok(resolve(&self.scenario, &FmuFolder::new(self.fmus.iter().cloned()), &options)?)
+    }
+}

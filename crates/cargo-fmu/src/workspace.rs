@@ -1,0 +1,150 @@
+//! Which packages of the workspace are models.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use serde::Deserialize;
+
+/// A package that becomes an FMU: a `cdylib` that depends on `fmi2`.
+#[derive(Clone, Debug)]
+pub(crate) struct Model {
+    /// Name of the package, in kebab case.
+    pub(crate) package: String,
+    /// Name of the FMU, in Pascal case.
+    pub(crate) name: String,
+    /// Folder of the package.
+    pub(crate) folder: PathBuf,
+    /// File stem of the library.
+    library: String,
+}
+
+/// The workspace that the command was called in.
+#[derive(Clone, Debug)]
+pub(crate) struct Workspace {
+    /// Top folder.
+    pub(crate) root: PathBuf,
+    /// `target`.
+    pub(crate) target: PathBuf,
+    /// All models, by name.
+    pub(crate) models: Vec<Model>,
+}
+
+#[derive(Deserialize)]
+struct Metadata {
+    packages: Vec<Package>,
+    workspace_root: PathBuf,
+    target_directory: PathBuf,
+}
+
+#[derive(Deserialize)]
+struct Package {
+    name: String,
+    manifest_path: PathBuf,
+    dependencies: Vec<Dependency>,
+    targets: Vec<Target>,
+}
+
+#[derive(Deserialize)]
+struct Dependency {
+    name: String,
+}
+
+#[derive(Deserialize)]
+struct Target {
+    name: String,
+    crate_types: Vec<String>,
+}
+
+impl Workspace {
+    /// Asks cargo.
+    ///
+    /// # Errors
+    /// When cargo cannot read the workspace.
+    pub(crate) fn find() -> Result<Self> {
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        let output = Command::new(cargo)
+            .args(["metadata", "--no-deps", "--format-version", "1", "--locked"])
+            .output()
+            .into_diagnostic()
+            .wrap_err("cargo cannot be run; is it on the PATH?")?;
+        if !output.status.success() {
+            return Err(miette!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr).trim()));
+        }
+        let metadata: Metadata =
+            serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")?;
+        let mut models: Vec<_> = metadata
+            .packages
+            .into_iter()
+            .filter(|package| package.dependencies.iter().any(|dependency| dependency.name == "fmi2"))
+            .filter_map(|package| {
+                let target = package.targets.iter().find(|t| t.crate_types.iter().any(|kind| kind == "cdylib"))?;
+                Some(Model {
+                    name: pascal_case(&package.name),
+                    library: target.name.replace('-', "_"),
+                    folder: package.manifest_path.parent().map(Path::to_owned)?,
+                    package: package.name,
+                })
+            })
+            .collect();
+        models.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(Self { root: metadata.workspace_root, target: metadata.target_directory, models })
+    }
+
+    /// The models of these names (FMU or package), or all.
+    ///
+    /// # Errors
+    /// On a name that is no model, with the nearest one.
+    pub(crate) fn select(&self, names: &[String], all: bool) -> Result<Vec<Model>> {
+        if all || names.is_empty() {
+            return Ok(self.models.clone());
+        }
+        names
+            .iter()
+            .map(|name| {
+                let found = self.models.iter().find(|model| model.name == *name || model.package == *name);
+                found.cloned().ok_or_else(|| {
+                    let nearest = self.models.iter().max_by(|a, b| {
+                        strsim::jaro_winkler(&a.name, name).total_cmp(&strsim::jaro_winkler(&b.name, name))
+                    });
+                    let hint = nearest.map_or_else(String::new, |model| format!("; did you mean {}?", model.name));
+                    miette!("there is no model named '{name}' in this workspace{hint}")
+                })
+            })
+            .collect()
+    }
+
+    /// Folder of the packed FMUs.
+    pub(crate) fn fmus(&self) -> PathBuf {
+        self.target.join("fmu")
+    }
+}
+
+impl Model {
+    /// File name of the library on a platform.
+    pub(crate) fn library_file(&self) -> String {
+        format!("{}{}{}", std::env::consts::DLL_PREFIX, self.library, std::env::consts::DLL_SUFFIX)
+    }
+}
+
+/// `rescue-vehicle` to `RescueVehicle`.
+pub(crate) fn pascal_case(kebab: &str) -> String {
+    kebab
+        .split(['-', '_'])
+        .map(|word| {
+            let mut letters = word.chars();
+            letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn package_names_become_fmu_names() {
+        assert_eq!(pascal_case("rescue-vehicle"), "RescueVehicle");
+        assert_eq!(pascal_case("road"), "Road");
+    }
+}

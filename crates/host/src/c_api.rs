@@ -1,0 +1,97 @@
+//! The C types of FMI 2.0 for co-simulation.
+//!
+//! Source: FMI 2.0.4, sections 2.1 and 4.2, and its headers `fmi2TypesPlatform.h` ("default") and
+//! `fmi2FunctionTypes.h`. Only types stand here; they are called in [`crate::loader`].
+
+use std::ffi::{c_char, c_int, c_uint, c_void};
+
+/// `fmi2Component`: an instance, opaque to the caller.
+pub type Component = *mut c_void;
+/// `fmi2FMUstate`: a stored state of an instance, opaque to the caller.
+pub type State = *mut c_void;
+/// `fmi2ValueReference`.
+pub type Reference = c_uint;
+/// `fmi2Boolean`: 0 is false, 1 is true.
+pub type Boolean = c_int;
+/// `fmi2Status` as it comes from C; it may hold any number.
+pub type RawStatus = c_int;
+
+/// `fmi2True`.
+pub const TRUE: Boolean = 1;
+/// `fmi2False`.
+pub const FALSE: Boolean = 0;
+/// `fmi2CoSimulation` of `fmi2Type`.
+pub const CO_SIMULATION: c_int = 1;
+
+/// `fmi2CallbackLogger`: environment, instance name, status, category, printf format, values.
+pub type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char, ...);
+
+/// `fmi2CallbackFunctions`.
+#[repr(C)]
+pub struct CallbackFunctions {
+    /// Receives messages.
+    pub logger: Logger,
+    /// Zeroed memory for `count` objects of `size` bytes.
+    pub allocate_memory: unsafe extern "C" fn(usize, usize) -> *mut c_void,
+    /// Gives such memory back; null is allowed.
+    pub free_memory: unsafe extern "C" fn(*mut c_void),
+    /// End of an asynchronous step; `None`: steps are synchronous.
+    pub step_finished: Option<unsafe extern "C" fn(*mut c_void, RawStatus)>,
+    /// Handed to `logger` as its first argument.
+    pub environment: *mut c_void,
+}
+
+/// `fmi2GetVersion`, `fmi2GetTypesPlatform`.
+pub type GetText = unsafe extern "C" fn() -> *const c_char;
+/// `fmi2Instantiate`: name, type, GUID, resource location, callbacks, visible, logging on.
+pub type Instantiate = unsafe extern "C" fn(
+    *const c_char,
+    c_int,
+    *const c_char,
+    *const c_char,
+    *const CallbackFunctions,
+    Boolean,
+    Boolean,
+) -> Component;
+/// `fmi2FreeInstance`.
+pub type FreeInstance = unsafe extern "C" fn(Component);
+/// `fmi2SetDebugLogging`: on, number of categories, categories.
+pub type SetDebugLogging = unsafe extern "C" fn(Component, Boolean, usize, *const *const c_char) -> RawStatus;
+/// `fmi2SetupExperiment`: tolerance defined, tolerance, start, stop defined, stop.
+pub type SetupExperiment = unsafe extern "C" fn(Component, Boolean, f64, f64, Boolean, f64) -> RawStatus;
+/// `fmi2EnterInitializationMode`, `fmi2ExitInitializationMode`, `fmi2Terminate`, `fmi2Reset`.
+pub type Transition = unsafe extern "C" fn(Component) -> RawStatus;
+/// `fmi2GetReal` and its kin: references, their number, values.
+pub type Get<T> = unsafe extern "C" fn(Component, *const Reference, usize, *mut T) -> RawStatus;
+/// `fmi2SetReal` and its kin: references, their number, values.
+pub type Set<T> = unsafe extern "C" fn(Component, *const Reference, usize, *const T) -> RawStatus;
+/// `fmi2GetFMUstate`, `fmi2FreeFMUstate`.
+pub type AccessState = unsafe extern "C" fn(Component, *mut State) -> RawStatus;
+/// `fmi2SetFMUstate`.
+pub type SetState = unsafe extern "C" fn(Component, State) -> RawStatus;
+/// `fmi2SerializedFMUstateSize`.
+pub type SerializedStateSize = unsafe extern "C" fn(Component, State, *mut usize) -> RawStatus;
+/// `fmi2SerializeFMUstate`.
+pub type SerializeState = unsafe extern "C" fn(Component, State, *mut c_char, usize) -> RawStatus;
+/// `fmi2DeSerializeFMUstate`.
+pub type DeserializeState = unsafe extern "C" fn(Component, *const c_char, usize, *mut State) -> RawStatus;
+/// `fmi2GetDirectionalDerivative`: unknowns, knowns, seed of the knowns, result for the unknowns.
+pub type GetDirectionalDerivative = unsafe extern "C" fn(
+    Component,
+    *const Reference,
+    usize,
+    *const Reference,
+    usize,
+    *const f64,
+    *mut f64,
+) -> RawStatus;
+/// `fmi2SetRealInputDerivatives`: references, their number, orders, values.
+pub type SetInputDerivatives =
+    unsafe extern "C" fn(Component, *const Reference, usize, *const c_int, *const f64) -> RawStatus;
+/// `fmi2GetRealOutputDerivatives`: references, their number, orders, values.
+pub type GetOutputDerivatives =
+    unsafe extern "C" fn(Component, *const Reference, usize, *const c_int, *mut f64) -> RawStatus;
+/// `fmi2DoStep`: time, step, no state will be restored before this time.
+pub type DoStep = unsafe extern "C" fn(Component, f64, f64, Boolean) -> RawStatus;
+/// `fmi2GetStatus` and its kin: kind of `fmi2StatusKind`, value.
+pub type GetStatus<T> = unsafe extern "C" fn(Component, c_int, *mut T) -> RawStatus;

@@ -1,0 +1,449 @@
+//! The plan: a scenario with nothing left to look up.
+//!
+//! A plan is what a master executes, this one or another (it is printed as JSON). Signals travel on
+//! a *bus* of doubles per run: every wired or recorded output has a slot, so has every signal fed
+//! from a file; integers and booleans are doubles there.
+
+use crate::c_api::Reference;
+pub use crate::description::{BaseType, Value};
+use crate::description::{Causality, ModelDescription, Variability, Variable};
+use crate::fmu::{FmuError, Fmus};
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Version of the plan's layout.
+pub const FORMAT: u32 = 1;
+
+/// A resolved scenario.
+#[derive(Debug, Clone, Serialize)]
+pub struct Plan {
+    /// [`FORMAT`].
+    pub format: u32,
+    /// File stem of the scenario.
+    pub name: String,
+    /// Path of the scenario as it was given.
+    pub file: String,
+    /// Title.
+    pub title: String,
+    /// Description; a blank line separates paragraphs.
+    pub description: String,
+    /// Source of the experiment.
+    pub reference: String,
+    /// Times and order.
+    pub simulation: Simulation,
+    /// Cases in the order of the file.
+    pub cases: Vec<Case>,
+    /// Points of the sweep; empty without one.
+    pub points: Vec<Point>,
+    /// Abscissa of the sweep.
+    pub sweep: Option<Sweep>,
+    /// Seeds; empty if nothing is repeated.
+    pub seeds: Vec<i32>,
+    /// Recorded signals of all cases.
+    pub columns: Vec<Column>,
+    /// Runs: cases, in them points, in them seeds.
+    pub runs: Vec<Run>,
+    /// Numbers to compute from the columns.
+    pub metrics: Vec<Metric>,
+    /// Figures to draw.
+    pub figures: Vec<Figure>,
+    /// What the paper says and what was found.
+    pub findings: Vec<Finding>,
+}
+
+/// Times, s, and order of execution.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Simulation {
+    /// Start, s.
+    pub start: f64,
+    /// Stop, s.
+    pub stop: f64,
+    /// Communication step, s.
+    pub step: f64,
+    /// Number of steps.
+    pub steps: u64,
+    /// Order of the units.
+    pub order: Order,
+    /// Every how many steps a row is recorded, from 1.
+    pub every: u64,
+}
+
+/// How the units of a system follow each other within a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Order {
+    /// One after the other; a unit sees the new outputs of those before it (Gauss-Seidel).
+    Sequential,
+    /// All at once from the outputs of the step before.
+    Jacobi,
+}
+
+/// A variant of the experiment.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Case {
+    /// Name.
+    pub name: String,
+    /// Title.
+    pub title: String,
+    /// Case that changes in percent refer to.
+    pub baseline: Option<String>,
+}
+
+/// A point of the sweep.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Point {
+    /// Name.
+    pub name: String,
+    /// Title.
+    pub title: String,
+    /// Abscissa.
+    pub value: f64,
+}
+
+/// Abscissa of the sweep.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Sweep {
+    /// Title.
+    pub title: String,
+    /// Unit of measure of the values.
+    pub unit: String,
+}
+
+/// A recorded signal. Shown value = factor * value + offset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Column {
+    /// Name of the signal, or `unit:signal` where several units have it.
+    pub name: String,
+    /// Unit of measure of the recorded values.
+    pub unit: Option<String>,
+    /// Unit of measure to show them in.
+    pub display_unit: Option<String>,
+    /// Factor of the display unit, 1 without one.
+    pub factor: f64,
+    /// Offset of the display unit, 0 without one.
+    pub offset: f64,
+    /// Description of the variable.
+    pub description: String,
+    /// All units the values can be shown in.
+    pub units: Vec<Conversion>,
+}
+
+/// A unit to show values in: shown value = factor * value + offset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Conversion {
+    /// Name of the unit.
+    pub name: String,
+    /// Factor.
+    pub factor: f64,
+    /// Offset.
+    pub offset: f64,
+}
+
+/// A run of one case at one point with one seed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Run {
+    /// `case`, `case@point`, `case#seed` or `case@point#seed`.
+    pub id: String,
+    /// Name of the case.
+    pub case: String,
+    /// Name of the point.
+    pub point: Option<String>,
+    /// Seed.
+    pub seed: Option<i32>,
+    /// Units in order of execution.
+    pub units: Vec<Unit>,
+    /// Signals from a file.
+    pub feeds: Vec<Feed>,
+    /// Number of bus slots.
+    pub slots: usize,
+    /// Slot of each of [`Plan::columns`]; `None` where the case leaves the unit out.
+    pub columns: Vec<Option<usize>>,
+}
+
+/// An instance of an FMU and its wires.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unit {
+    /// Name, also of the instance.
+    pub name: String,
+    /// Path of the `.fmu` file.
+    pub fmu: String,
+    /// Model identifier.
+    pub model_identifier: String,
+    /// GUID.
+    pub guid: String,
+    /// Parameters to set before initialization, sorted by name.
+    pub parameters: Vec<Setting>,
+    /// Inputs that keep one value.
+    pub constants: Vec<Setting>,
+    /// Inputs read from the bus.
+    pub inputs: Vec<Wire>,
+    /// Outputs written to the bus.
+    pub outputs: Vec<Wire>,
+}
+
+/// A variable and its value.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Setting {
+    /// Name of the variable.
+    pub name: String,
+    /// Base type.
+    #[serde(rename = "type")]
+    pub base_type: BaseType,
+    /// Value reference.
+    pub reference: Reference,
+    /// Value, of that base type.
+    pub value: Value,
+}
+
+/// A variable and its place on the bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Wire {
+    /// Value reference.
+    pub reference: Reference,
+    /// Base type, not `String`.
+    #[serde(rename = "type")]
+    pub base_type: BaseType,
+    /// Slot of the bus.
+    pub slot: usize,
+}
+
+/// A signal from a file, held between its times.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Feed {
+    /// Slot of the bus, written by nothing else.
+    pub slot: usize,
+    /// Times, s, rising; the first is not after the start. Shared by the feeds of a file.
+    #[serde(serialize_with = "as_sequence")]
+    pub times: Arc<[f64]>,
+    /// Value from each time on.
+    #[serde(serialize_with = "as_sequence")]
+    pub values: Arc<[f64]>,
+}
+
+fn as_sequence<S: Serializer>(values: &Arc<[f64]>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(values.iter())
+}
+
+/// A number computed from a column. Shown value = factor * value + offset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Metric {
+    /// Name.
+    pub name: String,
+    /// Title.
+    pub title: String,
+    /// Index into [`Plan::columns`].
+    pub column: usize,
+    /// How it is computed.
+    pub kind: MetricKind,
+    /// Rows with from <= time <= to, s; `None`: all.
+    pub window: Option<[f64; 2]>,
+    /// Unit of measure to show it in.
+    pub unit: Option<String>,
+    /// Factor to that unit.
+    pub factor: f64,
+    /// Offset to that unit.
+    pub offset: f64,
+    /// Decimal places to show.
+    pub digits: Option<u8>,
+    /// The paper's numbers, in the same unit.
+    pub paper: Option<Paper>,
+}
+
+/// How a metric is computed over the rows of its window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MetricKind {
+    /// Root of the mean square.
+    Rms,
+    /// Largest magnitude.
+    Peak,
+    /// Largest value.
+    Max,
+    /// Smallest value.
+    Min,
+    /// Mean.
+    Mean,
+    /// Last value.
+    Final,
+    /// Largest minus smallest value.
+    PeakToPeak,
+}
+
+/// Numbers printed in a paper.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Paper {
+    /// Where they stand.
+    pub table: Option<String>,
+    /// Value by case, or by `case@point`.
+    pub values: BTreeMap<String, f64>,
+}
+
+/// A figure to draw.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figure {
+    /// File name without extension.
+    pub name: String,
+    /// Title.
+    pub title: String,
+    /// What it shows.
+    pub kind: FigureKind,
+    /// Indices into [`Plan::columns`], for time plots.
+    pub columns: Vec<usize>,
+    /// Indices into [`Plan::metrics`], for sweep plots.
+    pub metrics: Vec<usize>,
+    /// Times shown, s; `None`: all.
+    pub window: Option<[f64; 2]>,
+    /// Unit of measure of the ordinate; `None`: the display unit of each column.
+    pub unit: Option<String>,
+    /// Factor to that unit.
+    pub factor: f64,
+    /// Offset to that unit.
+    pub offset: f64,
+    /// What one sees.
+    pub caption: Option<String>,
+}
+
+/// What a figure shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FigureKind {
+    /// Signals over time, cases overlaid.
+    Time,
+    /// Metrics over the points of the sweep, cases overlaid.
+    Sweep,
+}
+
+/// A statement of the paper and how it was met.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// Verdict.
+    pub status: FindingStatus,
+    /// What the paper says.
+    pub claim: String,
+    /// What we see and why.
+    pub explanation: String,
+}
+
+/// Verdict on a statement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FindingStatus {
+    /// As the paper says.
+    Reproduced,
+    /// In part.
+    Partly,
+    /// Not as the paper says.
+    NotReproduced,
+}
+
+/// Why a parameter cannot be set.
+#[derive(Debug, thiserror::Error)]
+pub enum ParameterError {
+    /// The run has no such unit.
+    #[error("the run has no unit `{0}`")]
+    Unit(String),
+    /// The FMU is not loaded.
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
+    /// The name or the value does not fit.
+    #[error("`{unit}`: {reason}")]
+    Refused {
+        /// Unit.
+        unit: String,
+        /// What does not fit.
+        reason: String,
+    },
+}
+
+impl Run {
+    /// Sets a parameter, on top of what the scenario says.
+    ///
+    /// # Errors
+    /// The run has no such unit, its FMU no such parameter, or the value has another type or lies
+    /// outside its limits.
+    pub fn set_parameter(&mut self, fmus: &Fmus, unit: &str, name: &str, value: Value) -> Result<(), ParameterError> {
+        let target =
+            self.units.iter_mut().find(|u| u.name == unit).ok_or_else(|| ParameterError::Unit(unit.to_string()))?;
+        let refused = |reason| ParameterError::Refused { unit: unit.to_string(), reason };
+        let description = fmus.get(&target.fmu)?.description();
+        let variable = parameter(description, name).map_err(|e| refused(e.message))?;
+        check(variable, &value).map_err(refused)?;
+        let setting =
+            Setting { name: name.to_string(), base_type: variable.base_type, reference: variable.reference, value };
+        match target.parameters.binary_search_by(|p| p.name.as_str().cmp(name)) {
+            Ok(at) => target.parameters[at] = setting,
+            Err(at) => target.parameters.insert(at, setting),
+        }
+        Ok(())
+    }
+}
+
+/// A name that is no parameter.
+pub(crate) struct NoParameter {
+    pub(crate) message: String,
+    pub(crate) help: Option<String>,
+}
+
+/// The parameter of that name.
+pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, NoParameter> {
+    let settable = |v: &&Variable| v.causality == Causality::Parameter && v.variability != Variability::Constant;
+    let model = &description.model_name;
+    match description.variable(name) {
+        Some(variable) if settable(&variable) => Ok(variable),
+        Some(variable) => Err(NoParameter {
+            message: format!("`{name}` of {model} is not a parameter but {}", role(variable)),
+            help: None,
+        }),
+        None => Err(NoParameter {
+            message: format!("{model} has no parameter `{name}`"),
+            help: crate::problem::suggestion(
+                name,
+                description.variables.iter().filter(settable).map(|v| v.name.as_str()),
+            ),
+        }),
+    }
+}
+
+/// What a variable is, with its article.
+pub(crate) fn role(variable: &Variable) -> &'static str {
+    match (variable.causality, variable.variability) {
+        (_, Variability::Constant) => "a constant",
+        (Causality::Parameter, _) => "a parameter",
+        (Causality::CalculatedParameter, _) => "a calculated parameter",
+        (Causality::Input, _) => "an input",
+        (Causality::Output, _) => "an output",
+        (Causality::Local, _) => "a local variable",
+        (Causality::Independent, _) => "the time",
+    }
+}
+
+/// Checks type, limits and items; the text says what does not fit.
+pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
+    let name = &variable.name;
+    let number = match value {
+        _ if value.base_type() != variable.base_type => {
+            return Err(format!("`{name}` is {}, got {value}, {}", variable.base_type, value.base_type()));
+        }
+        Value::Real(v) if !v.is_finite() => {
+            return Err(format!("`{name}` is {v}, expected a finite number"));
+        }
+        Value::Real(v) => *v,
+        Value::Integer(v) => {
+            if !variable.items.is_empty() && variable.items.iter().all(|i| i.value != *v) {
+                let items: Vec<_> = variable.items.iter().map(|i| format!("{} ({})", i.value, i.name)).collect();
+                return Err(format!("`{name}` is {v}, expected one of {}", items.join(", ")));
+            }
+            f64::from(*v)
+        }
+        Value::Boolean(_) | Value::String(_) => return Ok(()),
+    };
+    let unit = variable.unit.as_deref().filter(|u| *u != "1").map_or(String::new(), |u| format!(" {u}"));
+    if variable.min.is_some_and(|min| number < min) {
+        return Err(format!("`{name}` is {value}{unit}, expected at least {}", variable.min.unwrap_or_default()));
+    }
+    if variable.max.is_some_and(|max| number > max) {
+        return Err(format!("`{name}` is {value}{unit}, expected at most {}", variable.max.unwrap_or_default()));
+    }
+    Ok(())
+}

@@ -1,0 +1,121 @@
+//! Mistakes in a file, shown with file, line, column and the marked place.
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A mistake in a file.
+#[derive(Debug, Clone, thiserror::Error, Diagnostic)]
+#[error("{message}")]
+pub struct Problem {
+    message: String,
+    #[source_code]
+    source_code: Arc<NamedSource<String>>,
+    #[label]
+    span: SourceSpan,
+    #[help]
+    help: Option<String>,
+}
+
+impl Problem {
+    /// `file:line:column: message`.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let before = &self.source_code.inner()[..self.span.offset()];
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+        format!("{}:{line}:{column}: {}", self.source_code.name(), self.message)
+    }
+}
+
+/// All mistakes found in a file.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{file}: {}", if problems.len() == 1 { "1 mistake".to_string() } else { format!("{} mistakes", problems.len()) })]
+pub struct Problems {
+    file: String,
+    /// The mistakes in the order in which they were found.
+    #[related]
+    pub problems: Vec<Problem>,
+}
+
+/// Collects mistakes of one file.
+pub(crate) struct Collector {
+    source_code: Arc<NamedSource<String>>,
+    problems: Vec<Problem>,
+}
+
+impl Collector {
+    pub(crate) fn new(file: &Path, text: &str, language: &str) -> Self {
+        let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language(language);
+        Self { source_code: Arc::new(source), problems: Vec::new() }
+    }
+
+    /// Notes a mistake. The same one at the same place, met again in another case, counts once.
+    pub(crate) fn add(&mut self, span: Range<usize>, message: impl Into<String>) {
+        self.add_with_help(span, message, None);
+    }
+
+    /// As [`Self::add`] with a hint.
+    pub(crate) fn add_with_help(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
+        let length = self.source_code.inner().len();
+        let start = span.start.min(length);
+        let span = SourceSpan::from(start..span.end.clamp(start, length));
+        let message = message.into();
+        let known = |p: &Problem| p.span == span && p.message == message;
+        if !self.problems.iter().any(known) {
+            self.problems.push(Problem { message, source_code: Arc::clone(&self.source_code), span, help });
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.problems.is_empty()
+    }
+
+    /// The mistakes, if there are any.
+    pub(crate) fn finish(self) -> Result<(), Problems> {
+        if self.problems.is_empty() { Ok(()) } else { Err(self.fail()) }
+    }
+
+    /// What was noted, as an error.
+    pub(crate) fn fail(self) -> Problems {
+        Problems { file: self.source_code.name().to_string(), problems: self.problems }
+    }
+}
+
+/// "did you mean" for the nearest of some names, if one is near.
+pub(crate) fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    // A third of the letters may be wrong: enough for slips, too little for chance hits.
+    let limit = (name.chars().count() / 3).max(1);
+    candidates
+        .into_iter()
+        .map(|c| (strsim::damerau_levenshtein(name, c), c))
+        .filter(|(distance, _)| *distance <= limit)
+        .min()
+        .map(|(_, nearest)| format!("did you mean `{nearest}`?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_names_are_suggested_and_far_ones_not() {
+        let names = ["body.roll", "body.roll_rate", "vehicle.speed"];
+        let near = suggestion("body.rol", names).unwrap();
+        assert_eq!(near, "did you mean `body.roll`?");
+        assert_eq!(suggestion("wheel_height.fl", names), None);
+    }
+
+    #[test]
+    fn a_mistake_is_noted_once_with_its_place() {
+        let mut collector = Collector::new(Path::new("a.toml"), "x\nyz = 1\n", "toml");
+        collector.add(3..4, "bad");
+        collector.add(3..4, "bad");
+        collector.add(900..901, "beyond the end");
+        let problems = collector.finish().unwrap_err();
+        assert_eq!(problems.to_string(), "a.toml: 2 mistakes");
+        assert_eq!(problems.problems[0].line(), "a.toml:2:2: bad");
+        assert_eq!(problems.problems[1].line(), "a.toml:3:1: beyond the end");
+    }
+}

@@ -1,0 +1,402 @@
+//! A scenario file: its layout, and the checks that need no FMU.
+
+use crate::plan::{FigureKind, FindingStatus, MetricKind, Order};
+use crate::problem::{Collector, suggestion};
+use serde::Deserialize;
+use serde_spanned::Spanned;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+/// Variable or pattern -> value as written.
+pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
+/// Unit -> values.
+type ValuesByUnit = BTreeMap<Spanned<String>, Values>;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Scenario {
+    pub(crate) title: String,
+    #[serde(default)]
+    pub(crate) description: String,
+    #[serde(default)]
+    pub(crate) reference: String,
+    pub(crate) simulation: Simulation,
+    #[serde(rename = "unit")]
+    pub(crate) units: Vec<Unit>,
+    #[serde(rename = "connection", default)]
+    pub(crate) connections: Vec<Connection>,
+    #[serde(rename = "case")]
+    pub(crate) cases: Vec<Case>,
+    #[serde(rename = "point", default)]
+    pub(crate) points: Vec<Point>,
+    pub(crate) sweep: Option<Spanned<Sweep>>,
+    pub(crate) seeds: Option<Seeds>,
+    pub(crate) record: Record,
+    #[serde(rename = "metric", default)]
+    pub(crate) metrics: Vec<Metric>,
+    #[serde(rename = "figure", default)]
+    pub(crate) figures: Vec<Figure>,
+    #[serde(rename = "finding", default)]
+    pub(crate) findings: Vec<Finding>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Simulation {
+    pub(crate) start: Option<Spanned<f64>>,
+    pub(crate) stop: Spanned<f64>,
+    pub(crate) step: Spanned<f64>,
+    pub(crate) order: Option<Order>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Unit {
+    pub(crate) name: Spanned<String>,
+    pub(crate) fmu: Spanned<String>,
+    #[serde(default)]
+    pub(crate) parameters: Values,
+    #[serde(default)]
+    pub(crate) inputs: Values,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Connection {
+    pub(crate) from: Spanned<String>,
+    pub(crate) to: Spanned<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Case {
+    pub(crate) name: Spanned<String>,
+    pub(crate) title: String,
+    pub(crate) baseline: Option<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) parameters: ValuesByUnit,
+    #[serde(default)]
+    pub(crate) fmu: BTreeMap<Spanned<String>, Spanned<String>>,
+    #[serde(default)]
+    pub(crate) without: Vec<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) inputs: ValuesByUnit,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Point {
+    pub(crate) name: Spanned<String>,
+    pub(crate) title: String,
+    pub(crate) value: Spanned<f64>,
+    #[serde(default)]
+    pub(crate) parameters: ValuesByUnit,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Sweep {
+    pub(crate) title: String,
+    pub(crate) unit: String,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Seeds {
+    pub(crate) parameter: Spanned<String>,
+    pub(crate) values: Spanned<Vec<Spanned<i32>>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Record {
+    pub(crate) signals: Vec<Spanned<String>>,
+    pub(crate) every: Option<Spanned<i64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Metric {
+    pub(crate) name: Spanned<String>,
+    pub(crate) title: String,
+    pub(crate) signal: Spanned<String>,
+    pub(crate) kind: MetricKind,
+    pub(crate) window: Option<Spanned<[f64; 2]>>,
+    pub(crate) unit: Option<Spanned<String>>,
+    pub(crate) digits: Option<Spanned<u8>>,
+    pub(crate) paper: Option<Paper>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Paper {
+    pub(crate) table: Option<String>,
+    pub(crate) values: BTreeMap<Spanned<String>, f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Figure {
+    pub(crate) name: Spanned<String>,
+    pub(crate) title: String,
+    pub(crate) kind: FigureKind,
+    #[serde(default)]
+    pub(crate) signals: Vec<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) metrics: Vec<Spanned<String>>,
+    pub(crate) window: Option<Spanned<[f64; 2]>>,
+    pub(crate) unit: Option<Spanned<String>>,
+    pub(crate) caption: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Finding {
+    pub(crate) status: FindingStatus,
+    pub(crate) claim: String,
+    pub(crate) explanation: String,
+}
+
+/// Parses the text; `None` if it does not have the layout of a scenario.
+pub(crate) fn parse(text: &str, problems: &mut Collector) -> Option<Scenario> {
+    match toml::from_str::<Scenario>(text) {
+        Ok(scenario) => Some(scenario),
+        Err(error) => {
+            let message = error.message().replace('\n', ", ");
+            problems.add(error.span().unwrap_or(0..0), message);
+            None
+        }
+    }
+}
+
+/// Number of steps between two times, if it is whole to 1e-9 of itself.
+pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Option<u64> {
+    let ratio = (stop - start) / step;
+    let steps = ratio.round();
+    // More steps than this would run for weeks; it keeps the conversion exact.
+    ((1.0..=1e10).contains(&steps) && (ratio - steps).abs() <= 1e-9 * steps).then_some(steps as u64)
+}
+
+impl Scenario {
+    /// Checks all that needs no FMU.
+    pub(crate) fn check(&self, problems: &mut Collector) {
+        self.check_times(problems);
+        let units = names("unit", self.units.iter().map(|u| &u.name), problems);
+        let cases = names("case", self.cases.iter().map(|c| &c.name), problems);
+        names("point", self.points.iter().map(|p| &p.name), problems);
+        let metrics = names("metric", self.metrics.iter().map(|m| &m.name), problems);
+        names("figure", self.figures.iter().map(|f| &f.name), problems);
+        if self.units.is_empty() {
+            problems.add(0..0, "a scenario needs at least one [[unit]]");
+        }
+        if self.cases.is_empty() {
+            problems.add(0..0, "a scenario needs at least one [[case]]");
+        }
+        let fmus = self.units.iter().map(|u| &u.fmu);
+        for fmu in fmus.chain(self.cases.iter().flat_map(|c| c.fmu.values())) {
+            if fmu.get_ref().is_empty() || fmu.get_ref().contains(['/', '\\', '.']) {
+                problems.add(fmu.span(), "an FMU is named by its file stem, without folder and extension");
+            }
+        }
+        for case in &self.cases {
+            let known = |name, problems: &mut Collector| known("unit", name, &units, problems);
+            for name in case.without.iter().chain(case.fmu.keys()) {
+                known(name, problems);
+            }
+            for name in case.parameters.keys().chain(case.inputs.keys()) {
+                if known(name, problems) && case.leaves_out(name.get_ref()) {
+                    problems.add(name.span(), format!("this case leaves the unit `{}` out", name.get_ref()));
+                }
+            }
+            if let Some(baseline) = &case.baseline {
+                self::known("case", baseline, &cases, problems);
+            }
+            if self.units.iter().all(|u| case.leaves_out(u.name.get_ref())) && !self.units.is_empty() {
+                problems.add(case.name.span(), "this case leaves all units out");
+            }
+        }
+        for point in &self.points {
+            finite(&point.value, problems);
+            for name in point.parameters.keys() {
+                known("unit", name, &units, problems);
+            }
+        }
+        match (&self.sweep, self.points.first()) {
+            (Some(sweep), None) => {
+                problems.add(sweep.span(), "a [sweep] needs at least one [[point]]");
+            }
+            (None, Some(point)) => {
+                problems.add(point.name.span(), "points need a [sweep] with the title and the unit of their values")
+            }
+            _ => (),
+        }
+        if let Some(seeds) = &self.seeds {
+            let mut seen = BTreeSet::new();
+            for seed in seeds.values.get_ref() {
+                if !seen.insert(*seed.get_ref()) {
+                    problems.add(seed.span(), "this seed is there twice");
+                }
+            }
+            if seen.is_empty() {
+                problems.add(seeds.values.span(), "expected at least one seed");
+            }
+        }
+        if let Some(every) = &self.record.every
+            && *every.get_ref() < 1
+        {
+            problems.add(every.span(), format!("every is {}, expected at least 1", every.get_ref()));
+        }
+        for metric in &self.metrics {
+            self.check_window(metric.window.as_ref(), problems);
+            if let Some(digits) = &metric.digits
+                && *digits.get_ref() > 15
+            {
+                problems.add(digits.span(), "expected at most 15 decimal places");
+            }
+            for key in metric.paper.iter().flat_map(|p| p.values.keys()) {
+                self.check_paper_key(key, &cases, problems);
+            }
+        }
+        for figure in &self.figures {
+            self.check_window(figure.window.as_ref(), problems);
+            for name in &figure.metrics {
+                known("metric", name, &metrics, problems);
+            }
+            let at = figure.name.span();
+            match figure.kind {
+                FigureKind::Time if figure.signals.is_empty() || !figure.metrics.is_empty() => {
+                    problems.add(at, "a figure of kind \"time\" has `signals`, no `metrics`");
+                }
+                FigureKind::Sweep if figure.metrics.is_empty() || !figure.signals.is_empty() => {
+                    problems.add(at, "a figure of kind \"sweep\" has `metrics`, no `signals`");
+                }
+                FigureKind::Sweep if self.points.is_empty() => {
+                    problems.add(at, "a figure of kind \"sweep\" needs [[point]]s");
+                }
+                FigureKind::Sweep if figure.unit.is_some() || figure.window.is_some() => {
+                    problems.add(at, "`unit` and `window` of a figure of kind \"sweep\" are those of its metrics");
+                }
+                FigureKind::Time | FigureKind::Sweep => (),
+            }
+        }
+    }
+
+    /// Start, 0 unless given.
+    pub(crate) fn start(&self) -> f64 {
+        self.simulation.start.as_ref().map_or(0.0, |s| *s.get_ref())
+    }
+
+    fn check_times(&self, problems: &mut Collector) {
+        let Simulation { stop, step, .. } = &self.simulation;
+        let mut all_finite = finite(stop, problems) && finite(step, problems);
+        if let Some(start) = &self.simulation.start {
+            all_finite &= finite(start, problems);
+        }
+        if !all_finite {
+            return;
+        }
+        let start = self.start();
+        if *step.get_ref() <= 0.0 {
+            problems.add(step.span(), format!("step is {}, expected more than 0", step.get_ref()));
+        } else if *stop.get_ref() <= start {
+            problems.add(stop.span(), format!("stop is {}, expected more than start {start}", stop.get_ref()));
+        } else if whole_steps(start, *stop.get_ref(), *step.get_ref()).is_none() {
+            problems.add(
+                step.span(),
+                format!(
+                    "(stop - start)/step is {}, expected a whole number up to 1e10",
+                    (stop.get_ref() - start) / step.get_ref()
+                ),
+            );
+        }
+    }
+
+    fn check_window(&self, window: Option<&Spanned<[f64; 2]>>, problems: &mut Collector) {
+        let Some(window) = window else { return };
+        let [from, to] = *window.get_ref();
+        let (start, stop) = (self.start(), *self.simulation.stop.get_ref());
+        // Written so that a NaN fails as well.
+        if !(from < to && from >= start && to <= stop) {
+            problems.add(window.span(), format!("expected a window [from, to] with {start} <= from < to <= {stop}"));
+        }
+    }
+
+    fn check_paper_key(&self, key: &Spanned<String>, cases: &BTreeSet<&str>, problems: &mut Collector) {
+        let (case, point) = match key.get_ref().split_once('@') {
+            Some((case, point)) => (case, Some(point)),
+            None => (key.get_ref().as_str(), None),
+        };
+        if !cases.contains(case) {
+            problems.add_with_help(
+                key.span(),
+                format!("unknown case `{case}`"),
+                suggestion(case, cases.iter().copied()),
+            );
+        }
+        let points = || self.points.iter().map(|p| p.name.get_ref().as_str());
+        match point {
+            Some(point) if !points().any(|p| p == point) => {
+                problems.add_with_help(key.span(), format!("unknown point `{point}`"), suggestion(point, points()))
+            }
+            None if !self.points.is_empty() => {
+                problems.add(key.span(), "with a sweep the paper's values are named \"case@point\"")
+            }
+            _ => (),
+        }
+    }
+}
+
+impl Case {
+    /// Whether this case does without a unit.
+    pub(crate) fn leaves_out(&self, unit: &str) -> bool {
+        self.without.iter().any(|name| name.get_ref() == unit)
+    }
+}
+
+/// Checks names: lower_snake, each once.
+fn names<'a>(
+    what: &str,
+    all: impl Iterator<Item = &'a Spanned<String>>,
+    problems: &mut Collector,
+) -> BTreeSet<&'a str> {
+    let mut seen = BTreeSet::new();
+    for name in all {
+        let text = name.get_ref().as_str();
+        let plain = text.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+        if !plain || !text.starts_with(|c: char| c.is_ascii_lowercase()) {
+            problems
+                .add(name.span(), format!("the name of a {what} is made of a-z, 0-9 and _ and starts with a letter"));
+        }
+        if !seen.insert(text) {
+            problems.add(name.span(), format!("the {what} `{text}` is there twice"));
+        }
+    }
+    seen
+}
+
+fn known(what: &str, name: &Spanned<String>, all: &BTreeSet<&str>, problems: &mut Collector) -> bool {
+    let found = all.contains(name.get_ref().as_str());
+    if !found {
+        unknown(what, name.get_ref(), name.span(), all.iter().copied(), problems);
+    }
+    found
+}
+
+/// Notes an unknown name with the nearest known one.
+pub(crate) fn unknown<'a>(
+    what: &str,
+    name: &str,
+    span: Range<usize>,
+    all: impl IntoIterator<Item = &'a str>,
+    problems: &mut Collector,
+) {
+    problems.add_with_help(span, format!("unknown {what} `{name}`"), suggestion(name, all));
+}
+
+fn finite(value: &Spanned<f64>, problems: &mut Collector) -> bool {
+    let fine = value.get_ref().is_finite();
+    if !fine {
+        problems.add(value.span(), "expected a finite number");
+    }
+    fine
+}
