@@ -112,7 +112,7 @@ def headline(plan: Plan, cells: Sequence[Cell]) -> list[TableGroup]:
                     case=cases[cell.case].title,
                     point=point,
                     color=plan.cases.index(cases[cell.case]) % len(plots.PALETTE),
-                    paper=tables.number(cell.paper, metric.digits),
+                    paper=tables.printed(cell.paper, metric.digits),
                     ours=tables.spread(cell.ours, metric.digits),
                     paper_bar=_bar(cell.paper_change, tables.signed(cell.paper_change), limit),
                     ours_bar=_bar(cell.change.mean if cell.change else None, tables.spread_percent(cell.change), limit),

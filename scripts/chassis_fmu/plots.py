@@ -141,9 +141,14 @@ def _axis_unit(unit: str) -> str:
     return unit if pretty == "°" else pretty
 
 
-def _title(ax: Axes, left: str, right: str, room: int) -> None:
-    ax.set_title(left, loc="left", color=INK)
-    if right != left and len(left) + len(right) < room:
+def _title(ax: Axes, column: Column, right: str, room: int) -> None:
+    """Write the title of a panel: the description as far as it fits beside what stands on the right."""
+    label = _label(column)
+    fitting = [t for t in (label, label.split(", ")[0]) if len(t) + len(right) < room]
+    ax.set_title(fitting[0] if fitting else column.name, loc="left", color=INK)
+    if right != column.name:
+        ax.set_title(right, loc="right", color=MUTED, fontsize=9.0)
+    elif fitting and label != column.name:
         ax.set_title(right, loc="right", color=MUTED, fontsize=8.0, family="DejaVu Sans Mono")
 
 
@@ -208,8 +213,7 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
             width = 0.6 if noisy else 2.0 if case is lines[0][0] and len(lines) > 1 else 1.2
             ax.plot(times, values, color=color, linewidth=width, alpha=0.9)
             used[case.name] = Line2D([], [], color=color, linewidth=2.0, label=case.title)
-        label = _label(column) + (f", {titles[point]}" if point is not None else "")
-        _title(ax, label, column.name, 95 // across)
+        _title(ax, column, column.name if point is None else titles[point], 95 if across == 1 else 48)
         ax.set_ylabel(_axis_unit(shown.unit))
         if i + across >= len(panels):
             ax.set_xlabel("Time (s)")
@@ -254,7 +258,11 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas 
         ax.margins(x=0.06)
         if len(points) <= MOST_TICKS:
             ax.set_xticks([p.value for p in points], [f"{p.value:g}" for p in points])
-        ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
+        # Zero is part of the picture, so that differences show in their true proportion.
+        low, high = min(0.0, ax.dataLim.y0), max(0.0, ax.dataLim.y1)
+        if ax.has_data() and low < high:
+            room = 0.08 * (high - low)
+            ax.set_ylim(low - room if low < 0.0 else 0.0, high + room if high > 0.0 else 0.0)
         ax.set_title(metric.title, loc="left")
         ax.set_ylabel(_axis_unit(metric.conversion.unit))
         ax.set_xlabel(tables.with_unit(plan.sweep.title, plan.sweep.unit))

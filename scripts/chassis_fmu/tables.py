@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
 from collections.abc import Sequence
 
@@ -12,6 +13,9 @@ from .plan import Plan
 
 # A change smaller than this (percent) is called none.
 NO_CHANGE = 0.5
+
+# Numbers below this are shown with a power of ten.
+SMALL = 1e-4
 
 # Changes whose ratio lies between this and its inverse are called similar.
 SIMILAR = 0.75
@@ -41,12 +45,23 @@ def _direction(ours: Statistic, paper: float) -> str:
     return f"same direction, {size} change"
 
 
+def _decimals(value: float) -> int:
+    """Return how many decimals give four significant digits."""
+    return max(0, 3 - math.floor(math.log10(abs(value)))) if value else 3
+
+
 def number(value: float | None, digits: int | None) -> str:
     """Format a number with `digits` decimals, or four significant digits; a dash for None."""
     if value is None:
         return "–"
-    text = f"{value:.{digits}f}" if digits is not None else f"{value:.4g}"
-    return _minus(text)
+    if digits is None and 0.0 < abs(value) < SMALL:
+        return scientific(value)
+    return _minus(f"{value:.{_decimals(value) if digits is None else digits}f}")
+
+
+def printed(value: float | None, digits: int | None) -> str:
+    """Format a number of the paper: without `digits`, just as it was written down."""
+    return number(value, digits) if value is None or digits is not None else scientific(value)
 
 
 def scientific(value: float) -> str:
@@ -79,8 +94,10 @@ def spread(statistic: Statistic | None, digits: int | None) -> str:
         return "–"
     text = number(statistic.mean, digits)
     if statistic.deviation is not None:
-        deviation = f"{statistic.deviation:.2g}" if digits is None else number(statistic.deviation, digits)
-        text += f" ± {deviation}"
+        # as many decimals as the mean
+        small = digits is None and abs(statistic.mean) < SMALL
+        decimals = None if small else _decimals(statistic.mean) if digits is None else digits
+        text += f" ± {number(statistic.deviation, decimals)}"
     return text
 
 
@@ -94,15 +111,14 @@ def spread_percent(statistic: Statistic | None) -> str:
     return text
 
 
-UNIT_SIGNS = {"1": "", "deg": "°", "percent": "%"}
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def pretty_unit(unit: str) -> str:
     """Turn a unit name into typography: rad/s2 becomes rad/s², N.m becomes N·m, 1 becomes nothing."""
-    if unit in UNIT_SIGNS:
-        return UNIT_SIGNS[unit]
-    out = unit.replace(".", "·")
+    if unit == "1":
+        return ""
+    out = re.sub(r"\bdeg\b", "°", unit.replace(".", "·"))
     return re.sub(r"(?<=[A-Za-z])\d+", lambda power: power[0].translate(_SUPERSCRIPTS), out)
 
 
@@ -141,7 +157,7 @@ def _text_rows(plan: Plan, cells: Sequence[Cell]) -> tuple[list[str], list[list[
             with_unit(c.metric.title, c.metric.conversion.unit),
             points.get(c.point, ""),
             cases[c.case],
-            number(c.paper, c.metric.digits),
+            printed(c.paper, c.metric.digits),
             spread(c.ours, c.metric.digits),
             signed(c.paper_change),
             spread_percent(c.change),

@@ -12,7 +12,16 @@ from chassis_fmu.plan import Plan
 
 @pytest.mark.parametrize(
     ("value", "digits", "text"),
-    [(None, 2, "–"), (3.14159, 2, "3.14"), (-3.14159, None, "−3.142"), (-0.0001, 2, "0.00"), (12345.6, 0, "12346")],
+    [
+        (None, 2, "–"),
+        (3.14159, 2, "3.14"),
+        (-3.14159, None, "−3.142"),
+        (22.4, None, "22.40"),
+        (12345.6, None, "12346"),
+        (0.0, None, "0.000"),
+        (2.5e-6, None, "2.5×10⁻⁶"),
+        (-0.0001, 2, "0.00"),
+    ],
 )
 def test_numbers(value: float | None, digits: int | None, text: str) -> None:
     assert tables.number(value, digits) == text
@@ -31,7 +40,17 @@ def test_any_size(value: float, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("unit", "text"), [("rad/s2", "rad/s²"), ("N.m", "N·m"), ("1", ""), ("deg", "°"), ("km/h", "km/h"), ("m3", "m³")]
+    ("unit", "text"),
+    [
+        ("rad/s2", "rad/s²"),
+        ("N.m", "N·m"),
+        ("1", ""),
+        ("deg", "°"),
+        ("km/h", "km/h"),
+        ("deg/s", "°/s"),
+        ("degC", "degC"),
+        ("m3", "m³"),
+    ],
 )
 def test_units(unit: str, text: str) -> None:
     assert tables.pretty_unit(unit) == text
@@ -40,6 +59,7 @@ def test_units(unit: str, text: str) -> None:
 def test_spreads() -> None:
     assert tables.spread(Statistic(0.06194, 0.00161, 8), 4) == "0.0619 ± 0.0016"
     assert tables.spread(Statistic(0.06194, None, 1), 4) == "0.0619"
+    assert tables.spread(Statistic(22.4, 0.512, 8), None) == "22.40 ± 0.51"
     assert tables.spread_percent(Statistic(-12.34, 0.12, 8)) == "−12.3 ± 0.1 %"
 
 
