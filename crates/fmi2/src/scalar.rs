@@ -68,7 +68,7 @@ pub trait Scalar:
     }
     /// Magnitude.
     fn abs(self) -> Self {
-        self.if_greater(Self::from(0.0), self, -self)
+        Self::from(0.0).if_greater(self, -self, self)
     }
     /// The square.
     fn squared(self) -> Self {
@@ -117,6 +117,16 @@ impl Scalar for f64 {
     fn value(self) -> f64 {
         self
     }
+    #[inline]
+    fn abs(self) -> Self {
+        f64::abs(self)
+    }
+}
+
+/// The dual number of this value whose derivative is `slope` times that of `x`. Where `x` does not change, neither
+/// does a function of it, even where the function has no finite slope: a vehicle at rest stays differentiable.
+fn chain(x: Dual64, value: f64, slope: f64) -> Dual64 {
+    Dual64::new(value, if x.eps == 0.0 { 0.0 } else { slope * x.eps })
 }
 
 /// A dual number: value and derivative along one direction.
@@ -131,25 +141,27 @@ impl Scalar for Dual64 {
         DualNum::atan(&self)
     }
     fn atan2(self, x: Self) -> Self {
+        // Not by way of the quotient, which has no derivative where x is 0.
+        let distance = self.re * self.re + x.re * x.re;
+        let turn = x.re * self.eps - self.re * x.eps;
         // At the origin the angle has no derivative; 0 keeps a vehicle at rest differentiable.
-        if self.re == 0.0 && x.re == 0.0 {
-            return Dual64::from(f64::atan2(self.re, x.re));
-        }
-        DualNum::atan2(&self, x)
+        Dual64::new(self.re.atan2(x.re), if distance == 0.0 { 0.0 } else { turn / distance })
     }
     fn tanh(self) -> Self {
         // 1 - tanh^2 instead of a quotient of hyperbolic functions, which overflows for large arguments.
         let value = self.re.tanh();
-        Dual64::new(value, self.eps * (1.0 - value * value))
+        chain(self, value, 1.0 - value * value)
     }
     fn sqrt(self) -> Self {
-        DualNum::sqrt(&self)
+        let value = self.re.sqrt();
+        chain(self, value, 0.5 / value)
     }
     fn exp(self) -> Self {
         DualNum::exp(&self)
     }
     fn powf(self, exponent: f64) -> Self {
-        DualNum::powf(&self, exponent)
+        let slope = if exponent == 0.0 { 0.0 } else { exponent * self.re.powf(exponent - 1.0) };
+        chain(self, self.re.powf(exponent), slope)
     }
     fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
         if self.re > threshold.re { then } else { otherwise }
@@ -292,6 +304,40 @@ mod tests {
         assert_eq!(Scalar::max(x, Dual64::from(2.0)).eps, 0.0);
         assert_eq!(Scalar::abs(-x).eps, 1.0);
         assert_eq!(Dual64::new(800.0, 1.0).tanh().eps, 0.0);
-        assert_eq!(Scalar::atan2(Dual64::new(0.0, 1.0), Dual64::from(0.0)).eps, 0.0);
+    }
+
+    #[test]
+    fn duals_have_the_value_of_the_number_and_its_slope_at_the_edges_of_a_domain() {
+        // Closed forms. Dual64 compares equal by value alone, hence the pairs.
+        let pair = |dual: Dual64| (dual.re, dual.eps);
+        let zero = Dual64::from(0.0);
+        let seeded = |value| Dual64::new(value, 1.0);
+        // d atan2(y, x) = (x dy - y dx)/(x^2 + y^2); by way of y/x it would be 0/0 where x = 0.
+        assert_eq!(Scalar::atan2(Dual64::from(2.0), seeded(0.0)).eps, -0.5);
+        assert_eq!(Scalar::atan2(seeded(2.0), zero).eps, 0.0);
+        assert_eq!(pair(Scalar::atan2(seeded(0.0), Dual64::from(-2.0))), (std::f64::consts::PI, -0.5));
+        assert_eq!(Scalar::atan2(seeded(0.0), zero).eps, 0.0);
+        assert_eq!(pair(Scalar::sqrt(zero)), (0.0, 0.0));
+        assert_eq!(pair(Scalar::sqrt(seeded(4.0))), (2.0, 0.25));
+        assert_eq!(pair(Scalar::sqrt(seeded(0.0))), (0.0, f64::INFINITY));
+        assert_eq!(pair(Scalar::powf(seeded(0.0), 1.5)), (0.0, 0.0));
+        assert_eq!(pair(Scalar::powf(zero, 0.5)), (0.0, 0.0));
+        assert_eq!(pair(Scalar::powf(seeded(4.0), 1.5)), (8.0, 3.0));
+        assert_eq!(pair(Scalar::powf(seeded(-3.0), 2.0)), (9.0, -6.0));
+        assert_eq!(pair(Scalar::powf(seeded(0.0), 0.0)), (1.0, 0.0));
+    }
+
+    /// |x| as equations call it: through the bound on the number type.
+    fn magnitude<T: Scalar>(x: T) -> T {
+        x.abs()
+    }
+
+    #[test]
+    fn a_magnitude_has_no_sign() {
+        // -0 would turn up again as atan2(-0, -1) = -pi.
+        assert!(magnitude(0.0_f64).is_sign_positive());
+        assert!(magnitude(-0.0_f64).is_sign_positive());
+        assert!(magnitude(Dual64::new(0.0, 1.0)).re.is_sign_positive());
+        assert_eq!(magnitude(Dual64::new(-2.0, 1.0)).eps, -1.0);
     }
 }
