@@ -22,7 +22,7 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     selection: Selection,
 
-    /// Folder for results; the files go to <OUT>/<scenario>/runs/
+    /// Folder for results; the files go to its subfolder SCENARIO/runs
     #[arg(long, value_name = "OUT", default_value = "results")]
     out: PathBuf,
 
