@@ -249,6 +249,8 @@ fn resources_path(uri: &str) -> PathBuf {
     let mut i = 0;
     while i < bytes.len() {
         let code = (bytes[i] == b'%').then(|| path.get(i + 1..i + 3)).flatten();
+        // A sign is no hexadecimal digit, though the parser would take it.
+        let code = code.filter(|code| code.bytes().all(|byte| byte.is_ascii_hexdigit()));
         match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
             Some(byte) => {
                 decoded.push(byte);
@@ -596,7 +598,11 @@ pub unsafe fn free_fmu_state<E: Export>(component: Component, state: *mut FmuSta
     let function = Function::FreeFMUstate;
     unsafe {
         call::<E>(component, function, |h| {
-            if state.is_null() || (*state).is_null() {
+            if state.is_null() {
+                return Ok(());
+            }
+            let state = target(function, "FMUstate", state)?;
+            if state.is_null() {
                 return Ok(());
             }
             let snapshot = h.snapshot(function, *state)?;
@@ -899,6 +905,8 @@ mod tests {
         for uri in ["file:///a/b%20c", "file:/a/b%20c", "file://localhost/a/b%20c", "/a/b%20c"] {
             assert_eq!(resources_path(uri), PathBuf::from("/a/b c"), "{uri}");
         }
-        assert_eq!(resources_path("file:///50%"), PathBuf::from("/50%"));
+        for path in ["/50%", "/5%+1", "/5%\u{20ac}"] {
+            assert_eq!(resources_path(&format!("file://{path}")), PathBuf::from(path));
+        }
     }
 }

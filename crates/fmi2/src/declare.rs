@@ -90,7 +90,8 @@ impl Spec {
     }
     /// Zero is refused at the end of initialization.
     pub fn positive(self) -> Self {
-        Self { min: Some(0.0), positive: true, ..self }
+        // A least value above 0 stays.
+        Self { min: Some(self.min.map_or(0.0, |min| min.max(0.0))), positive: true, ..self }
     }
     /// May change between steps.
     pub fn tunable(self) -> Self {

@@ -1,6 +1,6 @@
 //! The model description: modelDescription.xml, generated from the declarations.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
@@ -42,14 +42,17 @@ impl Description {
     /// Describes the model `M`.
     ///
     /// # Panics
-    /// When the declarations contradict each other (two variables of one name, a start value outside its limits);
-    /// the test that [`export!`](crate::export) adds to the model's package finds that.
+    /// When the declarations contradict each other (two variables of one name, a start value outside its limits), or
+    /// a plant has no design for any value of its modes and switches; the test that [`export!`](crate::export) adds
+    /// to the model's package finds that.
     pub fn of<M: Model>() -> Self {
         let layout = M::layout();
-        if let Some(problem) = contradiction(&layout) {
-            panic!("{}: {problem}", M::INFO.name);
+        let structure = match contradiction(&M::INFO, &layout) {
+            Some(problem) => Err(problem),
+            None if M::IS_PLANT => structure::<M>(&layout),
+            None => Ok(Vec::new()),
         }
-        let structure = if M::IS_PLANT { structure::<M>(&layout) } else { Vec::new() };
+        .unwrap_or_else(|problem| panic!("{}: {problem}", M::INFO.name));
         let write = |guid: &str| {
             let xml = xml(&M::INFO, M::IS_PLANT, &layout, &structure, guid).expect("writing to memory does not fail");
             String::from_utf8(xml).expect("all texts are UTF-8")
@@ -64,19 +67,39 @@ impl Description {
 }
 
 /// What is wrong with the declarations, if anything.
-fn contradiction(layout: &Layout) -> Option<String> {
-    let mut seen = BTreeMap::new();
+fn contradiction(info: &Info, layout: &Layout) -> Option<String> {
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    if !info.name.starts_with(|c: char| c.is_ascii_alphabetic()) || !info.name.chars().all(is_word) {
+        return Some("the name is not an identifier of C, as modelIdentifier has to be".to_owned());
+    }
+    for (what, value) in [("stop_time", info.stop_time), ("step_size", info.step_size)] {
+        if !(value.is_finite() && value > 0.0) {
+            return Some(format!("{what} of the default experiment = {value} s, a number above 0 was expected"));
+        }
+    }
+    // An XML reader turns line breaks into blanks and refuses other control characters.
+    let is_plain = |text: &str| !text.contains(char::is_control);
+    let (mut names, mut units, mut types) = (BTreeSet::new(), BTreeMap::new(), BTreeMap::new());
     for variable in &layout.variables {
         let declaration = &variable.declaration;
         let name = &declaration.name;
-        if seen.insert(name, ()).is_some() {
+        if !names.insert(name) {
             return Some(format!("two variables are named '{name}'"));
         }
-        if declaration.description.is_empty() {
-            return Some(format!("'{name}' has no description"));
+        if declaration.description.is_empty() || !is_plain(&declaration.description) {
+            return Some(format!("'{name}' has no description, or one with control characters"));
         }
         match &declaration.kind {
             Kind::Real(real) => {
+                if *units.entry(real.unit.name).or_insert(real.unit) != real.unit {
+                    return Some(format!("'{name}': there is another unit of the name {}", real.unit.name));
+                }
+                if [real.min, real.max, real.nominal].into_iter().flatten().any(|value| !value.is_finite()) {
+                    return Some(format!("'{name}': a limit or the nominal value is not a finite number"));
+                }
+                if real.nominal.is_some_and(|nominal| nominal <= 0.0) {
+                    return Some(format!("'{name}': the nominal value is not above 0"));
+                }
                 let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
                 if !real.start.is_finite() || !(min..=max).contains(&real.start) {
                     return Some(format!("start of '{name}' = {} is not within [{min}, {max}]", real.start));
@@ -93,8 +116,13 @@ fn contradiction(layout: &Layout) -> Option<String> {
             Kind::Integer { start, min, max, .. } if !(min..=max).contains(&start) => {
                 return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
             }
-            Kind::String { start } if start.contains('\0') => {
-                return Some(format!("start of '{name}' has a zero byte"));
+            Kind::Integer { choices, type_name, .. } if !choices.is_empty() => {
+                if *types.entry(*type_name).or_insert(*choices) != *choices {
+                    return Some(format!("'{name}': there is another mode of the name {type_name}"));
+                }
+            }
+            Kind::String { start } if !is_plain(start) => {
+                return Some(format!("start of '{name}' has control characters"));
             }
             _ => {}
         }
@@ -103,7 +131,7 @@ fn contradiction(layout: &Layout) -> Option<String> {
 }
 
 /// What every output and derivative of a plant depends on, over all values of all modes and switches.
-fn structure<M: Model>(layout: &Layout) -> Vec<Dependencies> {
+fn structure<M: Model>(layout: &Layout) -> Result<Vec<Dependencies>, String> {
     let mut reals = vec![0.0; layout.reals()];
     let (mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new());
     // Every mode with its values, and every switch with both.
@@ -125,7 +153,13 @@ fn structure<M: Model>(layout: &Layout) -> Vec<Dependencies> {
         }
     }
     let combinations: usize = modes.iter().map(|(_, _, values)| values.len()).product();
+    let known = layout.inputs.len() + layout.states.len();
+    if known > Dependencies::CAPACITY {
+        return Err(format!("{known} inputs and states, at most {} were expected", Dependencies::CAPACITY));
+    }
     let mut union = vec![Dependencies::default(); layout.outputs.len() + layout.states.len()];
+    let mut failure = None;
+    let mut has_design = false;
     for combination in 0..combinations {
         let mut rest = combination;
         for (is_integer, index, values) in &modes {
@@ -138,14 +172,21 @@ fn structure<M: Model>(layout: &Layout) -> Vec<Dependencies> {
             }
         }
         let p = M::Parameters::read(&mut ParameterReader::new(&reals, &integers, &booleans, &strings));
-        // A combination without a design cannot be simulated, so it adds nothing.
-        if let Ok(d) = M::load(&p, std::path::Path::new("")) {
-            for (sum, set) in union.iter_mut().zip(M::dependencies(&p, &d)) {
-                *sum = sum.union(set);
+        match M::load(&p, std::path::Path::new("")) {
+            Ok(d) => {
+                has_design = true;
+                for (sum, set) in union.iter_mut().zip(M::dependencies(&p, &d)) {
+                    *sum = sum.union(set);
+                }
             }
+            // A combination without a design cannot be simulated, so it adds nothing.
+            Err(message) => failure = Some(message),
         }
     }
-    union
+    match failure {
+        Some(message) if !has_design => Err(format!("no design for the start values of the parameters: {message}")),
+        _ => Ok(union),
+    }
 }
 
 fn number(value: f64) -> String {
@@ -434,4 +475,96 @@ fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[
         Ok(())
     })?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::block::Choice;
+    use crate::declare::{Spec, other};
+    use crate::unit::{M, ONE, S};
+    use crate::variable::Declaration;
+
+    const INFO: Info = Info { name: "Name", description: "D", version: "1", stop_time: 1.0, step_size: 0.1 };
+    const CHOICES: &[Choice] = &[Choice { value: 0, name: "off", description: "Off" }];
+
+    fn real(spec: Spec) -> Vec<Declaration> {
+        let mut all = Vec::new();
+        spec.doc("D").declare::<f64, f64>(&mut all);
+        all
+    }
+
+    fn plain(kind: Kind) -> Vec<Declaration> {
+        let mut all = Vec::new();
+        other(&mut all, "x", "D", false, kind);
+        all
+    }
+
+    fn mode(type_name: &'static str, choices: &'static [Choice]) -> Kind {
+        Kind::Integer { start: 0, min: 0, max: 1, type_name, choices }
+    }
+
+    fn problem(parameters: Vec<Declaration>) -> String {
+        contradiction(&INFO, &Layout::new(parameters, vec![], vec![], vec![], vec![])).unwrap_or_default()
+    }
+
+    #[test]
+    fn contradicting_declarations_are_named() {
+        let x = || Spec::named("x", M);
+        assert_eq!(problem(real(x().min(-1.0).max(1.0).nominal(0.5))), "");
+        assert_eq!(problem([real(x()), real(x())].concat()), "two variables are named 'x'");
+        assert_eq!(problem(real(x().start(2.0).max(1.0))), "start of 'x' = 2 is not within [-inf, 1]");
+        assert_eq!(problem(real(x().start(f64::NAN))), "start of 'x' = NaN is not within [-inf, inf]");
+        assert_eq!(problem(real(x().positive())), "start of 'x' = 0 is not above 0");
+        assert_eq!(problem(real(x().display("deg"))), "'x': m cannot be displayed in deg");
+        for spec in [x().max(f64::INFINITY), x().min(f64::NEG_INFINITY), x().nominal(f64::NAN)] {
+            assert_eq!(problem(real(spec)), "'x': a limit or the nominal value is not a finite number");
+        }
+        assert_eq!(problem(real(x().nominal(0.0))), "'x': the nominal value is not above 0");
+        assert_eq!(
+            problem([real(x()), real(Spec::named("y", Unit { name: "m", ..S }))].concat()),
+            "'y': there is another unit of the name m"
+        );
+        let mut other_mode = plain(mode("Law", CHOICES));
+        other_mode[0].name = "y".to_owned();
+        const OTHERS: &[Choice] = &[Choice { value: 0, name: "on", description: "On" }];
+        assert_eq!(
+            problem([other_mode, plain(mode("Law", OTHERS))].concat()),
+            "'x': there is another mode of the name Law"
+        );
+        let number = Kind::Integer { start: 3, min: 0, max: 2, type_name: "", choices: &[] };
+        assert_eq!(problem(plain(number)), "start of 'x' = 3 is not within [0, 2]");
+        for start in ["two\nlines", "\0"] {
+            let text = Kind::String { start: start.to_owned() };
+            assert_eq!(problem(plain(text)), "start of 'x' has control characters");
+        }
+        for words in ["", "a\u{1}b"] {
+            let mut all = plain(Kind::Boolean { start: true });
+            all[0].description = words.to_owned();
+            assert_eq!(problem(all), "'x' has no description, or one with control characters");
+        }
+    }
+
+    #[test]
+    fn an_impossible_default_experiment_or_name_is_named() {
+        let nothing = Layout::new(vec![], vec![], vec![], vec![], vec![]);
+        for name in ["", "1st", "with-dash", "a b", "\u{e4}"] {
+            assert!(contradiction(&Info { name, ..INFO }, &nothing).unwrap().contains("identifier"), "{name}");
+        }
+        for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(contradiction(&Info { stop_time: value, ..INFO }, &nothing).unwrap().starts_with("stop_time"));
+            assert!(contradiction(&Info { step_size: value, ..INFO }, &nothing).unwrap().starts_with("step_size"));
+        }
+    }
+
+    #[test]
+    fn positive_keeps_a_greater_least_value() {
+        let least = |spec: Spec| match &real(spec.start(3.0))[0].kind {
+            Kind::Real(real) => real.min,
+            _ => None,
+        };
+        assert_eq!(least(Spec::named("x", ONE).min(2.0).positive()), Some(2.0));
+        assert_eq!(least(Spec::named("x", ONE).min(-2.0).positive()), Some(0.0));
+        assert_eq!(least(Spec::named("x", ONE).positive()), Some(0.0));
+    }
 }

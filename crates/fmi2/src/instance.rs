@@ -211,7 +211,7 @@ impl<M: Model> Instance<M> {
     /// Never; every mode allows it.
     pub fn reset(&mut self) -> Answer {
         self.check(Function::Reset)?;
-        *self = Self::new(self.description, std::mem::take(&mut self.resources));
+        *self = Self::new(self.description, self.resources.clone());
         Ok(())
     }
 
@@ -388,16 +388,19 @@ impl<M: Model> Instance<M> {
             Role::Parameter if variable.declaration.tunable => (true, ""),
             Role::Parameter => (before_start, "a fixed parameter"),
             Role::State => (before_start, "a continuous state"),
-            Role::Calculated => (false, "a calculated parameter"),
+            // What has an exact start value may be set before the start (standard, section 2.1.7).
+            Role::Output if !M::IS_PLANT => (before_start, "an output with a start value"),
             Role::Output => (false, "an output"),
+            Role::Calculated => (false, "a calculated parameter"),
             Role::Derivative => (false, "the derivative of a state"),
         };
         if allowed {
             return Ok(variable);
         }
         let when = match variable.role {
-            Role::Parameter | Role::State => "settable only in Instantiated and Initialization Mode",
-            _ => "never settable",
+            Role::Calculated | Role::Derivative => "never settable",
+            Role::Output if M::IS_PLANT => "never settable",
+            _ => "settable only in Instantiated and Initialization Mode",
         };
         Err(format!(
             "{}: '{}' is {what}, {when}; the instance is in {}",
@@ -526,12 +529,19 @@ impl<M: Model> Instance<M> {
     /// fmi2SetString. Nothing is set unless all references are accepted.
     ///
     /// # Errors
-    /// On an unknown reference or a parameter that may not be set now.
+    /// On an unknown reference, a parameter that may not be set now, or a text with a zero byte.
     pub fn set_string(&mut self, references: &[u32], values: &[String]) -> Answer {
         self.check(Function::SetString)?;
-        for &reference in references {
+        for (&reference, value) in references.iter().zip(values) {
             self.string(Function::SetString, reference)?;
-            self.settable(Function::SetString, reference)?;
+            let variable = self.settable(Function::SetString, reference)?;
+            if value.contains('\0') {
+                return Err(format!(
+                    "fmi2SetString: '{}' has a zero byte, a text without one was expected",
+                    variable.declaration.name
+                )
+                .into());
+            }
         }
         for (&reference, value) in references.iter().zip(values) {
             let index = self.string(Function::SetString, reference)?;
