@@ -16,6 +16,28 @@
 //! # Ok::<(), String>(())
 //! ```
 
+use std::path::Path;
+
+/// Reads the file that a parameter names: its whole path and its text. A relative path starts at `resources`, the
+/// resources folder of the FMU.
+///
+/// # Errors
+///
+/// A message with the parameter, the path and what was expected: an empty path, a file that cannot be read or is no
+/// text.
+pub fn read_file(parameter: &str, file: &str, resources: &Path) -> Result<(String, String), String> {
+    if file.is_empty() {
+        return Err(format!("'{parameter}' is empty, the path of a CSV file was expected"));
+    }
+    let path = resources.join(file).display().to_string();
+    match std::fs::read_to_string(resources.join(file)) {
+        Ok(text) => Ok((path, text)),
+        Err(error) => Err(format!(
+            "'{parameter}' = {file}: {path} cannot be read ({error}), a CSV file was expected; a relative path starts at the resources folder of the FMU"
+        )),
+    }
+}
+
 /// Signals over an increasing abscissa, interpolated linearly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
@@ -187,6 +209,19 @@ mod tests {
         ] {
             assert_eq!(parse(text).unwrap_err(), message);
         }
+    }
+
+    #[test]
+    fn reads_the_file_of_a_parameter() {
+        let resources = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let (path, text) = read_file("table.file", "Cargo.toml", resources).unwrap();
+        assert!(path.ends_with("Cargo.toml") && text.contains("chassis"));
+        // an absolute path stands for itself
+        assert_eq!(read_file("table.file", &path, Path::new("nowhere")).unwrap(), (path, text));
+        let message = read_file("table.file", "no.csv", resources).unwrap_err();
+        assert!(message.starts_with("'table.file' = no.csv: ") && message.contains("a CSV file was expected"));
+        let message = read_file("table.file", "", resources).unwrap_err();
+        assert_eq!(message, "'table.file' is empty, the path of a CSV file was expected");
     }
 
     /// Reference: the published test vectors of FNV-1a for the empty text and for "a".

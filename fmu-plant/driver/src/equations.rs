@@ -5,50 +5,17 @@
 //! | `maneuver` | `driver.steer` |
 //! |---|---|
 //! | 0 straight | `0` |
-//! | 1 ramp step | `A ramp(t0, D)` |
+//! | 1 ramp_step | `A ramp(t0, D)` |
 //! | 2 fishhook | `A ramp(t0, D) - (A + A2) ramp(t1, D2)` |
-//! | 3 double lane change | `A sin(2 pi (t - t0)/T)` in `[t0, t0 + T)`, `-A sin(2 pi (t - t1)/T)` in `[t1, t1 + T)`, else 0 |
+//! | 3 double_lane_change | `A sin(2 pi (t - t0)/T)` in `[t0, t0 + T)`, `-A sin(2 pi (t - t1)/T)` in `[t1, t1 + T)`, else 0 |
 //! | 4 slalom | `A sin(2 pi (t - t0)/T)` from `t0` on, for a number of periods or without end; with `T = 0` one period is two cone distances of `driver.speed` |
-//! | 5 sine with dwell | one period of `A sin(2 pi f (t - t0))`, held at its second peak (-A) for the dwell time |
-//! | 6 sine sweep | `A sin` of a frequency rising linearly from `f` to `f1` over a duration, on to the next zero crossing, then 0 |
+//! | 5 sine_with_dwell | one period of `A sin(2 pi f (t - t0))`, held at its second peak (-A) for the dwell time |
+//! | 6 sine_sweep | `A sin` of a frequency rising linearly from `f` to `f1` over a duration, on to the next zero crossing, then 0 |
 //! | 7 table | column `driver.steer` of a file |
 //!
 //! `driver.speed = v0 + (v1 - v0) ramp(tv, Dv)`, `driver.throttle` and
 //! `driver.brake = amplitude * ramp(start, rise time)`; with `maneuver` 7 a column of the file takes the place of
 //! each.
-//!
-//! # Parameters
-//!
-//! All fixed.
-//!
-//! | field | FMI name | type | unit | start | limits |
-//! |---|---|---|---|---|---|
-//! | `sample_time` | `sample_time` | Real | s | 0.001 | > 0 |
-//! | `maneuver` | `maneuver` | Integer | | 1 | 0..7 |
-//! | `a` | `steer.amplitude` | Real | rad | 0.1 | |
-//! | `t_0` | `steer.start` | Real | s | 1 | 0.. |
-//! | `d` | `steer.rise_time` | Real | s | 0.2 | 0.. |
-//! | `t_1` | `steer.reversal_start` | Real | s | 6 | 0.. |
-//! | `d_2` | `steer.reversal_time` | Real | s | 0.4 | 0.. |
-//! | `a_2` | `steer.reversal_amplitude` | Real | rad | 0.1 | |
-//! | `period` | `steer.period` | Real | s | 4 | 0.. |
-//! | `cycles` | `steer.cycles` | Integer | | 0 | 0.. |
-//! | `cone_distance` | `steer.cone_distance` | Real | m | 50 | 0.. |
-//! | `f` | `steer.frequency` | Real | Hz | 0.7 | 0.. |
-//! | `dwell` | `steer.dwell_time` | Real | s | 0.5 | 0.. |
-//! | `f_1` | `steer.final_frequency` | Real | Hz | 4 | 0.. |
-//! | `duration` | `steer.duration` | Real | s | 20 | 0.. |
-//! | `v_0` | `speed.initial` | Real | m/s | 16.666666666666668 (60 km/h) | 0.. |
-//! | `v_1` | `speed.final` | Real | m/s | 0 | 0.. |
-//! | `t_v` | `speed.start` | Real | s | 1e6 (never) | 0.. |
-//! | `d_v` | `speed.rise_time` | Real | s | 1 | 0.. |
-//! | `a_throttle` | `throttle.amplitude` | Real | 1 | 0 | 0..1 |
-//! | `t_throttle` | `throttle.start` | Real | s | 1 | 0.. |
-//! | `d_throttle` | `throttle.rise_time` | Real | s | 0.2 | 0.. |
-//! | `a_brake` | `brake.amplitude` | Real | 1 | 0 | 0..1 |
-//! | `t_brake` | `brake.start` | Real | s | 1 | 0.. |
-//! | `d_brake` | `brake.rise_time` | Real | s | 0.15 | 0.. |
-//! | `table_file` | `table.file` | String | | empty | |
 //!
 //! # References
 //!
@@ -60,141 +27,16 @@ use std::f64::consts::TAU;
 
 use chassis::table::Table;
 
-/// Names of the columns of a table, in the order of [`Outputs`].
-pub const COLUMNS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "driver.brake"];
+use crate::{D, Maneuver, P, Y};
+
+/// Names of the columns of a table, in the order of [`Y`].
+const COLUMNS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "driver.brake"];
 
 /// Share of a sample by which rounding may put a sample before the instant it is meant for.
 const SLACK: f64 = 1e-6;
 
-/// Parameters; the table on top of this file has FMI names, units, starts and limits.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Parameters {
-    /// Time from sample to sample.
-    pub sample_time: f64,
-    /// Maneuver: 0 straight, 1 ramp_step, 2 fishhook, 3 double_lane_change, 4 slalom, 5 sine_with_dwell, 6
-    /// sine_sweep, 7 table.
-    pub maneuver: i32,
-    /// Amplitude of the steering angle, positive to the left first (maneuvers 1 to 6).
-    pub a: f64,
-    /// Start of the steering (maneuvers 1 to 6).
-    pub t_0: f64,
-    /// Duration of the first ramp, 0 = step (maneuvers 1 and 2).
-    pub d: f64,
-    /// Start of the way back (maneuver 2) or of the second lane change (maneuver 3).
-    pub t_1: f64,
-    /// Duration of the ramp to the other side, 0 = step (maneuver 2).
-    pub d_2: f64,
-    /// Amplitude on the other side (maneuver 2).
-    pub a_2: f64,
-    /// Period of the sine (maneuvers 3 and 4; 0 with maneuver 4: from the distance of the cones).
-    pub period: f64,
-    /// Number of periods, 0 = without end (maneuver 4).
-    pub cycles: i32,
-    /// Distance from cone to cone (maneuver 4 with period 0).
-    pub cone_distance: f64,
-    /// Frequency of the sine (maneuver 5), first frequency (maneuver 6).
-    pub f: f64,
-    /// Time at the second peak (maneuver 5).
-    pub dwell: f64,
-    /// Last frequency (maneuver 6).
-    pub f_1: f64,
-    /// Time from the first to the last frequency (maneuver 6).
-    pub duration: f64,
-    /// Speed before the speed ramp.
-    pub v_0: f64,
-    /// Speed after the speed ramp.
-    pub v_1: f64,
-    /// Start of the speed ramp; the start value is beyond any run, so that the speed is constant.
-    pub t_v: f64,
-    /// Duration of the speed ramp, 0 = step.
-    pub d_v: f64,
-    /// Throttle pedal after its ramp.
-    pub a_throttle: f64,
-    /// Start of the throttle ramp.
-    pub t_throttle: f64,
-    /// Duration of the throttle ramp, 0 = step.
-    pub d_throttle: f64,
-    /// Brake pedal after its ramp.
-    pub a_brake: f64,
-    /// Start of the brake ramp.
-    pub t_brake: f64,
-    /// Duration of the brake ramp, 0 = step.
-    pub d_brake: f64,
-    /// CSV file for `maneuver` 7, column time in s and any of driver.steer, driver.speed, driver.throttle,
-    /// driver.brake; relative paths start at the FMU's resources folder.
-    pub table_file: String,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            sample_time: 0.001,
-            maneuver: 1,
-            a: 0.1,
-            t_0: 1.0,
-            d: 0.2,
-            t_1: 6.0,
-            d_2: 0.4,
-            a_2: 0.1,
-            period: 4.0,
-            cycles: 0,
-            cone_distance: 50.0,
-            f: 0.7,
-            dwell: 0.5,
-            f_1: 4.0,
-            duration: 20.0,
-            v_0: 60.0 / 3.6,
-            v_1: 0.0,
-            t_v: 1e6,
-            d_v: 1.0,
-            a_throttle: 0.0,
-            t_throttle: 1.0,
-            d_throttle: 0.2,
-            a_brake: 0.0,
-            t_brake: 1.0,
-            d_brake: 0.15,
-            table_file: String::new(),
-        }
-    }
-}
-
-/// Outputs of a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Outputs {
-    /// `driver.steer` in rad.
-    pub steer: f64,
-    /// `driver.speed` in m/s.
-    pub speed: f64,
-    /// `driver.throttle`, 0 to 1.
-    pub throttle: f64,
-    /// `driver.brake`, 0 to 1.
-    pub brake: f64,
-}
-
-/// What follows from the parameters alone, see [`design`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Design {
-    maneuver: Maneuver,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum Maneuver {
-    Straight,
-    RampStep,
-    Fishhook,
-    DoubleLaneChange,
-    Slalom,
-    SineWithDwell,
-    SineSweep,
-    Table(Table),
-}
-
 /// Reads the table of maneuver 7: column `time` in s and any of [`COLUMNS`] in rad, m/s, 1, 1.
-///
-/// # Errors
-///
-/// Those of [`Table::parse`], and a pedal position outside 0 to 1.
-pub fn parse_table(text: &str, path: &str) -> Result<Table, String> {
+pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     let table = Table::parse(text, path, "time", &COLUMNS)?;
     for (index, name) in COLUMNS.iter().enumerate().skip(2) {
         let rows = table.abscissa().iter().zip(table.column(index).unwrap_or(&[]));
@@ -207,99 +49,59 @@ pub fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     Ok(table)
 }
 
-/// Checks the parameters; `table` is needed for maneuver 7 only.
-///
-/// # Errors
-///
-/// A message with the parameter's FMI name, its value and what was expected.
-pub fn design(p: &Parameters, table: Option<Table>) -> Result<Design, String> {
-    for (name, value) in [
-        ("steer.start", p.t_0),
-        ("steer.rise_time", p.d),
-        ("steer.reversal_start", p.t_1),
-        ("steer.reversal_time", p.d_2),
-        ("steer.period", p.period),
-        ("steer.cycles", f64::from(p.cycles)),
-        ("steer.cone_distance", p.cone_distance),
-        ("steer.frequency", p.f),
-        ("steer.dwell_time", p.dwell),
-        ("steer.final_frequency", p.f_1),
-        ("steer.duration", p.duration),
-        ("speed.initial", p.v_0),
-        ("speed.final", p.v_1),
-        ("speed.start", p.t_v),
-        ("speed.rise_time", p.d_v),
-        ("throttle.start", p.t_throttle),
-        ("throttle.rise_time", p.d_throttle),
-        ("brake.start", p.t_brake),
-        ("brake.rise_time", p.d_brake),
-    ] {
-        if !(value >= 0.0 && value.is_finite()) {
-            return Err(format!("{name} = {value}: expected a number of at least 0"));
-        }
-    }
-    for (name, value) in [("throttle.amplitude", p.a_throttle), ("brake.amplitude", p.a_brake)] {
-        if !(0.0..=1.0).contains(&value) {
-            return Err(format!("{name} = {value}: expected 0 to 1"));
-        }
-    }
+/// Checks what the maneuver divides by and needs; the maneuver table needs the `table`.
+pub(crate) fn design(p: &P, table: Option<Table>) -> Result<D, String> {
     let positive = |name: &str, value: f64, reason: &str| {
-        if value > 0.0 && value.is_finite() {
+        if value > 0.0 {
             Ok(())
         } else {
-            Err(format!("{name} = {value}: {reason} expects a number above 0"))
+            Err(format!("'{name}' = {value}, a number above 0 was expected for {reason}"))
         }
     };
-    positive("sample_time", p.sample_time, "the driver")?;
-    let maneuver = match p.maneuver {
-        0 => Maneuver::Straight,
-        1 => Maneuver::RampStep,
-        2 => Maneuver::Fishhook,
-        3 => {
-            positive("steer.period", p.period, "maneuver 3")?;
+    match p.maneuver {
+        Maneuver::Straight | Maneuver::RampStep | Maneuver::Fishhook => {}
+        Maneuver::DoubleLaneChange => {
+            positive("steer.period", p.period, "'maneuver' = 3 (double_lane_change)")?;
             let end = p.t_0 + p.period;
             if p.t_1 < end {
                 return Err(format!(
-                    "steer.reversal_start = {} s: maneuver 3 expects the second lane change after the end of the first, {end} s",
+                    "'steer.reversal_start' = {} s, the second lane change was expected after the end of the first, {end} s",
                     p.t_1
                 ));
             }
-            Maneuver::DoubleLaneChange
         }
-        4 => {
+        Maneuver::Slalom => {
             if p.period == 0.0 {
-                let reason = "maneuver 4 with steer.period = 0";
+                let reason = "'maneuver' = 4 (slalom) with 'steer.period' = 0";
                 positive("steer.cone_distance", p.cone_distance, reason)?;
                 positive("speed.initial", p.v_0.max(p.v_1), reason)?;
             }
-            Maneuver::Slalom
         }
-        5 => {
-            positive("steer.frequency", p.f, "maneuver 5")?;
-            Maneuver::SineWithDwell
+        Maneuver::SineWithDwell => positive("steer.frequency", p.f, "'maneuver' = 5 (sine_with_dwell)")?,
+        Maneuver::SineSweep => {
+            positive("steer.final_frequency", p.f_1, "'maneuver' = 6 (sine_sweep)")?;
+            positive("steer.duration", p.duration, "'maneuver' = 6 (sine_sweep)")?;
         }
-        6 => {
-            positive("steer.final_frequency", p.f_1, "maneuver 6")?;
-            positive("steer.duration", p.duration, "maneuver 6")?;
-            Maneuver::SineSweep
+        Maneuver::Table if table.is_none() => {
+            return Err(
+                "'table.file' is empty, the path of a CSV file was expected for 'maneuver' = 7 (table)".to_owned()
+            );
         }
-        7 => Maneuver::Table(table.ok_or("table.file is empty: maneuver 7 expects the path of a CSV file")?),
-        other => return Err(format!("maneuver = {other}: expected 0 to 7")),
-    };
-    Ok(Design { maneuver })
+        Maneuver::Table => {}
+    }
+    Ok(D { table })
 }
 
 /// One sample: the demands at the time `t` in s.
-#[must_use]
-pub fn update(p: &Parameters, d: &Design, t: f64) -> Outputs {
+pub(crate) fn sample(p: &P, d: &D, t: f64) -> Y {
     let ramp = |start, rise_time| ramp(t, start, rise_time, SLACK * p.sample_time);
-    let mut y = Outputs {
+    let mut y = Y {
         steer: 0.0,
         speed: p.v_0 + (p.v_1 - p.v_0) * ramp(p.t_v, p.d_v),
         throttle: p.a_throttle * ramp(p.t_throttle, p.d_throttle),
         brake: p.a_brake * ramp(p.t_brake, p.d_brake),
     };
-    match &d.maneuver {
+    match p.maneuver {
         Maneuver::Straight => {}
         Maneuver::RampStep => y.steer = p.a * ramp(p.t_0, p.d),
         Maneuver::Fishhook => {
@@ -328,19 +130,19 @@ pub fn update(p: &Parameters, d: &Design, t: f64) -> Outputs {
             let end = (p.duration * (p.f + p.f_1) - SLACK).ceil() / 2.0;
             y.steer = p.a * sine(periods, end);
         }
-        Maneuver::Table(table) => {
-            y.steer = table.at(0, t).unwrap_or(0.0);
-            y.speed = table.at(1, t).unwrap_or(y.speed);
-            y.throttle = table.at(2, t).unwrap_or(y.throttle);
-            y.brake = table.at(3, t).unwrap_or(y.brake);
+        Maneuver::Table => {
+            let column = |index| d.table.as_ref().and_then(|table| table.at(index, t));
+            y.steer = column(0).unwrap_or(0.0);
+            y.speed = column(1).unwrap_or(y.speed);
+            y.throttle = column(2).unwrap_or(y.throttle);
+            y.brake = column(3).unwrap_or(y.brake);
         }
     }
     y
 }
 
 /// `clamp((t - start)/rise_time, 0, 1)`; with `rise_time = 0` a step, on from `start - slack` on (all in s).
-#[must_use]
-pub fn ramp(t: f64, start: f64, rise_time: f64, slack: f64) -> f64 {
+fn ramp(t: f64, start: f64, rise_time: f64, slack: f64) -> f64 {
     if rise_time > 0.0 { ((t - start) / rise_time).clamp(0.0, 1.0) } else { f64::from(u8::from(t >= start - slack)) }
 }
 
@@ -351,7 +153,7 @@ fn sine(periods: f64, end: f64) -> f64 {
 
 /// Periods of the slalom since its start: of time, or of the distance that the prescribed speed covers (two cones
 /// each).
-fn slalom_periods(p: &Parameters, t: f64) -> f64 {
+fn slalom_periods(p: &P, t: f64) -> f64 {
     if p.period > 0.0 {
         return (t - p.t_0) / p.period;
     }
@@ -367,30 +169,40 @@ fn slalom_periods(p: &Parameters, t: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use fmi2::block::Mode as _;
+
     use super::*;
 
     const SERPENTINE_SPEED: f64 = 60.0 / 3.6;
 
-    fn steer(p: &Parameters, t: f64) -> f64 {
-        update(p, &design(p, None).unwrap(), t).steer
+    fn steer(p: &P, t: f64) -> f64 {
+        sample(p, &design(p, None).unwrap(), t).steer
     }
 
-    fn error(p: &Parameters) -> String {
+    fn error(p: &P) -> String {
         design(p, None).unwrap_err()
     }
 
     /// All maneuvers with steering of their own, with the start values of their parameters.
-    fn maneuvers() -> [Parameters; 6] {
-        [1, 2, 3, 4, 5, 6].map(|maneuver| Parameters { maneuver, ..Parameters::default() })
+    fn maneuvers() -> [P; 6] {
+        [
+            Maneuver::RampStep,
+            Maneuver::Fishhook,
+            Maneuver::DoubleLaneChange,
+            Maneuver::Slalom,
+            Maneuver::SineWithDwell,
+            Maneuver::SineSweep,
+        ]
+        .map(|maneuver| P { maneuver, ..P::default() })
     }
 
     /// Reference: Chen et al., Mathematics 2022, 10, 3562: step of pi/6 at 5 s, double lane change of 0.064 rad and 4
     /// s from 1 s and 6 s on. The same formula in other words, so to a few roundings.
     #[test]
     fn rescue_vehicle_maneuvers() {
-        let step = Parameters { a: std::f64::consts::FRAC_PI_6, t_0: 5.0, d: 0.0, ..Parameters::default() };
+        let step = P { a: std::f64::consts::FRAC_PI_6, t_0: 5.0, d: 0.0, ..P::default() };
         assert_eq!([steer(&step, 4.999), steer(&step, 5.0)], [0.0, step.a]);
-        let lane_change = Parameters { maneuver: 3, a: 0.064, ..Parameters::default() };
+        let lane_change = P { maneuver: Maneuver::DoubleLaneChange, a: 0.064, ..P::default() };
         for n in 0..12_000 {
             let t = f64::from(n) * 0.001;
             let expected = if (1.0..5.0).contains(&t) {
@@ -409,12 +221,12 @@ mod tests {
     /// pi) is below 1e-14.
     #[test]
     fn heavy_vehicle_maneuvers() {
-        let step = Parameters::default();
+        let step = P::default();
         assert_eq!(steer(&step, 1.0), 0.0);
         assert!((steer(&step, 1.1) - 0.05).abs() < 1e-15);
         assert!((steer(&step, 1.2) - 0.1).abs() < 1e-15);
         assert_eq!(steer(&step, 2.0), 0.1);
-        let serpentine = Parameters { maneuver: 4, period: 0.0, ..Parameters::default() };
+        let serpentine = P { maneuver: Maneuver::Slalom, period: 0.0, ..P::default() };
         for n in 0..13_000 {
             let t = f64::from(n) * 0.001;
             let expected = 0.1 * (TAU * SERPENTINE_SPEED / 100.0 * (t - 1.0).max(0.0)).sin();
@@ -426,10 +238,10 @@ mod tests {
     /// in 0.15 s at 1.14 s, steering 0.0579 rad in 0.1 s at 1 s.
     #[test]
     fn esp_car_maneuvers() {
-        let p = Parameters { a: 0.0579, d: 0.1, a_throttle: 1.0, a_brake: 1.0, t_brake: 1.14, ..Parameters::default() };
+        let p = P { a: 0.0579, d: 0.1, a_throttle: 1.0, a_brake: 1.0, t_brake: 1.14, ..P::default() };
         let d = design(&p, None).unwrap();
-        let at = |t| update(&p, &d, t);
-        assert_eq!(at(1.0), Outputs { speed: SERPENTINE_SPEED, ..Outputs::default() });
+        let at = |t| sample(&p, &d, t);
+        assert_eq!(at(1.0), Y { speed: SERPENTINE_SPEED, ..Y::default() });
         let y = at(1.05);
         assert!((y.steer - 0.0579 / 2.0).abs() < 1e-15);
         assert!((y.throttle - 0.25).abs() < 1e-14);
@@ -443,9 +255,9 @@ mod tests {
     /// ramp(9, 0.4) 0.2 rad.
     #[test]
     fn hydro_pneumatic_maneuvers() {
-        let turn = Parameters { t_0: 5.0, d: 2.0, ..Parameters::default() };
+        let turn = P { t_0: 5.0, d: 2.0, ..P::default() };
         assert_eq!([5.0, 6.0, 7.0, 9.0].map(|t| steer(&turn, t)), [0.0, 0.05, 0.1, 0.1]);
-        let fishhook = Parameters { maneuver: 2, t_0: 5.0, d: 0.8, t_1: 9.0, ..Parameters::default() };
+        let fishhook = P { maneuver: Maneuver::Fishhook, t_0: 5.0, d: 0.8, t_1: 9.0, ..P::default() };
         for (t, expected) in [(5.0, 0.0), (5.4, 0.05), (6.0, 0.1), (9.0, 0.1), (9.2, 0.0), (9.4, -0.1), (20.0, -0.1)] {
             assert!((steer(&fishhook, t) - expected).abs() < 1e-15);
         }
@@ -455,7 +267,7 @@ mod tests {
     /// rounding of times of 3 s.
     #[test]
     fn sine_with_dwell_is_the_test_of_the_regulation() {
-        let p = Parameters { maneuver: 5, ..Parameters::default() };
+        let p = P { maneuver: Maneuver::SineWithDwell, ..P::default() };
         let (period, peak) = (1.0 / 0.7, 0.75 / 0.7);
         for n in 0..4000 {
             let t = f64::from(n) * 0.001;
@@ -478,7 +290,7 @@ mod tests {
     /// rule (exact for a linear frequency), 20,000 additions of at most 50 periods round by 1e-9 at most.
     #[test]
     fn sweep_phase_is_the_integral_of_its_frequency() {
-        let p = Parameters { maneuver: 6, f: 0.2, f_1: 5.0, duration: 20.0, ..Parameters::default() };
+        let p = P { maneuver: Maneuver::SineSweep, f: 0.2, f_1: 5.0, duration: 20.0, ..P::default() };
         let frequency = |running: f64| 0.2 + (5.0 - 0.2) * running / 20.0;
         let h = 0.001;
         let mut periods = 0.0;
@@ -494,14 +306,14 @@ mod tests {
     /// 52.2 periods, so 0.3 periods of 5.02 Hz remain.
     #[test]
     fn sweep_ends_at_a_zero_crossing() {
-        let p = Parameters { maneuver: 6, f: 0.2, f_1: 5.02, ..Parameters::default() };
+        let p = P { maneuver: Maneuver::SineSweep, f: 0.2, f_1: 5.02, ..P::default() };
         let end = 21.0 + 0.3 / 5.02;
         assert!((steer(&p, 21.0) - 0.1 * (TAU * 0.2).sin()).abs() < 1e-12);
         assert!((steer(&p, end - 0.01) - 0.1 * (TAU * (0.5 - 0.01 * 5.02)).sin()).abs() < 1e-12);
         assert_eq!(steer(&p, end + 1e-9), 0.0);
         assert_eq!(steer(&p, 100.0), 0.0);
         // a whole number of half periods: nothing runs on
-        let p = Parameters { f: 0.5, f_1: 1.0, ..p };
+        let p = P { f: 0.5, f_1: 1.0, ..p };
         assert_eq!(steer(&p, 21.0 + 1e-9), 0.0);
     }
 
@@ -511,12 +323,12 @@ mod tests {
     fn maneuvers_are_continuous() {
         for p in maneuvers() {
             let h = 1e-4;
-            let limit = h * if p.maneuver == 6 { TAU * 4.0 * 0.1 } else { 0.5 };
+            let limit = h * if p.maneuver == Maneuver::SineSweep { TAU * 4.0 * 0.1 } else { 0.5 };
             let mut last = steer(&p, 0.0);
             assert_eq!(last, 0.0);
             for n in 1..300_000 {
                 let next = steer(&p, f64::from(n) * h);
-                assert!((next - last).abs() <= limit + 1e-12, "maneuver {} at {n}", p.maneuver);
+                assert!((next - last).abs() <= limit + 1e-12, "{:?} at {n}", p.maneuver);
                 last = next;
             }
         }
@@ -526,7 +338,7 @@ mod tests {
     #[test]
     fn maneuvers_mirror() {
         for p in maneuvers() {
-            let mirrored = Parameters { a: -p.a, a_2: -p.a_2, ..p.clone() };
+            let mirrored = P { a: -p.a, a_2: -p.a_2, ..p.clone() };
             for n in 0..3000 {
                 let t = f64::from(n) * 0.01 - 2.0;
                 assert_eq!(steer(&p, t), -steer(&mirrored, t));
@@ -535,7 +347,7 @@ mod tests {
                 }
             }
         }
-        let straight = Parameters { maneuver: 0, ..Parameters::default() };
+        let straight = P { maneuver: Maneuver::Straight, ..P::default() };
         assert_eq!(steer(&straight, 3.0), 0.0);
     }
 
@@ -557,11 +369,11 @@ mod tests {
     /// a zero crossing. From 10 m/s with 2 m/s2 after 1 s: s = 10 t + t^2.
     #[test]
     fn slalom_follows_the_cones() {
-        let p = Parameters { maneuver: 4, cycles: 2, ..Parameters::default() };
+        let p = P { maneuver: Maneuver::Slalom, cycles: 2, ..P::default() };
         assert!(steer(&p, 8.9).abs() > 0.01);
         assert_eq!(steer(&p, 9.1), 0.0);
         let p =
-            Parameters { maneuver: 4, period: 0.0, v_0: 10.0, v_1: 30.0, t_v: 1.0, d_v: 10.0, ..Parameters::default() };
+            P { maneuver: Maneuver::Slalom, period: 0.0, v_0: 10.0, v_1: 30.0, t_v: 1.0, d_v: 10.0, ..P::default() };
         for cone in 0..4 {
             let time = -5.0 + (25.0 + 50.0 * f64::from(cone)).sqrt();
             // slope 2 pi A v/100 m < 0.2 rad/s
@@ -575,61 +387,63 @@ mod tests {
     /// Closed form of the speed ramp.
     #[test]
     fn speed_ramps() {
-        let p = Parameters { v_0: 10.0, v_1: 20.0, t_v: 2.0, d_v: 4.0, ..Parameters::default() };
+        let p = P { v_0: 10.0, v_1: 20.0, t_v: 2.0, d_v: 4.0, ..P::default() };
         let d = design(&p, None).unwrap();
-        assert_eq!([0.0, 2.0, 3.0, 6.0, 9.0].map(|t| update(&p, &d, t).speed), [10.0, 10.0, 12.5, 20.0, 20.0]);
-        let p = Parameters { d_v: 0.0, ..p };
-        assert_eq!([1.999, 2.0].map(|t| update(&p, &d, t).speed), [10.0, 20.0]);
+        assert_eq!([0.0, 2.0, 3.0, 6.0, 9.0].map(|t| sample(&p, &d, t).speed), [10.0, 10.0, 12.5, 20.0, 20.0]);
+        let p = P { d_v: 0.0, ..p };
+        assert_eq!([1.999, 2.0].map(|t| sample(&p, &d, t).speed), [10.0, 20.0]);
     }
 
     /// A table replaces the outputs it has columns for; the others keep their ramps.
     #[test]
     fn table_replaces_what_it_has() {
         let table = parse_table("time,driver.steer,driver.brake\n0,0,0\n2,0.2,1\n", "a.csv").unwrap();
-        let p = Parameters { maneuver: 7, a_throttle: 0.5, a_brake: 0.3, ..Parameters::default() };
+        let p = P { maneuver: Maneuver::Table, a_throttle: 0.5, a_brake: 0.3, ..P::default() };
         let d = design(&p, Some(table)).unwrap();
         assert_eq!(
-            update(&p, &d, 1.5),
-            Outputs { steer: 0.15000000000000002, speed: SERPENTINE_SPEED, throttle: 0.5, brake: 0.75 }
+            sample(&p, &d, 1.5),
+            Y { steer: 0.15000000000000002, speed: SERPENTINE_SPEED, throttle: 0.5, brake: 0.75 }
         );
-        assert_eq!(update(&p, &d, 9.0).steer, 0.2);
-        assert_eq!(update(&p, &d, -9.0).steer, 0.0);
+        assert_eq!(sample(&p, &d, 9.0).steer, 0.2);
+        assert_eq!(sample(&p, &d, -9.0).steer, 0.0);
     }
 
     #[test]
     fn refuses_what_makes_no_sense() {
-        let p = Parameters::default;
+        let p = P::default;
         for (parameters, message) in [
-            (Parameters { maneuver: 8, ..p() }, "maneuver = 8: expected 0 to 7"),
-            (Parameters { maneuver: -1, ..p() }, "maneuver = -1: expected 0 to 7"),
-            (Parameters { sample_time: 0.0, ..p() }, "sample_time = 0: the driver expects a number above 0"),
-            (Parameters { d: -0.1, ..p() }, "steer.rise_time = -0.1: expected a number of at least 0"),
-            (Parameters { t_brake: f64::NAN, ..p() }, "brake.start = NaN: expected a number of at least 0"),
-            (Parameters { cycles: -1, ..p() }, "steer.cycles = -1: expected a number of at least 0"),
-            (Parameters { a_throttle: 1.5, ..p() }, "throttle.amplitude = 1.5: expected 0 to 1"),
-            (Parameters { maneuver: 3, period: 0.0, ..p() }, "steer.period = 0: maneuver 3 expects a number above 0"),
             (
-                Parameters { maneuver: 3, t_1: 4.0, ..p() },
-                "steer.reversal_start = 4 s: maneuver 3 expects the second lane change after the end of the first, 5 s",
+                P { maneuver: Maneuver::DoubleLaneChange, period: 0.0, ..p() },
+                "'steer.period' = 0, a number above 0 was expected for 'maneuver' = 3 (double_lane_change)",
             ),
             (
-                Parameters { maneuver: 4, period: 0.0, cone_distance: 0.0, ..p() },
-                "steer.cone_distance = 0: maneuver 4 with steer.period = 0 expects a number above 0",
+                P { maneuver: Maneuver::DoubleLaneChange, t_1: 4.0, ..p() },
+                "'steer.reversal_start' = 4 s, the second lane change was expected after the end of the first, 5 s",
             ),
             (
-                Parameters { maneuver: 4, period: 0.0, v_0: 0.0, ..p() },
-                "speed.initial = 0: maneuver 4 with steer.period = 0 expects a number above 0",
-            ),
-            (Parameters { maneuver: 5, f: 0.0, ..p() }, "steer.frequency = 0: maneuver 5 expects a number above 0"),
-            (
-                Parameters { maneuver: 6, f_1: 0.0, ..p() },
-                "steer.final_frequency = 0: maneuver 6 expects a number above 0",
+                P { maneuver: Maneuver::Slalom, period: 0.0, cone_distance: 0.0, ..p() },
+                "'steer.cone_distance' = 0, a number above 0 was expected for 'maneuver' = 4 (slalom) with 'steer.period' = 0",
             ),
             (
-                Parameters { maneuver: 6, duration: 0.0, ..p() },
-                "steer.duration = 0: maneuver 6 expects a number above 0",
+                P { maneuver: Maneuver::Slalom, period: 0.0, v_0: 0.0, ..p() },
+                "'speed.initial' = 0, a number above 0 was expected for 'maneuver' = 4 (slalom) with 'steer.period' = 0",
             ),
-            (Parameters { maneuver: 7, ..p() }, "table.file is empty: maneuver 7 expects the path of a CSV file"),
+            (
+                P { maneuver: Maneuver::SineWithDwell, f: 0.0, ..p() },
+                "'steer.frequency' = 0, a number above 0 was expected for 'maneuver' = 5 (sine_with_dwell)",
+            ),
+            (
+                P { maneuver: Maneuver::SineSweep, f_1: 0.0, ..p() },
+                "'steer.final_frequency' = 0, a number above 0 was expected for 'maneuver' = 6 (sine_sweep)",
+            ),
+            (
+                P { maneuver: Maneuver::SineSweep, duration: 0.0, ..p() },
+                "'steer.duration' = 0, a number above 0 was expected for 'maneuver' = 6 (sine_sweep)",
+            ),
+            (
+                P { maneuver: Maneuver::Table, ..p() },
+                "'table.file' is empty, the path of a CSV file was expected for 'maneuver' = 7 (table)",
+            ),
         ] {
             assert_eq!(error(&parameters), message);
         }
@@ -643,13 +457,13 @@ mod tests {
     proptest::proptest! {
         /// Whatever the parameters and the time: finite demands or a message, no panic.
         #[test]
-        fn never_panics(maneuver in -1..9_i32, numbers in proptest::collection::vec(-1.0..1e3_f64, 8), t in proptest::num::f64::ANY) {
-            let p = Parameters {
-                maneuver, a: numbers[0], t_0: numbers[1], d: numbers[2], t_1: numbers[3], period: numbers[4], f: numbers[5],
-                dwell: numbers[6], t_v: numbers[7], ..Parameters::default()
+        fn never_panics(maneuver in 0..8_i32, numbers in proptest::collection::vec(0.0..1e3_f64, 8), t in proptest::num::f64::ANY) {
+            let p = P {
+                maneuver: Maneuver::from_value(maneuver).unwrap(), a: numbers[0], t_0: numbers[1], d: numbers[2], t_1: numbers[3], period: numbers[4], f: numbers[5],
+                dwell: numbers[6], t_v: numbers[7], ..P::default()
             };
             if let Ok(d) = design(&p, None) {
-                let y = update(&p, &d, t);
+                let y = sample(&p, &d, t);
                 proptest::prop_assert!(y.steer.abs() <= p.a.abs() + p.a_2.abs() || t.is_nan());
             }
         }

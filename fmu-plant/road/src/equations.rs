@@ -1,59 +1,34 @@
-//! Equations of the road: what lies under each wheel, as a function of the distance travelled.
+//! Equations of the road: what lies under each wheel, as a function of the distance traveled.
 //!
-//! At every sample, with the speed `u` of the vehicle and the sample time `Ts`:
+//! | symbol | meaning |
+//! |---|---|
+//! | s, u, Ts | distance of the front axle, speed, sample time |
+//! | l | distance of an axle behind the front axle |
+//! | z, mu | height of the road, factor on the tire friction |
+//! | x_0, x_l, A | start, length and height of the obstacle |
+//! | Gd, n00, ds | roughness coefficient, cutoff and grid of shaped noise |
 //!
 //! ```text
-//! height of a wheel = profile of its side at (s - offset of its axle) + obstacle of its side
-//! s <- s + u Ts                                       (after the heights: forward Euler)
+//! z of a wheel = profile of its side at (s - l) + A obstacle((s - l or t) - x_0)
+//! s <- s + u Ts                                  (after the heights: forward Euler)
 //! ```
 //!
-//! The heights belong to the distance before the step, the plant that steps next moves on over them.
+//! The heights belong to the distance before the step; the plant that steps next moves on over them.
 //!
-//! # Parameters
-//!
-//! | field | FMI name | type | unit | start | limits | variability |
-//! |---|---|---|---|---|---|---|
-//! | `sample_time` | `sample_time` | Real | s | 0.001 | > 0 | fixed |
-//! | `profile` | `profile` | Integer | | 1 | 0..3 | fixed |
-//! | `tracks` | `tracks` | Integer | | 1 | 0..3 | fixed |
-//! | `seed` | `seed` | Integer | | 1 | 0.. | fixed |
-//! | `rho` | `track.coherence` | Real | 1 | 0.995 | 0..1 | fixed |
-//! | `class` | `roughness.class` | Integer | | 3 | 0..8 | fixed |
-//! | `g_d` | `roughness.coefficient` | Real | m3 | 256e-6 | 0.. | fixed |
-//! | `n_00` | `roughness.cutoff` | Real | 1/m | 0.011 | > 0 | fixed |
-//! | `ds` | `roughness.spacing` | Real | m | 0.01 | > 0 | fixed |
-//! | `start` | `roughness.start` | Integer | | 0 | 0..2 | fixed |
-//! | `t_change` | `roughness.change_time` | Real | s | 0 | 0.. | fixed |
-//! | `class_change` | `roughness.change_class` | Integer | | 6 | 1..8 | fixed |
-//! | `l_middle` | `geometry.axle_offset.middle` | Real | m | 0 | 0.. | fixed |
-//! | `l_rear` | `geometry.axle_offset.rear` | Real | m | 0 | 0.. | fixed |
-//! | `t_track` | `geometry.track` | Real | m | 1.56 | 0.. | fixed |
-//! | `obstacle` | `obstacle.shape` | Integer | | 0 | 0..3 | fixed |
-//! | `obstacle_in_time` | `obstacle.in_time` | Boolean | | false | | fixed |
-//! | `x_0` | `obstacle.start` | Real | m or s, declared 1 | 20 | | fixed |
-//! | `x_l` | `obstacle.length` | Real | m or s, declared 1 | 5 | 0.. | fixed |
-//! | `a_left` | `obstacle.height.left` | Real | m | 0.03 | | fixed |
-//! | `a_right` | `obstacle.height.right` | Real | m | 0.03 | | fixed |
-//! | `mu_left` | `friction.left` | Real | 1 | 1 | 0.. | tunable |
-//! | `mu_right` | `friction.right` | Real | 1 | 1 | 0.. | tunable |
-//! | `x_mu` | `friction.change_start` | Real | m | 0 | 0.. | tunable |
-//! | `mu_changed_left` | `friction.changed_left` | Real | 1 | 1 | 0.. | tunable |
-//! | `mu_changed_right` | `friction.changed_right` | Real | 1 | 1 | 0.. | tunable |
-//! | `table_file` | `table.file` | String | | empty | | fixed |
-//!
-//! # Where the road begins, and driving backwards
-//!
-//! The front axle starts at distance 0; the axles behind it stand at negative distances. Flat road, harmonics and
+//! The front axle starts at distance 0, the axles behind it stand at negative distances. Flat road, harmonics and
 //! table are defined for every distance, so they are also right for a vehicle that rolls back. Shaped noise is
 //! generated forwards and kept for the last [`HISTORY`] grid points before the farthest one the front axle has
 //! reached (10.2 m at 1 cm): within them a vehicle that rolls back meets the road it came over, to the bit; an axle
 //! farther back stands on the oldest height kept.
 
+use chassis::positions::{RearAxles, Sides, SixWheels, axle_of};
 use chassis::road::{AllPass, Harmonics, Mixture, Normals, ShapedNoise, bump, class_coefficient, trapezoid};
 use chassis::table::Table;
 
+use crate::{D, ObstacleShape, P, Profile, RoughnessStart, Tracks, U, X, Y};
+
 /// Grid points of shaped noise that are kept for the axles behind the front axle; a power of two.
-pub const HISTORY: usize = 1024;
+pub(crate) const HISTORY: usize = 1024;
 
 /// Grid point number 0 has this index on the grid (distance index times `roughness.spacing`): the first [`HISTORY`]
 /// points then end with index 1, the far end of the cell in which the front axle starts.
@@ -65,143 +40,7 @@ const MOST_POINTS: f64 = 1e6;
 /// Share of a cell, or of a sample, that rounding may be off.
 const SLACK: f64 = 1e-6;
 
-/// Parameters; the table on top of this file has FMI names, units, starts and limits.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Parameters {
-    /// Time from sample to sample.
-    pub sample_time: f64,
-    /// Profile: 0 flat, 1 shaped noise, 2 harmonics, 3 table.
-    pub profile: i32,
-    /// Tracks: 0 same (right = left), 1 independent (table: the file's two columns), 2 mixed with `track.coherence`,
-    /// 3 delayed (right = left through an all-pass of length `geometry.track`).
-    pub tracks: i32,
-    /// Seed of the random numbers; another seed is another road of the same kind.
-    pub seed: i32,
-    /// Correlation of left and right track for `tracks` 2 (magnitude-squared coherence is its square).
-    pub rho: f64,
-    /// Roughness class of ISO 8608: 1 (A) to 8 (H), 0 = `roughness.coefficient` instead.
-    pub class: i32,
-    /// One-sided density Gd at 0.1 1/m for `roughness.class` 0.
-    pub g_d: f64,
-    /// Wavenumber n00 below which the density of shaped noise levels off (harmonics have their own band).
-    pub n_00: f64,
-    /// Grid spacing of shaped noise, linear in between.
-    pub ds: f64,
-    /// Start of shaped noise: 0 stationary (all axles start on rough road), 1 from zero under the front axle (flat up
-    /// to distance 0), 2 from zero under the rear axle.
-    pub start: i32,
-    /// Time at which shaped noise takes on `roughness.change_class`, from the distance reached then on; 0 = never.
-    pub t_change: f64,
-    /// Roughness class of ISO 8608 after `roughness.change_time`: 1 (A) to 8 (H).
-    pub class_change: i32,
-    /// Distance of the middle axle behind the front axle.
-    pub l_middle: f64,
-    /// Distance of the rear axle behind the front axle.
-    pub l_rear: f64,
-    /// Delay length of the right track for `tracks` 3: the full track of the vehicle.
-    pub t_track: f64,
-    /// Obstacle added to the profile: 0 none, 1 bump (1 - cos)/2, 2 trapezoid (up over the first quarter, down over
-    /// the last), 3 step.
-    pub obstacle: i32,
-    /// Obstacle as a function of time, under all axles at once, instead of distance.
-    pub obstacle_in_time: bool,
-    /// Where the obstacle starts: m, with `obstacle.in_time` s.
-    pub x_0: f64,
-    /// Length of bump and trapezoid: m, with `obstacle.in_time` s.
-    pub x_l: f64,
-    /// Height of the obstacle on the left, negative for a hole.
-    pub a_left: f64,
-    /// Height of the obstacle on the right, negative for a hole.
-    pub a_right: f64,
-    /// Factor on the tire friction on the left.
-    pub mu_left: f64,
-    /// Factor on the tire friction on the right.
-    pub mu_right: f64,
-    /// Distance from which the changed friction holds, for each axle as it gets there; 0 = never.
-    pub x_mu: f64,
-    /// Factor on the tire friction on the left from `friction.change_start` on.
-    pub mu_changed_left: f64,
-    /// Factor on the tire friction on the right from `friction.change_start` on.
-    pub mu_changed_right: f64,
-    /// CSV file for `profile` 3, columns distance, height_left, height_right in m; relative paths start at the FMU's
-    /// resources folder.
-    pub table_file: String,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            sample_time: 0.001,
-            profile: 1,
-            tracks: 1,
-            seed: 1,
-            rho: 0.995,
-            class: 3,
-            g_d: 256e-6,
-            n_00: 0.011,
-            ds: 0.01,
-            start: 0,
-            t_change: 0.0,
-            class_change: 6,
-            l_middle: 0.0,
-            l_rear: 0.0,
-            t_track: 1.56,
-            obstacle: 0,
-            obstacle_in_time: false,
-            x_0: 20.0,
-            x_l: 5.0,
-            a_left: 0.03,
-            a_right: 0.03,
-            mu_left: 1.0,
-            mu_right: 1.0,
-            x_mu: 0.0,
-            mu_changed_left: 1.0,
-            mu_changed_right: 1.0,
-            table_file: String::new(),
-        }
-    }
-}
-
-/// Inputs of a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Inputs {
-    /// `vehicle.speed` in m/s.
-    pub u: f64,
-}
-
-/// Outputs of a sample, per wheel in the order `fl fr ml mr rl rr`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outputs {
-    /// `road_height` in m; `l`, `r` are `fl`, `fr`.
-    pub z: [f64; 6],
-    /// `road_friction`; `l`, `r` are `fl`, `fr`.
-    pub mu: [f64; 6],
-    /// `road.distance` in m, of the front axle.
-    pub s: f64,
-}
-
-/// State: what the next sample needs of the past. Starts as [`State::default`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct State {
-    /// Distance `s` of the front axle in m.
-    pub s: f64,
-    /// What rounding has added to `s` so far (compensated summation): the same distance whatever the sample time.
-    pub s_excess: f64,
-    /// Grid points generated so far: the next one takes the random numbers of this count.
-    pub points: u64,
-    /// Shaped noise of the two independent processes at the newest grid point in m.
-    pub noise: [f64; 2],
-    /// All-pass state of the right track at the newest grid point (m, 1).
-    pub all_pass: [f64; 2],
-    /// The roughness has changed: grid points from here on have the changed class.
-    pub changed: bool,
-    /// Last heights of the left track in m; point number `k` at `k` modulo the length.
-    pub left: [f64; HISTORY],
-    /// Last heights of the right track in m, stored alike.
-    pub right: [f64; HISTORY],
-}
-
-impl Default for State {
+impl Default for X {
     fn default() -> Self {
         Self {
             s: 0.0,
@@ -216,62 +55,43 @@ impl Default for State {
     }
 }
 
-/// What follows from the parameters alone, see [`design`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Design {
-    profile: Profile,
-    obstacle: Option<Shape>,
-    /// How far each axle is behind the front axle in m
-    offsets: [f64; 3],
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum Profile {
+/// The profile with what belongs to it.
+#[derive(Clone, Debug)]
+pub(crate) enum Surface {
     Flat,
     Noise(Noise),
     Harmonics { left: Harmonics, right: Harmonics },
     Table(Heights),
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Shape {
-    Bump,
-    Trapezoid,
-    Step,
-}
-
 /// How the right track comes from the profiles.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Tracks {
+#[derive(Clone, Copy, Debug)]
+enum Pair {
     Same,
     Independent,
     Mixed(Mixture),
     Delayed(AllPass),
 }
 
-#[derive(Clone, Debug, PartialEq)]
-struct Noise {
-    tracks: Tracks,
+#[derive(Clone, Debug)]
+pub(crate) struct Noise {
+    pair: Pair,
     process: ShapedNoise,
     changed: ShapedNoise,
     /// Number of the last grid point with height 0; `None`: stationary from the first point on
     last_zero: Option<f64>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
-struct Heights {
+#[derive(Clone, Debug)]
+pub(crate) struct Heights {
     table: Table,
-    tracks: Tracks,
+    pair: Pair,
     /// All-pass state at every row, for delayed tracks
     all_pass: Vec<[f64; 2]>,
 }
 
-/// Reads the table of profile 3: columns `distance`, `height_left`, `height_right` in m.
-///
-/// # Errors
-///
-/// Those of [`Table::parse`], and a missing column.
-pub fn parse_table(text: &str, path: &str) -> Result<Table, String> {
+/// Reads the profile table: columns `distance`, `height_left`, `height_right` in m.
+pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     let names = ["height_left", "height_right"];
     let table = Table::parse(text, path, "distance", &names)?;
     match (0..names.len()).find(|index| table.column(*index).is_none()) {
@@ -282,118 +102,65 @@ pub fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     }
 }
 
-/// Checks the parameters and computes what does not change during a run; `table` is needed for profile 3 only.
-///
-/// # Errors
-///
-/// A message with the parameter's FMI name, its value and what was expected.
-pub fn design(p: &Parameters, table: Option<Table>) -> Result<Design, String> {
-    let mode = |name: &str, value: i32, last: i32| {
-        if (0..=last).contains(&value) { Ok(()) } else { Err(format!("{name} = {value}: expected 0 to {last}")) }
+/// What does not change during a run; the profile table needs the `table`.
+pub(crate) fn design(p: &P, table: Option<Table>) -> Result<D, String> {
+    let coefficient = class_coefficient(p.class).unwrap_or(p.g_d);
+    let pair = match p.tracks {
+        Tracks::Same => Pair::Same,
+        Tracks::Independent => Pair::Independent,
+        Tracks::Mixed => Pair::Mixed(Mixture::new(p.rho)),
+        Tracks::Delayed => Pair::Delayed(AllPass::new(p.t_track)),
     };
-    mode("profile", p.profile, 3)?;
-    mode("tracks", p.tracks, 3)?;
-    mode("seed", p.seed, i32::MAX)?;
-    mode("roughness.class", p.class, 8)?;
-    mode("roughness.start", p.start, 2)?;
-    mode("obstacle.shape", p.obstacle, 3)?;
-    let positive = |name: &str, value: f64| {
-        if value > 0.0 && value.is_finite() {
-            Ok(())
-        } else {
-            Err(format!("{name} = {value}: expected a number above 0"))
-        }
-    };
-    let not_negative = |name: &str, value: f64| {
-        if value >= 0.0 && value.is_finite() {
-            Ok(())
-        } else {
-            Err(format!("{name} = {value}: expected a number of at least 0"))
-        }
-    };
-    positive("sample_time", p.sample_time)?;
-    not_negative("roughness.change_time", p.t_change)?;
-    not_negative("geometry.axle_offset.middle", p.l_middle)?;
-    not_negative("geometry.axle_offset.rear", p.l_rear)?;
-
-    let coefficient = match class_coefficient(p.class) {
-        Some(coefficient) => coefficient,
-        None => {
-            not_negative("roughness.coefficient", p.g_d)?;
-            p.g_d
-        }
-    };
-    let tracks = match p.tracks {
-        0 => Tracks::Same,
-        1 => Tracks::Independent,
-        2 if (0.0..=1.0).contains(&p.rho) => Tracks::Mixed(Mixture::new(p.rho)),
-        2 => return Err(format!("track.coherence = {}: expected 0 to 1", p.rho)),
-        _ => {
-            positive("geometry.track", p.t_track)?;
-            Tracks::Delayed(AllPass::new(p.t_track))
-        }
-    };
-    let profile = match p.profile {
-        0 => Profile::Flat,
-        1 => Profile::Noise(noise(p, coefficient, tracks)?),
-        2 => harmonics(p, coefficient, tracks),
-        _ => Profile::Table(heights(
-            table.ok_or("table.file is empty: profile 3 expects the path of a CSV file")?,
-            tracks,
+    if matches!(p.obstacle, ObstacleShape::Bump | ObstacleShape::Trapezoid) && p.x_l <= 0.0 {
+        return Err(format!("'obstacle.length' = {}, a number above 0 was expected for a bump or trapezoid", p.x_l));
+    }
+    let surface = match p.profile {
+        Profile::Flat => Surface::Flat,
+        Profile::ShapedNoise => Surface::Noise(noise(p, coefficient, pair)?),
+        Profile::Harmonics => harmonics(p, coefficient, pair),
+        Profile::Table => Surface::Table(heights(
+            table.ok_or("'table.file' is empty, the path of a CSV file was expected for 'profile' = 3 (table)")?,
+            pair,
         )),
     };
-    let obstacle = match p.obstacle {
-        0 => None,
-        1 => Some(Shape::Bump),
-        2 => Some(Shape::Trapezoid),
-        _ => Some(Shape::Step),
-    };
-    if matches!(obstacle, Some(Shape::Bump | Shape::Trapezoid)) {
-        positive("obstacle.length", p.x_l)?;
-    }
-    Ok(Design { profile, obstacle, offsets: [0.0, p.l_middle, p.l_rear] })
+    Ok(D { surface })
 }
 
-fn noise(p: &Parameters, coefficient: f64, tracks: Tracks) -> Result<Noise, String> {
-    for (name, value) in [("roughness.cutoff", p.n_00), ("roughness.spacing", p.ds)] {
-        if !(value > 0.0 && value.is_finite()) {
-            return Err(format!("{name} = {value}: expected a number above 0"));
-        }
-    }
-    let changed = class_coefficient(p.class_change)
-        .ok_or_else(|| format!("roughness.change_class = {}: expected 1 to 8", p.class_change))?;
+fn noise(p: &P, coefficient: f64, pair: Pair) -> Result<Noise, String> {
+    let changed = class_coefficient(p.class_change).unwrap_or(coefficient);
     // one cell less than the points span: the front axle may stand just before its far end
     let longest = (HISTORY - 3) as f64 * p.ds;
-    for (name, offset) in [("middle", p.l_middle), ("rear", p.l_rear)] {
+    for (place, offset) in RearAxles::<f64>::PLACES.iter().zip(*p.l) {
         if offset > longest {
             return Err(format!(
-                "geometry.axle_offset.{name} = {offset} m: shaped noise is kept over {longest} m with roughness.spacing = {} m, expected a larger spacing",
-                p.ds
+                "'geometry.axle_offset.{}' = {offset} m: shaped noise is kept over {longest} m with \
+                 'roughness.spacing' = {} m, a larger spacing was expected",
+                place.suffix, p.ds
             ));
         }
     }
     Ok(Noise {
-        tracks,
+        pair,
         process: ShapedNoise::new(coefficient, p.n_00, p.ds),
         changed: ShapedNoise::new(changed, p.n_00, p.ds),
         last_zero: match p.start {
-            0 => None,
-            1 => Some(-FIRST),
+            RoughnessStart::Stationary => None,
+            RoughnessStart::ZeroUpToFrontAxle => Some(-FIRST),
             // the grid point at the rear axle, or the first one before it
-            _ => Some(-FIRST - (p.l_middle.max(p.l_rear) / p.ds).floor()),
+            RoughnessStart::ZeroUpToRearAxle => Some(-FIRST - (p.l[0].max(p.l[1]) / p.ds).floor()),
         },
     })
 }
 
 /// Both tracks as sums of cosines: mixing and delaying act on the complex amplitudes.
-fn harmonics(p: &Parameters, coefficient: f64, tracks: Tracks) -> Profile {
+fn harmonics(p: &P, coefficient: f64, pair: Pair) -> Surface {
     let seed = u64::from(p.seed.unsigned_abs());
     let first = Harmonics::amplitudes(coefficient, seed);
     let second = || Harmonics::amplitudes(coefficient, seed + 1_000_003);
-    let (left, right) = match tracks {
-        Tracks::Same => (first.clone(), first),
-        Tracks::Independent => (first, second()),
-        Tracks::Mixed(mixture) => first
+    let (left, right) = match pair {
+        Pair::Same => (first.clone(), first),
+        Pair::Independent => (first, second()),
+        Pair::Mixed(mixture) => first
             .iter()
             .zip(&second())
             .map(|(a, b)| {
@@ -402,7 +169,7 @@ fn harmonics(p: &Parameters, coefficient: f64, tracks: Tracks) -> Profile {
                 ([re_l, im_l], [re_r, im_r])
             })
             .unzip(),
-        Tracks::Delayed(filter) => {
+        Pair::Delayed(filter) => {
             let delayed = (0..Harmonics::COUNT)
                 .zip(&first)
                 .map(|(k, a)| {
@@ -413,12 +180,12 @@ fn harmonics(p: &Parameters, coefficient: f64, tracks: Tracks) -> Profile {
             (first, delayed)
         }
     };
-    Profile::Harmonics { left: Harmonics::new(&left), right: Harmonics::new(&right) }
+    Surface::Harmonics { left: Harmonics::new(&left), right: Harmonics::new(&right) }
 }
 
-fn heights(table: Table, tracks: Tracks) -> Heights {
+fn heights(table: Table, pair: Pair) -> Heights {
     let mut all_pass = Vec::new();
-    if let (Tracks::Delayed(filter), Some(z)) = (tracks, table.column(0)) {
+    if let (Pair::Delayed(filter), Some(z)) = (pair, table.column(0)) {
         let mut x = filter.steady(z[0]);
         all_pass.push(x);
         for (z, s) in z.windows(2).zip(table.abscissa().windows(2)) {
@@ -426,55 +193,76 @@ fn heights(table: Table, tracks: Tracks) -> Heights {
             all_pass.push(x);
         }
     }
-    Heights { table, tracks, all_pass }
+    Heights { table, pair, all_pass }
 }
 
-/// One sample: the outputs for the distance reached, then the distance of the next sample.
-///
-/// `t` is the time of the sample in s.
-///
-/// # Errors
-///
-/// A distance that is no longer a finite number, or a speed at which one sample passes over more than a million grid
-/// points.
-pub fn update(p: &Parameters, d: &Design, x: &mut State, u: &Inputs, t: f64) -> Result<Outputs, String> {
-    let s = x.s;
-    if !s.is_finite() {
-        return Err(format!("road.distance = {s} m after vehicle.speed = {} m/s: expected a finite distance", u.u));
+/// Refuses a speed that leads beyond all numbers, or over more grid points of shaped noise than one sample may pass.
+pub(crate) fn check(p: &P, d: &D, x: &X, u: &U) -> Result<(), String> {
+    let next = x.s + u.u * p.sample_time;
+    if !next.is_finite() {
+        return Err(format!(
+            "'vehicle.speed' = {} m/s leads from 'road.distance' = {} m to {next} m, a finite distance was expected",
+            u.u, x.s
+        ));
     }
-    if let Profile::Noise(noise) = &d.profile {
-        noise.generate(p, x)?;
+    if let Surface::Noise(_) = d.surface {
+        let here = points_up_to(p, x.s);
+        let points = x.points as f64;
+        let most = (here - points).max(points_up_to(p, next) - here.max(points));
+        if most > MOST_POINTS {
+            return Err(format!(
+                "'vehicle.speed' = {} m/s at 'road.distance' = {} m passes over {most:e} grid points of \
+                 'roughness.spacing' = {} m in one sample, at most {MOST_POINTS:e} were expected",
+                u.u, x.s, p.ds
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// One sample at the time `t`: the outputs for the distance reached, then the distance of the next sample.
+pub(crate) fn sample(p: &P, d: &D, x: &mut X, u: &U, t: f64) -> Y {
+    let s = x.s;
+    if let Surface::Noise(noise) = &d.surface {
+        noise.generate(p, x);
         // the points generated up to here are the same however short the samples are
         x.changed |= p.t_change > 0.0 && t >= p.t_change - SLACK * p.sample_time;
     }
 
-    let mut y = Outputs { z: [0.0; 6], mu: [0.0; 6], s };
-    for (axle, offset) in d.offsets.iter().enumerate() {
-        let place = s - offset;
-        let [z_l, z_r] = d.profile.heights(p, x, place);
-        let obstacle = d.obstacle.map_or(0.0, |shape| {
-            let (at, slack) = if p.obstacle_in_time { (t, SLACK * p.sample_time) } else { (place, 0.0) };
-            shape.height(at - p.x_0, p.x_l, slack)
-        });
-        y.z[2 * axle] = z_l + p.a_left * obstacle;
-        y.z[2 * axle + 1] = z_r + p.a_right * obstacle;
-
+    let axles = [0.0, p.l[0], p.l[1]].map(|l| {
+        let place = s - l;
+        let [z_l, z_r] = d.surface.heights(p, x, place);
+        let obstacle = if p.obstacle_in_time {
+            p.obstacle.height(t - p.x_0, p.x_l, SLACK * p.sample_time)
+        } else {
+            p.obstacle.height(place - p.x_0, p.x_l, 0.0)
+        };
+        let z = [z_l + p.a_left * obstacle, z_r + p.a_right * obstacle];
         let changed = p.x_mu > 0.0 && place >= p.x_mu;
-        y.mu[2 * axle] = if changed { p.mu_changed_left } else { p.mu_left };
-        y.mu[2 * axle + 1] = if changed { p.mu_changed_right } else { p.mu_right };
-    }
+        let mu = if changed { [p.mu_changed_left, p.mu_changed_right] } else { [p.mu_left, p.mu_right] };
+        (z, mu)
+    });
 
     // Kahan: the rounding of this sum is taken off the next step
     let step = u.u * p.sample_time - x.s_excess;
     x.s = s + step;
     x.s_excess = (x.s - s) - step;
-    Ok(y)
+
+    let (z_front, mu_front) = axles[0];
+    Y {
+        z: SixWheels::from_fn(|i| axles[axle_of(i)].0[i % 2]),
+        z_side: Sides(z_front),
+        mu: SixWheels::from_fn(|i| axles[axle_of(i)].1[i % 2]),
+        mu_side: Sides(mu_front),
+        s,
+    }
 }
 
-impl Shape {
+impl ObstacleShape {
     /// Height of an obstacle of height 1, `x` after its start.
     fn height(self, x: f64, length: f64, slack: f64) -> f64 {
         match self {
+            Self::None => 0.0,
             Self::Bump => bump(x, length),
             Self::Trapezoid => trapezoid(x, length),
             Self::Step => f64::from(u8::from(x >= -slack)),
@@ -482,9 +270,9 @@ impl Shape {
     }
 }
 
-impl Profile {
+impl Surface {
     /// Left and right height at a distance.
-    fn heights(&self, p: &Parameters, x: &State, place: f64) -> [f64; 2] {
+    fn heights(&self, p: &P, x: &X, place: f64) -> [f64; 2] {
         match self {
             Self::Flat => [0.0; 2],
             Self::Noise(_) => x.heights(place / p.ds),
@@ -492,25 +280,31 @@ impl Profile {
             Self::Table(heights) => heights.at(place),
         }
     }
+
+    /// Fingerprint of the file, 0 without one.
+    pub(crate) fn content_hash(&self) -> u64 {
+        match self {
+            Self::Table(heights) => heights.table.content_hash(),
+            _ => 0,
+        }
+    }
+}
+
+/// How many grid points there are up to the far end of the cell of a distance. Within the slack of the next cell that
+/// cell counts too, so that rounding does not decide.
+fn points_up_to(p: &P, s: f64) -> f64 {
+    (s / p.ds + SLACK).floor() + 2.0 - FIRST
 }
 
 impl Noise {
     /// Generates the grid points up to the far end of the cell in which the front axle stands.
-    fn generate(&self, p: &Parameters, x: &mut State) -> Result<(), String> {
-        // within the slack of the next cell that cell is generated too, so that rounding does not decide
-        let needed = (x.s / p.ds + SLACK).floor() + 2.0 - FIRST;
-        let missing = needed - x.points as f64;
+    fn generate(&self, p: &P, x: &mut X) {
+        let missing = points_up_to(p, x.s) - x.points as f64;
         if missing <= 0.0 {
-            return Ok(());
-        }
-        if missing > MOST_POINTS {
-            return Err(format!(
-                "road.distance = {} m: {missing:e} grid points of roughness.spacing = {} m in one sample, expected at most {MOST_POINTS:e}; is vehicle.speed right?",
-                x.s, p.ds
-            ));
+            return;
         }
         let seed = u64::from(p.seed.unsigned_abs());
-        let two = matches!(self.tracks, Tracks::Independent | Tracks::Mixed(_));
+        let two = matches!(self.pair, Pair::Independent | Pair::Mixed(_));
         let mut normals = [0, 1].map(|stream| Normals::new(seed, stream, x.points));
         let process = if x.changed { &self.changed } else { &self.process };
         for _ in 0..missing as u64 {
@@ -528,11 +322,11 @@ impl Noise {
                 };
             }
             let z = x.noise[0];
-            let [left, right] = match self.tracks {
-                Tracks::Same => [z, z],
-                Tracks::Independent => x.noise,
-                Tracks::Mixed(mixture) => mixture.tracks(x.noise),
-                Tracks::Delayed(filter) => {
+            let [left, right] = match self.pair {
+                Pair::Same => [z, z],
+                Pair::Independent => x.noise,
+                Pair::Mixed(mixture) => mixture.tracks(x.noise),
+                Pair::Delayed(filter) => {
                     x.all_pass =
                         if x.points == 0 { filter.steady(z) } else { filter.advance(x.all_pass, last, z, p.ds) };
                     [z, filter.output(x.all_pass, z)]
@@ -543,11 +337,10 @@ impl Noise {
             x.right[place] = right;
             x.points += 1;
         }
-        Ok(())
     }
 }
 
-impl State {
+impl X {
     /// Both tracks at a distance counted in grid spacings: linear between the points kept, the oldest height before
     /// them.
     fn heights(&self, place: f64) -> [f64; 2] {
@@ -567,11 +360,11 @@ impl Heights {
         // `parse_table` saw to both columns
         let column = |index| self.table.at(index, place).unwrap_or(0.0);
         let z = column(0);
-        match self.tracks {
-            Tracks::Same => [z, z],
-            Tracks::Independent => [z, column(1)],
-            Tracks::Mixed(mixture) => mixture.tracks([z, column(1)]),
-            Tracks::Delayed(filter) => {
+        match self.pair {
+            Pair::Same => [z, z],
+            Pair::Independent => [z, column(1)],
+            Pair::Mixed(mixture) => mixture.tracks([z, column(1)]),
+            Pair::Delayed(filter) => {
                 let Some(row) = self.table.next_row(place).checked_sub(1) else {
                     return [z, z];
                 };
@@ -592,37 +385,40 @@ impl Heights {
 mod tests {
     use super::*;
     use chassis::road::{REFERENCE_WAVENUMBER, fourier_sum};
+    use fmi2::block::Mode as _;
 
     const CLASS_C: f64 = 256e-6;
 
     /// A road and the state on it.
     #[derive(Clone)]
     struct Drive {
-        p: Parameters,
-        d: Design,
-        x: State,
+        p: P,
+        d: D,
+        x: X,
         sample: u64,
     }
 
     impl Drive {
-        fn new(p: Parameters) -> Self {
+        fn new(p: P) -> Self {
             Self::with_table(p, None)
         }
 
-        fn with_table(p: Parameters, table: Option<Table>) -> Self {
+        fn with_table(p: P, table: Option<Table>) -> Self {
             let d = design(&p, table).unwrap();
-            Self { p, d, x: State::default(), sample: 0 }
+            Self { p, d, x: X::default(), sample: 0 }
         }
 
-        fn step(&mut self, speed: f64) -> Outputs {
+        fn step(&mut self, speed: f64) -> Y {
             let t = self.sample as f64 * self.p.sample_time;
             self.sample += 1;
-            update(&self.p, &self.d, &mut self.x, &Inputs { u: speed }, t).unwrap()
+            let u = U { u: speed };
+            check(&self.p, &self.d, &self.x, &u).unwrap();
+            sample(&self.p, &self.d, &mut self.x, &u, t)
         }
 
         /// Left and right height of the front axle at every sample.
         fn tracks(&mut self, speed: f64, samples: usize) -> [Vec<f64>; 2] {
-            let outputs: Vec<Outputs> = (0..samples).map(|_| self.step(speed)).collect();
+            let outputs: Vec<Y> = (0..samples).map(|_| self.step(speed)).collect();
             [0, 1].map(|side| outputs.iter().map(|y| y.z[side]).collect())
         }
     }
@@ -634,13 +430,12 @@ mod tests {
     /// Every profile with every kind of tracks.
     fn roads() -> impl Iterator<Item = Drive> {
         (0..16).map(|i| {
-            let p = Parameters {
-                profile: i / 4,
-                tracks: i % 4,
+            let p = P {
+                profile: Profile::from_value(i / 4).unwrap(),
+                tracks: Tracks::from_value(i % 4).unwrap(),
                 rho: 0.6,
-                l_middle: 2.95,
-                l_rear: 4.6,
-                ..Parameters::default()
+                l: RearAxles([2.95, 4.6]),
+                ..P::default()
             };
             Drive::with_table(p, Some(table()))
         })
@@ -694,7 +489,7 @@ mod tests {
     }
 
     /// Heights every 1 cm.
-    fn long_road(p: Parameters, points: usize) -> [Vec<f64>; 2] {
+    fn long_road(p: P, points: usize) -> [Vec<f64>; 2] {
         Drive::new(p).tracks(10.0, points)
     }
 
@@ -705,7 +500,7 @@ mod tests {
     /// added for the grid (aliasing of the sampled process, 0.8 % at 5 1/m) and leakage.
     #[test]
     fn density_is_that_of_iso_8608() {
-        let p = Parameters { seed: 5, ..Parameters::default() };
+        let p = P { seed: 5, ..P::default() };
         let tracks = long_road(p, 1 << 20);
         let s = welch(&tracks, 0.01, 1 << 15);
         for side in [&s.left, &s.right] {
@@ -741,8 +536,8 @@ mod tests {
         let mut squares = [0.0; 6];
         let roads = 4000;
         for seed in 0..roads {
-            let y = Drive::new(Parameters { seed, l_middle: 2.95, l_rear: 10.2, ..Parameters::default() }).step(0.0);
-            for (square, z) in squares.iter_mut().zip(y.z) {
+            let y = Drive::new(P { seed, l: RearAxles([2.95, 10.2]), ..P::default() }).step(0.0);
+            for (square, z) in squares.iter_mut().zip(*y.z) {
                 *square += z * z / f64::from(roads);
             }
         }
@@ -753,7 +548,7 @@ mod tests {
 
     /// Means from 0.1 to 5 1/m: real part of the cross density over the density (the correlation of the tracks), and
     /// magnitude-squared coherence.
-    fn correlation(p: Parameters) -> [f64; 2] {
+    fn correlation(p: P) -> [f64; 2] {
         let s = welch(&long_road(p, 1 << 19), 0.01, 1 << 12);
         let bins = (0.1 / s.resolution) as usize..(5.0 / s.resolution) as usize;
         let count = bins.len() as f64;
@@ -772,14 +567,14 @@ mod tests {
     /// <= 0.0035 after a bias of at most 1/K = 0.0041. Four standard errors, and the bias.
     #[test]
     fn tracks_have_the_coherence_asked_for() {
-        let p = |tracks, rho| Parameters { tracks, rho, ..Parameters::default() };
+        let p = |tracks, rho| P { tracks, rho, ..P::default() };
         for (parameters, expected) in [
-            (p(0, 0.5), 1.0),
-            (p(1, 0.5), 0.0),
-            (p(2, 0.0), 0.0),
-            (p(2, 0.6), 0.6),
-            (p(2, 0.995), 0.995),
-            (p(2, 1.0), 1.0),
+            (p(Tracks::Same, 0.5), 1.0),
+            (p(Tracks::Independent, 0.5), 0.0),
+            (p(Tracks::Mixed, 0.0), 0.0),
+            (p(Tracks::Mixed, 0.6), 0.6),
+            (p(Tracks::Mixed, 0.995), 0.995),
+            (p(Tracks::Mixed, 1.0), 1.0),
         ] {
             let [mean, squared] = correlation(parameters);
             assert!((mean - expected).abs() < 0.018, "{mean} for {expected}");
@@ -791,7 +586,7 @@ mod tests {
     /// coherence above 0.99 and phase within 0.05 rad up to 1 1/m.
     #[test]
     fn delayed_track_is_the_all_pass_of_the_left() {
-        let p = Parameters { tracks: 3, ..Parameters::default() };
+        let p = P { tracks: Tracks::Delayed, ..P::default() };
         let filter = AllPass::new(p.t_track);
         let s = welch(&long_road(p, 1 << 19), 0.01, 1 << 15);
         for k in 8..(1.0 / s.resolution) as usize {
@@ -810,10 +605,10 @@ mod tests {
     #[test]
     fn rear_wheels_follow_exactly() {
         for mut drive in roads() {
-            let outputs: Vec<Outputs> = (0..3000).map(|_| drive.step(10.0)).collect();
+            let outputs: Vec<Y> = (0..3000).map(|_| drive.step(10.0)).collect();
             for (n, y) in outputs.iter().enumerate() {
                 for (axle, delay) in [(1, 295), (2, 460)] {
-                    if let Some(front) = n.checked_sub(delay).map(|n| outputs[n]) {
+                    if let Some(front) = n.checked_sub(delay).map(|n| &outputs[n]) {
                         for side in 0..2 {
                             assert!((y.z[2 * axle + side] - front.z[side]).abs() < 1e-12);
                         }
@@ -843,7 +638,7 @@ mod tests {
                         fine.step(speed);
                         let b = coarse.step(speed);
                         assert!((a.s - b.s).abs() < 1e-12);
-                        for (a, b) in a.z.iter().zip(b.z) {
+                        for (a, b) in a.z.iter().zip(*b.z) {
                             assert!((a - b).abs() < 1e-12, "{a} {b} at {} m", fine.x.s);
                         }
                     }
@@ -856,7 +651,7 @@ mod tests {
     /// 1, class C, at 0 and 5 m. 1500 steps of the recursion round by 1e-16 each.
     #[test]
     fn road_is_that_of_the_definition() {
-        let mut drive = Drive::new(Parameters::default());
+        let mut drive = Drive::new(P::default());
         let start = drive.step(5000.0);
         let later = drive.step(0.0);
         for (found, expected) in [
@@ -873,7 +668,7 @@ mod tests {
     /// with the second profile of seed 1000004, mixed with 0.995.
     #[test]
     fn harmonics_are_the_published_road() {
-        let p = Parameters { profile: 2, class: 2, tracks: 0, ..Parameters::default() };
+        let p = P { profile: Profile::Harmonics, class: 2, tracks: Tracks::Same, ..P::default() };
         let mut drive = Drive::new(p.clone());
         drive.step(25_000.0);
         let y = drive.step(75_000.0);
@@ -881,7 +676,7 @@ mod tests {
         assert!((drive.step(0.0).z[0] - 0.004_244_32).abs() < 1e-8);
 
         let second = Harmonics::new(&Harmonics::amplitudes(64e-6, 1_000_004)).height(25.0);
-        let mut drive = Drive::new(Parameters { tracks: 2, ..p });
+        let mut drive = Drive::new(P { tracks: Tracks::Mixed, ..p });
         drive.step(25_000.0);
         let z = drive.step(0.0).z;
         let [left, right] = Mixture::new(0.995).tracks([y.z[0], second]);
@@ -893,8 +688,8 @@ mod tests {
     #[test]
     fn seeds_and_tracks_are_uncorrelated() {
         let heights = |seed| {
-            let mut drive = Drive::new(Parameters { seed, ds: 0.5, ..Parameters::default() });
-            (0..20).map(|_| drive.step(50_000.0).z).collect::<Vec<_>>()
+            let mut drive = Drive::new(P { seed, ds: 0.5, ..P::default() });
+            (0..20).map(|_| *drive.step(50_000.0).z).collect::<Vec<_>>()
         };
         let mut sums = [0.0; 2];
         for seed in 0..100 {
@@ -911,14 +706,14 @@ mod tests {
     /// the same noise.
     #[test]
     fn starts_from_zero() {
-        let p = Parameters { start: 1, l_middle: 2.955, l_rear: 4.605, ..Parameters::default() };
+        let p = P { start: RoughnessStart::ZeroUpToFrontAxle, l: RearAxles([2.955, 4.605]), ..P::default() };
         let mut drive = Drive::new(p.clone());
-        assert_eq!(drive.step(10.0).z, [0.0; 6]);
+        assert_eq!(*drive.step(10.0).z, [0.0; 6]);
         let z = drive.step(10.0).z;
         assert!(z[0] != 0.0 && z[1] != 0.0);
         assert_eq!(z[2..], [0.0; 4]);
 
-        let mut drive = Drive::new(Parameters { start: 2, ..p });
+        let mut drive = Drive::new(P { start: RoughnessStart::ZeroUpToRearAxle, ..p });
         let z = drive.step(10.0).z;
         assert!(z[..4].iter().all(|z| *z != 0.0));
         assert_eq!(z[4..], [0.0; 2]);
@@ -931,10 +726,10 @@ mod tests {
     /// the latest), equal before; rounding of alpha z.
     #[test]
     fn class_changes_and_the_filter_goes_on() {
-        let p = |t_change| Parameters { t_change, ..Parameters::default() };
+        let p = |t_change| P { t_change, ..P::default() };
         let [changed, plain] = [p(3.0), p(0.0)].map(|p| {
             // one grid point per sample
-            Drive::new(Parameters { sample_time: 0.0005, ..p }).tracks(20.0, 8000)
+            Drive::new(P { sample_time: 0.0005, ..p }).tracks(20.0, 8000)
         });
         let alpha = ShapedNoise::new(CLASS_C, 0.011, 0.01).memory;
         for (changed, plain) in changed.iter().zip(&plain) {
@@ -949,8 +744,8 @@ mod tests {
     /// The other coefficients: class 0 takes the coefficient; the profile scales with its square root.
     #[test]
     fn coefficient_scales_the_road() {
-        for profile in [1, 2] {
-            let p = |class, g_d| Parameters { profile, class, g_d, ..Parameters::default() };
+        for profile in [Profile::ShapedNoise, Profile::Harmonics] {
+            let p = |class, g_d| P { profile, class, g_d, ..P::default() };
             let run = |p| Drive::new(p).tracks(20.0, 2000);
             let c = run(p(3, 0.0));
             assert_eq!(c, run(p(0, CLASS_C)));
@@ -965,7 +760,7 @@ mod tests {
     #[test]
     fn table_profile() {
         let at = |tracks, distance: f64| {
-            let p = Parameters { profile: 3, tracks, rho: 0.28, ..Parameters::default() };
+            let p = P { profile: Profile::Table, tracks, rho: 0.28, ..P::default() };
             let mut drive = Drive::with_table(p, Some(table()));
             drive.step(distance * 1000.0);
             let z = drive.step(0.0).z;
@@ -977,15 +772,15 @@ mod tests {
                 "{found:?} {expected:?}"
             );
         };
-        near(at(1, 0.0), [0.0, 0.5]);
-        near(at(1, 1.5), [0.05, 0.25]);
-        near(at(1, 4.25), [0.1, 0.15]);
-        near(at(1, 99.0), [0.3, 0.1]);
-        near(at(0, 1.5), [0.05, 0.05]);
-        near(at(2, 1.5), [0.8 * 0.05 + 0.6 * 0.25, 0.8 * 0.05 - 0.6 * 0.25]);
-        near(at(3, 0.0), [0.0, 0.0]);
+        near(at(Tracks::Independent, 0.0), [0.0, 0.5]);
+        near(at(Tracks::Independent, 1.5), [0.05, 0.25]);
+        near(at(Tracks::Independent, 4.25), [0.1, 0.15]);
+        near(at(Tracks::Independent, 99.0), [0.3, 0.1]);
+        near(at(Tracks::Same, 1.5), [0.05, 0.05]);
+        near(at(Tracks::Mixed, 1.5), [0.8 * 0.05 + 0.6 * 0.25, 0.8 * 0.05 - 0.6 * 0.25]);
+        near(at(Tracks::Delayed, 0.0), [0.0, 0.0]);
         // 100 m behind the last row the all-pass has settled: exp(-3 * 100/1.56)
-        near(at(3, 104.5), [0.3, 0.3]);
+        near(at(Tracks::Delayed, 104.5), [0.3, 0.3]);
         // within the rows: the all-pass fed in steps of 1 mm
         let filter = AllPass::new(1.56);
         let mut x = filter.steady(0.0);
@@ -993,7 +788,7 @@ mod tests {
         for k in 0..5500 {
             let [a, b] = [k, k + 1].map(|k| table.at(0, 0.001 * f64::from(k)).unwrap());
             if k % 500 == 250 {
-                near(at(3, 0.001 * f64::from(k)), [a, filter.output(x, a)]);
+                near(at(Tracks::Delayed, 0.001 * f64::from(k)), [a, filter.output(x, a)]);
             }
             x = filter.advance(x, a, b, 0.001);
         }
@@ -1003,16 +798,15 @@ mod tests {
     /// = 0.03 m on the left, under all axles at once; the same in distance comes to each axle in its turn.
     #[test]
     fn obstacles_in_time_and_distance() {
-        let p = Parameters {
-            profile: 0,
-            obstacle: 1,
+        let p = P {
+            profile: Profile::Flat,
+            obstacle: ObstacleShape::Bump,
             obstacle_in_time: true,
             x_0: 2.0,
             x_l: 0.5,
             a_right: -0.01,
-            l_middle: 2.0,
-            l_rear: 3.0,
-            ..Parameters::default()
+            l: RearAxles([2.0, 3.0]),
+            ..P::default()
         };
         let mut drive = Drive::new(p.clone());
         for n in 0..3000 {
@@ -1026,17 +820,21 @@ mod tests {
                 }
             }
         }
-        for (obstacle, expected) in [(1, [1.0, 0.5, 0.0]), (2, [1.0, 1.0, 0.0]), (3, [1.0, 1.0, 0.0])] {
-            let p = Parameters { obstacle, obstacle_in_time: false, x_0: 10.0, x_l: 4.0, ..p.clone() };
-            let mut drive = Drive::new(Parameters { l_middle: 1.0, ..p });
+        for (obstacle, expected) in [
+            (ObstacleShape::Bump, [1.0, 0.5, 0.0]),
+            (ObstacleShape::Trapezoid, [1.0, 1.0, 0.0]),
+            (ObstacleShape::Step, [1.0, 1.0, 0.0]),
+        ] {
+            let p = P { obstacle, obstacle_in_time: false, x_0: 10.0, x_l: 4.0, ..p.clone() };
+            let mut drive = Drive::new(P { l: RearAxles([1.0, 3.0]), ..p });
             drive.step(12_000.0);
             let z = drive.step(0.0).z;
             for (axle, expected) in expected.iter().enumerate() {
-                assert!((z[2 * axle] - 0.03 * expected).abs() < 1e-14, "{obstacle} {axle}");
+                assert!((z[2 * axle] - 0.03 * expected).abs() < 1e-14, "{obstacle:?} {axle}");
             }
         }
         // the sample meant for a step in time is the first one on it, although 1.001 s may round below
-        let p = Parameters { obstacle: 3, x_0: 1.001, ..p };
+        let p = P { obstacle: ObstacleShape::Step, x_0: 1.001, ..p };
         let mut drive = Drive::new(p);
         let heights: Vec<f64> = (0..1002).map(|_| drive.step(0.0).z[0]).collect();
         assert_eq!(heights[1000..], [0.0, 0.03]);
@@ -1045,20 +843,19 @@ mod tests {
     /// Split friction from the start, jumping friction from 10 m on for each axle as it gets there.
     #[test]
     fn friction_changes_with_distance() {
-        let p = Parameters {
-            profile: 0,
+        let p = P {
+            profile: Profile::Flat,
             mu_right: 0.3,
             x_mu: 10.0,
             mu_changed_left: 0.2,
-            l_middle: 1.0,
-            l_rear: 3.0,
-            ..Parameters::default()
+            l: RearAxles([1.0, 3.0]),
+            ..P::default()
         };
         let mut drive = Drive::new(p.clone());
-        assert_eq!(drive.step(12_000.0).mu, [1.0, 0.3, 1.0, 0.3, 1.0, 0.3]);
-        assert_eq!(drive.step(1_000.0).mu, [0.2, 1.0, 0.2, 1.0, 1.0, 0.3]);
-        assert_eq!(drive.step(0.0).mu, [0.2, 1.0, 0.2, 1.0, 0.2, 1.0]);
-        let mut drive = Drive::new(Parameters { x_mu: 0.0, ..p });
+        assert_eq!(*drive.step(12_000.0).mu, [1.0, 0.3, 1.0, 0.3, 1.0, 0.3]);
+        assert_eq!(*drive.step(1_000.0).mu, [0.2, 1.0, 0.2, 1.0, 1.0, 0.3]);
+        assert_eq!(*drive.step(0.0).mu, [0.2, 1.0, 0.2, 1.0, 0.2, 1.0]);
+        let mut drive = Drive::new(P { x_mu: 0.0, ..p });
         drive.step(12_000.0);
         assert_eq!(drive.step(0.0).mu[..2], [1.0, 0.3]);
     }
@@ -1073,7 +870,7 @@ mod tests {
             let mut drive = drive;
             drive.p.sample_time = 1.0 / 1024.0;
             let speed = speed * 1.024;
-            let forwards: Vec<Outputs> = (0..2000).map(|_| drive.step(speed)).collect();
+            let forwards: Vec<Y> = (0..2000).map(|_| drive.step(speed)).collect();
             let kept = drive.clone();
             drive.step(-speed);
             for back in 1..300 {
@@ -1082,7 +879,7 @@ mod tests {
             }
             let far = (0..3000).map(|_| drive.step(-speed)).last().unwrap();
             assert!(far.z.iter().all(|z| z.is_finite()));
-            if drive.p.profile == 1 {
+            if drive.p.profile == Profile::ShapedNoise {
                 let oldest = (drive.x.points % HISTORY as u64) as usize;
                 assert_eq!(far.z[4], drive.x.left[oldest]);
             }
@@ -1109,7 +906,7 @@ mod tests {
             let mut fast = drive;
             fast.step(50_000.0);
             let (a, b) = (slow.step(0.0), fast.step(0.0));
-            for (a, b) in a.z.iter().zip(b.z) {
+            for (a, b) in a.z.iter().zip(*b.z) {
                 assert!((a - b).abs() < 1e-12);
             }
         }
@@ -1117,27 +914,19 @@ mod tests {
 
     #[test]
     fn refuses_what_makes_no_sense() {
-        let p = Parameters::default;
+        let p = P::default;
         for (parameters, message) in [
-            (Parameters { profile: 4, ..p() }, "profile = 4: expected 0 to 3"),
-            (Parameters { tracks: -1, ..p() }, "tracks = -1: expected 0 to 3"),
-            (Parameters { seed: -1, ..p() }, "seed = -1: expected 0 to 2147483647"),
-            (Parameters { class: 9, ..p() }, "roughness.class = 9: expected 0 to 8"),
-            (Parameters { class: 0, g_d: -1.0, ..p() }, "roughness.coefficient = -1: expected a number of at least 0"),
-            (Parameters { class_change: 0, ..p() }, "roughness.change_class = 0: expected 1 to 8"),
-            (Parameters { start: 3, ..p() }, "roughness.start = 3: expected 0 to 2"),
-            (Parameters { sample_time: 0.0, ..p() }, "sample_time = 0: expected a number above 0"),
-            (Parameters { n_00: 0.0, ..p() }, "roughness.cutoff = 0: expected a number above 0"),
-            (Parameters { ds: f64::NAN, ..p() }, "roughness.spacing = NaN: expected a number above 0"),
-            (Parameters { tracks: 2, rho: 1.5, ..p() }, "track.coherence = 1.5: expected 0 to 1"),
-            (Parameters { tracks: 3, t_track: 0.0, ..p() }, "geometry.track = 0: expected a number above 0"),
-            (Parameters { obstacle: 1, x_l: 0.0, ..p() }, "obstacle.length = 0: expected a number above 0"),
-            (Parameters { obstacle: 4, ..p() }, "obstacle.shape = 4: expected 0 to 3"),
-            (Parameters { l_middle: -1.0, ..p() }, "geometry.axle_offset.middle = -1: expected a number of at least 0"),
-            (Parameters { profile: 3, ..p() }, "table.file is empty: profile 3 expects the path of a CSV file"),
             (
-                Parameters { l_rear: 10.3, ..p() },
-                "geometry.axle_offset.rear = 10.3 m: shaped noise is kept over 10.21 m with roughness.spacing = 0.01 m, expected a larger spacing",
+                P { obstacle: ObstacleShape::Bump, x_l: 0.0, ..p() },
+                "'obstacle.length' = 0, a number above 0 was expected for a bump or trapezoid",
+            ),
+            (
+                P { profile: Profile::Table, ..p() },
+                "'table.file' is empty, the path of a CSV file was expected for 'profile' = 3 (table)",
+            ),
+            (
+                P { l: RearAxles([0.0, 10.3]), ..p() },
+                "'geometry.axle_offset.rear' = 10.3 m: shaped noise is kept over 10.21 m with 'roughness.spacing' = 0.01 m, a larger spacing was expected",
             ),
         ] {
             assert_eq!(design(&parameters, None).unwrap_err(), message);
@@ -1150,20 +939,20 @@ mod tests {
 
     #[test]
     fn refuses_an_impossible_speed() {
-        let mut drive = Drive::new(Parameters::default());
-        drive.step(1e9);
-        let result = update(&drive.p, &drive.d, &mut drive.x, &Inputs { u: 1.0 }, 0.001);
+        let refused = |p, u| {
+            let mut drive = Drive::new(p);
+            drive.step(1000.0);
+            check(&drive.p, &drive.d, &drive.x, &U { u }).unwrap_err()
+        };
         assert_eq!(
-            result.unwrap_err(),
-            "road.distance = 1000000 m: 1e8 grid points of roughness.spacing = 0.01 m in one sample, expected at most 1e6; is vehicle.speed right?"
+            refused(P::default(), 1e9),
+            "'vehicle.speed' = 1000000000 m/s at 'road.distance' = 1 m passes over 1e8 grid points of 'roughness.spacing' = 0.01 m in one sample, at most 1e6 were expected"
         );
-        let mut drive = Drive::new(Parameters { profile: 0, ..Parameters::default() });
-        drive.step(f64::MAX);
-        drive.x.s = f64::INFINITY;
-        let result = update(&drive.p, &drive.d, &mut drive.x, &Inputs { u: 1.0 }, 0.001);
-        assert_eq!(
-            result.unwrap_err(),
-            "road.distance = inf m after vehicle.speed = 1 m/s: expected a finite distance"
+        let flat = P { profile: Profile::Flat, sample_time: 10.0, ..P::default() };
+        let message = refused(flat, 1e308);
+        assert!(
+            message.ends_with("leads from 'road.distance' = 10000 m to inf m, a finite distance was expected"),
+            "{message}"
         );
     }
 
@@ -1178,7 +967,7 @@ mod tests {
                 drive.step(*speed);
             }
             let saved = (drive.x.clone(), drive.sample);
-            let first: Vec<Outputs> = speeds[cut..].iter().map(|speed| drive.step(*speed)).collect();
+            let first: Vec<Y> = speeds[cut..].iter().map(|speed| drive.step(*speed)).collect();
             (drive.x, drive.sample) = saved;
             for (speed, first) in speeds[cut..].iter().zip(first) {
                 let again = drive.step(*speed);
@@ -1193,10 +982,10 @@ mod tests {
             let mut drive = roads().nth(road).unwrap();
             for (n, u) in speeds.into_iter().enumerate() {
                 let t = n as f64 * 0.001;
-                let result = update(&drive.p, &drive.d, &mut drive.x, &Inputs { u }, t);
-                if result.is_err() {
+                if check(&drive.p, &drive.d, &drive.x, &U { u }).is_err() {
                     break;
                 }
+                sample(&drive.p, &drive.d, &mut drive.x, &U { u }, t);
             }
         }
     }

@@ -1,0 +1,126 @@
+//! The driver as an FMU: limits, files, saved states.
+
+use fmi2::description::Description;
+use fmi2::instance::Instance;
+use fmi2::model::SampledModel;
+
+use super::*;
+
+type Unit = Instance<SampledModel<Driver>>;
+
+/// An instance with its value references by name.
+struct Fmu {
+    instance: Unit,
+    description: &'static Description,
+}
+
+impl Fmu {
+    fn new(resources: &Path) -> Self {
+        let description: &'static Description = Box::leak(Box::new(Description::of::<SampledModel<Driver>>()));
+        Self { instance: Unit::new(description, resources.to_owned()), description }
+    }
+
+    fn reference(&self, name: &str) -> u32 {
+        let variable = self.description.layout.variables.iter().find(|v| v.declaration.name == name);
+        variable.unwrap_or_else(|| panic!("no variable '{name}'")).reference
+    }
+
+    fn get(&mut self, name: &str) -> f64 {
+        let mut value = [0.0];
+        self.instance.get_real(&[self.reference(name)], &mut value).unwrap();
+        value[0]
+    }
+
+    fn set(&mut self, name: &str, value: f64) {
+        self.instance.set_real(&[self.reference(name)], &[value]).unwrap();
+    }
+
+    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmi2::instance::Refusal> {
+        self.instance.set_integer(&[self.reference(name)], &[value])
+    }
+
+    fn take_file(&mut self, path: &str) {
+        self.instance.set_string(&[self.reference("table.file")], &[path.to_owned()]).unwrap();
+    }
+
+    fn initialize(&mut self) -> Result<(), String> {
+        self.instance.setup_experiment(0.0, None).unwrap();
+        self.instance.enter_initialization().unwrap();
+        self.instance.exit_initialization().map_err(|refusal| match refusal {
+            fmi2::instance::Refusal::Error(message) | fmi2::instance::Refusal::Discard(message) => message,
+        })
+    }
+
+    fn step(&mut self, step: f64) {
+        self.instance.do_step(self.instance.time(), step).unwrap();
+    }
+}
+
+const TABLE: &str = "time,driver.steer,driver.brake\n0,0,0\n2,0.2,1\n";
+
+/// Zero before the first sample, then the demands; saved bytes go on in another instance.
+#[test]
+fn demands_and_saved_bytes() {
+    let mut fmu = Fmu::new(Path::new(""));
+    fmu.set("throttle.amplitude", 0.5);
+    fmu.initialize().unwrap();
+    assert_eq!(fmu.get("driver.speed"), 0.0);
+    fmu.step(0.001);
+    assert_eq!([fmu.get("driver.speed"), fmu.get("driver.steer")], [60.0 / 3.6, 0.0]);
+    // the sample at 1.999 s: both ramps have ended
+    fmu.step(1.999);
+    assert_eq!([fmu.get("driver.steer"), fmu.get("driver.throttle")], [0.1, 0.5]);
+    let saved = fmu.instance.snapshot().unwrap();
+    let bytes = fmu.instance.serialize(&saved).unwrap();
+    let mut other = Fmu::new(Path::new(""));
+    let read = other.instance.deserialize(&bytes).unwrap();
+    other.instance.restore(&read).unwrap();
+    assert_eq!([other.instance.time(), other.get("driver.steer")], [2.0, 0.1]);
+    other.step(0.001);
+}
+
+#[test]
+fn refuses_numbers_outside_their_limits() {
+    let mut fmu = Fmu::new(Path::new(""));
+    for (name, value) in [("maneuver", 8), ("maneuver", -1), ("steer.cycles", -1)] {
+        assert!(fmu.choose(name, value).is_err(), "{name}");
+    }
+    for (name, value) in [("steer.rise_time", -0.1), ("brake.amplitude", 1.5), ("brake.start", f64::NAN)] {
+        assert!(fmu.instance.set_real(&[fmu.reference(name)], &[value]).is_err(), "{name}");
+    }
+    fmu.choose("maneuver", 5).unwrap();
+    fmu.set("steer.frequency", 0.0);
+    assert_eq!(
+        fmu.initialize().unwrap_err(),
+        "Driver: 'steer.frequency' = 0, a number above 0 was expected for 'maneuver' = 5 (sine_with_dwell)"
+    );
+}
+
+#[test]
+fn table_comes_from_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("demands.csv");
+    std::fs::write(&path, TABLE).unwrap();
+    let mut fmu = Fmu::new(folder.path());
+    fmu.choose("maneuver", 7).unwrap();
+    fmu.take_file("no.csv");
+    assert!(fmu.initialize().unwrap_err().starts_with("Driver: 'table.file' = no.csv: "));
+    fmu.take_file("demands.csv");
+    fmu.instance.exit_initialization().unwrap();
+    fmu.step(1.0);
+    fmu.step(0.001);
+    assert_eq!([fmu.get("driver.steer"), fmu.get("driver.brake")], [0.1, 0.5]);
+
+    // a saved state goes on with the same content only
+    let saved = fmu.instance.snapshot().unwrap();
+    let bytes = fmu.instance.serialize(&saved).unwrap();
+    assert!(fmu.instance.deserialize(&bytes).is_ok());
+    std::fs::write(&path, TABLE.replace("0.2", "0.3")).unwrap();
+    assert!(fmu.instance.deserialize(&bytes).is_err());
+    std::fs::write(&path, "time,steer\n").unwrap();
+    let mut fmu = Fmu::new(Path::new(""));
+    fmu.choose("maneuver", 7).unwrap();
+    fmu.take_file(path.to_str().unwrap());
+    let message = fmu.initialize().unwrap_err();
+    assert!(message.starts_with("Driver: 'table.file': ") && message.contains("unknown column `steer`"), "{message}");
+}

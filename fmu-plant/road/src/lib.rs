@@ -1,0 +1,238 @@
+//! `Road`: height and friction of the road under each wheel, as functions of the distance traveled.
+//!
+//! Roughness after ISO 8608 by shaped noise or by harmonics, a profile from a file, an obstacle on top, and friction
+//! that differs between the sides or changes on the way.
+
+mod equations;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use chassis::prelude::*;
+use chassis::table;
+use fmi2::prelude::*;
+
+/// The road.
+pub struct Road;
+
+/// Where the height of the left track comes from.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// height 0 everywhere
+    Flat = 0,
+    /// first-order shaped noise in distance, generated on the way
+    ShapedNoise = 1,
+    /// sum of 800 cosines, faded in over the first 20 m
+    Harmonics = 2,
+    /// column of the file table.file
+    Table = 3,
+}
+
+/// How the right track belongs to the left one.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tracks {
+    /// right as left
+    Same = 0,
+    /// of the same kind but unrelated; with a table the column of the right
+    Independent = 1,
+    /// correlated by track.coherence
+    Mixed = 2,
+    /// right follows left through an all-pass of the length geometry.track
+    Delayed = 3,
+}
+
+/// What the road is like where the vehicle starts.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RoughnessStart {
+    /// rough everywhere
+    Stationary = 0,
+    /// flat up to the front axle
+    ZeroUpToFrontAxle = 1,
+    /// flat up to the rearmost axle
+    ZeroUpToRearAxle = 2,
+}
+
+/// What stands on the road.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObstacleShape {
+    /// no obstacle
+    None = 0,
+    /// (1 - cos)/2 over its length
+    Bump = 1,
+    /// up over the first quarter of its length, down over the last
+    Trapezoid = 2,
+    /// higher from its start on
+    Step = 3,
+}
+
+/// Parameters.
+#[derive(Parameters, Clone, Debug)]
+pub struct P {
+    /// Height of the left track
+    #[par("profile", mode, start = Profile::ShapedNoise)]
+    profile: Profile,
+    /// Height of the right track
+    #[par("tracks", mode, start = Tracks::Independent)]
+    tracks: Tracks,
+    /// Seed of the random numbers: another road of the same kind
+    #[par("seed", start = 1, min = 0, max = i32::MAX)]
+    seed: i32,
+    /// rho: correlation of mixed tracks; their magnitude-squared coherence is its square
+    #[par("track.coherence", unit = ONE, start = 0.995, min = 0.0, max = 1.0)]
+    rho: f64,
+    /// Roughness class of ISO 8608, 1 (A) to 8 (H); 0 to take roughness.coefficient
+    #[par("roughness.class", start = 3, min = 0, max = 8)]
+    class: i32,
+    /// Gd: one-sided spectral density at 0.1 1/m, for roughness.class 0
+    #[par("roughness.coefficient", unit = M3, start = 256e-6, min = 0.0)]
+    g_d: f64,
+    /// n00: wavenumber below which the density of shaped noise levels off
+    #[par("roughness.cutoff", unit = PER_M, start = 0.011, positive)]
+    n_00: f64,
+    /// ds: grid of shaped noise, linear in between
+    #[par("roughness.spacing", unit = M, start = 0.01, positive, display = "mm")]
+    ds: f64,
+    /// Shaped noise at the start
+    #[par("roughness.start", mode, start = RoughnessStart::Stationary)]
+    start: RoughnessStart,
+    /// From the distance reached at this time on shaped noise has roughness.change_class; 0 for never
+    #[par("roughness.change_time", unit = S, start = 0.0, min = 0.0)]
+    t_change: f64,
+    /// Roughness class of ISO 8608 after roughness.change_time, 1 (A) to 8 (H)
+    #[par("roughness.change_class", start = 6, min = 1, max = 8)]
+    class_change: i32,
+    /// Distance of the {} behind the front axle
+    #[par("geometry.axle_offset", unit = M, start = 0.0, min = 0.0)]
+    l: RearAxles<f64>,
+    /// how far delayed tracks are behind
+    #[par(TRACK, start = 1.56)]
+    t_track: f64,
+    /// Obstacle on top of the profile
+    #[par("obstacle.shape", mode, start = ObstacleShape::None)]
+    obstacle: ObstacleShape,
+    /// The obstacle is a function of time, under all axles at once, instead of distance
+    #[par("obstacle.in_time", start = false)]
+    obstacle_in_time: bool,
+    /// Where the obstacle starts, in m; with obstacle.in_time when, in s
+    #[par("obstacle.start", unit = ONE, start = 20.0)]
+    x_0: f64,
+    /// Length of a bump or trapezoid in m; with obstacle.in_time its duration in s
+    #[par("obstacle.length", unit = ONE, start = 5.0, min = 0.0)]
+    x_l: f64,
+    /// Height of the obstacle on the left, negative for a hole
+    #[par("obstacle.height.left", unit = M, start = 0.03, display = "mm")]
+    a_left: f64,
+    /// Height of the obstacle on the right, negative for a hole
+    #[par("obstacle.height.right", unit = M, start = 0.03, display = "mm")]
+    a_right: f64,
+    /// Factor on the tire friction on the left
+    #[par("friction.left", unit = ONE, start = 1.0, min = 0.0, tunable)]
+    mu_left: f64,
+    /// Factor on the tire friction on the right
+    #[par("friction.right", unit = ONE, start = 1.0, min = 0.0, tunable)]
+    mu_right: f64,
+    /// Distance from which each axle has the changed friction; 0 for never
+    #[par("friction.change_start", unit = M, start = 0.0, min = 0.0, tunable)]
+    x_mu: f64,
+    /// Factor on the tire friction on the left from friction.change_start on
+    #[par("friction.changed_left", unit = ONE, start = 1.0, min = 0.0, tunable)]
+    mu_changed_left: f64,
+    /// Factor on the tire friction on the right from friction.change_start on
+    #[par("friction.changed_right", unit = ONE, start = 1.0, min = 0.0, tunable)]
+    mu_changed_right: f64,
+    /// CSV file of the profile table, columns distance, height_left, height_right in m; a relative path starts at the
+    /// resources folder of the FMU
+    #[par("table.file", start = "")]
+    table_file: String,
+    #[par(SAMPLE_TIME, start = 0.001)]
+    sample_time: f64,
+}
+
+/// What moves the vehicle over the road.
+#[derive(Inputs, Clone, Debug)]
+pub struct U {
+    #[signal(VEHICLE_SPEED)]
+    u: f64,
+}
+
+/// The road under the wheels; the sides of a half car are those of the front axle.
+#[derive(Outputs, Clone, Debug, PartialEq)]
+pub struct Y {
+    #[signal(ROAD_HEIGHT)]
+    z: SixWheels<f64>,
+    #[signal(ROAD_HEIGHT)]
+    z_side: Sides<f64>,
+    #[signal(ROAD_FRICTION, start = 1.0)]
+    mu: SixWheels<f64>,
+    #[signal(ROAD_FRICTION, start = 1.0)]
+    mu_side: Sides<f64>,
+    #[signal(ROAD_DISTANCE)]
+    s: f64,
+}
+
+/// Distance of the front axle, and the shaped noise generated so far.
+#[derive(Memory, Clone, Debug, PartialEq)]
+pub struct X {
+    s: f64,
+    /// What rounding has added to `s` so far (compensated summation): the same distance whatever the sample time.
+    s_excess: f64,
+    /// Grid points generated so far: the next one takes the random numbers of this count.
+    points: u64,
+    /// The two independent processes at the newest grid point, m.
+    noise: [f64; 2],
+    /// The all-pass of delayed tracks at the newest grid point (m, 1).
+    all_pass: [f64; 2],
+    /// Grid points from here on have the changed class.
+    changed: bool,
+    /// Last heights of the left track, m; point number `k` at `k` modulo the length.
+    #[generated]
+    left: [f64; equations::HISTORY],
+    /// Last heights of the right track, stored alike.
+    #[generated]
+    right: [f64; equations::HISTORY],
+}
+
+/// The height of the road as far as it does not come about on the way.
+#[derive(Design, Clone, Debug)]
+pub struct D {
+    surface: equations::Surface,
+}
+
+impl Sampled for Road {
+    const INFO: Info = Info {
+        name: "Road",
+        description: "Height and friction of the road under each wheel, as functions of the distance traveled",
+        version: env!("CARGO_PKG_VERSION"),
+        stop_time: 20.0,
+        step_size: 0.001,
+    };
+    type Parameters = P;
+    type Design = D;
+    type Memory = X;
+    type Inputs = U;
+    type Outputs = Y;
+
+    fn design(p: &P) -> Result<D, String> {
+        equations::design(p, None)
+    }
+    fn load(p: &P, resources: &Path) -> Result<D, String> {
+        if p.profile != Profile::Table {
+            return Self::design(p);
+        }
+        let (path, text) = table::read_file("table.file", &p.table_file, resources)?;
+        let heights = equations::parse_table(&text, &path).map_err(|error| format!("'table.file': {error}"))?;
+        equations::design(p, Some(heights))
+    }
+    fn fingerprint(d: &D) -> u64 {
+        d.surface.content_hash()
+    }
+    fn check(p: &P, d: &D, x: &X, u: &U, _t: f64) -> Result<(), String> {
+        equations::check(p, d, x, u)
+    }
+    fn update(p: &P, d: &D, x: &mut X, u: &U, t: f64) -> Y {
+        equations::sample(p, d, x, u, t)
+    }
+}
+
+fmi2::export!(sampled Road);
