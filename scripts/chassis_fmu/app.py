@@ -72,17 +72,15 @@ def _options(options: argparse.Namespace) -> list[str]:
     return [a.removeprefix(prefix) for a in out]
 
 
-def _cargo(arguments: Sequence[str], capture: bool) -> str:
-    """Run a subcommand of `cargo fmu`; its messages go to the terminal, its exit code ends this command."""
+def _cargo(arguments: Sequence[str], capture: bool) -> tuple[int, str]:
+    """Run a subcommand of `cargo fmu`; its messages go to the terminal. Returns its exit code and its output."""
     cargo = shutil.which("cargo")
     if cargo is None:
         raise AppError("cargo is not on the PATH: install Rust to plan and run scenarios", 127)
     done = subprocess.run(
         [cargo, "fmu", *arguments], cwd=ROOT, stdout=subprocess.PIPE if capture else None, check=False
     )
-    if done.returncode != 0:
-        raise AppError("", done.returncode)
-    return done.stdout.decode() if capture else ""
+    return done.returncode, done.stdout.decode() if capture else ""
 
 
 def _collect(
@@ -125,7 +123,11 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
 
 def _run(options: argparse.Namespace) -> int:
     shared = _options(options)
-    scenario = plan.parse(_cargo(["plan", *shared], capture=True), ROOT)
+    code, text = _cargo(["plan", *shared], capture=True)
+    if code != 0:
+        # cargo fmu has said why
+        raise AppError("", code)
+    scenario = plan.parse(text, ROOT)
     folder = options.out.resolve() / scenario.name
     runs = folder / "runs"
     runs.mkdir(parents=True, exist_ok=True)
@@ -138,8 +140,11 @@ def _run(options: argparse.Namespace) -> int:
         command.append("--native")
         out = ["--out", str(options.out.resolve())]
         jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
-        _cargo(["run", *shared, *out, *jobs], capture=False)
+        code, _ = _cargo(["run", *shared, *out, *jobs], capture=False)
+        # Runs that failed have left no file, the others are reported.
         failures = batch.convert(scenario, runs, runs)
+        if code != 0 and not failures:
+            raise AppError("", code)
     else:
         master = f"fmpy {importlib.metadata.version('fmpy')}"
         outcome = batch.execute(scenario, runs, options.jobs or _processors())

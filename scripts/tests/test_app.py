@@ -27,6 +27,10 @@ printf '%s\\n' "$*" >> '{folder}/log'
 case "$*" in
 *broken*) echo 'scenario.toml:3:7: unknown unit `rod`, did you mean `road`?' >&2; exit 3 ;;
 *' plan '*) cat '{HERE}/plan.json' ;;
+*' run '*)
+    mkdir -p '{tmp_path}/out/trial/runs'
+    cp '{tmp_path}'/recorded/*.csv '{tmp_path}/out/trial/runs'
+    test ! -e '{tmp_path}/failing' ;;
 esac
 """
     )
@@ -97,6 +101,28 @@ def test_a_missing_run_is_reported_and_the_others_are_kept(
     assert (tmp_path / "out" / "trial" / "runs" / "active_1.parquet").exists()
     assert "1 of 4 runs failed" in (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
     assert cargo.exists()
+
+
+def test_native_runs_are_reported(cargo: Path, recorded: Path, tmp_path: Path) -> None:
+    options = ["trial.toml", "--native", "--jobs", "2", "--out", str(tmp_path / "out")]
+    assert app.main(options) == 0
+    assert cargo.read_text().splitlines()[1].endswith(f"--out {tmp_path / 'out'} --jobs 2")
+    page = (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
+    assert "native (cargo fmu run)" in page
+    # a run that fails there has no file
+    (recorded / "active_2.csv").unlink()
+    (tmp_path / "out" / "trial" / "runs" / "active_2.csv").unlink()
+    (tmp_path / "failing").touch()
+    assert app.main(options) == 1
+    assert "1 of 4 runs failed" in (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
+
+
+def test_a_native_failure_without_a_failed_run_is_passed_on(cargo: Path, recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / "failing").touch()
+    assert app.main(["trial.toml", "--native", "--out", str(tmp_path / "out")]) == 1
+    assert not (tmp_path / "out" / "trial" / "index.html").exists()
+    assert cargo.exists()
+    assert recorded.exists()
 
 
 def test_a_csv_of_other_rows_or_columns_is_refused(
