@@ -1,7 +1,7 @@
 //! The attributes of a field.
 
 use proc_macro2::TokenStream;
-use quote::{ToTokens, quote};
+use quote::{ToTokens, quote, quote_spanned};
 use syn::parse::{Parse, ParseStream};
 use syn::punctuated::Punctuated;
 use syn::spanned::Spanned;
@@ -32,6 +32,12 @@ impl Parse for Variable {
                 Error::new(e.span(), "expected the name of the variable as a string, or an entry of a catalogue")
             })?)
         };
+        if let Source::Entry(key) = &source
+            && input.peek(Token![=])
+        {
+            let message = "expected the name of the variable as a string, or an entry of a catalogue, before the keys";
+            return Err(Error::new_spanned(key, message));
+        }
         let mut keys: Vec<(Ident, Option<Expr>)> = Vec::new();
         while input.parse::<Option<Token![,]>>()?.is_some() && !input.is_empty() {
             let key: Ident = input.parse()?;
@@ -68,13 +74,13 @@ impl Variable {
         for attribute in &field.attrs {
             let Some(name) = names.iter().find(|name| attribute.path().is_ident(name)) else { continue };
             if found.is_some() {
-                return Err(Error::new(attribute.span(), "a field is one variable; this attribute is one too many"));
+                return Err(Error::new_spanned(attribute, "a field is one variable; this attribute is one too many"));
             }
             found = Some(((*name).to_owned(), attribute.parse_args::<Self>()?));
         }
         found.ok_or_else(|| {
             let expected: Vec<_> = names.iter().map(|name| format!("#[{name}(…)]")).collect();
-            Error::new(field.span(), format!("this field needs the attribute {}", expected.join(" or ")))
+            Error::new_spanned(&field.ident, format!("this field needs the attribute {}", expected.join(" or ")))
         })
     }
 
@@ -154,13 +160,12 @@ impl Variable {
                     quote!(&#unit)
                 }
             };
-            spec = quote!(#spec.display({
-                const _: () = ::fmi2::unit::require_display_unit(#check, #display);
-                #display
-            }));
+            // The compiler's message points at the name of the display unit.
+            let check =
+                quote_spanned!(display.span()=> const _: () = ::fmi2::unit::require_display_unit(#check, #display););
+            spec = quote!(#spec.display({ #check #display }));
         }
         if let Some(start) = self.value("start")? {
-            self.check_start(start)?;
             spec = quote!(#spec.start(#start));
         }
         for key in ["positive", "tunable"] {
@@ -172,18 +177,18 @@ impl Variable {
         Ok(spec)
     }
 
-    /// A start value outside its limits, as far as both are written as numbers.
-    fn check_start(&self, start: &Expr) -> Result<()> {
-        let outside = |limit: &str, below: bool| -> Result<bool> {
-            let limit = self.value(limit)?.and_then(literal);
-            Ok(literal(start)
-                .zip(limit)
-                .is_some_and(|(start, limit)| if below { start < limit } else { start > limit }))
-        };
-        if outside("min", true)? || outside("max", false)? {
-            return Err(Error::new(start.span(), "the start value is outside its limits"));
+    /// Refuses a start value outside its limits, as far as both are written as numbers.
+    pub(crate) fn check_start(&self, start: &Expr) -> Result<()> {
+        if let Expr::Array(places) = start {
+            return places.elems.iter().try_for_each(|place| self.check_start(place));
         }
-        if self.flag("positive")? && literal(start).is_some_and(|start| start <= 0.0) {
+        let Some(number) = literal(start) else { return Ok(()) };
+        let min = self.value("min")?.and_then(literal).unwrap_or(f64::NEG_INFINITY);
+        let max = self.value("max")?.and_then(literal).unwrap_or(f64::INFINITY);
+        if number < min || number > max {
+            return Err(Error::new(start.span(), format!("the start value is not within its limits [{min}, {max}]")));
+        }
+        if self.flag("positive")? && number <= 0.0 {
             return Err(Error::new(start.span(), "the start value must be above 0"));
         }
         Ok(())

@@ -8,6 +8,9 @@ use crate::attribute::{Source, Variable, doc, fields, is_type};
 
 const REAL_KEYS: &[&str] = &["unit", "start", "min", "max", "nominal", "display", "positive", "tunable"];
 
+/// Fields that divide the time into samples or integration steps, and what they implement.
+const GRID: [(&str, &str); 2] = [("sample_time", "HasSampleTime"), ("max_step", "HasMaxStep")];
+
 fn name(field: &Field) -> &Ident {
     field.ident.as_ref().expect("the fields are named")
 }
@@ -27,7 +30,7 @@ pub(crate) fn parameters(input: &DeriveInput) -> Result<TokenStream> {
         declarations.push(declaration);
         let field_name = name(field);
         readers.push(quote!(#field_name: #reader));
-        for (method, bound) in [("sample_time", "HasSampleTime"), ("max_step", "HasMaxStep")] {
+        for (method, bound) in GRID {
             if field_name == method {
                 let bound = Ident::new(bound, field_name.span());
                 extra.push(quote! {
@@ -80,14 +83,30 @@ fn parameter(field: &Field) -> Result<(TokenStream, TokenStream)> {
     let (_, variable) = Variable::of(field, &["par"])?;
     let doc = doc(&field.attrs);
     let ty = &field.ty;
+    let is_mode = variable.flag("mode")?;
+    let is_integer = is_type(field, "i32");
+    let is_real = !is_mode && !is_integer && !is_type(field, "bool") && !is_type(field, "String");
+    variable.allow(match (is_mode, is_integer, is_real) {
+        (true, _, _) => &["start", "tunable", "mode"],
+        (_, true, _) => &["start", "min", "max", "tunable"],
+        (_, _, true) => REAL_KEYS,
+        _ => &["start", "tunable"],
+    })?;
     let Some(start) = variable.value("start")? else {
         return Err(Error::new(variable.span(), "the start value is missing, as in `start = 1.0`"));
     };
-    let is_mode = variable.flag("mode")?;
-    let is_integer = is_type(field, "i32");
-    if !is_mode && !is_integer && !is_type(field, "bool") && !is_type(field, "String") {
-        variable.allow(REAL_KEYS)?;
-        let spec = variable.spec("quantity", &doc)?;
+    variable.check_start(start)?;
+    if is_real {
+        let mut spec = variable.spec("quantity", &doc)?;
+        if GRID.iter().any(|(method, _)| name(field) == method) {
+            if let Some((key, _)) = variable.keys.iter().find(|(key, _)| key == "tunable") {
+                return Err(Error::new(
+                    key.span(),
+                    "the division of the time is fixed, it cannot change between steps",
+                ));
+            }
+            spec = quote!(#spec.positive());
+        }
         return Ok((quote!(#spec.declare::<f64, #ty>(&mut all);), quote!(::fmi2::block::read_reals::<#ty>(values))));
     }
     let Source::Name(text) = &variable.source else {
@@ -101,19 +120,15 @@ fn parameter(field: &Field) -> Result<(TokenStream, TokenStream)> {
     }
     let tunable = variable.flag("tunable")?;
     let kind = if is_mode {
-        variable.allow(&["mode", "start", "tunable"])?;
         quote!(::fmi2::declare::mode::<#ty>(#start))
     } else if is_integer {
-        variable.allow(&["start", "min", "max", "tunable"])?;
         let (Some(min), Some(max)) = (variable.value("min")?, variable.value("max")?) else {
             return Err(Error::new(variable.span(), "a whole number needs `min = …` and `max = …`"));
         };
         quote!(::fmi2::variable::Kind::Integer { start: #start, min: #min, max: #max, type_name: "", choices: &[] })
     } else if is_type(field, "bool") {
-        variable.allow(&["start", "tunable"])?;
         quote!(::fmi2::variable::Kind::Boolean { start: #start })
     } else {
-        variable.allow(&["start", "tunable"])?;
         quote!(::fmi2::variable::Kind::String { start: ::std::string::String::from(#start) })
     };
     let reader = if is_mode {

@@ -11,7 +11,7 @@ pub(crate) fn mode(input: &DeriveInput) -> Result<TokenStream> {
     let Data::Enum(data) = &input.data else {
         return Err(Error::new(name.span(), "a mode is an enum without data"));
     };
-    let mut next = 0_i32;
+    let mut next = Some(0_i32);
     let mut last = None;
     let (mut variants, mut values, mut names, mut descriptions) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for variant in &data.variants {
@@ -20,23 +20,23 @@ pub(crate) fn mode(input: &DeriveInput) -> Result<TokenStream> {
         }
         if let Some((_, expression)) = &variant.discriminant {
             next = match expression {
-                Expr::Lit(ExprLit { lit: Lit::Int(number), .. }) => number.base10_parse()?,
+                Expr::Lit(ExprLit { lit: Lit::Int(number), .. }) => Some(number.base10_parse()?),
                 other => return Err(Error::new_spanned(other, "expected a whole number, 0 or more")),
             };
         }
-        if last.is_some_and(|last| next <= last) {
+        let Some(value) = next.filter(|value| last.is_none_or(|last| last < *value)) else {
             return Err(Error::new_spanned(variant, "the numbers of the choices must rise"));
-        }
+        };
         let description = doc(&variant.attrs);
         if description.is_empty() {
             return Err(Error::new_spanned(variant, "the doc comment is missing: it is the meaning of the choice"));
         }
         variants.push(&variant.ident);
-        values.push(next);
+        values.push(value);
         names.push(snake_case(&variant.ident.to_string()));
         descriptions.push(description);
-        last = Some(next);
-        next += 1;
+        last = Some(value);
+        next = value.checked_add(1);
     }
     if variants.is_empty() {
         return Err(Error::new(name.span(), "a mode needs at least one choice"));

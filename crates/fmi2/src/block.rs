@@ -13,6 +13,10 @@ pub struct Place {
 }
 
 /// A field of a block: one number, or a family of numbers over places.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is neither a number of type `{T}` nor a family of them",
+    note = "a family is declared with `fmi2::family!`; a choice among named values is a parameter with the flag `mode`"
+)]
 pub trait Field<T>: Sized {
     /// How many numbers the field holds.
     const LEN: usize;
@@ -207,6 +211,10 @@ pub fn read_reals<F: Field<f64>>(values: &mut ParameterReader<'_>) -> F {
 
 /// A choice among named values; in the FMU an integer parameter. Derive [`Mode`](crate::derive@crate::Mode) for an
 /// enum without data.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is no choice among named values",
+    note = "a choice is an enum with `#[derive(Mode)]`"
+)]
 pub trait Mode: Copy + 'static {
     /// Name of the type in the model description.
     const NAME: &'static str;
@@ -285,6 +293,10 @@ pub enum Word {
 }
 
 /// A type that a memory's field may have.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` cannot be a field of a memory",
+    note = "a memory holds `f64`, `u64`, `bool` and arrays of them, so that cloning it does not allocate"
+)]
 pub trait MemoryField {
     /// Passes every value on.
     fn save(&self, name: &'static str, sink: &mut dyn FnMut(&'static str, Word));
@@ -373,6 +385,11 @@ impl<F: MemoryField, const N: usize> MemoryField for [F; N] {
 
 /// Start values written as one number for all places, or one per place.
 #[doc(hidden)]
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is no start value of a real variable",
+    note = "expected one number, as in `1.0`, or an array with one per place; a choice among named values is a \
+            parameter with the flag `mode`"
+)]
 pub trait StartValues {
     fn start_values(self) -> Vec<f64>;
 }

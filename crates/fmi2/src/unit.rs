@@ -73,6 +73,8 @@ units! {
     S2 = si("s2", 0, 0, 2, 0, &[]);
     /// Per second; rate of a reaching law.
     PER_S = si("1/s", 0, 0, -1, 0, &[]);
+    /// Per second squared; angular acceleration per angle.
+    PER_S2 = si("1/s2", 0, 0, -2, 0, &[]);
     /// Hertz.
     HZ = si("Hz", 0, 0, -1, 0, &[]);
     /// Radian.

@@ -1,0 +1,10 @@
+use fmi2::prelude::*;
+
+#[derive(Parameters, Clone)]
+pub struct P {
+    /// Stiffness of the spring
+    #[par("spring.count", start = 4)]
+    pub n: i32,
+}
+
+fn main() {}
