@@ -1,61 +1,68 @@
-//! Equations of motion, in the order of the paper (eqs. 1-8).
+//! Equations of motion, in the order of computation: deflections, tires, vertical motion, lateral motion. The numbers
+//! are those of the paper; what had to be corrected stands in the README.
 //!
 //! | symbol | meaning |
 //! |---|---|
+//! | x, y | position of a wheel in front of and to the left of the center of mass |
 //! | Z, theta, phi | heave, pitch, roll of the sprung mass |
 //! | z_w, z_r | height of a wheel and of the road under it |
 //! | d, t | deflection of suspension and tire (compression negative) |
 //! | F_s, U | force of spring and damper (tension positive), of the actuator (pushes the body up) |
+//! | q | force on the body, U - F_s |
 //! | N, F_z0 | tire load, and at rest |
-//! | alpha, F_y | slip angle and lateral force of a tire |
-//! | u, v, r | longitudinal and lateral velocity, yaw rate |
+//! | delta, alpha, F_y | steering angle, slip angle and lateral force of a tire |
+//! | u, v, r | longitudinal and lateral velocity, yaw rate; u_e is u with a floor, for divisions |
+//! | psi | heading |
+//!
+//! One more d at the end of a name is one more derivative with respect to time: zd, zdd.
 
-use chassis::positions::{SixWheels, axle_of, left_is_positive};
-use chassis::tire;
+use chassis::positions::{SixWheels, ThreeAxles, axle_of, left_is_positive};
+use chassis::{statics, tire};
 use fmi2::Scalar;
 
 use crate::{D, P, TireModel, U, X, Y};
 
-/// Geometry, static loads and the mass matrix of the lateral motion.
+/// Sprung mass, static loads, positions of the wheels and the mass matrix of the lateral motion.
 pub(crate) fn design(p: &P) -> Result<D, String> {
-    let m_s = p.m - 6.0 * p.m_w;
-    if m_s <= 0.0 {
-        return Err(format!("'vehicle.mass' = {} kg must exceed six times 'wheel.mass' = {} kg", p.m, p.m_w));
-    }
-    let axle = [p.a, p.a - p.l12, p.a - p.l12 - p.l23];
-
-    // Three equal springs under a rigid body: the load of an axle is A + D x.
-    let s1: f64 = axle.iter().sum();
-    let s2: f64 = axle.iter().map(|x| x * x).sum();
-    let big_a = p.m * p.g * s2 / (3.0 * s2 - s1 * s1);
-    let big_d = -big_a * s1 / s2;
-    let fz0 = SixWheels::from_fn(|i| (big_a + big_d * axle[axle_of(i)]) / 2.0);
-    if let Some(i) = fz0.iter().position(|&load| load <= 0.0 && p.g > 0.0) {
+    let unsprung = 6.0 * p.m_w;
+    if p.m <= unsprung {
         return Err(format!(
-            "'geometry.cg_to_front_axle' = {} m leaves the static load of the {} at {:.0} N; it must be positive",
+            "'vehicle.mass' = {} kg, more than six times 'wheel.mass' ({unsprung} kg) was expected",
+            p.m
+        ));
+    }
+    let m_s = p.m - unsprung;
+
+    let axles = [p.a, p.a - p.l12, p.a - p.l12 - p.l23];
+    let loads = statics::three_axle_loads(p.m, p.g, axles);
+    if let Some(i) = loads.iter().position(|&load| load <= 0.0 && p.g > 0.0) {
+        return Err(format!(
+            "'geometry.cg_to_front_axle' = {} m, a center of mass nearer to the axles was expected: the load of the {} \
+             at rest would be {:.0} N",
             p.a,
-            SixWheels::<f64>::PLACES[i].words,
-            fz0[i]
+            ThreeAxles::<f64>::PLACES[i].words,
+            loads[i]
         ));
     }
 
+    // Mass matrix of (vd, phidd, rd): [[a, b, 0], [b, c, d], [0, d, e]].
     let (a, b, c) = (p.m, -m_s * p.h_s, p.i_x);
     let (d, e) = (-p.i_xz, p.i_z);
-    // [[a, b, 0], [b, c, d], [0, d, e]]
-    let determinant = a * (c * e - d * d) - b * b * e;
-    if determinant <= 0.0 {
+    let least = b * b / a + d * d / e;
+    if c <= least {
         return Err(format!(
-            "'body.roll_axis_inertia' = {} kg.m2 is too small for the mass, 'geometry.body_cg_to_roll_axis' and \
-             'body.product_of_inertia': the mass matrix must be positive definite",
+            "'body.roll_axis_inertia' = {} kg.m2, more than {least:.0} kg.m2 was expected: mass, \
+             'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it",
             p.i_x
         ));
     }
+    let determinant = a * (c * e - d * d) - b * b * e;
     let inverse = [[c * e - d * d, -b * e, b * d], [-b * e, a * e, -a * d], [b * d, -a * d, a * c - b * b]]
         .map(|row| row.map(|cofactor| cofactor / determinant));
     Ok(D {
         m_s,
-        fz0,
-        x: std::array::from_fn(|i| axle[axle_of(i)]),
+        fz0: SixWheels::from_fn(|i| loads[axle_of(i)] / 2.0),
+        x: std::array::from_fn(|i| axles[axle_of(i)]),
         y: std::array::from_fn(|i| p.b_t / 2.0 * left_is_positive(i)),
         inverse,
     })
@@ -82,12 +89,12 @@ fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     let u_e = Scalar::max(u.u, T::from(p.u_min));
     let delta = SixWheels::<T>::from_fn(|i| u.delta[axle_of(i)]);
 
-    // Suspension (eq. 8 with E4): left wheels are compressed when the body leans left.
+    // Suspension (eq. 8, corrected): the left side rises with positive roll, the front sinks with positive pitch.
     let d = SixWheels::from_fn(|i| x.z - x.theta * s.x[i] + x.phi * s.y[i] - x.z_w[i]);
     let dd = SixWheels::from_fn(|i| x.zd - x.thetad * s.x[i] + x.phid * s.y[i] - x.zd_w[i]);
     let f_s = SixWheels::<T>::from_fn(|i| d[i] * p.k_s + dd[i] * p.c_s);
 
-    // Tires.
+    // Tires (eq. 7, or its saturating form).
     let t = SixWheels::from_fn(|i| x.z_w[i] - u.z_r[i]);
     let n = SixWheels::from_fn(|i| {
         let load = -t[i] * p.k_t + s.fz0[i];
@@ -102,7 +109,7 @@ fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         }
     });
 
-    // Vertical motion (eqs. 4-6 with E5).
+    // Vertical motion (eqs. 4-6, corrected).
     let q = SixWheels::<T>::from_fn(|i| u.f_u[i] - f_s[i]);
     let sum = |f: &dyn Fn(usize) -> T| (0..6).map(f).sum::<T>();
     let zdd = sum(&|i| q[i]) / s.m_s;

@@ -6,6 +6,8 @@
 //! package's README lists.
 
 mod equations;
+#[cfg(test)]
+mod tests;
 
 use chassis::data::rescue_vehicle as data;
 use chassis::prelude::*;
@@ -83,8 +85,8 @@ pub struct P {
     /// A tire cannot pull on the road; if false, tire springs are linear as in the paper
     #[par("tire.lift_off", start = true)]
     lift_off: bool,
-    #[par(GRAVITY, start = data::GRAVITY)]
     /// standard value, rounded
+    #[par(GRAVITY, start = data::GRAVITY)]
     g: f64,
     /// Runge-Kutta of order 4; relative error 3e-10 in smooth runs, 1e-6 where wheels lift off
     #[par(MAX_STEP, start = 0.00025)]

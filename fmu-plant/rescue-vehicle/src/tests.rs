@@ -1,0 +1,472 @@
+//! Check numbers, closed forms and invariants of the equations of motion.
+//!
+//! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
+//! digit.
+
+use std::array;
+
+use control::riccati::eigenvalues;
+use fmi2::model::{Model, PlantModel, Step};
+use fmi2::{Block, Dual64};
+use lqr_suspension::{LATERAL_STATES, Vehicle, state_space};
+use nalgebra::{Complex, DMatrix};
+use proptest::prelude::*;
+
+use super::*;
+
+const STATES: usize = <X<f64> as Block<f64>>::LEN;
+const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
+/// Positions of v and r in the state.
+const V: usize = 18;
+const R: usize = 19;
+
+/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
+}
+
+fn linear() -> P {
+    P { tire_model: TireModel::Linear, lift_off: false, ..P::default() }
+}
+
+fn design(p: &P) -> D {
+    equations::design(p).unwrap()
+}
+
+fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
+    equations::derivatives(p, &design(p), x, u)
+}
+
+fn numbers(block: &impl Block<f64>) -> Vec<f64> {
+    let mut values = vec![0.0; 100];
+    block.write(&mut values);
+    values
+}
+
+/// The Jacobian matrices of the derivatives with respect to state and inputs, exact by dual numbers.
+fn linearized(p: &P, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let d = design(p);
+    let (x, u) = (numbers(x), numbers(u));
+    let column = |j: usize| {
+        let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
+            let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
+            values.iter().enumerate().map(|(i, &value)| Dual64::new(value, seed(i))).collect()
+        };
+        let (x, u) = (X::read(&seeded(&x[..STATES], 0)), U::read(&seeded(&u[..INPUTS], STATES)));
+        let mut rates = [Dual64::from(0.0); STATES];
+        equations::derivatives(p, &d, &x, &u).write(&mut rates);
+        rates.map(|rate| rate.eps)
+    };
+    let columns: Vec<_> = (0..STATES + INPUTS).map(column).collect();
+    (
+        DMatrix::from_fn(STATES, STATES, |i, j| columns[j][i]),
+        DMatrix::from_fn(STATES, INPUTS, |i, j| columns[STATES + j][i]),
+    )
+}
+
+/// A state and inputs with a different number in every place.
+fn example() -> (X<f64>, U<f64>) {
+    let x = X {
+        z: 0.01,
+        theta: 0.02,
+        phi: 0.03,
+        z_w: SixWheels([0.001, 0.002, 0.003, 0.004, 0.005, 0.006]),
+        zd: 0.1,
+        thetad: 0.2,
+        phid: 0.3,
+        zd_w: SixWheels([0.01, 0.02, 0.03, 0.04, 0.05, 0.06]),
+        v: 0.2,
+        r: 0.1,
+        ..X::default()
+    };
+    let u = U {
+        u: 10.0,
+        delta: ThreeAxles([0.1, 0.05, -0.02]),
+        f_u: SixWheels([1000.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0]),
+        z_r: SixWheels([0.006, 0.005, 0.004, 0.003, 0.002, 0.001]),
+        ..U::default()
+    };
+    (x, u)
+}
+
+#[test]
+fn at_rest_nothing_moves_and_the_loads_are_equal() {
+    // The speed is no disturbance: exactly 0. m g / 6 = 58 860 N; a few roundings.
+    let p = P::default();
+    for speed in [0.0, 0.1, 9.7, 40.0] {
+        let u = U { u: speed, ..U::default() };
+        let rates = X { x: 0.0, ..derivatives(&p, &X::default(), &u) };
+        assert!(numbers(&rates).iter().all(|&rate| rate == 0.0), "{rates:?}");
+        let y = equations::outputs(&p, &design(&p), &X::default(), &u);
+        for load in y.n.iter() {
+            assert_near(*load, 58_860.0, 1e-10);
+        }
+        assert_eq!((y.ltr, y.a_y, y.beta), (0.0, 0.0, 0.0));
+    }
+}
+
+#[test]
+fn the_derivatives_have_the_check_numbers() {
+    let p = P::default();
+    let (x, u) = example();
+    let rates = derivatives(&p, &x, &u);
+    assert_near(rates.zd, 0.046296296296, 1e-12);
+    assert_near(rates.thetad, -1.1454778333, 1e-10);
+    assert_near(rates.phid, -3.3864965183, 1e-10);
+    let wheels = [4.0972222222, -65.486111111, 41.597222222, -27.986111111, 57.430555556, -12.152777778];
+    for (actual, expected) in rates.zd_w.iter().zip(wheels) {
+        assert_near(*actual, expected, 1e-9);
+    }
+    assert_near(rates.v, -2.9353380236, 1e-10);
+    assert_near(rates.r, 0.40471817373, 1e-11);
+    // The rate of every position is the velocity itself.
+    assert_eq!((rates.z, rates.theta, rates.phi, rates.z_w, rates.psi), (x.zd, x.thetad, x.phid, x.zd_w, x.r));
+    // u cos psi, v cos psi with psi = 0.
+    assert_eq!((rates.x, rates.y), (10.0, 0.2));
+
+    let y = equations::outputs(&p, &design(&p), &x, &u);
+    let f_s = [-1541.6666667, -40291.666667, 26958.333333, -11791.666667, 42458.333333, 3708.3333333];
+    for (i, expected) in f_s.into_iter().enumerate() {
+        assert_near(p.k_s * y.d[i] + p.c_s * y.dd[i], expected, 1e-6);
+    }
+    let f_y = [15753.647634, 15709.816993, 10097.802895, 10083.914977, -5708.9092767, -5705.8295911];
+    for (actual, expected) in y.f_y.iter().zip(f_y) {
+        assert_near(*actual, expected, 1e-6);
+    }
+    // Definitions: accelerations are the derivatives, a_y = vd + u r, beta = atan(v/u).
+    assert_eq!((y.zdd, y.thetadd, y.phidd, y.rd), (rates.zd, rates.thetad, rates.phid, rates.r));
+    assert_eq!(y.a_y, rates.v + 10.0 * 0.1);
+    assert_near(y.beta, 0.02_f64.atan(), 1e-17);
+}
+
+#[test]
+fn the_paper_tire_has_the_check_numbers() {
+    let p = P { tire_model: TireModel::Linear, ..P::default() };
+    let (x, u) = example();
+    let rates = derivatives(&p, &x, &u);
+    assert_near(rates.v, -2.8360835017, 1e-10);
+    assert_near(rates.phid, -3.3311814824, 1e-10);
+    assert_near(rates.r, 0.4253293022, 1e-10);
+}
+
+#[test]
+fn one_millisecond_has_the_check_numbers() {
+    // Four Runge-Kutta steps of 0.25 ms err by 1e-13 here; 10 digits are printed.
+    let p = P::default();
+    let (x, u) = example();
+    let layout = PlantModel::<RescueVehicle>::layout();
+    let mut reals = vec![0.0; layout.reals()];
+    x.write(&mut reals[layout.states.clone()]);
+    u.write(&mut reals[layout.inputs.clone()]);
+    let step = Step { start: 0.0, time: 0.0, step: 0.001, sample: 0 };
+    let parts = PlantModel::<RescueVehicle>::parts(&p, step);
+    assert_eq!(parts, 4.0);
+    PlantModel::<RescueVehicle>::step(&p, &design(&p), &mut (), &layout, &mut reals, step, 4).unwrap();
+    let x = X::<f64>::read(&reals[layout.states]);
+    assert_near(x.z, 0.0101000223, 1e-10);
+    assert_near(x.phi, 0.0302983458, 1e-10);
+    assert_near(x.v, 0.1971744722, 1e-10);
+    assert_near(x.r, 0.1004070351, 1e-10);
+}
+
+#[test]
+fn the_steady_yaw_gain_is_that_of_a_neutral_vehicle() {
+    // Three axles of equal stiffness with the center of mass at their mean: r/delta_f = u a/(a^2 + b^2 + c^2) for small
+    // angles, rear axles straight (Chen et al. eq. 14 with A2 = 0). Exact; 1e-12 covers the linear solution. The state
+    // without heading and position has a regular matrix.
+    let p = linear();
+    let (a, b) = linearized(&p, &X::default(), &U::default());
+    let front = 1; // speed, then the front axle
+    let steady = a.view((0, 0), (20, 20)).into_owned().lu().solve(&(-b.view((0, front), (20, 1)))).unwrap();
+    let gain = steady[(R, 0)];
+    let x = design(&p).x;
+    let closed = data::SPEED * x[0] / (x[0] * x[0] + x[2] * x[2] + x[4] * x[4]);
+    assert_near(gain / closed, 1.0, 1e-12);
+    assert_near(gain, 2.252655, 1e-6); // check number
+    assert_near(gain / data::SPEED, 0.231702, 1e-6); // check number
+}
+
+#[test]
+fn a_steady_turn_without_sideslip_is_an_equilibrium() {
+    // Closed form of a turn with v = 0: every tire makes m u r / 6, and the roll angle per lateral acceleration is
+    // m_s h_s / (K_phi - m_s g h_s) with springs and tire springs in series, K_phi = 6 (B/2)^2 k_s k_t / (k_s + k_t).
+    let p = linear();
+    let s = design(&p);
+    let (speed, r) = (data::SPEED, 0.385);
+    let a_y = speed * r;
+    let half = p.b_t / 2.0;
+    let k_phi = 6.0 * half * half * p.k_s * p.k_t / (p.k_s + p.k_t);
+    let per_acceleration = s.m_s * p.h_s / (k_phi - s.m_s * p.g * p.h_s);
+    assert_near(per_acceleration, 0.01984193, 1e-8); // check number
+    let phi = per_acceleration * a_y;
+    let share = p.k_s / (p.k_s + p.k_t);
+    let delta = ThreeAxles::from_fn(|axle| {
+        let travel = (s.x[2 * axle] * r).atan2(speed);
+        let mut delta = travel;
+        for _ in 0..100 {
+            delta = travel + p.m * a_y / 6.0 / (p.c[axle] * delta.cos());
+        }
+        delta
+    });
+    let x = X { phi, z_w: SixWheels::from_fn(|i| share * s.y[i] * phi), r, ..X::default() };
+    let u = U { u: speed, delta, ..U::default() };
+    let rates = derivatives(&p, &x, &u);
+    // Roundings of forces of 1e5 N on the smallest mass, 600 kg.
+    for rate in numbers(&X { x: 0.0, y: 0.0, psi: 0.0, ..rates }) {
+        assert_near(rate, 0.0, 1e-12);
+    }
+    // Load transfer: the moment of the tires about the roll axis is that of the springs.
+    let y = equations::outputs(&p, &s, &x, &u);
+    assert_near(y.ltr, k_phi * phi / (half * p.m * p.g), 1e-12);
+    assert_near(y.a_y, a_y, 1e-12);
+}
+
+#[test]
+fn the_linearized_plant_is_the_design_model_of_the_controllers() {
+    // Two derivations of one model: these equations by dual numbers, and the matrices M, N, R, Q of the paper's
+    // Appendix A (corrected). States v = u beta; a few roundings of the largest element.
+    let p = linear();
+    let s = design(&p);
+    let vehicle = Vehicle {
+        m: p.m,
+        m_w: p.m_w,
+        x: s.x,
+        y: s.y,
+        h_s: p.h_s,
+        i_x: p.i_x,
+        i_y: p.i_y,
+        i_z: p.i_z,
+        i_xz: p.i_xz,
+        k_s: p.k_s,
+        c_s: p.c_s,
+        k_t: p.k_t,
+        c: array::from_fn(|i| p.c[axle_of(i)]),
+        g: p.g,
+    };
+    let speed = data::SPEED;
+    let (a_design, b_design) = state_space(&vehicle, Some(speed)).unwrap();
+    let (a, b) = linearized(&p, &X::default(), &U { u: speed, ..U::default() });
+    let scale = |i: usize| if i == V { speed } else { 1.0 };
+    for i in 0..LATERAL_STATES {
+        for j in 0..LATERAL_STATES {
+            assert_near(a[(i, j)] / scale(i) * scale(j), a_design[(i, j)], 1e-12 * a_design.amax());
+        }
+        for j in 0..6 {
+            let first_force = 4; // speed and three axles
+            assert_near(b[(i, first_force + j)] / scale(i), b_design[(i, j)], 1e-12 * b_design.amax());
+        }
+    }
+}
+
+#[test]
+fn the_poles_at_35_km_h_are_the_check_numbers() {
+    // With the paper's tires and with the saturating ones, which have the same slope at rest. 4 decimals are printed.
+    for p in [linear(), P::default()] {
+        let (a, _) = linearized(&p, &X::default(), &U::default());
+        let poles = eigenvalues(&a.view((0, 0), (20, 20)).into_owned()).unwrap();
+        let expected = [
+            (-2.7235, 4.6566),   // roll
+            (-11.1879, 0.0),     // lateral
+            (-3.4122, 0.0),      // lateral
+            (-1.1156, 5.0058),   // pitch, as without lateral motion
+            (-1.5357, 6.0877),   // heave, as without lateral motion
+            (-20.8333, 40.6116), // wheel hop, as without lateral motion
+        ];
+        for (re, im) in expected {
+            let distance = |pole: &Complex<f64>| (pole - Complex::new(re, im)).norm();
+            let nearest = poles.iter().map(distance).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 1e-4, "{re} + {im}i: {poles:?}");
+        }
+        assert!(poles.iter().all(|pole| pole.re < 0.0));
+    }
+}
+
+/// Kinetic and potential energy of the vehicle without lift-off; it is at rest in the vertical plane at 0.
+fn energy<T: Scalar>(p: &P, s: &D, x: &X<T>) -> T {
+    let wheels = (0..6).map(|i| {
+        let d = x.z - x.theta * s.x[i] + x.phi * s.y[i] - x.z_w[i];
+        d.squared() * p.k_s + x.z_w[i].squared() * p.k_t + x.zd_w[i].squared() * p.m_w
+    });
+    let body = x.zd.squared() * s.m_s + x.thetad.squared() * p.i_y + x.phid.squared() * p.i_x;
+    let plane = x.v.squared() * p.m + x.r.squared() * p.i_z;
+    let coupling = x.v * x.phid * (s.m_s * p.h_s) + x.phid * x.r * p.i_xz;
+    let height = (x.theta.squared() + x.phi.squared()) * (s.m_s * p.g * p.h_s);
+    (wheels.sum::<T>() + body + plane - height) * 0.5 - coupling
+}
+
+/// A state of usual size: positions to 0.1, rates to 1.
+fn any_state() -> impl Strategy<Value = X<f64>> {
+    prop::array::uniform23(-1.0..1.0_f64).prop_map(|values| {
+        let scaled: Vec<_> = values.iter().enumerate().map(|(i, v)| if i < 9 { 0.1 * v } else { *v }).collect();
+        X::read(&scaled)
+    })
+}
+
+fn any_inputs() -> impl Strategy<Value = U<f64>> {
+    (0.0..20.0, prop::array::uniform3(-0.5..0.5), prop::array::uniform6(-1e4..1e4), prop::array::uniform6(-0.05..0.05))
+        .prop_flat_map(|(u, delta, f_u, z_r)| {
+            prop::array::uniform6(0.0..1.0).prop_map(move |friction| U {
+                u,
+                delta: ThreeAxles(delta),
+                f_u: SixWheels(f_u),
+                z_r: SixWheels(z_r),
+                friction: SixWheels(friction),
+            })
+        })
+}
+
+/// The values of a block for the vehicle seen in a mirror along its track, by the names of the variables.
+fn mirrored<B: Block<f64>>(block: &B) -> B {
+    const ODD: [&str; 9] = [
+        "steer",
+        "tire_slip_angle",
+        "tire_lateral_force",
+        "vehicle.lateral",
+        "vehicle.sideslip",
+        "vehicle.yaw",
+        "vehicle.position_y",
+        "vehicle.load_transfer_ratio",
+        "body.roll",
+    ];
+    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
+    let values = numbers(block);
+    let other_side = |name: &str| match name.rsplit_once('.') {
+        Some((family, place)) if SixWheels::<f64>::PLACES.iter().any(|known| known.suffix == place) => {
+            let (axle, side) = place.split_at(1);
+            format!("{family}.{axle}{}", if side == "l" { "r" } else { "l" })
+        }
+        _ => name.to_owned(),
+    };
+    let reflected: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let source = names.iter().position(|other| *other == other_side(name)).unwrap();
+            if ODD.iter().any(|odd| name.starts_with(odd)) { -values[source] } else { values[source] }
+        })
+        .collect();
+    B::read(&reflected)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Standing, on a flat road, without actuators and with axles straight: only dampers and sliding tires change the
+    /// energy, and only downwards. Both sides are sums of terms to 1e6 W: 1e-8 W are roundings.
+    #[test]
+    fn the_energy_balance_closes(x in any_state()) {
+        for tire_model in [TireModel::Linear, TireModel::Saturating] {
+            let p = P { tire_model, lift_off: false, ..P::default() };
+            let s = design(&p);
+            let u = U { u: 0.0, ..U::default() };
+            let rates = equations::derivatives(&p, &s, &x, &u);
+            let moving: Vec<_> = numbers(&x).into_iter().zip(numbers(&rates)).map(|(x, d)| Dual64::new(x, d)).collect();
+            let power = energy(&p, &s, &X::read(&moving)).eps;
+            let y = equations::outputs(&p, &s, &x, &u);
+            let dampers: f64 = y.dd.iter().map(|dd| -p.c_s * dd * dd).sum();
+            let tires: f64 = (0..6).map(|i| y.f_y[i] * (x.v + x.r * s.x[i])).sum();
+            prop_assert!(dampers <= 0.0 && tires <= 0.0);
+            prop_assert!((power - dampers - tires).abs() <= 1e-8, "{} W from {} W", power - dampers - tires, power);
+        }
+    }
+
+    /// Right and left exchanged: only the order of sums changes. Relative to the largest acceleration (force) that is a
+    /// few roundings.
+    #[test]
+    fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), saturating: bool, lift_off: bool) {
+        let tire_model = if saturating { TireModel::Saturating } else { TireModel::Linear };
+        let p = P { tire_model, lift_off, ..P::default() };
+        let s = design(&p);
+        let (xm, um) = (mirrored(&x), mirrored(&u));
+        let pairs = [
+            (
+                numbers(&mirrored(&equations::derivatives(&p, &s, &x, &u))),
+                numbers(&equations::derivatives(&p, &s, &xm, &um)),
+            ),
+            (numbers(&mirrored(&equations::outputs(&p, &s, &x, &u))), numbers(&equations::outputs(&p, &s, &xm, &um))),
+        ];
+        for (expected, actual) in pairs {
+            let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
+            for (expected, actual) in expected.into_iter().zip(actual) {
+                prop_assert!((expected - actual).abs() <= 1e-14 * largest, "{expected} {actual}");
+            }
+        }
+    }
+
+    /// Slip angles and everything else stay finite when the vehicle stands, and a tire never pulls on the road.
+    #[test]
+    fn a_standing_vehicle_has_finite_slip(x in any_state(), u in any_inputs()) {
+        let p = P::default();
+        let u = U { u: 0.0, ..u };
+        let y = equations::outputs(&p, &design(&p), &x, &u);
+        prop_assert!(numbers(&y).iter().all(|value| value.is_finite()));
+        prop_assert!(numbers(&derivatives(&p, &x, &u)).iter().all(|value| value.is_finite()));
+        prop_assert!(y.n.iter().all(|&load| load >= 0.0));
+        prop_assert!((-1.0..=1.0).contains(&y.ltr));
+        for (i, f_y) in y.f_y.iter().enumerate() {
+            prop_assert!(f_y.abs() <= y.n[i] * u.friction[i] * p.mu);
+        }
+    }
+}
+
+#[test]
+fn a_vehicle_in_the_air_has_no_tire_forces() {
+    let p = P::default();
+    let x = X { z_w: SixWheels([1.0; 6]), v: 1.0, r: 0.5, ..X::default() };
+    let y = equations::outputs(&p, &design(&p), &x, &U::default());
+    assert_eq!((*y.n, *y.f_y, y.ltr), ([0.0; 6], [0.0; 6], 0.0));
+    // Without lift-off the tire spring pulls: F_z0 - k_t t.
+    let y = equations::outputs(&linear(), &design(&p), &x, &U::default());
+    assert_near(y.n[0], 58_860.0 - 1e6, 1e-9);
+}
+
+#[test]
+fn the_path_follows_speed_and_heading() {
+    // A vehicle that points to the left by 90 degrees and drifts: (u cos psi - v sin psi, u sin psi + v cos psi).
+    let x = X { psi: std::f64::consts::FRAC_PI_2, v: 0.5, ..X::default() };
+    let rates = derivatives(&P::default(), &x, &U { u: 10.0, ..U::default() });
+    assert_near(rates.x, -0.5, 1e-14);
+    assert_near(rates.y, 10.0, 1e-14);
+}
+
+#[test]
+fn data_that_make_no_vehicle_are_refused() {
+    let message = |p: P| equations::design(&p).unwrap_err();
+    assert_eq!(
+        message(P { m: 3600.0, ..P::default() }),
+        "'vehicle.mass' = 3600 kg, more than six times 'wheel.mass' (3600 kg) was expected"
+    );
+    assert_eq!(
+        message(P { a: 6.0, ..P::default() }),
+        "'geometry.cg_to_front_axle' = 6 m, a center of mass nearer to the axles was expected: the load of the front \
+         axle at rest would be -167313 N"
+    );
+    assert_eq!(
+        message(P { a: 0.5, ..P::default() }),
+        "'geometry.cg_to_front_axle' = 0.5 m, a center of mass nearer to the axles was expected: the load of the rear \
+         axle at rest would be -18885 N"
+    );
+    // (m_s h_s)^2/m + I_xz^2/I_z = 29 160 + 131.6 kg m2.
+    assert_eq!(
+        message(P { i_x: 29_000.0, ..P::default() }),
+        "'body.roll_axis_inertia' = 29000 kg.m2, more than 29292 kg.m2 was expected: mass, \
+         'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
+    );
+    // Just above it there is a solution.
+    assert!(equations::design(&P { i_x: 29_293.0, ..P::default() }).is_ok());
+}
+
+#[test]
+fn the_inverse_mass_matrix_is_one() {
+    // M M^-1 = 1; roundings of a product of 3 terms of order 1.
+    let p = P::default();
+    let s = design(&p);
+    let coupling = -s.m_s * p.h_s;
+    let mass = [[p.m, coupling, 0.0], [coupling, p.i_x, -p.i_xz], [0.0, -p.i_xz, p.i_z]];
+    for (i, row) in mass.iter().enumerate() {
+        for j in 0..3 {
+            let product: f64 = (0..3).map(|k| row[k] * s.inverse[k][j]).sum();
+            assert_near(product, if i == j { 1.0 } else { 0.0 }, 1e-13);
+        }
+    }
+}
