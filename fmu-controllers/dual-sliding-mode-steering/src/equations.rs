@@ -1,52 +1,50 @@
-//! One sample of the steering law, in the order of the paper (eqs. 14-31).
+//! One sample of the steering law, in the order of computation: front axle and reference, sliding modes, limits. The
+//! numbers are those of the paper; what had to be corrected stands in the README.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | beta, r, u | sideslip angle, yaw rate, speed |
 //! | df, dm, dr | angles of the front, middle and rear axle |
-//! | a, -b, -c | longitudinal position of the axles |
+//! | a, -b, -c | positions of the axles in front of the center of mass |
 //! | C_F, C_M, C_R | cornering stiffness of the axles (two tires each), positive |
-//! | S_b, S_r | sliding surfaces of sideslip and yaw rate |
-//! | n_b, n_r | lateral force and yaw moment that the two axles have to make |
+//! | W_F | load of the front axle at rest |
+//! | r_d | reference of the yaw rate; that of sideslip is 0 |
+//! | e, I | error of sideslip (e_b) and of yaw rate (e_r), and their integrals |
+//! | S | sliding surface of sideslip (S_b) and of yaw rate (S_r) |
+//! | g | cornering stiffness times slip angle of an axle (middle and rear: of the straight axle) |
+//! | n_b, n_r | lateral force and yaw moment that the middle and rear axles have to steer for |
+//! | T | sample time |
 
 use chassis::positions::{RearAxles, ThreeAxles};
+use chassis::statics;
 use control::limit;
 use control::sliding_mode::{integral_surface, reaching_law};
 
-use crate::{P, ReferenceModel, SlipAngleModel, U, X, Y};
+use crate::{D, P, ReferenceModel, SlipAngleModel, U, X, Y};
 
-/// The geometry must leave the center of mass between the front and the rear axle.
-pub(crate) fn check(p: &P) -> Result<(), String> {
+/// Positions, axle stiffnesses and the load of the front axle.
+pub(crate) fn design(p: &P) -> Result<D, String> {
     if p.g <= 0.0 {
         return Err(format!("'gravity' = {} m/s2, a number above 0 was expected", p.g));
     }
-    if static_front_load(p) <= 0.0 {
+    let (b, c) = (p.l12 - p.a, p.l12 + p.l23 - p.a);
+    let [w_f, ..] = statics::three_axle_loads(p.m, p.g, [p.a, -b, -c]);
+    if w_f <= 0.0 {
         return Err(format!(
-            "'geometry.cg_to_front_axle' = {} m: the front axle must carry a part of the vehicle",
+            "'geometry.cg_to_front_axle' = {} m, a center of mass nearer to the front axle was expected: the load of the \
+             front axle at rest would be {w_f:.0} N",
             p.a
         ));
     }
-    Ok(())
+    Ok(D { b, c, c_axle: p.c.map(|tire| 2.0 * tire), w_f })
 }
 
-/// W_F in N: three equal springs under a rigid body (the load of an axle is A + D x).
-fn static_front_load(p: &P) -> f64 {
-    let x = [p.a, p.a - p.l12, p.a - p.l12 - p.l23];
-    let s1: f64 = x.iter().sum();
-    let s2: f64 = x.iter().map(|x| x * x).sum();
-    p.m * p.g * (s2 - s1 * x[0]) / (3.0 * s2 - s1 * s1)
-}
-
-pub(crate) fn sample(p: &P, x: &mut X, inputs: &U) -> Y {
-    let t = p.sample_time;
-    let (a, b, c) = (p.a, p.l12 - p.a, p.l12 + p.l23 - p.a);
-    let [c_f, c_m, c_r] = p.c.map(|tire| 2.0 * tire);
-    let U { beta, r, .. } = *inputs;
-    let u = inputs.u.max(p.u_min);
-
-    // Front axle and yaw rate reference.
-    let gain = match p.reference_model {
-        ReferenceModel::ZeroSideslip => u / (a + static_front_load(p) / p.g * u * u / c_f),
+/// Yaw rate of a steady turn per angle of the front axle (with zero sideslip: per its tangent), 1/s.
+pub(crate) fn yaw_rate_gain(p: &P, d: &D, u: f64) -> f64 {
+    let (a, b, c) = (p.a, d.b, d.c);
+    let [c_f, c_m, c_r] = d.c_axle;
+    match p.reference_model {
+        ReferenceModel::ZeroSideslip => u / (a + d.w_f / p.g * u * u / c_f),
         ReferenceModel::TwoDegreesOfFreedom => {
             let a1 = c_f + c_m + c_r;
             let a2 = a * c_f - b * c_m - c * c_r;
@@ -55,14 +53,34 @@ pub(crate) fn sample(p: &P, x: &mut X, inputs: &U) -> Y {
             let den = (a1 * a3 - a2 * a2 - a2 * p.m * u * u).max(0.05 * a1 * a3);
             c_f * (a * a1 - a2) * u / den
         }
+    }
+}
+
+/// Largest angle of the front axle: its own limit, or where the steady turn reaches the yaw rate `r_max`, rad.
+pub(crate) fn front_limit(p: &P, gain: f64, r_max: f64) -> f64 {
+    let f_lim = match p.reference_model {
+        ReferenceModel::ZeroSideslip => (r_max / gain).atan(),
+        ReferenceModel::TwoDegreesOfFreedom => r_max / gain,
     };
+    f_lim.min(p.front_limit)
+}
+
+pub(crate) fn sample(p: &P, d: &D, x: &mut X, inputs: &U) -> Y {
+    let t = p.sample_time;
+    let (a, b, c) = (p.a, d.b, d.c);
+    let [c_f, c_m, c_r] = d.c_axle;
+    let U { beta, r, .. } = *inputs;
+    let u = inputs.u.max(p.u_min);
+
+    // Front axle and reference.
+    let gain = yaw_rate_gain(p, d, u);
     let r_max = p.ay_limit / u;
-    let (f_lim, yaw_rate_of): (f64, fn(f64) -> f64) = match p.reference_model {
-        ReferenceModel::ZeroSideslip => ((r_max / gain).atan(), f64::tan),
-        ReferenceModel::TwoDegreesOfFreedom => (r_max / gain, |angle| angle),
+    let df = limit::rate(limit::magnitude(inputs.steer, front_limit(p, gain, r_max)), x.df, p.front_rate, t);
+    let steady = match p.reference_model {
+        ReferenceModel::ZeroSideslip => gain * df.tan(),
+        ReferenceModel::TwoDegreesOfFreedom => gain * df,
     };
-    let df = limit::rate(limit::magnitude(inputs.steer, f_lim.min(p.front_limit)), x.df, p.front_rate, t);
-    let target = limit::magnitude(gain * yaw_rate_of(df), r_max);
+    let target = limit::magnitude(steady, r_max);
     let r_d = x.r_d;
     let rdd = (target - r_d) / p.tau;
 

@@ -4,6 +4,8 @@
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eqs. 14-31.
 
 mod equations;
+#[cfg(test)]
+mod tests;
 
 use chassis::data::rescue_vehicle as data;
 use chassis::prelude::*;
@@ -147,6 +149,19 @@ pub struct X {
     dr: f64,
 }
 
+/// What follows from geometry, masses and tires.
+#[derive(Design, Clone, Debug)]
+pub struct D {
+    /// Positions of the middle and rear axle behind the center of mass, m.
+    b: f64,
+    c: f64,
+    /// Cornering stiffness of the axles, N/rad.
+    c_axle: [f64; 3],
+    /// Load of the front axle at rest
+    #[calculated("axle.static_load.front", unit = N, display = "kN")]
+    w_f: f64,
+}
+
 impl Sampled for DualSlidingModeSteering {
     const INFO: Info = Info {
         name: "DualSlidingModeSteering",
@@ -156,16 +171,16 @@ impl Sampled for DualSlidingModeSteering {
         step_size: 0.001,
     };
     type Parameters = P;
-    type Design = ();
+    type Design = D;
     type Memory = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(p: &P) -> Result<(), String> {
-        equations::check(p)
+    fn design(p: &P) -> Result<D, String> {
+        equations::design(p)
     }
-    fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
-        equations::sample(p, x, u)
+    fn update(p: &P, d: &D, x: &mut X, u: &U, _t: f64) -> Y {
+        equations::sample(p, d, x, u)
     }
 }
 

@@ -1,0 +1,264 @@
+//! Check numbers, closed forms and invariants of the steering law.
+//!
+//! "Check numbers" were computed by an independent implementation of the law and are compared to their last printed
+//! digit.
+
+use fmi2::block::Mode as _;
+use proptest::prelude::*;
+
+use super::*;
+
+const KM_H: f64 = 1.0 / 3.6;
+
+/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
+}
+
+fn design(p: &P) -> D {
+    equations::design(p).unwrap()
+}
+
+fn sample(p: &P, x: &mut X, u: &U) -> Y {
+    equations::sample(p, &design(p), x, u)
+}
+
+fn ordinary() -> P {
+    P { reference_model: ReferenceModel::TwoDegreesOfFreedom, ..P::default() }
+}
+
+/// Inputs of the check numbers.
+const TURN: U = U { steer: 0.05, u: 10.0, beta: 0.01, r: 0.1, k3: 1.0 };
+
+#[test]
+fn three_samples_from_rest_have_the_check_numbers() {
+    let p = P::default();
+    let mut x = X::default();
+    let expected = [
+        (0.02072383357, 0.02708851014, 0.000174532925, 0.0),
+        (0.02050099309, 0.02711281770, 0.000349065850, 1.9272766159e-6),
+        (0.02027815414, 0.02713712373, 0.000523598776, 5.7722176328e-6),
+    ];
+    for (n, (middle, rear, front, reference)) in expected.into_iter().enumerate() {
+        let y = sample(&p, &mut x, &TURN);
+        assert_near(y.request[0], middle, 1e-11);
+        assert_near(y.request[1], rear, 1e-11);
+        assert_near(y.delta[0], front, 1e-12);
+        // Both are slewed: 30 deg/s in 1 ms per sample.
+        let slewed = 0.000523598776 * (n + 1) as f64;
+        assert_near(y.delta[1], slewed, 2e-12);
+        assert_near(y.delta[2], slewed, 2e-12);
+        assert_near(y.r_d, reference, 1e-16);
+    }
+}
+
+#[test]
+fn small_slip_angles_have_the_check_numbers() {
+    let p = P { slip_angle_model: SlipAngleModel::SmallAngle, ..P::default() };
+    let y = sample(&p, &mut X::default(), &TURN);
+    assert_near(y.request[0], 0.02076301808, 1e-11);
+    assert_near(y.request[1], 0.02706244899, 1e-11);
+}
+
+#[test]
+fn small_slip_angles_solve_the_equations_of_the_paper() {
+    // Eqs. 14-31 written with A1, A2, A3 as in the paper (k = -C, six tires): the same two equations for the two axles
+    // solved by hand. Roundings of forces of 1e5 N over 6e5 N/rad.
+    let p = P { slip_angle_model: SlipAngleModel::SmallAngle, ..P::default() };
+    let d = design(&p);
+    let (a, b, c, [c_f, c_m, c_r]) = (p.a, d.b, d.c, d.c_axle);
+    let (a1, a2, a3) = (c_f + c_m + c_r, a * c_f - b * c_m - c * c_r, a * a * c_f + b * b * c_m + c * c * c_r);
+    let U { u, beta, r, .. } = TURN;
+    let memory = X { i_b: 0.001, i_r: -0.002, r_d: 0.09, df: 0.04, ..X::default() };
+    let mut x = memory.clone();
+    let y = sample(&p, &mut x, &TURN);
+
+    let (s_b, e_r) = (beta + p.zeta[0] * memory.i_b, r - memory.r_d);
+    let s_r = e_r + p.zeta[1] * memory.i_r;
+    assert_eq!((y.s_b, y.s_r), (s_b, s_r));
+    let reach_b = -p.zeta[0] * beta - p.k[0] * s_b - p.eps_b * (s_b / p.width_b).clamp(-1.0, 1.0);
+    let gain = equations::yaw_rate_gain(&p, &d, u);
+    let rdd = (gain * x.df.tan() - memory.r_d) / p.tau;
+    let reach_r = rdd - p.zeta[1] * e_r - p.k[1] * s_r - p.eps_r * (s_r / p.width_r).clamp(-1.0, 1.0);
+    let n_b = a1 * beta + (a2 / u + p.m * u) * r - c_f * x.df + p.m * u * reach_b;
+    let n_r = a2 * beta + a3 * r / u - a * c_f * x.df + p.i_z * reach_r;
+    assert_near(c_m * y.request[0] + c_r * y.request[1], n_b, 1e-9);
+    assert_near(-b * c_m * y.request[0] - c * c_r * y.request[1], n_r, 1e-9);
+}
+
+#[test]
+fn yaw_rate_gains_and_front_limits_have_the_check_numbers() {
+    // 6 decimals of the gains in 1/s, 4 of the limits in degrees.
+    let expected = [
+        (5.0, 0.543544, 0.321808, 32.0),
+        (15.0, 1.454898, 0.965424, 31.6931),
+        (25.0, 1.994858, 1.609040, 15.1198),
+        (35.0, 2.206037, 2.252655, 9.8995),
+    ];
+    for (speed, zero_sideslip, two_degrees_of_freedom, limit) in expected {
+        let (p, u) = (P::default(), speed * KM_H);
+        let gain = equations::yaw_rate_gain(&p, &design(&p), u);
+        assert_near(gain, zero_sideslip, 1e-6);
+        assert_near(equations::front_limit(&p, gain, p.ay_limit / u).to_degrees(), limit, 1e-4);
+        let p = ordinary();
+        assert_near(equations::yaw_rate_gain(&p, &design(&p), u), two_degrees_of_freedom, 1e-6);
+    }
+}
+
+#[test]
+fn the_ordinary_gain_is_that_of_a_single_track_model() {
+    // Neutral vehicle: u a/(a^2 + b^2 + c^2) (closed form of eq. 14 with A2 = 0); roundings.
+    let p = ordinary();
+    let D { b, c, .. } = design(&p);
+    let u = 35.0 * KM_H;
+    let closed = u * p.a / (p.a * p.a + b * b + c * c);
+    assert_near(equations::yaw_rate_gain(&p, &design(&p), u) / closed, 1.0, 1e-14);
+    // An oversteering vehicle beyond its critical speed: A1 A3 - A2^2 - A2 m u^2 is held at 5 % of A1 A3.
+    let p = P { c: ThreeAxles([6e5, 3e5, 1e5]), ..ordinary() };
+    let D { b, c, c_axle: [c_f, c_m, c_r], .. } = design(&p);
+    let (a1, a2) = (c_f + c_m + c_r, p.a * c_f - b * c_m - c * c_r);
+    let a3 = p.a * p.a * c_f + b * b * c_m + c * c * c_r;
+    assert!(a1 * a3 - a2 * a2 - a2 * p.m * 400.0 < 0.0);
+    let floor = c_f * (p.a * a1 - a2) * 20.0 / (0.05 * a1 * a3);
+    assert_near(equations::yaw_rate_gain(&p, &design(&p), 20.0) / floor, 1.0, 1e-14);
+}
+
+#[test]
+fn the_steady_turn_needs_the_angles_of_equal_slip() {
+    // Steady state with zero sideslip at 35 km/h and 0.05 rad: all axles run at the slip angle m u r/A1, so the middle
+    // axle stands at alpha - b r/u and the rear one at alpha - c r/u with r = gain tan(0.05). Small angles: the arc
+    // tangents and the tangent of 0.05 rad differ from it by less than 0.05^3/3 = 4e-5 rad, over the levers by 1e-4.
+    let p = P::default();
+    let d = design(&p);
+    let u = 35.0 * KM_H;
+    let r = equations::yaw_rate_gain(&p, &d, u) * 0.05_f64.tan();
+    assert_near(r, 0.110394, 1e-6); // check number
+    let mut x = X { r_d: r, df: 0.05, ..X::default() };
+    let y = sample(&p, &mut x, &U { steer: 0.05, u, beta: 0.0, r, k3: 1.0 });
+    let alpha = p.m * u * r / d.c_axle.iter().sum::<f64>();
+    assert_near(alpha - d.b * r / u, 0.01655, 1e-5); // check number
+    assert_near(alpha - d.c * r / u, -0.00219, 1e-5); // check number
+    assert_near(y.request[0], alpha - d.b * r / u, 1e-4);
+    assert_near(y.request[1], alpha - d.c * r / u, 1e-4);
+    assert_eq!((y.s_b, y.s_r), (0.0, 0.0));
+}
+
+#[test]
+fn the_front_axle_slews_to_the_angle_of_the_largest_lateral_acceleration() {
+    // pi/6 at 35 km/h: 9.8995 deg (check number) after 0.99 s at 10 deg/s; the reference tends to ay_limit/u within
+    // exp(-9/0.2).
+    let p = P::default();
+    let mut x = X::default();
+    let u = U { steer: std::f64::consts::FRAC_PI_6, u: 35.0 * KM_H, beta: 0.0, r: 0.0, k3: 0.0 };
+    let mut y = Y::default();
+    for n in 1..=10_000 {
+        y = sample(&p, &mut x, &u);
+        let slewed: f64 = 0.01 * f64::from(n);
+        assert_near(y.delta[0].to_degrees(), slewed.min(9.8995), 1e-4);
+    }
+    assert_near(y.r_d, p.ay_limit / u.u, 1e-12);
+    assert_eq!((y.delta[1], y.delta[2]), (0.0, 0.0));
+}
+
+#[test]
+fn switched_off_the_axles_return_and_the_integrals_are_cleared() {
+    let p = P::default();
+    let mut x = X::default();
+    for _ in 0..100 {
+        sample(&p, &mut x, &TURN);
+    }
+    assert!(x.i_b > 0.0 && x.i_r > 0.0);
+    let last = x.dm;
+    let y = sample(&p, &mut x, &U { k3: 0.5, ..TURN });
+    assert_eq!((x.i_b, x.i_r, y.s_b, y.s_r), (0.0, 0.0, 0.0, 0.0));
+    assert_eq!((y.request[0], y.request[1]), (0.0, 0.0));
+    assert_near(y.delta[1], last - p.rate * p.sample_time * last.signum(), 1e-16); // one rounding
+}
+
+#[test]
+fn the_integrals_wait_while_an_axle_is_at_its_limit() {
+    let p = P { limit: 0.01, ..P::default() };
+    let mut x = X::default();
+    let y = sample(&p, &mut x, &TURN);
+    assert!(y.request[1] > p.limit);
+    assert_eq!((x.i_b, x.i_r), (0.0, 0.0));
+    // Within the limit: I = T e exactly.
+    let p = P::default();
+    sample(&p, &mut x, &TURN);
+    assert_eq!(x.i_b, p.sample_time * TURN.beta);
+}
+
+#[test]
+fn without_rate_limits_the_axles_follow_at_once() {
+    let p = P { front_rate: 0.0, rate: 0.0, ..P::default() };
+    let y = sample(&p, &mut X::default(), &TURN);
+    assert_eq!(y.delta[0], 0.05);
+    assert_eq!((y.delta[1], y.delta[2]), (y.request[0], y.request[1]));
+}
+
+#[test]
+fn data_without_a_steady_turn_are_refused() {
+    let message = |p: P| equations::design(&p).unwrap_err();
+    assert_eq!(message(P { g: 0.0, ..P::default() }), "'gravity' = 0 m/s2, a number above 0 was expected");
+    assert_eq!(
+        message(P { a: 6.0, ..P::default() }),
+        "'geometry.cg_to_front_axle' = 6 m, a center of mass nearer to the front axle was expected: the load of the \
+         front axle at rest would be -167313 N"
+    );
+    // m g/3 (closed form for equal loads); roundings.
+    assert_near(design(&P::default()).w_f, 117_720.0, 1e-9);
+}
+
+fn any_memory() -> impl Strategy<Value = X> {
+    prop::array::uniform6(-0.1..0.1_f64).prop_map(|[i_b, i_r, r_d, df, dm, dr]| X { i_b, i_r, r_d, df, dm, dr })
+}
+
+fn any_inputs() -> impl Strategy<Value = U> {
+    (-0.6..0.6, 0.0..20.0, -0.3..0.3, -0.6..0.6, 0.0..1.0).prop_map(|(steer, u, beta, r, k3)| U {
+        steer,
+        u,
+        beta,
+        r,
+        k3,
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    /// A turn to the right is the turn to the left in a mirror: every function of the law is odd, to the bit.
+    #[test]
+    fn the_law_is_odd(x in any_memory(), u in any_inputs(), ordinary_reference: bool, small_angles: bool) {
+        let p = P {
+            reference_model: ReferenceModel::from_value(i32::from(!ordinary_reference)).unwrap(),
+            slip_angle_model: SlipAngleModel::from_value(i32::from(!small_angles)).unwrap(),
+            ..P::default()
+        };
+        let (mut left, mut right) = (
+            x.clone(),
+            X { i_b: -x.i_b, i_r: -x.i_r, r_d: -x.r_d, df: -x.df, dm: -x.dm, dr: -x.dr },
+        );
+        let y = sample(&p, &mut left, &u);
+        let mirror = sample(&p, &mut right, &U { steer: -u.steer, beta: -u.beta, r: -u.r, ..u });
+        prop_assert_eq!(*y.delta, mirror.delta.map(|angle| -angle));
+        prop_assert_eq!(*y.request, mirror.request.map(|angle| -angle));
+        prop_assert_eq!((y.s_b, y.s_r, y.r_d), (-mirror.s_b, -mirror.s_r, -mirror.r_d));
+        prop_assert_eq!((left.i_b, left.i_r, left.r_d), (-right.i_b, -right.i_r, -right.r_d));
+    }
+
+    /// Angles and their rates stay within their limits from wherever they start within them, at any speed down to 0.
+    #[test]
+    fn angles_and_rates_keep_their_limits(x in any_memory(), u in any_inputs()) {
+        let p = P::default();
+        let mut after = x.clone();
+        let y = sample(&p, &mut after, &u);
+        let steps = [(x.df, y.delta[0], p.front_rate), (x.dm, y.delta[1], p.rate), (x.dr, y.delta[2], p.rate)];
+        for (before, angle, rate) in steps {
+            prop_assert!(angle.is_finite() && angle.abs() <= p.limit);
+            // One rounding of an angle below 1.
+            prop_assert!((angle - before).abs() <= rate * p.sample_time + 1e-16);
+        }
+        prop_assert!(y.r_d.is_finite() && after.r_d.is_finite());
+    }
+}
