@@ -6,6 +6,8 @@
 //! stabilizable.
 
 mod model;
+#[cfg(test)]
+mod tests;
 
 use chassis::data::rescue_vehicle as data;
 use chassis::prelude::*;
@@ -172,11 +174,26 @@ pub enum Weighted {
     TireDeflections,
 }
 
+impl Weighted {
+    /// Name of the parameter with the largest accepted value.
+    pub const fn parameter(self) -> &'static str {
+        match self {
+            Self::HeaveAcceleration => "accepted.heave_acceleration",
+            Self::PitchAcceleration => "accepted.pitch_acceleration",
+            Self::Roll => "accepted.roll_angle",
+            Self::RollAcceleration => "accepted.roll_acceleration",
+            Self::SuspensionDeflections => "accepted.suspension_deflection",
+            Self::TireDeflections => "accepted.tire_deflection",
+        }
+    }
+}
+
 impl Gains {
     /// Solves the regulator problem: the cost weighs `outputs` and the forces, of which `force` N are accepted.
     ///
     /// # Errors
-    /// When the mass matrix is not positive definite or there is no stabilizing solution.
+    /// When an accepted value is out of range, the mass matrix is not positive definite or there is no stabilizing
+    /// solution; the message names the parameter or the property and what was expected.
     pub fn design(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Self, String> {
         let regulator = regulator(p, outputs, force)?;
         let k = &regulator.gain;
@@ -222,11 +239,23 @@ impl Gains {
 /// # Errors
 /// As [`Gains::design`].
 pub fn regulator(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Regulator, String> {
+    for &Accepted { quantity, value } in outputs {
+        check_weight(quantity.parameter(), value)?;
+    }
+    check_weight("accepted.suspension_force", force)?;
     let vehicle = p.vehicle();
     let (a, b) = state_space(&vehicle, p.lateral_states.then_some(p.speed))?;
     let (d, e, weights) = output_rows(&vehicle, &a, &b, outputs);
     let q0 = DMatrix::from_diagonal(&DVector::from_vec(weights));
     let r0 = DMatrix::identity(6, 6) / (force * force);
     lqr_output_weighted(&a, &b, &d, &e, &q0, &r0)
-        .map_err(|error| format!("no suspension gains for these parameters: {error}"))
+        .map_err(|error| format!("no suspension gains for these vehicle data and these values of 'accepted': {error}"))
+}
+
+/// The weight 1/value^2 must be a number.
+fn check_weight(parameter: &str, value: f64) -> Result<(), String> {
+    if (1e-150..=1e150).contains(&value) {
+        return Ok(());
+    }
+    Err(format!("'{parameter}' = {value:e}, a number in [1e-150, 1e150] was expected"))
 }

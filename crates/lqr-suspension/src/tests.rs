@@ -1,0 +1,270 @@
+//! Check numbers and closed forms of the design model and of loops that need both laws.
+//!
+//! "Check numbers" were computed by an independent implementation and are compared to their last printed digit. The
+//! gain matrices themselves are compared in the two controllers, with their own start values.
+
+use control::riccati::eigenvalues;
+use nalgebra::Complex;
+use proptest::prelude::*;
+
+use super::*;
+
+/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
+}
+
+const FORCE: f64 = 20_000.0;
+
+fn accepted<const N: usize>(outputs: [(Weighted, f64); N]) -> [Accepted; N] {
+    outputs.map(|(quantity, value)| Accepted { quantity, value })
+}
+
+/// The cost of `IntegratedLqrSuspension` as it starts.
+fn integrated() -> [Accepted; 5] {
+    accepted([
+        (Weighted::HeaveAcceleration, 1.0),
+        (Weighted::PitchAcceleration, 1.0),
+        (Weighted::RollAcceleration, 0.347),
+        (Weighted::SuspensionDeflections, 0.0347),
+        (Weighted::TireDeflections, 0.0589),
+    ])
+}
+
+/// The cost of `RollLqrSuspension` as it starts.
+fn roll() -> [Accepted; 4] {
+    accepted([
+        (Weighted::Roll, 1_f64.to_radians()),
+        (Weighted::RollAcceleration, 0.347),
+        (Weighted::SuspensionDeflections, 0.0347),
+        (Weighted::TireDeflections, 0.0589),
+    ])
+}
+
+/// A and B of the design model with the start values.
+fn model() -> (DMatrix<f64>, DMatrix<f64>) {
+    state_space(&VehicleParameters::default().vehicle(), None).unwrap()
+}
+
+fn gain(outputs: &[Accepted]) -> DMatrix<f64> {
+    regulator(&VehicleParameters::default(), outputs, FORCE).unwrap().gain
+}
+
+/// Largest real part of the poles with K1 of the integrated and K2 of the roll law.
+fn slowest(k1: f64, k2: f64) -> f64 {
+    let (a, b) = model();
+    let closed = a - b * (k1 * gain(&integrated()) + k2 * gain(&roll()));
+    eigenvalues(&closed).unwrap()[0].re
+}
+
+/// Stiffness of a strut and its tire in series.
+fn series(p: &Vehicle) -> f64 {
+    p.k_s * p.k_t / (p.k_s + p.k_t)
+}
+
+#[test]
+fn frequencies_with_massless_wheels_are_the_closed_forms() {
+    // Wheels without mass stand where their forces balance, which leaves A_bb - A_bw A_ww^-1 A_wb of the accelerations
+    // per position. Closed forms of one degree of freedom: omega^2 = k/m with struts and tires in series, less the
+    // moment of the weight (body: the wheels' forces on it). 1e-12: the condensation.
+    let p = VehicleParameters::default().vehicle();
+    let (a, _) = model();
+    let body = a.view((9, 0), (3, 3)) - {
+        let ww = a.view((12, 3), (6, 6)).into_owned().lu();
+        a.view((9, 3), (3, 6)) * ww.solve(&a.view((12, 0), (6, 3)).into_owned()).unwrap()
+    };
+    let m_s = p.m - 6.0 * p.m_w;
+    let weight = m_s * p.g * p.h_s;
+    let sum = |lever: &[f64; 6]| lever.iter().map(|l| l * l).sum::<f64>();
+    let hertz = |squared: f64| squared.sqrt() / std::f64::consts::TAU;
+    let closed =
+        [6.0 * series(&p) / m_s, (series(&p) * sum(&p.x) - weight) / p.i_y, (series(&p) * sum(&p.y) - weight) / p.i_x];
+    for (i, printed) in [0.96859, 0.79844, 0.83028].into_iter().enumerate() {
+        assert_near(-body[(i, i)] / closed[i], 1.0, 1e-12);
+        assert_near(hertz(closed[i]), printed, 1e-5); // check numbers
+        // The center of mass is the mean of the axle positions: no coupling.
+        for j in (0..3).filter(|&j| j != i) {
+            assert_near(body[(i, j)], 0.0, 1e-12 * closed[i]);
+        }
+    }
+    // Wheel hop between strut and tire, the body at rest.
+    assert_near(-a[(12, 3)], (p.k_s + p.k_t) / p.m_w, 1e-9);
+    assert_near(hertz(-a[(12, 3)]), 7.2644, 1e-4); // check number
+}
+
+#[test]
+fn poles_of_the_design_model_are_the_check_numbers() {
+    let poles = eigenvalues(&model().0).unwrap();
+    let expected = [
+        (-1.11562, 5.00581),
+        (-1.34663, 5.18733),
+        (-1.53572, 6.08773),
+        (-20.83333, 40.61164),
+        (-20.83333, 40.61164),
+        (-20.83333, 40.61164),
+        (-21.41485, 39.17688),
+        (-21.51874, 38.87143),
+        (-21.61243, 38.60507),
+    ];
+    for (pair, (re, im)) in poles.chunks(2).zip(expected) {
+        for (pole, im) in [(pair[0], im), (pair[1], -im)] {
+            assert!((pole - Complex::new(re, im)).norm() < 1e-5, "{pole} is not {re} + {im}i");
+        }
+    }
+}
+
+#[test]
+fn static_roll_per_lateral_acceleration() {
+    // Equilibrium of the body under m_s h_s a_y about the roll axis: 0 = (A - B K) X + b a_y. The passive one is the
+    // closed form m_s h_s/(K_phi - m_s g h_s), K_phi = 6 (B/2)^2 k_s k_t/(k_s + k_t).
+    let p = VehicleParameters::default().vehicle();
+    let (a, b) = model();
+    let m_s = p.m - 6.0 * p.m_w;
+    let mut disturbance = DVector::zeros(STATES);
+    disturbance[11] = m_s * p.h_s / p.i_x;
+    let roll_angle = |k: DMatrix<f64>| (&a - &b * k).lu().solve(&-&disturbance).unwrap()[2];
+
+    let passive = roll_angle(DMatrix::zeros(6, STATES));
+    let k_phi = series(&p) * p.y.iter().map(|y| y * y).sum::<f64>();
+    let closed = m_s * p.h_s / (k_phi - m_s * p.g * p.h_s);
+    assert_near(passive / closed, 1.0, 1e-12); // the linear solution
+    assert_near(passive, 0.01984193, 1e-8); // check number
+    assert_near(roll_angle(gain(&integrated())), 0.019399, 1e-6); // check number
+    assert_near(roll_angle(gain(&roll())), 0.016622, 1e-6); // check number
+}
+
+#[test]
+fn each_law_alone_and_any_share_of_both_is_stable() {
+    assert_near(slowest(1.0, 0.0), -3.1400, 1e-4); // check number
+    assert_near(slowest(0.0, 1.0), -2.9949, 1e-4); // check number
+    for k1 in [0.1, 0.3, 0.5, 0.7, 0.9] {
+        assert!(slowest(k1, 1.0 - k1) < 0.0);
+    }
+    assert_near(slowest(1.0, 0.5), -1.32, 0.01); // check number
+}
+
+#[test]
+fn both_laws_fully_on_are_unstable() {
+    // Check number, 2 digits.
+    assert_near(slowest(1.0, 1.0), 5.3, 0.05);
+}
+
+#[test]
+fn lateral_states_leave_the_vertical_model_as_it_is() {
+    // Sideslip and yaw rate reach the vertical motion through roll only.
+    let p = VehicleParameters::default().vehicle();
+    let (a, b) = model();
+    let (a20, b20) = state_space(&p, Some(data::SPEED)).unwrap();
+    for i in (0..STATES).filter(|&i| i != 11) {
+        for j in 0..LATERAL_STATES {
+            let expected = if j < STATES { a[(i, j)] } else { 0.0 };
+            assert_near(a20[(i, j)], expected, 1e-12 * a.amax());
+        }
+        for j in 0..6 {
+            assert_near(b20[(i, j)], b[(i, j)], 1e-12 * b.amax());
+        }
+    }
+}
+
+#[test]
+fn lateral_states_are_fed_back_on_demand() {
+    // "About -1.9e5 N/rad" on sideslip for the integrated law, and a loop that is stable by itself (check numbers).
+    let p = VehicleParameters { lateral_states: true, ..VehicleParameters::default() };
+    let with = regulator(&p, &integrated(), FORCE).unwrap();
+    assert_eq!(with.gain.shape(), (6, LATERAL_STATES));
+    assert!(with.poles.iter().all(|pole| pole.re < 0.0));
+    let gains = Gains::design(&p, &integrated(), FORCE).unwrap();
+    for (i, beta) in gains.beta.iter().enumerate() {
+        // The right side pushes up where the left one pulls down.
+        assert_near(*beta * left_is_positive(i), -1.9e5, 0.05e5);
+    }
+    let without = Gains::design(&VehicleParameters::default(), &integrated(), FORCE).unwrap();
+    assert_eq!((*without.beta, *without.r), ([0.0; 6], [0.0; 6]));
+}
+
+#[test]
+fn designs_without_solution_say_what_was_expected() {
+    let refused =
+        |p: VehicleParameters, outputs: &[Accepted], force: f64| Gains::design(&p, outputs, force).unwrap_err();
+    let start = VehicleParameters::default;
+    assert_eq!(
+        refused(VehicleParameters { m: 3000.0, ..start() }, &integrated(), FORCE),
+        "'vehicle.mass' = 3000 kg, more than six times 'wheel.mass' (3600 kg) was expected"
+    );
+    // (m_s h_s)^2/m + I_xz^2/I_z; without lateral states any inertia above 0 will do.
+    let light = VehicleParameters { i_x: 20_000.0, ..start() };
+    assert!(Gains::design(&light, &integrated(), FORCE).is_ok());
+    assert_eq!(
+        refused(VehicleParameters { lateral_states: true, ..light }, &integrated(), FORCE),
+        "'body.roll_axis_inertia' = 20000 kg.m2, more than 29292 kg.m2 was expected: mass, \
+         'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
+    );
+    // An oversteering vehicle above its critical speed, whose lateral motion no suspension force reaches.
+    let unstable = VehicleParameters {
+        lateral_states: true,
+        h_s: 0.0,
+        i_xz: 0.0,
+        c: ThreeAxles([6e5, 3e5, 1e5]),
+        speed: 20.0,
+        ..start()
+    };
+    assert_eq!(
+        refused(unstable, &integrated(), FORCE),
+        "no suspension gains for these vehicle data and these values of 'accepted': Riccati design: no convergence; \
+         (A, B) is not stabilizable, the Hamiltonian matrix has eigenvalues on the imaginary axis, or an unstable mode \
+         is not seen by the cost"
+    );
+}
+
+#[test]
+fn accepted_values_whose_weight_is_no_number_are_refused() {
+    let refused =
+        |outputs: &[Accepted], force| Gains::design(&VehicleParameters::default(), outputs, force).unwrap_err();
+    assert_eq!(
+        refused(&integrated(), 1e-200),
+        "'accepted.suspension_force' = 1e-200, a number in [1e-150, 1e150] was expected"
+    );
+    for quantity in [
+        Weighted::HeaveAcceleration,
+        Weighted::PitchAcceleration,
+        Weighted::Roll,
+        Weighted::RollAcceleration,
+        Weighted::SuspensionDeflections,
+        Weighted::TireDeflections,
+    ] {
+        assert_eq!(
+            refused(&accepted([(quantity, 1e200)]), FORCE),
+            format!("'{}' = 1e200, a number in [1e-150, 1e150] was expected", quantity.parameter())
+        );
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    /// Mirroring the state mirrors the forces. The gains are symmetric to about 1e-12 of the largest: the Riccati
+    /// solution is iterated, its rounding is not symmetric.
+    #[test]
+    fn the_forces_are_symmetric(values in prop::collection::vec(-1.0..1.0_f64, 20), lateral_states: bool) {
+        let p = VehicleParameters { lateral_states, ..VehicleParameters::default() };
+        let x: Feedback = fmi2::Block::read(&values);
+        let other_side = |family: &SixWheels<f64>| SixWheels::from_fn(|i| family[i ^ 1]);
+        let mirror = Feedback {
+            phi: -x.phi,
+            z_w: other_side(&x.z_w),
+            phid: -x.phid,
+            zd_w: other_side(&x.zd_w),
+            beta: -x.beta,
+            r: -x.r,
+            ..x
+        };
+        for gains in [Gains::design(&p, &integrated(), FORCE), Gains::design(&p, &roll(), FORCE)] {
+            let gains = gains.unwrap();
+            let (forces, mirrored) = (gains.force(&x), other_side(&gains.force(&mirror)));
+            for i in 0..6 {
+                prop_assert!((forces[i] - mirrored[i]).abs() < 1e-5, "{forces:?} {mirrored:?}");
+            }
+        }
+    }
+}
