@@ -3,6 +3,9 @@
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eq. 37.
 
+#[cfg(test)]
+mod tests;
+
 use chassis::prelude::*;
 use fmi2::prelude::*;
 use lqr_suspension::{Accepted, Feedback, Gains, VehicleParameters, Weighted};

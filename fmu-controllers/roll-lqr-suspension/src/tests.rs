@@ -1,0 +1,100 @@
+//! Gains against the check numbers; the design model and its loops are tested in `lqr-suspension`.
+
+use fmi2::Block;
+
+use super::*;
+
+/// Gains of the wheels fl, ml, rl: per heave, pitch, roll; per wheel height; per their rates. Check numbers of an
+/// independent implementation (LAPACK), 8 digits.
+#[rustfmt::skip]
+const K: [[f64; 18]; 3] = [
+    [
+        378252.4, -971468.15, 9309.9017,
+        -176424.65, -112256.69, 34889.331, -68687.787, 59258.377, -44318.74,
+        40041.021, -124816.16, 30429.647,
+        123.54526, -2617.6787, 3420.788, -3065.7677, 3170.1619, -3316.3937,
+    ],
+    [
+        378252.4, 167272.66, 9309.9017,
+        34889.331, -68687.787, -140357.68, -76189.717, 23191.406, -80385.711,
+        40041.021, 21491.525, 30429.647,
+        3420.788, -3065.7677, -247.38932, -2988.6133, 3541.0965, -2945.4591,
+    ],
+    [
+        378252.4, 804195.49, 9309.9017,
+        59258.377, -44318.74, 23191.406, -80385.711, -164726.72, -100558.76,
+        40041.021, 103324.64, 30429.647,
+        3170.1619, -3316.3937, 3541.0965, -2945.4591, 3.236716, -2737.9873,
+    ],
+];
+
+/// What the unit answers to one state being 1 and the others 0, for all of them: the columns of -K.
+fn answers(p: &P) -> Vec<[f64; 6]> {
+    let d = RollLqrSuspension::design(p).unwrap();
+    (0..20)
+        .map(|j| {
+            let mut state = [0.0; 20];
+            state[j] = 1.0;
+            *RollLqrSuspension::update(p, &d, &mut (), &Feedback::read(&state), 0.0).u_phi
+        })
+        .collect()
+}
+
+/// The wheel or wheel state on the other side.
+fn other_side(column: usize) -> usize {
+    match column {
+        3..9 => 3 + ((column - 3) ^ 1),
+        12..18 => 12 + ((column - 12) ^ 1),
+        _ => column,
+    }
+}
+
+#[test]
+fn the_gains_are_the_check_numbers() {
+    // To 1e-6 of the largest element; a right row is the left one with the sides exchanged and roll turned round.
+    let columns = answers(&P::default());
+    let largest = K.iter().flatten().fold(0.0_f64, |most, k| most.max(k.abs()));
+    for (axle, row) in K.iter().enumerate() {
+        for (j, &k) in row.iter().enumerate() {
+            let mirror = if j == 2 || j == 11 { -k } else { k };
+            let (left, right) = (-columns[j][2 * axle], -columns[other_side(j)][2 * axle + 1]);
+            assert!((left - k).abs() <= 1e-6 * largest, "axle {axle}, left, state {j}: {left}, expected {k}");
+            assert!(
+                (right - mirror).abs() <= 1e-6 * largest,
+                "axle {axle}, right, state {j}: {right}, expected {mirror}"
+            );
+        }
+    }
+    // Without lateral states in the design model, sideslip and yaw rate are not fed back.
+    assert_eq!((columns[18], columns[19]), ([0.0; 6], [0.0; 6]));
+}
+
+#[test]
+fn the_gains_can_be_read() {
+    let d = RollLqrSuspension::design(&P::default()).unwrap();
+    let names: Vec<_> = <Gains as fmi2::block::Design>::declare().into_iter().map(|gain| gain.name).collect();
+    let mut values = vec![0.0; names.len()];
+    fmi2::block::Design::write(&d, &mut values);
+    let gain = |name: &str| values[names.iter().position(|known| known == name).unwrap()];
+    let columns = answers(&P::default());
+    // The same numbers, hence to the bit: rows are wheels, columns are states.
+    assert_eq!(gain("gain.pitch.ml"), -columns[1][2]);
+    assert_eq!(gain("gain.wheel_velocity.rr.fl"), -columns[12][5]);
+}
+
+#[test]
+fn an_accepted_value_whose_weight_is_no_number_is_refused_by_name() {
+    let cases = [
+        ("accepted.roll_angle", P { phi: 1e-200, ..P::default() }),
+        ("accepted.roll_acceleration", P { phidd: 1e-200, ..P::default() }),
+        ("accepted.suspension_deflection", P { d: 1e-200, ..P::default() }),
+        ("accepted.tire_deflection", P { t: 1e-200, ..P::default() }),
+        ("accepted.suspension_force", P { force: 1e-200, ..P::default() }),
+    ];
+    for (name, p) in cases {
+        let expected = format!("'{name}' = 1e-200, a number in [1e-150, 1e150] was expected");
+        assert_eq!(RollLqrSuspension::design(&p).unwrap_err(), expected);
+        // The message names a parameter that exists.
+        assert!(<P as fmi2::block::Parameters>::declare().iter().any(|parameter| parameter.name == name));
+    }
+}
