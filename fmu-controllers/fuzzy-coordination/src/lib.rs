@@ -6,6 +6,8 @@
 //! paper's text and results (`rules.as_printed` restores it).
 
 mod equations;
+#[cfg(test)]
+mod tests;
 
 use chassis::prelude::*;
 use control::fuzzy::{LabelMap, Output, Partition, RuleTable};
