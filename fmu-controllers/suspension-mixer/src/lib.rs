@@ -2,6 +2,9 @@
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, eq. 40: U_i = K1 U_z,i + K2 U_phi,i, limited.
 
+#[cfg(test)]
+mod tests;
+
 use chassis::prelude::*;
 use fmi2::prelude::*;
 
