@@ -45,3 +45,40 @@ pub mod rescue_vehicle {
     /// m/s2.
     pub const GRAVITY: f64 = 9.81;
 }
+
+/// Rescue vehicle with adjustable hydro-pneumatic suspension, as a half car seen from the front: Applied Sciences 2020,
+/// 10, 1852 (switch control between two sliding modes).
+///
+/// Everything but gravity stands in Table 1 of the paper, with these corrections: the stiffnesses and the damping are
+/// linear although printed per radian, the yaw inertia is printed I_r, the height h_r is that of the roll center
+/// although printed as that of the center of mass, and the roll inertia is taken about the roll axis.
+pub mod hydro_pneumatic_half_car {
+    /// Sprung mass, kg.
+    pub const BODY_MASS: f64 = 1525.0;
+    /// One side, front and rear wheel together, kg.
+    pub const WHEEL_MASS: f64 = 50.0;
+    /// Track, m.
+    pub const TRACK: f64 = 1.56;
+    /// One side, N/m.
+    pub const SUSPENSION_STIFFNESS: f64 = 35_000.0;
+    /// One side, N s/m.
+    pub const SUSPENSION_DAMPING: f64 = 980.0;
+    /// One side, vertical, N/m.
+    pub const TIRE_STIFFNESS: f64 = 190_000.0;
+    /// Whole vehicle, kg m2.
+    pub const YAW_INERTIA: f64 = 2500.0;
+    /// About the roll axis, kg m2.
+    pub const ROLL_AXIS_INERTIA: f64 = 460.0;
+    /// Sprung mass's center of mass over the roll axis, m.
+    pub const CG_TO_ROLL_AXIS: f64 = 0.45;
+    /// Roll center over ground, m.
+    pub const ROLL_CENTER_HEIGHT: f64 = 0.5;
+    /// Center of mass to front axle, m.
+    pub const CG_TO_FRONT: f64 = 1.27;
+    /// Center of mass to rear axle, m.
+    pub const CG_TO_REAR: f64 = 1.94;
+    /// Speed of the experiments on the random road, m/s (70 km/h, Table 6; 60 km/h on the bump road).
+    pub const SPEED: f64 = 70.0 / 3.6;
+    /// m/s2: standard value, rounded.
+    pub const GRAVITY: f64 = 9.81;
+}

@@ -31,6 +31,28 @@ fmi2::family! {
 }
 
 fmi2::family! {
+    /// The left side alone, for a law that looks at one side only.
+    pub LeftSide[1] {
+        l: "left side",
+    }
+}
+
+fmi2::family! {
+    /// The axles of a two-axle vehicle.
+    pub TwoAxles[2] {
+        front: "front axle",
+        rear: "rear axle",
+    }
+}
+
+fmi2::family! {
+    /// The front axle alone, for a vehicle that steers with it only.
+    pub FrontAxle[1] {
+        front: "front axle",
+    }
+}
+
+fmi2::family! {
     /// The axles of a three-axle vehicle.
     pub ThreeAxles[3] {
         front: "front axle",

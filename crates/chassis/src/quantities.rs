@@ -15,21 +15,28 @@ macro_rules! quantities {
 quantities! {
     // Masses and inertias
     VEHICLE_MASS, "vehicle.mass", KG, None, Positive, "Mass of the whole vehicle";
+    BODY_MASS, "body.mass", KG, None, Positive, "Mass of the sprung mass";
     WHEEL_MASS, "wheel.mass", KG, None, Positive, "Unsprung mass of one wheel";
+    WHEEL_MASS_SIDE, "wheel.mass.side", KG, None, Positive, "Unsprung mass of one side, front and rear wheel together";
     VEHICLE_YAW_INERTIA, "vehicle.yaw_inertia", KG_M2, None, Positive, "Yaw inertia of the whole vehicle";
     BODY_ROLL_AXIS_INERTIA, "body.roll_axis_inertia", KG_M2, None, Positive, "Roll inertia of the sprung mass about the roll axis";
     BODY_PITCH_AXIS_INERTIA, "body.pitch_axis_inertia", KG_M2, None, Positive, "Pitch inertia of the sprung mass about the pitch axis";
     BODY_PRODUCT_OF_INERTIA, "body.product_of_inertia", KG_M2, None, Any, "Integral of x z dm of the sprung mass";
     // Geometry
     CG_TO_FRONT_AXLE, "geometry.cg_to_front_axle", M, None, Positive, "Center of mass to front axle, along x";
+    CG_TO_REAR_AXLE, "geometry.cg_to_rear_axle", M, None, Positive, "Center of mass to rear axle, along x";
     FRONT_TO_MIDDLE_AXLE, "geometry.front_to_middle_axle", M, None, Positive, "Front to middle axle";
     MIDDLE_TO_REAR_AXLE, "geometry.middle_to_rear_axle", M, None, Positive, "Middle to rear axle";
     TRACK, "geometry.track", M, None, Positive, "Distance between the left and the right wheel of an axle";
     BODY_CG_TO_ROLL_AXIS, "geometry.body_cg_to_roll_axis", M, None, NonNegative, "Height of the sprung mass's center of mass over the roll axis";
+    ROLL_CENTER_HEIGHT, "geometry.roll_center_height", M, None, NonNegative, "Height of the roll center over ground";
     // Suspension and tires
     SUSPENSION_STIFFNESS, "suspension.stiffness", N_PER_M, Some("kN/m"), NonNegative, "Stiffness of one suspension strut";
+    SUSPENSION_STIFFNESS_SIDE, "suspension.stiffness.side", N_PER_M, Some("kN/m"), NonNegative, "Stiffness of the suspension of one side, front and rear strut together";
     SUSPENSION_DAMPING, "suspension.damping", N_S_PER_M, Some("kN.s/m"), NonNegative, "Damping of one suspension strut";
+    SUSPENSION_DAMPING_SIDE, "suspension.damping.side", N_S_PER_M, Some("kN.s/m"), NonNegative, "Damping of the suspension of one side, front and rear strut together";
     TIRE_STIFFNESS, "tire.stiffness", N_PER_M, Some("kN/m"), Positive, "Vertical stiffness of one tire";
+    TIRE_STIFFNESS_SIDE, "tire.stiffness.side", N_PER_M, Some("kN/m"), Positive, "Vertical stiffness of the tires of one side, front and rear tire together";
     TIRE_CORNERING_STIFFNESS, "tire.cornering_stiffness", N_PER_RAD, Some("kN/rad"), Positive, "Cornering stiffness of one tire";
     TIRE_FRICTION, "tire.friction", ONE, None, NonNegative, "Friction coefficient of the tires";
     GRAVITY, "gravity", M_PER_S2, None, NonNegative, "Acceleration of free fall";

@@ -67,11 +67,17 @@ signals! {
     REFERENCE_YAW_RATE, "reference.yaw_rate", RAD_PER_S, Some("deg/s"), Internal, "Yaw rate that a lateral controller follows";
     SLIDING_SURFACE_SIDESLIP, "sliding_surface.sideslip", RAD, None, Internal, "Value of the sliding surface of the sideslip angle";
     SLIDING_SURFACE_YAW_RATE, "sliding_surface.yaw_rate", RAD_PER_S, None, Internal, "Value of the sliding surface of the yaw rate";
+    SLIDING_SURFACE_COMFORT, "sliding_surface.comfort", M_PER_S, None, Internal, "Value of the sliding surface of the comfort law";
+    SLIDING_SURFACE_HANDLING, "sliding_surface.handling", RAD_PER_S, None, Internal, "Value of the sliding surface of the handling law";
     WEIGHT_INTEGRATED, "weight.integrated", ONE, None, Internal, "Share of the integrated suspension law";
     WEIGHT_ROLL, "weight.roll", ONE, None, Internal, "Share of the roll suspension law";
     WEIGHT_STEERING, "weight.steering", ONE, None, Internal, "Multi-axle steering is on when above 0.5";
     INTEGRATED_FORCE, "integrated_force", N, Some("kN"), Internal, "Suspension force that the integrated law proposes for the {}";
     ROLL_FORCE, "roll_force", N, Some("kN"), Internal, "Suspension force that the roll law proposes for the {}";
+    COMFORT_FORCE, "comfort_force", N, Some("kN"), Internal, "Suspension force that the comfort law proposes for the {}";
+    HANDLING_FORCE, "handling_force", N, Some("kN"), Internal, "Suspension force that the handling law proposes for the {}";
+    SWITCH_MODE, "switch.mode", ONE, None, Internal, "Suspension law that is chosen: 0 comfort, 1 handling";
+    SWITCH_BLEND, "switch.blend", ONE, None, Internal, "Share of the handling law in the suspension force";
 }
 
 #[cfg(test)]
