@@ -1,5 +1,6 @@
 //! What the vehicles and controllers of the library share: the catalogue of [`signals`] and [`quantities`], the
-//! [`positions`] of wheels and axles, [`tire`] laws, loads at rest ([`statics`]), and the data of the vehicles.
+//! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), and the data of the
+//! vehicles.
 //!
 //! Axes and signs follow ISO 8855: x forward, y left, z up, SI units, angles in radians. Roll is positive about x (the
 //! body leans right), pitch about y (nose down), yaw about z (left turn). Deflections are negative in compression; a
@@ -11,6 +12,7 @@ pub mod quantities;
 pub mod road;
 pub mod signals;
 pub mod statics;
+pub mod suspension;
 pub mod table;
 pub mod tire;
 

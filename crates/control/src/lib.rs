@@ -10,6 +10,7 @@
 //! | [`fuzzy`] | Mamdani inference with one or two inputs | every sample |
 //! | [`sliding_mode`] | integral sliding surface, reaching law, boundary layer | every sample |
 //! | [`limit`] | limits of magnitude and rate, exact step of a first-order lag | every sample |
+//! | [`switch`] | hysteresis | every sample |
 //!
 //! # Numbers that are not finite
 //!
@@ -21,3 +22,4 @@ pub mod fuzzy;
 pub mod limit;
 pub mod riccati;
 pub mod sliding_mode;
+pub mod switch;
