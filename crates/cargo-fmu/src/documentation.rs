@@ -53,7 +53,7 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) -> S
         .variables
         .iter()
         .filter(|variable| variable.causality == causality)
-        .map(|variable| row(variable))
+        .map(row)
         .collect();
     if rows.is_empty() {
         return String::new();
