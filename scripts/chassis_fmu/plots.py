@@ -24,6 +24,7 @@ from .results import Recording
 
 # Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+DASHES = ("solid", "dashed", "dotted")
 INK = "#1c2733"
 MUTED = "#64717f"
 GRID = "#dde2e8"
@@ -35,8 +36,8 @@ BUCKETS = 600
 # Up to this many points of a sweep are marked on the abscissa one by one.
 MOST_TICKS = 8
 
-# A line that turns at more than this share of its points is noise and drawn thin.
-NOISY = 0.2
+# A line whose way up and down is longer than this many times its height is noise and drawn thin.
+NOISY = 20.0
 
 STYLE = {
     "svg.hashsalt": "chassis-fmu",
@@ -114,16 +115,17 @@ def decimate(times: Array, values: Array, buckets: int = BUCKETS) -> tuple[Array
 
 def is_noisy(values: Array) -> bool:
     """Tell whether a line goes up and down all the time."""
-    moves = np.diff(values)
-    moves = moves[moves != 0.0]
-    if len(moves) < 50:
-        return False
-    return bool(np.mean(moves[1:] * moves[:-1] < 0.0) > NOISY)
+    return bool(np.abs(np.diff(values)).sum() > NOISY * np.ptp(values))
 
 
 def color_of(plan: Plan, case: Case) -> str:
     """Return the color of a case, the same in all figures."""
     return PALETTE[plan.cases.index(case) % len(PALETTE)]
+
+
+def dashes_of(plan: Plan, case: Case) -> str:
+    """Return the line style of a case: solid, then others where the colors are used up."""
+    return DASHES[plan.cases.index(case) // len(PALETTE) % len(DASHES)]
 
 
 def _label(column: Column) -> str:
@@ -211,8 +213,9 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
             color = color_of(plan, case)
             # The first line is the widest, so that it shows even where the others lie on it.
             width = 0.6 if noisy else 2.0 if case is lines[0][0] and len(lines) > 1 else 1.2
-            ax.plot(times, values, color=color, linewidth=width, alpha=0.9)
-            used[case.name] = Line2D([], [], color=color, linewidth=2.0, label=case.title)
+            dashes = dashes_of(plan, case)
+            ax.plot(times, values, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
+            used[case.name] = Line2D([], [], color=color, linewidth=2.0, linestyle=dashes, label=case.title)
         _title(ax, column, column.name if point is None else titles[point], 95 if across == 1 else 48)
         ax.set_ylabel(_axis_unit(shown.unit))
         if i + across >= len(panels):
