@@ -1,0 +1,124 @@
+//! Cost of a communication step of 1 ms: the model's functions called directly in Rust, and the packed FMU through its C
+//! interface (set all inputs, step, get all outputs). Both are measured in the same process, turn by turn, so that their ratio
+//! means something on a busy machine.
+
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use fmi2::abi::Export;
+use fmi2::block::{ParameterReader, Parameters};
+use fmi2::model::{Model, Step};
+use fmi2::variable::{Kind, Layout, Role};
+use host::fmu::Fmu;
+use host::loader::Instance;
+
+/// Communication step in s.
+const STEP: f64 = 0.001;
+/// Steps per measurement.
+const STEPS: u32 = 20_000;
+/// Measurements of each kind; the median counts.
+const ROUNDS: usize = 7;
+
+/// Prints one line: name, ns per step directly, through C, and their ratio.
+///
+/// # Panics
+/// When the FMU is not packed, or does not run.
+pub fn compare<E: Export>() {
+    let name = E::Model::INFO.name;
+    let path = fmu_path(name);
+    let fmu = Fmu::open(&path).unwrap_or_else(|error| panic!("{error}; run `cargo fmu pack {name}`"));
+    let layout = &E::description().layout;
+    let (mut direct, mut through_c) = (Vec::new(), Vec::new());
+    for _ in 0..ROUNDS {
+        direct.push(time_direct::<E::Model>(layout));
+        through_c.push(time_fmu(&fmu, layout));
+    }
+    let (direct, through_c) = (median(direct), median(through_c));
+    println!("{name:28} {direct:8.0} ns directly {through_c:8.0} ns through C   ratio {:.2}", through_c / direct);
+}
+
+fn fmu_path(name: &str) -> PathBuf {
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../target"),
+        PathBuf::from,
+    );
+    target.join("fmu").join(format!("{name}.fmu"))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Inputs that keep the model busy: small, different at every step.
+fn excite(inputs: &mut [f64], start: &[f64], step: u32) {
+    let wave = f64::from(step % 1000) * 1e-6;
+    for (input, start) in inputs.iter_mut().zip(start) {
+        *input = start + wave;
+    }
+}
+
+fn time_direct<M: Model>(layout: &Layout) -> f64 {
+    let mut reals = vec![0.0; layout.reals()];
+    let (mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new());
+    for variable in &layout.variables {
+        match &variable.declaration.kind {
+            Kind::Real(real) => reals[variable.index] = real.start,
+            Kind::Integer { start, .. } => integers.push(*start),
+            Kind::Boolean { start } => booleans.push(*start),
+            Kind::String { start } => strings.push(start.clone()),
+        }
+    }
+    let p = M::Parameters::read(&mut ParameterReader::new(&reals, &integers, &booleans, &strings));
+    let d = M::load(&p, std::path::Path::new("")).expect("the start values are a valid design");
+    let mut x = M::begin(&p, &d);
+    let start = reals[layout.inputs.clone()].to_vec();
+    let mut step = Step { start: 0.0, time: 0.0, step: STEP, sample: 0 };
+    let begin = Instant::now();
+    for k in 0..STEPS {
+        excite(&mut reals[layout.inputs.clone()], &start, k);
+        step.time = f64::from(k) * STEP;
+        let parts = M::parts(&p, step) as u64;
+        M::step(&p, &d, &mut x, layout, &mut reals, step, parts).expect("the run stays finite");
+        step.sample += parts;
+        M::outputs(&p, &d, layout, &mut reals);
+        black_box(&reals);
+    }
+    begin.elapsed().as_secs_f64() / f64::from(STEPS) * 1e9
+}
+
+fn time_fmu(fmu: &Fmu, layout: &Layout) -> f64 {
+    let references = |role: Role| -> Vec<u32> {
+        layout.variables.iter().filter(|v| v.role == role).map(|v| v.reference).collect()
+    };
+    let inputs = references(Role::Input);
+    let outputs: Vec<u32> = references(Role::Output).into_iter().chain(references(Role::State)).collect();
+    let start: Vec<f64> = layout
+        .variables
+        .iter()
+        .filter(|variable| variable.role == Role::Input)
+        .map(|variable| match &variable.declaration.kind {
+            Kind::Real(real) => real.start,
+            _ => unreachable!("inputs are real numbers"),
+        })
+        .collect();
+    let run = || -> Result<f64, Box<dyn std::error::Error>> {
+        let mut instance: Instance = fmu.instantiate("bench")?;
+        instance.setup_experiment(0.0, None)?;
+        instance.enter_initialization_mode()?;
+        instance.exit_initialization_mode()?;
+        let mut values = start.clone();
+        let mut results = vec![0.0; outputs.len()];
+        let begin = Instant::now();
+        for k in 0..STEPS {
+            excite(&mut values, &start, k);
+            instance.set_real(&inputs, &values)?;
+            instance.do_step(f64::from(k) * STEP, STEP)?;
+            instance.get_real(&outputs, &mut results)?;
+            black_box(&results);
+        }
+        Ok(begin.elapsed().as_secs_f64() / f64::from(STEPS) * 1e9)
+    };
+    run().unwrap_or_else(|error| panic!("{error}"))
+}
