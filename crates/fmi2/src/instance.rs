@@ -291,7 +291,7 @@ impl<M: Model> Instance<M> {
     fn unknown_reference(&self, function: Function, reference: u32, expected: &str) -> Refusal {
         let what = match self.layout().by_reference(reference) {
             Some(variable) => {
-                format!("'{}', a {}", variable.declaration.name, variable.declaration.kind.type_name())
+                format!("'{}' of type {}", variable.declaration.name, variable.declaration.kind.type_name())
             }
             None => "no variable".to_owned(),
         };

@@ -1,0 +1,11 @@
+//! Tests of the exporter with small models: the safe instance, the C interface, the description.
+
+mod allocations;
+mod c_interface;
+mod derivatives;
+mod description;
+mod failures;
+mod models;
+mod states;
+mod time;
+mod values;

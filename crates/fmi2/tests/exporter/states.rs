@@ -1,0 +1,300 @@
+//! Saved states: in memory, as bytes, damaged.
+
+use fmi2::abi::Export;
+use fmi2::calls::Mode;
+use proptest::prelude::*;
+
+use crate::models::{CartPair, Fragile, Sampler, Unit, refused};
+
+/// An instance with a past, in Step Mode.
+fn with_a_past() -> Unit<Sampler> {
+    let mut unit = Unit::<Sampler>::new();
+    unit.0.setup_experiment(1.5, Some(100.0)).unwrap();
+    unit.0.enter_initialization().unwrap();
+    unit.set_string("filter.label", "umlaut \u{e4}").unwrap();
+    unit.set_integer("filter.order", 3).unwrap();
+    unit.0.exit_initialization().unwrap();
+    for k in 0..7 {
+        unit.set("filter_input", 0.1 * f64::from(k)).unwrap();
+        unit.step(0.013).unwrap();
+    }
+    unit.set("filter.gain", -1.25).unwrap();
+    unit
+}
+
+/// The checksum of the format (FNV-1a, 64 bits), computed anew over all bytes but the last eight.
+fn with_checksum(mut bytes: Vec<u8>) -> Vec<u8> {
+    let body = bytes.len() - 8;
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for byte in &bytes[..body] {
+        hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    }
+    bytes[body..].copy_from_slice(&hash.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn a_state_can_be_saved_in_every_mode_and_goes_on_where_it_was_saved() {
+    fn check<E: Export>(step: f64) {
+        let mut unit = Unit::<E>::new();
+        for mode in [Mode::Instantiated, Mode::Initialization, Mode::Step, Mode::Terminated] {
+            match mode {
+                Mode::Initialization => unit.0.enter_initialization().unwrap(),
+                Mode::Step => {
+                    unit.0.exit_initialization().unwrap();
+                    unit.step(step).unwrap();
+                }
+                Mode::Terminated => unit.0.terminate().unwrap(),
+                _ => {}
+            }
+            let bytes = unit.bytes();
+            assert_eq!(unit.0.mode(), mode);
+            // Into another instance, whatever it did before.
+            let mut other = Unit::<E>::ready();
+            other.step(0.75).unwrap();
+            let snapshot = other.0.deserialize(&bytes).unwrap();
+            other.0.restore(&snapshot).unwrap();
+            assert_eq!(other.0.mode(), mode);
+            assert_eq!(other.bytes(), bytes);
+            if mode != Mode::Instantiated {
+                assert_eq!(other.bits(), unit.bits());
+            }
+        }
+    }
+    check::<CartPair>(0.031);
+    check::<Sampler>(0.031);
+    check::<Fragile>(0.25);
+}
+
+#[test]
+fn a_restored_instance_has_texts_memory_time_and_stop_time() {
+    let unit = with_a_past();
+    let bytes = unit.bytes();
+    let mut other = Unit::<Sampler>::new();
+    let snapshot = other.0.deserialize(&bytes).unwrap();
+    other.0.restore(&snapshot).unwrap();
+    assert_eq!(other.0.time(), unit.0.time());
+    other.step(0.01).unwrap();
+    assert_eq!(other.get("filter_label_length"), "umlaut \u{e4}".len() as f64);
+    assert!(refused(other.step(1000.0)).contains("stopTime = 100 s"));
+}
+
+#[test]
+fn a_restored_state_does_not_change_with_the_instance() {
+    let mut unit = with_a_past();
+    let snapshot = unit.0.snapshot().unwrap();
+    let bytes = unit.bytes();
+    for _ in 0..2 {
+        unit.set("filter_input", 9.0).unwrap();
+        unit.step(0.5).unwrap();
+        unit.0.restore(&snapshot).unwrap();
+        assert_eq!(unit.bytes(), bytes);
+    }
+}
+
+#[test]
+fn a_state_survives_a_reset() {
+    let mut unit = with_a_past();
+    let snapshot = unit.0.snapshot().unwrap();
+    let bytes = unit.bytes();
+    unit.0.reset().unwrap();
+    assert_ne!(unit.bytes(), bytes);
+    unit.0.restore(&snapshot).unwrap();
+    assert_eq!(unit.bytes(), bytes);
+}
+
+#[test]
+fn the_calculated_parameters_of_a_restored_state_are_those_of_its_parameters() {
+    let mut heavy = Unit::<CartPair>::starting(0.0, &[("cart.mass", 8.0)]);
+    let bytes = heavy.bytes();
+    let mut unit = Unit::<CartPair>::ready();
+    let snapshot = unit.0.deserialize(&bytes).unwrap();
+    unit.0.restore(&snapshot).unwrap();
+    assert_eq!(unit.get("spring.frequency.l"), 1.0);
+    unit.step(0.5).unwrap();
+    heavy.step(0.5).unwrap();
+    assert_eq!(unit.bits(), heavy.bits());
+    // In Initialization Mode the design follows the next fixed parameter again.
+    let mut unit = Unit::<CartPair>::initializing(0.0);
+    assert_eq!(unit.get("spring.frequency.l"), 2.0);
+    let snapshot = unit.0.snapshot().unwrap();
+    unit.set("cart.mass", 8.0).unwrap();
+    unit.0.restore(&snapshot).unwrap();
+    assert_eq!(unit.get("spring.frequency.l"), 2.0);
+    unit.set("cart.mass", 0.5).unwrap();
+    assert_eq!(unit.get("spring.frequency.l"), 4.0);
+}
+
+#[test]
+fn every_single_damaged_byte_is_found() {
+    let unit = with_a_past();
+    let bytes = unit.bytes();
+    for i in 0..bytes.len() {
+        for flip in [0x01, 0x10, 0x80, 0xff] {
+            let mut damaged = bytes.clone();
+            damaged[i] ^= flip;
+            let message = refused(unit.0.deserialize(&damaged).map(drop));
+            assert!(message.starts_with("fmi2DeSerializeFMUstate: "), "byte {i}: {message}");
+        }
+    }
+}
+
+#[test]
+fn truncated_and_extended_bytes_are_refused() {
+    let unit = with_a_past();
+    let bytes = unit.bytes();
+    for length in 0..bytes.len() {
+        refused(unit.0.deserialize(&bytes[..length]).map(drop));
+        // Also with a checksum that fits.
+        if length >= 8 {
+            refused(unit.0.deserialize(&with_checksum(bytes[..length].to_vec())).map(drop));
+        }
+    }
+    let mut longer = bytes;
+    longer.push(0);
+    refused(unit.0.deserialize(&longer).map(drop));
+    assert_eq!(
+        refused(unit.0.deserialize(&with_checksum(longer)).map(drop)),
+        "fmi2DeSerializeFMUstate: 1 bytes too many"
+    );
+}
+
+#[test]
+fn bytes_of_another_kind_say_what_they_are() {
+    let unit = with_a_past();
+    let bytes = unit.bytes();
+    let message = |bytes: &[u8]| refused(unit.0.deserialize(bytes).map(drop));
+    assert_eq!(message(&[]), "fmi2DeSerializeFMUstate: too few bytes for a state");
+    assert_eq!(message(&[b'x'; 100]), "fmi2DeSerializeFMUstate: these are not the bytes of a state of this exporter");
+    let mut newer = bytes.clone();
+    newer[8] = 9;
+    assert_eq!(message(&with_checksum(newer)), "fmi2DeSerializeFMUstate: format version 9, 1 was expected");
+    assert_eq!(
+        message(&Unit::<Fragile>::ready().bytes()),
+        format!(
+            "fmi2DeSerializeFMUstate: the state belongs to another FMU: GUID {}, {} was expected",
+            Fragile::description().guid,
+            Sampler::description().guid
+        )
+    );
+    let mut damaged = bytes;
+    *damaged.last_mut().unwrap() ^= 1;
+    assert_eq!(message(&damaged), "fmi2DeSerializeFMUstate: the bytes are damaged (checksum)");
+}
+
+#[test]
+fn a_state_whose_design_fails_is_refused() {
+    let mut unit = Unit::<CartPair>::initializing(0.0);
+    assert_eq!(unit.get("spring.frequency.l"), 2.0);
+    let bytes = unit.bytes();
+    // The stiffness 8 N/m where it stands among the parameters, replaced by one without a design.
+    let at = bytes.windows(8).position(|window| window == 8.0_f64.to_le_bytes()).unwrap();
+    let mut forged = bytes;
+    forged[at..at + 8].copy_from_slice(&2e6_f64.to_le_bytes());
+    assert_eq!(
+        refused(unit.0.deserialize(&with_checksum(forged.clone())).map(drop)),
+        "fmi2DeSerializeFMUstate: 'spring.stiffness.l' = 2000000 N/m, at most 1e6 was expected"
+    );
+    forged[at..at + 8].copy_from_slice(&f64::NAN.to_le_bytes());
+    assert_eq!(
+        refused(unit.0.deserialize(&with_checksum(forged)).map(drop)),
+        "fmi2DeSerializeFMUstate: 'spring.stiffness.l' is not a finite number"
+    );
+}
+
+fn steps() -> impl Strategy<Value = Vec<(f64, f64)>> {
+    proptest::collection::vec((1e-4..0.05_f64, -2.0..2.0_f64), 1..20)
+}
+
+/// Runs on from the present state and tells all that can be seen.
+fn follow<E: Export>(unit: &mut Unit<E>, input: &str, steps: &[(f64, f64)]) -> Vec<Vec<u64>> {
+    let mut seen = Vec::new();
+    for (step, value) in steps {
+        unit.set(input, *value).unwrap();
+        unit.step(*step).unwrap();
+        seen.push(unit.bits());
+    }
+    seen
+}
+
+fn a_saved_state_goes_on_bit_by_bit<E: Export>(
+    input: &str,
+    start: f64,
+    before: &[(f64, f64)],
+    after: &[(f64, f64)],
+) -> Result<(), TestCaseError> {
+    let mut unit = Unit::<E>::starting(start, &[]);
+    follow(&mut unit, input, before);
+    let snapshot = unit.0.snapshot().unwrap();
+    let bytes = unit.bytes();
+    let expected = follow(&mut unit, input, after);
+    // In the same instance, from memory.
+    unit.0.restore(&snapshot).unwrap();
+    prop_assert_eq!(&unit.bytes(), &bytes);
+    prop_assert_eq!(&follow(&mut unit, input, after), &expected);
+    // In another instance, from bytes.
+    let mut other = Unit::<E>::new();
+    let copy = other.0.deserialize(&bytes).unwrap();
+    other.0.restore(&copy).unwrap();
+    prop_assert_eq!(&other.bytes(), &bytes);
+    prop_assert_eq!(&follow(&mut other, input, after), &expected);
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 128, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_saved_plant_goes_on_bit_by_bit(start in -1e4..1e4_f64, before in steps(), after in steps()) {
+        a_saved_state_goes_on_bit_by_bit::<CartPair>("cart_force.l", start, &before, &after)?;
+    }
+
+    #[test]
+    fn a_saved_sampled_unit_goes_on_bit_by_bit(start in -1e4..1e4_f64, before in steps(), after in steps()) {
+        a_saved_state_goes_on_bit_by_bit::<Sampler>("filter_input", start, &before, &after)?;
+    }
+
+    /// A sampled unit is the same however a time is split into communication steps, as long as its input stands
+    /// still: the split is in whole milliseconds, so that no boundary comes within the slack of a sample by chance.
+    #[test]
+    fn splitting_steps_does_not_change_a_sampled_unit(
+        start in prop_oneof![Just(0.0), Just(1e4), -100.0..100.0_f64],
+        input in -2.0..2.0_f64,
+        splits in proptest::collection::vec(1..40_u32, 1..30),
+    ) {
+        let total: u32 = splits.iter().sum();
+        let at = |ms: u32| start + f64::from(ms) * 1e-3;
+        let mut whole = Unit::<Sampler>::starting(start, &[("filter_input", input)]);
+        whole.0.do_step(at(0), at(total) - at(0)).unwrap();
+        let mut split = Unit::<Sampler>::starting(start, &[("filter_input", input)]);
+        let mut ms = 0;
+        for step in splits {
+            split.0.do_step(at(ms), at(ms + step) - at(ms)).unwrap();
+            ms += step;
+        }
+        prop_assert_eq!(split.get("filter_count"), f64::from(total.div_ceil(10)));
+        prop_assert_eq!(split.bits(), whole.bits());
+    }
+
+    /// Bytes that were forged with a fitting checksum are refused or make an instance that keeps to its contract:
+    /// nothing panics.
+    #[test]
+    fn forged_bytes_are_refused_or_harmless(
+        changes in proptest::collection::vec((any::<proptest::sample::Index>(), any::<u8>()), 1..4),
+    ) {
+        let mut unit = with_a_past();
+        let mut bytes = unit.bytes();
+        let changeable = bytes.len() - 8;
+        for (index, value) in changes {
+            bytes[index.index(changeable)] = value;
+        }
+        if let Ok(snapshot) = unit.0.deserialize(&with_checksum(bytes)) {
+            unit.0.restore(&snapshot).unwrap();
+            let time = unit.0.time();
+            let _ = unit.0.do_step(time, 0.01);
+            let _ = unit.try_get("filter_output");
+            let _ = unit.set("filter_input", 1.0);
+            unit.0.reset().unwrap();
+        }
+    }
+}
