@@ -173,7 +173,7 @@ fn one_millisecond_has_the_check_numbers() {
 #[test]
 fn the_steady_yaw_gain_is_that_of_a_neutral_vehicle() {
     // Three axles of equal stiffness with the center of mass at their mean: r/delta_f = u a/(a^2 + b^2 + c^2) for small
-    // angles, rear axles straight (Chen et al. eq. 14 with A2 = 0). Exact; 1e-12 covers the linear solution. The state
+    // angles, rear axles straight (Chen et al. eqs. 14, 15 with A2 = 0). Exact; 1e-12 covers the linear solution. The state
     // without heading and position has a regular matrix.
     let p = linear();
     let (a, b) = linearized(&p, &X::default(), &U::default());
