@@ -108,7 +108,7 @@ fn yaw_rate_gains_and_front_limits_have_the_check_numbers() {
 
 #[test]
 fn the_ordinary_gain_is_that_of_a_single_track_model() {
-    // Neutral vehicle: u a/(a^2 + b^2 + c^2) (closed form of eq. 14 with A2 = 0); roundings.
+    // Neutral vehicle: u a/(a^2 + b^2 + c^2) (closed form of eqs. 14, 15 with A2 = 0); roundings.
     let p = ordinary();
     let D { b, c, .. } = design(&p);
     let u = 35.0 * KM_H;
