@@ -214,7 +214,7 @@ impl Gains {
         })
     }
 
-    /// U = -K X (eqs. 36, 37), N.
+    /// U = -K X (the minimum of eqs. 38, 39), N.
     pub fn force(&self, x: &Feedback) -> SixWheels<f64> {
         let wheels = |gains: &SixWheels<f64>, values: &SixWheels<f64>| -> f64 {
             gains.iter().zip(values.iter()).map(|(k, x)| k * x).sum()
