@@ -90,9 +90,9 @@ proptest! {
         for share in [y.k1, y.k2] {
             prop_assert!((0.0..=1.0).contains(&share));
         }
-        // An exact mirror would give a sum of 1. Table 3 maps PVS (1/6) to PEB (1) instead of PVB (5/6), which raises
-        // the second share by at most the distance of the two.
-        prop_assert!((-1e-12..=1.0 / 6.0).contains(&(y.k1 + y.k2 - 1.0)), "{}", y.k1 + y.k2);
+        // An exact mirror would give a sum of 1. Table 3 maps PVS (1/6) to PEB (1) instead of PVB (5/6): a label's center
+        // moves by 1/6, and its set merges with that of PES. An independent computation on a grid finds 0.956 to 1.084.
+        prop_assert!((0.95..1.09).contains(&(y.k1 + y.k2)), "{}", y.k1 + y.k2);
         let edge = weights(&p, degrees.clamp(-32.0, 32.0), km_h.clamp(0.0, 40.0));
         // Degrees and radians round.
         prop_assert!((y.k1 - edge.k1).abs() < 1e-12 && (y.k2 - edge.k2).abs() < 1e-12);
