@@ -94,7 +94,7 @@ fn build(workspace: &Workspace, models: &[Model], portable: bool) -> Result<Vec<
     let mut command = Command::new(&cargo);
     let mut folder = target.clone();
     if portable {
-        require_zigbuild(&cargo)?;
+        require_zigbuild()?;
         command.args(["zigbuild", "--target", PORTABLE_TARGET]);
         folder.push("x86_64-unknown-linux-gnu");
     } else {
@@ -128,8 +128,8 @@ fn build(workspace: &Workspace, models: &[Model], portable: bool) -> Result<Vec<
 }
 
 /// Says what to install when the cross linker is missing.
-fn require_zigbuild(cargo: &OsString) -> Result<()> {
-    let found = Command::new(cargo).args(["zigbuild", "--version"]).output().is_ok_and(|o| o.status.success());
+fn require_zigbuild() -> Result<()> {
+    let found = Command::new("cargo-zigbuild").arg("--version").output().is_ok_and(|o| o.status.success());
     if found {
         return Ok(());
     }
