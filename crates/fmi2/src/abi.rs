@@ -173,10 +173,10 @@ unsafe fn call<E: Export>(
 
 fn check_array<T>(function: Function, name: &str, pointer: *const T, length: usize) -> Answer {
     if pointer.is_null() {
-        return Err(error(function, &format!("{name} is a null pointer, an array of {length} values was expected")));
+        return Err(error(function, &format!("{name} is a null pointer, an array of length {length} was expected")));
     }
     if !pointer.is_aligned() || length > isize::MAX as usize / size_of::<T>() {
-        return Err(error(function, &format!("{name} with {length} values is not a possible array")));
+        return Err(error(function, &format!("{name} of length {length} is not a possible array")));
     }
     Ok(())
 }
@@ -791,6 +791,9 @@ pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _v
 macro_rules! export {
     (plant $model:ty) => {
         $crate::export!(@all $model, $crate::model::PlantModel<$model>);
+    };
+    (advancing $model:ty) => {
+        $crate::export!(@all $model, $crate::model::PlantModel<$model, $crate::model::Exact>);
     };
     (sampled $model:ty) => {
         $crate::export!(@all $model, $crate::model::SampledModel<$model>);

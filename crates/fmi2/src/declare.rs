@@ -127,6 +127,7 @@ impl Spec {
                 description,
                 tunable: self.tunable,
                 local: self.local,
+                calculated: false,
                 kind: Kind::Real(Real {
                     unit: self.unit,
                     display: self.display,
@@ -153,7 +154,7 @@ pub fn other(all: &mut Vec<Declaration>, name: &str, description: &str, tunable:
         let values: Vec<_> = choices.iter().map(|c| format!("{} {}", c.value, c.name)).collect();
         description = format!("{description} ({})", values.join(", "));
     }
-    all.push(Declaration { name: name.to_owned(), description, tunable, local: false, kind });
+    all.push(Declaration { name: name.to_owned(), description, tunable, local: false, calculated: false, kind });
 }
 
 /// The kind of a mode.

@@ -113,11 +113,11 @@ fn contradiction(info: &Info, layout: &Layout) -> Option<String> {
                     return Some(format!("'{name}': {} cannot be displayed in {display}", real.unit.name));
                 }
             }
-            Kind::Integer { start, min, max, .. } if !(min..=max).contains(&start) => {
-                return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
-            }
-            Kind::Integer { choices, type_name, .. } if !choices.is_empty() => {
-                if *types.entry(*type_name).or_insert(*choices) != *choices {
+            Kind::Integer { start, min, max, choices, type_name } => {
+                if !(min..=max).contains(&start) {
+                    return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
+                }
+                if !choices.is_empty() && *types.entry(*type_name).or_insert(*choices) != *choices {
                     return Some(format!("'{name}': there is another mode of the name {type_name}"));
                 }
             }
@@ -347,7 +347,11 @@ fn scalar_variable(xml: &mut Xml, is_plant: bool, layout: &Layout, variable: &Va
         Role::Input => ("input", "continuous", None),
         Role::Output if is_plant => ("output", "continuous", Some("calculated")),
         Role::Output => ("output", "discrete", Some("exact")),
-        Role::State => (if declaration.local { "local" } else { "output" }, "continuous", Some("exact")),
+        Role::State => (
+            if declaration.local { "local" } else { "output" },
+            "continuous",
+            Some(if declaration.calculated { "calculated" } else { "exact" }),
+        ),
         Role::Derivative => ("local", "continuous", Some("calculated")),
     };
     let mut element = xml.create_element("ScalarVariable").with_attributes([
@@ -458,6 +462,7 @@ fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[
             .iter()
             .filter(|v| match v.role {
                 Role::Calculated | Role::Derivative => true,
+                Role::State => v.declaration.calculated,
                 Role::Output => is_plant,
                 _ => false,
             })
@@ -466,7 +471,8 @@ fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[
         if !initial.is_empty() {
             xml.create_element("InitialUnknowns").write_inner_content(|xml| {
                 initial.iter().try_for_each(|v| {
-                    let mut all = if v.role == Role::Calculated { fixed.clone() } else { parameters.clone() };
+                    let follows_fixed = matches!(v.role, Role::Calculated | Role::State);
+                    let mut all = if follows_fixed { fixed.clone() } else { parameters.clone() };
                     all.extend(depends(v));
                     unknown(xml, v, all)
                 })

@@ -151,6 +151,12 @@ impl<M: Model> Instance<M> {
         &self.description.layout
     }
 
+    /// Whether the real `index` is a state whose start value waits for the design.
+    fn is_calculated_state(&self, index: usize) -> bool {
+        let layout = self.layout();
+        self.design.is_none() && layout.states.contains(&index) && layout.real(index).declaration.calculated
+    }
+
     /// fmi2SetupExperiment.
     ///
     /// # Errors
@@ -250,6 +256,7 @@ impl<M: Model> Instance<M> {
             }
         }
         self.values.reals[calculated].copy_from_slice(&numbers);
+        M::begin_states(&self.parameters, &self.description.layout, &mut self.values.reals);
         let design = Arc::new(design);
         self.design = Some(design.clone());
         Ok(design)
@@ -264,7 +271,7 @@ impl<M: Model> Instance<M> {
         let (mut calculated, mut outputs, mut derivatives) = (false, false, false);
         for &reference in references {
             let index = reference as usize;
-            calculated |= layout.calculated.contains(&index);
+            calculated |= layout.calculated.contains(&index) || self.is_calculated_state(index);
             outputs |= layout.outputs.contains(&index);
             derivatives |= layout.derivatives.contains(&index);
         }
@@ -387,6 +394,7 @@ impl<M: Model> Instance<M> {
             Role::Input => (true, ""),
             Role::Parameter if variable.declaration.tunable => (true, ""),
             Role::Parameter => (before_start, "a fixed parameter"),
+            Role::State if variable.declaration.calculated => (false, "a state that starts by the parameters"),
             Role::State => (before_start, "a continuous state"),
             // What has an exact start value may be set before the start (standard, section 2.1.7).
             Role::Output if !M::IS_PLANT => (before_start, "an output with a start value"),
@@ -400,6 +408,7 @@ impl<M: Model> Instance<M> {
         let when = match variable.role {
             Role::Calculated | Role::Derivative => "never settable",
             Role::Output if M::IS_PLANT => "never settable",
+            Role::State if variable.declaration.calculated => "never settable",
             _ => "settable only in Instantiated and Initialization Mode",
         };
         Err(format!(

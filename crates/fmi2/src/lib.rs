@@ -1,8 +1,8 @@
 //! Exports a model, declared once in Rust, as an FMI 2.0 co-simulation FMU.
 //!
 //! A model consists of structs (parameters, inputs, outputs, state) whose fields carry name, unit, start value and
-//! description of every variable, and of pure functions: a [`Plant`] is an ordinary differential equation, a
-//! [`Sampled`] unit is an update per sample. [`export!`] makes a library with the whole C interface of them; names,
+//! description of every variable, and of pure functions: a [`Plant`] is an ordinary differential equation, an
+//! [`Advancing`] one knows its solution, a [`Sampled`] unit is an update per sample. [`export!`] makes a library with the whole C interface of them; names,
 //! numbers, the model description, saved states, reset and derivatives follow from the declaration.
 //!
 //! ```
@@ -73,7 +73,7 @@ pub mod variable;
 
 pub use block::{Block, Field, Place};
 pub use fmi2_derive as derive;
-pub use model::{Info, Plant, Sampled};
+pub use model::{Advancing, Info, Plant, Sampled};
 pub use scalar::{Dual64, Scalar};
 pub use signal::{Quantity, Range, Role, Signal};
 pub use unit::Unit;
@@ -82,7 +82,7 @@ pub use unit::Unit;
 pub mod prelude {
     pub use crate::block::Field;
     pub use crate::derive::{Design, Inputs, Memory, Mode, Outputs, Parameters, State};
-    pub use crate::model::{Info, Plant, Sampled};
+    pub use crate::model::{Advancing, Info, Plant, Sampled};
     pub use crate::parameters::{MAX_STEP, SAMPLE_TIME};
     pub use crate::scalar::Scalar;
     pub use crate::unit::*;

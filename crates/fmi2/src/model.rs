@@ -1,4 +1,5 @@
-//! What a model author writes: a plant as an ordinary differential equation, or a sampled unit.
+//! What a model author writes: a plant as an ordinary differential equation, perhaps with its exact solution, or a
+//! sampled unit.
 
 use std::path::Path;
 
@@ -44,12 +45,13 @@ pub trait HasMaxStep {
 /// A plant: x' = derivatives(p, x, u), y = outputs(p, x, u).
 ///
 /// The exporter integrates it with the classical Runge-Kutta method of order 4 in
-/// n = max(1, ceil(h / `max_step` - 1e-6)) equal substeps of the communication step h, the inputs held.
+/// n = max(1, ceil(h / `max_step` - 1e-6)) equal substeps of the communication step h, the inputs held; a plant that is
+/// [`Advancing`] too takes the communication step at once.
 pub trait Plant: Sized + 'static {
     /// Facts about the model.
     const INFO: Info;
-    /// The parameters.
-    type Parameters: Parameters + HasMaxStep + Send;
+    /// The parameters; the field `max_step` belongs to them unless the plant is [`Advancing`].
+    type Parameters: Parameters + Send;
     /// What follows from the fixed parameters; `()` if nothing does.
     type Design: Design;
     /// The continuous state; also the type of its time derivative.
@@ -64,6 +66,9 @@ pub trait Plant: Sized + 'static {
     /// # Errors
     /// A sentence that names the parameter and what was expected.
     fn design(p: &Self::Parameters) -> Result<Self::Design, String>;
+    /// Writes the states whose start value follows from fixed parameters, always the same ones; they are calculated at
+    /// the start and cannot be set. The others keep their declared start value, or what was set before the start.
+    fn begin(_p: &Self::Parameters, _x: &mut Self::State<f64>) {}
     /// Time derivative of the state.
     fn derivatives<T: Scalar>(
         p: &Self::Parameters,
@@ -78,6 +83,19 @@ pub trait Plant: Sized + 'static {
         x: &Self::State<T>,
         u: &Self::Inputs<T>,
     ) -> Self::Outputs<T>;
+}
+
+/// A plant whose state for held inputs is known in closed form: x(t + h) = advance(p, x, u, h) takes the place of the
+/// integrator, and no `max_step` is needed.
+pub trait Advancing: Plant {
+    /// State after the step `h` in s, > 0.
+    fn advance(
+        p: &Self::Parameters,
+        d: &Self::Design,
+        x: &Self::State<f64>,
+        u: &Self::Inputs<f64>,
+        h: f64,
+    ) -> Self::State<f64>;
 }
 
 /// A sampled unit: a controller, or a source of signals. Sample n is due at start + n * `sample_time`; it reads the
@@ -175,6 +193,22 @@ pub struct Step {
     pub sample: u64,
 }
 
+/// How the state of the plant `P` gets over a communication step.
+pub trait Stepper<P: Plant>: 'static {
+    /// Into how many equal parts a step of `h` s is divided.
+    fn parts(p: &P::Parameters, h: f64) -> f64;
+    /// State after one part of `h` s, the inputs held.
+    fn advance(p: &P::Parameters, d: &P::Design, x: &P::State<f64>, u: &P::Inputs<f64>, h: f64) -> P::State<f64>;
+}
+
+/// The classical Runge-Kutta method of order 4 with parts not longer than `max_step`.
+#[derive(Debug)]
+pub struct RungeKutta;
+
+/// The solution of an [`Advancing`] plant, in one part.
+#[derive(Debug)]
+pub struct Exact;
+
 /// How an instance runs a model; [`PlantModel`] and [`SampledModel`] implement it for what authors write.
 pub trait Model: 'static {
     /// Facts about the model.
@@ -199,6 +233,8 @@ pub trait Model: 'static {
     fn fingerprint(d: &Self::Design) -> u64;
     /// See [`Sampled::begin`].
     fn begin(p: &Self::Parameters, d: &Self::Design) -> Self::Memory;
+    /// See [`Plant::begin`].
+    fn begin_states(p: &Self::Parameters, layout: &Layout, reals: &mut [f64]);
     /// Into how many substeps or samples the step is divided; more than [`MOST_PARTS`] are refused.
     fn parts(p: &Self::Parameters, step: Step) -> f64;
     /// Advances states (plant) or outputs and memory (sampled unit) over `parts` parts.
@@ -233,27 +269,40 @@ pub trait Model: 'static {
 
 /// Runs a [`Plant`].
 #[derive(Debug)]
-pub struct PlantModel<P>(std::marker::PhantomData<P>);
+pub struct PlantModel<P, S = RungeKutta>(std::marker::PhantomData<(P, S)>);
 
 /// Runs a [`Sampled`] unit.
 #[derive(Debug)]
 pub struct SampledModel<S>(std::marker::PhantomData<S>);
 
-/// x(t + h) by the classical Runge-Kutta method, the inputs held.
-#[inline]
-fn runge_kutta<P: Plant>(
-    p: &P::Parameters,
-    d: &P::Design,
-    x: &P::State<f64>,
-    u: &P::Inputs<f64>,
-    h: f64,
-) -> P::State<f64> {
-    let k1 = P::derivatives(p, d, x, u);
-    let k2 = P::derivatives(p, d, &x.zip(&k1, |x, k| x + 0.5 * h * k), u);
-    let k3 = P::derivatives(p, d, &x.zip(&k2, |x, k| x + 0.5 * h * k), u);
-    let k4 = P::derivatives(p, d, &x.zip(&k3, |x, k| x + h * k), u);
-    let slope = k1.zip(&k2, |a, b| a + 2.0 * b).zip(&k3, |a, b| a + 2.0 * b).zip(&k4, |a, b| a + b);
-    x.zip(&slope, |x, s| x + h / 6.0 * s)
+impl<P: Plant> Stepper<P> for RungeKutta
+where
+    P::Parameters: HasMaxStep,
+{
+    fn parts(p: &P::Parameters, h: f64) -> f64 {
+        (h / p.max_step() - 1e-6).ceil().max(1.0)
+    }
+
+    #[inline]
+    fn advance(p: &P::Parameters, d: &P::Design, x: &P::State<f64>, u: &P::Inputs<f64>, h: f64) -> P::State<f64> {
+        let k1 = P::derivatives(p, d, x, u);
+        let k2 = P::derivatives(p, d, &x.zip(&k1, |x, k| x + 0.5 * h * k), u);
+        let k3 = P::derivatives(p, d, &x.zip(&k2, |x, k| x + 0.5 * h * k), u);
+        let k4 = P::derivatives(p, d, &x.zip(&k3, |x, k| x + h * k), u);
+        let slope = k1.zip(&k2, |a, b| a + 2.0 * b).zip(&k3, |a, b| a + 2.0 * b).zip(&k4, |a, b| a + b);
+        x.zip(&slope, |x, s| x + h / 6.0 * s)
+    }
+}
+
+impl<P: Advancing> Stepper<P> for Exact {
+    fn parts(_: &P::Parameters, _: f64) -> f64 {
+        1.0
+    }
+
+    #[inline]
+    fn advance(p: &P::Parameters, d: &P::Design, x: &P::State<f64>, u: &P::Inputs<f64>, h: f64) -> P::State<f64> {
+        P::advance(p, d, x, u, h)
+    }
 }
 
 fn first_not_finite(reals: &[f64], range: std::ops::Range<usize>, time: f64) -> Result<(), StepError> {
@@ -263,7 +312,7 @@ fn first_not_finite(reals: &[f64], range: std::ops::Range<usize>, time: f64) -> 
     }
 }
 
-impl<P: Plant> Model for PlantModel<P> {
+impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
     const INFO: Info = P::INFO;
     const IS_PLANT: bool = true;
     type Parameters = P::Parameters;
@@ -271,12 +320,21 @@ impl<P: Plant> Model for PlantModel<P> {
     type Memory = ();
 
     fn layout() -> Layout {
+        let mut states = P::State::<f64>::declare();
+        // The states that `begin` writes are calculated: they are no longer NaN after it.
+        let mut start = vec![f64::NAN; states.len()];
+        let mut x = P::State::read(&start);
+        P::begin(&P::Parameters::default(), &mut x);
+        x.write(&mut start);
+        for (state, start) in states.iter_mut().zip(start) {
+            state.calculated = !start.is_nan();
+        }
         Layout::new(
             P::Parameters::declare(),
             P::Design::declare(),
             P::Inputs::<f64>::declare(),
             P::Outputs::<f64>::declare(),
-            P::State::<f64>::declare(),
+            states,
         )
     }
 
@@ -290,8 +348,14 @@ impl<P: Plant> Model for PlantModel<P> {
 
     fn begin(_: &P::Parameters, _: &P::Design) {}
 
+    fn begin_states(p: &P::Parameters, layout: &Layout, reals: &mut [f64]) {
+        let mut x = P::State::read(&reals[layout.states.clone()]);
+        P::begin(p, &mut x);
+        x.write(&mut reals[layout.states.clone()]);
+    }
+
     fn parts(p: &P::Parameters, step: Step) -> f64 {
-        (step.step / p.max_step() - 1e-6).ceil().max(1.0)
+        S::parts(p, step.step)
     }
 
     fn step(
@@ -307,7 +371,7 @@ impl<P: Plant> Model for PlantModel<P> {
         let mut x = P::State::read(&reals[layout.states.clone()]);
         let h = step.step / parts as f64;
         for _ in 0..parts {
-            x = runge_kutta::<P>(p, d, &x, &u, h);
+            x = S::advance(p, d, &x, &u, h);
         }
         x.write(&mut reals[layout.states.clone()]);
         first_not_finite(reals, layout.states.clone(), step.time + step.step)
@@ -399,6 +463,8 @@ impl<S: Sampled> Model for SampledModel<S> {
     fn begin(p: &S::Parameters, d: &S::Design) -> S::Memory {
         S::begin(p, d)
     }
+
+    fn begin_states(_: &S::Parameters, _: &Layout, _: &mut [f64]) {}
 
     fn parts(p: &S::Parameters, step: Step) -> f64 {
         let end = samples_before(step.time + step.step, step.start, p.sample_time(), step.step);

@@ -24,7 +24,7 @@ pub struct Exponents {
     pub rad: i8,
 }
 
-/// A unit of measure. All of them are coherent SI units but [`MPA`], which carries a factor.
+/// A unit of measure. All of them are coherent SI units but [`MPA`] and [`MPA_PER_S`], which carry a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
     /// Name as it stands in the model description, for example `rad/s`.
@@ -75,6 +75,8 @@ units! {
     PER_S = si("1/s", 0, 0, -1, 0, &[]);
     /// Per second squared; angular acceleration per angle.
     PER_S2 = si("1/s2", 0, 0, -2, 0, &[]);
+    /// Per velocity; loss of friction with the sliding speed.
+    S_PER_M = si("s/m", 0, -1, 1, 0, &[]);
     /// Hertz.
     HZ = si("Hz", 0, 0, -1, 0, &[]);
     /// Radian.
@@ -101,8 +103,10 @@ units! {
     N_S_PER_RAD = si("N.s/rad", 1, 1, -1, -1, &[]);
     /// Torsional stiffness; moment per angle.
     N_M_PER_RAD = si("N.m/rad", 1, 2, -2, -1, &[show("kN.m/rad", 1e-3)]);
-    /// Pressure in megapascal (the only unit here that is not coherent).
+    /// Pressure in megapascal (with its rate the only unit here that is not coherent).
     MPA = Unit { name: "MPa", exponents: Exponents { kg: 1, m: -1, s: -2, rad: 0 }, factor: 1e6, display: &[show("bar", 10.0)] };
+    /// Rate of a pressure.
+    MPA_PER_S = Unit { name: "MPa/s", exponents: Exponents { kg: 1, m: -1, s: -3, rad: 0 }, factor: 1e6, display: &[show("bar/s", 10.0)] };
 }
 
 impl Unit {

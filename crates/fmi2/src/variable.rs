@@ -16,6 +16,8 @@ pub struct Declaration {
     pub tunable: bool,
     /// Whether it is a signal only this unit knows and no other is meant to read (causality local).
     pub local: bool,
+    /// Whether the start value of a state follows from the parameters; false for everything else.
+    pub calculated: bool,
     /// Type and what belongs to it.
     pub kind: Kind,
 }
@@ -196,9 +198,14 @@ impl Layout {
         self.positions.get(reference as usize).map(|&position| &self.variables[position])
     }
 
+    /// The real variable `index`.
+    pub fn real(&self, index: usize) -> &Variable {
+        &self.variables[self.positions[index]]
+    }
+
     /// Name of the real variable `index`.
     pub fn real_name(&self, index: usize) -> &str {
-        &self.variables[self.positions[index]].declaration.name
+        &self.real(index).declaration.name
     }
 
     /// Number of a variable in ModelStructure, which counts from 1, by value reference.
@@ -234,6 +241,7 @@ fn derivative_of(state: &Declaration) -> Declaration {
         description: format!("Time derivative of {}", state.name),
         tunable: false,
         local: true,
+        calculated: false,
         kind: Kind::Real(Real {
             unit: real.unit.per_second(),
             display: None,

@@ -46,4 +46,6 @@ impl Plant for Cart {
     }
 }
 
+fmi2::export!(plant Cart);
+
 fn main() {}
