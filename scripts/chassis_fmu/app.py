@@ -134,7 +134,11 @@ def _run(options: argparse.Namespace) -> int:
     command = ["scripts/run", *shared]
     if options.from_csv is not None:
         master = "CSV files of earlier runs"
-        failures = batch.convert(scenario, options.from_csv.resolve(), runs)
+        given = options.from_csv.resolve()
+        # The folder of a scenario's results is as good as the folder of the files in it.
+        failures = batch.convert(scenario, given / "runs" if (given / "runs").is_dir() else given, runs)
+        if len(failures) == len(scenario.runs):
+            raise AppError(f"{options.from_csv} has no results of {scenario.name}: {next(iter(failures.values()))}", 1)
     elif options.native:
         master = "native (cargo fmu run)"
         command.append("--native")

@@ -137,7 +137,7 @@ def _label(column: Column) -> str:
     return text[:1].upper() + text[1:] if text else column.name
 
 
-def _axis_unit(unit: str) -> str:
+def axis_unit(unit: str) -> str:
     """Return a unit as the label of an axis, where a lone degree sign would be lost."""
     pretty = tables.pretty_unit(unit)
     return unit if pretty == "°" else pretty
@@ -217,7 +217,7 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
             ax.plot(times, values, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
             used[case.name] = Line2D([], [], color=color, linewidth=2.0, linestyle=dashes, label=case.title)
         _title(ax, column, column.name if point is None else titles[point], 95 if across == 1 else 48)
-        ax.set_ylabel(_axis_unit(shown.unit))
+        ax.set_ylabel(axis_unit(shown.unit))
         if i + across >= len(panels):
             ax.set_xlabel("Time (s)")
         else:
@@ -267,7 +267,7 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas 
             room = 0.08 * (high - low)
             ax.set_ylim(low - room if low < 0.0 else 0.0, high + room if high > 0.0 else 0.0)
         ax.set_title(metric.title, loc="left")
-        ax.set_ylabel(_axis_unit(metric.conversion.unit))
+        ax.set_ylabel(axis_unit(metric.conversion.unit))
         ax.set_xlabel(tables.with_unit(plan.sweep.title, plan.sweep.unit))
     _legend(canvas, list(handles.values()))
     return canvas

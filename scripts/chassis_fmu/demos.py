@@ -1,0 +1,181 @@
+"""What the picture of a model shows: for each FMU a short run with simple inputs.
+
+A model without an entry shows its reference run, if it has one with a time column, or no result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+from fmpy.model_description import ModelDescription, ScalarVariable
+from numpy.typing import NDArray
+
+from . import master, plan
+
+STEP = 0.001
+
+Array = NDArray[np.floating[Any]]
+Signal = float | Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Demo:
+    """A run of one FMU: inputs over time (s), and the outputs that are drawn; they share one unit."""
+
+    title: str
+    stop: float
+    outputs: tuple[str, ...]
+    inputs: Mapping[str, Signal] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+def through(*points: tuple[float, float]) -> Callable[[Array], Array]:
+    """Return the broken line through points (time, value)."""
+    times, values = zip(*points, strict=True)
+    return lambda t: np.interp(t, times, values)
+
+
+def wave(amplitude: float, frequency: float) -> Callable[[Array], Array]:
+    """Return a sine with a frequency in Hz."""
+    return lambda t: amplitude * np.sin(2.0 * np.pi * frequency * t)
+
+
+def wave_rate(amplitude: float, frequency: float) -> Callable[[Array], Array]:
+    """Return the rate of `wave`."""
+    return lambda t: 2.0 * np.pi * frequency * amplitude * np.cos(2.0 * np.pi * frequency * t)
+
+
+DEG = np.pi / 180.0
+KMH = 1.0 / 3.6
+
+# The body sways while the wheels stay on a flat road.
+SWAY: Mapping[str, Signal] = {"body.roll": wave(2.0 * DEG, 0.5), "body.roll_rate": wave_rate(2.0 * DEG, 0.5)}
+
+DEMOS: Mapping[str, Demo] = {
+    "RescueVehicle": Demo(
+        "Turn at 35 km/h: 6° at the front axle",
+        4.0,
+        ("body.roll", "vehicle.sideslip"),
+        {"driver.speed": 35.0 * KMH, "steer.front": through((0.5, 0.0), (0.8, 6.0 * DEG))},
+    ),
+    "Road": Demo(
+        "Road of class C at 36 km/h",
+        5.0,
+        ("road_height.fl", "road_height.fr"),
+        {"vehicle.speed": 10.0},
+    ),
+    "Driver": Demo(
+        "Double lane change",
+        12.0,
+        ("driver.steer",),
+        parameters={"maneuver": 3},
+    ),
+    "DualSlidingModeSteering": Demo(
+        "Turn at 35 km/h with a yaw rate that lags behind",
+        4.0,
+        ("steer.front", "steer.middle", "steer.rear"),
+        {
+            "vehicle.speed": 35.0 * KMH,
+            "weight.steering": 1.0,
+            "driver.steer": through((0.5, 0.0), (2.0, 8.0 * DEG)),
+            "vehicle.yaw_rate": through((0.8, 0.0), (2.4, 0.26)),
+        },
+    ),
+    "FuzzyCoordination": Demo(
+        "Steering demand from 0 to 32° at 35 km/h",
+        10.0,
+        ("weight.integrated", "weight.roll", "weight.steering"),
+        {"vehicle.speed": 35.0 * KMH, "driver.steer": through((0.0, 0.0), (10.0, 32.0 * DEG))},
+    ),
+    "IntegratedLqrSuspension": Demo(
+        "Body swaying by 2° at 0.5 Hz",
+        4.0,
+        ("integrated_force.fl", "integrated_force.fr"),
+        SWAY,
+    ),
+    "RollLqrSuspension": Demo(
+        "Body swaying by 2° at 0.5 Hz",
+        4.0,
+        ("roll_force.fl", "roll_force.fr"),
+        SWAY,
+    ),
+    "SuspensionMixer": Demo(
+        "Shares pass from one law to the other",
+        4.0,
+        ("suspension_force.fl", "suspension_force.fr"),
+        {
+            "weight.integrated": through((1.0, 1.0), (3.0, 0.0)),
+            "weight.roll": through((1.0, 0.0), (3.0, 1.0)),
+            "integrated_force.fl": wave(2000.0, 2.0),
+            "integrated_force.fr": wave(2000.0, 2.0),
+            "roll_force.fl": wave(-4000.0, 0.5),
+            "roll_force.fr": wave(4000.0, 0.5),
+        },
+    ),
+}
+
+
+def variable(description: ModelDescription, name: str) -> ScalarVariable:
+    """Return the variable of a name.
+
+    Raises LookupError if the FMU has none.
+    """
+    for found in description.modelVariables:
+        if found.name == name:
+            return found
+    raise LookupError(f"{description.modelName} has no variable {name}")
+
+
+def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> tuple[Array, dict[str, Array]]:
+    """Run a demo on an FMU, which is extracted to `folder`. Returns times and drawn outputs.
+
+    Raises LookupError if the FMU has no variable of a name, master.RunError if the run fails.
+    """
+
+    def wire(name: str, slot: int) -> plan.Wire:
+        found = variable(description, name)
+        return plan.Wire(found.valueReference, found.type, slot)
+
+    def setting(name: str, value: float) -> plan.Setting:
+        found = variable(description, name)
+        return plan.Setting(name, found.type, found.valueReference, value)
+
+    steps = round(demo.stop / STEP)
+    grid = np.arange(steps + 1) * STEP
+    feeds = []
+    for slot, signal in enumerate(demo.inputs.values()):
+        if callable(signal):
+            feeds.append(plan.Feed(slot, tuple(grid.tolist()), tuple(signal(grid).tolist())))
+        else:
+            feeds.append(plan.Feed(slot, (0.0,), (signal,)))
+    inputs = tuple(wire(name, slot) for slot, name in enumerate(demo.inputs))
+    outputs = tuple(wire(name, slot) for slot, name in enumerate(demo.outputs, start=len(inputs)))
+    unit = plan.Unit(
+        name=description.modelName,
+        fmu=fmu,
+        model_identifier=description.coSimulation.modelIdentifier,
+        guid=description.guid,
+        parameters=tuple(setting(name, value) for name, value in demo.parameters.items()),
+        constants=(),
+        inputs=inputs,
+        outputs=outputs,
+    )
+    whole = plan.Run(
+        id="demo",
+        case="demo",
+        point=None,
+        seed=None,
+        units=(unit,),
+        feeds=tuple(feeds),
+        slots=len(inputs) + len(outputs),
+        columns=tuple(w.slot for w in outputs),
+    )
+    fmpy.extract(str(fmu), str(folder))
+    simulation = plan.Simulation(0.0, demo.stop, STEP, steps, "sequential", 1)
+    times, rows = master.simulate(whole, simulation, lambda u: master.FmpyInstance(u, folder))
+    return times, {name: rows[:, i] for i, name in enumerate(demo.outputs)}
