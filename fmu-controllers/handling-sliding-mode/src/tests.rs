@@ -1,0 +1,135 @@
+//! Check numbers, the demanded motion, and its robustness.
+//!
+//! "Check numbers" were computed by an independent implementation of the law and are compared to their last printed
+//! digit.
+
+use proptest::prelude::*;
+
+use super::*;
+
+/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
+}
+
+/// Inputs of the check numbers.
+const TURN: U = U { phi: 0.05, phid: 0.1, d: Sides([0.03, -0.02]), dd: Sides([0.1, -0.05]), a_y: 4.0 };
+
+/// Boundary layer 0.3 rad/s, the damper stays.
+fn damped() -> P {
+    P { width: 0.3, cancellation: 0.0, ..P::default() }
+}
+
+/// The paper's parameter sets: Table 5 found by PACSA and by a genetic algorithm, and Table 6.
+fn sets() -> [P; 3] {
+    [
+        P::default(),
+        P { rho: 4.73, mu: 2.99, eta: 24.92, kappa1: 0.73, kappa2: 0.0025, ..P::default() },
+        P { kappa1: 0.1, kappa2: 0.1, ..P::default() },
+    ]
+}
+
+/// Roll acceleration of the plant's body with these actuator forces: I_x phidd = M + m_s h a_y, M with the weight.
+fn roll_acceleration(p: &P, u: &U, f: &[f64; 2]) -> f64 {
+    let push = |i: usize| -p.k_s * u.d[i] - p.c_s * u.dd[i] + f[i];
+    let moment = p.t / 2.0 * (push(0) - push(1)) + p.m_s * p.g * p.h * u.phi.sin();
+    (moment + p.m_s * p.h * u.a_y) / p.i_x
+}
+
+#[test]
+fn the_forces_have_the_check_numbers() {
+    let y = equations::forces(&P::default(), &TURN);
+    assert_near(y.f[0], -4639.036789, 5e-7);
+    assert_near(y.s, 0.35, 1e-15);
+    // s is outside the boundary layer, so only the damper makes the difference.
+    assert_near(equations::forces(&damped(), &TURN).f[0], -4712.536789, 5e-7);
+    let y = equations::forces(&damped(), &U { phi: 0.02, phid: 0.05, ..TURN });
+    assert_near(y.f[0], -2592.727496, 5e-7);
+    assert_near(y.s, 0.15, 1e-15);
+}
+
+#[test]
+fn at_rest_there_is_no_force() {
+    let y = equations::forces(&P::default(), &U::default());
+    assert_eq!((y.f.0, y.s), ([0.0; 2], 0.0));
+}
+
+#[test]
+fn the_limit_holds_for_both_forces() {
+    let y = equations::forces(&P { limit: 4000.0, ..P::default() }, &TURN);
+    assert_eq!(y.f.0, [-4000.0, 4000.0]);
+}
+
+#[test]
+fn the_sets_of_the_paper_satisfy_the_robust_condition() {
+    // Eq. 13 with the term that it lacks, for the largest roll angle of the paper, 0.2 rad. Bounds: check numbers.
+    for (p, bound) in sets().into_iter().zip([0.2016, 0.348, 0.32]) {
+        let least = (1.0 + p.kappa1 + p.rho * p.kappa2) * 0.2;
+        assert_near(least, bound, 1e-3);
+        assert!(p.eta > p.kappa2 && p.mu > least);
+    }
+}
+
+fn any_inputs() -> impl Strategy<Value = U> {
+    let sides = |size: f64| prop::array::uniform2(-size..size).prop_map(Sides);
+    (-0.2..0.2, -2.0..2.0, sides(0.1), sides(1.0), -8.0..8.0).prop_map(|(phi, phid, d, dd, a_y)| U {
+        phi,
+        phid,
+        d,
+        dd,
+        a_y,
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// With exact data the roll acceleration is -(rho + eta) phid - rho eta phi - (mu + kap) sign(s): poles at -rho and
+    /// -eta. Accelerations of 1e3 rad/s2 leave roundings of 1e-11.
+    #[test]
+    fn roll_moves_as_demanded(u in any_inputs(), width in 0.0..0.5) {
+        let p = P { width, ..P::default() };
+        let y = equations::forces(&p, &u);
+        let sign = if width > 0.0 { (y.s / width).clamp(-1.0, 1.0) } else { y.s.signum() };
+        let switching = (p.mu + p.kappa1 * u.phi.abs() + p.kappa2 * u.phid.abs()) * sign;
+        let wanted = -(p.rho + p.eta) * u.phid - p.rho * p.eta * u.phi - switching;
+        prop_assert!((roll_acceleration(&p, &u, &y.f) - wanted).abs() < 1e-10);
+    }
+
+    /// The damper that is not cancelled adds its own roll moment, nothing else.
+    #[test]
+    fn the_damper_is_cancelled_by_its_share(u in any_inputs(), cancellation in 0.0..1.0) {
+        let p = P { cancellation, ..P::default() };
+        let all = equations::forces(&P::default(), &u);
+        let part = equations::forces(&p, &u);
+        let damper = -(1.0 - cancellation) * p.c_s * p.t / 2.0 * (u.dd[0] - u.dd[1]) / p.i_x;
+        let left = roll_acceleration(&p, &u, &part.f) - roll_acceleration(&p, &u, &all.f);
+        prop_assert!((left - damper).abs() < 1e-10);
+    }
+
+    /// V = (phi^2 + s^2)/2 falls for roll angles to 0.2 rad and errors of the roll acceleration within
+    /// kappa1 |phi| + kappa2 |phid|.
+    #[test]
+    fn the_lyapunov_function_falls(u in any_inputs(), error in -1.0..1.0, set in 0..3_usize) {
+        let p = &sets()[set];
+        prop_assume!(u.phi != 0.0 || u.phid != 0.0);
+        let y = equations::forces(p, &u);
+        let disturbance = error * (p.kappa1 * u.phi.abs() + p.kappa2 * u.phid.abs());
+        let phidd = roll_acceleration(p, &u, &y.f) + disturbance;
+        let rate = u.phi * u.phid + y.s * (phidd + p.rho * u.phid);
+        prop_assert!(rate < 0.0, "{rate}");
+    }
+
+    /// A turn to the right is the turn to the left in a mirror, to the bit; the two forces are opposite.
+    #[test]
+    fn the_law_is_symmetric(u in any_inputs(), limit in 0.0..8000.0, cancellation in 0.0..1.0) {
+        let p = P { limit, cancellation, ..P::default() };
+        let swapped = |sides: Sides<f64>| Sides([sides[1], sides[0]]);
+        let y = equations::forces(&p, &u);
+        let mirror = U { phi: -u.phi, phid: -u.phid, d: swapped(u.d), dd: swapped(u.dd), a_y: -u.a_y };
+        let m = equations::forces(&p, &mirror);
+        prop_assert_eq!((y.f, y.s), (swapped(m.f), -m.s));
+        prop_assert_eq!(y.f[0], -y.f[1]);
+    }
+}

@@ -1,0 +1,104 @@
+//! `SuspensionSwitch`: chooses between the comfort and the handling law by the estimated load transfer ratio.
+//!
+//! Applied Sciences 2020, 10, 1852, eq. 8; hysteresis, blending and the test of the magnitude are additions.
+
+mod equations;
+#[cfg(test)]
+mod tests;
+
+use chassis::prelude::*;
+use fmi2::prelude::*;
+
+/// The controller.
+pub struct SuspensionSwitch;
+
+/// Which control case runs.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Strategy {
+    /// comfort law, handling law above the threshold
+    Switched = 0,
+    /// comfort law alone
+    Comfort = 1,
+    /// handling law alone
+    Handling = 2,
+    /// no force; the mode is still shown
+    Passive = 3,
+}
+
+/// Symbols as in the paper.
+#[derive(Parameters, Clone, Debug)]
+pub struct P {
+    /// Q: load transfer ratio above which the handling law acts (paper)
+    #[par("threshold.load_transfer", unit = ONE, start = 0.8, tunable)]
+    q: f64,
+    /// How far the ratio must fall below the threshold before the comfort law returns; 0 as in the paper, 0.1 is
+    /// recommended against switching to and fro
+    #[par("threshold.hysteresis", unit = ONE, start = 0.0, min = 0.0, tunable)]
+    width: f64,
+    /// Look at the magnitude of the ratio, so that right turns are protected too; if false, at the signed ratio as in
+    /// the paper
+    #[par("threshold.magnitude", start = false)]
+    magnitude: bool,
+    /// Time in which one law fades into the other; 0 as in the paper, 0.3 s is recommended against shocks
+    #[par("blend.time", unit = S, start = 0.0, min = 0.0, tunable)]
+    blend_time: f64,
+    /// Control case
+    #[par("strategy", mode, start = Strategy::Switched)]
+    strategy: Strategy,
+    /// h, assumed
+    #[par(SAMPLE_TIME, start = 0.001)]
+    sample_time: f64,
+}
+
+/// The load transfer, and what the two laws propose.
+#[derive(Inputs, Clone, Debug)]
+pub struct U {
+    #[signal(VEHICLE_LOAD_TRANSFER_ESTIMATE)]
+    ltr: f64,
+    #[signal(COMFORT_FORCE)]
+    f_c: Sides<f64>,
+    #[signal(HANDLING_FORCE)]
+    f_h: Sides<f64>,
+}
+
+/// The force of the chosen law, and the choice.
+#[derive(Outputs, Clone, Debug)]
+pub struct Y {
+    #[signal(SUSPENSION_FORCE)]
+    f: Sides<f64>,
+    #[signal(SWITCH_MODE)]
+    mode: f64,
+    #[signal(SWITCH_BLEND)]
+    w: f64,
+}
+
+/// The choice: whether the handling law is on, and its share.
+#[derive(Memory, Clone, Debug, Default)]
+pub struct X {
+    handling: bool,
+    w: f64,
+}
+
+impl Sampled for SuspensionSwitch {
+    const INFO: Info = Info {
+        name: "SuspensionSwitch",
+        description: "Switches the suspension of a half car between the comfort and the handling law by the load transfer ratio",
+        version: env!("CARGO_PKG_VERSION"),
+        stop_time: 10.0,
+        step_size: 0.001,
+    };
+    type Parameters = P;
+    type Design = ();
+    type Memory = X;
+    type Inputs = U;
+    type Outputs = Y;
+
+    fn design(_: &P) -> Result<(), String> {
+        Ok(())
+    }
+    fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
+        equations::sample(p, x, u)
+    }
+}
+
+fmi2::export!(sampled SuspensionSwitch);

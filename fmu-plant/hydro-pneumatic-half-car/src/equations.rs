@@ -1,0 +1,145 @@
+//! Equations of motion, in the order of computation: deflections, tires, lateral motion, vertical motion. The numbers
+//! are those of the paper; what had to be corrected stands in the README.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | z_s, phi | heave and roll of the sprung mass |
+//! | z_u, z_q | height of the unsprung mass of a side and of the road under it |
+//! | T, arm | track and its half |
+//! | d, e | deflection of suspension and tires (compression negative) |
+//! | F, f | force of spring and damper, of the actuator (both push the body up) |
+//! | N, N_0 | load of the tires of a side, and at rest |
+//! | M | moment of suspension and weight about the roll axis |
+//! | G | lateral force through the roll center, as a vertical force on the left wheels (opposite on the right) |
+//! | h, h_r | center of mass over the roll axis, roll center over ground |
+//! | v | speed; v_e is v with a floor, for divisions; q fades the tire forces out below the floor |
+//! | beta, gamma, psi | sideslip angle, yaw rate, heading |
+//! | delta, alpha, F_y | steering angle, slip angle of an axle, lateral force of a tire |
+//! | a_y, LTR | lateral acceleration, load transfer ratio estimated from it |
+//! | c | share of the roll acceleration in the lateral motion (`model.roll_lateral_coupling`) |
+//!
+//! One more d at the end of a name is one more derivative with respect to time: phid, phidd.
+
+use chassis::positions::{FourWheels, Sides, TwoAxles, axle_of, left_is_positive};
+use chassis::suspension::{load_transfer_ratio, spring_damper, tire_load};
+use chassis::tire::MagicFormula;
+use fmi2::Scalar;
+
+use crate::{D, P, U, X, Y};
+
+/// Floor of the speed where it divides, m/s; below it the tire forces fade out.
+const FLOOR: f64 = 1.0;
+/// Rate at which sideslip and yaw rate decay at standstill, 1/s.
+const DECAY: f64 = 10.0;
+
+/// Mass and loads at rest.
+pub(crate) fn design(p: &P) -> Result<D, String> {
+    if p.g <= 0.0 {
+        return Err(format!("'gravity' = {} m/s2, a number above 0 was expected", p.g));
+    }
+    let m = p.m_s + 2.0 * p.m_u;
+    let least = p.c * (p.m_s * p.h).powi(2) / m;
+    if p.i_x <= least {
+        return Err(format!(
+            "'body.roll_axis_inertia' = {} kg.m2, more than {least:.1} kg.m2 was expected: the masses, \
+             'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling' need it",
+            p.i_x
+        ));
+    }
+    Ok(D { m, n0: (p.m_s / 2.0 + p.m_u) * p.g })
+}
+
+/// Everything that follows from state and inputs.
+struct Motion<T> {
+    d: Sides<T>,
+    dd: Sides<T>,
+    e: Sides<T>,
+    n: Sides<T>,
+    alpha: TwoAxles<T>,
+    f_y: FourWheels<T>,
+    a_y: T,
+    zdd_s: T,
+    phidd: T,
+    zdd_u: Sides<T>,
+    betad: T,
+    gammad: T,
+}
+
+#[inline]
+fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+    let arm = |i| p.t / 2.0 * left_is_positive(i);
+
+    // Suspension (eq. 4, corrected).
+    let d = Sides::from_fn(|i| x.z_s + x.phi * arm(i) - x.z_u[i]);
+    let dd = Sides::from_fn(|i| x.zd_s + x.phid * arm(i) - x.zd_u[i]);
+    let push = Sides::<T>::from_fn(|i| spring_damper(p.k_s, p.c_s, d[i], dd[i]) + u.f[i]); // F + f
+
+    // Tires: a side's load is shared by its front and rear tire as at rest.
+    let e = Sides::from_fn(|i| x.z_u[i] - u.z_q[i]);
+    let n = Sides::from_fn(|i| tire_load(s.n0, p.k_t, e[i], p.lift_off));
+    let v_e = Scalar::max(u.v, T::from(FLOOR));
+    let q = Scalar::clamp(u.v / FLOOR, T::from(0.0), T::from(1.0));
+    let alpha = TwoAxles([x.beta + x.gamma * p.l_f / v_e - u.delta[0], x.beta - x.gamma * p.l_r / v_e]);
+    let share = [p.l_r, p.l_f].map(|lever| lever / (p.l_f + p.l_r));
+    let f_y = FourWheels::<T>::from_fn(|i| {
+        let (axle, side) = (axle_of(i), i % 2);
+        q * MagicFormula::PASSENGER_CAR.lateral(u.friction[side] * p.mu, n[side] * share[axle], alpha[axle])
+    });
+
+    // Lateral and yaw motion (eqs. 2 and 3, corrected); with c = 1 sway and roll are one system of two equations:
+    // m a_y - m_s h phidd = F_f + F_r,  I_x phidd = M + m_s h a_y.
+    let m_sh = p.m_s * p.h;
+    let moment = (push[0] - push[1]) * (p.t / 2.0) + x.phi.sin() * (m_sh * p.g);
+    let (f_front, f_rear) = (f_y[0] + f_y[1], f_y[2] + f_y[3]);
+    let a_y = (f_front + f_rear + moment * (p.c * m_sh / p.i_x)) / (s.m - p.c * m_sh * m_sh / p.i_x);
+    let fade = |rate: T, value: T| q * rate - (-q + 1.0) * value * DECAY;
+    let betad = fade(a_y / v_e - x.gamma, x.beta);
+    let gammad = fade((f_front * p.l_f - f_rear * p.l_r) / p.i_z, x.gamma);
+
+    // Vertical and roll motion (eqs. 1, 4, 5 and 9, corrected).
+    let zdd_s = (push[0] + push[1]) / p.m_s;
+    let phidd = (moment + a_y * m_sh) / p.i_x;
+    let g = (a_y - phidd * (p.c * p.h)) * (p.geometric * p.m_s * p.h_r / p.t);
+    let zdd_u = Sides::from_fn(|i| (n[i] - s.n0 - push[i] + g * left_is_positive(i)) / p.m_u);
+    Motion { d, dd, e, n, alpha, f_y, a_y, zdd_s, phidd, zdd_u, betad, gammad }
+}
+
+pub(crate) fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
+    let m = motion(p, s, x, u);
+    let lateral = u.v * x.beta; // lateral velocity: sideslip is a small angle
+    X {
+        z_s: x.zd_s,
+        phi: x.phid,
+        z_u: x.zd_u,
+        zd_s: m.zdd_s,
+        phid: m.phidd,
+        zd_u: m.zdd_u,
+        beta: m.betad,
+        gamma: m.gammad,
+        psi: x.gamma,
+        x: u.v * x.psi.cos() - lateral * x.psi.sin(),
+        y: u.v * x.psi.sin() + lateral * x.psi.cos(),
+    }
+}
+
+pub(crate) fn outputs<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+    let m = motion(p, s, x, u);
+    // Moment balance about the ground (eq. 7).
+    let lever = x.phi.cos() * p.h + p.h_r;
+    let ltr = (lever * m.a_y / p.g + x.phi.sin() * p.h) * (2.0 * p.m_s / (s.m * p.t));
+    Y {
+        v: u.v,
+        gammad: m.gammad,
+        a_y: m.a_y,
+        ltr,
+        ratio: load_transfer_ratio(m.n[0], m.n[1]),
+        zdd_s: m.zdd_s,
+        phidd: m.phidd,
+        d: m.d,
+        dd: m.dd,
+        e: m.e,
+        n: m.n,
+        alpha: m.alpha,
+        f_y: m.f_y,
+    }
+}

@@ -1,0 +1,457 @@
+//! Check numbers, closed forms and invariants of the equations of motion.
+//!
+//! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
+//! digit.
+
+use std::f64::consts::FRAC_PI_2;
+
+use chassis::tire::MagicFormula;
+use control::riccati::eigenvalues;
+use fmi2::model::{Model, PlantModel, Step};
+use fmi2::{Block, Dual64};
+use nalgebra::{Complex, DMatrix, Matrix2, Vector2};
+use proptest::prelude::*;
+
+use super::*;
+
+const STATES: usize = <X<f64> as Block<f64>>::LEN;
+const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
+const OUTPUTS: usize = <Y<f64> as Block<f64>>::LEN;
+/// States without heading and position, which act on nothing.
+const MOVING: usize = STATES - 3;
+/// Positions in the state.
+const GAMMA: usize = 9;
+/// Positions in the inputs.
+const DELTA: usize = 1;
+const FORCES: usize = 2;
+
+/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
+}
+
+fn design(p: &P) -> D {
+    equations::design(p).unwrap()
+}
+
+fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
+    equations::derivatives(p, &design(p), x, u)
+}
+
+fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
+    equations::outputs(p, &design(p), x, u)
+}
+
+fn numbers(block: &impl Block<f64>) -> Vec<f64> {
+    let mut values = vec![0.0; STATES.max(OUTPUTS)];
+    block.write(&mut values);
+    values
+}
+
+/// The Jacobian matrices of the moving states' derivatives with respect to them and to the inputs, at rest on a straight
+/// road; exact by dual numbers.
+fn linearized(p: &P, speed: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+    let d = design(p);
+    let (x, u) = (numbers(&X::default()), numbers(&U { v: speed, ..U::default() }));
+    let column = |j: usize| {
+        let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
+            let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
+            values.iter().enumerate().map(|(i, &value)| Dual64::new(value, seed(i))).collect()
+        };
+        let (x, u) = (X::read(&seeded(&x[..STATES], 0)), U::read(&seeded(&u[..INPUTS], STATES)));
+        let mut rates = [Dual64::from(0.0); STATES];
+        equations::derivatives(p, &d, &x, &u).write(&mut rates);
+        rates.map(|rate| rate.eps)
+    };
+    let columns: Vec<_> = (0..STATES + INPUTS).map(column).collect();
+    (
+        DMatrix::from_fn(MOVING, MOVING, |i, j| columns[j][i]),
+        DMatrix::from_fn(MOVING, INPUTS, |i, j| columns[STATES + j][i]),
+    )
+}
+
+/// Asserts that each of `expected` (real and imaginary part) is a pole to 1e-3, the last printed digit.
+#[track_caller]
+fn assert_poles(a: &DMatrix<f64>, expected: &[(f64, f64)]) {
+    let poles = eigenvalues(a).unwrap();
+    for &(re, im) in expected {
+        let nearest = poles.iter().map(|pole| (pole - Complex::new(re, im)).norm()).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-3, "{re} + {im}i: {poles:?}");
+    }
+}
+
+const LATERAL: (f64, f64) = (-9.831, 3.597);
+
+#[test]
+fn at_rest_it_stays_at_rest() {
+    // Exact: m g/2 per side.
+    let (p, u) = (P::default(), U::default());
+    let y = outputs(&p, &X::default(), &u);
+    assert_eq!(y.n.0, [7970.625; 2]);
+    assert_eq!(y.v, 70.0 / 3.6);
+    let rates = derivatives(&p, &X::default(), &u);
+    assert_eq!(numbers(&X { x: 0.0, ..rates.clone() }), vec![0.0; STATES.max(OUTPUTS)]);
+    assert_eq!(rates.x, u.v);
+}
+
+#[test]
+fn the_passive_poles_are_the_check_numbers() {
+    let (a, _) = linearized(&P::default(), data::SPEED);
+    let heave = (-0.458, 6.217);
+    let roll = (-0.923, 7.939);
+    assert_poles(&a, &[heave, roll, (-9.985, 66.250), (-10.173, 66.129), LATERAL]);
+}
+
+#[test]
+fn under_the_comfort_law_the_body_is_held_by_a_sky_hook() {
+    // Linear part of the law with the parameters of the paper's Table 5 (eqs. 15-23): the whole sprung mass, the left
+    // wheel, f_r = zeta f_l.
+    let p = P::default();
+    let (n1, n2, eta, zeta) = (-0.575, 0.6559, 11.0, 0.444);
+    let (a, b) = linearized(&p, data::SPEED);
+    let mut f_l = DMatrix::zeros(1, MOVING);
+    // z_s, z_ul, and their rates: -(n1 x3 + n2 x4 + e/m_s + eta S) m_s
+    for (state, surface, rate, strut) in
+        [(0, n2, 0.0, -p.k_s), (2, n1, 0.0, p.k_s), (4, 1.0, n2, -p.c_s), (6, 0.0, n1, p.c_s)]
+    {
+        f_l[(0, state)] = -(rate + strut / p.m_s + eta * surface) * p.m_s;
+    }
+    let force = b.columns(FORCES, 2) * nalgebra::dmatrix![1.0; zeta];
+    let expected = [(-1.508, 0.0), (-16.05, 0.0), (-0.959, 7.936), (-8.575, 60.107), (-10.146, 66.159), LATERAL];
+    let poles = eigenvalues(&(a + force * f_l)).unwrap();
+    for (re, im) in expected {
+        // -16.05 is printed with two decimals.
+        let nearest = poles.iter().map(|pole| (pole - Complex::new(re, im)).norm()).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 5e-3, "{re} + {im}i: {poles:?}");
+    }
+}
+
+/// The plant under the linear part of the handling law (eqs. 9-14): roll as demanded by exact cancellation of the
+/// passive moments, the damper's by the given share.
+fn under_the_handling_law(cancellation: f64) -> DMatrix<f64> {
+    let p = P::default();
+    let (rho, eta) = (5.0, 25.0);
+    let (a, b) = linearized(&p, data::SPEED);
+    // Row of the roll acceleration without actuators; with them it becomes -(rho + eta) phid - rho eta phi, and what is
+    // left of the damper.
+    let phid = 5;
+    let mut wanted = DMatrix::zeros(1, MOVING);
+    (wanted[(0, 1)], wanted[(0, phid)]) = (-rho * eta, -(rho + eta));
+    let arm = p.t / 2.0;
+    for (state, moment) in [(phid, -2.0 * arm * arm * p.c_s), (6, arm * p.c_s), (7, -arm * p.c_s)] {
+        wanted[(0, state)] += (1.0 - cancellation) * moment / p.i_x;
+    }
+    let f_l = (wanted - a.row(phid)) * (p.i_x / p.t);
+    let force = b.columns(FORCES, 2) * nalgebra::dmatrix![1.0; -1.0];
+    a + force * f_l
+}
+
+#[test]
+fn exact_cancellation_leaves_the_wheels_undamped() {
+    // The zero dynamics: wheels against each other on bare tires, +-j sqrt(k_t/m_u).
+    let p = P::default();
+    let hop = (p.k_t / p.m_u).sqrt();
+    assert_near(hop, 61.644, 5e-4);
+    let a = under_the_handling_law(1.0);
+    assert_poles(&a, &[(-5.0, 0.0), (-25.0, 0.0), (0.0, hop), (-0.458, 6.217), (-9.985, 66.25), LATERAL]);
+    // The damper left in place damps it. With w the height of the wheels against each other and s the variable of the
+    // polynomial: (s^2 + (rho + eta + 2 arm^2 c_s/I_x) s + rho eta) phi = (2 arm c_s/I_x) s w and
+    // (m_u s^2 + k_t) w = -(I_x s^2 - m_s g h) phi/T; roots computed outside this program, three decimals.
+    assert_poles(&under_the_handling_law(0.0), &[(-7.296, 56.356), (-33.164, 0.0), (-4.435, 0.0)]);
+}
+
+#[test]
+fn the_yaw_gain_is_that_of_a_bicycle() {
+    // v/(L + K v^2) with K = m/L (l_r/C_f - l_f/C_r) and the cornering stiffness of two tires at rest (closed form of
+    // the linear bicycle); roundings of the linear solution.
+    let p = P::default();
+    let m = design(&p).m;
+    let n0 = design(&p).n0;
+    let length = p.l_f + p.l_r;
+    let stiffness = |lever: f64| {
+        let slope = Dual64::new(0.0, -1.0);
+        2.0 * MagicFormula::PASSENGER_CAR.lateral(Dual64::from(1.0), Dual64::from(n0 * lever / length), slope).eps
+    };
+    let (c_f, c_r) = (stiffness(p.l_r), stiffness(p.l_f));
+    assert_near(c_f, 122_328.2, 0.05); // check number
+    assert_near(c_r, 107_553.6, 0.05); // check number
+    let k = m / length * (p.l_r / c_f - p.l_f / c_r);
+    assert_near(k, 0.00205070, 5e-9); // check number
+    for (speed, yaw_gain, a_y_gain) in [(70.0 / 3.6, 4.87899, 94.869), (60.0 / 3.6, 4.40959, 73.493)] {
+        let (a, b) = linearized(&p, speed);
+        let steady = a.lu().solve(&(-b.column(DELTA))).unwrap();
+        let gain = steady[GAMMA];
+        assert_near(gain, speed / (length + k * speed * speed), 1e-10);
+        assert_near(gain, yaw_gain, 5e-6); // check number
+        assert_near(gain * speed, a_y_gain, 5e-4); // check number
+    }
+}
+
+/// Simulates 10 s from rest in steps of 1 ms.
+fn after_ten_seconds(p: &P, u: &U<f64>) -> X<f64> {
+    let layout = PlantModel::<HydroPneumaticHalfCar>::layout();
+    let mut reals = vec![0.0; layout.reals()];
+    u.write(&mut reals[layout.inputs.clone()]);
+    for k in 0..10_000 {
+        let step = Step { start: 0.0, time: 0.001 * f64::from(k), step: 0.001, sample: 0 };
+        PlantModel::<HydroPneumaticHalfCar>::step(p, &design(p), &mut (), &layout, &mut reals, step, 4).unwrap();
+    }
+    X::read(&reals[layout.states])
+}
+
+#[test]
+fn a_steady_turn_has_the_check_numbers() {
+    // 0.002 rad at 70 km/h; the slowest mode (heave, 0.458 1/s) has decayed to exp(-4.6), but heave does not take part.
+    let p = P::default();
+    let u = U { delta: FrontAxle([0.002]), ..U::default() };
+    let x = after_ten_seconds(&p, &u);
+    let y = outputs(&p, &x, &u);
+    assert_near(x.gamma / 0.002, 4.87878, 1e-4);
+    assert_near(y.a_y, u.v * x.gamma, 1e-6);
+
+    // Roll and left wheel per lateral acceleration: the moment about the roll axis and the balance of a wheel, two
+    // linear equations. The remainder of roll (0.923 1/s) is exp(-9) of it.
+    let arm = p.t / 2.0;
+    let m_sh = p.m_s * p.h;
+    let stiffness = Matrix2::new(2.0 * arm * arm * p.k_s - m_sh * p.g, -2.0 * arm * p.k_s, -arm * p.k_s, p.k_s + p.k_t);
+    let load = Vector2::new(m_sh, p.m_s * p.h_r / p.t);
+    let per_acceleration = stiffness.lu().solve(&load).unwrap();
+    assert_near(per_acceleration[0], 0.0275344, 5e-8); // check number
+    assert_near(per_acceleration[1], 0.00551321, 5e-9); // check number
+    assert_near(x.phi / y.a_y, per_acceleration[0], 1e-4 * per_acceleration[0] + 1e-5);
+    assert_near(x.z_u[0] / y.a_y, per_acceleration[1], 1e-4 * per_acceleration[1] + 1e-5);
+
+    // Estimate and ratio of the tire loads agree: the path through the roll center is there.
+    let ltr = 2.0 * p.m_s / (design(&p).m * p.t) * ((p.h_r + p.h) / p.g + p.h * per_acceleration[0]);
+    assert_near(ltr, 0.131421, 5e-7); // check number
+    assert_near(y.ltr / y.a_y, ltr, 1e-4);
+    assert_near(y.ratio / y.a_y, ltr, 1e-4);
+    // The threshold 0.8 of the switch: upright, and leaning as the passive vehicle does.
+    assert_near(0.8 / ltr, 6.09, 5e-3); // check number
+    let upright = 2.0 * p.m_s / (design(&p).m * p.t) * (p.h_r + p.h) / p.g;
+    assert_near(0.8 / upright, 6.87, 5e-3); // check number
+}
+
+#[test]
+fn without_the_path_through_the_roll_center_the_loads_miss_it() {
+    // In a steady state the tires then balance only the moment at the roll axis: closed form with exact cancellation of
+    // the height h_r; small angles err by phi^2/6 = 1e-7, the linear solution by roundings.
+    let p = P { geometric: 0.0, ..P::default() };
+    let (a, b) = linearized(&p, data::SPEED);
+    let delta = 1e-6;
+    let steady = a.lu().solve(&(-b.column(DELTA) * delta)).unwrap();
+    let mut values = numbers(&X::default());
+    values[..MOVING].copy_from_slice(steady.as_slice());
+    let x = X::read(&values);
+    let y = outputs(&p, &x, &U { delta: FrontAxle([delta]), ..U::default() });
+    let expected = 2.0 * p.m_s * p.h / (design(&p).m * p.t) * (y.a_y / p.g + x.phi);
+    assert_near(y.ratio / expected, 1.0, 1e-6);
+    assert!(y.ratio < 0.6 * y.ltr);
+}
+
+#[test]
+fn steady_forces_lift_or_turn_the_body() {
+    // Both sides: heave F/k_s, the wheels stay (forces are internal). Opposite: two linear equations, small angles.
+    let p = P::default();
+    let steady = |f: [f64; 2]| {
+        let (a, b) = linearized(&p, data::SPEED);
+        a.lu().solve(&(-b.columns(FORCES, 2) * nalgebra::dmatrix![f[0]; f[1]])).unwrap()
+    };
+    let x = steady([1000.0; 2]);
+    assert_near(x[0], 1000.0 / p.k_s, 1e-12);
+    assert_near(x[0], 0.0285714, 5e-8); // check number
+    assert_near(x[2], 0.0, 1e-12);
+    let x = steady([1000.0, -1000.0]);
+    assert_near(x[1], 0.0450662, 5e-8); // check number
+    assert_near(x[2], 0.00102358, 5e-9); // check number
+}
+
+/// Kinetic and potential energy of the vehicle without lift-off on a flat road; it is 0 at rest.
+fn energy<T: Scalar>(p: &P, x: &X<T>) -> T {
+    let sides = (0..2).map(|i| {
+        let d = x.z_s + x.phi * (p.t / 2.0 * [1.0, -1.0][i]) - x.z_u[i];
+        d.squared() * p.k_s + x.z_u[i].squared() * p.k_t + x.zd_u[i].squared() * p.m_u
+    });
+    let body = x.zd_s.squared() * p.m_s + x.phid.squared() * p.i_x;
+    (sides.sum::<T>() + body) * 0.5 + (x.phi.cos() - 1.0) * (p.m_s * p.g * p.h)
+}
+
+/// A state of usual size: positions to 0.1, rates to 1.
+fn any_state() -> impl Strategy<Value = X<f64>> {
+    prop::array::uniform13(-1.0..1.0f64).prop_map(|values| {
+        let scaled: Vec<_> = values.iter().enumerate().map(|(i, v)| if i < 4 { 0.1 * v } else { *v }).collect();
+        X::read(&scaled)
+    })
+}
+
+fn any_inputs() -> impl Strategy<Value = U<f64>> {
+    let sides = |size: f64| prop::array::uniform2(-size..size).prop_map(Sides);
+    (0.0..30.0, -0.5..0.5, sides(1e4), sides(0.05), prop::array::uniform2(0.0..1.0f64))
+        .prop_map(|(v, delta, f, z_q, friction)| U { v, delta: FrontAxle([delta]), f, z_q, friction: Sides(friction) })
+}
+
+fn any_options() -> impl Strategy<Value = P> {
+    (prop::bool::ANY, 0.0..1.0, 0.0..1.0, 0.0..1.5).prop_map(|(lift_off, c, geometric, mu)| P {
+        lift_off,
+        c,
+        geometric,
+        mu,
+        ..P::default()
+    })
+}
+
+/// The values of a block for the vehicle seen in a mirror along its track, by the names of the variables.
+fn mirrored<B: Block<f64>>(block: &B) -> B {
+    const ODD: [&str; 9] = [
+        "steer",
+        "tire_slip_angle",
+        "tire_lateral_force",
+        "vehicle.lateral",
+        "vehicle.sideslip",
+        "vehicle.yaw",
+        "vehicle.position_y",
+        "vehicle.load_transfer",
+        "body.roll",
+    ];
+    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
+    let values = numbers(block);
+    let other_side = |name: &str| match name.rsplit_once('.') {
+        Some((_, "l" | "fl" | "rl")) => format!("{}r", &name[..name.len() - 1]),
+        Some((_, "r" | "fr" | "rr")) => format!("{}l", &name[..name.len() - 1]),
+        _ => name.to_owned(),
+    };
+    let reflected: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let source = names.iter().position(|other| *other == other_side(name)).unwrap();
+            if ODD.iter().any(|odd| name.starts_with(odd)) { -values[source] } else { values[source] }
+        })
+        .collect();
+    B::read(&reflected)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    /// Standing on a flat road without actuators only the dampers change the energy, and only downwards. Both sides are
+    /// sums of terms to 1e5 W: 1e-9 W are roundings.
+    #[test]
+    fn the_energy_balance_closes(x in any_state()) {
+        let p = P { lift_off: false, ..P::default() };
+        let u = U { v: 0.0, ..U::default() };
+        let rates = derivatives(&p, &x, &u);
+        let moving: Vec<_> = numbers(&x).into_iter().zip(numbers(&rates)).map(|(x, d)| Dual64::new(x, d)).collect();
+        let power = energy(&p, &X::read(&moving)).eps;
+        let dampers: f64 = outputs(&p, &x, &u).dd.iter().map(|dd| -p.c_s * dd * dd).sum();
+        prop_assert!(dampers <= 0.0);
+        prop_assert!((power - dampers).abs() <= 1e-9, "{power} W, dampers {dampers} W");
+    }
+
+    /// Momentum of the whole vehicle: vertically, laterally, and about the line on the ground under its middle. Forces of
+    /// 1e5 N leave roundings of 1e-9.
+    #[test]
+    fn the_momentum_balances_close(x in any_state(), u in any_inputs(), options in any_options()) {
+        let p = P { geometric: 1.0, ..options };
+        let (s, rates, y) = (design(&p), derivatives(&p, &x, &u), outputs(&p, &x, &u));
+        let (m_sh, arm) = (p.m_s * p.h, p.t / 2.0);
+        let vertical = p.m_s * rates.zd_s + p.m_u * (rates.zd_u[0] + rates.zd_u[1]);
+        prop_assert!((vertical - (y.n[0] + y.n[1] - 2.0 * s.n0)).abs() < 1e-9);
+        let sway = s.m * y.a_y - p.c * m_sh * rates.phid;
+        prop_assert!((sway - y.f_y.iter().sum::<f64>()).abs() < 1e-9);
+        let roll = p.i_x * rates.phid + p.m_u * arm * (rates.zd_u[0] - rates.zd_u[1]);
+        let load = arm * (y.n[0] - y.n[1]) + m_sh * p.g * x.phi.sin() + m_sh * y.a_y;
+        let through_the_roll_center = p.m_s * p.h_r * (y.a_y - p.c * p.h * rates.phid);
+        prop_assert!((roll - load - through_the_roll_center).abs() < 1e-8);
+    }
+
+    /// Left and right exchanged: the same numbers to the bit.
+    #[test]
+    fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), p in any_options()) {
+        let (xm, um) = (mirrored(&x), mirrored(&u));
+        prop_assert_eq!(numbers(&mirrored(&derivatives(&p, &x, &u))), numbers(&derivatives(&p, &xm, &um)));
+        prop_assert_eq!(numbers(&mirrored(&outputs(&p, &x, &u))), numbers(&outputs(&p, &xm, &um)));
+    }
+
+    /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma; one rounding of each term.
+    #[test]
+    fn the_lateral_acceleration_is_that_of_the_path(x in any_state(), u in any_inputs(), p in any_options()) {
+        let u = U { v: 1.0 + u.v, ..u };
+        let path = u.v * (derivatives(&p, &x, &u).beta + x.gamma);
+        prop_assert!((path - outputs(&p, &x, &u).a_y).abs() < 1e-12);
+    }
+
+    /// Standing, the steering acts on nothing, and what is left of sideslip and yaw rate decays.
+    #[test]
+    fn a_standing_vehicle_does_not_turn(x in any_state(), u in any_inputs()) {
+        let p = P::default();
+        let u = U { v: 0.0, ..u };
+        let (rates, y) = (derivatives(&p, &x, &u), outputs(&p, &x, &u));
+        prop_assert_eq!((y.f_y.0, y.a_y), ([0.0; 4], 0.0));
+        prop_assert_eq!((rates.beta, rates.gamma), (-10.0 * x.beta, -10.0 * x.gamma));
+        prop_assert_eq!((rates.x, rates.y), (0.0, 0.0));
+    }
+
+    /// Everything is finite at any speed, a tire never pulls on the road, and its lateral force stays below its peak.
+    #[test]
+    fn tire_forces_keep_their_limits(x in any_state(), u in any_inputs(), options in any_options()) {
+        let p = P { lift_off: true, ..options };
+        let y = outputs(&p, &x, &u);
+        prop_assert!(numbers(&y).iter().chain(&numbers(&derivatives(&p, &x, &u))).all(|value| value.is_finite()));
+        prop_assert!((-1.0..=1.0).contains(&y.ratio));
+        for (i, f_y) in y.f_y.iter().enumerate() {
+            let load = y.n[i % 2];
+            prop_assert!(load >= 0.0);
+            // mu a2 N is the peak without its fall at large loads.
+            prop_assert!(f_y.abs() <= 1.011 * p.mu * u.friction[i % 2] * load);
+        }
+    }
+}
+
+#[test]
+fn a_wheel_in_the_air_carries_and_steers_nothing() {
+    let p = P::default();
+    // 0.1 m above rest exceed the static tire deflection of N_0/k_t = 0.042 m.
+    let x = X { z_u: Sides([0.1, 0.0]), beta: 0.05, ..X::default() };
+    let y = outputs(&p, &x, &U::default());
+    assert_eq!((y.n[0], y.f_y[0], y.f_y[2], y.ratio), (0.0, 0.0, 0.0, 1.0));
+    assert!(y.f_y[1] < 0.0 && y.f_y[3] < 0.0);
+    // Without lift-off the tire spring pulls: N_0 - k_t e.
+    let y = outputs(&P { lift_off: false, ..p }, &x, &U::default());
+    assert_near(y.n[0], 7970.625 - 19_000.0, 1e-9);
+}
+
+#[test]
+fn friction_of_a_side_scales_its_peak() {
+    // Far beyond the peak the force follows the friction; the other side keeps its own.
+    let (p, x) = (P::default(), X { beta: 0.3, ..X::default() });
+    let u = U { friction: Sides([0.5, 1.0]), ..U::default() };
+    let y = outputs(&p, &x, &u);
+    let half = MagicFormula::PASSENGER_CAR.lateral(0.5, 7970.625 * p.l_r / (p.l_f + p.l_r), 0.3);
+    assert_near(y.f_y[0], half, 1e-9);
+    assert_eq!(y.f_y[1], outputs(&p, &x, &U::default()).f_y[1]);
+}
+
+#[test]
+fn the_path_follows_speed_and_heading() {
+    // A vehicle that points to the left by 90 degrees and drifts with v beta = 0.5 m/s.
+    let x = X { psi: FRAC_PI_2, beta: 0.05, ..X::default() };
+    let rates = derivatives(&P::default(), &x, &U { v: 10.0, ..U::default() });
+    assert_near(rates.x, -0.5, 1e-14);
+    assert_near(rates.y, 10.0, 1e-14);
+}
+
+#[test]
+fn data_that_make_no_vehicle_are_refused() {
+    let message = |p: P| equations::design(&p).unwrap_err();
+    assert_eq!(message(P { g: 0.0, ..P::default() }), "'gravity' = 0 m/s2, a number above 0 was expected");
+    // (m_s h)^2/m = 289.8 kg m2.
+    assert_eq!(
+        message(P { c: 1.0, i_x: 289.0, ..P::default() }),
+        "'body.roll_axis_inertia' = 289 kg.m2, more than 289.8 kg.m2 was expected: the masses, \
+         'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling' need it"
+    );
+    // Without coupling, and just above it, there is a solution.
+    assert!(equations::design(&P { i_x: 289.0, ..P::default() }).is_ok());
+    assert!(equations::design(&P { c: 1.0, i_x: 290.0, ..P::default() }).is_ok());
+}
