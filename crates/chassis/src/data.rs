@@ -82,3 +82,123 @@ pub mod hydro_pneumatic_half_car {
     /// m/s2: standard value, rounded.
     pub const GRAVITY: f64 = 9.81;
 }
+
+/// Three-axle heavy truck with a balance suspension of its rear axles: "Multiobjective Synchronous Control of
+/// Heavy-Duty Vehicles Based on Longitudinal and Lateral Coupling Dynamics", 2022.
+///
+/// The paper prints no data of the vehicle. "Calibrated" values are a rounded least-squares fit to its numbers without
+/// control: vertical, pitch and roll acceleration of Table 3 in the step case, and the roll ratios of section 4.1 (77,
+/// 64 and 35 %). All others are assumed, as the reason beside each value says.
+pub mod heavy_vehicle {
+    /// Sprung mass, kg: 6x4 truck of the 25 t class.
+    pub const BODY_MASS: f64 = 20_000.0;
+    /// About the body's center of mass, kg m2: calibrated.
+    pub const ROLL_INERTIA: f64 = 22_000.0;
+    /// About the body's center of mass, kg m2: calibrated.
+    pub const PITCH_INERTIA: f64 = 78_000.0;
+    /// Whole vehicle, kg m2: about mass times both distances of center of mass and axles.
+    pub const YAW_INERTIA: f64 = 100_000.0;
+    /// Minus the integral of x z dm, kg m2: small, but it couples roll and yaw.
+    pub const ROLL_YAW_INERTIA: f64 = 2_000.0;
+    /// One wheel position of the front, middle and rear axle, kg: half a steer axle, half a drive axle with dual wheels.
+    pub const WHEEL_MASS: [f64; 3] = [300.0, 450.0, 450.0];
+    /// One balance beam, kg.
+    pub const BEAM_MASS: f64 = 200.0;
+    /// One balance beam about its own center of mass, kg m2.
+    pub const BEAM_PITCH_INERTIA: f64 = 60.0;
+    /// Beam against body, N m s/rad: 7 % of critical damping at the 9.4 Hz of the beam's pitch.
+    pub const BEAM_PITCH_DAMPING: f64 = 4_000.0;
+    /// Whole vehicle, kg.
+    pub const MASS: f64 = BODY_MASS + 2.0 * (WHEEL_MASS[0] + WHEEL_MASS[1] + WHEEL_MASS[2]) + 2.0 * BEAM_MASS;
+    /// Center of mass to front axle, m: wheelbase 4.35 + 1.35 m, 28 % of the load in front.
+    pub const CG_TO_FRONT: f64 = 3.6;
+    /// Center of mass to the trunnion between middle and rear axle, m.
+    pub const CG_TO_REAR_SUSPENSION: f64 = 1.425;
+    /// Middle to rear axle, m: usual tandem spacing.
+    pub const MIDDLE_TO_REAR: f64 = 1.35;
+    /// Center of mass to the wheels of one side, m.
+    pub const HALF_TRACK: f64 = 0.95;
+    /// Sprung mass's center of mass over the roll axis, m: calibrated.
+    pub const CG_TO_ROLL_AXIS: f64 = 0.45;
+    /// Roll center over ground, m: calibrated.
+    pub const ROLL_CENTER_HEIGHT: f64 = 0.7;
+    /// Wheel centers over ground, m: radius of a 12R20 tire.
+    pub const WHEEL_CENTER_HEIGHT: f64 = 0.5;
+    /// One strut, front and rear (one per side for both rear axles), N/m: calibrated.
+    pub const SUSPENSION_STIFFNESS: [f64; 2] = [360_000.0, 1_700_000.0];
+    /// One strut, front and rear, N s/m: calibrated.
+    pub const SUSPENSION_DAMPING: [f64; 2] = [12_000.0, 12_500.0];
+    /// One wheel position, vertical, N/m: one truck tire in front, dual tires behind.
+    pub const TIRE_STIFFNESS: [f64; 3] = [900_000.0, 1_800_000.0, 1_800_000.0];
+    /// Tires per wheel position.
+    pub const TIRE_COUNT: [f64; 3] = [1.0, 2.0, 2.0];
+    /// Loads of the truck tires over those of the car tires that the magic formula was fitted to: normalized cornering
+    /// stiffness 3.9 (front) and 6.9 per rad, peak friction 0.73 and 0.82.
+    pub const TIRE_LOAD_SCALE: f64 = 2.4;
+    /// Slope of the tire force of one front wheel at its static load, N/rad.
+    pub const FRONT_CORNERING_STIFFNESS: f64 = 119_344.049_967_2;
+    /// Floor of the speed where it divides, m/s.
+    pub const MINIMUM_SPEED: f64 = 0.5;
+    /// Speed of the paper's main experiments, m/s (60 km/h).
+    pub const SPEED: f64 = 60.0 / 3.6;
+    /// m/s2: standard value, rounded.
+    pub const GRAVITY: f64 = 9.81;
+}
+
+/// Two-axle car with semi-active suspension, antilock brakes and yaw control: Xia, Tang, Zhao, "Coordinated control of a
+/// semi-active suspension system and an electronic stability program on a finite-state basis".
+///
+/// What stands in Table 6 of the paper says so; the reason is beside each other value.
+pub mod esp_car {
+    /// Sprung mass, kg (Table 6, the second "m").
+    pub const BODY_MASS: f64 = 1200.0;
+    /// One front, one rear wheel, kg (Table 6).
+    pub const WHEEL_MASS: [f64; 2] = [45.0, 35.0];
+    /// Whole vehicle, kg: the sum.
+    pub const MASS: f64 = BODY_MASS + 2.0 * (WHEEL_MASS[0] + WHEEL_MASS[1]);
+    /// Center of mass to front axle, m (Table 6).
+    pub const CG_TO_FRONT: f64 = 1.10;
+    /// Center of mass to rear axle, m (Table 6).
+    pub const CG_TO_REAR: f64 = 1.24;
+    /// Full track, m (Table 6 calls it wheelbase, which is 1.10 m + 1.24 m; as half a track it would be a car of 2.7 m).
+    pub const TRACK: f64 = 1.36;
+    /// Whole vehicle's center of mass over ground, m (Table 6).
+    pub const CG_HEIGHT: f64 = 0.58;
+    /// Sprung mass's center of mass over the roll axis, m (Table 6).
+    pub const CG_TO_ROLL_AXIS: f64 = 0.14;
+    /// Unsprung masses' centers over ground, m: the radius of the wheels.
+    pub const WHEEL_CENTER_HEIGHT: f64 = RADIUS;
+    /// Sprung mass about its own center of mass, kg m2 (Table 6).
+    pub const ROLL_INERTIA: f64 = 521.0;
+    /// Sprung mass about its own center of mass, kg m2 (Table 6).
+    pub const PITCH_INERTIA: f64 = 1218.0;
+    /// Sprung mass about its own center of mass, kg m2 (Table 6).
+    pub const BODY_YAW_INERTIA: f64 = 1207.0;
+    /// Whole vehicle, kg m2: body and wheels about the common center of mass, 1497.64 when printed.
+    pub const YAW_INERTIA: f64 = 1497.64;
+    /// One front, one rear strut, N/m (Table 6).
+    pub const SUSPENSION_STIFFNESS: [f64; 2] = [19_000.0, 17_000.0];
+    /// One strut, N s/m (Table 6); damping ratio of heave 0.1.
+    pub const SUSPENSION_DAMPING: f64 = 560.0;
+    /// One bar, N m/rad (Table 6).
+    pub const ANTI_ROLL_BAR: f64 = 6695.0;
+    /// One tire, vertical, N/m (Table 6, printed with a comma and as a moment).
+    pub const TIRE_STIFFNESS: f64 = 138_000.0;
+    /// Rolling radius, m: a wheel of 13 or 14 inches.
+    pub const RADIUS: f64 = 0.29;
+    /// One wheel about its axle, kg m2: as the radius.
+    pub const SPIN_INERTIA: f64 = 0.9;
+    /// One front, one rear tire at its load at rest, N/rad: 10.7 and 13.4 times the load, as other cars of this size.
+    pub const CORNERING_STIFFNESS: [f64; 2] = [38_000.0, 42_000.0];
+    /// One front, one rear tire at its load at rest, N: 18.4 times the load.
+    pub const SLIP_STIFFNESS: [f64; 2] = [65_000.0, 58_000.0];
+    /// Friction of the tires: gives the braking distance of Table 7 (state 3, no control) on a flat road.
+    pub const FRICTION: f64 = 0.77;
+    /// Brake torque per pressure of one front, one rear wheel, m3: pistons of about 54 and 34 mm, efficiency 0.95, brake
+    /// factor 0.7, effective radius 0.11 m.
+    pub const BRAKE_GAIN: [f64; 2] = [1.6748e-4, 6.6396e-5];
+    /// Speed of the paper's experiments, m/s (60 km/h).
+    pub const SPEED: f64 = 60.0 / 3.6;
+    /// m/s2: standard value, rounded.
+    pub const GRAVITY: f64 = 9.81;
+}

@@ -38,6 +38,25 @@ fmi2::family! {
 }
 
 fmi2::family! {
+    /// The wheels of the front axle.
+    pub FrontWheels[2] {
+        fl: "front left wheel",
+        fr: "front right wheel",
+    }
+}
+
+fmi2::family! {
+    /// The suspension struts of a three-axle vehicle whose rear axles hang on balance beams; left ones have even
+    /// numbers.
+    pub Struts[4] {
+        fl: "front left strut",
+        fr: "front right strut",
+        rl: "left strut of the balance suspension",
+        rr: "right strut of the balance suspension",
+    }
+}
+
+fmi2::family! {
     /// The axles of a two-axle vehicle.
     pub TwoAxles[2] {
         front: "front axle",

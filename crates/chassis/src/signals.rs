@@ -50,21 +50,36 @@ signals! {
     BODY_PITCH, "body.pitch", RAD, Some("deg"), Measurement, "Pitch angle of the body, positive nose down";
     BODY_PITCH_RATE, "body.pitch_rate", RAD_PER_S, Some("deg/s"), Measurement, "Pitch rate of the body";
     BODY_PITCH_ACCELERATION, "body.pitch_acceleration", RAD_PER_S2, Some("deg/s2"), Measurement, "Pitch acceleration of the body";
+    CORNER_ACCELERATION, "corner_acceleration", M_PER_S2, None, Measurement, "Vertical acceleration of the body above the {}";
     // Wheels, suspension, tires
     WHEEL_HEIGHT, "wheel_height", M, Some("mm"), Measurement, "Height of the unsprung mass above static equilibrium, {}";
     WHEEL_VELOCITY, "wheel_velocity", M_PER_S, Some("mm/s"), Measurement, "Vertical velocity of the unsprung mass, {}";
+    WHEEL_SPEED, "wheel_speed", RAD_PER_S, Some("rpm"), Measurement, "Speed of rotation of the {}, positive when it rolls forwards";
+    BEAM_HEIGHT, "beam_height", M, Some("mm"), Measurement, "Height of the balance beam's trunnion above static equilibrium, {}";
+    BEAM_PITCH, "beam_pitch", RAD, Some("deg"), Measurement, "Pitch angle of the balance beam, positive when its front end is low, {}";
+    BEAM_PITCH_RATE, "beam_pitch_rate", RAD_PER_S, Some("deg/s"), Measurement, "Pitch rate of the balance beam, {}";
     SUSPENSION_DEFLECTION, "suspension_deflection", M, Some("mm"), Measurement, "Body attachment height minus wheel height (compression negative), {}";
     SUSPENSION_VELOCITY, "suspension_velocity", M_PER_S, Some("mm/s"), Measurement, "Rate of the suspension deflection, {}";
     TIRE_DEFLECTION, "tire_deflection", M, Some("mm"), Measurement, "Wheel height minus road height (compression negative), {}";
     TIRE_LOAD, "tire_load", N, Some("kN"), Measurement, "Compressive force on the road, static load included, {}";
     TIRE_LATERAL_FORCE, "tire_lateral_force", N, Some("kN"), Measurement, "Lateral tire force on the vehicle in the frame of the wheel, to the left, {}";
+    TIRE_LONGITUDINAL_FORCE, "tire_longitudinal_force", N, Some("kN"), Measurement, "Longitudinal tire force on the vehicle in the frame of the wheel, forwards, {}";
     TIRE_SLIP_ANGLE, "tire_slip_angle", RAD, Some("deg"), Measurement, "Direction of travel minus direction of the wheel, {}";
+    TIRE_LONGITUDINAL_SLIP, "tire_longitudinal_slip", ONE, Some("%"), Measurement, "Slip of the {}: braking negative, -1 locked";
+    BRAKE_PRESSURE, "brake_pressure", MPA, Some("bar"), Measurement, "Brake pressure of the {}";
+    BRAKE_MASTER_PRESSURE, "brake.master_pressure", MPA, Some("bar"), Measurement, "Brake pressure that the driver's pedal makes";
     // Commands to a plant
     STEER, "steer", RAD, Some("deg"), Command, "Steering angle of the {}, positive to the left";
     SUSPENSION_FORCE, "suspension_force", N, Some("kN"), Command, "Actuator force of the {}, pushing the body up and the wheel down";
+    BRAKE_TORQUE, "brake_torque", N_M, Some("kN.m"), Command, "Brake torque on the {}, not negative; it acts against the rotation";
+    DRIVE_TORQUE, "drive_torque", N_M, Some("kN.m"), Command, "Drive torque on the {}, forwards positive";
+    BRAKE_PRESSURE_COMMAND, "brake_pressure_command", MPA, Some("bar"), Command, "Brake pressure that is asked for at the {}";
     // Between controllers
     STEER_REQUEST, "steer_request", RAD, Some("deg"), Internal, "Steering command of the {} before angle and rate limits";
+    STEER_CORRECTION, "steer_correction", RAD, Some("deg"), Internal, "Angle that active steering of the {} adds to what the driver asks for";
+    STEER_RATIO, "steer_ratio", ONE, None, Internal, "Steering angle of the {} over what the driver asks for";
     REFERENCE_YAW_RATE, "reference.yaw_rate", RAD_PER_S, Some("deg/s"), Internal, "Yaw rate that a lateral controller follows";
+    REFERENCE_SIDESLIP, "reference.sideslip", RAD, Some("deg"), Internal, "Sideslip angle that a lateral controller follows";
     SLIDING_SURFACE_SIDESLIP, "sliding_surface.sideslip", RAD, None, Internal, "Value of the sliding surface of the sideslip angle";
     SLIDING_SURFACE_YAW_RATE, "sliding_surface.yaw_rate", RAD_PER_S, None, Internal, "Value of the sliding surface of the yaw rate";
     SLIDING_SURFACE_COMFORT, "sliding_surface.comfort", M_PER_S, None, Internal, "Value of the sliding surface of the comfort law";
@@ -78,6 +93,26 @@ signals! {
     HANDLING_FORCE, "handling_force", N, Some("kN"), Internal, "Suspension force that the handling law proposes for the {}";
     SWITCH_MODE, "switch.mode", ONE, None, Internal, "Suspension law that is chosen: 0 comfort, 1 handling";
     SWITCH_BLEND, "switch.blend", ONE, None, Internal, "Share of the handling law in the suspension force";
+    COORDINATION_STATE, "coordination.state", ONE, None, Internal, "Driving state: 0 not coordinated, 1 uniform, 2 accelerating, 3 braking, 4 turning, 5 turning and braking, 6 turning and accelerating";
+    ENABLE_SUSPENSION, "enable.suspension", ONE, None, Internal, "The suspension law is on when above 0.5";
+    ENABLE_ANTILOCK, "enable.antilock", ONE, None, Internal, "The antilock logic is on when above 0.5";
+    ENABLE_YAW_CONTROL, "enable.yaw_control", ONE, None, Internal, "The yaw control is on when above 0.5";
+    SUSPENSION_PROPORTIONAL_GAIN, "suspension_proportional_gain", KG, None, Internal, "Force of the suspension law per change of the body's acceleration from sample to sample, {}";
+    SUSPENSION_INTEGRAL_GAIN, "suspension_integral_gain", KG, None, Internal, "Force that the suspension law adds in a sample, per acceleration of the body, {}";
+    SUSPENSION_DERIVATIVE_GAIN, "suspension_derivative_gain", KG, None, Internal, "Force of the suspension law per second difference of the body's acceleration, {}";
+    TARGET_SLIP, "target_slip", ONE, Some("%"), Internal, "Braking slip that the antilock logic keeps, positive, {}";
+    ANTILOCK_ACTIVE, "antilock_active", ONE, None, Internal, "1 while the antilock logic modulates the pressure of the {}, else 0";
+    YAW_CONTROL_PRESSURE, "yaw_control_pressure", MPA, Some("bar"), Internal, "Brake pressure that yaw control adds at the {}, not negative";
+    DEMAND_YAW_MOMENT, "demand.yaw_moment", N_M, Some("kN.m"), Internal, "Yaw moment that a controller asks for, positive to the left";
+    DEMAND_HEAVE_FORCE, "demand.heave_force", N, Some("kN"), Internal, "Vertical force that a controller wants on the body, before it is shared out";
+    DEMAND_PITCH_MOMENT, "demand.pitch_moment", N_M, Some("kN.m"), Internal, "Pitch moment that a controller wants on the body, before it is shared out";
+    DEMAND_ROLL_MOMENT, "demand.roll_moment", N_M, Some("kN.m"), Internal, "Roll moment that a controller wants on the body, before it is shared out";
+    FRONT_STEERING_PROPORTIONAL_GAIN, "front_steering.proportional_gain", S, None, Internal, "Proportional gain of active front steering after the fuzzy correction";
+    FRONT_STEERING_INTEGRAL_GAIN, "front_steering.integral_gain", ONE, None, Internal, "Integral gain of active front steering after the fuzzy correction";
+    FRONT_STEERING_DERIVATIVE_GAIN, "front_steering.derivative_gain", S2, None, Internal, "Derivative gain of active front steering after the fuzzy correction";
+    ALL_WHEEL_STEERING_PROPORTIONAL_GAIN, "all_wheel_steering.proportional_gain", PER_RAD, None, Internal, "Proportional gain of all-wheel steering after the fuzzy correction";
+    ALL_WHEEL_STEERING_INTEGRAL_GAIN, "all_wheel_steering.integral_gain", PER_RAD_S, None, Internal, "Integral gain of all-wheel steering after the fuzzy correction";
+    ALL_WHEEL_STEERING_DERIVATIVE_GAIN, "all_wheel_steering.derivative_gain", S_PER_RAD, None, Internal, "Derivative gain of all-wheel steering after the fuzzy correction";
 }
 
 #[cfg(test)]

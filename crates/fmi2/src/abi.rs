@@ -785,8 +785,8 @@ pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _v
     unsafe { no_answer::<E>(component, Function::GetStringStatus, kind) }
 }
 
-/// Exports the C interface of a model: `fmi2::export!(plant Name)` or `fmi2::export!(sampled Name)`, as the last item
-/// of a package with the crate type `cdylib`. Adds a test that the declarations do not contradict each other.
+/// Exports the C interface of a model: `fmi2::export!(plant Name)`, `fmi2::export!(advancing Name)` or
+/// `fmi2::export!(sampled Name)`, as the last item of a package with the crate type `cdylib`. Adds a test that the declarations do not contradict each other.
 #[macro_export]
 macro_rules! export {
     (plant $model:ty) => {

@@ -473,7 +473,8 @@ fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[
                 initial.iter().try_for_each(|v| {
                     let follows_fixed = matches!(v.role, Role::Calculated | Role::State);
                     let mut all = if follows_fixed { fixed.clone() } else { parameters.clone() };
-                    all.extend(depends(v));
+                    // A state that is calculated itself is unknown at the start; it follows from the parameters.
+                    all.extend(depends(v).into_iter().filter(|&i| !layout.variables[i - 1].declaration.calculated));
                     unknown(xml, v, all)
                 })
             })?;

@@ -45,6 +45,11 @@ const fn si(name: &'static str, kg: i8, m: i8, s: i8, rad: i8, display: &'static
     Unit { name, exponents: Exponents { kg, m, s, rad }, factor: 1.0, display }
 }
 
+/// A unit that is `factor` coherent units; shown as it is.
+const fn scaled(name: &'static str, factor: f64, kg: i8, m: i8, s: i8, rad: i8) -> Unit {
+    Unit { name, exponents: Exponents { kg, m, s, rad }, factor, display: &[] }
+}
+
 const DEGREES_PER_RADIAN: f64 = 180.0 / std::f64::consts::PI;
 
 macro_rules! units {
@@ -103,10 +108,32 @@ units! {
     N_S_PER_RAD = si("N.s/rad", 1, 1, -1, -1, &[]);
     /// Torsional stiffness; moment per angle.
     N_M_PER_RAD = si("N.m/rad", 1, 2, -2, -1, &[show("kN.m/rad", 1e-3)]);
+    /// Per radian; a ratio per angle.
+    PER_RAD = si("1/rad", 0, 0, 0, -1, &[]);
+    /// Per radian and second.
+    PER_RAD_S = si("1/(rad.s)", 0, 0, -1, -1, &[]);
+    /// Second per radian; a ratio per angular velocity.
+    S_PER_RAD = si("s/rad", 0, 0, 1, -1, &[]);
+    /// Torsional damping; moment per angular velocity.
+    N_M_S_PER_RAD = si("N.m.s/rad", 1, 2, -1, -1, &[]);
+    /// Moment per angular acceleration.
+    N_M_S2_PER_RAD = si("N.m.s2/rad", 1, 2, 0, -1, &[]);
     /// Pressure in megapascal (with its rate the only unit here that is not coherent).
     MPA = Unit { name: "MPa", exponents: Exponents { kg: 1, m: -1, s: -2, rad: 0 }, factor: 1e6, display: &[show("bar", 10.0)] };
     /// Rate of a pressure.
     MPA_PER_S = Unit { name: "MPa/s", exponents: Exponents { kg: 1, m: -1, s: -3, rad: 0 }, factor: 1e6, display: &[show("bar/s", 10.0)] };
+    /// Force in kilonewton, as tire data are fitted over the load.
+    KN = scaled("kN", 1e3, 1, 1, -2, 0);
+    /// Force per load of a tire in kilonewton.
+    N_PER_KN = scaled("N/kN", 1e-3, 0, 0, 0, 0);
+    /// Force per squared load of a tire in kilonewton.
+    N_PER_KN2 = scaled("N/kN2", 1e-6, -1, -1, 2, 0);
+    /// Per load of a tire in kilonewton.
+    PER_KN = scaled("1/kN", 1e-3, -1, -1, 2, 0);
+    /// Per squared load of a tire in kilonewton.
+    PER_KN2 = scaled("1/kN2", 1e-6, -2, -2, 4, 0);
+    /// Force per angle in degrees.
+    N_PER_DEG = scaled("N/deg", DEGREES_PER_RADIAN, 1, 1, -2, -1);
 }
 
 impl Unit {
