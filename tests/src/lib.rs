@@ -1,1 +1,317 @@
 //! What the tests of this package share.
+//!
+//! The tests see FMUs as a stranger would: through the packed `.fmu` file and its C functions. They take every file
+//! `*.fmu` of the folder [`folder`] names, so a new model is tested from the day it is packed.
+
+pub mod raw;
+pub mod reference;
+pub mod signals;
+pub mod symbols;
+
+use host::archive::Archive;
+use host::c_api::Reference;
+use host::description::{BaseType, Causality, ModelDescription, Variability, Variable};
+use host::loader::{CallError, CallProblem, Instance, Library, Status};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Top folder of the workspace.
+///
+/// # Panics
+/// Never: this package lies one folder below it.
+#[must_use]
+pub fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package has a parent folder").to_path_buf()
+}
+
+/// Folder of the packed FMUs: `$CHASSIS_FMU_DIR`, or `target/fmu`.
+#[must_use]
+pub fn folder() -> PathBuf {
+    std::env::var_os("CHASSIS_FMU_DIR").map_or_else(|| workspace().join("target/fmu"), PathBuf::from)
+}
+
+/// Paths of all packed FMUs, sorted by name.
+///
+/// # Panics
+/// When there is none.
+#[must_use]
+pub fn paths() -> Vec<PathBuf> {
+    let mut paths: Vec<_> = std::fs::read_dir(folder())
+        .map(|entries| entries.filter_map(|entry| entry.ok().map(|entry| entry.path())).collect())
+        .unwrap_or_default();
+    paths.retain(|path: &PathBuf| path.extension().is_some_and(|extension| extension == "fmu"));
+    paths.sort();
+    assert!(!paths.is_empty(), "there is no FMU in {}: run `cargo fmu pack --all`", folder().display());
+    paths
+}
+
+/// All packed FMUs, sorted by name.
+///
+/// # Panics
+/// When there is none, or one cannot be opened.
+#[must_use]
+pub fn all() -> Vec<Fmu> {
+    paths().iter().map(|path| Fmu::open(path)).collect()
+}
+
+/// All packed FMUs that provide directional derivatives, which here are the plants.
+///
+/// # Panics
+/// As [`all`].
+#[must_use]
+pub fn plants() -> Vec<Fmu> {
+    all().into_iter().filter(Fmu::is_plant).collect()
+}
+
+/// An opened FMU.
+pub struct Fmu {
+    /// File stem, which is also the model identifier.
+    pub name: String,
+    /// The `.fmu` file.
+    pub path: PathBuf,
+    /// Its description.
+    pub description: ModelDescription,
+    /// The text of its description.
+    pub xml: String,
+    /// Its functions.
+    pub library: Arc<Library>,
+}
+
+impl Fmu {
+    /// Opens a file.
+    ///
+    /// # Panics
+    /// When it is missing or no FMU that runs here.
+    #[must_use]
+    pub fn open(path: &Path) -> Self {
+        Self::open_with(path, |_| ())
+    }
+
+    /// Opens a file; its library stays loaded to the end of the process. If `global`, it shares one space of names
+    /// with others opened so.
+    ///
+    /// # Panics
+    /// As [`Self::open`].
+    #[cfg(unix)]
+    #[must_use]
+    pub fn open_and_keep(path: &Path, global: bool) -> Self {
+        Self::open_with(path, |binary| raw::keep_loaded(binary, global))
+    }
+
+    fn open_with(path: &Path, before_loading: impl FnOnce(&Path)) -> Self {
+        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8").to_owned();
+        let mut archive = match Archive::open(path) {
+            Ok(archive) => archive,
+            Err(error) => panic!("{error}: run `cargo fmu pack --all`"),
+        };
+        let xml = archive.description_text().unwrap_or_else(|error| panic!("{error}"));
+        let description = archive.description().unwrap_or_else(|error| panic!("{error}"));
+        let unpacked = archive.unpack(&name).unwrap_or_else(|error| panic!("{error}"));
+        before_loading(&unpacked.binary);
+        let library = Library::load(unpacked).unwrap_or_else(|error| panic!("{error}"));
+        Self { name, path: path.to_path_buf(), description, xml, library }
+    }
+
+    /// The FMU of that name.
+    ///
+    /// # Panics
+    /// As [`Self::open`].
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        Self::open(&folder().join(format!("{name}.fmu")))
+    }
+
+    /// Whether its outputs follow its inputs at once and its states are known.
+    #[must_use]
+    pub fn is_plant(&self) -> bool {
+        self.description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative)
+    }
+
+    /// A new instance in Instantiated.
+    ///
+    /// # Panics
+    /// When the FMU refuses.
+    #[must_use]
+    pub fn instance(&self) -> Instance {
+        Instance::instantiate(&self.library, &self.name, &self.description.guid, false)
+            .unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// A new instance that is ready to step from `start`.
+    ///
+    /// # Panics
+    /// When the FMU refuses.
+    #[must_use]
+    pub fn started_at(&self, start: f64) -> Instance {
+        let mut instance = self.instance();
+        ok(instance.setup_experiment(start, None));
+        ok(instance.enter_initialization_mode());
+        ok(instance.exit_initialization_mode());
+        instance
+    }
+
+    /// A new instance that is ready to step from 0.
+    ///
+    /// # Panics
+    /// When the FMU refuses.
+    #[must_use]
+    pub fn started(&self) -> Instance {
+        self.started_at(0.0)
+    }
+
+    /// Variables of a causality.
+    pub fn with(&self, causality: Causality) -> impl Iterator<Item = &Variable> {
+        self.description.variables.iter().filter(move |variable| variable.causality == causality)
+    }
+
+    /// Value references of the real variables of a causality, in the order of the description.
+    #[must_use]
+    pub fn references(&self, causality: Causality) -> Vec<Reference> {
+        self.with(causality).filter(|v| v.base_type == BaseType::Real).map(|v| v.reference).collect()
+    }
+
+    /// Value references of all real variables.
+    #[must_use]
+    pub fn reals(&self) -> Vec<Reference> {
+        self.description.variables.iter().filter(|v| v.base_type == BaseType::Real).map(|v| v.reference).collect()
+    }
+
+    /// Value reference of the variable of that name.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[must_use]
+    pub fn reference(&self, name: &str) -> Reference {
+        self.description.variable(name).unwrap_or_else(|| panic!("{} has no variable {name}", self.name)).reference
+    }
+
+    /// The continuous states: what the derivatives of the model structure are derivatives of.
+    #[must_use]
+    pub fn states(&self) -> Vec<&Variable> {
+        let variables = &self.description.variables;
+        self.description
+            .derivatives
+            .iter()
+            .map(|unknown| &variables[variables[unknown.variable].derivative_of.expect("a derivative has a state")])
+            .collect()
+    }
+
+    /// Values of the modes and switches: every combination, as (reference, value) of integers with few values and of
+    /// booleans. Combinations that the FMU cannot be initialized with are left out.
+    #[must_use]
+    pub fn configurations(&self) -> Vec<Configuration> {
+        const FEW: f64 = 10.0;
+        let mut all = vec![Configuration::default()];
+        for variable in self.with(Causality::Parameter) {
+            let values: Vec<i32> = match (variable.base_type, variable.min, variable.max) {
+                (BaseType::Boolean, ..) => vec![0, 1],
+                (BaseType::Integer, Some(min), Some(max)) if max - min < FEW => (min as i32..=max as i32).collect(),
+                _ => continue,
+            };
+            all = all.iter().flat_map(|one| values.iter().map(|&value| one.with(variable, value))).collect();
+        }
+        all.retain(|one| {
+            let mut instance = self.instance();
+            one.set(&mut instance).is_ok()
+                && instance.enter_initialization_mode().is_ok()
+                && instance.exit_initialization_mode().is_ok()
+        });
+        all
+    }
+}
+
+/// A combination of modes and switches.
+#[derive(Clone, Debug, Default)]
+pub struct Configuration {
+    /// What it is, for messages.
+    pub name: String,
+    integers: Vec<(Reference, i32)>,
+    booleans: Vec<(Reference, i32)>,
+}
+
+impl Configuration {
+    fn with(&self, variable: &Variable, value: i32) -> Self {
+        let mut new = self.clone();
+        new.name = format!("{} {}={value}", self.name, variable.name);
+        let list = if variable.base_type == BaseType::Boolean { &mut new.booleans } else { &mut new.integers };
+        list.push((variable.reference, value));
+        new
+    }
+
+    /// Sets the modes and switches.
+    ///
+    /// # Errors
+    /// When the FMU refuses one, as an integer between two modes.
+    pub fn set(&self, instance: &mut Instance) -> Result<(), CallError> {
+        for &(reference, value) in &self.integers {
+            instance.set_integer(&[reference], &[value])?;
+        }
+        for &(reference, value) in &self.booleans {
+            instance.set_boolean(&[reference], &[value])?;
+        }
+        Ok(())
+    }
+}
+
+/// The result of a call that has to succeed.
+///
+/// # Panics
+/// When it did not, with the FMU's messages.
+#[track_caller]
+pub fn ok<T>(result: Result<T, CallError>) -> T {
+    match result {
+        Ok(value) => value,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// The message of a call that has to be refused with fmi2Error.
+///
+/// # Panics
+/// When it was not refused, refused otherwise, or without a message.
+#[track_caller]
+pub fn refused<T>(result: Result<T, CallError>) -> String {
+    match result {
+        Err(CallError { problem: CallProblem::Status(Status::Error), messages, instance, function }) => {
+            let texts: Vec<_> = messages.into_iter().map(|message| message.text).collect();
+            assert!(!texts.is_empty(), "{instance}: {function} gave fmi2Error without a message");
+            texts.join("\n")
+        }
+        Err(other) => panic!("fmi2Error was expected: {other}"),
+        Ok(_) => panic!("fmi2Error was expected, the call succeeded"),
+    }
+}
+
+/// The values of real variables.
+///
+/// # Panics
+/// When the FMU refuses.
+#[track_caller]
+#[must_use]
+pub fn reals(instance: &mut Instance, references: &[Reference]) -> Vec<f64> {
+    let mut values = vec![f64::NAN; references.len()];
+    ok(instance.get_real(references, &mut values));
+    values
+}
+
+/// The value of one real variable.
+///
+/// # Panics
+/// When there is none of that name, or the FMU refuses.
+#[track_caller]
+#[must_use]
+pub fn real(fmu: &Fmu, instance: &mut Instance, name: &str) -> f64 {
+    reals(instance, &[fmu.reference(name)])[0]
+}
+
+/// The bits of numbers: equal only if the numbers are the same to the last bit.
+#[must_use]
+pub fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+/// Whether a variable may be set before the start only.
+#[must_use]
+pub fn is_fixed(variable: &Variable) -> bool {
+    variable.causality == Causality::Parameter && variable.variability == Variability::Fixed
+}

@@ -1,0 +1,77 @@
+//! Counts the allocations of a process: a library for `LD_PRELOAD`, used by the test that a step allocates nothing.
+//!
+//! An allocator of the test's own program would not see what a loaded FMU does, because an FMU has its own copy of the
+//! Rust runtime; all of them call the C functions below in the end.
+#![cfg(all(target_os = "linux", target_env = "gnu"))]
+#![allow(unsafe_code, reason = "stands in for functions of the C library")]
+#![expect(clippy::missing_safety_doc, reason = "the functions are those of the C library")]
+
+use libc::{c_int, c_void, size_t};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+static COUNT: AtomicU64 = AtomicU64::new(0);
+
+// The C library's own names of its functions: no lookup is needed, which might allocate itself.
+unsafe extern "C" {
+    fn __libc_malloc(size: size_t) -> *mut c_void;
+    fn __libc_calloc(count: size_t, size: size_t) -> *mut c_void;
+    fn __libc_realloc(pointer: *mut c_void, size: size_t) -> *mut c_void;
+    fn __libc_memalign(alignment: size_t, size: size_t) -> *mut c_void;
+}
+
+fn count() {
+    COUNT.fetch_add(1, Ordering::Relaxed);
+}
+
+/// Allocations so far.
+#[unsafe(no_mangle)]
+pub extern "C" fn counted_allocations() -> u64 {
+    COUNT.load(Ordering::Relaxed)
+}
+
+/// malloc of the C library, counted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn malloc(size: size_t) -> *mut c_void {
+    count();
+    // SAFETY: the same function under another name; also below.
+    unsafe { __libc_malloc(size) }
+}
+
+/// calloc of the C library, counted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn calloc(number: size_t, size: size_t) -> *mut c_void {
+    count();
+    unsafe { __libc_calloc(number, size) }
+}
+
+/// realloc of the C library, counted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn realloc(pointer: *mut c_void, size: size_t) -> *mut c_void {
+    count();
+    unsafe { __libc_realloc(pointer, size) }
+}
+
+/// aligned_alloc of the C library, counted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn aligned_alloc(alignment: size_t, size: size_t) -> *mut c_void {
+    count();
+    unsafe { __libc_memalign(alignment, size) }
+}
+
+/// posix_memalign of the C library, counted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn posix_memalign(target: *mut *mut c_void, alignment: size_t, size: size_t) -> c_int {
+    count();
+    if !alignment.is_power_of_two() || alignment % size_of::<*mut c_void>() != 0 {
+        return libc::EINVAL;
+    }
+    // SAFETY: as above; the caller's pointer is valid.
+    unsafe {
+        let pointer = __libc_memalign(alignment, size);
+        if pointer.is_null() {
+            return libc::ENOMEM;
+        }
+        *target = pointer;
+    }
+    0
+}

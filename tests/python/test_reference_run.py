@@ -1,0 +1,96 @@
+"""The reference run inside an FMU, reproduced through fmpy as a stranger would.
+
+`extra/chassis-fmu/reference.csv` was made by an independent implementation of the model. The documentation inside
+the FMU gives the order of calls: set the inputs of a row, and for a plant read its outputs before the step, for a
+sampled unit after it. Plants are told by providesDirectionalDerivative.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Slave
+
+FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or Path(__file__).parents[2] / "target" / "fmu")
+ENTRY = "extra/chassis-fmu/reference.csv"
+
+# Time between rows without a time column (s).
+STEP = 0.001
+
+# Largest error over the peak of a column. The file has 8 significant digits, so that reading it costs up to 5e-8; in
+# runs without jumps both integrations err by less than 1e-9. The rest is room for columns that are small differences
+# of large numbers, such as accelerations.
+TOLERANCE = 1e-6
+
+# Peak a column has at least, so that columns that are zero up to rounding pass.
+FLOOR = 1e-6
+
+
+def with_reference() -> list[Path]:
+    found = []
+    for path in sorted(FOLDER.glob("*.fmu")):
+        with zipfile.ZipFile(path) as archive:
+            if ENTRY in archive.namelist():
+                found.append(path)
+    return found
+
+
+def test_there_are_reference_runs() -> None:
+    assert with_reference(), f"no FMU in {FOLDER} has a reference run: run `cargo fmu pack --all`"
+
+
+@pytest.mark.parametrize("path", with_reference(), ids=lambda path: path.stem)
+def test_an_fmu_reproduces_its_reference_run(path: Path, tmp_path: Path) -> None:
+    fmpy.extract(str(path), str(tmp_path))
+    description = fmpy.read_model_description(str(tmp_path))
+    text = (tmp_path / ENTRY).read_text(encoding="utf-8")
+    names, *rows = csv.reader(io.StringIO(text))
+    values = np.array(rows, dtype=float)
+    variables = {v.name: v for v in description.modelVariables}
+    unknown = set(names) - {"time"} - set(variables)
+    assert not unknown, f"columns that are no variables: {sorted(unknown)}"
+    assert all(variables[n].type == "Real" for n in names if n != "time")
+    inputs = [i for i, n in enumerate(names) if n != "time" and variables[n].causality == "input"]
+    outputs = [i for i, n in enumerate(names) if n != "time" and variables[n].causality == "output"]
+    assert outputs
+    times = values[:, names.index("time")] if "time" in names else np.arange(len(values)) * STEP
+    input_references = [variables[names[i]].valueReference for i in inputs]
+    output_references = [variables[names[i]].valueReference for i in outputs]
+    plant = description.coSimulation.providesDirectionalDerivative
+
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=str(tmp_path),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName=path.stem,
+    )
+    slave.instantiate()
+    found = []
+    try:
+        slave.setupExperiment(startTime=float(times[0]))
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        for time, row in zip(times.tolist(), values.tolist(), strict=True):
+            slave.setReal(input_references, [row[i] for i in inputs])
+            if plant:
+                found.append(slave.getReal(output_references))
+            slave.doStep(currentCommunicationPoint=time, communicationStepSize=STEP)
+            if not plant:
+                found.append(slave.getReal(output_references))
+        slave.terminate()
+    finally:
+        slave.freeInstance()
+
+    expected = values[:, outputs]
+    peak = np.maximum(np.abs(expected).max(axis=0), FLOOR)
+    # A result that is not a number makes the comparison false.
+    error = np.abs(np.array(found) - expected).max(axis=0) / peak
+    worst = {names[i]: e for i, e in zip(outputs, error.tolist(), strict=True) if not e <= TOLERANCE}
+    assert not worst, f"error over peak: {worst}"

@@ -1,0 +1,377 @@
+//! The C functions of an FMU called as C calls them, with pointers that may be null.
+//!
+//! All unsafe code of this package is here: what is tested is how an FMU answers calls that the safe interface of the
+//! crate `host` cannot even express. Every wrapper is safe to call: an array is passed with a length that it has, or
+//! as a null pointer, and strings end with a zero.
+#![allow(unsafe_code)]
+
+use crate::Fmu;
+use host::archive::{Archive, Unpacked};
+use host::c_api::{self, Component, RawStatus, Reference, State};
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::path::Path;
+use std::ptr;
+
+/// `fmi2OK`.
+pub const OK: RawStatus = 0;
+/// `fmi2Discard`.
+pub const DISCARD: RawStatus = 2;
+/// `fmi2Error`.
+pub const ERROR: RawStatus = 3;
+
+/// `fmi2CallbackFunctions` with a logger that may be missing.
+#[repr(C)]
+struct Callbacks {
+    logger: Option<c_api::Logger>,
+    allocate: Option<unsafe extern "C" fn(usize, usize) -> *mut c_void>,
+    free: Option<unsafe extern "C" fn(*mut c_void)>,
+    finished: Option<unsafe extern "C" fn(*mut c_void, RawStatus)>,
+    environment: *mut c_void,
+}
+
+/// The library of an FMU.
+pub struct Raw {
+    library: libloading::Library,
+    unpacked: Unpacked,
+    guid: String,
+}
+
+/// What is passed to fmi2Instantiate; `None` is a null pointer.
+#[derive(Clone, Copy, Debug)]
+pub struct Arguments<'a> {
+    /// instanceName.
+    pub name: Option<&'a CStr>,
+    /// fmuType: 0 model exchange, 1 co-simulation.
+    pub kind: c_int,
+    /// fmuGUID.
+    pub guid: Option<&'a CStr>,
+    /// fmuResourceLocation.
+    pub resources: Option<&'a CStr>,
+    /// Whether there is a struct of callbacks.
+    pub callbacks: bool,
+}
+
+/// An instance; freed when dropped.
+pub struct RawInstance<'a> {
+    raw: &'a Raw,
+    component: Component,
+}
+
+/// A pointer to the values, or null.
+fn pointer<T>(values: Option<&[T]>, count: usize) -> *const T {
+    values.map_or(ptr::null(), |values| {
+        assert!(count <= values.len(), "the array is shorter than stated");
+        values.as_ptr()
+    })
+}
+
+/// As [`pointer`], to write to.
+fn pointer_mut<T>(values: Option<&mut [T]>, count: usize) -> *mut T {
+    values.map_or(ptr::null_mut(), |values| {
+        assert!(count <= values.len(), "the array is shorter than stated");
+        values.as_mut_ptr()
+    })
+}
+
+impl Raw {
+    /// Loads the library of an FMU a second time, for calls by hand.
+    ///
+    /// # Panics
+    /// When it cannot be loaded.
+    #[must_use]
+    pub fn load(fmu: &Fmu) -> Self {
+        let unpacked = unpack(&fmu.path, &fmu.name);
+        // SAFETY: the library is one of this project's, its initializers do nothing.
+        let library = unsafe { libloading::Library::new(&unpacked.binary) }.unwrap_or_else(|error| panic!("{error}"));
+        Self { library, unpacked, guid: fmu.description.guid.clone() }
+    }
+
+    /// The GUID of the description.
+    #[must_use]
+    pub fn guid(&self) -> &str {
+        &self.guid
+    }
+
+    /// The unpacked library file.
+    #[must_use]
+    pub fn binary(&self) -> &Path {
+        &self.unpacked.binary
+    }
+
+    /// A function of the library.
+    fn function<F: Copy>(&self, name: &str) -> F {
+        // SAFETY: callers below name the type that `host::c_api` gives the function of that name (FMI 2.0 headers).
+        *unsafe { self.library.get::<F>(name) }.unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// fmi2GetVersion and fmi2GetTypesPlatform.
+    #[must_use]
+    pub fn texts(&self) -> [String; 2] {
+        ["fmi2GetVersion", "fmi2GetTypesPlatform"].map(|name| {
+            let function: c_api::GetText = self.function(name);
+            // SAFETY: both return a static string.
+            unsafe { CStr::from_ptr(function()) }.to_string_lossy().into_owned()
+        })
+    }
+
+    /// fmi2Instantiate without a logger; `None` is a null pointer.
+    #[must_use]
+    pub fn instantiate(&self, arguments: Arguments<'_>) -> Option<RawInstance<'_>> {
+        let callbacks =
+            Callbacks { logger: None, allocate: None, free: None, finished: None, environment: ptr::null_mut() };
+        let text = |text: Option<&CStr>| text.map_or(ptr::null(), CStr::as_ptr);
+        let instantiate: c_api::Instantiate = self.function("fmi2Instantiate");
+        let table = if arguments.callbacks { ptr::from_ref(&callbacks).cast() } else { ptr::null() };
+        // SAFETY: strings end with a zero, the struct has the layout of the FMI header; the FMU copies it.
+        let component = unsafe {
+            instantiate(
+                text(arguments.name),
+                arguments.kind,
+                text(arguments.guid),
+                text(arguments.resources),
+                table,
+                0,
+                0,
+            )
+        };
+        (!component.is_null()).then_some(RawInstance { raw: self, component })
+    }
+
+    /// An instance that is no instance: every function gets a null pointer.
+    #[must_use]
+    pub fn null(&self) -> RawInstance<'_> {
+        RawInstance { raw: self, component: ptr::null_mut() }
+    }
+}
+
+impl Drop for RawInstance<'_> {
+    fn drop(&mut self) {
+        let free: c_api::FreeInstance = self.raw.function("fmi2FreeInstance");
+        // SAFETY: freed once; a null pointer is to be ignored.
+        unsafe { free(self.component) };
+    }
+}
+
+/// A value of a function's array.
+pub trait Element: Copy {
+    /// Name of the type in function names.
+    const NAME: &'static str;
+}
+
+impl Element for f64 {
+    const NAME: &'static str = "Real";
+}
+
+/// fmi2Integer and fmi2Boolean are both C's int; this tells them apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct Truth(pub c_int);
+
+impl Element for i32 {
+    const NAME: &'static str = "Integer";
+}
+
+impl Element for Truth {
+    const NAME: &'static str = "Boolean";
+}
+
+/// A string of C, or null.
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub struct Text<'a>(*const c_char, std::marker::PhantomData<&'a CStr>);
+
+impl<'a> Text<'a> {
+    /// A string, or a null pointer.
+    #[must_use]
+    pub fn new(text: Option<&'a CStr>) -> Self {
+        Self(text.map_or(ptr::null(), CStr::as_ptr), std::marker::PhantomData)
+    }
+}
+
+impl Element for Text<'_> {
+    const NAME: &'static str = "String";
+}
+
+impl RawInstance<'_> {
+    /// fmi2Get of a type: references, number of both arrays, values.
+    pub fn get<T: Element>(
+        &self,
+        references: Option<&[Reference]>,
+        count: usize,
+        values: Option<&mut [T]>,
+    ) -> RawStatus {
+        let get: c_api::Get<T> = self.raw.function(&format!("fmi2Get{}", T::NAME));
+        // SAFETY: arrays of the stated length, or null.
+        unsafe { get(self.component, pointer(references, count), count, pointer_mut(values, count)) }
+    }
+
+    /// fmi2Set of a type: references, number of both arrays, values.
+    pub fn set<T: Element>(&self, references: Option<&[Reference]>, count: usize, values: Option<&[T]>) -> RawStatus {
+        let set: c_api::Set<T> = self.raw.function(&format!("fmi2Set{}", T::NAME));
+        // SAFETY: arrays of the stated length, or null; strings end with a zero, or are null.
+        unsafe { set(self.component, pointer(references, count), count, pointer(values, count)) }
+    }
+
+    /// A function that gets nothing but the instance.
+    pub fn transition(&self, name: &str) -> RawStatus {
+        let function: c_api::Transition = self.raw.function(name);
+        // SAFETY: a live instance or null.
+        unsafe { function(self.component) }
+    }
+
+    /// fmi2SetupExperiment without a tolerance and stop time.
+    pub fn setup_experiment(&self, start: f64) -> RawStatus {
+        let function: c_api::SetupExperiment = self.raw.function("fmi2SetupExperiment");
+        // SAFETY: a live instance or null.
+        unsafe { function(self.component, 0, 0.0, start, 0, 0.0) }
+    }
+
+    /// fmi2DoStep.
+    pub fn do_step(&self, time: f64, step: f64) -> RawStatus {
+        let function: c_api::DoStep = self.raw.function("fmi2DoStep");
+        // SAFETY: a live instance or null.
+        unsafe { function(self.component, time, step, 1) }
+    }
+
+    /// fmi2SetDebugLogging.
+    pub fn set_debug_logging(&self, count: usize, categories: Option<&[Text<'_>]>) -> RawStatus {
+        let function: c_api::SetDebugLogging = self.raw.function("fmi2SetDebugLogging");
+        // SAFETY: an array of the stated length, or null; strings end with a zero, or are null.
+        unsafe { function(self.component, 1, count, pointer(categories, count).cast()) }
+    }
+
+    /// fmi2GetFMUstate; `None` is a null pointer to the pointer.
+    pub fn get_state(&self, state: Option<&mut RawState>) -> RawStatus {
+        self.access_state("fmi2GetFMUstate", state)
+    }
+
+    /// fmi2FreeFMUstate; `None` is a null pointer to the pointer.
+    pub fn free_state(&self, state: Option<&mut RawState>) -> RawStatus {
+        self.access_state("fmi2FreeFMUstate", state)
+    }
+
+    fn access_state(&self, name: &str, state: Option<&mut RawState>) -> RawStatus {
+        let function: c_api::AccessState = self.raw.function(name);
+        // SAFETY: the FMU accepts back only pointers that it gave out, which is what is tested; else null.
+        unsafe { function(self.component, state.map_or(ptr::null_mut(), |state| &raw mut state.0)) }
+    }
+
+    /// fmi2SetFMUstate.
+    pub fn set_state(&self, state: RawState) -> RawStatus {
+        let function: c_api::SetState = self.raw.function("fmi2SetFMUstate");
+        // SAFETY: as above.
+        unsafe { function(self.component, state.0) }
+    }
+
+    /// fmi2SerializedFMUstateSize; `None` is a null pointer.
+    pub fn state_size(&self, state: RawState, size: Option<&mut usize>) -> RawStatus {
+        let function: c_api::SerializedStateSize = self.raw.function("fmi2SerializedFMUstateSize");
+        // SAFETY: as above.
+        unsafe { function(self.component, state.0, size.map_or(ptr::null_mut(), |size| &raw mut *size)) }
+    }
+
+    /// fmi2SerializeFMUstate; `None` is a null pointer.
+    pub fn serialize(&self, state: RawState, bytes: Option<&mut [u8]>, size: usize) -> RawStatus {
+        let function: c_api::SerializeState = self.raw.function("fmi2SerializeFMUstate");
+        // SAFETY: as above; an array of the stated length, or null.
+        unsafe { function(self.component, state.0, pointer_mut(bytes, size).cast(), size) }
+    }
+
+    /// fmi2DeSerializeFMUstate; `None` is a null pointer.
+    pub fn deserialize(&self, bytes: Option<&[u8]>, size: usize, state: Option<&mut RawState>) -> RawStatus {
+        let function: c_api::DeserializeState = self.raw.function("fmi2DeSerializeFMUstate");
+        let state = state.map_or(ptr::null_mut(), |state| &raw mut state.0);
+        // SAFETY: as above; an array of the stated length, or null.
+        unsafe { function(self.component, pointer(bytes, size).cast(), size, state) }
+    }
+
+    /// fmi2GetDirectionalDerivative of one unknown by one known; each array may be null.
+    pub fn directional_derivative(
+        &self,
+        unknown: Option<&[Reference]>,
+        known: Option<&[Reference]>,
+        seed: Option<&[f64]>,
+        result: Option<&mut [f64]>,
+    ) -> RawStatus {
+        let function: c_api::GetDirectionalDerivative = self.raw.function("fmi2GetDirectionalDerivative");
+        // SAFETY: arrays of one value, or null.
+        unsafe {
+            function(
+                self.component,
+                pointer(unknown, 1),
+                1,
+                pointer(known, 1),
+                1,
+                pointer(seed, 1),
+                pointer_mut(result, 1),
+            )
+        }
+    }
+
+    /// fmi2GetRealStatus of a kind; `None` is a null pointer.
+    pub fn real_status(&self, kind: c_int, value: Option<&mut f64>) -> RawStatus {
+        let function: c_api::GetStatus<f64> = self.raw.function("fmi2GetRealStatus");
+        // SAFETY: a live instance or null; one value, or null.
+        unsafe { function(self.component, kind, value.map_or(ptr::null_mut(), |value| &raw mut *value)) }
+    }
+
+    /// fmi2GetBooleanStatus of a kind; `None` is a null pointer.
+    pub fn boolean_status(&self, kind: c_int, value: Option<&mut c_int>) -> RawStatus {
+        let function: c_api::GetStatus<c_int> = self.raw.function("fmi2GetBooleanStatus");
+        // SAFETY: a live instance or null; one value, or null.
+        unsafe { function(self.component, kind, value.map_or(ptr::null_mut(), |value| &raw mut *value)) }
+    }
+
+    /// fmi2GetStatus of a kind.
+    pub fn status(&self, kind: c_int) -> RawStatus {
+        let function: c_api::GetStatus<RawStatus> = self.raw.function("fmi2GetStatus");
+        let mut value = 0;
+        // SAFETY: a live instance or null; one value.
+        unsafe { function(self.component, kind, &raw mut value) }
+    }
+}
+
+/// A pointer that an FMU gave out as fmi2FMUstate, or null.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RawState(State);
+
+impl RawState {
+    /// No state yet.
+    pub const NULL: Self = Self(ptr::null_mut());
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_null(self) -> bool {
+        self.0.is_null()
+    }
+}
+
+fn unpack(path: &Path, name: &str) -> Unpacked {
+    let unpacked = Archive::open(path).and_then(|mut archive| archive.unpack(name));
+    unpacked.unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Loads a library and keeps it loaded to the end of the process; later loads of the same file find this one. If
+/// `global`, all libraries loaded so share one space of names (RTLD_GLOBAL), as in some masters.
+///
+/// # Panics
+/// When it cannot be loaded.
+#[cfg(unix)]
+pub fn keep_loaded(path: &Path, global: bool) {
+    use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_LOCAL, RTLD_NOW};
+    let space = if global { RTLD_GLOBAL } else { RTLD_LOCAL };
+    // SAFETY: the library is one of this project's, its initializers do nothing.
+    let library = unsafe { Library::open(Some(path), RTLD_NOW | space) };
+    std::mem::forget(library.unwrap_or_else(|error| panic!("{error}")));
+}
+
+/// How often memory was allocated in this process so far; `None` if it runs without `count_allocations`.
+#[cfg(unix)]
+#[must_use]
+pub fn allocations() -> Option<u64> {
+    let this = libloading::os::unix::Library::this();
+    // The name with its zero at the end needs no memory of its own.
+    // SAFETY: the preloaded library defines this function with this type.
+    let function = unsafe { this.get::<extern "C" fn() -> u64>(c"counted_allocations") };
+    function.ok().map(|function| function())
+}

@@ -1,0 +1,58 @@
+//! What a shared library exports and needs.
+
+use object::Object as _;
+use object::elf::FileHeader64;
+use object::read::elf::FileHeader as _;
+use object::{Endianness, read};
+
+/// Names that a library defines for others, sorted.
+///
+/// # Panics
+/// When the bytes are no library.
+#[must_use]
+pub fn exported(library: &[u8]) -> Vec<String> {
+    let file = object::File::parse(library).unwrap_or_else(|error| panic!("{error}"));
+    let exports = file.exports().unwrap_or_else(|error| panic!("{error}"));
+    let mut names: Vec<_> = exports.iter().map(|export| String::from_utf8_lossy(export.name()).into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// The newest version of the GNU C library that a 64-bit ELF library asks for, such as (2, 17); `None` if it asks for
+/// none, as with another C library.
+///
+/// # Errors
+/// When the bytes are no such library.
+pub fn newest_glibc(library: &[u8]) -> read::Result<Option<(u32, u32)>> {
+    let header = FileHeader64::<Endianness>::parse(library)?;
+    let endian = header.endian()?;
+    let sections = header.sections(endian, library)?;
+    let Some((mut files, link)) = sections.gnu_verneed(endian, library)? else { return Ok(None) };
+    let strings = sections.strings(endian, library, link)?;
+    let mut newest = None;
+    while let Some((_, mut versions)) = files.next()? {
+        while let Some(version) = versions.next()? {
+            let name = version.name(endian, strings)?;
+            newest = newest.max(std::str::from_utf8(name).ok().and_then(glibc_version));
+        }
+    }
+    Ok(newest)
+}
+
+/// `GLIBC_2.2.5` to (2, 2); the third number never decides.
+fn glibc_version(name: &str) -> Option<(u32, u32)> {
+    let mut numbers = name.strip_prefix("GLIBC_")?.split('.').map(str::parse);
+    Some((numbers.next()?.ok()?, numbers.next()?.ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_of_the_c_library_are_compared_as_numbers() {
+        assert_eq!(glibc_version("GLIBC_2.2.5"), Some((2, 2)));
+        assert!(glibc_version("GLIBC_2.17") > glibc_version("GLIBC_2.3.4"));
+        assert_eq!(glibc_version("GCC_3.0"), None);
+    }
+}
