@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -20,16 +21,16 @@ import numpy as np
 from fmpy import read_model_description
 from fmpy.model_description import ModelDescription
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.patches import FancyBboxPatch, Polygon, Rectangle
-from matplotlib.textpath import TextPath
+from matplotlib.textpath import text_to_path
 from numpy.typing import NDArray
 from PIL import Image
 
 from . import demos, plots
 from .plan import Conversion
+from .tables import SUPERSCRIPTS
 
 WIDTH = 400.0
 SCALE = 2.0
@@ -60,6 +61,9 @@ LABEL = 11.0
 SMALLEST = 9.0
 PLOT = 116.0
 COLORS = 64
+
+# Peaks with short numbers on the axis.
+SHORT = (0.01, 10000.0)
 
 Array = NDArray[np.floating[Any]]
 
@@ -129,8 +133,10 @@ def ports(names: Sequence[str]) -> tuple[Port, ...]:
 
 
 def _width(text: str, size: float, bold: bool = False) -> float:
-    font = FontProperties(family=["DejaVu Sans"], weight="bold" if bold else "normal")
-    return float(TextPath((0.0, 0.0), text, size=size, prop=font).get_extents().width) if text.strip() else 0.0
+    # The size counts as points there; the width then comes in the unit of the size.
+    font = FontProperties(family=["DejaVu Sans"], weight="bold" if bold else "normal", size=size)
+    width, _, _ = text_to_path.get_text_width_height_descent(text, font, ismath=False)
+    return float(width)
 
 
 def wrap(text: str, size: float, width: float) -> list[str]:
@@ -189,6 +195,17 @@ def _ports(ax: Axes, lines: Sequence[Port], top: float, size: float, accent: str
             ax.text(x - away * (width + 5.0), y, count, ha=align, va="center_baseline", **note)  # type: ignore[arg-type]
 
 
+def scaled(result: Result) -> Result:
+    """Take a power of 1000 out of very large or small values, into the unit, so that the axis has short numbers."""
+    peak = max(float(np.abs(values).max()) for values in result.lines.values())
+    if peak == 0.0 or SHORT[0] <= peak < SHORT[1]:
+        return result
+    power = 3 * math.floor(math.log10(peak) / 3.0)
+    unit = f"10{str(power).translate(SUPERSCRIPTS)} {result.unit}".strip()
+    lines = {name: values / 10.0**power for name, values in result.lines.items()}
+    return Result(result.title, unit, result.times, lines)
+
+
 def _result(canvas: Figure, ax: Axes, result: Result, top: float, height: float, single: str) -> None:
     """Draw the result below `top`: title, names of the lines, axes."""
     left, right = BOX[0] + PAD, BOX[1] - PAD
@@ -243,7 +260,7 @@ def draw(block: Block) -> bytes:
     height = bottom + 6.0
 
     style = plots.STYLE | {"path.simplify": False}
-    with mpl.rc_context(style):  # type: ignore[arg-type]
+    with mpl.rc_context(style):
         canvas = Figure(figsize=(WIDTH / PER_INCH, height / PER_INCH), dpi=PER_INCH * SCALE)
         ax = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
         ax.set_axis_off()
@@ -287,15 +304,14 @@ def draw(block: Block) -> bytes:
         _ports(ax, block.inputs, body, size, accent, left=True)
         _ports(ax, block.outputs, body, size, accent, left=False)
         if block.result is not None:
-            _result(canvas, ax, block.result, below, height, accent)
-        agg = FigureCanvasAgg(canvas)
-        agg.draw()
-        pixels = np.asarray(agg.buffer_rgba())
-    # A picture of few colors needs a third of the space.
-    image = Image.fromarray(pixels).convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
-    file = io.BytesIO()
-    image.save(file, format="png", optimize=True)
-    return file.getvalue()
+            _result(canvas, ax, scaled(block.result), below, height, accent)
+        full = io.BytesIO()
+        canvas.savefig(full, format="png", dpi=PER_INCH * SCALE)
+    # A palette needs a quarter of the space. Saving anew also drops the name and version of the drawing library.
+    with Image.open(full) as image:
+        reduced = io.BytesIO()
+        image.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE).save(reduced, format="png", optimize=True)
+    return reduced.getvalue()
 
 
 def shown_unit(description: ModelDescription, name: str) -> Conversion:

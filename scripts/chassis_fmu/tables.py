@@ -68,7 +68,7 @@ def scientific(value: float) -> str:
     """Format a number of any size with up to six significant digits, powers of ten where that is shorter."""
     text = f"{value:.6g}"
     mantissa, _, exponent = text.partition("e")
-    return _minus(mantissa) + (f"×10{str(int(exponent)).translate(_SUPERSCRIPTS)}" if exponent else "")
+    return _minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if exponent else "")
 
 
 def signed(percent: float | None) -> str:
@@ -111,7 +111,7 @@ def spread_percent(statistic: Statistic | None) -> str:
     return text
 
 
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def pretty_unit(unit: str) -> str:
@@ -119,7 +119,7 @@ def pretty_unit(unit: str) -> str:
     if unit == "1":
         return ""
     out = re.sub(r"\bdeg\b", "°", unit.replace(".", "·"))
-    return re.sub(r"(?<=[A-Za-z])\d+", lambda power: power[0].translate(_SUPERSCRIPTS), out)
+    return re.sub(r"(?<=[A-Za-z])\d+", lambda power: power[0].translate(SUPERSCRIPTS), out)
 
 
 def with_unit(title: str, unit: str) -> str:

@@ -1,0 +1,58 @@
+"""Draws model.png of the models from their packed FMUs: `scripts/draw_models.py [NAMES]`, see `--help`."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from chassis_fmu import master, pictures, results
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def packages() -> dict[str, Path]:
+    """Return the folders of the models by the name of the FMU."""
+    found = sorted(p.parents[1] for top in pictures.ACCENTS for p in (ROOT / top).glob("*/src/lib.rs"))
+    return {"".join(word.capitalize() for word in p.name.split("-")): p for p in found}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="draw_models.py",
+        description="Draws model.png of each model from its packed FMU, to be committed beside the model.",
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="FMU or package (default: all)")
+    parser.add_argument(
+        "--fmus", type=Path, default=ROOT / "target" / "fmu", metavar="DIR", help="folder of the FMUs (target/fmu)"
+    )
+    options = parser.parse_args(argv)
+    models = packages()
+    by_package = {path.name: name for name, path in models.items()}
+    errors = 0
+    for wanted in options.names or list(models):
+        name = by_package.get(wanted, wanted)
+        fmu = options.fmus / f"{name}.fmu"
+        try:
+            if name not in models:
+                near = difflib.get_close_matches(name, [*models, *by_package], n=1, cutoff=0.0)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                raise FileNotFoundError(f"there is no model of this name in {' or '.join(pictures.ACCENTS)}{hint}")
+            if not fmu.exists():
+                raise FileNotFoundError(f"{fmu} does not exist: call `cargo fmu pack {name}` first")
+            picture = pictures.draw(pictures.read(fmu, models[name].parent.name))
+            target = models[name] / "model.png"
+            with results.replacing(target) as temporary:
+                temporary.write_bytes(picture)
+            print(f"{target.relative_to(ROOT)} ({len(picture) / 1000:.0f} kB)")
+        except (OSError, LookupError, master.RunError) as error:
+            errors += 1
+            print(f"error: {wanted}: {error}", file=sys.stderr)
+    return 1 if errors else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
