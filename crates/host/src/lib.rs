@@ -6,7 +6,8 @@
 //! - [`description`] reads `modelDescription.xml`, [`archive`] the zip file around it,
 //! - [`fmu`] and [`loader`] open the binary and give its functions a safe interface,
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
-//!   and recorded column settled, nothing left to look up,
+//!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
+//!   [`problem`] shows mistakes with their place,
 //! - [`master`] executes the runs of a plan, [`results`] writes them.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
@@ -35,11 +36,12 @@ pub mod description;
 pub mod fmu;
 pub mod loader;
 pub mod master;
+pub mod parameter_set;
 pub mod plan;
+pub mod problem;
 pub mod resolve;
 pub mod results;
 
 mod feeds;
-mod problem;
 mod scenario;
 mod xml;

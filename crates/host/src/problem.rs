@@ -40,24 +40,27 @@ pub struct Problems {
 }
 
 /// Collects mistakes of one file.
-pub(crate) struct Collector {
+#[derive(Debug)]
+pub struct Collector {
     source_code: Arc<NamedSource<String>>,
     problems: Vec<Problem>,
 }
 
 impl Collector {
-    pub(crate) fn new(file: &Path, text: &str, language: &str) -> Self {
+    /// No mistakes yet in this text; `file` names it in messages, `language` is that of the text ("toml").
+    #[must_use]
+    pub fn new(file: &Path, text: &str, language: &str) -> Self {
         let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language(language);
         Self { source_code: Arc::new(source), problems: Vec::new() }
     }
 
     /// Notes a mistake. The same one at the same place, met again in another case, counts once.
-    pub(crate) fn add(&mut self, span: Range<usize>, message: impl Into<String>) {
+    pub fn add(&mut self, span: Range<usize>, message: impl Into<String>) {
         self.add_with_help(span, message, None);
     }
 
     /// As [`Self::add`] with a hint.
-    pub(crate) fn add_with_help(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
+    pub fn add_with_help(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
         let length = self.source_code.inner().len();
         let start = span.start.min(length);
         let span = SourceSpan::from(start..span.end.clamp(start, length));
@@ -68,23 +71,30 @@ impl Collector {
         }
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
+    /// Whether nothing was noted.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
         self.problems.is_empty()
     }
 
+    /// Ends the collection.
+    ///
+    /// # Errors
     /// The mistakes, if there are any.
-    pub(crate) fn finish(self) -> Result<(), Problems> {
+    pub fn finish(self) -> Result<(), Problems> {
         if self.problems.is_empty() { Ok(()) } else { Err(self.fail()) }
     }
 
     /// What was noted, as an error.
-    pub(crate) fn fail(self) -> Problems {
+    #[must_use]
+    pub fn fail(self) -> Problems {
         Problems { file: self.source_code.name().to_string(), problems: self.problems }
     }
 }
 
 /// "did you mean" for the nearest of some names, if one is near.
-pub(crate) fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+#[must_use]
+pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     // A third of the letters may be wrong: enough for slips, too little for chance hits.
     let limit = (name.chars().count() / 3).max(1);
     candidates

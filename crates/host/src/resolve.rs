@@ -7,6 +7,7 @@
 use crate::archive::read_description;
 use crate::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use crate::feeds::Feeds;
+use crate::parameter_set::ParameterSet;
 use crate::plan::{self, Conversion, Plan, Setting, Wire};
 use crate::problem::{Collector, suggestion};
 pub use crate::problem::{Problem, Problems};
@@ -189,7 +190,9 @@ pub fn resolve_text(
         feeds: inputs.as_ref().map(|(_, _, feeds)| feeds),
         fed: BTreeSet::new(),
         misfits: Vec::new(),
+        sets: HashMap::new(),
     };
+    resolver.read_parameter_sets(file.parent().unwrap_or(Path::new("")));
     let Some(mut systems) = resolver.systems(source) else {
         return Err(resolver.problems.fail().into());
     };
@@ -340,9 +343,45 @@ struct Resolver<'a> {
     fed: BTreeSet<usize>,
     /// Values of the input file that do not fit.
     misfits: Vec<String>,
+    /// Parameter sets by path as written.
+    sets: HashMap<String, ParameterSet>,
 }
 
 impl<'a> Resolver<'a> {
+    /// Reads the parameter sets that the scenario names, relative to its folder, each once.
+    fn read_parameter_sets(&mut self, folder: &Path) {
+        let scenario = self.scenario;
+        let of_units = scenario.units.iter().filter_map(|u| u.parameter_set.as_ref());
+        let of_cases = scenario.cases.iter().filter_map(|c| c.parameter_set.as_ref());
+        for path in of_units.chain(of_cases).chain(&scenario.parameter_set) {
+            match ParameterSet::read(&folder.join(path.get_ref())) {
+                Ok(set) => {
+                    self.sets.insert(path.get_ref().clone(), set);
+                }
+                Err(error) => self.problems.add(path.span(), error.to_string()),
+            }
+        }
+        for path in scenario.cases.iter().filter_map(|c| c.parameter_set.as_ref()).chain(&scenario.parameter_set) {
+            let Some(set) = self.sets.get(path.get_ref()) else { continue };
+            for parameter in &set.parameters {
+                let of = parameter.name.split_once(':').map(|(unit, _)| unit);
+                let names = || scenario.units.iter().map(|u| u.name.get_ref().as_str());
+                match of {
+                    None => self.problems.add(
+                        path.span(),
+                        format!("{}: `{}`, expected \"unit:parameter\"", path.get_ref(), parameter.name),
+                    ),
+                    Some(unit) if !names().any(|name| name == unit) => self.problems.add_with_help(
+                        path.span(),
+                        format!("{}: `{}`: unknown unit `{unit}`", path.get_ref(), parameter.name),
+                        suggestion(unit, names()),
+                    ),
+                    Some(_) => (),
+                }
+            }
+        }
+    }
+
     /// The units of every case; `None` if an FMU is missing or unreadable.
     fn systems(&mut self, source: &dyn Descriptions) -> Option<Vec<System<'a>>> {
         let mut systems = Vec::new();
@@ -945,7 +984,8 @@ impl<'a> Resolver<'a> {
         runs
     }
 
-    /// Parameters of a unit: its own, on top those of the case, of the point and the seed.
+    /// Parameters of a unit: from the bottom up the parameter set of the scenario and its own, its parameters, the
+    /// parameter set of the case, the parameters of the case and of the point, the seed.
     fn parameters(
         &mut self,
         case: &Case,
@@ -959,17 +999,32 @@ impl<'a> Resolver<'a> {
             let setting = setting(variable, value);
             settings.insert(variable.name.clone(), setting);
         };
-        let of_case = case.parameters.get(member.name());
         let of_point = point.and_then(|p| p.parameters.get(member.name()));
-        let levels = [Some(&member.unit.parameters), of_case, of_point];
-        for (name, written) in levels.into_iter().flatten().flatten() {
-            match plan::parameter(description, name.get_ref()) {
-                Ok(variable) => {
-                    if let Some(value) = self.value(description, variable, written) {
-                        set(variable, value);
-                    }
+        // (parameter set, whether its names are those of the unit)
+        let of_scenario = (self.scenario.parameter_set.as_ref(), false);
+        let of_unit = (member.unit.parameter_set.as_ref(), true);
+        let of_case = (case.parameter_set.as_ref(), false);
+        let levels = [
+            (&[of_scenario, of_unit][..], Some(&member.unit.parameters)),
+            (&[of_case], case.parameters.get(member.name())),
+            (&[], of_point),
+        ];
+        for (sets, values) in levels {
+            for (path, is_of_unit) in sets {
+                let Some(path) = path else { continue };
+                for (variable, value) in self.set_values(path, *is_of_unit, member) {
+                    set(variable, value);
                 }
-                Err(e) => self.problems.add_with_help(name.span(), e.message, e.help),
+            }
+            for (name, written) in values.into_iter().flatten() {
+                match plan::parameter(description, name.get_ref()) {
+                    Ok(variable) => {
+                        if let Some(value) = self.value(description, variable, written) {
+                            set(variable, value);
+                        }
+                    }
+                    Err(e) => self.problems.add_with_help(name.span(), e.message, e.help),
+                }
             }
         }
         if let Some((name, span, seed)) = seed {
@@ -983,6 +1038,39 @@ impl<'a> Resolver<'a> {
             }
         }
         settings.into_values().collect()
+    }
+
+    /// What a parameter set says about a unit: all of it, or what is named `unit:parameter`.
+    fn set_values<'m>(
+        &mut self,
+        path: &Spanned<String>,
+        of_unit: bool,
+        member: &'m Member<'_>,
+    ) -> Vec<(&'m Variable, Value)> {
+        let description = &member.found.description;
+        let mut values = Vec::new();
+        for written in self.sets.get(path.get_ref()).into_iter().flat_map(|set| &set.parameters) {
+            let name = match written.name.split_once(':') {
+                _ if of_unit => written.name.as_str(),
+                Some((unit, name)) if unit == member.name() => name,
+                _ => continue,
+            };
+            let value = plan::parameter(description, name).map_err(|e| (e.message, e.help)).and_then(|variable| {
+                let value = match (&written.value, &written.unit) {
+                    (Value::Real(number), Some(unit)) => convert_unit(description, variable, *number, unit)?,
+                    (value, _) => value.clone(),
+                };
+                plan::check(variable, &value).map_err(|message| (message, None))?;
+                Ok((variable, value))
+            });
+            match value {
+                Ok(value) => values.push(value),
+                Err((message, help)) => {
+                    self.problems.add_with_help(path.span(), format!("{}: {message}", path.get_ref()), help);
+                }
+            }
+        }
+        values
     }
 
     /// The run of a case with its wires, without parameters, point and seed.

@@ -20,6 +20,8 @@ pub(crate) struct Scenario {
     pub(crate) description: String,
     #[serde(default)]
     pub(crate) reference: String,
+    /// Path of a parameter set of `unit:parameter` names, relative to the scenario.
+    pub(crate) parameter_set: Option<Spanned<String>>,
     pub(crate) simulation: Simulation,
     #[serde(rename = "unit")]
     pub(crate) units: Vec<Unit>,
@@ -54,6 +56,8 @@ pub(crate) struct Simulation {
 pub(crate) struct Unit {
     pub(crate) name: Spanned<String>,
     pub(crate) fmu: Spanned<String>,
+    /// Path of a parameter set of `parameter` names, relative to the scenario.
+    pub(crate) parameter_set: Option<Spanned<String>>,
     #[serde(default)]
     pub(crate) parameters: Values,
     #[serde(default)]
@@ -73,6 +77,8 @@ pub(crate) struct Case {
     pub(crate) name: Spanned<String>,
     pub(crate) title: String,
     pub(crate) baseline: Option<Spanned<String>>,
+    /// Path of a parameter set of `unit:parameter` names, relative to the scenario.
+    pub(crate) parameter_set: Option<Spanned<String>>,
     #[serde(default)]
     pub(crate) parameters: ValuesByUnit,
     #[serde(default)]

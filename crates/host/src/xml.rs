@@ -1,6 +1,6 @@
 //! A small element tree for XML from strangers: attributes and structure, no text.
 //!
-//! A model description holds all it says in attributes, so text is skipped. Document type
+//! Model descriptions and parameter sets hold all they say in attributes, so text is skipped. Document type
 //! declarations are refused, which rules out entity expansion; size, depth and the number of
 //! attributes are limited, so that memory and time stay proportional to the file.
 
@@ -144,7 +144,7 @@ pub(crate) fn parse(text: &str) -> Result<Element, XmlError> {
             }
             Event::DocType(_) => {
                 return Err(place.error(
-                    "a document type declaration is refused: a model description needs none, and it can expand entities",
+                    "a document type declaration is refused: FMI and SSP need none, and it can expand entities",
                 ));
             }
             Event::Eof => break,

@@ -1,6 +1,7 @@
 //! Scenarios into plans, on descriptions without binaries (tests/data).
 
-use host::description::ModelDescription;
+use host::description::{BaseUnit, ModelDescription, Unit};
+use host::parameter_set::{Parameter, ParameterSet};
 use host::plan::{BaseType, Order, Plan, Value};
 use host::resolve::{Options, ResolveError, resolve_text};
 use std::collections::BTreeMap;
@@ -326,4 +327,86 @@ fn inputs_from_a_file() {
     assert!(error.contains("in.csv:1:1: no input takes the signal `driver.sped`"), "{error}");
     let error = lines(&with("time,driver.speed\n1,1\n").unwrap_err());
     assert!(error.contains("after the start"), "{error}");
+}
+
+/// Values of a parameter set, by name, each a Real with or without a unit.
+fn parameter_set(values: &[(&str, f64, Option<&str>)]) -> String {
+    let parameters = values
+        .iter()
+        .map(|(name, value, unit)| Parameter {
+            name: (*name).to_string(),
+            value: Value::Real(*value),
+            unit: unit.map(str::to_string),
+        })
+        .collect();
+    let unit = |name: &str| Unit {
+        name: name.to_string(),
+        base: Some(BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 }),
+        display_units: Vec::new(),
+    };
+    ParameterSet { name: "test".into(), parameters }.to_xml(&["deg", "rad", "m"].map(unit)).unwrap()
+}
+
+/// A scenario beside its parameter sets: that of the scenario, of the unit `driver` and of the case `active`.
+fn plan_with_sets(text: &str, sets: [&str; 3]) -> Result<Plan, ResolveError> {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content) in ["scenario", "unit", "case"].iter().zip(sets) {
+        std::fs::write(folder.path().join(format!("{name}.ssv")), content).unwrap();
+    }
+    let file = folder.path().join("step.toml");
+    resolve_text(&file, text, &fmus(), &Options::default())
+}
+
+fn scenario_with_sets() -> String {
+    SCENARIO
+        .replacen("title = \"Step\"", "title = \"Step\"\nparameter_set = \"scenario.ssv\"", 1)
+        .replacen("fmu = \"Driver\"", "fmu = \"Driver\"\nparameter_set = \"unit.ssv\"", 1)
+        .replacen("baseline = \"passive\"", "baseline = \"passive\"\nparameter_set = \"case.ssv\"", 1)
+}
+
+/// From the bottom up: scenario's set, unit's set, unit's parameters, case's set, case's and point's parameters.
+#[test]
+fn parameter_sets_are_layers_of_their_own() {
+    let amplitude = "driver:steer.amplitude";
+    let scenario = parameter_set(&[(amplitude, 0.1, None), ("vehicle:vehicle.mass", 900.0, None)]);
+    let unit = parameter_set(&[("steer.amplitude", 28.647_889_756_541_16, Some("deg"))]);
+    let case = parameter_set(&[(amplitude, 0.3, Some("rad"))]);
+    let text = scenario_with_sets();
+    let sets = [scenario.as_str(), &unit, &case];
+    let value = |text: &str, run: &str, unit: &str, name: &str| {
+        let plan = plan_with_sets(text, sets).unwrap_or_else(|e| panic!("{}", lines(&e)));
+        match parameter(&plan, run, unit, name) {
+            Some(Value::Real(v)) => v,
+            other => panic!("{other:?}"),
+        }
+    };
+    let (amplitude, mass) = ("steer.amplitude", "vehicle.mass");
+    assert_eq!(value(&text, "passive@slow#3", "vehicle", mass), 1200.0, "the unit's own stands above the set");
+    assert_eq!(value(&text, "active@slow#3", "driver", amplitude), 0.3, "the case's set stands above the unit's own");
+    let bare = text.replacen(", \"steer.amplitude\" = { value = 30.0, unit = \"deg\" }", "", 1);
+    // 0.5 rad in degrees, to the last digit or two of the conversion
+    assert!((value(&bare, "passive@slow#3", "driver", amplitude) - 0.5).abs() < 1e-15, "unit's over scenario's");
+    let bare = bare.replacen("\"vehicle.mass\" = 1200, ", "", 1);
+    assert_eq!(value(&bare, "passive@slow#3", "vehicle", mass), 900.0, "the scenario's set");
+}
+
+#[test]
+fn mistakes_in_parameter_sets_are_marked_where_the_file_is_named() {
+    let empty = parameter_set(&[]);
+    let text = scenario_with_sets();
+    for (scenario, unit, expected) in [
+        ("<a/>", empty.as_str(), "scenario.ssv: line 1, column 1: expected <ssv:ParameterSet>"),
+        (&parameter_set(&[("steer.amplitude", 1.0, None)]), &empty, "expected \"unit:parameter\""),
+        (&parameter_set(&[("diver:seed", 1.0, None)]), &empty, "`diver:seed`: unknown unit `diver`"),
+        (&parameter_set(&[("driver:sed", 1.0, None)]), &empty, "2:17: scenario.ssv: Driver has no parameter `sed`"),
+        (&parameter_set(&[("driver:seed", 1.0, None)]), &empty, "`seed` is Integer, got 1.0, Real"),
+        (&empty, &parameter_set(&[("steer.amplitude", 300.0, Some("deg"))]), "unit.ssv: `steer.amplitude` is 5.2"),
+        (&empty, &parameter_set(&[("steer.amplitude", 1.0, Some("m"))]), "cannot be given in `m`"),
+    ] {
+        let error = lines(&plan_with_sets(&text, [scenario, unit, &empty]).unwrap_err());
+        assert!(error.contains(expected), "expected {expected}\n  got {error}");
+    }
+    let missing = text.replacen("unit.ssv", "none.ssv", 1);
+    let error = lines(&plan_with_sets(&missing, [&empty, &empty, &empty]).unwrap_err());
+    assert!(error.contains("cannot read") && error.contains("none.ssv"), "{error}");
 }
