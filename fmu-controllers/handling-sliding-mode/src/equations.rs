@@ -7,7 +7,7 @@
 //! | d, dd | suspension deflection of a side and its rate |
 //! | F | force of spring and damper of a side, pushing the body up |
 //! | a_y | lateral acceleration |
-//! | mu + kap | switching gain, with kap = kappa1 |phi| + kappa2 |phid| |
+//! | mu + kap | switching gain; kap grows with the magnitudes of phi (kappa1) and phid (kappa2) |
 //! | eta | linear reaching rate |
 //! | f | actuator force of a side |
 
