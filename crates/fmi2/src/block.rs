@@ -295,7 +295,7 @@ pub enum Word {
 /// A type that a memory's field may have.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be a field of a memory",
-    note = "a memory holds `f64`, `u64`, `bool` and arrays of them, so that cloning it does not allocate"
+    note = "a memory holds `f64`, `u64`, `bool` and arrays of them, so that a step does not allocate"
 )]
 pub trait MemoryField {
     /// Passes every value on.

@@ -4,7 +4,7 @@ use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::block::{Design as _, ParameterReader, Parameters as _};
+use crate::block::{Design as _, Memory as _, ParameterReader, Parameters as _};
 use crate::calls::{Function, Mode};
 use crate::description::Description;
 use crate::model::{MOST_PARTS, Model, Step, StepError};
@@ -92,9 +92,9 @@ pub struct Instance<M: Model> {
     memory: M::Memory,
     outputs_are_old: bool,
     derivatives_are_old: bool,
-    /// What a failed step restores: outputs and states, and the memory.
+    /// What a failed step restores: outputs and states. The memory needs no copy: in Step Failed nothing reads it, and
+    /// a saved state or a reset replaces it.
     kept_reals: Box<[f64]>,
-    kept_memory: M::Memory,
     /// Strings handed out by fmi2GetString; they live until the value changes.
     pub(crate) texts: Box<[CString]>,
 }
@@ -123,7 +123,6 @@ impl<M: Model> Instance<M> {
             outputs_are_old: true,
             derivatives_are_old: true,
             kept_reals,
-            kept_memory: M::Memory::default(),
             texts,
             values,
         }
@@ -195,8 +194,15 @@ impl<M: Model> Instance<M> {
     pub fn exit_initialization(&mut self) -> Answer {
         self.check(Function::ExitInitializationMode)?;
         let design = self.design()?;
-        self.memory = M::begin(&self.parameters, &design);
-        self.kept_memory = self.memory.clone();
+        let memory = M::begin(&self.parameters, &design);
+        if let Some((name, value)) = memory.not_finite() {
+            return Err(format!(
+                "{}: start of '{name}' = {value}, a finite number was expected; check the parameters",
+                M::INFO.name
+            )
+            .into());
+        }
+        self.memory = memory;
         self.mode = Mode::Step;
         Ok(())
     }
@@ -242,21 +248,23 @@ impl<M: Model> Instance<M> {
             }
         }
         let design = M::load(&self.parameters, &self.resources).map_err(|e| format!("{}: {e}", M::INFO.name))?;
-        let calculated = self.layout().calculated.clone();
-        let mut numbers = vec![0.0; calculated.len()];
-        design.write(&mut numbers);
-        for (number, index) in numbers.iter().zip(calculated.clone()) {
-            if !number.is_finite() {
+        let layout = self.layout();
+        let mut reals = self.values.reals.clone();
+        design.write(&mut reals[layout.calculated.clone()]);
+        M::begin_states(&self.parameters, layout, &mut reals);
+        for index in layout.calculated.clone().chain(layout.states.clone()) {
+            let (what, value) =
+                (if index < layout.states.start { "calculated parameter" } else { "start of" }, reals[index]);
+            if !value.is_finite() {
                 return Err(format!(
-                    "{}: calculated parameter '{}' = {number}, a finite number was expected; check the parameters",
+                    "{}: {what} '{}' = {value}, a finite number was expected; check the parameters",
                     M::INFO.name,
-                    self.layout().real_name(index)
+                    layout.real_name(index)
                 )
                 .into());
             }
         }
-        self.values.reals[calculated].copy_from_slice(&numbers);
-        M::begin_states(&self.parameters, &self.description.layout, &mut self.values.reals);
+        self.values.reals = reals;
         let design = Arc::new(design);
         self.design = Some(design.clone());
         Ok(design)
@@ -607,18 +615,12 @@ impl<M: Model> Instance<M> {
         let layout = self.layout();
         let changing = layout.outputs.start..layout.states.end;
         self.kept_reals[changing.clone()].copy_from_slice(&self.values.reals[changing.clone()]);
-        if !M::IS_PLANT && parts > 0 {
-            self.kept_memory.clone_from(&self.memory);
-        }
         let design = self.design.as_deref().expect("computed at the end of initialization and kept since");
         let result = M::step(&self.parameters, design, &mut self.memory, layout, &mut self.values.reals, span, parts);
         self.derivatives_are_old = true;
         self.outputs_are_old = M::IS_PLANT;
         if let Err(error) = result {
             self.values.reals[changing.clone()].copy_from_slice(&self.kept_reals[changing]);
-            if !M::IS_PLANT {
-                self.memory.clone_from(&self.kept_memory);
-            }
             self.mode = Mode::StepFailed;
             let what = match error {
                 StepError::NotFinite { index, value, time } => {
@@ -731,7 +733,6 @@ impl<M: Model> Instance<M> {
         self.clock = snapshot.clock;
         self.values.clone_from(&snapshot.values);
         self.memory.clone_from(&snapshot.memory);
-        self.kept_memory.clone_from(&snapshot.memory);
         self.design.clone_from(&snapshot.design);
         self.parameters = self.values.parameters::<M>();
         self.texts = texts(&self.values.strings);

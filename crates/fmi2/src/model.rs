@@ -107,7 +107,7 @@ pub trait Sampled: Sized + 'static {
     type Parameters: Parameters + HasSampleTime + Send;
     /// What follows from the fixed parameters; `()` if nothing does.
     type Design: Design;
-    /// What it remembers from one sample to the next; `()` if nothing. Cloning must not allocate.
+    /// What it remembers from one sample to the next; `()` if nothing.
     type Memory: Memory;
     /// The inputs.
     type Inputs: Block<f64>;

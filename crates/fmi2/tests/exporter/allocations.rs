@@ -1,4 +1,4 @@
-//! The calls of a running simulation do not allocate.
+//! The calls of a running simulation do not allocate, and what an instance holds goes with it.
 #![allow(unsafe_code, reason = "an allocator that counts can only be written with unsafe code")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -10,16 +10,19 @@ struct Counting;
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+    static LIVE: Cell<i64> = const { Cell::new(0) };
 }
 
 // SAFETY: everything is passed on to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        LIVE.set(LIVE.get() + 1);
         // SAFETY: as the caller promised.
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        LIVE.set(LIVE.get() - 1);
         // SAFETY: as the caller promised.
         unsafe { System.dealloc(pointer, layout) }
     }
@@ -32,6 +35,11 @@ unsafe impl GlobalAlloc for Counting {
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
+
+/// Allocations of this thread that were not freed.
+pub(crate) fn live() -> i64 {
+    LIVE.get()
+}
 
 /// How often `f` allocates.
 fn allocations(f: impl FnOnce()) -> u64 {

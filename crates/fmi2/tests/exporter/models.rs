@@ -285,6 +285,12 @@ pub(crate) struct FragileParameters {
     /// Where it panics
     #[par("panic", mode, start = Panic::Nowhere)]
     pub(crate) panic: Panic,
+    /// Product at the start, divided by the scale
+    #[par("product.start", unit = ONE, start = 1.0)]
+    pub(crate) product: f64,
+    /// Scale of the product
+    #[par("product.scale", unit = ONE, start = 1.0, min = 0.0)]
+    pub(crate) scale: f64,
     #[par(SAMPLE_TIME, start = 0.1)]
     pub(crate) sample_time: f64,
 }
@@ -347,7 +353,7 @@ impl Sampled for Fragile {
 
     fn begin(p: &FragileParameters, (): &()) -> FragileMemory {
         assert!(p.panic != Panic::Begin, "on demand, at the begin");
-        FragileMemory { sum: 0.0, product: 1.0 }
+        FragileMemory { sum: 0.0, product: p.product / p.scale }
     }
 
     fn check(_: &FragileParameters, (): &(), _: &FragileMemory, u: &FragileInputs, t: f64) -> Result<(), String> {

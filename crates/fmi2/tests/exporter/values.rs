@@ -321,6 +321,17 @@ fn the_end_of_initialization_refuses_what_has_no_design() {
     );
     unit.set("cart.mass", 2.0).unwrap();
     unit.0.exit_initialization().unwrap();
+    // So is a memory that does not start finite.
+    let mut unit = Unit::<Fragile>::initializing(0.0);
+    unit.set("product.scale", 0.0).unwrap();
+    let before = unit.bits();
+    assert_eq!(
+        refused(unit.0.exit_initialization()),
+        "Fragile: start of 'product' = inf, a finite number was expected; check the parameters"
+    );
+    assert_eq!((unit.0.mode(), unit.bits()), (Mode::Initialization, before));
+    unit.set("product.scale", 2.0).unwrap();
+    unit.0.exit_initialization().unwrap();
     // The times are positive too.
     let mut unit = Unit::<Sampler>::initializing(0.0);
     unit.set("sample_time", 0.0).unwrap();
@@ -383,4 +394,60 @@ fn reset_is_as_good_as_new() {
         unit.set_string("filter.label", "other").unwrap();
     });
     check::<Fragile>("dividend", |_| {});
+}
+
+mod starting {
+    use std::sync::OnceLock;
+
+    use fmi2::abi::Export;
+    use fmi2::description::Description;
+    use fmi2::model::PlantModel;
+    use fmi2::prelude::*;
+
+    use crate::models::{CartInputs, CartOutputs, CartParameters, CartState};
+
+    /// Starts at the reciprocal of a parameter.
+    pub(super) struct Starting;
+    impl Plant for Starting {
+        const INFO: Info =
+            Info { name: "Starting", description: "A start", version: "1", stop_time: 1.0, step_size: 0.1 };
+        type Parameters = CartParameters;
+        type Design = ();
+        type State<T: Scalar> = CartState<T>;
+        type Inputs<T: Scalar> = CartInputs<T>;
+        type Outputs<T: Scalar> = CartOutputs<T>;
+        fn design(_: &CartParameters) -> Result<(), String> {
+            Ok(())
+        }
+        fn begin(p: &CartParameters, x: &mut CartState<f64>) {
+            x.x[0] = 1.0 / p.k_c;
+        }
+        fn derivatives<T: Scalar>(_: &CartParameters, (): &(), x: &CartState<T>, _: &CartInputs<T>) -> CartState<T> {
+            x.clone()
+        }
+        fn outputs<T: Scalar>(_: &CartParameters, (): &(), x: &CartState<T>, _: &CartInputs<T>) -> CartOutputs<T> {
+            CartOutputs { a: x.v, distance: x.x[0], pushed: x.x[0] }
+        }
+    }
+    impl Export for Starting {
+        type Model = PlantModel<Self>;
+        fn description() -> &'static Description {
+            static DESCRIPTION: OnceLock<Description> = OnceLock::new();
+            DESCRIPTION.get_or_init(Description::of::<Self::Model>)
+        }
+    }
+}
+
+#[test]
+fn a_state_that_does_not_start_finite_is_refused() {
+    let mut unit = Unit::<starting::Starting>::initializing(0.0);
+    let before = unit.bytes();
+    assert_eq!(
+        refused(unit.0.exit_initialization()),
+        "Starting: start of 'cart_position.l' = inf, a finite number was expected; check the parameters"
+    );
+    assert_eq!((unit.0.mode(), unit.bytes()), (Mode::Initialization, before));
+    unit.set("coupling.stiffness", 4.0).unwrap();
+    unit.0.exit_initialization().unwrap();
+    assert_eq!(unit.get("cart_position.l"), 0.25);
 }
