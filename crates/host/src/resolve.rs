@@ -347,6 +347,12 @@ struct Resolver<'a> {
     sets: HashMap<String, ParameterSet>,
 }
 
+/// Unit and parameter of a name in a parameter set for several units: `unit.parameter` as SSP writes it (names of units
+/// have no dot), or `unit:parameter` as in the rest of a scenario.
+fn split_unit(name: &str) -> Option<(&str, &str)> {
+    name.split_once([':', '.'])
+}
+
 impl<'a> Resolver<'a> {
     /// Reads the parameter sets that the scenario names, relative to its folder, each once.
     fn read_parameter_sets(&mut self, folder: &Path) {
@@ -364,12 +370,12 @@ impl<'a> Resolver<'a> {
         for path in scenario.cases.iter().filter_map(|c| c.parameter_set.as_ref()).chain(&scenario.parameter_set) {
             let Some(set) = self.sets.get(path.get_ref()) else { continue };
             for parameter in &set.parameters {
-                let of = parameter.name.split_once(':').map(|(unit, _)| unit);
+                let of = split_unit(&parameter.name).map(|(unit, _)| unit);
                 let names = || scenario.units.iter().map(|u| u.name.get_ref().as_str());
                 match of {
                     None => self.problems.add(
                         path.span(),
-                        format!("{}: `{}`, expected \"unit:parameter\"", path.get_ref(), parameter.name),
+                        format!("{}: `{}`, expected \"unit.parameter\"", path.get_ref(), parameter.name),
                     ),
                     Some(unit) if !names().any(|name| name == unit) => self.problems.add_with_help(
                         path.span(),
@@ -1050,7 +1056,7 @@ impl<'a> Resolver<'a> {
         let description = &member.found.description;
         let mut values = Vec::new();
         for written in self.sets.get(path.get_ref()).into_iter().flat_map(|set| &set.parameters) {
-            let name = match written.name.split_once(':') {
+            let name = match split_unit(&written.name) {
                 _ if of_unit => written.name.as_str(),
                 Some((unit, name)) if unit == member.name() => name,
                 _ => continue,

@@ -368,7 +368,7 @@ fn scenario_with_sets() -> String {
 #[test]
 fn parameter_sets_are_layers_of_their_own() {
     let amplitude = "driver:steer.amplitude";
-    let scenario = parameter_set(&[(amplitude, 0.1, None), ("vehicle:vehicle.mass", 900.0, None)]);
+    let scenario = parameter_set(&[(amplitude, 0.1, None), ("vehicle.vehicle.mass", 900.0, None)]);
     let unit = parameter_set(&[("steer.amplitude", 28.647_889_756_541_16, Some("deg"))]);
     let case = parameter_set(&[(amplitude, 0.3, Some("rad"))]);
     let text = scenario_with_sets();
@@ -396,7 +396,8 @@ fn mistakes_in_parameter_sets_are_marked_where_the_file_is_named() {
     let text = scenario_with_sets();
     for (scenario, unit, expected) in [
         ("<a/>", empty.as_str(), "scenario.ssv: line 1, column 1: expected <ssv:ParameterSet>"),
-        (&parameter_set(&[("steer.amplitude", 1.0, None)]), &empty, "expected \"unit:parameter\""),
+        (&parameter_set(&[("seed", 1.0, None)]), &empty, "expected \"unit.parameter\""),
+        (&parameter_set(&[("steer.amplitude", 1.0, None)]), &empty, "unknown unit `steer`"),
         (&parameter_set(&[("diver:seed", 1.0, None)]), &empty, "`diver:seed`: unknown unit `diver`"),
         (&parameter_set(&[("driver:sed", 1.0, None)]), &empty, "2:17: scenario.ssv: Driver has no parameter `sed`"),
         (&parameter_set(&[("driver:seed", 1.0, None)]), &empty, "`seed` is Integer, got 1.0, Real"),
