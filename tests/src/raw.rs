@@ -375,3 +375,22 @@ pub fn allocations() -> Option<u64> {
     let function = unsafe { this.get::<extern "C" fn() -> u64>(c"counted_allocations") };
     function.ok().map(|function| function())
 }
+
+/// Lets another thread use an instance, then frees it there.
+///
+/// # Panics
+/// When `work` panics.
+pub fn on_another_thread<T: Send>(
+    instance: host::loader::Instance,
+    work: impl FnOnce(&mut host::loader::Instance) -> T + Send,
+) -> T {
+    struct Moved(host::loader::Instance);
+    // SAFETY: an instance may be used by any thread, by one at a time (FMI 2.0.4, section 2.1.5); it is given away.
+    unsafe impl Send for Moved {}
+    let moved = Moved(instance);
+    let run = move || {
+        let mut moved = moved;
+        work(&mut { &mut moved }.0)
+    };
+    std::thread::scope(|scope| scope.spawn(run).join()).expect("the thread does not panic")
+}

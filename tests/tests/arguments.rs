@@ -1,0 +1,430 @@
+//! Wrong arguments: refused with fmi2Error, a message where there is a logger, and nothing changed.
+//!
+//! Reference: FMI 2.0.4, sections 2.1.3 (status), 2.2.7 (which variable may be set when) and the project's
+//! ARCHITECTURE.md (Status): a refused call names what, where and what was expected, changes nothing, keeps the mode.
+
+use host::c_api::Reference;
+use host::description::{BaseType, Causality, Value, Variability, Variable};
+use host::loader::{CallError, Instance};
+use std::ffi::CString;
+use tests::raw::{self, Arguments, Raw, RawInstance, RawState, Text, Truth};
+use tests::signals::{Random, start};
+use tests::{Fmu, all, is_fixed, ok, reals, refused};
+
+/// A number that no FMU uses as a value reference.
+const UNKNOWN: Reference = 4_000_000_000;
+
+type Refused = Result<(), CallError>;
+
+fn state(instance: &mut Instance) -> Vec<u8> {
+    let saved = ok(instance.save_state());
+    ok(instance.serialize_state(&saved))
+}
+
+/// Checks that a call is refused with a message that holds `words`, and that it changes nothing.
+fn refuses(instance: &mut Instance, words: &[&str], call: impl FnOnce(&mut Instance) -> Refused) {
+    let before = state(instance);
+    let message = refused(call(instance));
+    for word in words {
+        assert!(message.contains(word), "'{word}' is missing in: {message}");
+    }
+    assert_eq!(state(instance), before, "a refused call changed something: {message}");
+}
+
+fn variables_of(fmu: &Fmu, base_type: BaseType) -> impl Iterator<Item = &Variable> {
+    fmu.description.variables.iter().filter(move |variable| variable.base_type == base_type)
+}
+
+/// An instance in Initialization Mode.
+fn initializing(fmu: &Fmu) -> Instance {
+    let mut instance = fmu.instance();
+    ok(instance.enter_initialization_mode());
+    instance
+}
+
+#[test]
+fn unknown_references_and_wrong_types_are_refused() {
+    for fmu in all() {
+        let mut instance = initializing(&fmu);
+        let first = fmu.references(Causality::Output)[0];
+        // A valid reference in front: nothing may have been set or written when the second is refused.
+        let mut written = [7.0, 7.0];
+        let message = refused(instance.get_real(&[first, UNKNOWN], &mut written));
+        assert!(message.contains("4000000000") && message.contains("Real"), "{}: {message}", fmu.name);
+        assert_eq!(written, [7.0, 7.0], "{}: a value was written though the call was refused", fmu.name);
+        refuses(&mut instance, &["4000000000"], |i| i.set_real(&[UNKNOWN], &[1.0]));
+        refuses(&mut instance, &["4000000000"], |i| i.get_integer(&[UNKNOWN], &mut [0]));
+        refuses(&mut instance, &["4000000000"], |i| i.set_integer(&[UNKNOWN], &[1]));
+        refuses(&mut instance, &["4000000000"], |i| i.get_boolean(&[UNKNOWN], &mut [0]));
+        refuses(&mut instance, &["4000000000"], |i| i.set_boolean(&[UNKNOWN], &[1]));
+        refuses(&mut instance, &["4000000000"], |i| i.get_string(&[UNKNOWN]).map(drop));
+        refuses(&mut instance, &["4000000000"], |i| i.set_string(&[UNKNOWN], &["a"]));
+        // A reference of a variable of another type, which the message names.
+        let name = fmu.description.variables.iter().find(|v| v.reference == first).expect("it exists").name.clone();
+        refuses(&mut instance, &[&name, "Integer"], |i| i.get_integer(&[first], &mut [0]));
+        refuses(&mut instance, &[&name, "Boolean"], |i| i.set_boolean(&[first], &[1]));
+        refuses(&mut instance, &[&name, "String"], |i| i.get_string(&[first]).map(drop));
+        for base_type in [BaseType::Integer, BaseType::Boolean, BaseType::String] {
+            for variable in variables_of(&fmu, base_type) {
+                refuses(&mut instance, &[&variable.name, "Real"], |i| i.get_real(&[variable.reference], &mut [0.0]));
+                refuses(&mut instance, &[&variable.name, "Real"], |i| i.set_real(&[variable.reference], &[1.0]));
+            }
+        }
+    }
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_refused() {
+    for fmu in all() {
+        let mut instance = initializing(&fmu);
+        let settable = |v: &&Variable| matches!(v.causality, Causality::Input | Causality::Parameter);
+        for variable in variables_of(&fmu, BaseType::Real).filter(settable) {
+            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                refuses(&mut instance, &[&variable.name, "finite"], |i| i.set_real(&[variable.reference], &[value]));
+            }
+        }
+        // None of several values is set if one is refused.
+        let inputs = fmu.references(Causality::Input);
+        if inputs.len() > 1 {
+            refuses(&mut instance, &["NaN"], |i| i.set_real(&inputs[..2], &[1.0, f64::NAN]));
+        }
+    }
+}
+
+#[test]
+fn numbers_outside_their_limits_are_refused() {
+    let (mut reals_checked, mut integers_checked) = (0, 0);
+    for fmu in all() {
+        let mut instance = initializing(&fmu);
+        for variable in fmu.with(Causality::Parameter) {
+            let reference = [variable.reference];
+            match variable.base_type {
+                BaseType::Real => {
+                    for (limit, outside) in [
+                        (variable.min, variable.min.map(|min| min - 1e-6 * min.abs().max(1.0))),
+                        (variable.max, variable.max.map(|max| max + 1e-6 * max.abs().max(1.0))),
+                    ] {
+                        let (Some(limit), Some(outside)) = (limit, outside) else { continue };
+                        refuses(&mut instance, &[&variable.name, "expected"], |i| i.set_real(&reference, &[outside]));
+                        // The limit itself is allowed; whether it can be simulated is asked at the end.
+                        ok(instance.set_real(&reference, &[limit]));
+                        ok(instance.set_real(&reference, &[start(variable)]));
+                        reals_checked += 1;
+                    }
+                }
+                BaseType::Integer => {
+                    for outside in [variable.min.map(|min| min - 1.0), variable.max.map(|max| max + 1.0)] {
+                        let Some(outside) = outside.filter(|value| value.abs() < 2e9) else { continue };
+                        refuses(&mut instance, &[&variable.name, "expected"], |i| {
+                            i.set_integer(&reference, &[outside as i32])
+                        });
+                        integers_checked += 1;
+                    }
+                }
+                BaseType::Boolean | BaseType::String => {}
+            }
+        }
+    }
+    assert!(reals_checked > 50 && integers_checked > 5, "{reals_checked} reals, {integers_checked} integers");
+}
+
+/// The start value of a variable, set through the function of its type.
+fn set_start(instance: &mut Instance, variable: &Variable) -> Refused {
+    let reference = [variable.reference];
+    match &variable.start {
+        Some(Value::Real(value)) => instance.set_real(&reference, &[*value]),
+        Some(Value::Integer(value)) => instance.set_integer(&reference, &[*value]),
+        Some(Value::Boolean(value)) => instance.set_boolean(&reference, &[i32::from(*value)]),
+        Some(Value::String(value)) => instance.set_string(&reference, &[value]),
+        None => instance.set_real(&reference, &[0.0]),
+    }
+}
+
+#[test]
+fn every_variable_can_be_set_when_the_standard_says_so_and_not_otherwise() {
+    for fmu in all() {
+        let mut before = fmu.instance();
+        let mut initializing = initializing(&fmu);
+        let mut stepping = fmu.started();
+        for variable in &fmu.description.variables {
+            let has_start = variable.start.is_some();
+            let (at_start, later) = match variable.causality {
+                Causality::Input => (true, true),
+                Causality::Parameter => (true, variable.variability == Variability::Tunable),
+                // initial = exact: states, and the held outputs of sampled units.
+                Causality::Output | Causality::Local => (has_start, false),
+                Causality::CalculatedParameter | Causality::Independent => (false, false),
+            };
+            for (instance, allowed) in [(&mut before, at_start), (&mut initializing, at_start), (&mut stepping, later)]
+            {
+                if allowed {
+                    if let Err(error) = set_start(instance, variable) {
+                        panic!("{}: {error}", fmu.name);
+                    }
+                } else {
+                    refuses(instance, &[&variable.name], |i| set_start(i, variable));
+                }
+            }
+            if is_fixed(variable) {
+                refuses(&mut stepping, &["fixed", "Initialization Mode"], |i| set_start(i, variable));
+            }
+        }
+    }
+}
+
+#[test]
+fn start_values_are_those_of_the_description() {
+    for fmu in all() {
+        let mut instance = initializing(&fmu);
+        for variable in &fmu.description.variables {
+            let reference = [variable.reference];
+            match &variable.start {
+                Some(Value::Real(value)) => {
+                    assert_eq!(reals(&mut instance, &reference), [*value], "{}: {}", fmu.name, variable.name);
+                }
+                Some(Value::Integer(value)) => {
+                    let mut found = [0];
+                    ok(instance.get_integer(&reference, &mut found));
+                    assert_eq!(found, [*value], "{}: {}", fmu.name, variable.name);
+                }
+                Some(Value::Boolean(value)) => {
+                    let mut found = [0];
+                    ok(instance.get_boolean(&reference, &mut found));
+                    assert_eq!(found, [i32::from(*value)], "{}: {}", fmu.name, variable.name);
+                }
+                Some(Value::String(value)) => {
+                    assert_eq!(&ok(instance.get_string(&reference))[0], value, "{}: {}", fmu.name, variable.name);
+                }
+                None => {}
+            }
+        }
+    }
+}
+
+#[test]
+fn impossible_times_are_refused() {
+    for fmu in all() {
+        let mut instance = fmu.instance();
+        refuses(&mut instance, &["startTime"], |i| i.setup_experiment(f64::NAN, None));
+        refuses(&mut instance, &["startTime"], |i| i.setup_experiment(f64::INFINITY, None));
+        refuses(&mut instance, &["stopTime"], |i| i.setup_experiment(1.0, Some(0.5)));
+        refuses(&mut instance, &["stopTime"], |i| i.setup_experiment(0.0, Some(f64::NAN)));
+        ok(instance.setup_experiment(0.0, Some(0.01)));
+        ok(instance.enter_initialization_mode());
+        ok(instance.exit_initialization_mode());
+        for step in [0.0, -0.001, f64::NAN, f64::INFINITY] {
+            refuses(&mut instance, &["communicationStepSize"], |i| i.do_step(0.0, step));
+        }
+        // The time of the instance counts; a millionth of the step is forgiven.
+        for time in [0.001, -0.001, 2e-9, f64::NAN] {
+            refuses(&mut instance, &["currentCommunicationPoint"], |i| i.do_step(time, 0.001));
+        }
+        refuses(&mut instance, &["stopTime"], |i| i.do_step(0.0, 0.0101));
+        ok(instance.do_step(5e-10, 0.001));
+        ok(instance.do_step(0.001, 0.009));
+        refuses(&mut instance, &["stopTime"], |i| i.do_step(0.01, 0.001));
+
+        // Smaller than the spacing of numbers at that time: the clock would stand still.
+        let mut late = fmu.started_at(1e9);
+        refuses(&mut late, &["does not advance"], |i| i.do_step(1e9, 1e-9));
+        let mut long = fmu.started();
+        // More than a million substeps or samples in one call is a mistake of units, not a step.
+        refuses(&mut long, &["integration steps or samples"], |i| i.do_step(0.0, 1e6));
+    }
+}
+
+#[test]
+fn an_fmu_is_made_only_of_what_belongs_to_it() {
+    for fmu in all() {
+        let other = Instance::instantiate(&fmu.library, "a", "{00000000-0000-0000-0000-000000000000}", false);
+        let message = refused(other);
+        assert!(message.contains(&fmu.description.guid), "{}: the expected GUID is not named: {message}", fmu.name);
+        assert!(
+            refused(Instance::instantiate(&fmu.library, "", &fmu.description.guid, false)).contains("instanceName")
+        );
+    }
+}
+
+#[test]
+fn null_pointers_are_refused_or_ignored_but_never_followed() {
+    for fmu in all() {
+        let raw = Raw::load(&fmu);
+        assert_eq!(raw.texts(), ["2.0", "default"], "{}", fmu.name);
+        let guid = CString::new(raw.guid()).expect("no zero inside");
+        let good =
+            Arguments { name: Some(c"a"), kind: 1, guid: Some(&guid), resources: Some(c"file:///r"), callbacks: true };
+        for bad in [
+            Arguments { name: None, ..good },
+            Arguments { name: Some(c""), ..good },
+            Arguments { name: Some(c"\xff\xfe"), ..good },
+            Arguments { guid: None, ..good },
+            Arguments { guid: Some(c"{}"), ..good },
+            Arguments { guid: Some(c"\xff"), ..good },
+            Arguments { resources: Some(c"file:///\xff"), ..good },
+            Arguments { kind: 0, ..good },
+            Arguments { kind: 2, ..good },
+            Arguments { callbacks: false, ..good },
+        ] {
+            assert!(raw.instantiate(bad).is_none(), "{}: {bad:?}", fmu.name);
+        }
+        // Many masters pass no folder to an FMU without resources, and no logger.
+        let instance = raw.instantiate(Arguments { resources: None, ..good }).expect("no folder is needed");
+        let output = [fmu.references(Causality::Output)[0]];
+        everything_is_refused(&raw.null(), &output);
+
+        assert_eq!(instance.setup_experiment(0.0), raw::OK);
+        assert_eq!(instance.transition("fmi2EnterInitializationMode"), raw::OK);
+        null_arrays(&instance, &output);
+        null_states(&raw, &instance, good);
+        assert_eq!(instance.transition("fmi2ExitInitializationMode"), raw::OK);
+        assert_eq!(instance.do_step(0.0, 0.001), raw::OK);
+        assert_eq!(instance.real_status(2, None), raw::ERROR);
+        assert_eq!(instance.boolean_status(3, None), raw::ERROR);
+        assert_eq!(instance.status(99), raw::DISCARD);
+        let mut time = 0.0;
+        assert_eq!(instance.real_status(99, Some(&mut time)), raw::DISCARD);
+        assert_eq!(instance.real_status(2, Some(&mut time)), raw::OK);
+        assert_eq!(time, 0.001);
+    }
+}
+
+/// No function follows an instance that is a null pointer.
+fn everything_is_refused(null: &RawInstance<'_>, output: &[Reference]) {
+    let mut state = RawState::NULL;
+    let transitions = ["EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset", "CancelStep"];
+    for name in transitions {
+        assert_eq!(null.transition(&format!("fmi2{name}")), raw::ERROR, "{name}");
+    }
+    assert_eq!(null.get(Some(output), 1, Some(&mut [0.0])), raw::ERROR);
+    assert_eq!(null.get(Some(output), 1, Some(&mut [0])), raw::ERROR);
+    assert_eq!(null.get(Some(output), 1, Some(&mut [Truth(0)])), raw::ERROR);
+    assert_eq!(null.get(Some(output), 1, Some(&mut [Text::new(None)])), raw::ERROR);
+    assert_eq!(null.set(Some(output), 1, Some(&[0.0])), raw::ERROR);
+    assert_eq!(null.set(Some(output), 1, Some(&[0])), raw::ERROR);
+    assert_eq!(null.set(Some(output), 1, Some(&[Truth(0)])), raw::ERROR);
+    assert_eq!(null.set(Some(output), 1, Some(&[Text::new(None)])), raw::ERROR);
+    assert_eq!(null.setup_experiment(0.0), raw::ERROR);
+    assert_eq!(null.do_step(0.0, 0.001), raw::ERROR);
+    assert_eq!(null.set_debug_logging(0, None), raw::ERROR);
+    assert_eq!(null.get_state(Some(&mut state)), raw::ERROR);
+    assert_eq!(null.set_state(state), raw::ERROR);
+    assert_eq!(null.free_state(Some(&mut state)), raw::ERROR);
+    assert_eq!(null.state_size(state, Some(&mut 0)), raw::ERROR);
+    assert_eq!(null.serialize(state, Some(&mut [0]), 1), raw::ERROR);
+    assert_eq!(null.deserialize(Some(&[0]), 1, Some(&mut state)), raw::ERROR);
+    assert_eq!(null.status(0), raw::ERROR);
+    assert_eq!(null.real_status(2, Some(&mut 0.0)), raw::ERROR);
+    assert_eq!(null.boolean_status(3, Some(&mut 0)), raw::ERROR);
+    assert_eq!(null.directional_derivative(Some(output), Some(output), Some(&[1.0]), Some(&mut [0.0])), raw::ERROR);
+}
+
+/// Arrays that are missing though values were announced; none announced is always in order.
+fn null_arrays(instance: &RawInstance<'_>, output: &[Reference]) {
+    assert_eq!(instance.get::<f64>(None, 1, Some(&mut [0.0])), raw::ERROR);
+    assert_eq!(instance.get::<f64>(Some(output), 1, None), raw::ERROR);
+    assert_eq!(instance.get::<i32>(None, 1, Some(&mut [0])), raw::ERROR);
+    assert_eq!(instance.get::<i32>(Some(output), 1, None), raw::ERROR);
+    assert_eq!(instance.get::<Truth>(None, 1, Some(&mut [Truth(0)])), raw::ERROR);
+    assert_eq!(instance.get::<Truth>(Some(output), 1, None), raw::ERROR);
+    assert_eq!(instance.get::<Text<'_>>(None, 1, None), raw::ERROR);
+    assert_eq!(instance.set::<f64>(None, 1, Some(&[0.0])), raw::ERROR);
+    assert_eq!(instance.set::<f64>(Some(output), 1, None), raw::ERROR);
+    assert_eq!(instance.set::<i32>(None, 1, Some(&[0])), raw::ERROR);
+    assert_eq!(instance.set::<Truth>(None, 1, Some(&[Truth(0)])), raw::ERROR);
+    assert_eq!(instance.set(Some(output), 1, Some(&[Text::new(None)])), raw::ERROR);
+    assert_eq!(instance.set(Some(output), 1, Some(&[Text::new(Some(c"\xff"))])), raw::ERROR);
+    assert_eq!(instance.get::<f64>(None, 0, None), raw::OK);
+    assert_eq!(instance.get::<i32>(None, 0, None), raw::OK);
+    assert_eq!(instance.get::<Truth>(None, 0, None), raw::OK);
+    assert_eq!(instance.get::<Text<'_>>(None, 0, None), raw::OK);
+    assert_eq!(instance.set::<f64>(None, 0, None), raw::OK);
+    assert_eq!(instance.set::<i32>(None, 0, None), raw::OK);
+    assert_eq!(instance.set::<Truth>(None, 0, None), raw::OK);
+    assert_eq!(instance.set::<Text<'_>>(None, 0, None), raw::OK);
+    assert_eq!(instance.set_debug_logging(1, None), raw::ERROR);
+    assert_eq!(instance.set_debug_logging(1, Some(&[Text::new(None)])), raw::ERROR);
+    assert_eq!(instance.set_debug_logging(1, Some(&[Text::new(Some(c"no such category"))])), raw::ERROR);
+    assert_eq!(instance.set_debug_logging(0, None), raw::OK);
+    for missing in 0..4 {
+        let (mut value, seed) = ([0.0], [1.0]);
+        let status = instance.directional_derivative(
+            (missing != 0).then_some(output),
+            (missing != 1).then_some(output),
+            (missing != 2).then_some(&seed),
+            (missing != 3).then_some(&mut value),
+        );
+        assert_eq!(status, raw::ERROR, "array {missing} of fmi2GetDirectionalDerivative is null");
+    }
+}
+
+/// States that are missing, freed, of another instance, or of the wrong size.
+fn null_states(raw: &Raw, instance: &RawInstance<'_>, arguments: Arguments<'_>) {
+    assert_eq!(instance.get_state(None), raw::ERROR);
+    assert_eq!(instance.set_state(RawState::NULL), raw::ERROR);
+    assert_eq!(instance.free_state(None), raw::OK, "like free(NULL)");
+    assert_eq!(instance.free_state(Some(&mut { RawState::NULL })), raw::OK, "like free(NULL)");
+    let mut size = 0;
+    assert_eq!(instance.state_size(RawState::NULL, Some(&mut size)), raw::ERROR);
+
+    let mut saved = RawState::NULL;
+    assert_eq!(instance.get_state(Some(&mut saved)), raw::OK);
+    assert!(!saved.is_null());
+    assert_eq!(instance.state_size(saved, None), raw::ERROR);
+    assert_eq!(instance.state_size(saved, Some(&mut size)), raw::OK);
+    let mut bytes = vec![0; size];
+    assert_eq!(instance.serialize(saved, None, size), raw::ERROR);
+    assert_eq!(instance.serialize(saved, Some(&mut bytes), size - 1), raw::ERROR);
+    assert_eq!(instance.serialize(saved, Some(&mut bytes), 0), raw::ERROR);
+    assert!(bytes.iter().all(|&byte| byte == 0), "a refused call wrote bytes");
+    assert_eq!(instance.serialize(saved, Some(&mut bytes), size), raw::OK);
+
+    let mut copy = RawState::NULL;
+    assert_eq!(instance.deserialize(None, size, Some(&mut copy)), raw::ERROR);
+    assert_eq!(instance.deserialize(Some(&bytes), size, None), raw::ERROR);
+    assert_eq!(instance.deserialize(Some(&bytes), 0, Some(&mut copy)), raw::ERROR);
+    assert!(copy.is_null(), "a refused call gave out a state");
+
+    // States belong to the instance that saved them, until they are freed.
+    let other = raw.instantiate(arguments).expect("a second instance");
+    assert_eq!(other.set_state(saved), raw::ERROR, "a state of another instance");
+    let freed = saved;
+    assert_eq!(instance.free_state(Some(&mut saved)), raw::OK);
+    assert!(saved.is_null(), "the pointer is set to null");
+    assert_eq!(instance.set_state(freed), raw::ERROR, "a state that was freed");
+    assert_eq!(instance.state_size(freed, Some(&mut size)), raw::ERROR, "a state that was freed");
+    assert_eq!(instance.free_state(Some(&mut { freed })), raw::ERROR, "freed twice");
+}
+
+#[test]
+fn damaged_bytes_of_a_state_are_refused() {
+    let fmus = all();
+    let mut random = Random(7);
+    for (number, fmu) in fmus.iter().enumerate() {
+        let mut instance = fmu.started();
+        ok(instance.do_step(0.0, 0.001));
+        let good = state(&mut instance);
+        let mut check = |bytes: &[u8]| {
+            refuses(&mut instance, &["fmi2DeSerializeFMUstate"], |i| i.deserialize_state(bytes).map(drop));
+        };
+        check(&[]);
+        check(&good[..good.len() - 1]);
+        check(&good[..8]);
+        check(&[&good[..], &[0]].concat());
+        check(&vec![0; good.len()]);
+        // Every byte of the head and the tail, and random ones between, with one bit turned over.
+        let middle = (0..64).map(|_| random.below(good.len() as u64) as usize);
+        for position in (0..64).chain(good.len() - 16..good.len()).chain(middle) {
+            let mut bytes = good.clone();
+            bytes[position] ^= 1 << (position % 8);
+            check(&bytes);
+        }
+        // The state of another FMU.
+        let mut other = fmus[(number + 1) % fmus.len()].started();
+        if fmus.len() > 1 {
+            check(&state(&mut other));
+        }
+        let saved = ok(instance.deserialize_state(&good));
+        ok(instance.restore_state(&saved));
+        assert_eq!(state(&mut instance), good, "{}: the good bytes restore the same state", fmu.name);
+    }
+}
