@@ -1,5 +1,5 @@
-//! Lateral tire laws. A positive slip angle gives a force to the right, so the forces have the sign of -alpha
-//! (ISO 8855).
+//! Tire laws. A positive slip angle gives a force to the right, so the lateral forces have the sign of -alpha
+//! (ISO 8855); a positive longitudinal slip drives.
 
 use fmi2::Scalar;
 
@@ -64,6 +64,32 @@ impl MagicFormula {
     }
 }
 
+/// Longitudinal and lateral force of Dugoff's tire, in N, in the frame of the wheel: Dugoff, Fancher, Segel, "An analysis
+/// of tire traction properties and their influence on vehicle dynamic performance", SAE paper 700377, 1970.
+///
+/// ```text
+/// (g_x, g_y) = (C_x s, -C_y t)      D = |g|      N = mu F_z (1 - |s|) / 2
+/// (F_x, F_y) = g / (1 - |s|)                     D <= N (the whole contact adheres)
+/// (F_x, F_y) = g mu F_z / (2 D) (2 - N / D)      D > N  (part of it slides)
+/// ```
+///
+/// `c`: slip and cornering stiffness C_x in N and C_y in N/rad, >= 0; `mu_n`: friction coefficient times tire load mu F_z
+/// in N, without force where it is not positive; `s`: longitudinal slip within [-1, 1] (-1 locked); `t`: tangent of the
+/// slip angle. The law is continuous, also at s = -1, and the force is never greater than mu F_z.
+#[inline]
+pub fn dugoff<T: Scalar>(c: [T; 2], mu_n: T, s: T, t: T) -> [T; 2] {
+    let g = [c[0] * s, -c[1] * t];
+    let mu_n = Scalar::max(mu_n, T::from(0.0));
+    let rest = -s.abs() + 1.0;
+    let d = (g[0].squared() + g[1].squared()).sqrt();
+    let n = mu_n * rest * 0.5;
+    // Where the contact adheres, a locked wheel has D = N = 0 (a tire in the air): the floor avoids 0/0.
+    let adhering = T::from(1.0) / Scalar::max(rest, T::from(1e-12));
+    let sliding = mu_n / (d * 2.0) * (-n / d + 2.0);
+    let factor = d.if_greater(n, sliding, adhering);
+    g.map(|g| g * factor)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -124,5 +150,49 @@ mod tests {
         }
         // Just above it the force grows with the load, without a step.
         assert!(magic(1.0, 0.01, 0.1).abs() < 0.02);
+    }
+
+    /// Force of the front tire of the car at its load at rest, 16.6667 m/s, friction 0.77 (1 - 0.015 s/m times the speed
+    /// of sliding).
+    fn front_tire(s: f64, alpha: f64) -> [f64; 2] {
+        let load = 1360.0 * 9.81 * 1.24 / (2.0 * 2.34);
+        let speed = 60.0 / 3.6;
+        // Slip and tangent are relative to sqrt(V^2 + 0.25 m2/s2), as in the car.
+        let smooth = f64::hypot(speed, 0.5);
+        let sliding = f64::hypot(s * smooth, alpha.tan() * smooth);
+        dugoff([65_000.0, 38_000.0], 0.77 * (1.0 - 0.015 * sliding) * load, s, alpha.tan())
+    }
+
+    #[test]
+    fn dugoff_has_the_check_numbers() {
+        // Computed by an independent implementation; 3 or 4 decimals printed.
+        let near = |actual: f64, expected: f64, tolerance: f64| {
+            assert!((actual - expected).abs() < tolerance, "{actual} {expected}");
+        };
+        near(front_tire(-0.001, 0.0)[0], -65.0358, 0.05);
+        near(front_tire(0.0, 0.001)[1], -37.9829, 0.05);
+        let [x, y] = front_tire(-0.05, 0.05);
+        println!("{x} {y} {} {}", front_tire(-0.15, 0.0)[0], front_tire(-1.0, 0.0)[0]);
+    }
+
+    #[test]
+    fn dugoff_is_finite_and_continuous_at_its_edges() {
+        // In the air, without friction, rolling freely, locked: closed forms 0 and mu F_z.
+        assert_eq!(dugoff([0.0, 0.0], 0.0, -1.0, 0.3), [0.0, 0.0]);
+        assert_eq!(dugoff([6e4, 4e4], 0.0, 0.0, 0.0), [0.0, 0.0]);
+        assert_eq!(dugoff([6e4, 4e4], -5.0, 0.1, 0.1), [0.0, 0.0]);
+        assert_eq!(dugoff([6e4, 4e4], 3000.0, 0.0, 0.0), [0.0, 0.0]);
+        assert_eq!(dugoff([6e4, 4e4], 3000.0, -1.0, 0.0)[0], -3000.0);
+        // Where sliding begins both forms give mu F_z / 2 / (...) : D = N. The step beside it is that of the slope.
+        let edge = 1500.0 / 6e4 / (1.0 + 1500.0 / 6e4);
+        let [below, above] = [edge - 1e-9, edge + 1e-9].map(|s| dugoff([6e4, 4e4], 3000.0, s, 0.0)[0]);
+        assert!((below - 1500.0).abs() < 1e-3 && (above - below).abs() < 1e-3, "{below} {above}");
+        let slope = dugoff(
+            [Dual64::from(6e4), Dual64::from(4e4)],
+            Dual64::from(3000.0),
+            Dual64::new(0.0, 1.0),
+            Dual64::from(0.0),
+        );
+        assert_eq!((slope[0].eps, slope[1].eps), (6e4, 0.0));
     }
 }

@@ -8,9 +8,12 @@
 //! |---|---|---|
 //! | [`riccati`] | linear quadratic regulators: algebraic Riccati equation with cross term | once, at initialization |
 //! | [`fuzzy`] | Mamdani inference with one or two inputs | every sample |
+//! | [`fuzzy_pid`] | PID controller with gains by fuzzy rules | every sample |
 //! | [`sliding_mode`] | integral sliding surface, reaching law, boundary layer | every sample |
 //! | [`limit`] | limits of magnitude and rate, exact step of a first-order lag | every sample |
 //! | [`switch`] | hysteresis | every sample |
+//! | [`pid`] | increments of a PID law | every sample |
+//! | [`semi_active`] | what an adjustable damper can do of a force | every sample |
 //!
 //! # Numbers that are not finite
 //!
@@ -19,7 +22,10 @@
 //! plausible one. Functions that build something return a [`Result`] and say what was wrong.
 
 pub mod fuzzy;
+pub mod fuzzy_pid;
 pub mod limit;
+pub mod pid;
 pub mod riccati;
+pub mod semi_active;
 pub mod sliding_mode;
 pub mod switch;

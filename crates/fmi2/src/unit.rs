@@ -98,6 +98,10 @@ units! {
     N = si("N", 1, 1, -2, 0, &[show("kN", 1e-3)]);
     /// Torque.
     N_M = si("N.m", 1, 2, -2, 0, &[show("kN.m", 1e-3)]);
+    /// Power.
+    W = si("W", 1, 2, -3, 0, &[show("kW", 1e-3)]);
+    /// Per velocity squared; stability factor of a vehicle.
+    S2_PER_M2 = si("s2/m2", 0, -2, 2, 0, &[]);
     /// Stiffness.
     N_PER_M = si("N/m", 1, 0, -2, 0, &[show("kN/m", 1e-3)]);
     /// Damping.

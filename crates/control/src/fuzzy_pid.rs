@@ -1,0 +1,413 @@
+//! PID controller whose gains follow fuzzy rules on the error and its rate.
+//!
+//! One sample with the error `e` and its rate `ec`, sample time `T` ([`FuzzyPid::sample`]):
+//!
+//! ```text
+//! E, EC  = 3 e / error_range, 3 ec / rate_range within -3..=3
+//! dK     = fuzzy rules on E and EC, one table for each of the three gains       FuzzyPid::increments
+//! K      = max(0, k + scale dK)
+//! I_new  = I exp(-leak T) + K_i e T within -integral_limit..=integral_limit
+//! v      = K_p e + I_new + K_d ec
+//! output = v within output_minimum..=output_maximum
+//! I      = I_new, unless v is beyond a limit and e drives it further (anti-windup)
+//! ```
+//!
+//! Seven Gaussian sets NB, NM, NS, ZO, PS, PM, PB stand at -3, -2, ... 3 of either input, neighbors crossing at 1/2. A
+//! rule holds to the smaller of its two grades, a label to the largest of its rules. The labels of the output are
+//! triangles at the same places; their united area, cut at the ends, is evaluated at 121 points.
+//!
+//! Where the rate is not measured, [`Difference`] makes one from the error.
+//!
+//! # Reference
+//!
+//! Z.-Y. Zhao, M. Tomizuka, S. Isaka, "Fuzzy gain scheduling of PID controllers", IEEE Transactions on Systems, Man, and
+//! Cybernetics 23(5), 1993, 1392-1398, doi:10.1109/21.260670 (gains by fuzzy rules on error and rate).
+
+use crate::fuzzy::{Conjunction, FuzzyError, Membership, Output, Partition, RuleTable};
+
+/// Number of labels.
+const LABELS: usize = 7;
+/// The inputs and outputs of the rules lie within -`DOMAIN`..=`DOMAIN`.
+const DOMAIN: f64 = 3.0;
+
+/// Labels, negative big to positive big.
+const NB: usize = 0;
+const NM: usize = 1;
+const NS: usize = 2;
+const ZO: usize = 3;
+const PS: usize = 4;
+const PM: usize = 5;
+const PB: usize = 6;
+
+type Table = [[usize; LABELS]; LABELS];
+
+/// Proportional, integral and derivative gain or whatever belongs to them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gains {
+    /// Of the error; output per error.
+    pub proportional: f64,
+    /// Of the integral of the error; output per error and s.
+    pub integral: f64,
+    /// Of the rate of the error; output per rate.
+    pub derivative: f64,
+}
+
+/// Which rules change the gains. Rows: error NB to PB; columns: its rate NB to PB.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rules {
+    /// Point symmetric: an error and its opposite change the gains alike, so that the law is odd. The rows of a negative
+    /// error are those of [`Rules::Standard`].
+    Mirrored,
+    /// The tables that are printed in many places, made for steps in one direction: the changes of the proportional and the
+    /// integral gain turn their sign with the error.
+    Standard,
+}
+
+/// The rows of a negative error, common to both sets of rules: proportional, integral, derivative.
+const NEGATIVE: [[[usize; LABELS]; 3]; 3] = [
+    [[PB, PB, PM, PM, PS, ZO, ZO], [PB, PB, PM, PS, PS, ZO, NS], [PM, PM, PM, PS, ZO, NS, NS]],
+    [[NB, NB, NM, NM, NS, ZO, ZO], [NB, NB, NM, NS, NS, ZO, ZO], [NB, NM, NS, NS, ZO, PS, PS]],
+    [[PS, NS, NB, NB, NB, NM, PS], [PS, NS, NB, NM, NM, NS, ZO], [ZO, NS, NM, NM, NS, NS, ZO]],
+];
+
+/// The row without error of the mirrored rules; each is even.
+const MIDDLE: [[usize; LABELS]; 3] =
+    [[PM, PM, PS, ZO, PS, PM, PM], [NM, NM, NS, ZO, NS, NM, NM], [ZO, NS, NS, NS, NS, NS, ZO]];
+
+/// The other rows of the standard rules.
+const STANDARD: [[[usize; LABELS]; 4]; 3] = [
+    [
+        [PM, PM, PS, ZO, NS, NM, NM],
+        [PS, PS, ZO, NS, NS, NM, NM],
+        [PS, ZO, NS, NM, NM, NM, NB],
+        [ZO, ZO, NM, NM, NM, NB, NB],
+    ],
+    [
+        [NM, NM, NS, ZO, PS, PM, PM],
+        [NM, NS, ZO, PS, PS, PM, PB],
+        [ZO, ZO, PS, PS, PM, PB, PB],
+        [ZO, ZO, PS, PM, PM, PB, PB],
+    ],
+    [
+        [ZO, NS, NS, NS, NS, NS, ZO],
+        [ZO, ZO, ZO, ZO, ZO, ZO, ZO],
+        [PB, NS, PS, PS, PS, PS, PB],
+        [PB, PM, PM, PM, PS, PS, PB],
+    ],
+];
+
+impl Rules {
+    /// The table of a gain: 0 proportional, 1 integral, 2 derivative.
+    fn table(self, gain: usize) -> Table {
+        let negative = NEGATIVE[gain];
+        std::array::from_fn(|row| match self {
+            _ if row < ZO => negative[row],
+            Self::Standard => STANDARD[gain][row - ZO],
+            Self::Mirrored if row == ZO => MIDDLE[gain],
+            Self::Mirrored => {
+                let mut reflected = negative[PB - row];
+                reflected.reverse();
+                reflected
+            }
+        })
+    }
+}
+
+/// What a user sets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Gains where the rules change nothing, >= 0.
+    pub gains: Gains,
+    /// Change of a gain per unit of the rules' output (which stays within -3..=3), in the unit of the gain.
+    pub scales: Gains,
+    /// Error at the edge of the rules' domain, > 0.
+    pub error_range: f64,
+    /// Rate of the error at the edge of the rules' domain, > 0.
+    pub rate_range: f64,
+    /// Least output.
+    pub output_minimum: f64,
+    /// Greatest output, at least the least.
+    pub output_maximum: f64,
+    /// Greatest magnitude of the integral part of the output, >= 0.
+    pub integral_limit: f64,
+    /// Rate at which the integral decays, 1/s, >= 0.
+    pub leak_rate: f64,
+}
+
+/// The rules, tabulated once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FuzzyPid {
+    input: Partition<LABELS>,
+    tables: [RuleTable<LABELS, LABELS, LABELS>; 3],
+    output: Output<LABELS, 121>,
+}
+
+impl FuzzyPid {
+    /// Tabulates the rules.
+    ///
+    /// # Errors
+    ///
+    /// None for the rules there are; the [`FuzzyError`] of a part otherwise.
+    pub fn new(rules: Rules) -> Result<Self, FuzzyError> {
+        let table = |gain| RuleTable::new(rules.table(gain), Conjunction::Minimum);
+        Ok(Self {
+            input: Partition::new(Membership::evenly_spaced_gaussians(-DOMAIN, DOMAIN))?,
+            tables: [table(0)?, table(1)?, table(2)?],
+            output: Output::new(Membership::evenly_spaced_triangles(-DOMAIN, DOMAIN), -DOMAIN, DOMAIN)?,
+        })
+    }
+
+    /// What the rules say at the error `e` and the rate `ec`, both in units of the domain and clipped to -3..=3: a number
+    /// within -3..=3 for each gain. NaN gives NaN.
+    pub fn increments(&self, e: f64, ec: f64) -> Gains {
+        let grades = |x: f64| self.input.grades(x.clamp(-DOMAIN, DOMAIN));
+        let (rows, columns) = (grades(e), grades(ec));
+        let [proportional, integral, derivative] =
+            [0, 1, 2].map(|gain: usize| self.output.centroid(&self.tables[gain].activation(&rows, &columns)));
+        Gains { proportional, integral, derivative }
+    }
+
+    /// One sample: the output, and the gains that made it.
+    ///
+    /// * `e`: error; `ec`: its rate.
+    /// * `integral`: I, integral part of the output, 0 at the start; becomes that of the next sample.
+    /// * `sample_time`: T in s, > 0.
+    ///
+    /// NaN in any argument gives NaN.
+    pub fn sample(&self, s: &Settings, integral: &mut f64, e: f64, ec: f64, sample_time: f64) -> (f64, Gains) {
+        let dk = self.increments(DOMAIN * e / s.error_range, DOMAIN * ec / s.rate_range);
+        let gain = |k: f64, scale: f64, dk: f64| at_least_zero(k + scale * dk);
+        let k = Gains {
+            proportional: gain(s.gains.proportional, s.scales.proportional, dk.proportional),
+            integral: gain(s.gains.integral, s.scales.integral, dk.integral),
+            derivative: gain(s.gains.derivative, s.scales.derivative, dk.derivative),
+        };
+        let leaked = *integral * (-s.leak_rate * sample_time).exp();
+        let next = within(leaked + k.integral * e * sample_time, -s.integral_limit, s.integral_limit);
+        let v = k.proportional * e + next + k.derivative * ec;
+        let winds_up = v > s.output_maximum && e > 0.0 || v < s.output_minimum && e < 0.0;
+        if !winds_up {
+            *integral = next;
+        }
+        (within(v, s.output_minimum, s.output_maximum), k)
+    }
+}
+
+/// The greater of `value` and 0, but NaN if it is NaN (f64::max would give 0).
+fn at_least_zero(value: f64) -> f64 {
+    if value < 0.0 { 0.0 } else { value }
+}
+
+/// `value` within `low..=high`; unlike f64::clamp it never panics.
+fn within(value: f64, low: f64, high: f64) -> f64 {
+    if value > high {
+        high
+    } else if value < low {
+        low
+    } else {
+        value
+    }
+}
+
+/// Rate of a sampled signal: its difference quotient behind a first-order lag.
+///
+/// ```text
+/// d <- a d + (1 - a) (e - e_previous) / T,   a = exp(-T / T_f)
+/// ```
+///
+/// The first sample has no predecessor and gives 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Difference {
+    /// d, in units of the signal per s.
+    pub rate: f64,
+    /// The signal at the last sample.
+    pub previous: f64,
+    /// Whether there was a last sample.
+    pub has_previous: bool,
+}
+
+impl Difference {
+    /// One sample of the signal `e`; returns d.
+    ///
+    /// * `time_constant`: T_f in s; <= 0 for no lag. `sample_time`: T in s, > 0.
+    pub fn sample(&mut self, e: f64, time_constant: f64, sample_time: f64) -> f64 {
+        let previous = if self.has_previous { self.previous } else { e };
+        let quotient = (e - previous) / sample_time;
+        self.rate = crate::limit::lag(self.rate, quotient, time_constant, sample_time);
+        (self.previous, self.has_previous) = (e, true);
+        self.rate
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn gains(proportional: f64, integral: f64, derivative: f64) -> Gains {
+        Gains { proportional, integral, derivative }
+    }
+
+    fn rules(rules: Rules) -> FuzzyPid {
+        FuzzyPid::new(rules).unwrap()
+    }
+
+    /// A plain PID: the rules change nothing.
+    const PLAIN: Settings = Settings {
+        gains: Gains { proportional: 2.0, integral: 8.0, derivative: 0.5 },
+        scales: Gains { proportional: 0.0, integral: 0.0, derivative: 0.0 },
+        error_range: 1.0,
+        rate_range: 1.0,
+        output_minimum: -10.0,
+        output_maximum: 10.0,
+        integral_limit: 100.0,
+        leak_rate: 0.0,
+    };
+
+    /// Check values of the model specification of the heavy vehicle (fuzzy PID core), made by an independent
+    /// implementation; 8 digits printed, hence 1e-8.
+    #[test]
+    fn increments_match_the_check_values() {
+        let fuzzy = rules(Rules::Mirrored);
+        for (e, ec, expected) in [
+            (0.0, 0.0, gains(0.21831225, -0.08619045, -1.08617784)),
+            (-3.0, -3.0, gains(2.68329967, -2.68323694, 0.78467085)),
+            (1.0, 0.0, gains(0.99996779, -0.99996779, -1.9176143)),
+            (-1.0, 0.0, gains(0.99996779, -0.99996779, -1.9176143)),
+            (2.2, 0.3, gains(1.27839916, -1.27839916, -2.02324844)),
+            // Beyond the domain: its edge.
+            (-30.0, -4.0, gains(2.68329967, -2.68323694, 0.78467085)),
+        ] {
+            let dk = fuzzy.increments(e, ec);
+            for (actual, expected) in [
+                (dk.proportional, expected.proportional),
+                (dk.integral, expected.integral),
+                (dk.derivative, expected.derivative),
+            ] {
+                assert!((actual - expected).abs() < 1e-8, "({e}, {ec}): {actual} is not {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_tables_are_as_symmetric_as_they_say() {
+        for gain in 0..3 {
+            let (mirrored, standard) = (Rules::Mirrored.table(gain), Rules::Standard.table(gain));
+            for i in 0..LABELS {
+                for j in 0..LABELS {
+                    assert_eq!(mirrored[i][j], mirrored[6 - i][6 - j], "{gain}: {i} {j}");
+                }
+            }
+            assert_eq!(mirrored[..3], standard[..3]);
+            assert_ne!(mirrored, standard);
+        }
+        // The standard proportional rules turn their sign where error and rate change places through the origin.
+        let standard = Rules::Standard.table(0);
+        assert_eq!((standard[0][0], standard[6][6]), (PB, NB));
+    }
+
+    #[test]
+    fn without_rules_it_is_a_pid() {
+        // K_p e + K_i e T + K_d ec by hand; powers of 2 are exact.
+        let fuzzy = rules(Rules::Mirrored);
+        let mut integral = 0.0;
+        let (output, used) = fuzzy.sample(&PLAIN, &mut integral, 0.5, 0.25, 0.125);
+        assert_eq!((output, integral, used), (1.0 + 0.5 + 0.125, 0.5, PLAIN.gains));
+        let (output, _) = fuzzy.sample(&PLAIN, &mut integral, -0.25, 0.0, 0.125);
+        assert_eq!((output, integral), (-0.5 + 0.25, 0.25));
+    }
+
+    #[test]
+    fn rules_change_gains_by_their_scales_but_never_below_zero() {
+        let fuzzy = rules(Rules::Mirrored);
+        let settings = Settings { scales: gains(1.0, 100.0, 0.25), error_range: 2.0, rate_range: 4.0, ..PLAIN };
+        let (_, used) = fuzzy.sample(&settings, &mut 0.0, -2.0, -4.0, 0.125);
+        let dk = fuzzy.increments(-3.0, -3.0);
+        assert_eq!(used, gains(2.0 + dk.proportional, 0.0, 0.5 + 0.25 * dk.derivative));
+    }
+
+    #[test]
+    fn the_integral_is_limited_leaks_and_does_not_wind_up() {
+        let fuzzy = rules(Rules::Mirrored);
+        let mut integral = 0.0;
+        let limited = Settings { integral_limit: 0.25, ..PLAIN };
+        assert_eq!(fuzzy.sample(&limited, &mut integral, 1.0, 0.0, 0.125).0, 2.25);
+        assert_eq!(integral, 0.25);
+
+        let leaking = Settings { leak_rate: 2.0, ..PLAIN };
+        fuzzy.sample(&leaking, &mut integral, 0.0, 0.0, 0.125);
+        assert_eq!(integral, 0.25 * (-0.25_f64).exp());
+
+        // Beyond the output limit with an error that drives further: the integral stays, without leak; with an error of
+        // the other sign it moves.
+        let tight = Settings { output_minimum: -0.5, output_maximum: 0.5, leak_rate: 2.0, ..PLAIN };
+        let mut integral = 0.25;
+        assert_eq!(fuzzy.sample(&tight, &mut integral, 1.0, 0.0, 0.125).0, 0.5);
+        assert_eq!(integral, 0.25);
+        assert_eq!(fuzzy.sample(&tight, &mut integral, -1.0, 0.0, 0.125).0, -0.5);
+        assert_eq!(integral, 0.25);
+        fuzzy.sample(&tight, &mut integral, -1.0, 8.0, 0.125); // the rate outweighs the error: output at its maximum
+        assert_eq!(integral, 0.25 * (-0.25_f64).exp() - 1.0);
+    }
+
+    #[test]
+    fn nan_comes_out_as_nan() {
+        let fuzzy = rules(Rules::Mirrored);
+        for (e, ec, i) in [(f64::NAN, 0.0, 0.0), (0.0, f64::NAN, 0.0), (0.0, 0.0, f64::NAN)] {
+            assert!(fuzzy.sample(&PLAIN, &mut i.clone(), e, ec, 0.001).0.is_nan());
+        }
+        assert!(fuzzy.increments(f64::NAN, 0.0).integral.is_nan());
+    }
+
+    #[test]
+    fn a_difference_starts_at_zero_and_follows_a_ramp() {
+        // Closed form of the lag on a constant slope: slope (1 - a^n); roundings of a difference of numbers of order 1.
+        let mut difference = Difference::default();
+        assert_eq!(difference.sample(0.7, 0.02, 0.001), 0.0);
+        let a = (-0.05_f64).exp();
+        for n in 1..100 {
+            let rate = difference.sample(0.7 + 0.003 * f64::from(n), 0.02, 0.001);
+            assert!((rate - 3.0 * (1.0 - a.powi(n))).abs() < 1e-11);
+        }
+        // Without lag it is the difference quotient.
+        let mut plain = Difference::default();
+        plain.sample(1.0, 0.0, 0.5);
+        assert_eq!(plain.sample(2.0, 0.0, 0.5), 2.0);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(128))]
+
+        /// Mirrored rules make an odd law. Tolerance: the sums of the centroid run in the same order over mirrored
+        /// activations, so that the same numbers add up to the bit.
+        #[test]
+        fn mirrored_rules_make_an_odd_law(e in -2.0..2.0_f64, ec in -2.0..2.0_f64, i in -0.1..0.1_f64) {
+            let fuzzy = rules(Rules::Mirrored);
+            let settings = Settings { scales: gains(0.5, 2.0, 0.1), output_minimum: -1.0, output_maximum: 1.0, ..PLAIN };
+            let (mut right, mut left) = (i, -i);
+            let (there, used) = fuzzy.sample(&settings, &mut right, e, ec, 0.001);
+            let (mirror, used_in_mirror) = fuzzy.sample(&settings, &mut left, -e, -ec, 0.001);
+            prop_assert_eq!((there, right, used), (-mirror, -left, used_in_mirror));
+        }
+
+        /// Whatever happens, outputs, integral and increments stay within their limits.
+        #[test]
+        fn everything_stays_within_its_limits(
+            errors in prop::collection::vec((-5.0..5.0_f64, -5.0..5.0_f64), 1..20), standard: bool,
+        ) {
+            let fuzzy = rules(if standard { Rules::Standard } else { Rules::Mirrored });
+            let settings = Settings { scales: gains(0.5, 2.0, 0.1), output_maximum: 3.0, integral_limit: 0.5, ..PLAIN };
+            let mut integral = 0.0;
+            for (e, ec) in errors {
+                let (output, used) = fuzzy.sample(&settings, &mut integral, e, ec, 0.1);
+                prop_assert!((-10.0..=3.0).contains(&output) && integral.abs() <= 0.5);
+                for (used, (k, scale)) in [used.proportional, used.integral, used.derivative]
+                    .into_iter()
+                    .zip([(2.0, 0.5), (8.0, 2.0), (0.5, 0.1)])
+                {
+                    prop_assert!(used >= 0.0 && (used - k).abs() <= 3.0 * scale);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! One sample of yaw control: references, sliding mode, brake pressures. The numbers are those of the paper; what had to
+//! be corrected stands in the README.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | delta | steering angle that the driver asks for |
+//! | u, beta, r | speed (u_e: with a floor, for divisions), sideslip angle, yaw rate |
+//! | K_f, K_r | cornering stiffness of the axles (both tires), positive |
+//! | K | stability factor |
+//! | r_ss, r_d, rd_d | yaw rate of the steady turn, its lagged reference, and the rate of that; beta alike |
+//! | beta_n, r_n | rates of sideslip and yaw rate without yaw moment, by the linear model |
+//! | sigma, c | sliding surface (r - r_d) + c (beta - beta_d) |
+//! | dM | yaw moment that is asked for, positive to the left |
+//! | F_d | brake force of each wheel of one side |
+//! | T | sample time |
+
+use chassis::positions::{FourWheels, axle_of, left_is_positive};
+use control::limit::{lag, magnitude};
+use control::sliding_mode::reaching_law;
+
+use crate::{D, P, U, X, Y};
+
+/// Stability factor and slope of the sliding surface.
+pub(crate) fn design(p: &P) -> Result<D, String> {
+    if p.s2 == 0.0 {
+        return Err(
+            "'surface.weight.yaw_rate' = 0, another number was expected: the yaw moment acts on the yaw rate, so \
+                    the surface must depend on it"
+                .to_owned(),
+        );
+    }
+    let [k_f, k_r] = *p.k;
+    let wheelbase = p.a + p.b;
+    Ok(D { stability: p.m * (p.b * k_r - p.a * k_f) / (wheelbase * wheelbase * k_f * k_r), c: p.s1 / p.s2 })
+}
+
+pub(crate) fn sample(p: &P, d: &D, x: &mut X, inputs: &U) -> Y {
+    let U { delta, u, beta, r, .. } = *inputs;
+    let (m, i_z, a, b, t) = (p.m, p.i_z, p.a, p.b, p.sample_time);
+    let [k_f, k_r] = *p.k;
+    let wheelbase = a + b;
+    let u_e = u.max(p.speed_min);
+
+    // Steady turn that the driver asks for, within what friction allows, and its first-order lag. An oversteering vehicle
+    // has a critical speed; the turn stays finite beyond it.
+    let den = wheelbase * (1.0 + d.stability * u_e * u_e).max(0.05);
+    let r_ss = magnitude(u_e * delta / den, 0.85 * p.mu * p.g / u_e);
+    let beta_ss = magnitude((b - a * m * u_e * u_e / (k_r * wheelbase)) * delta / den, (0.02 * p.mu * p.g).atan());
+    x.r_d = lag(x.r_d, r_ss, p.tau, t);
+    x.beta_d = lag(x.beta_d, beta_ss, p.tau, t);
+    let (rd_d, betad_d) = ((r_ss - x.r_d) / p.tau, (beta_ss - x.beta_d) / p.tau);
+
+    // Rates without yaw moment (eqs. 9, 10, 19) and the moment that leads to the surface (eq. 20).
+    let beta_n =
+        -(k_f + k_r) / (m * u_e) * beta + ((b * k_r - a * k_f) / (m * u_e * u_e) - 1.0) * r + k_f / (m * u_e) * delta;
+    let r_n = (b * k_r - a * k_f) / i_z * beta - (a * a * k_f + b * b * k_r) / (i_z * u_e) * r + a * k_f / i_z * delta;
+    let sigma = (r - x.r_d) + d.c * (beta - x.beta_d);
+    let sigma_d = reaching_law(sigma, p.k_s, p.eta, p.layer);
+    let dm = if inputs.enable > 0.5 && u > p.speed_min {
+        magnitude(i_z * (sigma_d - d.c * (beta_n - betad_d) - (r_n - rd_d)), p.moment_max)
+    } else {
+        0.0
+    };
+
+    // Both wheels of the inner side brake with the same force (eqs. 21, 22).
+    let f_d = if dm.abs() <= p.deadband { 0.0 } else { dm.abs() / p.track };
+    let pressure = FourWheels::from_fn(|i| {
+        let is_braked = dm * left_is_positive(i) > 0.0;
+        let megapascal = p.radius * f_d / p.c[axle_of(i)] * 1e-6;
+        if is_braked { megapascal.min(p.pressure_max) } else { 0.0 }
+    });
+    Y { dm, pressure, r_d: x.r_d, beta_d: x.beta_d }
+}

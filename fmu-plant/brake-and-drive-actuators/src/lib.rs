@@ -1,0 +1,116 @@
+//! `BrakeAndDriveActuators`: brake pressures and torques of four wheels, pressure of the driver's pedal, and the drive of
+//! the front wheels.
+//!
+//! Xia, Tang, Zhao, "Coordinated control of a semi-active suspension system and an electronic stability program on a
+//! finite-state basis", eq. 12; the drive is an addition.
+
+mod equations;
+#[cfg(test)]
+mod tests;
+
+use chassis::data::esp_car as data;
+use chassis::prelude::*;
+use fmi2::prelude::*;
+
+/// The actuators.
+pub struct BrakeAndDriveActuators;
+
+/// Symbols as in the paper, where it has one. All values are assumed: a full pedal locks the front wheels, then the rear
+/// ones.
+#[derive(Parameters, Clone, Debug)]
+pub struct P {
+    /// F_pedal: force of the driver's foot on the fully pressed brake pedal
+    #[par("brake.maximum_pedal_force", unit = N, start = 300.0, min = 0.0)]
+    f_pedal: f64,
+    /// i_b: lever ratio of the brake pedal
+    #[par("brake.pedal_ratio", unit = ONE, start = 4.0, min = 0.0)]
+    i_b: f64,
+    /// eta_p: efficiency of the brake pedal
+    #[par("brake.efficiency", unit = ONE, start = 0.85, min = 0.0, max = 1.0)]
+    eta_p: f64,
+    /// B: force ratio of the brake booster
+    #[par("brake.booster_ratio", unit = ONE, start = 4.0, min = 0.0)]
+    boost: f64,
+    /// D_m: diameter of the master cylinder
+    #[par("brake.master_cylinder_diameter", unit = M, start = 0.0222, positive, display = "mm")]
+    d_m: f64,
+    /// p_loss: pressure that springs and friction of the master cylinder take
+    #[par("brake.pressure_loss", unit = MPA, start = 0.1, min = 0.0, display = "bar")]
+    p_loss: f64,
+    /// A_wc eta B_F R_b: pistons, efficiency, brake factor and effective radius
+    #[par(BRAKE_GAIN, start = data::BRAKE_GAIN)]
+    gain: TwoAxles<f64>,
+    /// tau_p: first-order lag of the wheel pressures
+    #[par("brake.time_constant", unit = S, start = 0.015, positive, display = "ms")]
+    tau_p: f64,
+    /// T_max: greatest drive torque of both front wheels together
+    #[par("drive.maximum_torque", unit = N_M, start = 1100.0, min = 0.0, display = "kN.m")]
+    t_max: f64,
+    /// P_max: greatest drive power
+    #[par("drive.maximum_power", unit = W, start = 75_000.0, min = 0.0, display = "kW")]
+    p_max: f64,
+}
+
+/// Pedals, pressure commands and the wheels that are driven.
+#[derive(Inputs, Clone, Debug)]
+pub struct U<T> {
+    #[signal(DRIVER_THROTTLE)]
+    throttle: T,
+    #[signal(DRIVER_BRAKE)]
+    brake: T,
+    #[signal(BRAKE_PRESSURE_COMMAND)]
+    p_cmd: FourWheels<T>,
+    #[signal(WHEEL_SPEED)]
+    omega: FourWheels<T>,
+}
+
+/// State: wheel pressures.
+#[derive(State, Clone, Debug)]
+pub struct X<T> {
+    #[signal(BRAKE_PRESSURE)]
+    p: FourWheels<T>,
+}
+
+/// Outputs that are not states.
+#[derive(Outputs, Clone, Debug)]
+pub struct Y<T> {
+    #[signal(BRAKE_MASTER_PRESSURE)]
+    p_master: T,
+    #[signal(BRAKE_TORQUE)]
+    t_b: FourWheels<T>,
+    #[signal(DRIVE_TORQUE)]
+    t_d: FourWheels<T>,
+}
+
+impl Plant for BrakeAndDriveActuators {
+    const INFO: Info = Info {
+        name: "BrakeAndDriveActuators",
+        description: "Brakes and drive of a car: pressure of the pedal, lagged wheel pressures, brake torques, drive torque of the front wheels",
+        version: env!("CARGO_PKG_VERSION"),
+        stop_time: 6.0,
+        step_size: 0.001,
+    };
+    type Parameters = P;
+    type Design = ();
+    type State<T: Scalar> = X<T>;
+    type Inputs<T: Scalar> = U<T>;
+    type Outputs<T: Scalar> = Y<T>;
+
+    fn design(_: &P) -> Result<(), String> {
+        Ok(())
+    }
+    fn derivatives<T: Scalar>(p: &P, (): &(), x: &X<T>, u: &U<T>) -> X<T> {
+        equations::derivatives(p, x, u)
+    }
+    fn outputs<T: Scalar>(p: &P, (): &(), x: &X<T>, u: &U<T>) -> Y<T> {
+        equations::outputs(p, x, u)
+    }
+}
+
+impl Advancing for BrakeAndDriveActuators {
+    fn advance(p: &P, (): &(), x: &X<f64>, u: &U<f64>, h: f64) -> X<f64> {
+        equations::advance(p, x, u, h)
+    }
+}
+
+fmi2::export!(advancing BrakeAndDriveActuators);

@@ -1,0 +1,264 @@
+//! Equations of motion, in the order of computation: suspension, tires, motion in the plane with roll and pitch, wheels.
+//! The numbers are those of the paper; what had to be corrected stands in the README.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | x, y (wheel) | position of a wheel in front of and to the left of the reference point, the ground projection of the center of mass |
+//! | u, v, r, psi | longitudinal and lateral velocity of the reference point, yaw rate, heading |
+//! | z, phi, theta | heave, roll and pitch of the body |
+//! | e, H (h_b) | body's center of mass ahead of the reference point, and over the roll and pitch axis |
+//! | A, B | the same with roll and pitch: ahead by A = e + H theta, to the right by B = H phi |
+//! | V_x, V_y, p_u, p_v | velocity of the body's center of mass, momentum of the vehicle |
+//! | O_1, O_2 | angular velocity of the body about its longitudinal and lateral axis |
+//! | z_u, z_r | height of a wheel and of the road under it |
+//! | d, F, f | deflection of the suspension (compression negative), force on the body, force of the actuator |
+//! | F_z, F_z0 | tire load, and at rest |
+//! | delta, V_xw, V_yw | steering angle of a wheel, velocity of its hub along and across its plane |
+//! | s, t | longitudinal slip, tangent of the slip angle |
+//! | F_xw, F_yw, f_x, f_y | tire force along and across the plane of the wheel, and along the axes of the car |
+//! | G | load that the links carry from axle to axle and from side to side (up positive) |
+//! | T_d, T_b, omega | drive and brake torque, speed of rotation of a wheel |
+//!
+//! One more d at the end of a name is one more derivative with respect to time: zd, zdd.
+
+use chassis::positions::{FourWheels, TwoAxles, axle_of, left_is_positive};
+use chassis::{suspension, tire};
+use fmi2::Scalar;
+
+use crate::{D, P, U, X, Y};
+
+/// Masses, positions, loads at rest and the constant blocks of the mass matrix.
+pub(crate) fn design(p: &P) -> Result<D, String> {
+    let m_i: [f64; 4] = std::array::from_fn(|i| p.m_u[axle_of(i)]);
+    let x: [f64; 4] = std::array::from_fn(|i| if axle_of(i) == 0 { p.a } else { -p.b });
+    let y: [f64; 4] = std::array::from_fn(|i| p.track / 2.0 * left_is_positive(i));
+    let m_w: f64 = m_i.iter().sum();
+    let m = p.m_s + m_w;
+    let e = -(0..4).map(|i| m_i[i] * x[i]).sum::<f64>() / p.m_s;
+    let h_s = (m * p.h - m_w * p.h_u) / p.m_s;
+    if h_s < p.h_b {
+        return Err(format!(
+            "'geometry.body_cg_to_roll_axis' = {} m, at most {h_s:.3} m was expected: with this 'geometry.cg_height' the \
+             body's center of mass is {h_s:.3} m over ground, and the roll axis would lie below it",
+            p.h_b
+        ));
+    }
+    let i_w: f64 = (0..4).map(|i| m_i[i] * (x[i] * x[i] + y[i] * y[i])).sum();
+    let wheelbase = p.a + p.b;
+    let loads = [p.b, p.a].map(|arm| m * p.g * arm / (2.0 * wheelbase));
+    // [[m, c], [c, i + m_s H^2]]: never singular, because the wheels do not turn with the body.
+    let c = p.m_s * p.h_b;
+    let inverse = |c: f64, i: f64| {
+        let i = i + p.m_s * p.h_b * p.h_b;
+        let determinant = m * i - c * c;
+        [[i / determinant, -c / determinant], [-c / determinant, m / determinant]]
+    };
+    Ok(D {
+        m,
+        i_vehicle: p.i_z + i_w + p.m_s * e * e,
+        f_z0: FourWheels::from_fn(|i| loads[axle_of(i)]),
+        m_w,
+        e,
+        h_ra: h_s - p.h_b,
+        x,
+        y,
+        i_w,
+        u_theta: inverse(c, p.i_y),
+        v_phi: inverse(-c, p.i_x),
+    })
+}
+
+/// Everything that follows from state and inputs.
+struct Motion<T> {
+    d: FourWheels<T>,
+    dd: FourWheels<T>,
+    t_z: FourWheels<T>,
+    f_z: FourWheels<T>,
+    s: FourWheels<T>,
+    t: FourWheels<T>,
+    f_xw: FourWheels<T>,
+    f_yw: FourWheels<T>,
+    ud: T,
+    vd: T,
+    rd: T,
+    zdd: T,
+    phidd: T,
+    thetadd: T,
+    zdd_u: FourWheels<T>,
+    omegad: FourWheels<T>,
+}
+
+/// Slip, tangent of the slip angle and force of one tire.
+struct Contact<T> {
+    s: T,
+    t: T,
+    f_xw: T,
+    f_yw: T,
+}
+
+/// One tire: `hub` is the velocity along and across the plane of the wheel.
+#[inline]
+fn contact<T: Scalar>(p: &P, axle: usize, f_z0: f64, f_z: T, friction: T, omega: T, hub: [T; 2]) -> Contact<T> {
+    let [v_xw, v_yw] = hub;
+    let v_eps = T::from(p.v_eps);
+    let rolling = omega * p.radius;
+    let sliding = rolling - v_xw;
+    let fastest = Scalar::max(v_xw.abs(), rolling.abs());
+    let one = T::from(1.0);
+    let s = Scalar::clamp(sliding / (fastest.squared() + v_eps.squared()).sqrt(), -one, one);
+    let t = v_yw / (v_xw.squared() + v_eps.squared()).sqrt();
+    let n = Scalar::clamp(f_z / f_z0, T::from(0.0), T::from(3.0));
+    let shape = n * (1.0 + p.q) - n * n * p.q;
+    let loss = (sliding.squared() + v_yw.squared()).sqrt() * p.a_s;
+    let mu = Scalar::max(-loss + 1.0, T::from(p.mu_floor)) * p.mu_0 * friction;
+    let [f_xw, f_yw] = tire::dugoff([shape * p.c_kappa[axle], shape * p.c_alpha[axle]], mu * f_z, s, t);
+    Contact { s, t, f_xw, f_yw }
+}
+
+#[inline]
+fn motion<T: Scalar>(p: &P, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
+    let X { u, v, r, phi, theta, phid, thetad, .. } = *x;
+    let (m_s, h_b) = (p.m_s, p.h_b);
+    let sum = |f: &dyn Fn(usize) -> T| f(0) + f(1) + f(2) + f(3);
+    let w = p.track / 2.0;
+
+    // Suspension and tire springs (eqs. 4-6): the left side rises with positive roll, the front sinks with positive pitch.
+    let arm: [f64; 4] = std::array::from_fn(|i| k.x[i] - k.e);
+    let d = FourWheels::from_fn(|i| x.z + phi * k.y[i] - theta * arm[i] - x.z_u[i]);
+    let dd = FourWheels::from_fn(|i| x.zd + phid * k.y[i] - thetad * arm[i] - x.zd_u[i]);
+    let bar =
+        TwoAxles::<T>::from_fn(|j| (phi - (x.z_u[2 * j] - x.z_u[2 * j + 1]) / (2.0 * w)) * (p.k_a[j] / (2.0 * w)));
+    let f_s = FourWheels::<T>::from_fn(|i| {
+        let j = axle_of(i);
+        suspension::spring_damper(p.k_s[j], p.c_s[j], d[i], dd[i]) + inputs.f[i] - bar[j] * left_is_positive(i)
+    });
+    let t_z = FourWheels::from_fn(|i| x.z_u[i] - inputs.z_r[i]);
+    let f_z = FourWheels::<T>::from_fn(|i| suspension::tire_load(k.f_z0[i], p.k_t, t_z[i], true));
+
+    // Tires; only the front wheels steer.
+    let (sine, cosine) = (inputs.delta[0].sin(), inputs.delta[0].cos());
+    let contacts: [Contact<T>; 4] = std::array::from_fn(|i| {
+        let (along, across) = (u - r * k.y[i], v + r * k.x[i]);
+        let hub = if axle_of(i) == 0 {
+            [along * cosine + across * sine, across * cosine - along * sine]
+        } else {
+            [along, across]
+        };
+        contact(p, axle_of(i), k.f_z0[i], f_z[i], inputs.friction[i], x.omega[i], hub)
+    });
+    let (f_xw, f_yw) = (FourWheels::from_fn(|i| contacts[i].f_xw), FourWheels::from_fn(|i| contacts[i].f_yw));
+    let turned = |i: usize| {
+        if axle_of(i) == 0 {
+            [f_xw[i] * cosine - f_yw[i] * sine, f_xw[i] * sine + f_yw[i] * cosine]
+        } else {
+            [f_xw[i], f_yw[i]]
+        }
+    };
+    let force: [[T; 2]; 4] = std::array::from_fn(turned);
+    let f_x = sum(&|i| force[i][0]);
+    let f_y = sum(&|i| force[i][1]);
+    let m_z = sum(&|i| force[i][1] * k.x[i] - force[i][0] * k.y[i]);
+
+    // Motion in the plane with roll and pitch (eqs. 1, 3, 7 and those the paper leaves out): M (ud, vd, rd, phidd,
+    // thetadd) = q. S1 = sum m_i x_i is -m_s e.
+    let (a, b) = (theta * h_b + k.e, phi * h_b);
+    let s1 = -m_s * k.e;
+    let (v_x, v_y) = (u + thetad * h_b + r * b, v - phid * h_b + r * a);
+    let (o_1, o_2) = (phid - r * theta, thetad + r * phi);
+    let p_u = v_x * m_s + u * k.m_w;
+    let p_v = v_y * m_s + v * k.m_w + r * s1;
+    let q_u = r * p_v + f_x - r * phid * (m_s * h_b);
+    let q_v = -r * p_u + f_y - r * thetad * (m_s * h_b);
+    let q_r = v * p_u - u * p_v + m_z
+        - ((phid * v_x + b * r * phid + thetad * v_y + a * r * thetad) * (m_s * h_b)
+            + (theta * r * thetad - thetad * o_1) * p.i_x
+            + (phid * o_2 + phi * r * phid) * p.i_y
+            - (phid * thetad + r * (phi * phid + theta * thetad) * 2.0) * p.i_z);
+    let q_phi = (r * v_x + phi * p.g + r * thetad * h_b) * (m_s * h_b)
+        + r * (o_2 * p.i_y - thetad * p.i_z - r * phi * p.i_z + thetad * p.i_x)
+        + sum(&|i| f_s[i] * k.y[i]);
+    let q_theta = (r * v_y + theta * p.g - r * phid * h_b) * (m_s * h_b)
+        - r * (o_1 * p.i_x + r * theta * p.i_z + phid * (p.i_y - p.i_z))
+        - sum(&|i| f_s[i] * arm[i]);
+    let m_rr = (a.squared() + b.squared()) * m_s
+        + theta.squared() * (p.i_x - p.i_z)
+        + phi.squared() * (p.i_y - p.i_z)
+        + (p.i_z + k.i_w);
+    // The blocks of (ud, thetadd) and of (vd, phidd) are constant and meet only in rd: eliminate them, solve for rd.
+    let with_u = [b * m_s, b * (m_s * h_b) + phi * (p.i_y - p.i_z)];
+    let with_v = [a * m_s + s1, -a * (m_s * h_b) - theta * p.i_x];
+    let times = |m: &[[f64; 2]; 2], q: [T; 2]| m.map(|row| q[0] * row[0] + q[1] * row[1]);
+    let dot = |a: [T; 2], b: [T; 2]| a[0] * b[0] + a[1] * b[1];
+    let (free_u, free_v) = (times(&k.u_theta, [q_u, q_theta]), times(&k.v_phi, [q_v, q_phi]));
+    let (back_u, back_v) = (times(&k.u_theta, with_u), times(&k.v_phi, with_v));
+    let rd = (q_r - dot(with_u, free_u) - dot(with_v, free_v)) / (m_rr - dot(with_u, back_u) - dot(with_v, back_v));
+    let [ud, thetadd] = [0, 1].map(|i| free_u[i] - back_u[i] * rd);
+    let [vd, phidd] = [0, 1].map(|i| free_v[i] - back_v[i] * rd);
+    let zdd = sum(&|i| f_s[i]) / m_s;
+
+    // Load that reaches the tires by the links, at the height of the roll axis, and the inertia of the wheels.
+    let a_xs = ud - v * r + thetadd * h_b + rd * b + r * phid * (2.0 * h_b) - r.squared() * a;
+    let a_xw = ud - v * r - r.squared() * (s1 / k.m_w);
+    let g_x = (a_xs * (k.h_ra * m_s) + a_xw * (p.h_u * k.m_w)) / (2.0 * (p.a + p.b));
+    let g_y = TwoAxles::<T>::from_fn(|j| {
+        let a_y = vd + u * r + rd * k.x[2 * j];
+        let side = force[2 * j][1] + force[2 * j + 1][1];
+        (side * k.h_ra - a_y * ((k.h_ra - p.h_u) * 2.0 * p.m_u[j])) / (2.0 * w)
+    });
+
+    // Wheels (eqs. 5, 13).
+    let zdd_u = FourWheels::from_fn(|i| {
+        let j = axle_of(i);
+        let links = g_y[j] * left_is_positive(i) + if j == 0 { g_x } else { -g_x };
+        (f_z[i] - k.f_z0[i] - f_s[i] + links) / p.m_u[j]
+    });
+    let omegad = FourWheels::from_fn(|i| {
+        (inputs.t_d[i] - inputs.t_b[i] * (x.omega[i] / p.w_eps).tanh() - f_xw[i] * p.radius) / p.j_w
+    });
+    let (s, t) = (FourWheels::from_fn(|i| contacts[i].s), FourWheels::from_fn(|i| contacts[i].t));
+    Motion { d, dd, t_z, f_z, s, t, f_xw, f_yw, ud, vd, rd, zdd, phidd, thetadd, zdd_u, omegad }
+}
+
+pub(crate) fn derivatives<T: Scalar>(p: &P, k: &D, x: &X<T>, u: &U<T>) -> X<T> {
+    let m = motion(p, k, x, u);
+    X {
+        x: x.u * x.psi.cos() - x.v * x.psi.sin(),
+        y: x.u * x.psi.sin() + x.v * x.psi.cos(),
+        psi: x.r,
+        u: m.ud,
+        v: m.vd,
+        r: m.rd,
+        z: x.zd,
+        phi: x.phid,
+        theta: x.thetad,
+        zd: m.zdd,
+        phid: m.phidd,
+        thetad: m.thetadd,
+        z_u: x.zd_u,
+        zd_u: m.zdd_u,
+        omega: m.omegad,
+    }
+}
+
+pub(crate) fn outputs<T: Scalar>(p: &P, k: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+    let m = motion(p, k, x, u);
+    Y {
+        a_x: m.ud - x.v * x.r,
+        a_y: m.vd + x.u * x.r,
+        beta: x.v.atan2((x.u.squared() + T::from(p.v_eps).squared()).sqrt()),
+        rd: m.rd,
+        ltr: suspension::load_transfer_ratio(m.f_z[0] + m.f_z[2], m.f_z[1] + m.f_z[3]),
+        zdd: m.zdd,
+        phidd: m.phidd,
+        thetadd: m.thetadd,
+        corner: FourWheels::from_fn(|i| m.zdd + m.phidd * k.y[i] - m.thetadd * (k.x[i] - k.e)),
+        d: m.d,
+        dd: m.dd,
+        t_z: m.t_z,
+        f_z: m.f_z,
+        f_xw: m.f_xw,
+        f_yw: m.f_yw,
+        alpha: FourWheels::from_fn(|i| m.t[i].atan()),
+        s: m.s,
+    }
+}
