@@ -68,6 +68,13 @@ pub trait Export: 'static {
     type Model: Model;
     /// Computed on first use, then the same for all instances.
     fn description() -> &'static Description;
+    /// Computes the description.
+    ///
+    /// # Panics
+    /// As [`Description::of`].
+    fn describe() -> Description {
+        Description::of::<Self::Model>()
+    }
 }
 
 struct Log {
@@ -786,7 +793,8 @@ pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _v
 }
 
 /// Exports the C interface of a model: `fmi2::export!(plant Name)`, `fmi2::export!(advancing Name)` or
-/// `fmi2::export!(sampled Name)`, as the last item of a package with the crate type `cdylib`. Adds a test that the declarations do not contradict each other.
+/// `fmi2::export!(sampled Name)`, as the last item of a package with the crate type `cdylib`. Adds a test that the
+/// declarations do not contradict each other.
 #[macro_export]
 macro_rules! export {
     (plant $model:ty) => {
@@ -804,7 +812,7 @@ macro_rules! export {
             fn description() -> &'static $crate::description::Description {
                 static DESCRIPTION: std::sync::OnceLock<$crate::description::Description> =
                     std::sync::OnceLock::new();
-                DESCRIPTION.get_or_init($crate::description::Description::of::<$runner>)
+                DESCRIPTION.get_or_init(<Self as $crate::abi::Export>::describe)
             }
         }
 
