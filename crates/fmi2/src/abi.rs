@@ -1,7 +1,7 @@
 //! The C interface of FMI 2.0 for co-simulation. All unsafe code of an FMU is in this file.
 //!
 //! Every function checks its pointers, turns them into references and slices, and calls the safe
-//! [`Instance`](crate::instance::Instance). A refusal is logged through the caller's logger and becomes a status; a
+//! [`Instance`]. A refusal is logged through the caller's logger and becomes a status; a
 //! panic is caught, logged, and leaves an instance that can only be reset or freed.
 //!
 //! # Safety
