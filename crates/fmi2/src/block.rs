@@ -135,8 +135,8 @@ pub fn nest(outer: &[Place], inner: Vec<(String, String)>) -> Vec<(String, Strin
         .collect()
 }
 
-/// A struct of numbers: inputs, outputs, or the continuous state of a plant. Derive [`Inputs`](crate::Inputs),
-/// [`Outputs`](crate::Outputs) or [`State`](crate::State).
+/// A struct of numbers: inputs, outputs, or the continuous state of a plant. Derive [`Inputs`](crate::derive::Inputs),
+/// [`Outputs`](crate::derive::Outputs) or [`State`](crate::derive::State).
 pub trait Block<T: Scalar>: Clone {
     /// How many numbers the block holds.
     const LEN: usize;
@@ -150,7 +150,7 @@ pub trait Block<T: Scalar>: Clone {
     fn zip(&self, other: &Self, f: impl Fn(T, T) -> T + Copy) -> Self;
 }
 
-/// The parameters of a model. Derive [`Parameters`](crate::derive@crate::Parameters).
+/// The parameters of a model. Derive [`Parameters`](crate::derive::Parameters).
 pub trait Parameters: Clone + Default + 'static {
     /// The variables, in declared order.
     fn declare() -> Vec<Declaration>;
@@ -209,7 +209,7 @@ pub fn read_reals<F: Field<f64>>(values: &mut ParameterReader<'_>) -> F {
     field
 }
 
-/// A choice among named values; in the FMU an integer parameter. Derive [`Mode`](crate::derive@crate::Mode) for an
+/// A choice among named values; in the FMU an integer parameter. Derive [`Mode`](crate::derive::Mode) for an
 /// enum without data.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is no choice among named values",
@@ -244,7 +244,7 @@ pub fn read_mode<M: Mode>(values: &mut ParameterReader<'_>) -> M {
 }
 
 /// Values that follow from the fixed parameters at the end of initialization: gains, tables, static loads. Derive
-/// [`Design`](crate::derive@crate::Design); fields with `#[calculated]` are readable as calculated parameters.
+/// [`Design`](crate::derive::Design); fields with `#[calculated]` are readable as calculated parameters.
 pub trait Design: Clone + Send + Sync + 'static {
     /// The calculated parameters, in declared order.
     fn declare() -> Vec<Declaration>;
@@ -259,7 +259,7 @@ impl Design for () {
     fn write(&self, _: &mut [f64]) {}
 }
 
-/// The memory of a sampled unit between two samples. Derive [`Memory`](crate::derive@crate::Memory).
+/// The memory of a sampled unit between two samples. Derive [`Memory`](crate::derive::Memory).
 pub trait Memory: Clone + Default + Send + 'static {
     /// Passes every value on.
     fn save(&self, sink: &mut dyn FnMut(&'static str, Word));
