@@ -83,8 +83,8 @@ pub mod hydro_pneumatic_half_car {
     pub const GRAVITY: f64 = 9.81;
 }
 
-/// Three-axle heavy truck with a balance suspension of its rear axles: "Multiobjective Synchronous Control of
-/// Heavy-Duty Vehicles Based on Longitudinal and Lateral Coupling Dynamics", 2022.
+/// Three-axle heavy truck with a balance suspension of its rear axles: Lu, Wang, Zhang, "Multiobjective Synchronous
+/// Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral Coupling Dynamics", 2022.
 ///
 /// The paper prints no data of the vehicle. "Calibrated" values are a rounded least-squares fit to its numbers without
 /// control: vertical, pitch and roll acceleration of Table 3 in the step case, and the roll ratios of section 4.1 (77,

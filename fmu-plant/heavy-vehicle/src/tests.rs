@@ -1,0 +1,558 @@
+//! Check numbers, closed forms and invariants of the equations of motion.
+//!
+//! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
+//! digit.
+
+use control::riccati::eigenvalues;
+use fmi2::{Block, Dual64};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+use proptest::prelude::*;
+
+use super::*;
+
+const STATES: usize = <X<f64> as Block<f64>>::LEN;
+const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
+/// Without heading and position, on which nothing depends.
+const DYNAMIC: usize = 20;
+// Places in the state and in the inputs.
+const PHI: usize = 2;
+const PHID: usize = 11;
+const V: usize = 18;
+const R: usize = 19;
+const FRONT_STEER: usize = 1;
+
+const KM_H: f64 = 1.0 / 3.6;
+const COUPLINGS: [Coupling; 3] = [Coupling::Coupled, Coupling::VerticalOnly, Coupling::LateralOnly];
+
+/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
+}
+
+fn with(coupling: Coupling) -> P {
+    P { coupling, ..P::default() }
+}
+
+fn design(p: &P) -> D {
+    equations::design(p).unwrap()
+}
+
+fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
+    equations::derivatives(p, &design(p), x, u)
+}
+
+fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
+    equations::outputs(p, &design(p), x, u)
+}
+
+fn numbers<T: Scalar, B: Block<T>>(block: &B) -> Vec<T> {
+    let mut values = vec![T::from(0.0); B::LEN];
+    block.write(&mut values);
+    values
+}
+
+/// The values of a block with the derivatives `slopes`.
+fn dual<B: Block<f64>>(block: &B, slopes: &B) -> Vec<Dual64> {
+    numbers(block).into_iter().zip(numbers(slopes)).map(|(value, slope)| Dual64::new(value, slope)).collect()
+}
+
+/// The Jacobian matrices of the derivatives with respect to state and inputs, exact by dual numbers.
+fn linearized(p: &P, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let d = design(p);
+    let unit = |length: usize, j: usize| -> Vec<f64> { (0..length).map(|i| f64::from(u8::from(i == j))).collect() };
+    let column = |x_slope: &[f64], u_slope: &[f64]| {
+        let (x, u) = (X::read(&dual(x, &X::read(x_slope))), U::read(&dual(u, &U::read(u_slope))));
+        numbers(&equations::derivatives(p, &d, &x, &u))
+    };
+    let a: Vec<_> = (0..STATES).map(|j| column(&unit(STATES, j), &[0.0; INPUTS])).collect();
+    let b: Vec<_> = (0..INPUTS).map(|j| column(&[0.0; STATES], &unit(INPUTS, j))).collect();
+    (DMatrix::from_fn(STATES, STATES, |i, j| a[j][i].eps), DMatrix::from_fn(STATES, INPUTS, |i, j| b[j][i].eps))
+}
+
+/// Where the rates of the states `active` are 0, by Newton's method from rest; the other states stay 0.
+fn equilibrium(p: &P, u: &U<f64>, active: &[usize]) -> X<f64> {
+    let mut x = vec![0.0; STATES];
+    for _ in 0..20 {
+        let block = X::<f64>::read(&x);
+        let rates = numbers(&derivatives(p, &block, u));
+        let (a, _) = linearized(p, &block, u);
+        let a = DMatrix::from_fn(active.len(), active.len(), |i, j| a[(active[i], active[j])]);
+        let step = a.lu().solve(&DVector::from_iterator(active.len(), active.iter().map(|&i| rates[i]))).unwrap();
+        active.iter().zip(step.iter()).for_each(|(&i, step)| x[i] -= step);
+    }
+    X::read(&x)
+}
+
+/// 60 km/h with the front axle at 0.1 rad.
+fn turn() -> U<f64> {
+    U { delta: ThreeAxles([0.1, 0.0, 0.0]), ..U::default() }
+}
+
+#[test]
+fn at_rest_nothing_moves_and_the_loads_have_the_check_numbers() {
+    for coupling in COUPLINGS {
+        let p = with(coupling);
+        for speed in [0.0, 0.1, 16.7, 40.0] {
+            let u = U { u: speed, ..U::default() };
+            let rates = X { x: 0.0, ..derivatives(&p, &X::default(), &u) };
+            assert!(numbers::<f64, _>(&rates).iter().all(|&rate| rate == 0.0), "{rates:?}");
+            let y = outputs(&p, &X::default(), &u);
+            for (i, load) in y.f_z.iter().enumerate() {
+                assert_near(*load, if i < 2 { 30_762.402_99 } else { 40_535.798_51 }, 5e-6);
+            }
+            // The weight: closed form, a few roundings.
+            assert_near(y.f_z.iter().sum(), 22_800.0 * 9.81, 1e-9);
+            assert_eq!((y.a_y, y.beta), (0.0, 0.0));
+            assert_near(y.ltr, 0.0, 1e-15);
+        }
+    }
+}
+
+#[test]
+fn the_data_agree_with_each_other() {
+    let s = design(&P::default());
+    assert_eq!(s.m, data::MASS);
+    // Slope of the force of a front wheel at its load at rest, exact by dual numbers: what the controllers know of the
+    // tires. The check numbers have 11 and 9 correct digits.
+    let stiffness = |axle: usize| {
+        let load = Dual64::from(s.f0[2 * axle]);
+        -equations::lateral_force(&P::default(), &s, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
+    };
+    assert_near(stiffness(0), data::FRONT_CORNERING_STIFFNESS, 2e-6);
+    assert_near(stiffness(1), 278_887.988, 5e-4);
+    assert_near(stiffness(2), 278_887.988, 5e-4);
+}
+
+#[test]
+fn the_tire_has_the_check_numbers() {
+    // One and two tires at a position; two loads beyond the usual ones. 3 decimals printed.
+    let numbers = [
+        (0, 30_762.403, 0.05, -6106.468),
+        (0, 30_762.403, -0.2, 20_899.004),
+        (1, 40_535.798_507, 0.1, -25_773.249),
+        (1, 500.0, 0.05, -383.066),
+        (0, 60_000.0, 0.1, -10_109.539),
+    ];
+    let p = P::default();
+    let s = design(&p);
+    for (axle, load, alpha, force) in numbers {
+        assert_near(equations::lateral_force(&p, &s, axle, 1.0, load, alpha), force, 5e-4);
+        // Friction and scale act at every slip angle: closed form, exact by powers of 2.
+        let slippery = P { mu: 0.5, ..P::default() };
+        let full = equations::lateral_force(&p, &s, axle, 1.0, load, alpha);
+        assert_eq!(equations::lateral_force(&slippery, &s, axle, 0.5, load, alpha), 0.25 * full);
+    }
+    // Beyond the limit of the fit the load no longer counts.
+    let beyond = |load| equations::lateral_force(&p, &s, 0, 1.0, load, 0.1);
+    assert_eq!(beyond(1000.0 * 22.0 * 2.4 + 1.0), beyond(1e6));
+}
+
+#[test]
+fn the_modes_at_60_km_h_are_the_check_numbers() {
+    // Natural frequency in Hz and damping ratio, 3 decimals printed.
+    let expected = [
+        (0.704, 0.806),  // lateral
+        (1.632, 0.087),  // roll
+        (1.662, 0.117),  // pitch
+        (2.114, 0.041),  // heave
+        (9.400, 0.072),  // beam pitch
+        (9.4015, 0.072), // beam pitch
+        (10.230, 0.331), // front wheels
+        (10.309, 0.313), // front wheels
+        (11.114, 0.084), // beams
+        (11.133, 0.089), // beams
+    ];
+    let (a, _) = linearized(&P::default(), &X::default(), &U::default());
+    let poles = eigenvalues(&a.view((0, 0), (DYNAMIC, DYNAMIC)).into_owned()).unwrap();
+    let mut modes: Vec<_> = poles
+        .iter()
+        .filter(|pole| pole.im > 0.0)
+        .map(|pole| (pole.norm() / std::f64::consts::TAU, -pole.re / pole.norm()))
+        .collect();
+    modes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    assert_eq!(modes.len(), expected.len(), "{modes:?}");
+    for ((frequency, damping), (expected_frequency, expected_damping)) in modes.into_iter().zip(expected) {
+        assert_near(frequency, expected_frequency, 6e-4);
+        assert_near(damping, expected_damping, 6e-4);
+    }
+}
+
+#[test]
+fn the_steady_gains_are_those_of_a_single_track_model() {
+    // For small angles the vehicle is a bicycle with the stiffnesses at rest: two balances, of force and of moment. The
+    // linear model by dual numbers has to give the same (1e-9 covers the solution of 20 equations), and both the check
+    // numbers (6 decimals).
+    let p = P::default();
+    let s = design(&p);
+    let c = [2.0 * data::FRONT_CORNERING_STIFFNESS, 2.0 * 278_887.988, 2.0 * 278_887.988];
+    let moment = |n: i32| (0..3).map(|axle| c[axle] * s.x[axle].powi(n)).sum::<f64>();
+    let expected = [
+        (20.0, 0.937872, 0.179578),
+        (40.0, 1.570257, -0.041270),
+        (60.0, 1.852539, -0.283622),
+        (80.0, 1.901674, -0.489074),
+    ];
+    for (km_h, yaw_gain, sideslip_gain) in expected {
+        let speed = km_h * KM_H;
+        let bicycle = Matrix2::new(moment(0), moment(1) / speed + s.m * speed, moment(1), moment(2) / speed);
+        let closed = bicycle.lu().solve(&Vector2::new(c[0], p.l1 * c[0])).unwrap();
+        let (a, b) = linearized(&p, &X::default(), &U { u: speed, ..U::default() });
+        let b = -b.view((0, FRONT_STEER), (DYNAMIC, 1));
+        let steady = a.view((0, 0), (DYNAMIC, DYNAMIC)).into_owned().lu().solve(&b).unwrap();
+        assert_near(steady[(R, 0)], closed[1], 1e-8);
+        assert_near(steady[(V, 0)] / speed, closed[0], 1e-8);
+        assert_near(steady[(R, 0)], yaw_gain, 6e-7);
+        assert_near(steady[(V, 0)] / speed, sideslip_gain, 6e-7);
+    }
+}
+
+#[test]
+fn the_steady_turn_has_the_check_numbers_and_balances() {
+    let (p, u) = (P::default(), turn());
+    let x = equilibrium(&p, &u, &(0..DYNAMIC).collect::<Vec<_>>());
+    let y = outputs(&p, &x, &u);
+    assert_near(x.r, 0.198519, 6e-7);
+    assert_near(y.beta, -0.034668, 6e-7);
+    assert_near(y.a_y, 3.308645, 6e-7);
+    assert_near(x.phi, 0.0185312, 6e-8);
+    assert_near(y.ltr, 0.387638, 6e-7);
+    for (axle, alpha) in [-0.091788, -0.043574, -0.059611].into_iter().enumerate() {
+        assert_near(y.alpha[2 * axle], alpha, 6e-7);
+        assert_eq!(y.alpha[2 * axle], y.alpha[2 * axle + 1]);
+    }
+
+    // Balance of forces across the vehicle, and of moments about its track: 1e-6 of them is what Newton's method leaves.
+    let s = design(&p);
+    let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
+    assert_near(across, s.m * y.a_y, 1e-6);
+    let tipping = y.a_y * (p.m_b * (p.h + p.h_rc) + (s.m - p.m_b) * p.h_u) + p.m_b * p.g * p.h * x.phi;
+    let righting: f64 = (0..6).map(|i| -y.f_z[i] * s.y[i % 2]).sum();
+    assert_near(righting, tipping, 1e-6);
+    assert_near(righting, 82_367.07, 6e-3); // check number
+}
+
+#[test]
+fn the_lateral_model_agrees_with_the_coupled_one_in_a_steady_turn() {
+    let (p, u) = (with(Coupling::LateralOnly), turn());
+    let x = equilibrium(&p, &u, &[PHI, PHID, V, R]);
+    let y = outputs(&p, &x, &u);
+    // Check numbers: 5 or 6 decimals.
+    assert_near(x.r, 0.19767, 6e-6);
+    assert_near(y.beta, -0.03422, 6e-6);
+    assert_near(x.phi, 0.018467, 6e-7);
+    assert_near(y.ltr, 0.38598, 6e-6);
+    // The validity that the README states: 1 %. The lateral model shares the lateral force among the axles by the weight on
+    // them instead of by the tire forces, and its beams do not pitch.
+    let coupled = equilibrium(&P::default(), &u, &(0..DYNAMIC).collect::<Vec<_>>());
+    assert!((x.r / coupled.r - 1.0).abs() < 0.01 && (x.phi / coupled.phi - 1.0).abs() < 0.01);
+}
+
+/// Energy of the vertical motion: kinetic, of springs, bars and tires, and of the leaning body.
+fn energy<T: Scalar>(p: &P, s: &D, x: &X<T>) -> T {
+    let square = |value: T, factor: f64| value.squared() * factor;
+    let mut energy = square(x.zd, p.m_b) + square(x.thetad, p.i_y) + square(x.phid, p.i_x + p.m_b * p.h * p.h)
+        - square(x.phi, p.m_b * p.g * p.h);
+    for side in 0..2 {
+        let feet = [x.z_f[side], x.z_b[side]];
+        for group in 0..2 {
+            let d = x.z - x.theta * s.x_s[group] + x.phi * s.y[side] - feet[group];
+            energy += square(d, p.k[group]);
+        }
+        let lift = x.th_b[side] * (p.l3 / 2.0);
+        energy += square(x.z_f[side], p.k_t[0])
+            + square(x.z_b[side] - lift, p.k_t[1])
+            + square(x.z_b[side] + lift, p.k_t[2])
+            + square(x.zd_f[side], p.m_t[0])
+            + square(x.zd_b[side], s.m_bw)
+            + square(x.thd_b[side], s.j_bw);
+    }
+    let twist = |left: T, right: T| x.phi - (left - right) / s.b;
+    energy += square(twist(x.z_f[0], x.z_f[1]), p.k_a[0]) + square(twist(x.z_b[0], x.z_b[1]), p.k_a[1]);
+    energy * 0.5
+}
+
+/// A state in which no tire leaves the ground: heights to 10 mm, angles to 5 mrad, rates to 0.5.
+fn any_state() -> impl Strategy<Value = X<f64>> {
+    prop::array::uniform23(-1.0..1.0_f64).prop_map(|values| {
+        let size = |i: usize| match i {
+            0 | 3..7 => 0.01,
+            1..3 | 7..9 => 0.005,
+            _ => 0.5,
+        };
+        X::read(&values.iter().enumerate().map(|(i, value)| size(i) * value).collect::<Vec<_>>())
+    })
+}
+
+fn any_inputs() -> impl Strategy<Value = U<f64>> {
+    let friction = prop::array::uniform6(0.0..1.0);
+    let q = prop::array::uniform6(-0.02..0.02);
+    (0.0..30.0, prop::array::uniform3(-0.5..0.5), prop::array::uniform4(-1e4..1e4), q, friction).prop_map(
+        |(u, delta, f, q, friction)| U {
+            u,
+            delta: ThreeAxles(delta),
+            f: Struts(f),
+            q: SixWheels(q),
+            friction: SixWheels(friction),
+        },
+    )
+}
+
+fn any_coupling() -> impl Strategy<Value = Coupling> {
+    prop::sample::select(COUPLINGS.to_vec())
+}
+
+/// The values of a block for the vehicle seen in a mirror along its track, by the names of the variables.
+fn mirrored<B: Block<f64>>(block: &B) -> B {
+    const ODD: [&str; 8] = [
+        "steer",
+        "tire_slip_angle",
+        "tire_lateral_force",
+        "vehicle.lateral",
+        "vehicle.sideslip",
+        "vehicle.yaw",
+        "vehicle.position_y",
+        "body.roll",
+    ];
+    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
+    let values: Vec<f64> = numbers(block);
+    let other_side = |name: &str| match name.rsplit_once('.') {
+        Some((family, place)) if place.len() <= 2 && place.ends_with(['l', 'r']) => {
+            let (axle, side) = place.split_at(place.len() - 1);
+            format!("{family}.{axle}{}", if side == "l" { "r" } else { "l" })
+        }
+        _ => name.to_owned(),
+    };
+    let reflected: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let source = names.iter().position(|other| *other == other_side(name)).unwrap();
+            let is_odd = ODD.iter().any(|odd| name.starts_with(odd)) || name == "vehicle.load_transfer_ratio";
+            if is_odd { -values[source] } else { values[source] }
+        })
+        .collect();
+    B::read(&reflected)
+}
+
+/// Asserts that two blocks agree to `tolerance` times the greatest of their numbers, but at least 1.
+#[track_caller]
+fn assert_same<B: Block<f64>>(actual: &B, expected: &B, tolerance: f64) {
+    let (actual, expected) = (numbers::<f64, _>(actual), numbers::<f64, _>(expected));
+    let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
+    for ((actual, expected), declaration) in actual.into_iter().zip(expected).zip(B::declare()) {
+        let name = declaration.name;
+        assert!((actual - expected).abs() <= tolerance * largest, "{name}: {actual} is not {expected}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// On a flat road without actuators, only the dampers change the energy of the vertical motion, and only downwards.
+    /// Both sides are sums of terms to 1e5 W: 1e-8 W are roundings.
+    #[test]
+    fn the_energy_balance_of_the_vertical_motion_closes(x in any_state(), bars: bool) {
+        let k_a = TwoAxles(if bars { [3e5, 5e5] } else { [0.0; 2] });
+        let p = P { k_a, ..with(Coupling::VerticalOnly) };
+        let s = design(&p);
+        let rates = equations::derivatives(&p, &s, &x, &U::default());
+        let power = energy(&p, &s, &X::read(&dual(&x, &rates))).eps;
+        let y = equations::outputs(&p, &s, &x, &U::default());
+        let struts: f64 = (0..4).map(|i| -p.c[i / 2] * y.dd[i] * y.dd[i]).sum();
+        let bushings: f64 = x.thd_b.iter().map(|rate| -p.c_b * (rate - x.thetad).powi(2)).sum();
+        prop_assert!(struts <= 0.0 && bushings <= 0.0);
+        prop_assert!((power - struts - bushings).abs() <= 1e-8, "{} W of {power} W", power - struts - bushings);
+    }
+
+    /// Right and left exchanged: only the order of sums changes. Relative to the largest acceleration (force) that is a
+    /// few roundings; the deflection in the lateral model comes from a difference of loads of 1e4 N.
+    #[test]
+    fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), coupling in any_coupling()) {
+        let p = P { k_a: TwoAxles([3e5, 5e5]), ..with(coupling) };
+        let (xm, um) = (mirrored(&x), mirrored(&u));
+        assert_same(&derivatives(&p, &xm, &um), &mirrored(&derivatives(&p, &x, &u)), 1e-13);
+        assert_same(&outputs(&p, &xm, &um), &mirrored(&outputs(&p, &x, &u)), 1e-14);
+    }
+
+    /// A symmetric vehicle that goes straight on a road without cross fall never leaves its line: exactly, and its vertical
+    /// motion is that of the vertical model.
+    #[test]
+    fn a_straight_run_stays_straight(x in any_state(), u in any_inputs()) {
+        let even = |family: &[f64; 6]| SixWheels::from_fn(|i| family[i / 2 * 2]);
+        let x = X {
+            z_f: FrontWheels([x.z_f[0]; 2]),
+            z_b: Sides([x.z_b[0]; 2]),
+            th_b: Sides([x.th_b[0]; 2]),
+            zd_f: FrontWheels([x.zd_f[0]; 2]),
+            zd_b: Sides([x.zd_b[0]; 2]),
+            thd_b: Sides([x.thd_b[0]; 2]),
+            z: x.z, theta: x.theta, zd: x.zd, thetad: x.thetad,
+            ..X::default()
+        };
+        let u = U {
+            delta: ThreeAxles([0.0; 3]), f: Struts([u.f[0], u.f[0], u.f[2], u.f[2]]), q: even(&u.q), friction: even(&u.friction),
+            ..u
+        };
+        let rates = derivatives(&P::default(), &x, &u);
+        prop_assert_eq!((rates.v, rates.r, rates.phid, rates.psi), (0.0, 0.0, 0.0, 0.0));
+        prop_assert_eq!(numbers::<f64, _>(&rates), numbers::<f64, _>(&derivatives(&with(Coupling::VerticalOnly), &x, &u)));
+    }
+
+    /// What a motion that runs alone ignores, and what then stays where it is.
+    #[test]
+    fn a_motion_alone_ignores_the_other(x in any_state(), u in any_inputs(), other in any_inputs()) {
+        let p = with(Coupling::VerticalOnly);
+        let steered = U { delta: other.delta, friction: other.friction, ..u.clone() };
+        let rates = derivatives(&p, &X { psi: 0.0, ..x.clone() }, &u);
+        prop_assert_eq!(numbers::<f64, _>(&rates), numbers::<f64, _>(&derivatives(&p, &X { psi: 0.0, ..x.clone() }, &steered)));
+        prop_assert_eq!((rates.v, rates.r), (0.0, 0.0));
+        let y = outputs(&p, &x, &u);
+        prop_assert_eq!((*y.f_y, *y.alpha, y.a_y), ([0.0; 6], [0.0; 6], 0.0));
+
+        let p = with(Coupling::LateralOnly);
+        let rough = U { q: other.q, ..u.clone() };
+        let rates = derivatives(&p, &x, &u);
+        prop_assert_eq!(numbers::<f64, _>(&rates), numbers::<f64, _>(&derivatives(&p, &x, &rough)));
+        prop_assert_eq!((rates.zd, rates.thetad), (0.0, 0.0));
+        prop_assert_eq!((*rates.zd_f, *rates.zd_b, *rates.thd_b), ([0.0; 2], [0.0; 2], [0.0; 2]));
+    }
+
+    /// The rates that the outputs show are those of what they show, on a road at rest: exact by dual numbers, a few
+    /// roundings of velocities of order 1.
+    #[test]
+    fn velocities_are_the_rates_of_heights_and_deflections(x in any_state(), u in any_inputs()) {
+        let p = P::default();
+        let s = design(&p);
+        let rates = equations::derivatives(&p, &s, &x, &u);
+        let still = U::<Dual64>::read(&numbers(&u).into_iter().map(Dual64::from).collect::<Vec<_>>());
+        let moving = equations::outputs(&p, &s, &X::read(&dual(&x, &rates)), &still);
+        let y = equations::outputs(&p, &s, &x, &u);
+        for i in 0..4 {
+            prop_assert!((moving.d[i].eps - y.dd[i]).abs() < 1e-14);
+        }
+        for i in 0..6 {
+            prop_assert!((moving.z_w[i].eps - y.zd_w[i]).abs() < 1e-14);
+            prop_assert!((moving.t[i].eps - y.zd_w[i]).abs() < 1e-14);
+        }
+    }
+
+    /// Slip angles and everything else stay finite when the vehicle stands, goes backwards or leaves the ground, and a
+    /// tire never pulls on the road.
+    #[test]
+    fn everything_stays_finite(
+        x in prop::array::uniform23(-1.0..1.0_f64), u in any_inputs(), speed in -5.0..5.0, stands: bool, coupling in any_coupling(),
+    ) {
+        let (p, x) = (with(coupling), X::read(&x));
+        let u = U { u: if stands { 0.0 } else { speed }, ..u };
+        let y = outputs(&p, &x, &u);
+        prop_assert!(numbers::<f64, _>(&y).iter().all(|value| value.is_finite()));
+        prop_assert!(numbers::<f64, _>(&derivatives(&p, &x, &u)).iter().all(|value| value.is_finite()));
+        prop_assert!(y.f_z.iter().all(|&load| load >= 0.0));
+        prop_assert!((-1.0..=1.0).contains(&y.ltr));
+    }
+}
+
+#[test]
+fn a_standing_vehicle_does_not_answer_to_the_steering() {
+    let u = U { u: 0.0, delta: ThreeAxles([0.4, -0.2, 0.1]), ..U::default() };
+    for coupling in COUPLINGS {
+        let p = with(coupling);
+        assert!(numbers::<f64, _>(&derivatives(&p, &X::default(), &u)).iter().all(|&rate| rate == 0.0));
+        let y = outputs(&p, &X::default(), &u);
+        assert_eq!((y.a_y, y.beta, *y.f_y, *y.alpha), (0.0, 0.0, [0.0; 6], [0.0; 6]));
+    }
+}
+
+#[test]
+fn slip_angles_are_those_of_the_wheel_frame() {
+    // atan((v + x r)/u) - delta wherever the wheel rolls forwards (closed form, a few roundings).
+    let p = P::default();
+    let x = X { v: 0.7, r: 0.3, ..X::default() };
+    let u = U { u: 10.0, delta: ThreeAxles([0.3, -0.1, 0.05]), ..U::default() };
+    let y = outputs(&p, &x, &u);
+    for (axle, position) in design(&p).x.into_iter().enumerate() {
+        assert_near(y.alpha[2 * axle], ((0.7 + position * 0.3) / 10.0).atan() - u.delta[axle], 1e-15);
+    }
+}
+
+#[test]
+fn lateral_forces_turn_the_vehicle_also_along_its_axis() {
+    // Definition: the yaw moment of forces in the frame of steered wheels, forces that differ left and right. Checked by
+    // the balance of moments about the vertical, I_z r' + I_xz phi''; roundings of 1e5 N m.
+    let p = P::default();
+    let s = design(&p);
+    let x = X { phi: 0.01, v: -0.5, r: 0.2, z_f: FrontWheels([0.01, -0.01]), ..X::default() };
+    let u = U { delta: ThreeAxles([0.4, 0.2, -0.3]), ..turn() };
+    let y = outputs(&p, &x, &u);
+    let moment: f64 = (0..6)
+        .map(|i| {
+            let (sin, cos) = u.delta[axle_of(i)].sin_cos();
+            let (along, across) = (-y.f_y[i] * sin, y.f_y[i] * cos);
+            s.x[axle_of(i)] * across - s.y[i % 2] * along
+        })
+        .sum();
+    assert_near(p.i_z * y.rd + p.i_xz * y.phidd, moment, 1e-8);
+    // And of forces, m v' - m_b h phi'' = sum Y - m u r.
+    let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
+    assert_near(s.m * y.a_y - p.m_b * p.h * y.phidd, across, 1e-8);
+}
+
+#[test]
+fn without_contact_or_friction_there_is_no_lateral_force() {
+    let u = turn();
+    let flying = X { z_f: FrontWheels([1.0; 2]), z_b: Sides([1.0; 2]), ..X::default() };
+    let y = outputs(&P::default(), &flying, &u);
+    assert_eq!((*y.f_z, *y.f_y, y.ltr), ([0.0; 6], [0.0; 6], 0.0));
+    for (p, friction) in [(P { mu: 0.0, ..P::default() }, 1.0), (P::default(), 0.0)] {
+        let y = outputs(&p, &X::default(), &U { friction: SixWheels([friction; 6]), ..u.clone() });
+        assert_eq!(*y.f_y, [0.0; 6]);
+    }
+}
+
+#[test]
+fn an_actuator_pushes_the_body_up_and_the_wheel_down() {
+    // At rest: closed forms f/m_b, -l1 f/I_y, b1 f/(I_x + m_b h^2), -f/m; a few roundings.
+    let p = with(Coupling::VerticalOnly);
+    let rates = derivatives(&p, &X::default(), &U { f: Struts([1000.0, 0.0, 0.0, 0.0]), ..U::default() });
+    assert_near(rates.zd, 1000.0 / p.m_b, 1e-15);
+    assert_near(rates.thetad, -p.l1 * 1000.0 / p.i_y, 1e-15);
+    assert_near(rates.phid, p.b1 * 1000.0 / (p.i_x + p.m_b * p.h * p.h), 1e-15);
+    assert_near(rates.zd_f[0], -1000.0 / p.m_t[0], 1e-14);
+    let rates = derivatives(&p, &X::default(), &U { f: Struts([0.0, 0.0, 0.0, 1000.0]), ..U::default() });
+    assert_near(rates.thetad, p.l2 * 1000.0 / p.i_y, 1e-15);
+    assert_near(rates.phid, -p.b2 * 1000.0 / (p.i_x + p.m_b * p.h * p.h), 1e-15);
+    assert_near(rates.zd_b[1], -1000.0 / (p.m_beam + p.m_t[1] + p.m_t[2]), 1e-15);
+    assert_eq!(*rates.thd_b, [0.0; 2]);
+}
+
+#[test]
+fn the_path_follows_speed_and_heading() {
+    // A vehicle that points to the left by 90 degrees and drifts: (u cos psi - v sin psi, u sin psi + v cos psi).
+    let x = X { psi: std::f64::consts::FRAC_PI_2, v: 0.5, ..X::default() };
+    let rates = derivatives(&P::default(), &x, &U { u: 10.0, ..U::default() });
+    assert_near(rates.x, -0.5, 1e-14);
+    assert_near(rates.y, 10.0, 1e-14);
+}
+
+#[test]
+fn data_that_make_no_vehicle_are_refused() {
+    let message = |p: P| equations::design(&p).unwrap_err();
+    assert_eq!(
+        message(P { l3: 3.0, ..P::default() }),
+        "'geometry.middle_to_rear_axle' = 3 m, less than twice 'geometry.cg_to_rear_suspension' (2.85 m) was expected: \
+         the middle axle stands behind the center of mass"
+    );
+    // D = 0 at -a2/a1 = 45.75 kN.
+    assert_eq!(
+        message(P { f_max: 50.0, ..P::default() }),
+        "'tire.fit_load_limit' = 50 kN, a load at which the tire has a lateral force was expected: the peak of the magic \
+         formula would be -4700 N"
+    );
+    // sqrt(I_z (I_x + m_b h^2 - (m_b h)^2/m)) = sqrt(1e5 (26 050 - 3552.6)) = 47 431 kg m2.
+    let most = "a magnitude below 47431 kg.m2 was expected: roll and yaw inertia allow no more";
+    assert_eq!(
+        message(P { i_xz: -50_000.0, ..P::default() }),
+        format!("'body.roll_yaw_inertia' = -50000 kg.m2, {most}")
+    );
+    assert!(equations::design(&P { i_xz: 47_430.0, ..P::default() }).is_ok());
+}
