@@ -69,12 +69,6 @@ pub trait Plant: Sized + 'static {
     /// Writes the states whose start value follows from fixed parameters, always the same ones; they are calculated at
     /// the start and cannot be set. The others keep their declared start value, or what was set before the start.
     fn begin(_p: &Self::Parameters, _x: &mut Self::State<f64>) {}
-    /// Longest step of the integrator that is accurate in this state, in s: a substep that is longer is divided into the
-    /// fewest equal parts that are not, at most [`MOST_DIVISIONS`]. For a plant that is stiff in some states only.
-    #[inline]
-    fn longest_step(_p: &Self::Parameters, _d: &Self::Design, _x: &Self::State<f64>, _u: &Self::Inputs<f64>) -> f64 {
-        f64::INFINITY
-    }
     /// Time derivative of the state.
     fn derivatives<T: Scalar>(
         p: &Self::Parameters,
@@ -186,9 +180,6 @@ pub enum StepError {
 /// The most substeps or samples in one communication step.
 pub const MOST_PARTS: f64 = 1e6;
 
-/// Into how many parts [`Plant::longest_step`] may divide a substep.
-pub const MOST_DIVISIONS: f64 = 1e3;
-
 /// Where a step stands: `[time, time + step)`, sample 0 at `start`.
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
@@ -210,8 +201,7 @@ pub trait Stepper<P: Plant>: 'static {
     fn advance(p: &P::Parameters, d: &P::Design, x: &P::State<f64>, u: &P::Inputs<f64>, h: f64) -> P::State<f64>;
 }
 
-/// The classical Runge-Kutta method of order 4 with parts not longer than `max_step`, divided further where
-/// [`Plant::longest_step`] asks for it.
+/// The classical Runge-Kutta method of order 4 with parts not longer than `max_step`.
 #[derive(Debug)]
 pub struct RungeKutta;
 
@@ -295,30 +285,13 @@ where
 
     #[inline]
     fn advance(p: &P::Parameters, d: &P::Design, x: &P::State<f64>, u: &P::Inputs<f64>, h: f64) -> P::State<f64> {
-        let divisions = (h / P::longest_step(p, d, x, u)).ceil().max(1.0).min(MOST_DIVISIONS);
-        let mut x = x.clone();
-        for _ in 0..divisions as u64 {
-            x = runge_kutta::<P>(p, d, &x, u, h / divisions);
-        }
-        x
+        let k1 = P::derivatives(p, d, x, u);
+        let k2 = P::derivatives(p, d, &x.zip(&k1, |x, k| x + 0.5 * h * k), u);
+        let k3 = P::derivatives(p, d, &x.zip(&k2, |x, k| x + 0.5 * h * k), u);
+        let k4 = P::derivatives(p, d, &x.zip(&k3, |x, k| x + h * k), u);
+        let slope = k1.zip(&k2, |a, b| a + 2.0 * b).zip(&k3, |a, b| a + 2.0 * b).zip(&k4, |a, b| a + b);
+        x.zip(&slope, |x, s| x + h / 6.0 * s)
     }
-}
-
-/// x(t + h) by the classical Runge-Kutta method, the inputs held.
-#[inline]
-fn runge_kutta<P: Plant>(
-    p: &P::Parameters,
-    d: &P::Design,
-    x: &P::State<f64>,
-    u: &P::Inputs<f64>,
-    h: f64,
-) -> P::State<f64> {
-    let k1 = P::derivatives(p, d, x, u);
-    let k2 = P::derivatives(p, d, &x.zip(&k1, |x, k| x + 0.5 * h * k), u);
-    let k3 = P::derivatives(p, d, &x.zip(&k2, |x, k| x + 0.5 * h * k), u);
-    let k4 = P::derivatives(p, d, &x.zip(&k3, |x, k| x + h * k), u);
-    let slope = k1.zip(&k2, |a, b| a + 2.0 * b).zip(&k3, |a, b| a + 2.0 * b).zip(&k4, |a, b| a + b);
-    x.zip(&slope, |x, s| x + h / 6.0 * s)
 }
 
 impl<P: Advancing> Stepper<P> for Exact {
