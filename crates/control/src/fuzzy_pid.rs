@@ -16,7 +16,7 @@
 //! rule holds to the smaller of its two grades, a label to the largest of its rules. The labels of the output are
 //! triangles at the same places; their united area, cut at the ends, is evaluated at 121 points.
 //!
-//! Where the rate is not measured, [`Difference`] makes one from the error.
+//! Where the rate is not measured, [`filtered_rate`] makes one from the error.
 //!
 //! # Reference
 //!
@@ -209,34 +209,19 @@ fn within(value: f64, low: f64, high: f64) -> f64 {
     }
 }
 
-/// Rate of a sampled signal: its difference quotient behind a first-order lag.
+/// Rate of a sampled error: its difference quotient behind a first-order lag.
 ///
 /// ```text
 /// d <- a d + (1 - a) (e - e_previous) / T,   a = exp(-T / T_f)
 /// ```
 ///
-/// The first sample has no predecessor and gives 0.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Difference {
-    /// d, in units of the signal per s.
-    pub rate: f64,
-    /// The signal at the last sample.
-    pub previous: f64,
-    /// Whether there was a last sample.
-    pub has_previous: bool,
-}
-
-impl Difference {
-    /// One sample of the signal `e`; returns d.
-    ///
-    /// * `time_constant`: T_f in s; <= 0 for no lag. `sample_time`: T in s, > 0.
-    pub fn sample(&mut self, e: f64, time_constant: f64, sample_time: f64) -> f64 {
-        let previous = if self.has_previous { self.previous } else { e };
-        let quotient = (e - previous) / sample_time;
-        self.rate = crate::limit::lag(self.rate, quotient, time_constant, sample_time);
-        (self.previous, self.has_previous) = (e, true);
-        self.rate
-    }
+/// * `rate`: d of the last sample, 0 at the start.
+/// * `e`, `previous`: the error now and at the last sample; at the first sample both are the same.
+/// * `time_constant`: T_f in s; <= 0 for no lag. `sample_time`: T in s, > 0.
+///
+/// NaN gives NaN.
+pub fn filtered_rate(rate: f64, e: f64, previous: f64, time_constant: f64, sample_time: f64) -> f64 {
+    crate::limit::lag(rate, (e - previous) / sample_time, time_constant, sample_time)
 }
 
 #[cfg(test)]
@@ -268,8 +253,7 @@ mod tests {
     /// implementation; 8 digits printed, hence 1e-8.
     #[test]
     fn increments_match_the_check_values() {
-        let fuzzy = rules(Rules::Mirrored);
-        for (e, ec, expected) in [
+        let mirrored = [
             (0.0, 0.0, gains(0.21831225, -0.08619045, -1.08617784)),
             (-3.0, -3.0, gains(2.68329967, -2.68323694, 0.78467085)),
             (1.0, 0.0, gains(0.99996779, -0.99996779, -1.9176143)),
@@ -277,14 +261,25 @@ mod tests {
             (2.2, 0.3, gains(1.27839916, -1.27839916, -2.02324844)),
             // Beyond the domain: its edge.
             (-30.0, -4.0, gains(2.68329967, -2.68323694, 0.78467085)),
-        ] {
-            let dk = fuzzy.increments(e, ec);
-            for (actual, expected) in [
-                (dk.proportional, expected.proportional),
-                (dk.integral, expected.integral),
-                (dk.derivative, expected.derivative),
-            ] {
-                assert!((actual - expected).abs() < 1e-8, "({e}, {ec}): {actual} is not {expected}");
+        ];
+        let standard = [
+            (-3.0, -3.0, gains(2.68329967, -2.68323694, 0.784670854)),
+            (-2.4, 2.4, gains(-0.384338791, 0.0, -0.56869968)),
+            (0.0, 0.0, gains(0.129705217, 0.0, -0.999967787)),
+            (2.4, -2.4, gains(0.374344265, -0.0122137929, 0.358046784)),
+            (3.0, 3.0, gains(-2.56111733, 2.68323694, 2.36876144)),
+        ];
+        for (set, values) in [(Rules::Mirrored, &mirrored[..]), (Rules::Standard, &standard)] {
+            let fuzzy = rules(set);
+            for &(e, ec, expected) in values {
+                let dk = fuzzy.increments(e, ec);
+                for (actual, expected) in [
+                    (dk.proportional, expected.proportional),
+                    (dk.integral, expected.integral),
+                    (dk.derivative, expected.derivative),
+                ] {
+                    assert!((actual - expected).abs() < 1e-8, "{set:?} ({e}, {ec}): {actual} is not {expected}");
+                }
             }
         }
     }
@@ -360,19 +355,17 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_starts_at_zero_and_follows_a_ramp() {
+    fn the_rate_of_a_ramp_is_its_slope() {
         // Closed form of the lag on a constant slope: slope (1 - a^n); roundings of a difference of numbers of order 1.
-        let mut difference = Difference::default();
-        assert_eq!(difference.sample(0.7, 0.02, 0.001), 0.0);
-        let a = (-0.05_f64).exp();
+        let (a, ramp) = ((-0.05_f64).exp(), |n: i32| 0.7 + 0.003 * f64::from(n));
+        let mut rate = 0.0;
         for n in 1..100 {
-            let rate = difference.sample(0.7 + 0.003 * f64::from(n), 0.02, 0.001);
+            rate = filtered_rate(rate, ramp(n), ramp(n - 1), 0.02, 0.001);
             assert!((rate - 3.0 * (1.0 - a.powi(n))).abs() < 1e-11);
         }
         // Without lag it is the difference quotient.
-        let mut plain = Difference::default();
-        plain.sample(1.0, 0.0, 0.5);
-        assert_eq!(plain.sample(2.0, 0.0, 0.5), 2.0);
+        assert_eq!(filtered_rate(7.0, 2.0, 1.0, 0.0, 0.5), 2.0);
+        assert!(filtered_rate(0.0, f64::NAN, 1.0, 0.0, 0.5).is_nan());
     }
 
     proptest! {
