@@ -62,7 +62,7 @@ pub unsafe extern "C" fn aligned_alloc(alignment: size_t, size: size_t) -> *mut 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn posix_memalign(target: *mut *mut c_void, alignment: size_t, size: size_t) -> c_int {
     count();
-    if !alignment.is_power_of_two() || alignment % size_of::<*mut c_void>() != 0 {
+    if !alignment.is_power_of_two() || !alignment.is_multiple_of(size_of::<*mut c_void>()) {
         return libc::EINVAL;
     }
     // SAFETY: as above; the caller's pointer is valid.

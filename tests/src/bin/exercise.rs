@@ -2,18 +2,19 @@
 //!
 //! - `exercise steps FMU...` starts each FMU, steps it with changing inputs and prints its name, how often memory
 //!   was allocated in the steps and how often before ("-" if nobody counts);
+//! - `exercise life FMU...` calls every function of each FMU, with refused calls, saved states and a reset;
 //! - `exercise continue FMU STATE SEED FIRST LAST` reads the bytes of a saved state, goes on with the steps FIRST to
 //!   LAST, 1 ms each, and prints the bits of all outputs;
 //! - `exercise global FMU...` loads all libraries into one space of names, then steps each and prints the bits;
 //! - `exercise glibc NEWEST FMU...` prints the newest version of the GNU C library that each FMU for Linux needs and
 //!   ends with 1 if one is newer than NEWEST, such as 2.17.
 
-use host::description::Causality;
+use host::description::{BaseType, Causality};
 use std::io::Read as _;
 use std::path::Path;
 use std::process::ExitCode;
 use tests::signals::{Excitation, run};
-use tests::{Fmu, ok, raw, symbols};
+use tests::{Fmu, ok, raw, refused, symbols};
 
 /// Communication step in s.
 const STEP: f64 = 0.001;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
     let arguments: Vec<_> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["steps", fmus @ ..] => fmus.iter().for_each(|path| steps(path)),
+        ["life", fmus @ ..] => fmus.iter().for_each(|path| life(path)),
         ["continue", path, state, seed, first, last] => {
             let steps = first.parse().expect("FIRST is a number")..last.parse().expect("LAST is a number");
             go_on(path, state, seed.parse().expect("SEED is a number"), steps);
@@ -30,7 +32,9 @@ fn main() -> ExitCode {
         ["global", fmus @ ..] => global(fmus),
         ["glibc", newest, fmus @ ..] => return glibc(newest, fmus),
         _ => {
-            eprintln!("usage: exercise steps|global FMU... | continue FMU STATE SEED FIRST LAST | glibc NEWEST FMU...");
+            eprintln!(
+                "usage: exercise steps|life|global FMU... | continue FMU STATE SEED FIRST LAST | glibc NEWEST FMU..."
+            );
             return ExitCode::from(2);
         }
     }
@@ -64,6 +68,58 @@ fn steps(path: &str) {
         None => println!("{} - -", fmu.name),
     }
     ok(instance.terminate());
+}
+
+fn life(path: &str) {
+    const STEPS: u32 = 40;
+    // Kept loaded: valgrind can name the functions of a library that is still there.
+    let fmu = Fmu::open_and_keep(Path::new(path), false);
+    let excitation = Excitation::of(&fmu, 2);
+    let reals = fmu.reals();
+    let mut values = vec![0.0; reals.len()];
+    let mut instance = fmu.started();
+    drop(run(&fmu, &mut instance, &excitation, 0.0, 0..STEPS, STEP));
+    ok(instance.get_real(&reals, &mut values));
+    // Saved, turned into bytes and back, restored, saved again, freed; one state is left for the end of the instance.
+    let saved = ok(instance.save_state());
+    let bytes = ok(instance.serialize_state(&saved));
+    let copy = ok(instance.deserialize_state(&bytes));
+    drop(run(&fmu, &mut instance, &excitation, 0.0, STEPS..2 * STEPS, STEP));
+    ok(instance.restore_state(&copy));
+    ok(instance.save_state_again(&saved));
+    ok(instance.free_state(saved));
+    // Refused with messages that are made up on the heap.
+    refused(instance.set_real(&[reals[0]], &[f64::NAN]));
+    refused(instance.get_integer(&[u32::MAX], &mut [0]));
+    refused(instance.do_step(1e3, STEP));
+    refused(instance.deserialize_state(&bytes[1..]));
+    refused(instance.enter_initialization_mode());
+    if fmu.is_plant() {
+        let (unknown, known) = (fmu.references(Causality::Output), fmu.references(Causality::Input));
+        let mut slopes = vec![0.0; unknown.len()];
+        ok(instance.get_directional_derivative(&unknown, &known, &vec![1.0; known.len()], &mut slopes));
+    }
+    for variable in &fmu.description.variables {
+        let reference = [variable.reference];
+        match variable.base_type {
+            BaseType::Integer => ok(instance.get_integer(&reference, &mut [0])),
+            BaseType::Boolean => ok(instance.get_boolean(&reference, &mut [0])),
+            BaseType::String => drop(ok(instance.get_string(&reference))),
+            BaseType::Real => {}
+        }
+    }
+    ok(instance.set_debug_logging(true, &[]));
+    ok(instance.reset());
+    ok(instance.enter_initialization_mode());
+    ok(instance.exit_initialization_mode());
+    drop(run(&fmu, &mut instance, &excitation, 0.0, 0..STEPS, STEP));
+    ok(instance.terminate());
+    if let Some(mut failing) = fmu.instance_before_failure() {
+        ok(failing.enter_initialization_mode());
+        ok(failing.exit_initialization_mode());
+        refused(failing.do_step(0.0, Fmu::FAILING_STEP));
+    }
+    println!("{}", fmu.name);
 }
 
 fn go_on(path: &str, state: &str, seed: u64, steps: std::ops::Range<u32>) {

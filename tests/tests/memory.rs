@@ -1,0 +1,62 @@
+//! What FMUs do with memory, watched from outside the process: no allocation in a step, nothing lost, no access where
+//! nothing is.
+#![cfg(target_os = "linux")]
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+const EXERCISE: &str = env!("CARGO_BIN_EXE_exercise");
+
+fn exercise(command: &mut Command) -> Output {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?} ends with {}:\n{messages}", output.status);
+    output
+}
+
+/// The library that counts allocations; cargo builds it with the tests as an example of this package.
+fn counting_library() -> PathBuf {
+    let folder = PathBuf::from(EXERCISE).parent().expect("the helper lies in a folder").join("examples");
+    let library = folder.join("libcount_allocations.so");
+    assert!(library.exists(), "{} is missing: run `cargo build --package tests --examples`", library.display());
+    library
+}
+
+/// Real-time masters and long co-simulations count on it: set, step and get use no heap at all, in any FMU.
+#[cfg(target_env = "gnu")]
+#[test]
+fn a_step_allocates_nothing() {
+    let paths = tests::paths();
+    let output = exercise(Command::new(EXERCISE).arg("steps").args(&paths).env("LD_PRELOAD", counting_library()));
+    let text = String::from_utf8(output.stdout).expect("the helper prints text");
+    assert_eq!(text.lines().count(), paths.len());
+    for line in text.lines() {
+        let [name, in_steps, before] = line.split(' ').collect::<Vec<_>>()[..] else { panic!("{line}") };
+        // Loading and initializing allocates: that it was counted shows that the counter works.
+        assert!(before.parse::<u64>().is_ok_and(|count| count > 100), "{name}: nothing was counted: {before}");
+        assert_eq!(in_steps, "0", "{name}: allocations in 300 steps of set, step and get");
+    }
+}
+
+/// Whether this machine has valgrind; a test that needs it says so and ends otherwise.
+fn has_valgrind() -> bool {
+    let found = Command::new("valgrind").arg("--version").output().is_ok_and(|output| output.status.success());
+    if !found {
+        eprintln!("skipped: valgrind is not installed (on Debian and Ubuntu: apt-get install valgrind)");
+    }
+    found
+}
+
+/// A whole life of every FMU: no invalid access, no use of values that were never set, nothing lost.
+#[test]
+fn valgrind_finds_nothing() {
+    if !has_valgrind() {
+        return;
+    }
+    let mut command = Command::new("valgrind");
+    command.args(["--quiet", "--error-exitcode=99", "--leak-check=full"]);
+    // What is still reachable at the end is not lost: the libraries stay loaded with the description that they make
+    // once per process.
+    command.args(["--errors-for-leak-kinds=definite,indirect", "--show-leak-kinds=definite,indirect"]);
+    exercise(command.arg(EXERCISE).arg("life").args(tests::paths()));
+}
