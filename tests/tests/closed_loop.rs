@@ -1,0 +1,697 @@
+//! The rescue vehicle with all its controllers: the packed FMUs, wired and stepped by the host.
+//!
+//! References: Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, and the check numbers that the independent
+//! implementation behind `references/` printed for steady states. Such a number stands here as a text with the digits
+//! that were printed, and is met within one unit of its last digit: half a unit was lost in print, the rest leaves room
+//! for what 14 s of settling leave behind. Everything else is compared bit by bit or follows from a formula.
+
+use host::description::Causality;
+use host::fmu::Fmus;
+use host::loader::Instance;
+use host::master::{Recording, execute, execute_all};
+use host::plan::{Order, Plan};
+use host::resolve::{FmuFolder, Options, Problem, ResolveError, resolve, resolve_text};
+use std::collections::HashMap;
+use std::path::Path;
+use tests::{Fmu, bits, folder, ok, reals, workspace};
+
+/// Communication step in s.
+const STEP: f64 = 0.001;
+
+const DRIVER: &str = r#"
+[[unit]]
+name = "driver"
+fmu = "Driver"
+parameters = { maneuver = 1, "steer.start" = 1.0, "steer.amplitude" = 0.05, "speed.initial" = { value = 35.0, unit = "km/h" } }
+"#;
+
+const CONTROLLERS: &str = r#"
+[[unit]]
+name = "coordination"
+fmu = "FuzzyCoordination"
+[[unit]]
+name = "steering"
+fmu = "DualSlidingModeSteering"
+[[unit]]
+name = "integrated"
+fmu = "IntegratedLqrSuspension"
+[[unit]]
+name = "roll"
+fmu = "RollLqrSuspension"
+[[unit]]
+name = "mixer"
+fmu = "SuspensionMixer"
+"#;
+
+const SMOOTH: &str = r#"
+[[unit]]
+name = "plant"
+fmu = "RescueVehicle"
+inputs = { "road_height.*" = 0.0, "road_friction.*" = 1.0 }
+"#;
+
+/// A class C road under the plant; the speed is prescribed, so the road moves on with the driver's demand.
+const ROUGH: &str = r#"
+[[unit]]
+name = "road"
+fmu = "Road"
+parameters = { profile = 1, tracks = 1, "roughness.class" = 3, "roughness.start" = 2, "geometry.axle_offset.middle" = 2.95, "geometry.axle_offset.rear" = 4.6 }
+[[unit]]
+name = "plant"
+fmu = "RescueVehicle"
+[[connection]]
+from = "driver:driver.speed"
+to = "road:vehicle.speed"
+"#;
+
+/// A scenario on a smooth road that runs to `stop`.
+fn smooth(stop: f64, rest: &str) -> String {
+    scenario(stop, &[DRIVER, CONTROLLERS, SMOOTH, rest])
+}
+
+fn scenario(stop: f64, parts: &[&str]) -> String {
+    format!("title = \"Test\"\n[simulation]\nstop = {stop:?}\nstep = {STEP:?}\n{}", parts.concat())
+}
+
+/// The plan of a scenario.
+#[track_caller]
+fn plan(text: &str, options: &Options) -> Plan {
+    resolve_text(Path::new("test.toml"), text, &FmuFolder::new([folder()]), options).unwrap_or_else(|error| fail(error))
+}
+
+/// Fails with all mistakes that were found in a scenario.
+#[track_caller]
+fn fail(error: ResolveError) -> ! {
+    match error {
+        ResolveError::Problems(mistakes) => {
+            let lines: Vec<_> = mistakes.problems.iter().map(Problem::line).collect();
+            panic!("{}", lines.join("\n"))
+        }
+        other => panic!("{other}"),
+    }
+}
+
+/// An executed plan.
+struct Results {
+    plan: Plan,
+    recordings: Vec<Recording>,
+}
+
+impl Results {
+    #[track_caller]
+    fn of(plan: Plan) -> Self {
+        let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
+        let recordings = execute_all(&plan, &fmus, 2, &|_| (), &|_, recording| recording);
+        let recordings = recordings.into_iter().map(|r| r.unwrap_or_else(|error| panic!("{error}"))).collect();
+        Self { plan, recordings }
+    }
+
+    #[track_caller]
+    fn run(text: &str) -> Self {
+        Self::of(plan(text, &Options::default()))
+    }
+
+    /// Values of a signal in a run.
+    #[track_caller]
+    fn column(&self, run: &str, signal: &str) -> &[f64] {
+        let run = self.plan.runs.iter().position(|one| one.id == run).unwrap_or_else(|| panic!("no run {run}"));
+        let column = self.plan.columns.iter().position(|one| one.name == signal);
+        let column = column.unwrap_or_else(|| panic!("no column {signal}"));
+        self.recordings[run].column(column).expect("the case has the unit")
+    }
+
+    /// Last value of a signal in a run.
+    #[track_caller]
+    fn last(&self, run: &str, signal: &str) -> f64 {
+        *self.column(run, signal).last().expect("there are rows")
+    }
+
+    #[track_caller]
+    fn assert_finite(&self) {
+        for (run, recording) in self.plan.runs.iter().zip(&self.recordings) {
+            for (column, values) in self.plan.columns.iter().zip(&recording.columns) {
+                let values = values.as_ref().expect("all cases have all units");
+                let broken = values.iter().position(|value| !value.is_finite());
+                assert_eq!(broken, None, "{}: {} is not finite in this row", run.id, column.name);
+            }
+        }
+    }
+}
+
+/// Root mean square.
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+fn peak(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |peak, value| peak.max(value.abs()))
+}
+
+/// Compares with a printed number; see the top of this file.
+#[track_caller]
+fn assert_printed(what: &str, found: f64, printed: &str) {
+    let expected: f64 = printed.parse().expect("a printed number");
+    let decimals = printed.split_once('.').map_or(0, |(_, digits)| digits.len());
+    let unit = 10.0_f64.powi(-i32::try_from(decimals).expect("few digits"));
+    assert!((found - expected).abs() <= unit, "{what} = {found}, {printed} was expected");
+}
+
+/// Constant steering of 0.05 rad, tires of the linear law: yaw rate over the tangent of the front angle, sideslip, and
+/// the angles of the axles behind.
+#[test]
+fn yaw_gain_at_four_speeds() {
+    let text = smooth(
+        15.0,
+        r#"
+[[case]]
+name = "zero_sideslip"
+title = "Reference without sideslip"
+parameters.plant = { "tire.model" = 0 }
+[[case]]
+name = "ordinary"
+title = "Reference of the ordinary two-axle model"
+parameters.plant = { "tire.model" = 0 }
+parameters.steering = { "reference.model" = 0 }
+[[point]]
+name = "s5"
+title = "5 km/h"
+value = 5.0
+parameters.driver = { "speed.initial" = { value = 5.0, unit = "km/h" } }
+[[point]]
+name = "s15"
+title = "15 km/h"
+value = 15.0
+parameters.driver = { "speed.initial" = { value = 15.0, unit = "km/h" } }
+[[point]]
+name = "s25"
+title = "25 km/h"
+value = 25.0
+parameters.driver = { "speed.initial" = { value = 25.0, unit = "km/h" } }
+[[point]]
+name = "s35"
+title = "35 km/h"
+value = 35.0
+parameters.driver = { "speed.initial" = { value = 35.0, unit = "km/h" } }
+[sweep]
+title = "Speed"
+unit = "km/h"
+[record]
+signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip", "steering:steer.*"]
+"#,
+    );
+    let results = Results::run(&text);
+    results.assert_finite();
+    let gains = [
+        ("s5", 5.0, "0.543544", "0.321808"),
+        ("s15", 15.0, "1.454898", "0.965424"),
+        ("s25", 25.0, "1.994858", "1.609040"),
+        ("s35", 35.0, "2.206037", "2.252655"),
+    ];
+    for (point, speed, zero_sideslip, ordinary) in gains {
+        let run = format!("zero_sideslip@{point}");
+        let front = results.last(&run, "steer.front");
+        let gain = results.last(&run, "vehicle.yaw_rate") / front.tan();
+        assert_printed(&format!("{run}: yaw gain"), gain, zero_sideslip);
+        // The same from the formula u/(a + m_f u^2/C_F) with the data of the model's README: the front axle carries a
+        // third of 36 t, its tires have 2 * 300 kN/rad, a = 7.55/3 m. The integral action of the loop leaves no error
+        // but what has not settled yet.
+        let u: f64 = speed / 3.6;
+        let formula = u / (7.55 / 3.0 + 12_000.0 * u * u / 600_000.0);
+        assert!((gain / formula - 1.0).abs() < 1e-6, "{run}: {gain}, the formula gives {formula}");
+        let run = format!("ordinary@{point}");
+        let gain = results.last(&run, "vehicle.yaw_rate") / results.last(&run, "steer.front");
+        assert_printed(&format!("{run}: yaw gain"), gain, ordinary);
+    }
+    let run = "zero_sideslip@s35";
+    assert_printed("yaw rate", results.last(run, "vehicle.yaw_rate"), "0.110394");
+    assert_printed("sideslip", results.last(run, "vehicle.sideslip"), "0.000000");
+    assert_printed("middle axle", results.last(run, "steer.middle"), "0.0167");
+    assert_printed("rear axle", results.last(run, "steer.rear"), "-0.0023");
+}
+
+/// A driver who asks for more than the largest angle gets what the speed allows.
+#[test]
+fn front_axle_is_limited_by_the_speed() {
+    // 1 s of waiting, 3.2 s of the ramp to 32 degrees with 10 degrees per second.
+    let text = smooth(
+        5.0,
+        r#"
+[[case]]
+name = "limit"
+title = "Limit"
+parameters.driver = { "steer.amplitude" = { value = 34.0, unit = "deg" } }
+[[point]]
+name = "s5"
+title = "5 km/h"
+value = 5.0
+parameters.driver = { "speed.initial" = { value = 5.0, unit = "km/h" } }
+[[point]]
+name = "s15"
+title = "15 km/h"
+value = 15.0
+parameters.driver = { "speed.initial" = { value = 15.0, unit = "km/h" } }
+[[point]]
+name = "s25"
+title = "25 km/h"
+value = 25.0
+parameters.driver = { "speed.initial" = { value = 25.0, unit = "km/h" } }
+[[point]]
+name = "s35"
+title = "35 km/h"
+value = 35.0
+parameters.driver = { "speed.initial" = { value = 35.0, unit = "km/h" } }
+[sweep]
+title = "Speed"
+unit = "km/h"
+[record]
+signals = ["steering:steer.*", "plant:vehicle.*", "plant:tire_*"]
+"#,
+    );
+    let results = Results::run(&text);
+    results.assert_finite();
+    for (point, degrees) in [("s5", "32.0000"), ("s15", "31.6931"), ("s25", "15.1198"), ("s35", "9.8995")] {
+        let run = format!("limit@{point}");
+        let front = results.column(&run, "steer.front");
+        assert_printed(&format!("{run}: limit"), peak(front).to_degrees(), degrees);
+        assert_eq!(front.last().copied(), Some(peak(front)), "{run}: the limit is kept");
+    }
+}
+
+const STEP_CASES: &str = r#"
+[[case]]
+name = "individual"
+title = "Individual control"
+parameters.driver = { "steer.amplitude" = { value = 30.0, unit = "deg" } }
+parameters.coordination = { strategy = 1 }
+[[case]]
+name = "coordination"
+title = "Coordinated control"
+parameters.driver = { "steer.amplitude" = { value = 30.0, unit = "deg" } }
+[record]
+signals = ["plant:vehicle.*", "plant:body.roll", "plant:body.heave", "plant:wheel_height.*", "steering:steer.*", "mixer:suspension_force.*"]
+"#;
+
+const LEFT_AND_RIGHT: [(&str, &str); 3] = [("fl", "fr"), ("ml", "mr"), ("rl", "rr")];
+
+/// What the vehicle settles to 14 s after a step of the steering on a smooth road.
+#[track_caller]
+fn assert_steady_step(results: &Results) {
+    results.assert_finite();
+    let run = "individual";
+    for (signal, printed) in [
+        ("vehicle.lateral_acceleration", "3.74299"),
+        ("vehicle.yaw_rate", "0.384994"),
+        ("body.roll", "0.072609"),
+        ("vehicle.load_transfer_ratio", "0.320582"),
+        ("steer.front", "0.172778"),
+        ("steer.middle", "0.132928"),
+        ("steer.rear", "-0.021089"),
+    ] {
+        assert_printed(&format!("{run}: {signal}"), results.last(run, signal), printed);
+    }
+    assert_printed("roll", results.last("coordination", "body.roll"), "0.063542");
+    assert_printed("load transfer", results.last("coordination", "vehicle.load_transfer_ratio"), "0.314181");
+    // Figure 11 of the paper: in a left turn the actuators push up on the right and pull down on the left, harder with
+    // coordination.
+    for (run, force) in [("individual", "442.60"), ("coordination", "2861.93")] {
+        for (left, right) in LEFT_AND_RIGHT {
+            for (wheel, sign) in [(left, -1.0), (right, 1.0)] {
+                let found = sign * results.last(run, &format!("suspension_force.{wheel}"));
+                assert_printed(&format!("{run}: force at {wheel}"), found, force);
+            }
+        }
+    }
+    for (left, right) in LEFT_AND_RIGHT {
+        for (wheel, sign) in [(left, 1.0), (right, -1.0)] {
+            let found = sign * results.last("individual", &format!("wheel_height.{wheel}"));
+            assert_printed(&format!("wheel height {wheel}"), found, "0.0188694");
+        }
+    }
+}
+
+#[test]
+fn steady_state_after_a_step_steer() {
+    let results = Results::run(&smooth(15.0, STEP_CASES));
+    assert_steady_step(&results);
+    // Before the step the vehicle is at rest on a smooth road: both strategies alike, to the bit.
+    let before = (1.0 / STEP) as usize;
+    for signal in ["body.roll", "vehicle.yaw_rate", "vehicle.lateral_acceleration", "suspension_force.fl"] {
+        for run in ["individual", "coordination"] {
+            assert_eq!(peak(&results.column(run, signal)[..before]), 0.0, "{run}: {signal} before the step");
+        }
+    }
+}
+
+#[test]
+fn both_suspension_laws_fully_on_are_unstable() {
+    // A slight disturbance, a driver who steers by 1e-6 rad, grows until the actuators are at their limit of 100 kN.
+    const LIMIT: f64 = 100_000.0;
+    let text = smooth(
+        6.0,
+        r#"
+[[case]]
+name = "both"
+title = "Both laws"
+parameters.coordination = { strategy = 1, "fixed_weight.integrated" = 1.0, "fixed_weight.roll" = 1.0 }
+parameters.driver = { "steer.amplitude" = 1e-6 }
+[[case]]
+name = "one"
+title = "One law"
+parameters.coordination = { strategy = 1, "fixed_weight.integrated" = 1.0, "fixed_weight.roll" = 0.0 }
+parameters.driver = { "steer.amplitude" = 1e-6 }
+[record]
+signals = ["mixer:suspension_force.*", "plant:body.*", "plant:wheel_*", "plant:tire_*"]
+"#,
+    );
+    let results = Results::run(&text);
+    results.assert_finite();
+    for wheel in LEFT_AND_RIGHT.iter().flat_map(|(left, right)| [left, right]) {
+        let signal = format!("suspension_force.{wheel}");
+        assert_eq!(peak(results.column("both", &signal)), LIMIT, "{signal}");
+        // 1e-6 rad times the force per steering angle of the steady state above, 443 N/0.17 rad, is 2.6e-3 N; a loop
+        // that is stable stays within a small multiple.
+        assert!(peak(results.column("one", &signal)) < 1.0, "{signal}");
+    }
+}
+
+#[test]
+fn standing_vehicle() {
+    let text = scenario(
+        5.0,
+        &[
+            DRIVER,
+            CONTROLLERS,
+            ROUGH,
+            r#"
+[[case]]
+name = "standing"
+title = "Standing"
+parameters.driver = { "speed.initial" = 0.0, "steer.amplitude" = { value = 30.0, unit = "deg" } }
+[[case]]
+name = "individual"
+title = "Standing, steering controller on"
+parameters.driver = { "speed.initial" = 0.0, "steer.amplitude" = { value = 30.0, unit = "deg" } }
+parameters.coordination = { strategy = 1 }
+[record]
+signals = ["coordination:weight.steering", "steering:*", "plant:*"]
+"#,
+        ],
+    );
+    let results = Results::run(&text);
+    // The speed has a floor in slip angles, so nothing is divided by 0.
+    results.assert_finite();
+    // The driver's speed is 0 from the first sample on; row 0 holds the start values.
+    let coordinated = |signal: &str| peak(&results.column("standing", signal)[1..]);
+    assert_eq!(coordinated("weight.steering"), 0.0, "the coordination leaves the axles behind alone");
+    for axle in ["steer.middle", "steer.rear"] {
+        assert_eq!(coordinated(axle), 0.0, "{axle}");
+    }
+    for wheel in LEFT_AND_RIGHT.iter().flat_map(|(left, right)| [left, right]) {
+        for run in ["standing", "individual"] {
+            let slip = peak(results.column(run, &format!("tire_slip_angle.{wheel}")));
+            // An arctangent minus the angle of an axle, at most 32 degrees.
+            assert!(slip <= std::f64::consts::FRAC_PI_2 + 32.0_f64.to_radians(), "{run}: slip angle {slip} of {wheel}");
+        }
+    }
+}
+
+const ROUGH_CASES: &str = r#"
+[[case]]
+name = "individual"
+title = "Individual control"
+parameters.coordination = { strategy = 1 }
+[[case]]
+name = "coordination"
+title = "Coordinated control"
+[seeds]
+parameter = "road:seed"
+values = [1, 2]
+[record]
+signals = ["*"]
+"#;
+
+/// A short drive on a rough road, everything recorded.
+fn rough() -> String {
+    let driver = DRIVER.replace("\"steer.start\" = 1.0", "\"steer.start\" = 0.2");
+    scenario(0.8, &[&driver, CONTROLLERS, ROUGH, ROUGH_CASES])
+}
+
+#[track_caller]
+fn assert_same(a: &Recording, b: &Recording, what: &str) {
+    assert_eq!(bits(&a.time), bits(&b.time), "{what}: time");
+    let all = |recording: &Recording| recording.columns.iter().map(|c| c.as_deref().map(bits)).collect::<Vec<_>>();
+    assert_eq!(all(a), all(b), "{what}");
+}
+
+#[test]
+fn results_do_not_depend_on_threads() {
+    let plan = plan(&rough(), &Options::default());
+    assert_eq!(plan.runs.len(), 4);
+    let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
+    let all = |jobs| -> Vec<_> {
+        let results = execute_all(&plan, &fmus, jobs, &|_| (), &|run, recording| (run.id.clone(), recording));
+        results.into_iter().map(|result| result.unwrap_or_else(|error| panic!("{error}"))).collect()
+    };
+    let one = all(1);
+    for jobs in [2, 4] {
+        for (run, ((id, recording), (expected_id, expected))) in plan.runs.iter().zip(all(jobs).iter().zip(&one)) {
+            assert_eq!((id, expected_id), (&run.id, &run.id), "results come in the order of the runs");
+            assert_same(recording, expected, &format!("{id}, {jobs} threads"));
+        }
+    }
+    // One by one, too.
+    for (run, (id, expected)) in plan.runs.iter().zip(&one) {
+        let alone = execute(&plan.simulation, run, &fmus, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"));
+        assert_same(&alone, expected, id);
+    }
+    let roll = plan.columns.iter().position(|column| column.name == "body.roll").expect("it is recorded");
+    let rolls: Vec<_> = one.iter().map(|(_, recording)| bits(recording.column(roll).expect("all have it"))).collect();
+    for i in 0..rolls.len() {
+        assert!(!rolls[..i].contains(&rolls[i]), "runs of different settings differ");
+    }
+}
+
+/// A loop as a user of the FMUs would write it: signals by name, units in their order, no bus, no plan.
+#[test]
+fn sequential_order_is_the_obvious_loop() {
+    let mut plan = plan(&rough(), &Options::default());
+    plan.runs.retain(|run| run.id == "coordination#2");
+    let results = Results::of(plan);
+    let plan = &results.plan;
+    let steps = usize::try_from(plan.simulation.steps).expect("few steps");
+
+    let names = [
+        "Driver",
+        "FuzzyCoordination",
+        "DualSlidingModeSteering",
+        "IntegratedLqrSuspension",
+        "RollLqrSuspension",
+        "SuspensionMixer",
+        "Road",
+        "RescueVehicle",
+    ];
+    let fmus: Vec<_> = names.iter().map(|name| Fmu::named(name)).collect();
+    let mut instances: Vec<_> = fmus.iter().map(Fmu::instance).collect();
+    let mut signals: HashMap<String, f64> = HashMap::new();
+    let read = |signals: &mut HashMap<String, f64>, fmu: &Fmu, instance: &mut Instance| {
+        for output in fmu.with(Causality::Output) {
+            signals.insert(output.name.clone(), reals(instance, &[output.reference])[0]);
+        }
+    };
+    let set = |signals: &HashMap<String, f64>, fmu: &Fmu, instance: &mut Instance| {
+        for input in fmu.with(Causality::Input) {
+            let source = if fmu.name == "Road" { "driver.speed" } else { input.name.as_str() };
+            ok(instance.set_real(&[input.reference], &[signals[source]]));
+        }
+    };
+    for (fmu, instance) in fmus.iter().zip(&mut instances) {
+        ok(instance.setup_experiment(0.0, Some(plan.simulation.stop)));
+        let mut real = |name: &str, value: f64| ok(instance.set_real(&[fmu.reference(name)], &[value]));
+        if fmu.name == "Driver" {
+            real("steer.start", 0.2);
+            real("steer.amplitude", 0.05);
+            real("speed.initial", 35.0 / 3.6);
+            ok(instance.set_integer(&[fmu.reference("maneuver")], &[1]));
+        } else if fmu.name == "Road" {
+            real("geometry.axle_offset.middle", 2.95);
+            real("geometry.axle_offset.rear", 4.6);
+            for (name, value) in
+                [("profile", 1), ("tracks", 1), ("seed", 2), ("roughness.class", 3), ("roughness.start", 2)]
+            {
+                ok(instance.set_integer(&[fmu.reference(name)], &[value]));
+            }
+        }
+        ok(instance.enter_initialization_mode());
+    }
+    for (fmu, instance) in fmus.iter().zip(&mut instances) {
+        read(&mut signals, fmu, instance);
+    }
+    for (fmu, instance) in fmus.iter().zip(&mut instances) {
+        set(&signals, fmu, instance);
+        read(&mut signals, fmu, instance);
+    }
+    for instance in &mut instances {
+        ok(instance.exit_initialization_mode());
+    }
+    for (fmu, instance) in fmus.iter().zip(&mut instances) {
+        read(&mut signals, fmu, instance);
+    }
+    let compare = |signals: &HashMap<String, f64>, row: usize| {
+        for (column, values) in plan.columns.iter().zip(&results.recordings[0].columns) {
+            let (value, expected) = (values.as_ref().expect("all units are there")[row], signals[&column.name]);
+            assert_eq!(value.to_bits(), expected.to_bits(), "{} in row {row}: {value}, {expected}", column.name);
+        }
+    };
+    compare(&signals, 0);
+    for k in 0..steps {
+        for (fmu, instance) in fmus.iter().zip(&mut instances) {
+            set(&signals, fmu, instance);
+            ok(instance.do_step(k as f64 * STEP, STEP));
+            read(&mut signals, fmu, instance);
+        }
+        compare(&signals, k + 1);
+    }
+}
+
+/// In a chain without feedback a unit sees its input one step later for every unit before it; nothing else changes.
+#[test]
+fn jacobi_order_delays_a_chain_by_one_step_per_unit() {
+    let chain = format!(
+        "{DRIVER}{CHAIN}{}",
+        r#"
+[[connection]]
+from = "driver:driver.steer"
+to = "plant:steer.front"
+[[case]]
+name = "chain"
+title = "Chain"
+[record]
+signals = ["*"]
+"#
+    );
+    const CHAIN: &str = r#"
+[[unit]]
+name = "coordination"
+fmu = "FuzzyCoordination"
+[[unit]]
+name = "plant"
+fmu = "RescueVehicle"
+inputs = { "road_height.*" = 0.0, "road_friction.*" = 1.0, "suspension_force.*" = 0.0, "steer.middle" = 0.0, "steer.rear" = 0.0 }
+[[unit]]
+name = "roll"
+fmu = "RollLqrSuspension"
+[[connection]]
+from = "driver:driver.speed"
+to = "coordination:vehicle.speed"
+"#;
+    // The driver steers after 0.1 s, when the start is over: until then all signals rest.
+    let text = scenario(0.5, &[&chain.replace("\"steer.start\" = 1.0", "\"steer.start\" = 0.1")]);
+    let ordered = |order| Results::of(plan(&text, &Options { order: Some(order), ..Options::default() }));
+    let (sequential, jacobi) = (ordered(Order::Sequential), ordered(Order::Jacobi));
+    let from = (0.05 / STEP) as usize;
+    let mut compared = 0;
+    for (i, column) in sequential.plan.columns.iter().enumerate() {
+        let delay = match column.name.as_str() {
+            // The way so far, which depends on the speed in the very first step.
+            "vehicle.position_x" | "vehicle.position_y" => continue,
+            name if name.starts_with("driver.") => 0,
+            name if name.starts_with("roll_force") => 2,
+            _ => 1,
+        };
+        let early = sequential.recordings[0].column(i).expect("it is recorded");
+        let late = jacobi.recordings[0].column(i).expect("it is recorded");
+        assert_eq!(bits(&early[from..early.len() - delay]), bits(&late[from + delay..]), "{}", column.name);
+        compared += 1;
+    }
+    assert!(compared > 50, "the whole plant is recorded");
+}
+
+#[test]
+fn jacobi_order_settles_to_the_same_state() {
+    // Delays of some milliseconds in the loops change the way, not the steady state.
+    let text = smooth(15.0, STEP_CASES);
+    let ordered =
+        |order, stop| Results::of(plan(&text, &Options { order: Some(order), stop: Some(stop), ..Options::default() }));
+    let jacobi = ordered(Order::Jacobi, 15.0);
+    assert_steady_step(&jacobi);
+    let sequential = ordered(Order::Sequential, 2.0);
+    let rolls = [&sequential, &jacobi].map(|results| results.column("individual", "body.roll"));
+    assert_ne!(bits(rolls[0]), bits(&rolls[1][..rolls[0].len()]), "the orders differ on the way");
+}
+
+/// The experiment of Table 4 and Figure 6 of the paper.
+struct StepSteer(Results);
+
+impl StepSteer {
+    #[track_caller]
+    fn run(options: &Options) -> Self {
+        let file = workspace().join("scenarios/rescue_vehicle_step_steer.toml");
+        let plan = resolve(&file, &FmuFolder::new([folder()]), options).unwrap_or_else(|error| fail(error));
+        let results = Results::of(plan);
+        results.assert_finite();
+        Self(results)
+    }
+
+    /// Root mean square of a signal with individual control, and its relative change by coordination, on each road.
+    fn rms_and_change(&self, signal: &str) -> Vec<[f64; 2]> {
+        let of = |case: &str, seed: &i32| rms(self.0.column(&format!("{case}#{seed}"), signal));
+        let one = |seed| {
+            let individual = of("individual", seed);
+            [individual, of("coordination", seed) / individual - 1.0]
+        };
+        self.0.plan.seeds.iter().map(one).collect()
+    }
+}
+
+#[test]
+fn claims_of_the_paper_on_a_shortened_step_steer() {
+    // 3 s of the turn on one road.
+    let results = StepSteer::run(&Options { stop: Some(8.0), seeds: Some(1), ..Options::default() });
+    let change = |signal: &str| results.rms_and_change(signal)[0][1];
+    // Reproduced: coordination makes the roll angle smaller.
+    assert!(change("body.roll") < 0.0, "roll angle: {}", change("body.roll"));
+    // Reproduced: the lateral acceleration stays. Not reproduced: the paper says that the yaw acceleration falls by
+    // 23 %, but here the suspension hardly reaches the yaw motion. The independent implementation printed changes of
+    // 0.1 % at most, for other roads and suspensions; 0.5 % is far from both 0.1 % and 23 %.
+    for signal in ["vehicle.lateral_acceleration", "vehicle.yaw_acceleration"] {
+        assert!(change(signal).abs() < 0.005, "{signal}: {}", change(signal));
+    }
+}
+
+#[test]
+fn table_4_on_eight_roads() {
+    let results = StepSteer::run(&Options::default());
+    let roads = results.0.plan.seeds.len() as f64;
+    assert_eq!(roads, 8.0);
+    // Mean and standard deviation that the independent implementation printed for eight roads of the same class:
+    // root mean square with individual control, and change by coordination.
+    for (signal, rms, change) in [
+        ("body.roll", [0.0619, 0.0016], [-0.123, 0.001]),
+        ("body.roll_acceleration", [0.173, 0.011], [-0.007, 0.005]),
+        ("vehicle.yaw_acceleration", [0.0761, 0.0002], [0.0005, 0.0002]),
+    ] {
+        let found = results.rms_and_change(signal);
+        for (i, (what, [mean, deviation])) in [("rms", rms), ("change", change)].into_iter().enumerate() {
+            let found_mean = found.iter().map(|road| road[i]).sum::<f64>() / roads;
+            let variance = found.iter().map(|road| (road[i] - found_mean).powi(2)).sum::<f64>() / (roads - 1.0);
+            // Its roads come from other random numbers, so only the means can be compared: within four standard
+            // errors of their difference.
+            let tolerance = 4.0 * ((variance + deviation * deviation) / roads).sqrt();
+            println!("{signal}, {what}: {found_mean:.5} +- {:.5}, expected {mean} +- {deviation}", variance.sqrt());
+            assert!((found_mean - mean).abs() <= tolerance, "{signal}: mean {what} {found_mean}, expected {mean}");
+        }
+    }
+}
+
+#[test]
+fn every_scenario_resolves() {
+    let entries = std::fs::read_dir(workspace().join("scenarios")).expect("the folder is there");
+    let mut files: Vec<_> = entries.map(|entry| entry.expect("the folder can be read").path()).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "toml"));
+    assert!(!files.is_empty());
+    let folder = FmuFolder::new([folder()]);
+    for file in files {
+        let plan = resolve(&file, &folder, &Options::default()).unwrap_or_else(|error| fail(error));
+        assert!(!plan.runs.is_empty() && !plan.columns.is_empty(), "{}: nothing to do", file.display());
+    }
+}
