@@ -39,10 +39,8 @@ pub fn compare<E: Export>() {
 }
 
 fn fmu_path(name: &str) -> PathBuf {
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../target"),
-        PathBuf::from,
-    );
+    let target = std::env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../target"), PathBuf::from);
     target.join("fmu").join(format!("{name}.fmu"))
 }
 
@@ -89,9 +87,8 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
 }
 
 fn time_fmu(fmu: &Fmu, layout: &Layout) -> f64 {
-    let references = |role: Role| -> Vec<u32> {
-        layout.variables.iter().filter(|v| v.role == role).map(|v| v.reference).collect()
-    };
+    let references =
+        |role: Role| -> Vec<u32> { layout.variables.iter().filter(|v| v.role == role).map(|v| v.reference).collect() };
     let inputs = references(Role::Input);
     let outputs: Vec<u32> = references(Role::Output).into_iter().chain(references(Role::State)).collect();
     let start: Vec<f64> = layout

@@ -49,12 +49,8 @@ set the inputs of a row, and for a plant read its outputs before the step, for a
 
 /// The variables of one causality.
 fn table(description: &ModelDescription, causality: Causality, title: &str) -> String {
-    let rows: String = description
-        .variables
-        .iter()
-        .filter(|variable| variable.causality == causality)
-        .map(row)
-        .collect();
+    let rows: String =
+        description.variables.iter().filter(|variable| variable.causality == causality).map(row).collect();
     if rows.is_empty() {
         return String::new();
     }
