@@ -1,1 +1,121 @@
-//!
+//! The logic step by step, and its properties.
+
+use proptest::prelude::*;
+
+use super::*;
+
+/// Full pedal at 15 m/s with this slip at all wheels.
+fn braking(slip: f64) -> U {
+    U {
+        enable: 1.0,
+        target: FourWheels([0.2; 4]),
+        master: 10.0,
+        u: 15.0,
+        omega: FourWheels([15.0 * (1.0 - slip) / data::RADIUS; 4]),
+        ..U::default()
+    }
+}
+
+fn sample(p: &P, x: &mut X, u: &U) -> (f64, f64) {
+    let y = AntilockBraking::update(p, &(), x, u, 0.0);
+    (y.cmd[0], y.active[0])
+}
+
+#[track_caller]
+fn assert_command(actual: (f64, f64), expected: (f64, f64)) {
+    // Sums of a few steps of pressure: roundings of 10 MPa.
+    assert!((actual.0 - expected.0).abs() < 1e-13 && actual.1 == expected.1, "{actual:?} is not {expected:?}");
+}
+
+#[test]
+fn a_wheel_that_slips_too_much_is_released_held_and_braked_again() {
+    let (p, mut x) = (P::default(), X::default());
+    // Below the band: the driver's pressure. In the band nothing starts.
+    assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, 0.0));
+    assert_command(sample(&p, &mut x, &braking(0.2199)), (10.0, 0.0));
+    // Above: 60 MPa/s for 5 ms, starting with this very sample.
+    assert_command(sample(&p, &mut x, &braking(0.25)), (9.7, 1.0));
+    assert_command(sample(&p, &mut x, &braking(0.3)), (9.4, 1.0));
+    // The wheel speeds up by more than 10 m/s2 (0.06 m/s in 5 ms): held although above the band.
+    assert_command(sample(&p, &mut x, &braking(0.3 - 0.06 / 15.0)), (9.4, 1.0));
+    // In the band: held.
+    assert_command(sample(&p, &mut x, &braking(0.21)), (9.4, 1.0));
+    assert_command(sample(&p, &mut x, &braking(0.1801)), (9.4, 1.0));
+    // Below: 20 MPa/s, until the driver's pressure is reached.
+    for expected in [9.5, 9.6, 9.7, 9.8, 9.9] {
+        assert_command(sample(&p, &mut x, &braking(0.1)), (expected, 1.0));
+    }
+    // Ten roundings decide whether the last step reaches 10 MPa at once.
+    sample(&p, &mut x, &braking(0.1));
+    assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, 0.0));
+}
+
+#[test]
+fn a_driver_who_lets_go_ends_the_modulation() {
+    let (p, mut x) = (P::default(), X::default());
+    sample(&p, &mut x, &braking(0.1));
+    sample(&p, &mut x, &braking(0.4));
+    assert_command(sample(&p, &mut x, &U { master: 3.0, ..braking(0.4) }), (3.0, 0.0));
+    assert_command(sample(&p, &mut x, &U { master: 0.0, ..braking(0.4) }), (0.0, 0.0));
+}
+
+#[test]
+fn switched_off_or_slow_the_request_passes() {
+    let p = P::default();
+    for u in [U { enable: 0.5, ..braking(1.0) }, U { u: 1.4, ..braking(1.0) }] {
+        let mut x = X { active: [true; 4], cmd: [1.0; 4], ..X::default() };
+        assert_command(sample(&p, &mut x, &u), (10.0, 0.0));
+    }
+    // The request: pedal and yaw control together, within 0 and the limit.
+    let off = U { enable: 0.0, p_dyc: FourWheels([1.0, 5.0, 0.0, -20.0]), ..braking(0.0) };
+    let y = AntilockBraking::update(&p, &(), &mut X::default(), &off, 0.0);
+    assert_eq!(*y.cmd, [11.0, 12.0, 10.0, 0.0]);
+}
+
+#[test]
+fn the_lead_time_looks_ahead() {
+    // The slip starts from 0. 0.05, then 0.11 within 5 ms: 10 ms later it would be 0.23.
+    let p = P { lead: 0.01, ..P::default() };
+    let mut x = X::default();
+    assert_command(sample(&p, &mut x, &braking(0.05)), (10.0, 0.0));
+    assert_command(sample(&p, &mut x, &braking(0.11)), (9.7, 1.0));
+    // A wheel that is modulated from the first sample on has no pressure yet.
+    assert_command(sample(&P { lead: 0.005, ..P::default() }, &mut X::default(), &braking(0.12)), (0.0, 1.0));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    /// Any sequence: commands within 0 and the request; a modulated wheel is below it; pressures change by their rates
+    /// while modulated; sides exchanged before or after are the same to the bit.
+    #[test]
+    fn commands_stay_within_the_request(
+        samples in prop::collection::vec(
+            (0.0..20.0_f64, 0.0..14.0_f64, prop::array::uniform4(0.0..3.0_f64), prop::array::uniform4(0.0..70.0_f64)), 1..30,
+        ),
+    ) {
+        let p = P::default();
+        let (mut x, mut mirrored) = (X::default(), X::default());
+        for (u, master, p_dyc, omega) in samples {
+            let before = x.clone();
+            let inputs = U { u, master, p_dyc: FourWheels(p_dyc), omega: FourWheels(omega), ..braking(0.0) };
+            let y = AntilockBraking::update(&p, &(), &mut x, &inputs, 0.0);
+            for i in 0..4 {
+                let req = (master + p_dyc[i]).min(p.p_max);
+                prop_assert!((0.0..=req).contains(&y.cmd[i]));
+                if y.active[i] == 1.0 {
+                    prop_assert!(y.cmd[i] < req);
+                    let change = y.cmd[i] - before.cmd[i];
+                    // One rounding of 14 MPa.
+                    prop_assert!(change <= 0.1 + 1e-14 && change >= -0.3 - 1e-14, "{change}");
+                } else {
+                    prop_assert_eq!(y.cmd[i], req);
+                }
+            }
+            let swap = |family: [f64; 4]| FourWheels([1, 0, 3, 2].map(|i| family[i]));
+            let other = U { p_dyc: swap(p_dyc), omega: swap(omega), ..inputs };
+            let z = AntilockBraking::update(&p, &(), &mut mirrored, &other, 0.0);
+            prop_assert_eq!((*y.cmd, *y.active), (*swap(*z.cmd), *swap(*z.active)));
+        }
+    }
+}

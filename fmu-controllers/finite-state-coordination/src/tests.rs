@@ -1,1 +1,202 @@
-//!
+//! Driving states, tables and rules by hand, and their properties.
+
+use proptest::prelude::{ProptestConfig, prop, prop_assert, prop_assert_eq, proptest};
+
+use super::equations::State;
+use super::*;
+
+/// No filter: the state follows at once.
+fn unfiltered() -> P {
+    P { tau: 0.0, ..P::default() }
+}
+
+fn sample(p: &P, x: &mut X, u: &U) -> Y {
+    FiniteStateCoordination::update(p, &(), x, u, 0.0)
+}
+
+/// State for accelerations and brake pedal, after what was before.
+fn state(x: &mut X, a_x: f64, a_y: f64, brake: f64) -> f64 {
+    sample(&unfiltered(), x, &U { a_x, a_y, brake, u: data::SPEED, ..U::default() }).state
+}
+
+#[test]
+fn six_states_are_told_apart() {
+    // Table 1.
+    for (a_x, a_y, brake, expected) in [
+        (0.0, 0.0, 0.0, 1.0),
+        (1.0, 0.0, 0.0, 2.0),
+        (-1.0, 0.0, 1.0, 3.0),
+        (0.0, 1.0, 0.0, 4.0),
+        (-1.0, -1.0, 1.0, 5.0),
+        (1.0, -1.0, 0.0, 6.0),
+        // Decelerating without the pedal is not braking, the pedal alone neither, nor accelerating with it.
+        (-1.0, 0.0, 0.0, 1.0),
+        (0.0, 0.0, 1.0, 1.0),
+        (1.0, 0.0, 1.0, 1.0),
+    ] {
+        assert_eq!(state(&mut X::default(), a_x, a_y, brake), expected, "{a_x} {a_y} {brake}");
+    }
+}
+
+#[test]
+fn states_last_until_the_lower_threshold() {
+    let mut x = X::default();
+    let run = [(0.45, 1.0), (0.55, 2.0), (0.35, 2.0), (0.29, 1.0), (0.35, 1.0)];
+    for (a_x, expected) in run {
+        assert_eq!(state(&mut x, a_x, 0.0, 0.0), expected, "accelerating, {a_x}");
+    }
+    for (a_x, expected) in run {
+        let expected = if expected == 2.0 { 3.0 } else { expected };
+        assert_eq!(state(&mut x, -a_x, 0.0, 1.0), expected, "braking, {a_x}");
+    }
+    for (a_y, expected) in [(0.3, 1.0), (-0.41, 4.0), (0.26, 4.0), (-0.24, 1.0), (0.3, 1.0)] {
+        assert_eq!(state(&mut x, 0.0, a_y, 0.0), expected, "turning, {a_y}");
+    }
+    // From braking straight to accelerating: the band of one does not hold the other.
+    state(&mut x, -1.0, 0.0, 1.0);
+    assert_eq!(state(&mut x, 0.4, 0.0, 0.0), 1.0);
+}
+
+#[test]
+fn accelerations_are_filtered() {
+    // 1 - exp(-5 ms/50 ms) of 2 m/s2 per sample: above 0.4 m/s2 in the third, 2 (1 - exp(-0.3)) = 0.518.
+    let p = P::default();
+    let mut x = X::default();
+    let states: Vec<_> = (0..3).map(|_| sample(&p, &mut x, &U { a_y: 2.0, ..U::default() }).state).collect();
+    assert_eq!(states, [1.0, 1.0, 4.0]);
+    // A few roundings.
+    assert!((x.a_y - 2.0 * (1.0 - (-0.3_f64).exp())).abs() < 1e-15);
+}
+
+#[test]
+fn laws_are_on_by_state() {
+    for (a_x, a_y, brake, antilock, yaw_control) in [
+        (0.0, 0.0, 0.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0, 0.0, 0.0),
+        (-1.0, 0.0, 1.0, 1.0, 0.0),
+        (0.0, 1.0, 0.0, 0.0, 1.0),
+        (-1.0, 1.0, 1.0, 1.0, 1.0),
+        (1.0, 1.0, 0.0, 0.0, 1.0),
+    ] {
+        let y = sample(&unfiltered(), &mut X::default(), &U { a_x, a_y, brake, ..U::default() });
+        assert_eq!((y.suspension, y.antilock, y.yaw_control), (1.0, antilock, yaw_control));
+    }
+}
+
+#[test]
+fn the_other_strategies_are_constant() {
+    let u = U { a_x: -3.0, a_y: 3.0, brake: 1.0, thetadd: 1.0, phidd: 1.0, u: 10.0, ..U::default() };
+    let y = sample(&P { strategy: Strategy::None, ..P::default() }, &mut X::default(), &u);
+    assert_eq!((y.state, y.suspension, y.antilock, y.yaw_control), (0.0, 0.0, 0.0, 0.0));
+    assert_eq!((*y.k_p, *y.k_i, *y.k_d, *y.target), ([0.0; 4], [0.0; 4], [0.0; 4], [0.0; 4]));
+    let y = sample(&P { strategy: Strategy::Individual, ..P::default() }, &mut X::default(), &u);
+    assert_eq!((y.state, y.suspension, y.antilock, y.yaw_control), (0.0, 1.0, 1.0, 1.0));
+    assert_eq!((*y.k_p, *y.k_i, *y.k_d, *y.target), ([60.0; 4], [0.8; 4], [3.0; 4], [0.2; 4]));
+}
+
+fn gains(p: &P, state: State, u: &U) -> [[f64; 4]; 3] {
+    equations::gains(p, state, u).map(|family| *family)
+}
+
+#[test]
+fn the_tables_are_those_of_the_paper() {
+    let p = P::default();
+    let pitch = |thetadd: f64| U { thetadd, ..U::default() };
+    let roll = |phidd: f64| U { phidd, ..U::default() };
+    let axles = |front: f64, rear: f64| [front, front, rear, rear];
+    let sides = |left: f64, right: f64| [left, right, left, right];
+    for (state, u, k_i, k_d) in [
+        (State::Accelerating, pitch(-0.11), axles(0.98, 1.00), axles(3.10, 3.11)),
+        (State::Accelerating, pitch(0.11), axles(1.20, 1.10), axles(3.21, 3.30)),
+        (State::Braking, pitch(-0.11), axles(1.00, 1.06), axles(3.18, 3.16)),
+        (State::Braking, pitch(0.11), axles(1.12, 1.00), axles(3.14, 3.24)),
+        (State::Turning, roll(-0.011), sides(1.06, 1.16), sides(3.10, 3.18)),
+        (State::Turning, roll(0.011), sides(1.10, 1.04), sides(3.12, 3.10)),
+        (State::TurningAndAccelerating, roll(-0.011), sides(0.98, 1.10), sides(3.01, 3.15)),
+        (State::TurningAndAccelerating, roll(0.011), sides(1.00, 1.00), sides(3.06, 3.02)),
+        // In between and in the other states: the base.
+        (State::Accelerating, pitch(0.1), [0.8; 4], [3.0; 4]),
+        (State::Turning, roll(-0.01), [0.8; 4], [3.0; 4]),
+        (State::Uniform, U { thetadd: 1.0, phidd: 1.0, ..U::default() }, [0.8; 4], [3.0; 4]),
+        // Rule 5: both accelerations.
+        (State::TurningAndBraking, U { thetadd: -0.11, phidd: 0.011, ..U::default() }, [1.0; 4], [3.16; 4]),
+        (State::TurningAndBraking, pitch(0.11), [0.8; 4], [3.0; 4]),
+    ] {
+        assert_eq!(gains(&p, state, &u)[1..], [k_i, k_d], "{state:?} {u:?}");
+    }
+    let swapped = P { swap_sides: true, ..P::default() };
+    assert_eq!(gains(&swapped, State::Turning, &roll(-0.011))[1..], [sides(1.16, 1.06), sides(3.18, 3.10)]);
+    assert_eq!(gains(&swapped, State::Accelerating, &pitch(-0.11))[1], axles(0.98, 1.00));
+}
+
+#[test]
+fn rules_raise_the_proportional_gain_where_rate_and_acceleration_agree() {
+    let p = P { lambda_1: 100.0, lambda_2: 80.0, beta_3: 0.5, ..P::default() };
+    let motion = |thetad, thetadd, phid, phidd| U { thetad, thetadd, phid, phidd, ..U::default() };
+    let k_p = |state, u: U| gains(&p, state, &u)[0];
+    let pitching = motion(0.02, 0.2, 0.0, 0.0);
+    for state in [State::Accelerating, State::Braking] {
+        assert_eq!(k_p(state, pitching.clone()), [90.0, 90.0, 75.0, 75.0]);
+        assert_eq!(k_p(state, motion(-0.02, -0.2, 0.0, 0.0)), [75.0, 75.0, 90.0, 90.0]);
+        assert_eq!(k_p(state, motion(-0.02, 0.2, 0.0, 0.0)), [60.0; 4]);
+    }
+    let rolling = motion(0.0, 0.0, 0.002, 0.02);
+    assert_eq!(k_p(State::Turning, rolling.clone()), [100.0, 80.0, 100.0, 80.0]);
+    assert_eq!(k_p(State::Turning, motion(0.0, 0.0, -0.002, -0.02)), [80.0, 100.0, 80.0, 100.0]);
+    // State 6 has thresholds of its own.
+    assert_eq!(k_p(State::TurningAndAccelerating, rolling.clone()), [60.0; 4]);
+    assert_eq!(k_p(State::TurningAndAccelerating, motion(0.0, 0.0, 0.6, 0.02)), [100.0, 80.0, 100.0, 80.0]);
+    assert_eq!(k_p(State::Uniform, pitching.clone()), [60.0; 4]);
+    // State 5: the greater acceleration decides, or both blend by their size (0.3 and 0.1: three quarters pitch).
+    assert_eq!(k_p(State::TurningAndBraking, pitching), [90.0, 90.0, 75.0, 75.0]);
+    assert_eq!(k_p(State::TurningAndBraking, rolling), [100.0, 80.0, 100.0, 80.0]);
+    let both = k_p(State::TurningAndBraking, motion(0.02, 0.3, 0.002, 0.1));
+    for (actual, expected) in both.into_iter().zip([92.5, 87.5, 81.25, 76.25]) {
+        // Roundings of 0.3 + 0.1.
+        assert!((actual - expected).abs() < 1e-12, "{actual} {expected}");
+    }
+}
+
+#[test]
+fn the_target_slip_falls_with_speed_and_in_turns() {
+    let p = P::default();
+    let slip = |state, a_y: f64, u: f64| equations::target_slip(&p, state, a_y, u);
+    // 0.18 at 60 km/h, sqrt of the inverse speed; limited at 0.30 below 21.6 km/h.
+    assert!((slip(State::Braking, 0.0, data::SPEED) - 0.18).abs() < 1e-15);
+    assert!((slip(State::Braking, 0.0, data::SPEED * 4.0) - 0.09).abs() < 1e-15);
+    assert_eq!(slip(State::Braking, 0.0, 0.0), 0.30);
+    assert_eq!(slip(State::Braking, 0.0, 400.0), 0.08);
+    // 40 % less at the limit of friction, 20 % at half of it; only in state 5.
+    let limit = 0.77 * 9.81;
+    for (a_y, share) in [(limit, 0.6), (-3.0 * limit, 0.6), (limit / 2.0, 0.8)] {
+        assert!((slip(State::TurningAndBraking, a_y, data::SPEED) - 0.18 * share).abs() < 1e-15);
+    }
+    assert!((slip(State::Turning, limit, data::SPEED) - 0.18).abs() < 1e-15);
+    // Parameters that contradict each other, or ice without friction, do not panic.
+    let odd = P { slip_lo: 0.5, slip_hi: 0.1, mu: 0.0, ..P::default() };
+    assert_eq!(equations::target_slip(&odd, State::TurningAndBraking, 0.0, 10.0), 0.1);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    /// Any sequence: gains and target slips stay within those of tables and parameters, switches are 0 or 1 and belong to
+    /// the state.
+    #[test]
+    fn results_belong_to_the_state(
+        samples in prop::collection::vec((prop::array::uniform6(-2.0..2.0_f64), 0.0..0.1_f64, 0.0..40.0_f64), 1..30),
+    ) {
+        let p = P::default();
+        let mut x = X::default();
+        for ([a_x, a_y, thetad, thetadd, phid, phidd], brake, speed) in samples {
+            let y = sample(&p, &mut x, &U { u: speed, a_x, a_y, thetad, thetadd, phid, phidd, brake, throttle: 0.0 });
+            prop_assert!([1.0, 2.0, 3.0, 4.0, 5.0, 6.0].contains(&y.state));
+            let is = |states: &[f64]| f64::from(u8::from(states.contains(&y.state)));
+            prop_assert_eq!((y.antilock, y.yaw_control), (is(&[3.0, 5.0]), is(&[4.0, 5.0, 6.0])));
+            for i in 0..4 {
+                prop_assert!((60.0..=90.0).contains(&y.k_p[i]) && (0.8..=1.2).contains(&y.k_i[i]));
+                prop_assert!((3.0..=3.3).contains(&y.k_d[i]) && (0.08..=0.3).contains(&y.target[i]));
+            }
+        }
+    }
+}

@@ -1,1 +1,107 @@
-//!
+//! Closed forms and properties of the suspension law.
+
+use proptest::prelude::*;
+
+use super::*;
+
+/// The same at all wheels, enabled.
+fn inputs(gains: [f64; 3], a: f64, v: f64) -> U {
+    let four = |value| FourWheels([value; 4]);
+    U { enable: 1.0, k_p: four(gains[0]), k_i: four(gains[1]), k_d: four(gains[2]), a: four(a), v: four(v) }
+}
+
+fn force(p: &P, x: &mut X, u: &U) -> f64 {
+    SemiActivePidSuspension::update(p, &(), x, u, 0.0).f[0]
+}
+
+fn active() -> P {
+    P { constraint: Constraint::None, f_leak: 0.0, ..P::default() }
+}
+
+#[test]
+fn without_leak_the_sum_of_increments_is_a_pid_law() {
+    // f = -(K_p a + K_i sum a + K_d (a - a1)); powers of 2 are exact.
+    let (p, mut x) = (active(), X::default());
+    let gains = [8.0, 0.5, 2.0];
+    assert_eq!(force(&p, &mut x, &inputs(gains, 1.0, 0.0)), -10.5);
+    assert_eq!(force(&p, &mut x, &inputs(gains, 3.0, 0.0)), -(24.0 + 2.0 + 4.0));
+    assert_eq!(force(&P { gain: 2.0, ..p }, &mut x, &inputs(gains, -1.0, 0.0)), -2.0 * (-8.0 + 1.5 - 8.0));
+}
+
+#[test]
+fn the_integral_is_a_skyhook_damper() {
+    // K_i/T_s times the velocity of the body: 0.8 kg / 1 ms = 800 N s/m. 100 samples of 2 m/s2 are 0.2 m/s; roundings.
+    let (p, mut x) = (active(), X::default());
+    let mut f = 0.0;
+    for _ in 0..100 {
+        f = force(&p, &mut x, &inputs([0.0, 0.8, 0.0], 2.0, 0.0));
+    }
+    assert!((f + 800.0 * 0.2).abs() < 1e-10, "{f}");
+}
+
+#[test]
+fn the_law_leaks_and_is_limited() {
+    // The leak: exp(-2 pi 0.1 Hz 1 ms) per sample, e^-1 after 1/(2 pi 0.1) = 1.5915 s = 1592 samples (rounded: 3e-4).
+    let p = P { constraint: Constraint::None, ..P::default() };
+    let mut x = X { u: [100.0; 4], ..X::default() };
+    let mut f = 0.0;
+    for _ in 0..1592 {
+        f = force(&p, &mut x, &inputs([60.0, 0.8, 3.0], 0.0, 0.0));
+    }
+    assert!((f / (-100.0 * (-1.0_f64).exp()) - 1.0).abs() < 5e-4, "{f}");
+    // Neither the force nor the memory exceeds the limit, so it turns around at once.
+    for _ in 0..100 {
+        f = force(&p, &mut x, &inputs([0.0, 80.0, 0.0], 5.0, 0.0));
+    }
+    assert_eq!((f, x.u[0]), (-1500.0, 1500.0));
+    assert!(force(&p, &mut x, &inputs([0.0, 80.0, 0.0], -5.0, 0.0)) > -1101.0);
+}
+
+#[test]
+fn a_damper_makes_only_forces_against_its_velocity() {
+    // Greatest added damping 3000 N s/m, then the limit of the force.
+    let p = P::default();
+    let with = |a: f64, v: f64| force(&p, &mut X::default(), &inputs([0.0, 1000.0, 0.0], a, v));
+    assert_eq!(with(1.0, 0.1), -300.0);
+    assert_eq!(with(1.0, 2.0), -1000.0);
+    assert_eq!(with(10.0, 2.0), -1500.0);
+    assert_eq!(with(1.0, -0.1), 0.0);
+    assert_eq!(with(-1.0, -0.1), 300.0);
+    assert_eq!(with(1.0, 0.0), 0.0);
+}
+
+#[test]
+fn switched_off_it_forgets() {
+    let p = active();
+    let mut x = X { u: [100.0; 4], a1: [3.0; 4], a2: [2.0; 4] };
+    let off = U { enable: 0.5, ..inputs([60.0, 0.8, 3.0], 1.5, 0.0) };
+    assert_eq!(force(&p, &mut x, &off), 0.0);
+    assert_eq!((x.u, x.a1, x.a2), ([0.0; 4], [1.5; 4], [1.5; 4]));
+    // Back on with the same acceleration: only the integral acts.
+    assert_eq!(force(&p, &mut x, &inputs([60.0, 2.0, 3.0], 1.5, 0.0)), -3.0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    /// Any sequence: no power into the suspension, forces within both limits, odd to the bit, wheel by wheel.
+    #[test]
+    fn forces_are_dissipative_limited_and_odd(
+        gains in prop::array::uniform3(0.0..200.0_f64),
+        samples in prop::collection::vec((prop::array::uniform4(-20.0..20.0_f64), prop::array::uniform4(-1.0..1.0_f64)), 1..20),
+    ) {
+        let p = P::default();
+        let (mut x, mut turned) = (X::default(), X::default());
+        for (a, v) in samples {
+            let u = U { a: FourWheels(a), v: FourWheels(v), ..inputs(gains, 0.0, 0.0) };
+            let f = SemiActivePidSuspension::update(&p, &(), &mut x, &u, 0.0).f;
+            for i in 0..4 {
+                prop_assert!(f[i] * v[i] <= 0.0 && f[i].abs() <= p.f_max && f[i].abs() <= p.c_add * v[i].abs());
+                prop_assert!(x.u[i].abs() <= p.f_max);
+            }
+            let opposite = U { a: FourWheels(a.map(|a| -a)), v: FourWheels(v.map(|v| -v)), ..u };
+            let g = SemiActivePidSuspension::update(&p, &(), &mut turned, &opposite, 0.0).f;
+            prop_assert_eq!(*f, g.map(|g| -g));
+        }
+    }
+}

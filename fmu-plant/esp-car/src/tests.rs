@@ -1,1 +1,462 @@
+//! Check numbers, closed forms and invariants of the equations of motion.
 //!
+//! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
+//! digit.
+
+use std::array;
+
+use control::riccati::eigenvalues;
+use fmi2::model::{Model, PlantModel, Step};
+use fmi2::{Block, Dual64};
+use nalgebra::DMatrix;
+use proptest::prelude::*;
+
+use super::*;
+
+const STATES: usize = <X<f64> as Block<f64>>::LEN;
+const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
+/// Positions in the state.
+const V: usize = 4;
+const R: usize = 5;
+const Z: usize = 6;
+
+/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
+}
+
+fn design(p: &P) -> D {
+    equations::design(p).unwrap()
+}
+
+fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
+    equations::derivatives(p, &design(p), x, u)
+}
+
+fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
+    equations::outputs(p, &design(p), x, u)
+}
+
+fn numbers<T: Scalar>(block: &impl Block<T>) -> Vec<T> {
+    let mut values = vec![T::from(0.0); 100];
+    block.write(&mut values);
+    values
+}
+
+/// Straight ahead at a speed, rolling.
+fn straight(p: &P, speed: f64) -> X<f64> {
+    let mut x = X::default();
+    EspCar::begin(&P { u_0: speed, ..p.clone() }, &mut x);
+    x
+}
+
+/// The state after `time` of held inputs, by steps of 1 ms.
+fn simulated(p: &P, x: &X<f64>, u: &U<f64>, time: f64) -> X<f64> {
+    let d = design(p);
+    let layout = PlantModel::<EspCar>::layout();
+    let mut reals = vec![0.0; layout.reals()];
+    x.write(&mut reals[layout.states.clone()]);
+    u.write(&mut reals[layout.inputs.clone()]);
+    let mut step = Step { start: 0.0, time: 0.0, step: 1e-3, sample: 0 };
+    let parts = PlantModel::<EspCar>::parts(p, step) as u64;
+    for k in 0..(time / step.step).round() as u32 {
+        step.time = f64::from(k) * step.step;
+        PlantModel::<EspCar>::step(p, &d, &mut (), &layout, &mut reals, step, parts).unwrap();
+    }
+    X::read(&reals[layout.states.clone()])
+}
+
+/// The Jacobian matrix of outputs (first) or derivatives with respect to state and inputs, exact by dual numbers.
+fn linearized(p: &P, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f64> {
+    let d = design(p);
+    let (x, u) = (numbers(x), numbers(u));
+    let column = |j: usize| {
+        let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
+            let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
+            values.iter().enumerate().map(|(i, &value)| Dual64::new(value, seed(i))).collect()
+        };
+        let (x, u) = (X::read(&seeded(&x[..STATES], 0)), U::read(&seeded(&u[..INPUTS], STATES)));
+        let results = if of_outputs {
+            numbers(&equations::outputs(p, &d, &x, &u))
+        } else {
+            numbers(&equations::derivatives(p, &d, &x, &u))
+        };
+        results.into_iter().map(|result| result.eps).collect::<Vec<_>>()
+    };
+    let columns: Vec<_> = (0..STATES + INPUTS).map(column).collect();
+    DMatrix::from_fn(columns[0].len(), STATES + INPUTS, |i, j| columns[j][i])
+}
+
+#[test]
+fn at_rest_nothing_moves() {
+    // Exactly 0: no term is without a factor that is 0.
+    let p = P { u_0: 0.0, ..P::default() };
+    let rates = derivatives(&p, &straight(&p, 0.0), &U::default());
+    assert!(numbers(&rates).iter().all(|&rate| rate == 0.0), "{rates:?}");
+    // Loads m g b/(2 L) and m g a/(2 L): check numbers.
+    let y = outputs(&p, &straight(&p, 0.0), &U::default());
+    assert_near(y.f_z[0], 3534.954, 5e-4);
+    assert_near(y.f_z[3], 3135.846, 5e-4);
+    assert_eq!((y.ltr, y.a_x, y.a_y, y.beta), (0.0, 0.0, 0.0, 0.0));
+}
+
+#[test]
+fn the_geometry_has_the_check_numbers() {
+    let d = design(&P::default());
+    assert_near(d.e, -0.010_166_7, 5e-8);
+    assert_near(d.h_ra, 0.478_667, 5e-7);
+    assert_near(d.m, 1360.0, 0.0);
+    assert_near(d.i_vehicle, data::YAW_INERTIA, 5e-3);
+}
+
+#[test]
+fn a_raised_road_raises_the_car() {
+    // Equilibrium; the residual is a rounding of 1e3 N on 35 kg.
+    let p = P::default();
+    let x = X { z: 0.01, z_u: FourWheels([0.01; 4]), ..straight(&p, 0.0) };
+    let u = U { z_r: FourWheels([0.01; 4]), ..U::default() };
+    for rate in numbers(&derivatives(&p, &x, &u)) {
+        assert_near(rate, 0.0, 1e-12);
+    }
+}
+
+/// Energy of the car: momenta's kinetic energy to second order in the angles of the body; springs, bars, tires, weight.
+fn energy<T: Scalar>(p: &P, d: &D, x: &X<T>) -> T {
+    let (a, b) = (x.theta * p.h_b + d.e, x.phi * p.h_b);
+    let (v_x, v_y) = (x.u + x.thetad * p.h_b + x.r * b, x.v - x.phid * p.h_b + x.r * a);
+    let (o_1, o_2) = (x.phid - x.r * x.theta, x.thetad + x.r * x.phi);
+    let tilt = x.phi.squared() + x.theta.squared();
+    let body = (v_x.squared() + v_y.squared() + x.zd.squared()) * p.m_s
+        + o_1.squared() * p.i_x
+        + o_2.squared() * p.i_y
+        + (x.r.squared() * (-tilt + 1.0) - x.r * x.phi * x.thetad * 2.0) * p.i_z
+        - tilt * (p.m_s * p.g * p.h_b);
+    let wheels = (0..4).map(|i| {
+        let j = axle_of(i);
+        let deflection = x.z + x.phi * d.y[i] - x.theta * (d.x[i] - d.e) - x.z_u[i];
+        let speed = (x.u - x.r * d.y[i]).squared() + (x.v + x.r * d.x[i]).squared() + x.zd_u[i].squared();
+        speed * p.m_u[j] + x.omega[i].squared() * p.j_w + deflection.squared() * p.k_s[j] + x.z_u[i].squared() * p.k_t
+    });
+    let bars = (0..2).map(|j| (x.phi - (x.z_u[2 * j] - x.z_u[2 * j + 1]) / p.track).squared() * p.k_a[j]);
+    (body + wheels.sum::<T>() + bars.sum::<T>()) * 0.5
+}
+
+/// Momentum along the axes of the road and about its origin.
+fn momentum(p: &P, d: &D, x: &X<f64>) -> [f64; 3] {
+    // The momenta are the derivatives of the kinetic energy with respect to u, v and r.
+    let by = |place: usize| {
+        let values: Vec<_> = numbers(x)
+            .into_iter()
+            .enumerate()
+            .map(|(i, value)| Dual64::new(value, if i == place { 1.0 } else { 0.0 }))
+            .collect();
+        energy(p, d, &X::read(&values)).eps
+    };
+    let (p_u, p_v, about) = (by(3), by(V), by(R));
+    let (sine, cosine) = x.psi.sin_cos();
+    let (p_x, p_y) = (p_u * cosine - p_v * sine, p_u * sine + p_v * cosine);
+    [p_x, p_y, about + x.x * p_y - x.y * p_x]
+}
+
+/// Without dampers and friction, and with the unsprung masses at the height of the roll axis.
+fn conservative() -> P {
+    let p = P { c_s: TwoAxles([0.0; 2]), mu_0: 1e-12, ..P::default() };
+    let m = design(&p).m;
+    P { h_u: p.h - p.m_s * p.h_b / m, ..p }
+}
+
+#[test]
+fn energy_and_momentum_are_kept_without_friction() {
+    let p = conservative();
+    let d = design(&p);
+    assert_near(p.h_u, 0.456_470_6, 5e-8);
+    assert_near(d.h_ra, p.h_u, 1e-15);
+    let start = X { v: 1.0, r: 2.0, phi: 0.05, theta: 0.03, z: 0.02, phid: 0.3, ..straight(&p, 10.0) };
+    let end = simulated(&p, &start, &U::default(), 2.0);
+    // Check numbers.
+    assert_near(energy(&p, &d, &start), 74_071.7161, 5e-5);
+    for (actual, expected) in [
+        (end.x, 20.028_088),
+        (end.y, 1.938_985),
+        (end.psi, 3.995_619),
+        (end.phi, -0.025_669),
+        (end.theta, 0.025_470),
+        (end.z, -0.008_142),
+    ] {
+        assert_near(actual, expected, 5e-7);
+    }
+    let (first, last) = (momentum(&p, &d, &start), momentum(&p, &d, &end));
+    assert_near(first[0], 13_616.8, 0.05);
+    assert_near(first[1], 1319.68, 5e-3);
+    assert_near(first[2], 3078.706_963, 5e-7);
+    // Error of the integration with 0.1 ms: (0.1 ms)^4 times the fifth derivative of 10 Hz motions.
+    assert_near(energy(&p, &d, &end) / energy(&p, &d, &start), 1.0, 1e-10);
+    for i in 0..3 {
+        assert_near(last[i], first[i], 1e-10 * 14e3);
+    }
+}
+
+/// A state of usual size: angles and heights to 0.1, rates to 1, speeds to 20.
+fn any_state() -> impl Strategy<Value = X<f64>> {
+    (prop::array::uniform24(-1.0..1.0_f64), -20.0..20.0_f64).prop_map(|(values, speed)| {
+        let mut x = X::read(&values);
+        x.u = speed;
+        for small in [&mut x.z, &mut x.phi, &mut x.theta] {
+            *small *= 0.1;
+        }
+        x.z_u = FourWheels::from_fn(|i| 0.05 * x.z_u[i]);
+        x.omega = FourWheels::from_fn(|i| 70.0 * x.omega[i]);
+        x
+    })
+}
+
+fn any_inputs() -> impl Strategy<Value = U<f64>> {
+    let four = |least: f64, most: f64| prop::array::uniform4(least..most).prop_map(FourWheels);
+    (-0.5..0.5, four(-0.05, 0.05), four(0.0, 1.0), four(-1500.0, 1500.0), four(0.0, 1500.0), four(-500.0, 500.0))
+        .prop_map(|(delta, z_r, friction, f, t_b, t_d)| U { delta: FrontAxle([delta]), z_r, friction, f, t_b, t_d })
+}
+
+/// The values of a block for the car seen in a mirror along its track, by the names of the variables.
+fn mirrored<B: Block<f64>>(block: &B) -> B {
+    const ODD: [&str; 9] = [
+        "steer",
+        "tire_slip_angle",
+        "tire_lateral_force",
+        "vehicle.lateral",
+        "vehicle.sideslip",
+        "vehicle.yaw",
+        "vehicle.position_y",
+        "vehicle.load_transfer_ratio",
+        "body.roll",
+    ];
+    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
+    let values = numbers(block);
+    let other_side = |name: &str| match name.rsplit_once('.') {
+        Some((family, place)) if FourWheels::<f64>::PLACES.iter().any(|known| known.suffix == place) => {
+            let (axle, side) = place.split_at(1);
+            format!("{family}.{axle}{}", if side == "l" { "r" } else { "l" })
+        }
+        _ => name.to_owned(),
+    };
+    let reflected: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let source = names.iter().position(|other| *other == other_side(name)).unwrap();
+            if ODD.iter().any(|odd| name.starts_with(odd)) { -values[source] } else { values[source] }
+        })
+        .collect();
+    B::read(&reflected)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Without friction only dampers, drive and brakes change the energy. Sums of terms to 1e6 W: 1e-8 W are roundings.
+    #[test]
+    fn the_energy_balance_closes(x in any_state(), u in any_inputs()) {
+        let p = P { c_s: TwoAxles([560.0, 400.0]), mu_0: 0.0, ..conservative() };
+        let d = design(&p);
+        // Flat road, no actuators; the wheels stay on the road.
+        let u = U { z_r: FourWheels::default(), f: FourWheels::default(), ..u };
+        let x = X { z_u: FourWheels::from_fn(|i| 0.4 * x.z_u[i]), ..x };
+        let rates = equations::derivatives(&p, &d, &x, &u);
+        let moving: Vec<_> = numbers(&x).into_iter().zip(numbers(&rates)).map(|(x, d)| Dual64::new(x, d)).collect();
+        let power = energy(&p, &d, &X::read(&moving)).eps;
+        let y = equations::outputs(&p, &d, &x, &u);
+        let dampers: f64 = (0..4).map(|i| -p.c_s[axle_of(i)] * y.dd[i] * y.dd[i]).sum();
+        let wheels: f64 = (0..4).map(|i| x.omega[i] * (u.t_d[i] - u.t_b[i] * (x.omega[i] / p.w_eps).tanh())).sum();
+        prop_assert!((power - dampers - wheels).abs() <= 1e-8, "{} W of {power} W", power - dampers - wheels);
+    }
+
+    /// Right and left exchanged: only the order of sums changes. Relative to the largest value that is a few roundings.
+    #[test]
+    fn the_car_is_symmetric(x in any_state(), u in any_inputs()) {
+        let p = P::default();
+        let d = design(&p);
+        let (xm, um) = (mirrored(&x), mirrored(&u));
+        let pairs = [
+            (
+                numbers(&mirrored(&equations::derivatives(&p, &d, &x, &u))),
+                numbers(&equations::derivatives(&p, &d, &xm, &um)),
+            ),
+            (numbers(&mirrored(&equations::outputs(&p, &d, &x, &u))), numbers(&equations::outputs(&p, &d, &xm, &um))),
+        ];
+        for (expected, actual) in pairs {
+            let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
+            for (expected, actual) in expected.into_iter().zip(actual) {
+                prop_assert!((expected - actual).abs() <= 1e-13 * largest, "{expected} {actual}");
+            }
+        }
+    }
+
+    /// Newton's law upwards: loads and weight accelerate body and wheels; what the links carry cancels. Roundings of 1e5 N.
+    #[test]
+    fn the_vertical_forces_balance(x in any_state(), u in any_inputs()) {
+        let p = P::default();
+        let d = design(&p);
+        let (rates, y) = (equations::derivatives(&p, &d, &x, &u), equations::outputs(&p, &d, &x, &u));
+        let inertia: f64 = p.m_s * rates.zd + (0..4).map(|i| p.m_u[axle_of(i)] * rates.zd_u[i]).sum::<f64>();
+        // The actuators push wheels and body apart.
+        let loads: f64 = y.f_z.iter().sum::<f64>() - d.m * p.g;
+        prop_assert!((inertia - loads).abs() <= 1e-9, "{inertia} {loads}");
+    }
+
+    /// A tire never pulls, its force stays within friction, and slips are finite at any speed.
+    #[test]
+    fn tire_forces_stay_within_friction(x in any_state(), u in any_inputs(), standing: bool) {
+        let p = P::default();
+        let x = if standing { X { u: 0.0, v: 0.0, r: 0.0, omega: FourWheels::default(), ..x } } else { x };
+        let y = outputs(&p, &x, &u);
+        prop_assert!(numbers(&y).iter().all(|value| value.is_finite()));
+        prop_assert!((-1.0..=1.0).contains(&y.ltr));
+        for i in 0..4 {
+            prop_assert!(y.f_z[i] >= 0.0 && y.s[i].abs() <= 1.0);
+            let force = y.f_xw[i].hypot(y.f_yw[i]);
+            prop_assert!(force <= p.mu_0 * u.friction[i] * y.f_z[i] * (1.0 + 1e-14), "{force}");
+        }
+    }
+}
+
+/// Steady turn of the linear model at 60 km/h per steering angle of the front axle: state, outputs.
+fn steady_turn(p: &P) -> (X<f64>, Y<f64>) {
+    let x = straight(p, data::SPEED);
+    let jacobian = linearized(p, &x, &U::default(), false);
+    // All states but position, heading and speed, which the turn does not change to first order.
+    let kept = STATES - V;
+    let a = jacobian.view((V, V), (kept, kept)).into_owned();
+    let b = jacobian.view((V, STATES), (kept, 1)).into_owned();
+    let steady = a.lu().solve(&-b).unwrap();
+    let mut point = DMatrix::zeros(STATES + INPUTS, 1);
+    point.view_mut((V, 0), (kept, 1)).copy_from(&steady);
+    point[(STATES, 0)] = 1.0;
+    let y = linearized(p, &x, &U::default(), true) * &point;
+    (X::read(&point.as_slice()[..STATES]), Y::read(y.as_slice()))
+}
+
+#[test]
+fn a_steady_turn_is_that_of_two_degrees_of_freedom() {
+    let p = P::default();
+    let (x, y) = steady_turn(&p);
+    // K = m (b K_r - a K_f)/(L^2 K_f K_r) with the stiffness of axles, gain u/(L (1 + K u^2)).
+    let (k_f, k_r, wheelbase) = (2.0 * p.c_alpha[0], 2.0 * p.c_alpha[1], p.a + p.b);
+    let stability = design(&p).m * (p.b * k_r - p.a * k_f) / (wheelbase * wheelbase * k_f * k_r);
+    assert_near(stability, 7.999_03e-4, 5e-10);
+    let gain = data::SPEED / (wheelbase * (1.0 + stability * data::SPEED * data::SPEED));
+    assert_near(gain, 5.827_63, 5e-6);
+    // The slip angles are smoothed by 0.5 m/s, which softens the tires by 4.5e-4, and loads and body move.
+    assert_near(x.r / gain, 0.999_91, 1e-5);
+    // Roll: moments on the body and on each axle, which turns on its tires by chi and carries G.
+    let d = design(&p);
+    let w = p.track / 2.0;
+    let k = [0, 1].map(|j| 2.0 * w * w * p.k_s[j] + p.k_a[j]);
+    assert_near(k[0] + k[1], 46_682.8, 5e-2); // check number
+    let weight = p.m_s * p.g * p.h_b;
+    let tires = 2.0 * w * w * p.k_t;
+    let balance =
+        nalgebra::Matrix3::new(k[0] + k[1] - weight, -k[0], -k[1], -k[0], k[0] + tires, 0.0, -k[1], 0.0, k[1] + tires);
+    let carried = |j: usize, arm: f64| d.h_ra * d.m * arm / wheelbase - (d.h_ra - p.h_u) * 2.0 * p.m_u[j];
+    let moments = nalgebra::Vector3::new(p.m_s * p.h_b, carried(0, p.b), carried(1, p.a));
+    let roll = balance.lu().solve(&moments).unwrap()[0];
+    assert_near(roll, 0.006_986_43, 5e-9);
+    assert_near(x.phi / y.a_y, roll, 1e-12);
+    // Load transfer: moments about the road, 2 h/(g track) and the weight of the leaning body.
+    let transfer = (d.m * p.h + weight * roll) / (w * d.m * p.g);
+    assert_near(y.ltr / y.a_y, transfer, 1e-12);
+    // On stiff tires: m_s H/(K_phi - m_s g H). Their compliance is 1e-5 of that of the springs.
+    let rigid = P { k_t: 1e9, ..p };
+    let (x, y) = steady_turn(&rigid);
+    assert_near(x.phi / y.a_y, 0.003_730_5, 1e-6);
+}
+
+#[test]
+fn the_vertical_modes_have_the_check_numbers() {
+    // Frequency in Hz, and damping ratio where it is given; 60 km/h straight ahead.
+    let p = P::default();
+    let jacobian = linearized(&p, &straight(&p, data::SPEED), &U::default(), false);
+    let poles = eigenvalues(&jacobian.view((Z, Z), (14, 14)).into_owned()).unwrap();
+    let near = |frequency: f64, damping: Option<f64>| {
+        let is_near = |pole: &&nalgebra::Complex<f64>| {
+            let hertz = pole.norm() / std::f64::consts::TAU;
+            let digits = if frequency < 2.0 { 5e-5 } else { 6e-4 }; // 9.6165 is printed as 9.617
+            (hertz - frequency).abs() <= digits
+                && damping.is_none_or(|ratio| (-pole.re / pole.norm() - ratio).abs() <= 5e-5)
+        };
+        assert_eq!(poles.iter().filter(is_near).count(), 2, "{frequency} Hz: {poles:?}");
+    };
+    near(1.1618, Some(0.0998)); // heave
+    near(1.3331, Some(0.1178)); // pitch
+    near(1.3526, Some(0.0825)); // roll
+    for wheels in [9.385, 9.617, 10.565, 10.831] {
+        near(wheels, None);
+    }
+}
+
+#[test]
+fn constant_braking_loads_the_front_axle() {
+    // m a = -(sum T)/R as long as the wheels roll, their inertia included; slip, pitch and its rate change 1e-3 of it.
+    let p = P { max_step: 2.5e-4, ..P::default() };
+    let d = design(&p);
+    let u = U { t_b: FourWheels([300.0, 300.0, 120.0, 120.0]), ..U::default() };
+    let x = simulated(&p, &straight(&p, 28.0), &u, 9.0);
+    let y = outputs(&p, &x, &u);
+    let rolling = -840.0 / p.radius / (d.m + 4.0 * p.j_w / (p.radius * p.radius));
+    assert_near(rolling, -2.064_83, 5e-6);
+    assert_near(y.a_x / rolling, 1.0, 1e-3);
+    // Moments about the rear contact; 9 s leave exp(-9) of the pitch oscillation.
+    let gain = y.f_z[0] + y.f_z[1] - 2.0 * d.f_z0[0];
+    let expected = (d.m * -y.a_x * p.h + p.m_s * p.g * p.h_b * x.theta) / (p.a + p.b);
+    assert_near(gain / expected, 1.0, 1e-3);
+}
+
+#[test]
+fn a_braked_car_stops_and_stays() {
+    let p = P::default();
+    let u = U { t_b: FourWheels([1740.0, 1740.0, 690.0, 690.0]), ..U::default() };
+    let stopped = simulated(&p, &straight(&p, 5.0), &u, 2.0);
+    // The body swings on its springs above wheels that stand.
+    assert!(stopped.u.abs() < 0.02, "{}", stopped.u);
+    let later = simulated(&p, &stopped, &u, 3.0);
+    assert_near(later.x, stopped.x, 1e-3);
+    assert!(later.u.abs() < stopped.u.abs().max(1e-3));
+    // v^2/(2 mu g), and a little more: friction falls with the speed of sliding.
+    let distance = 25.0 / (2.0 * p.mu_0 * p.g);
+    assert!((1.0..1.15).contains(&(stopped.x / distance)), "{}", stopped.x);
+}
+
+#[test]
+fn a_car_in_the_air_has_no_tire_forces() {
+    // Locked in the air: stiffness, friction and 1 - |s| are 0.
+    let p = P::default();
+    let x = X { z_u: FourWheels([1.0; 4]), omega: FourWheels::default(), v: 1.0, ..straight(&p, 1e3) };
+    let y = outputs(&p, &x, &U::default());
+    assert_eq!((*y.f_z, *y.f_xw, *y.f_yw, y.ltr), ([0.0; 4], [0.0; 4], [0.0; 4], 0.0));
+}
+
+#[test]
+fn road_friction_is_a_factor() {
+    let p = P::default();
+    let x = X { v: 8.0, ..straight(&p, 10.0) };
+    let u = U { friction: FourWheels([0.5; 4]), ..U::default() };
+    let half = outputs(&P { mu_0: p.mu_0 / 2.0, ..p.clone() }, &x, &U::default());
+    assert_eq!(*outputs(&p, &x, &u).f_yw, *half.f_yw);
+}
+
+#[test]
+fn data_that_make_no_car_are_refused() {
+    let message = |p: P| equations::design(&p).unwrap_err();
+    assert_eq!(
+        message(P { h: 0.1, ..P::default() }),
+        "'geometry.body_cg_to_roll_axis' = 0.14 m, at most 0.075 m was expected: with this 'geometry.cg_height' the \
+         body's center of mass is 0.075 m over ground, and the roll axis would lie below it"
+    );
+    // On the ground the roll axis may lie: h_s = H.
+    assert!(equations::design(&P { h_b: 0.0, h: 0.3, ..P::default() }).is_ok());
+}
+
+#[test]
+fn the_car_starts_at_its_initial_speed() {
+    let x = straight(&P::default(), 12.0);
+    assert_eq!((x.u, *x.omega), (12.0, [12.0 / data::RADIUS; 4]));
+    assert_eq!(array::from_fn::<_, 3, _>(|i| [x.x, x.v, x.z][i]), [0.0; 3]);
+}
