@@ -1,0 +1,83 @@
+//! `YawRateReference`: the yaw rate that a heavy truck would have in a turn without sideslip, behind a first-order lag.
+//!
+//! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
+//! Coupling Dynamics", 2022, eqs. 12-16, derived again because of contradictory signs.
+
+mod equations;
+#[cfg(test)]
+mod tests;
+
+use chassis::data::heavy_vehicle as data;
+use chassis::prelude::*;
+use fmi2::prelude::*;
+
+/// The reference model.
+pub struct YawRateReference;
+
+/// Symbols as in the paper.
+#[derive(Parameters, Clone, Debug)]
+pub struct P {
+    #[par(VEHICLE_MASS, start = data::MASS)]
+    m: f64,
+    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    i_z: f64,
+    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    l1: f64,
+    #[par(CG_TO_REAR_SUSPENSION, start = data::CG_TO_REAR_SUSPENSION)]
+    l2: f64,
+    /// assumed: slope of the tire of the plant at its load at rest
+    #[par(TIRE_CORNERING_STIFFNESS, start = data::FRONT_CORNERING_STIFFNESS)]
+    kc: FrontAxle<f64>,
+    /// assumed
+    #[par(SAMPLE_TIME, start = 0.001)]
+    sample_time: f64,
+}
+
+/// What the driver asks for and the speed.
+#[derive(Inputs, Clone, Debug)]
+pub struct U {
+    #[signal(DRIVER_STEER)]
+    delta: f64,
+    #[signal(VEHICLE_SPEED)]
+    u: f64,
+}
+
+/// The references.
+#[derive(Outputs, Clone, Debug)]
+pub struct Y {
+    #[signal(REFERENCE_YAW_RATE)]
+    w: f64,
+    /// always 0
+    #[signal(REFERENCE_SIDESLIP)]
+    beta: f64,
+}
+
+/// The reference of the next sample.
+#[derive(Memory, Clone, Debug, Default)]
+pub struct X {
+    w: f64,
+}
+
+impl Sampled for YawRateReference {
+    const INFO: Info = Info {
+        name: "YawRateReference",
+        description: "Yaw rate of a heavy truck in a turn without sideslip, behind a first-order lag",
+        version: env!("CARGO_PKG_VERSION"),
+        stop_time: 13.0,
+        step_size: 0.001,
+    };
+    type Parameters = P;
+    type Design = ();
+    type Memory = X;
+    type Inputs = U;
+    type Outputs = Y;
+
+    fn design(_: &P) -> Result<(), String> {
+        Ok(())
+    }
+    fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
+        equations::sample(p, x, u)
+    }
+}
+
+fmi2::export!(sampled YawRateReference);
