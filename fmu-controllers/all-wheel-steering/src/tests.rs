@@ -1,0 +1,112 @@
+//! Check numbers and properties of the law.
+
+use proptest::prelude::*;
+
+use super::*;
+
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
+}
+
+fn design(p: &P) -> D {
+    AllWheelSteering::design(p).unwrap()
+}
+
+fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {
+    AllWheelSteering::update(p, d, x, u, 0.0)
+}
+
+#[test]
+fn the_middle_ratio_has_the_check_numbers() {
+    // Computed by an independent implementation, 8 decimals printed. Beyond -1 and 1 it stays.
+    let middle = design(&P::default()).middle;
+    let numbers =
+        [(-1.0, -0.66663366), (-0.5, -0.3334), (0.0, 0.0), (0.1, 0.23939586), (0.5, 0.70883073), (1.0, 0.89217822)];
+    for (k2, k1) in numbers {
+        assert_near(middle.of(k2), k1, 1e-8);
+    }
+    assert_eq!((middle.of(-1.5), middle.of(1.5)), (middle.of(-1.0), middle.of(1.0)));
+    assert!(middle.of(f64::NAN).is_nan());
+}
+
+#[test]
+fn the_first_sample_has_the_rules_of_its_error() {
+    // A third of the range is E = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent implementation, 8 digits).
+    // The rear of the vehicle slides out of a left turn: it has to steer with the front.
+    let p = P::default();
+    let e = 0.2 / 3.0;
+    let y = sample(&p, &design(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: -e });
+    let k2 = (6.0 + 0.99996779) * e + (30.0 - 5.0 * 0.99996779) * e * 0.001;
+    assert_near(y.ratio[1], k2, 1e-8);
+    assert_near(y.delta[1], 0.1 * k2, 1e-9);
+    assert_eq!(y.delta[0], 0.1 * y.ratio[0]);
+    assert_eq!(y.ratio[0], design(&p).middle.of(y.ratio[1]));
+}
+
+#[test]
+fn without_error_the_gains_are_those_of_the_rules_at_zero() {
+    // k + scale dK(0, 0) with the increments of an independent implementation, 8 digits printed.
+    let cases = [
+        (RuleTable::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
+        (RuleTable::Standard, [0.129705217, 0.0, -0.999967787]),
+    ];
+    for (rule_table, dk) in cases {
+        let p = P { rule_table, ..P::default() };
+        let y = sample(&p, &design(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: 0.0 });
+        assert_eq!((y.delta[1], y.ratio[1]), (0.0, 0.0));
+        assert_near(y.ratio[0], 0.0, 1e-15); // a sum over a symmetric set
+        assert_near(y.kp, 6.0 + dk[0], 1e-8);
+        assert_near(y.ki, 30.0 + 5.0 * dk[1], 5e-8);
+        assert_near(y.kd, 0.3 + 0.05 * dk[2], 1e-9);
+    }
+}
+
+#[test]
+fn straight_ahead_the_integral_rests() {
+    // Without an angle of the driver the error is 0; at half the width of the sign it counts by half.
+    let p = P::default();
+    let (d, mut x) = (design(&p), X::default());
+    for _ in 0..100 {
+        let y = sample(&p, &d, &mut x, &U { delta: 0.0, beta_d: 0.0, beta: 0.05 });
+        assert_eq!((*y.delta, y.ratio[1], x.i), ([0.0; 2], 0.0, 0.0));
+    }
+    let half = sample(&p, &d, &mut X::default(), &U { delta: 0.01, beta_d: 0.0, beta: -0.1 });
+    let full = sample(&p, &d, &mut X::default(), &U { delta: 0.3, beta_d: 0.0, beta: -0.05 });
+    assert_eq!(half.ratio, full.ratio);
+}
+
+#[test]
+fn the_sideslip_reference_is_followed_from_either_side() {
+    // The integral grows while the sideslip angle is below its reference and falls above it.
+    let p = P::default();
+    let d = design(&p);
+    for (beta_d, beta, sign) in [(0.02, 0.0, 1.0), (-0.02, 0.0, -1.0), (0.01, 0.03, -1.0)] {
+        let mut x = X::default();
+        sample(&p, &d, &mut x, &U { delta: 0.1, beta_d, beta });
+        assert!(x.i * sign > 0.0);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// A turn to the right is the turn to the left in a mirror, to the bit: the ratios are the same (also with rules that
+    /// are not symmetric, as the error carries the sign of the turn). Ratios stay within those of Table 2.
+    #[test]
+    fn left_and_right_turns_are_alike(
+        inputs in prop::collection::vec((-0.3..0.3_f64, -0.1..0.1_f64, -0.3..0.3_f64), 1..50), standard: bool,
+    ) {
+        let rule_table = if standard { RuleTable::Standard } else { RuleTable::Mirrored };
+        let p = P { rule_table, ..P::default() };
+        let d = design(&p);
+        let (mut left, mut right) = (X::default(), X::default());
+        for (delta, beta_d, beta) in inputs {
+            let y = sample(&p, &d, &mut left, &U { delta, beta_d, beta });
+            let mirror = sample(&p, &d, &mut right, &U { delta: -delta, beta_d: -beta_d, beta: -beta });
+            prop_assert_eq!(y.ratio, mirror.ratio);
+            prop_assert_eq!(*y.delta, mirror.delta.map(|angle| -angle));
+            prop_assert!((-1.0..=1.0).contains(&y.ratio[1]) && (-0.6667..=0.8922).contains(&y.ratio[0]));
+        }
+    }
+}
