@@ -254,10 +254,8 @@ fn energy<T: Scalar>(p: &P, s: &D, x: &X<T>) -> T {
     let mut energy = square(x.zd, p.m_b) + square(x.thetad, p.i_y) + square(x.phid, p.i_x + p.m_b * p.h * p.h)
         - square(x.phi, p.m_b * p.g * p.h);
     for side in 0..2 {
-        let feet = [x.z_f[side], x.z_b[side]];
-        for group in 0..2 {
-            let d = x.z - x.theta * s.x_s[group] + x.phi * s.y[side] - feet[group];
-            energy += square(d, p.k[group]);
+        for (group, foot) in [x.z_f[side], x.z_b[side]].into_iter().enumerate() {
+            energy += square(x.z - x.theta * s.x_s[group] + x.phi * s.y[side] - foot, p.k[group]);
         }
         let lift = x.th_b[side] * (p.l3 / 2.0);
         energy += square(x.z_f[side], p.k_t[0])
