@@ -49,7 +49,7 @@ pub struct P {
     /// assumed: small
     #[par(BODY_ROLL_YAW_INERTIA, start = data::ROLL_YAW_INERTIA)]
     i_xz: f64,
-    /// assumed
+    /// dual wheels together, without the beam; assumed
     #[par(WHEEL_MASS, start = data::WHEEL_MASS)]
     m_t: ThreeAxles<f64>,
     /// assumed
