@@ -100,14 +100,14 @@ proptest! {
             let before = x.clone();
             let inputs = U { u, master, p_dyc: FourWheels(p_dyc), omega: FourWheels(omega), ..braking(0.0) };
             let y = AntilockBraking::update(&p, &(), &mut x, &inputs, 0.0);
-            for i in 0..4 {
-                let req = (master + p_dyc[i]).min(p.p_max);
+            for (i, p_dyc) in p_dyc.iter().enumerate() {
+                let req = (master + p_dyc).min(p.p_max);
                 prop_assert!((0.0..=req).contains(&y.cmd[i]));
                 if y.active[i] == 1.0 {
                     prop_assert!(y.cmd[i] < req);
                     let change = y.cmd[i] - before.cmd[i];
                     // One rounding of 14 MPa.
-                    prop_assert!(change <= 0.1 + 1e-14 && change >= -0.3 - 1e-14, "{change}");
+                    prop_assert!((-0.3 - 1e-14..=0.1 + 1e-14).contains(&change), "{change}");
                 } else {
                     prop_assert_eq!(y.cmd[i], req);
                 }

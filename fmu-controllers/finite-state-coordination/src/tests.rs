@@ -99,6 +99,7 @@ fn gains(p: &P, state: State, u: &U) -> [[f64; 4]; 3] {
 }
 
 #[test]
+#[expect(clippy::approx_constant, reason = "3.14 stands in Table 3")]
 fn the_tables_are_those_of_the_paper() {
     let p = P::default();
     let pitch = |thetadd: f64| U { thetadd, ..U::default() };
