@@ -1,5 +1,5 @@
-//! `cargo fmu`: packs models into FMUs, inspects and linearizes them, writes new ones from a template, and plans and runs
-//! scenarios.
+//! `cargo fmu`: packs models into FMUs, inspects and linearizes them, writes new ones from a template, plans and runs
+//! scenarios, and tunes parameters.
 
 mod documentation;
 mod inspect;
@@ -9,6 +9,7 @@ mod pack;
 mod plan;
 mod run;
 mod selection;
+mod tune;
 mod workspace;
 
 use clap::Parser;
@@ -29,6 +30,8 @@ enum Cli {
     Plan(plan::Arguments),
     /// Executes all runs of a scenario and writes a CSV file for each
     Run(run::Arguments),
+    /// Tunes parameters of a scenario as a study says
+    Tune(tune::Arguments),
 }
 
 fn main() -> miette::Result<()> {
@@ -41,6 +44,7 @@ fn main() -> miette::Result<()> {
         Cli::New(arguments) => new::run(&arguments),
         Cli::Plan(arguments) => plan::run(&arguments),
         Cli::Run(arguments) => run::run(&arguments),
+        Cli::Tune(arguments) => tune::run(&arguments),
     }
 }
 

@@ -1,0 +1,143 @@
+//! `cargo fmu tune`: carries out a study.
+
+use clap::Args;
+use host::resolve::FmuFolder;
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::IntoDiagnostic;
+use std::num::{NonZeroU64, NonZeroUsize};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+use tuning::journal::Progress;
+use tuning::study::{self, Method, Study};
+use tuning::tune::{End, Existing, Summary, tune};
+
+/// Which study, and where the results go. An interrupted study goes on with `--resume`, to the same results.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// Study file (TOML)
+    study: PathBuf,
+
+    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    fmus: Vec<PathBuf>,
+
+    /// Folder for results; the files go to its subfolder STUDY
+    #[arg(long, value_name = "OUT", default_value = "results")]
+    out: PathBuf,
+
+    /// Number of threads [default: that of the processors]
+    #[arg(long, short, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+
+    /// Evaluations per method, instead of the study's
+    #[arg(long, value_name = "N")]
+    budget: Option<NonZeroU64>,
+
+    /// Go on with the results that are there
+    #[arg(long, conflicts_with = "overwrite")]
+    resume: bool,
+
+    /// Remove the results that are there and begin anew
+    #[arg(long)]
+    overwrite: bool,
+}
+
+/// The bar of the method at work, and when it began.
+struct Bars {
+    bar: ProgressBar,
+    method: String,
+    began: Instant,
+    /// Finished methods: name and time they took in this call.
+    seconds: Vec<(String, f64)>,
+}
+
+impl Bars {
+    /// Shows a method and its progress.
+    fn show(&mut self, method: &Method, progress: &Progress) {
+        if self.method != method.name {
+            self.finish();
+            self.method.clone_from(&method.name);
+            self.began = Instant::now();
+            self.bar.reset();
+        }
+        let best = progress.best.as_ref().map_or("-".to_string(), |best| format!("{:.6}", best.objective));
+        self.bar.set_message(format!("{}: best {best}", method.title));
+        self.bar.set_position(progress.evaluations);
+    }
+
+    fn finish(&mut self) {
+        if !self.method.is_empty() {
+            self.seconds.push((std::mem::take(&mut self.method), self.began.elapsed().as_secs_f64()));
+        }
+    }
+}
+
+/// Carries out the study.
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
+    let jobs = arguments.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
+    let mut study = study::read(&arguments.study, &FmuFolder::new(arguments.fmus.iter().cloned()), jobs)?;
+    if let Some(budget) = arguments.budget {
+        study.evaluations = budget.get();
+    }
+    let existing = match (arguments.resume, arguments.overwrite) {
+        (true, _) => Existing::Resume,
+        (_, true) => Existing::Overwrite,
+        _ => Existing::Refuse,
+    };
+    let style = ProgressStyle::with_template("{msg} [{bar:40}] {pos}/{len} {elapsed} (ready in {eta})")
+        .into_diagnostic()?
+        .progress_chars("=> ");
+    let bar = ProgressBar::new(study.evaluations).with_style(style);
+    bar.enable_steady_tick(Duration::from_millis(200));
+    let bars = Mutex::new(Bars { bar, method: String::new(), began: Instant::now(), seconds: Vec::new() });
+    let report = |method: &Method, progress: &Progress| {
+        if let Ok(mut bars) = bars.lock() {
+            bars.show(method, progress);
+        }
+    };
+    let summary = tune(&study, &arguments.out, existing, &report);
+    let seconds = bars.into_inner().map_or(Vec::new(), |mut bars| {
+        bars.finish();
+        bars.bar.finish_and_clear();
+        bars.seconds
+    });
+    let summary = summary.into_diagnostic()?;
+    print_summary(&study, &summary, &seconds);
+    println!("{}", arguments.out.join(&study.name).join("summary.json").display());
+    Ok(())
+}
+
+fn print_summary(study: &Study, summary: &Summary, seconds: &[(String, f64)]) {
+    if let Some(judged) = &summary.judged {
+        println!("judgments: lambda_max {:.4}, consistency ratio {:.4}", judged.lambda_max, judged.ratio);
+        for (term, weight) in summary.terms.iter().zip(&judged.weights) {
+            println!("  {weight:.4}  {}", term.signal);
+        }
+    }
+    for compared in &summary.comparisons {
+        let reason = compared.reason.as_ref().map_or(String::new(), |r| format!("  ({r})"));
+        println!("{}: {:.6}{reason}", compared.title, compared.objective);
+    }
+    for method in &summary.methods {
+        let progress = &method.progress;
+        let end = match method.end {
+            End::Generations => "all generations",
+            End::Budget => "budget spent",
+            End::Target => "target reached",
+        };
+        let seconds = seconds.iter().find(|(name, _)| *name == method.method.name).map_or(0.0, |(_, s)| *s);
+        println!(
+            "{}: {} evaluations ({} not feasible), {} generations, {seconds:.1} s, {end}",
+            method.method.title, progress.evaluations, progress.infeasible, progress.generations
+        );
+        let Some(best) = &progress.best else {
+            println!("  nothing feasible was found");
+            continue;
+        };
+        println!("  best {:.6} in evaluation {}", best.objective, best.evaluation);
+        for (parameter, value) in study.simulation.parameters.iter().zip(&best.values) {
+            println!("  {} = {value:?} {}", parameter.name, parameter.unit.as_deref().unwrap_or_default());
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! Weights from judgments: the analytic hierarchy process.
+//!
+//! A judgment matrix says how much more important each feature is than each other one, on Saaty's scale from 1 (equal)
+//! to 9 (extremely more), reciprocals below the diagonal. The weights are its principal eigenvector; how far the
+//! judgments contradict each other shows in the largest eigenvalue.
+//!
+//! Reference: Applied Sciences 2020, 10, 1852, equations 26 to 28 and Table 3; Saaty, The Analytic Hierarchy Process,
+//! 1980. Equation 27 lacks the division by the order in print.
+
+/// Mean consistency index of random matrices of order 1 to 8 (Table 3); 9 and 10 are Saaty's.
+const RANDOM_INDEX: [f64; 10] = [0.0, 0.0, 0.58, 0.9, 1.12, 1.24, 1.32, 1.41, 1.45, 1.49];
+
+/// Judgments with a consistency ratio above this are refused.
+pub const MAX_RATIO: f64 = 0.10;
+
+/// How far the product of an entry and its counterpart may be from 1: room for 0.333333.
+const RECIPROCAL_SLACK: f64 = 1e-5;
+
+/// Weights and how consistent the judgments are.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Weights {
+    /// Weights in the order of the matrix, sum 1.
+    pub weights: Vec<f64>,
+    /// Largest eigenvalue; the order of the matrix if the judgments are consistent, else more.
+    pub lambda_max: f64,
+    /// Consistency index (lambda_max - n)/(n - 1).
+    pub index: f64,
+    /// Consistency ratio: the index over that of random judgments; 0 for up to two features.
+    pub ratio: f64,
+}
+
+/// Why a matrix gives no weights.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AhpError {
+    /// Its order is 0 or above 10.
+    #[error("a judgment matrix compares 1 to 10 features, this one {0}")]
+    Order(usize),
+    /// It is not square.
+    #[error("row {row} of the judgment matrix has {found} entries, expected {expected}")]
+    Row {
+        /// Row, from 1.
+        row: usize,
+        /// Its entries.
+        found: usize,
+        /// Number of rows.
+        expected: usize,
+    },
+    /// An entry is off the scale.
+    #[error("the judgment in row {row}, column {column} is {value}, expected 1/9 to 9")]
+    Scale {
+        /// Row, from 1.
+        row: usize,
+        /// Column, from 1.
+        column: usize,
+        /// Entry.
+        value: f64,
+    },
+    /// Two entries contradict each other, or a diagonal entry is not 1.
+    #[error(
+        "the judgments in row {row}, column {column} and row {column}, column {row} are {value} and {other}, expected \
+         reciprocals (and 1 on the diagonal)"
+    )]
+    Reciprocal {
+        /// Row, from 1.
+        row: usize,
+        /// Column, from 1.
+        column: usize,
+        /// Entry.
+        value: f64,
+        /// Its counterpart.
+        other: f64,
+    },
+    /// The judgments contradict each other too much.
+    #[error(
+        "the judgments contradict each other: consistency ratio {ratio:.3} (lambda_max {lambda_max:.4}), at most \
+         {MAX_RATIO:.2} is accepted; row {row}, column {column} fits worst: {value:.3}, where the weights ask for {expected:.2}"
+    )]
+    Inconsistent {
+        /// Consistency ratio.
+        ratio: f64,
+        /// Largest eigenvalue.
+        lambda_max: f64,
+        /// Row of the worst entry, from 1.
+        row: usize,
+        /// Column of the worst entry, from 1.
+        column: usize,
+        /// The worst entry.
+        value: f64,
+        /// Ratio of the weights in its place.
+        expected: f64,
+    },
+}
+
+/// Weights of a judgment matrix.
+///
+/// # Errors
+/// The matrix is no judgment matrix, or its consistency ratio is above [`MAX_RATIO`].
+pub fn weights(matrix: &[Vec<f64>]) -> Result<Weights, AhpError> {
+    check(matrix)?;
+    let n = matrix.len();
+    let q = principal_eigenvector(matrix);
+    let lambda_max = multiply(matrix, &q).iter().zip(&q).map(|(t, q)| t / q).sum::<f64>() / n as f64;
+    // Rounding may leave consistent judgments a hair below n.
+    let index = if n > 1 { ((lambda_max - n as f64) / (n as f64 - 1.0)).max(0.0) } else { 0.0 };
+    let ratio = if n > 2 { index / RANDOM_INDEX[n - 1] } else { 0.0 };
+    if ratio > MAX_RATIO {
+        // How many times too large or too small an entry is.
+        let misfit = |i: usize, j: usize| (matrix[i][j] * q[j] / q[i]).max(q[i] / (q[j] * matrix[i][j]));
+        let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
+        let (i, j) = pairs.max_by(|a, b| misfit(a.0, a.1).total_cmp(&misfit(b.0, b.1))).unwrap_or_default();
+        return Err(AhpError::Inconsistent {
+            ratio,
+            lambda_max,
+            row: i + 1,
+            column: j + 1,
+            value: matrix[i][j],
+            expected: q[i] / q[j],
+        });
+    }
+    Ok(Weights { weights: q, lambda_max, index, ratio })
+}
+
+fn check(matrix: &[Vec<f64>]) -> Result<(), AhpError> {
+    let n = matrix.len();
+    if !(1..=RANDOM_INDEX.len()).contains(&n) {
+        return Err(AhpError::Order(n));
+    }
+    if let Some(row) = matrix.iter().position(|row| row.len() != n) {
+        return Err(AhpError::Row { row: row + 1, found: matrix[row].len(), expected: n });
+    }
+    for (i, row) in matrix.iter().enumerate() {
+        for (j, &value) in row.iter().enumerate() {
+            let (row, column) = (i + 1, j + 1);
+            let slack = 1.0 + RECIPROCAL_SLACK;
+            if !(1.0 / (9.0 * slack)..=9.0 * slack).contains(&value) {
+                return Err(AhpError::Scale { row, column, value });
+            }
+        }
+    }
+    for (i, row) in matrix.iter().enumerate() {
+        for (j, &value) in row.iter().enumerate().skip(i) {
+            let other = matrix[j][i];
+            if (value * other - 1.0).abs() > RECIPROCAL_SLACK {
+                return Err(AhpError::Reciprocal { row: i + 1, column: j + 1, value, other });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn multiply(matrix: &[Vec<f64>], q: &[f64]) -> Vec<f64> {
+    matrix.iter().map(|row| row.iter().zip(q).map(|(t, q)| t * q).sum()).collect()
+}
+
+/// Power iteration. A positive matrix has one eigenvalue of largest magnitude and a positive eigenvector to it, so it
+/// converges from any positive start; ours stand within a factor 9 of each other, so a few dozen steps do.
+fn principal_eigenvector(matrix: &[Vec<f64>]) -> Vec<f64> {
+    let mut q = vec![1.0 / matrix.len() as f64; matrix.len()];
+    for _ in 0..1000 {
+        let product = multiply(matrix, &q);
+        let sum: f64 = product.iter().sum();
+        let next: Vec<f64> = product.iter().map(|v| v / sum).collect();
+        let change = next.iter().zip(&q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        q = next;
+        if change < 1e-16 {
+            break;
+        }
+    }
+    q
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The ride matrix from which Table 4 follows, order as in equation 24.
+    fn ride() -> Vec<Vec<f64>> {
+        vec![
+            vec![1.0, 4.0, 4.0, 4.0, 7.0, 7.0],
+            vec![0.25, 1.0, 0.5, 0.5, 2.0, 2.0],
+            vec![0.25, 2.0, 1.0, 1.0, 3.0, 3.0],
+            vec![0.25, 2.0, 1.0, 1.0, 3.0, 3.0],
+            vec![1.0 / 7.0, 0.5, 1.0 / 3.0, 1.0 / 3.0, 1.0, 1.0],
+            vec![1.0 / 7.0, 0.5, 1.0 / 3.0, 1.0 / 3.0, 1.0, 1.0],
+        ]
+    }
+
+    /// Reference: an eigenvalue solver of another program on the same matrix, printed with four digits (hence half a
+    /// unit of the last digit).
+    #[test]
+    fn the_ride_matrix() {
+        let w = weights(&ride()).unwrap();
+        for (found, expected) in w.weights.iter().zip([0.4772, 0.0978, 0.1579, 0.1579, 0.0546, 0.0546]) {
+            assert!((found - expected).abs() < 5e-5, "{found} {expected}");
+        }
+        assert!((w.lambda_max - 6.0697).abs() < 5e-5);
+        assert!((w.index - 0.01395).abs() < 5e-6);
+        assert!((w.ratio - 0.0112).abs() < 5e-5);
+    }
+
+    /// The weights times the scale factors of equation 25 are Table 4 (ride) to the paper's rounding: 0.2 % of the
+    /// largest weight.
+    #[test]
+    fn the_ride_weights_are_those_of_table_4() {
+        let gamma = [1.0, 0.6079, 826.56, 13_225.0, 184_819.6, 9_184.0];
+        // tau_4 lost its decimal point in print: 2100.00
+        let table_4 = [0.48, 0.06, 131.3, 2100.0, 9777.0, 485.8];
+        let w = weights(&ride()).unwrap();
+        for i in 0..6 {
+            assert!((w.weights[i] - table_4[i] / gamma[i]).abs() < 0.003, "{i}");
+        }
+    }
+
+    /// Consistent judgments are the ratios of the weights, and lambda_max is the order: both exact, so rounding only.
+    #[test]
+    fn consistent_judgments_give_their_weights_back() {
+        let expected = [0.6, 0.3, 0.1];
+        let matrix: Vec<Vec<f64>> = expected.iter().map(|a| expected.iter().map(|b| a / b).collect()).collect();
+        let w = weights(&matrix).unwrap();
+        for (found, expected) in w.weights.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-15);
+        }
+        assert!((w.lambda_max - 3.0).abs() < 1e-14 && w.ratio < 1e-14);
+    }
+
+    /// Two judgments cannot contradict each other.
+    #[test]
+    fn one_and_two_features() {
+        assert_eq!(weights(&[vec![1.0]]).unwrap().weights, [1.0]);
+        let w = weights(&[vec![1.0, 3.0], vec![1.0 / 3.0, 1.0]]).unwrap();
+        assert!((w.weights[0] - 0.75).abs() < 1e-15 && w.ratio == 0.0);
+    }
+
+    /// a > b > c > a: refused, with the ratio and the worst entry.
+    #[test]
+    fn contradictory_judgments_are_refused() {
+        let circle = [vec![1.0, 5.0, 0.2], vec![0.2, 1.0, 5.0], vec![5.0, 0.2, 1.0]];
+        let error = weights(&circle).unwrap_err();
+        let AhpError::Inconsistent { ratio, lambda_max, .. } = error else { panic!("{error}") };
+        // By symmetry the weights are equal and lambda_max is the sum of a row.
+        assert!((lambda_max - 6.2).abs() < 1e-12 && (ratio - 1.6 / 0.58).abs() < 1e-12);
+        let text = error.to_string();
+        assert!(text.contains("ratio 2.759") && text.contains("at most 0.10"), "{text}");
+    }
+
+    #[test]
+    fn what_is_no_judgment_matrix_is_refused() {
+        for (matrix, expected) in [
+            (vec![], "compares 1 to 10 features, this one 0"),
+            (vec![vec![1.0]; 11], "this one 11"),
+            (vec![vec![1.0, 2.0], vec![0.5]], "row 2 of the judgment matrix has 1 entries, expected 2"),
+            (vec![vec![1.0, 10.0], vec![0.1, 1.0]], "row 1, column 2 is 10, expected 1/9 to 9"),
+            (vec![vec![1.0, -2.0], vec![-0.5, 1.0]], "row 1, column 2 is -2"),
+            (vec![vec![1.0, f64::NAN], vec![0.5, 1.0]], "is NaN"),
+            (vec![vec![1.0, 2.0], vec![2.0, 1.0]], "are 2 and 2, expected reciprocals"),
+            (vec![vec![2.0]], "row 1, column 1 and row 1, column 1 are 2 and 2"),
+        ] {
+            let error = weights(&matrix).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+}

@@ -1,0 +1,377 @@
+//! What a method has tried: kept in a file as it happens, and the way to go on after an interruption.
+//!
+//! A method is a function of its settings, its seed and the objectives it is told. So the history is all there is to
+//! keep: to go on, the method starts anew, and as long as the history has answers, nothing is computed. A candidate that
+//! is not the one in the history shows that the study has changed. A line that was cut off by the interruption is
+//! dropped.
+
+use crate::search::{Evaluate, Stop};
+use crate::space::Parameter;
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{self, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// What came of a candidate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// Objective, finite, not negative; the penalty if it is not feasible.
+    pub objective: f64,
+    /// Why it is not feasible.
+    pub reason: Option<String>,
+}
+
+/// Computes what comes of candidates.
+pub trait Objective: Sync {
+    /// Calls `done` with the index and the outcome of each candidate (values of the parameters) once, in any order and
+    /// from any thread.
+    fn evaluate(&self, candidates: &[Vec<f64>], done: &(dyn Fn(usize, Outcome) + Sync));
+}
+
+/// A candidate that was tried.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Candidate {
+    /// Number of the evaluation, from 1.
+    pub evaluation: u64,
+    /// Generation, from 0.
+    pub generation: u64,
+    /// Values of the parameters.
+    pub values: Vec<f64>,
+    /// Objective.
+    pub objective: f64,
+}
+
+/// How far a method is.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+pub struct Progress {
+    /// Evaluations, all candidates counted, also those whose outcome was known before.
+    pub evaluations: u64,
+    /// Generations begun.
+    pub generations: u64,
+    /// Evaluations that violate a constraint, a limit, or failed.
+    pub infeasible: u64,
+    /// The best feasible candidate.
+    pub best: Option<Candidate>,
+}
+
+/// Why the history cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// A file cannot be read or written.
+    #[error("{}: {cause}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        cause: io::Error,
+    },
+    /// A line is not what the file should hold.
+    #[error("{}, line {line}: {message}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+/// Told about every evaluation that is computed or read.
+pub type Report<'a> = &'a (dyn Fn(&Progress) + Sync);
+/// Told after every generation that brought something new; keeps what shall survive an interruption.
+pub type Checkpoint<'a> = &'a dyn Fn(&Progress) -> Result<(), JournalError>;
+
+/// Answers a method, writes the history, keeps the budget.
+pub struct Journal<'a> {
+    parameters: &'a [Parameter],
+    objective: &'a dyn Objective,
+    budget: u64,
+    target: Option<f64>,
+    path: PathBuf,
+    /// Read from the file, not yet asked for.
+    replay: std::vec::IntoIter<Row>,
+    known: HashMap<Vec<u64>, Outcome>,
+    log: Mutex<Log<'a>>,
+    checkpoint: Checkpoint<'a>,
+}
+
+/// The file and what is written to it.
+struct Log<'a> {
+    file: File,
+    progress: Progress,
+    report: Report<'a>,
+    /// The first failure; nothing is written after it.
+    failure: Option<io::Error>,
+}
+
+impl<'a> Journal<'a> {
+    /// Opens the history. A file that is there is gone on with.
+    ///
+    /// # Errors
+    /// The file cannot be read or written, or is no history of these parameters.
+    pub fn open(
+        path: &Path,
+        parameters: &'a [Parameter],
+        objective: &'a dyn Objective,
+        (budget, target): (u64, Option<f64>),
+        report: Report<'a>,
+        checkpoint: Checkpoint<'a>,
+    ) -> Result<Self, JournalError> {
+        let failed = |cause| JournalError::Io { path: path.to_path_buf(), cause };
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(failed)?;
+        }
+        let mut file =
+            OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(failed)?;
+        file.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => failed(io::Error::other("another process is writing to it")),
+            TryLockError::Error(cause) => failed(cause),
+        })?;
+        let mut content = Vec::new();
+        io::Read::read_to_end(&mut file, &mut content).map_err(failed)?;
+        // What stands behind the last line feed was cut off.
+        let whole = content.iter().rposition(|b| *b == b'\n').map_or(0, |at| at + 1);
+        file.set_len(whole as u64).map_err(failed)?;
+        file.seek(io::SeekFrom::End(0)).map_err(failed)?;
+        let header = header(parameters);
+        let replay = if whole == 0 {
+            file.write_all(header.as_bytes()).map_err(failed)?;
+            Vec::new()
+        } else {
+            read(&content[..whole], &header, parameters.len()).map_err(|(line, message)| JournalError::Line {
+                path: path.to_path_buf(),
+                line,
+                message,
+            })?
+        };
+        Ok(Self {
+            parameters,
+            objective,
+            budget,
+            target,
+            path: path.to_path_buf(),
+            replay: replay.into_iter(),
+            known: HashMap::new(),
+            log: Mutex::new(Log { file, progress: Progress::default(), report, failure: None }),
+            checkpoint,
+        })
+    }
+
+    /// How far it is.
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        self.log().progress.clone()
+    }
+
+    fn log(&self) -> MutexGuard<'_, Log<'a>> {
+        lock(&self.log)
+    }
+
+    fn failed(&self, cause: io::Error) -> JournalError {
+        JournalError::Io { path: self.path.clone(), cause }
+    }
+
+    /// Takes the answers of the history, as far as it goes.
+    fn replayed(&mut self, candidates: &[Vec<f64>]) -> Result<Vec<Outcome>, JournalError> {
+        let mut outcomes = Vec::new();
+        for candidate in candidates {
+            let Some((values, outcome)) = self.replay.next() else { break };
+            if bits(&values) != bits(candidate) {
+                // Line 1 holds the names.
+                let line = usize::try_from(self.log().progress.evaluations).unwrap_or(usize::MAX) + outcomes.len() + 2;
+                return Err(JournalError::Line {
+                    path: self.path.clone(),
+                    line,
+                    message: "this study would try other values here: the file belongs to another version of it".into(),
+                });
+            }
+            outcomes.push(outcome);
+        }
+        Ok(outcomes)
+    }
+}
+
+impl Evaluate for Journal<'_> {
+    fn evaluate(&mut self, population: &[Vec<f64>]) -> Result<Vec<f64>, Stop> {
+        let before = self.progress();
+        let left = usize::try_from(self.budget.saturating_sub(before.evaluations)).unwrap_or(usize::MAX);
+        if left == 0 {
+            return Err(Stop::Budget);
+        }
+        let candidates: Vec<Vec<f64>> = population
+            .iter()
+            .take(left)
+            .map(|shares| self.parameters.iter().zip(shares).map(|(p, share)| p.at(*share)).collect())
+            .collect();
+        let generation = before.generations;
+        self.log().progress.generations += 1;
+        let old = self.replayed(&candidates)?;
+        for (candidate, outcome) in candidates.iter().zip(&old) {
+            self.known.insert(bits(candidate), outcome.clone());
+            self.log().count(generation, candidate, outcome);
+        }
+        // What is new, each once; `place` says where in it a candidate is.
+        let new = &candidates[old.len()..];
+        let mut places: HashMap<Vec<u64>, usize> = HashMap::new();
+        let mut work: Vec<Vec<f64>> = Vec::new();
+        let place: Vec<Option<usize>> = new
+            .iter()
+            .map(|candidate| {
+                let key = bits(candidate);
+                (!self.known.contains_key(&key)).then(|| {
+                    *places.entry(key).or_insert_with(|| {
+                        work.push(candidate.clone());
+                        work.len() - 1
+                    })
+                })
+            })
+            .collect();
+        let (known, log) = (&self.known, &self.log);
+        let outcome_of = |done: &[Option<Outcome>], i: usize| match place[i] {
+            Some(at) => done[at].clone(),
+            None => known.get(&bits(&new[i])).cloned(),
+        };
+        // Rows are written in order, each as soon as it and all before it are there.
+        let results: Mutex<(usize, Vec<Option<Outcome>>)> = Mutex::new((0, vec![None; work.len()]));
+        let advance = |finished: Option<(usize, Outcome)>| {
+            let mut guard = lock(&results);
+            let (next, done) = &mut *guard;
+            if let Some((at, outcome)) = finished {
+                done[at] = Some(outcome);
+            }
+            while *next < new.len() {
+                let Some(outcome) = outcome_of(done, *next) else { break };
+                lock(log).append(generation, &new[*next], &outcome);
+                *next += 1;
+            }
+        };
+        advance(None);
+        self.objective.evaluate(&work, &|at, outcome| advance(Some((at, outcome))));
+        let done = std::mem::take(&mut lock(&results).1);
+        let outcomes: Vec<Outcome> =
+            old.into_iter().chain((0..new.len()).filter_map(|i| outcome_of(&done, i))).collect();
+        for (candidate, outcome) in work.iter().zip(done) {
+            if let Some(outcome) = outcome {
+                self.known.insert(bits(candidate), outcome);
+            }
+        }
+        if outcomes.len() < candidates.len() {
+            return Err(self.failed(io::Error::other("a candidate was left without an outcome")).into());
+        }
+        if let Some(cause) = self.log().failure.take() {
+            return Err(self.failed(cause).into());
+        }
+        let progress = self.progress();
+        if !new.is_empty() {
+            let synced = self.log().file.sync_data();
+            synced.map_err(|cause| self.failed(cause))?;
+            (self.checkpoint)(&progress)?;
+        }
+        let best = progress.best.as_ref().map(|b| b.objective);
+        if self.target.is_some_and(|target| best.is_some_and(|best| best <= target)) {
+            return Err(Stop::Target);
+        }
+        if candidates.len() < population.len() {
+            return Err(Stop::Budget);
+        }
+        Ok(outcomes.into_iter().map(|o| o.objective).collect())
+    }
+}
+
+impl Log<'_> {
+    fn append(&mut self, generation: u64, values: &[f64], outcome: &Outcome) {
+        if self.failure.is_some() {
+            return;
+        }
+        let line = line(self.progress.evaluations + 1, generation, values, outcome);
+        // One call per line, so that an interruption leaves at most one cut off line.
+        match line.and_then(|line| self.file.write_all(&line)) {
+            Ok(()) => self.count(generation, values, outcome),
+            Err(error) => self.failure = Some(error),
+        }
+    }
+
+    fn count(&mut self, generation: u64, values: &[f64], outcome: &Outcome) {
+        let progress = &mut self.progress;
+        progress.evaluations += 1;
+        if outcome.reason.is_some() {
+            progress.infeasible += 1;
+        } else if progress.best.as_ref().is_none_or(|best| outcome.objective < best.objective) {
+            progress.best = Some(Candidate {
+                evaluation: progress.evaluations,
+                generation,
+                values: values.to_vec(),
+                objective: outcome.objective,
+            });
+        }
+        (self.report)(progress);
+    }
+}
+
+/// A panic in another thread leaves whole rows behind, so what it held is fine.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
+/// First line of a history.
+fn header(parameters: &[Parameter]) -> String {
+    let mut names = vec!["evaluation", "generation"];
+    names.extend(parameters.iter().map(|p| p.name.as_str()));
+    names.extend(["objective", "feasible", "reason"]);
+    let line = csv_line(names.iter().map(ToString::to_string));
+    // Written to memory from strings.
+    line.map_or_else(|_| String::new(), |line| String::from_utf8_lossy(&line).into_owned())
+}
+
+fn line(evaluation: u64, generation: u64, values: &[f64], outcome: &Outcome) -> io::Result<Vec<u8>> {
+    let mut fields = vec![evaluation.to_string(), generation.to_string()];
+    fields.extend(values.iter().chain([&outcome.objective]).map(|v| format!("{v:?}")));
+    fields.push(outcome.reason.is_none().to_string());
+    // A row is a line.
+    fields.push(outcome.reason.as_deref().unwrap_or_default().replace(['\n', '\r'], " "));
+    csv_line(fields.into_iter())
+}
+
+fn csv_line(fields: impl Iterator<Item = String>) -> io::Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(fields)?;
+    writer.into_inner().map_err(|error| io::Error::other(error.to_string()))
+}
+
+/// Values of the parameters and what came of them.
+type Row = (Vec<f64>, Outcome);
+
+/// Rows of a history; the error is a line and what is wrong there.
+fn read(content: &[u8], header: &str, count: usize) -> Result<Vec<Row>, (usize, String)> {
+    if !content.starts_with(header.as_bytes()) {
+        return Err((1, format!("expected the columns {}", header.trim_end())));
+    }
+    let mut reader = csv::Reader::from_reader(content);
+    let mut rows = Vec::new();
+    for (row, record) in reader.records().enumerate() {
+        let at = |message: String| (row + 2, message);
+        let record = record.map_err(|error| at(error.to_string()))?;
+        let number = |field: usize| match record.get(field).map(str::parse::<f64>) {
+            Some(Ok(value)) if value.is_finite() => Ok(value),
+            _ => Err(at(format!("column {}: expected a finite number", field + 1))),
+        };
+        let values = (2..2 + count).map(number).collect::<Result<Vec<_>, _>>()?;
+        let objective = number(2 + count)?;
+        let reason = match (record.get(3 + count), record.get(4 + count)) {
+            (Some("true"), _) => None,
+            (Some("false"), Some(reason)) => Some(reason.to_string()),
+            _ => return Err(at(format!("column {}: expected true or false", 4 + count))),
+        };
+        if record.get(0) != Some(&(row + 1).to_string()) {
+            return Err(at(format!("expected evaluation {}", row + 1)));
+        }
+        rows.push((values, Outcome { objective, reason }));
+    }
+    Ok(rows)
+}

@@ -1,0 +1,33 @@
+//! Tunes parameters of FMUs in a scenario.
+//!
+//! A [`study`] names a scenario, the parameters with their ranges, inequalities they must fulfill, an objective made of
+//! recorded signals, and one or more methods. From the bottom up:
+//!
+//! - [`ahp`] turns judgments into weights, [`expression`] checks inequalities, [`space`] has the ranges,
+//! - [`pacsa`], [`genetic`] and [`cma_es`] search. They know nothing of FMUs: all they have is
+//!   [`Evaluate::evaluate`](search::Evaluate::evaluate), which takes a population and gives its objectives,
+//! - [`simulation`] computes objectives by runs of the FMUs on all processors, [`journal`] keeps every evaluation on disk
+//!   and makes an interrupted study go on to the bit,
+//! - [`tune`](tune::tune) does it all and writes the results.
+//!
+//! # Evaluations
+//! Every candidate a method asks for is an evaluation and counts against the budget: also one that violates a constraint
+//! (no run is spent on it) and one that was tried before (its outcome is known). A candidate that violates a constraint,
+//! whose run fails, leaves a limit or gives no finite objective has the objective `penalty` of the study and is marked in
+//! the history; it never stops the study.
+//!
+//! # Reproducibility
+//! The result is a function of the study, the scenario and the FMUs, to the bit, for any number of threads: every
+//! individual of every generation has random numbers of its own, and sums are taken in the order of the runs.
+
+pub mod ahp;
+pub mod cma_es;
+pub mod expression;
+pub mod genetic;
+pub mod journal;
+pub mod pacsa;
+pub mod search;
+pub mod simulation;
+pub mod space;
+pub mod study;
+pub mod tune;

@@ -1,0 +1,130 @@
+//! What the methods have in common: how they ask for objectives, and where their random numbers come from.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// Why a search ends before its own end.
+#[derive(Debug, thiserror::Error)]
+pub enum Stop {
+    /// All evaluations are spent.
+    #[error("the budget is spent")]
+    Budget,
+    /// The objective asked for is reached.
+    #[error("the target is reached")]
+    Target,
+    /// What was found cannot be kept.
+    #[error(transparent)]
+    Failed(#[from] crate::journal::JournalError),
+}
+
+/// Judges candidates. The coordinates of a candidate are shares of the ranges of the parameters, 0 to 1.
+pub trait Evaluate {
+    /// Objectives of a population, in its order: finite, the smaller the better. Each call is a generation.
+    ///
+    /// # Errors
+    /// The search shall end.
+    fn evaluate(&mut self, population: &[Vec<f64>]) -> Result<Vec<f64>, Stop>;
+}
+
+/// A function of the population, for use without files.
+impl<F: FnMut(&[Vec<f64>]) -> Result<Vec<f64>, Stop>> Evaluate for F {
+    fn evaluate(&mut self, population: &[Vec<f64>]) -> Result<Vec<f64>, Stop> {
+        self(population)
+    }
+}
+
+/// Random numbers of one individual of one generation. Each has a ChaCha stream of its own, so that nothing depends on
+/// the order of work, and a number drawn more or less for one individual changes no other.
+pub(crate) struct Random(ChaCha8Rng);
+
+impl Random {
+    pub(crate) fn new(seed: u64, generation: u32, index: usize) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        // Populations are limited to far less than 2^32.
+        rng.set_stream((u64::from(generation) << 32) | (index as u64 & 0xffff_ffff));
+        Self(rng)
+    }
+
+    /// Uniform in 0 <= u < 1, all 53 bits.
+    pub(crate) fn uniform(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub(crate) fn chance(&mut self, probability: f64) -> bool {
+        self.uniform() < probability
+    }
+
+    pub(crate) fn code(&mut self) -> u16 {
+        (self.0.next_u64() >> 48) as u16
+    }
+}
+
+/// A candidate as the binary methods see it: 16 bits per parameter, plain binary, most significant first.
+pub(crate) type Code = Vec<u16>;
+
+/// Bits per parameter.
+pub(crate) const BITS: usize = 16;
+
+/// Shares of the ranges: 0 is the lower bound, 65535 the upper.
+pub(crate) fn decode(code: &[u16]) -> Vec<f64> {
+    code.iter().map(|c| f64::from(*c) / f64::from(u16::MAX)).collect()
+}
+
+/// Turns each bit over with a probability.
+pub(crate) fn mutate(code: &mut [u16], probability: f64, random: &mut Random) {
+    for word in code {
+        for bit in (0..BITS).rev() {
+            if random.chance(probability) {
+                *word ^= 1 << bit;
+            }
+        }
+    }
+}
+
+/// Affinity or fitness of an objective: its reciprocal. Objectives are not negative; next to 0 all are equally good.
+pub(crate) fn affinity(objective: f64) -> f64 {
+    1.0 / objective.max(1e-300)
+}
+
+/// Indices from the best to the worst; equals keep their order.
+pub(crate) fn ranking(objectives: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..objectives.len()).collect();
+    order.sort_by(|a, b| objectives[*a].total_cmp(&objectives[*b]));
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streams_differ_and_repeat() {
+        let draw = |seed, generation, index| Random::new(seed, generation, index).uniform();
+        assert_eq!(draw(1, 2, 3), draw(1, 2, 3));
+        let all = [draw(1, 2, 3), draw(2, 2, 3), draw(1, 3, 3), draw(1, 2, 4), draw(1, 3, 2)];
+        for (i, a) in all.iter().enumerate() {
+            assert!((0.0..1.0).contains(a) && all[i + 1..].iter().all(|b| a != b));
+        }
+    }
+
+    #[test]
+    fn codes_span_the_range() {
+        assert_eq!(decode(&[0, u16::MAX]), [0.0, 1.0]);
+        // The code of the trap of the handling study: mu = 0.05 + 2.95 * 2^13/65535 = 0.41876.
+        assert!((0.05 + 2.95 * decode(&[1 << 13])[0] - 0.418_756).abs() < 1e-6);
+    }
+
+    #[test]
+    fn mutation_turns_the_share_of_bits() {
+        let mut code = vec![0; 10_000];
+        mutate(&mut code, 0.1, &mut Random::new(1, 0, 0));
+        let turned: u32 = code.iter().map(|c| c.count_ones()).sum();
+        // 160,000 bits: standard deviation sqrt(n p q) = 120; four of them.
+        assert!(turned.abs_diff(16_000) < 480, "{turned}");
+        let before = code.clone();
+        mutate(&mut code, 0.0, &mut Random::new(1, 0, 1));
+        assert_eq!(code, before);
+        mutate(&mut code, 1.0, &mut Random::new(1, 0, 1));
+        assert!(code.iter().zip(&before).all(|(a, b)| *a == !b));
+    }
+}

@@ -1,0 +1,254 @@
+//! Objectives by simulation: every candidate is a run of the scenario, or several, with other parameters.
+
+use crate::expression::Inequality;
+use crate::journal::{Objective, Outcome};
+use crate::space::Parameter;
+use host::fmu::Fmus;
+use host::master::{self, Recording};
+use host::plan::{self, Run, Value};
+use rayon::prelude::*;
+
+/// Rows this share of a step outside a window belong to it: times are rounded.
+const WINDOW_SLACK: f64 = 1e-6;
+
+/// How a signal becomes a number. Except for the mean square, the magnitude of it counts: an objective is not negative.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Mean of the squares.
+    MeanSquare,
+    /// Root of the mean square.
+    Rms,
+    /// Largest magnitude.
+    Peak,
+    /// Largest value.
+    Max,
+    /// Smallest value.
+    Min,
+    /// Mean.
+    Mean,
+    /// Last value.
+    Final,
+    /// Largest minus smallest value.
+    PeakToPeak,
+}
+
+impl Kind {
+    /// The number, not negative; NaN without values.
+    fn of(self, values: &[f64]) -> f64 {
+        let count = values.len() as f64;
+        let mean_square = || values.iter().map(|v| v * v).sum::<f64>() / count;
+        let max = || values.iter().copied().fold(f64::NAN, f64::max);
+        let min = || values.iter().copied().fold(f64::NAN, f64::min);
+        match self {
+            Self::MeanSquare => mean_square(),
+            Self::Rms => mean_square().sqrt(),
+            Self::Peak => values.iter().map(|v| v.abs()).fold(f64::NAN, f64::max),
+            Self::Max => max().abs(),
+            Self::Min => min().abs(),
+            Self::Mean => (values.iter().sum::<f64>() / count).abs(),
+            Self::Final => values.last().map_or(f64::NAN, |v| v.abs()),
+            Self::PeakToPeak => max() - min(),
+        }
+    }
+}
+
+/// A term of the objective: factor * kind(signal).
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Term {
+    /// Signal as named in the study.
+    pub signal: String,
+    /// How it becomes a number.
+    pub kind: Kind,
+    /// Rows with from <= time <= to, s; `None`: all.
+    pub window: Option<[f64; 2]>,
+    /// Weight as given or judged.
+    pub weight: f64,
+    /// Value that counts as 1, in the unit of the signal; squared for a mean square.
+    pub reference: f64,
+    /// Index of the recorded column.
+    #[serde(skip)]
+    pub column: usize,
+}
+
+impl Term {
+    /// What the number is multiplied by: the weight over the reference, squared for a mean square.
+    #[must_use]
+    pub fn factor(&self) -> f64 {
+        match self.kind {
+            Kind::MeanSquare => self.weight / (self.reference * self.reference),
+            _ => self.weight / self.reference,
+        }
+    }
+}
+
+/// A signal that must stay small; beyond, the run counts as diverged.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Limit {
+    /// Signal as named in the study.
+    pub signal: String,
+    /// Largest magnitude, in the unit of the signal.
+    pub magnitude: f64,
+    /// Index of the recorded column.
+    #[serde(skip)]
+    pub column: usize,
+}
+
+/// An inequality the parameters must fulfill before a run is spent on them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constraint {
+    /// Name.
+    pub name: String,
+    /// The inequality; its variables are the symbols of the parameters, then the constants.
+    pub inequality: Inequality,
+}
+
+/// Computes objectives with FMUs.
+#[derive(Debug)]
+pub struct Simulation {
+    /// Times and order.
+    pub times: plan::Simulation,
+    /// The FMUs, opened.
+    pub fmus: Fmus,
+    /// The runs whose mean is the objective.
+    pub runs: Vec<Run>,
+    /// What is tuned.
+    pub parameters: Vec<Parameter>,
+    /// Terms of the objective.
+    pub terms: Vec<Term>,
+    /// Limits of signals.
+    pub limits: Vec<Limit>,
+    /// Inequalities.
+    pub constraints: Vec<Constraint>,
+    /// Values of the constants, behind those of the symbols.
+    pub constants: Vec<f64>,
+    /// Objective of what is not feasible.
+    pub penalty: f64,
+    /// Number of threads.
+    pub jobs: usize,
+}
+
+impl Simulation {
+    /// What comes of some values of the parameters (index, value) in some runs; constraints are not looked at.
+    #[must_use]
+    pub fn outcome(&self, runs: &[Run], values: &[(usize, f64)]) -> Outcome {
+        // Every run is done even if one fails, and the first failure in their order is reported: nothing depends on the
+        // threads.
+        let objectives: Vec<Result<f64, String>> = runs.par_iter().map(|run| self.run(run, values)).collect();
+        let sum: Result<f64, String> = objectives.into_iter().try_fold(0.0, |sum, objective| Ok(sum + objective?));
+        let infeasible = |reason| Outcome { objective: self.penalty, reason: Some(reason) };
+        match sum.map(|sum| sum / runs.len() as f64) {
+            Ok(objective) if objective <= self.penalty => Outcome { objective, reason: None },
+            Ok(objective) => infeasible(format!("the objective is {objective:?}, beyond the penalty")),
+            Err(reason) => infeasible(reason),
+        }
+    }
+
+    /// The objective of one run.
+    fn run(&self, run: &Run, values: &[(usize, f64)]) -> Result<f64, String> {
+        let mut run = run.clone();
+        for (index, value) in values {
+            let (unit, name) = self.parameters[*index].unit_and_name();
+            run.set_parameter(&self.fmus, unit, name, Value::Real(*value)).map_err(|error| error.to_string())?;
+        }
+        let recording =
+            master::execute(&self.times, &run, &self.fmus, &mut |_| ()).map_err(|error| error.to_string())?;
+        for Limit { signal, magnitude, column } in &self.limits {
+            let beyond = |v: &&f64| v.abs() > *magnitude || v.is_nan();
+            if let Some(value) = recording.column(*column).and_then(|values| values.iter().find(beyond)) {
+                return Err(format!("run {}: `{signal}` is {value:?}, the limit is {magnitude:?}", run.id));
+            }
+        }
+        let mut objective = 0.0;
+        for term in &self.terms {
+            let values = window(&recording, term.column, term.window, self.times.step);
+            let value = term.factor() * term.kind.of(values);
+            if !value.is_finite() {
+                return Err(format!("run {}: the term of `{}` is {value:?}", run.id, term.signal));
+            }
+            objective += value;
+        }
+        Ok(objective)
+    }
+
+    fn candidate(&self, values: &[f64]) -> Outcome {
+        let symbols = self.parameters.iter().zip(values).filter(|(p, _)| p.symbol.is_some()).map(|(_, v)| *v);
+        let variables: Vec<f64> = symbols.chain(self.constants.iter().copied()).collect();
+        if let Some(violated) = self.constraints.iter().find(|c| !c.inequality.holds(&variables)) {
+            let reason = Some(format!("constraint {}", violated.name));
+            return Outcome { objective: self.penalty, reason };
+        }
+        let values: Vec<(usize, f64)> = values.iter().copied().enumerate().collect();
+        self.outcome(&self.runs, &values)
+    }
+}
+
+impl Objective for Simulation {
+    fn evaluate(&self, candidates: &[Vec<f64>], done: &(dyn Fn(usize, Outcome) + Sync)) {
+        // Limits of FMUs to one instance hold for the whole process.
+        let jobs = if self.fmus.any_only_once() { 1 } else { self.jobs };
+        let all = || {
+            candidates.par_iter().enumerate().for_each(|(index, values)| done(index, self.candidate(values)));
+        };
+        match rayon::ThreadPoolBuilder::new().num_threads(jobs).build() {
+            Ok(pool) => pool.install(all),
+            // Threads beyond those that run are not to be had: rayon's own ones do, with the same result.
+            Err(_) => all(),
+        }
+    }
+}
+
+/// The values of a column in a window; none if the run does not have it.
+fn window(recording: &Recording, column: usize, window: Option<[f64; 2]>, step: f64) -> &[f64] {
+    let values = recording.column(column).unwrap_or_default();
+    let Some([from, to]) = window else { return values };
+    let slack = WINDOW_SLACK * step;
+    let first = recording.time.partition_point(|t| *t < from - slack);
+    let end = recording.time.partition_point(|t| *t <= to + slack);
+    &values[first.min(end)..end]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand; squares and a root of small numbers, so the results are exact.
+    #[test]
+    fn kinds() {
+        let values = [-4.0, 2.0, -2.0, 0.0];
+        for (kind, expected) in [
+            (Kind::MeanSquare, 6.0),
+            (Kind::Rms, 6.0_f64.sqrt()),
+            (Kind::Peak, 4.0),
+            (Kind::Max, 2.0),
+            (Kind::Min, 4.0),
+            (Kind::Mean, 1.0),
+            (Kind::Final, 0.0),
+            (Kind::PeakToPeak, 6.0),
+        ] {
+            assert_eq!(kind.of(&values), expected, "{kind:?}");
+            assert!(kind.of(&[]).is_nan(), "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn windows_hold_both_ends() {
+        let recording = Recording {
+            time: vec![0.0, 0.1, 0.2, 0.1 + 0.2, 0.4],
+            columns: vec![Some(vec![0.0, 1.0, 2.0, 3.0, 4.0]), None],
+            messages: Vec::new(),
+            seconds: 0.0,
+        };
+        assert_eq!(window(&recording, 0, Some([0.1, 0.3]), 0.1), [1.0, 2.0, 3.0]);
+        assert_eq!(window(&recording, 0, None, 0.1).len(), 5);
+        assert!(window(&recording, 1, None, 0.1).is_empty());
+    }
+
+    /// Reference values square with a mean square: half the reference is a quarter of the weight.
+    #[test]
+    fn references_normalize() {
+        let term = |kind| Term { signal: String::new(), kind, window: None, weight: 3.0, reference: 2.0, column: 0 };
+        assert_eq!(term(Kind::MeanSquare).factor(), 0.75);
+        assert_eq!(term(Kind::Rms).factor(), 1.5);
+    }
+}

@@ -1,0 +1,404 @@
+//! Runs the methods of a study and writes the results.
+//!
+//! | file in OUT/STUDY | content |
+//! |---|---|
+//! | `METHOD/history.csv` | every evaluation, appended as it happens |
+//! | `METHOD/state.json` | what the history belongs to, and how far it is; replaced after every generation |
+//! | `METHOD/best.ssv` | the best values so far as an SSP parameter set; replaced when there are better ones |
+//! | `summary.json` | [`Summary`]; replaced after every method |
+//! | `best.ssv` | the best values of all methods |
+//!
+//! Apart from the history, a file is complete or not there.
+
+use crate::journal::{Candidate, Journal, JournalError, Progress};
+use crate::search::Stop;
+use crate::simulation::{Limit, Term};
+use crate::space::Parameter;
+use crate::study::{Method, Search, Study};
+use crate::{ahp, cma_es, genetic, pacsa};
+use host::description::Unit;
+use host::parameter_set::{self, ParameterSet};
+use host::plan::{Run, Value};
+use serde::Serialize;
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Version of the layout of the files.
+pub const FORMAT: u32 = 1;
+
+/// What to do with results of an earlier call.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// Leave them alone and fail.
+    Refuse,
+    /// Go on with them.
+    Resume,
+    /// Begin anew.
+    Overwrite,
+}
+
+/// Why a study was not carried out.
+#[derive(Debug, thiserror::Error)]
+pub enum TuneError {
+    /// There are results.
+    #[error("{} is there: `--resume` goes on with it, `--overwrite` begins anew", .0.display())]
+    Exists(PathBuf),
+    /// The results are those of another study.
+    #[error(
+        "{} belongs to another version of the study, its scenario or its FMUs: `--overwrite` begins anew", .0.display()
+    )]
+    Changed(PathBuf),
+    /// A file cannot be read or written.
+    #[error("{}: {cause}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        cause: io::Error,
+    },
+    /// A history cannot be used.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+}
+
+/// How a method came to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum End {
+    /// Its last generation.
+    Generations,
+    /// The budget.
+    Budget,
+    /// The target.
+    Target,
+}
+
+/// Results of a study.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    /// [`FORMAT`].
+    pub format: u32,
+    /// Name of the study.
+    pub name: String,
+    /// Title.
+    pub title: String,
+    /// Description; a blank line separates paragraphs.
+    pub description: String,
+    /// Source.
+    pub reference: String,
+    /// Path of the scenario.
+    pub scenario: String,
+    /// Ids of the runs whose mean is the objective.
+    pub runs: Vec<String>,
+    /// Simulated time of a run, s.
+    pub duration: f64,
+    /// Evaluations per method.
+    pub budget: u64,
+    /// Objective asked for.
+    pub target: Option<f64>,
+    /// Objective of what is not feasible.
+    pub penalty: f64,
+    /// Parameters.
+    pub parameters: Vec<Parameter>,
+    /// Name and inequality.
+    pub constraints: Vec<(String, String)>,
+    /// Limits.
+    pub limits: Vec<Limit>,
+    /// Terms of the objective.
+    pub terms: Vec<Term>,
+    /// Weights from judgments.
+    pub judged: Option<ahp::Weights>,
+    /// What was compared with.
+    pub comparisons: Vec<Compared>,
+    /// Methods that have come to their end.
+    pub methods: Vec<MethodSummary>,
+    /// Name of the method with the best values.
+    pub best: Option<String>,
+}
+
+/// Result of a comparison.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Compared {
+    /// Title.
+    pub title: String,
+    /// Values that differ from the scenario's, by `unit:parameter`.
+    pub values: BTreeMap<String, f64>,
+    /// Objective.
+    pub objective: f64,
+    /// Why it is not feasible.
+    pub reason: Option<String>,
+}
+
+/// Result of a method.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MethodSummary {
+    /// Method and settings.
+    #[serde(flatten)]
+    pub method: Method,
+    /// Why it ended.
+    pub end: End,
+    /// How far it came.
+    #[serde(flatten)]
+    pub progress: Progress,
+}
+
+/// The file `state.json`.
+#[derive(Serialize, serde::Deserialize)]
+struct State<P> {
+    format: u32,
+    /// Of all that the history depends on.
+    fingerprint: String,
+    progress: P,
+}
+
+/// Carries out a study. `out` is the folder of all results; `report` is told the method and its progress after every
+/// evaluation.
+///
+/// # Errors
+/// There are results that must not be touched or are those of another study, or a file cannot be read or written.
+pub fn tune(
+    study: &Study,
+    out: &Path,
+    existing: Existing,
+    report: &(dyn Fn(&Method, &Progress) + Sync),
+) -> Result<Summary, TuneError> {
+    let folder = out.join(&study.name);
+    let names = ["history.csv", "state.json", "best.ssv"];
+    for method in &study.methods {
+        let [history, state, best] = names.map(|name| folder.join(&method.name).join(name));
+        match existing {
+            Existing::Refuse if history.exists() => return Err(TuneError::Exists(history)),
+            Existing::Overwrite => {
+                for path in [history, state, best] {
+                    remove(&path)?;
+                }
+            }
+            Existing::Refuse | Existing::Resume => (),
+        }
+    }
+    let fmus = fingerprints(study)?;
+    let mut summary = summary(study);
+    for method in &study.methods {
+        let (end, progress) = search(study, method, &folder.join(&method.name), &fmus, &|p| report(method, p))?;
+        let objective = |best: &Option<Candidate>| best.as_ref().map_or(f64::INFINITY, |b| b.objective);
+        let before = summary.methods.iter().map(|m| objective(&m.progress.best)).fold(f64::INFINITY, f64::min);
+        if let Some(best) = progress.best.as_ref().filter(|b| b.objective < before) {
+            write(&folder.join("best.ssv"), parameter_set(study, &best.values).as_bytes())?;
+            summary.best = Some(method.name.clone());
+        }
+        summary.methods.push(MethodSummary { method: method.clone(), end, progress });
+        write(&folder.join("summary.json"), json(&summary).as_bytes())?;
+    }
+    Ok(summary)
+}
+
+/// Runs one method.
+fn search(
+    study: &Study,
+    method: &Method,
+    folder: &Path,
+    fmus: &BTreeMap<String, String>,
+    report: &(dyn Fn(&Progress) + Sync),
+) -> Result<(End, Progress), TuneError> {
+    let fingerprint = fingerprint(study, method, fmus);
+    let state_path = folder.join("state.json");
+    let history = folder.join("history.csv");
+    if history.exists() {
+        let known = match std::fs::read(&state_path) {
+            Ok(bytes) => serde_json::from_slice::<State<serde_json::Value>>(&bytes).ok(),
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
+            Err(cause) => return Err(TuneError::Io { path: state_path, cause }),
+        };
+        if known.is_none_or(|state| state.format != FORMAT || state.fingerprint != fingerprint) {
+            return Err(TuneError::Changed(history));
+        }
+    }
+    let save = |progress: &Progress| {
+        let state = State { format: FORMAT, fingerprint: fingerprint.clone(), progress };
+        write(&state_path, json(&state).as_bytes())
+    };
+    if !history.exists() {
+        save(&Progress::default())?;
+    }
+    let written = Cell::new(0);
+    let checkpoint = |progress: &Progress| {
+        let to_journal = |error| match error {
+            TuneError::Io { path, cause } => JournalError::Io { path, cause },
+            TuneError::Journal(error) => error,
+            TuneError::Exists(path) | TuneError::Changed(path) => {
+                JournalError::Io { path, cause: io::ErrorKind::AlreadyExists.into() }
+            }
+        };
+        if let Some(best) = progress.best.as_ref().filter(|best| best.evaluation != written.get()) {
+            write(&folder.join("best.ssv"), parameter_set(study, &best.values).as_bytes()).map_err(to_journal)?;
+            written.set(best.evaluation);
+        }
+        save(progress).map_err(to_journal)
+    };
+    let simulation = &study.simulation;
+    let limits = (study.evaluations, study.target);
+    let mut journal = Journal::open(&history, &simulation.parameters, simulation, limits, report, &checkpoint)?;
+    let dimension = simulation.parameters.len();
+    let ended = match &method.search {
+        Search::Pacsa(settings) => pacsa::run(settings, dimension, method.seed, &mut journal),
+        Search::Ga(settings) => genetic::run(settings, dimension, method.seed, &mut journal),
+        Search::Cmaes(settings) => cma_es::run(settings, dimension, method.seed, &mut journal),
+    };
+    let end = match ended {
+        Ok(()) => End::Generations,
+        Err(Stop::Budget) => End::Budget,
+        Err(Stop::Target) => End::Target,
+        Err(Stop::Failed(error)) => return Err(error.into()),
+    };
+    let progress = journal.progress();
+    // The last generation may have come from the history of a call that ended before its checkpoint.
+    checkpoint(&progress)?;
+    Ok((end, progress))
+}
+
+/// All but the results of the methods.
+fn summary(study: &Study) -> Summary {
+    let simulation = &study.simulation;
+    let name = |index: usize| simulation.parameters[index].name.clone();
+    let comparisons = study.comparisons.iter().map(|comparison| {
+        let outcome = simulation.outcome(&comparison.runs, &comparison.values);
+        Compared {
+            title: comparison.title.clone(),
+            values: comparison.values.iter().map(|(index, value)| (name(*index), *value)).collect(),
+            objective: outcome.objective,
+            reason: outcome.reason,
+        }
+    });
+    Summary {
+        format: FORMAT,
+        name: study.name.clone(),
+        title: study.title.clone(),
+        description: study.description.clone(),
+        reference: study.reference.clone(),
+        scenario: study.scenario.to_string_lossy().into_owned(),
+        runs: simulation.runs.iter().map(|run| run.id.clone()).collect(),
+        duration: simulation.times.stop - simulation.times.start,
+        budget: study.evaluations,
+        target: study.target,
+        penalty: simulation.penalty,
+        parameters: simulation.parameters.clone(),
+        constraints: study.constraints.clone(),
+        limits: simulation.limits.clone(),
+        terms: simulation.terms.clone(),
+        judged: study.judged.clone(),
+        comparisons: comparisons.collect(),
+        methods: Vec::new(),
+        best: None,
+    }
+}
+
+/// A hash of each FMU file: the GUID only stands for its interface.
+fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, TuneError> {
+    let mut hashes = BTreeMap::new();
+    for unit in study.simulation.runs.iter().flat_map(|run| &run.units) {
+        if !hashes.contains_key(&unit.fmu) {
+            let path = PathBuf::from(&unit.fmu);
+            let bytes = std::fs::read(&path).map_err(|cause| TuneError::Io { path, cause })?;
+            hashes.insert(unit.fmu.clone(), hash(&bytes));
+        }
+    }
+    Ok(hashes)
+}
+
+/// A hash of all that decides about the history of a method. Budget and target only decide where it ends.
+fn fingerprint(study: &Study, method: &Method, fmus: &BTreeMap<String, String>) -> String {
+    let simulation = &study.simulation;
+    // The place of an FMU does not matter, its content does.
+    let runs: Vec<Run> = simulation
+        .runs
+        .iter()
+        .cloned()
+        .map(|mut run| {
+            for unit in &mut run.units {
+                unit.fmu = fmus.get(&unit.fmu).cloned().unwrap_or_default();
+            }
+            run
+        })
+        .collect();
+    hash(
+        json(&(
+            FORMAT,
+            (&simulation.times, runs),
+            (&simulation.parameters, &simulation.constants, &study.constraints),
+            (&simulation.terms, &simulation.limits, simulation.penalty),
+            (method.seed, method.search),
+        ))
+        .as_bytes(),
+    )
+}
+
+fn hash(bytes: &[u8]) -> String {
+    uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, bytes).to_string()
+}
+
+/// The values as an SSP parameter set with names `unit:parameter`.
+fn parameter_set(study: &Study, values: &[f64]) -> String {
+    let simulation = &study.simulation;
+    let set = ParameterSet {
+        name: study.name.clone(),
+        parameters: simulation
+            .parameters
+            .iter()
+            .zip(values)
+            .map(|(parameter, value)| parameter_set::Parameter {
+                name: parameter.name.clone(),
+                value: Value::Real(*value),
+                unit: parameter.unit.clone(),
+            })
+            .collect(),
+    };
+    let units: Vec<Unit> = simulation
+        .runs
+        .iter()
+        .flat_map(|run| &run.units)
+        .filter_map(|unit| simulation.fmus.get(&unit.fmu).ok())
+        .flat_map(|fmu| &fmu.description().units)
+        .cloned()
+        .collect();
+    // Written to memory.
+    set.to_xml(&units).unwrap_or_default()
+}
+
+/// As text with line breaks. The types at hand have no map with keys other than text, so it does not fail.
+fn json<T: Serialize>(value: &T) -> String {
+    serde_json::to_string_pretty(value).map(|text| text + "\n").unwrap_or_default()
+}
+
+/// Writes a file that appears complete or not at all.
+fn write(path: &Path, content: &[u8]) -> Result<(), TuneError> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let written = std::fs::create_dir_all(folder).and_then(|()| {
+        let mut part = tempfile::Builder::new().prefix(".").suffix(".part").tempfile_in(folder)?;
+        part.write_all(content)?;
+        part.as_file().sync_all()?;
+        readable(part.as_file())?;
+        part.persist(path).map_err(|error| error.error)
+    });
+    written.map(drop).map_err(|cause| TuneError::Io { path: path.to_path_buf(), cause })
+}
+
+/// Temporary files are for their owner alone; results are as other files.
+#[cfg(unix)]
+fn readable(file: &std::fs::File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable(_: &std::fs::File) -> io::Result<()> {
+    Ok(())
+}
+
+fn remove(path: &Path) -> Result<(), TuneError> {
+    match std::fs::remove_file(path) {
+        Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(TuneError::Io { path: path.to_path_buf(), cause }),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,138 @@
+//! The methods on functions whose minimum is known.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use tuning::search::{Evaluate, Stop};
+use tuning::{cma_es, genetic, pacsa};
+
+/// Evaluations of every method.
+const BUDGET: usize = 2000;
+/// Parameters.
+const DIMENSION: usize = 6;
+
+/// A function on -2..2 in every coordinate.
+type Function = fn(&[f64]) -> f64;
+
+/// Minimum 0 at 0.7 in every coordinate; off the middle, where CMA-ES begins.
+fn sphere(x: &[f64]) -> f64 {
+    x.iter().map(|v| (v - 0.7).powi(2)).sum()
+}
+
+/// Minimum 0 at 1 in every coordinate, at the end of a bent valley.
+fn rosenbrock(x: &[f64]) -> f64 {
+    x.windows(2).map(|w| 100.0 * (w[1] - w[0] * w[0]).powi(2) + (1.0 - w[0]).powi(2)).sum()
+}
+
+/// Notes the objectives and ends the search after the budget.
+struct Recorder {
+    function: Function,
+    generations: Vec<Vec<f64>>,
+}
+
+impl Recorder {
+    fn new(function: Function) -> Self {
+        Self { function, generations: Vec::new() }
+    }
+
+    fn evaluations(&self) -> usize {
+        self.generations.iter().map(Vec::len).sum()
+    }
+
+    fn best(&self) -> f64 {
+        self.generations.iter().flatten().copied().take(BUDGET).fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Evaluate for Recorder {
+    fn evaluate(&mut self, population: &[Vec<f64>]) -> Result<Vec<f64>, Stop> {
+        assert!(population.iter().flatten().all(|share| (0.0..=1.0).contains(share)));
+        if self.evaluations() >= BUDGET {
+            return Err(Stop::Budget);
+        }
+        let value = |shares: &Vec<f64>| (self.function)(&shares.iter().map(|s| 4.0 * s - 2.0).collect::<Vec<_>>());
+        let values: Vec<f64> = population.iter().map(value).collect();
+        self.generations.push(values.clone());
+        Ok(values)
+    }
+}
+
+fn pacsa_on(function: Function, seed: u64) -> Recorder {
+    let mut recorder = Recorder::new(function);
+    let _ = pacsa::run(&pacsa::Settings::default(), DIMENSION, seed, &mut recorder);
+    recorder
+}
+
+fn ga_on(function: Function, seed: u64) -> Recorder {
+    let mut recorder = Recorder::new(function);
+    let _ = genetic::run(&genetic::Settings::default(), DIMENSION, seed, &mut recorder);
+    recorder
+}
+
+fn cmaes_on(function: Function, seed: u64) -> Recorder {
+    let mut recorder = Recorder::new(function);
+    let _ = cma_es::run(&cma_es::Settings::default(), DIMENSION, seed, &mut recorder);
+    recorder
+}
+
+/// The best of so many points drawn at random.
+fn random_on(function: Function, seed: u64) -> f64 {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut coordinate = || 4.0 * (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64 - 2.0;
+    (0..BUDGET)
+        .map(|_| function(&(0..DIMENSION).map(|_| coordinate()).collect::<Vec<_>>()))
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// Bounds of PACSA, GA and CMA-ES. They lie between what the methods reach and what random search reaches with the same
+/// budget, both over seeds 1 to 8: sphere 0.012, 0.21, 5e-15 against 0.59; Rosenbrock 5.1, 14.4, 0.0024 against 25.8.
+#[test]
+fn the_methods_reach_what_random_search_does_not() {
+    let functions: [(&str, Function, [f64; 3]); 2] =
+        [("sphere", sphere, [0.05, 0.4, 1e-10]), ("Rosenbrock", rosenbrock, [10.0, 20.0, 0.1])];
+    for (name, function, bounds) in functions {
+        for seed in 1..=5 {
+            let found = [pacsa_on, ga_on, cmaes_on].map(|search| search(function, seed).best());
+            let random = random_on(function, seed);
+            for ((method, found), bound) in ["PACSA", "GA", "CMA-ES"].into_iter().zip(found).zip(bounds) {
+                assert!(found < bound && bound < random, "{name}, seed {seed}: {method} {found}, random {random}");
+            }
+        }
+    }
+}
+
+/// The settings are chosen for about 20 clones a generation (the spec of the algorithm: 2068 evaluations in 100
+/// generations); from generation to generation the number varies.
+#[test]
+fn pacsa_asks_for_about_20_evaluations_a_generation() {
+    let recorder = pacsa_on(rosenbrock, 1);
+    let mean = recorder.evaluations() as f64 / recorder.generations.len() as f64;
+    assert!((10.0..30.0).contains(&mean), "{mean}");
+    assert_eq!(recorder.generations[0].len(), 20);
+}
+
+/// 40 at first, then 39: the elite is not evaluated again.
+#[test]
+fn the_genetic_algorithm_asks_for_39_after_the_first() {
+    let recorder = ga_on(sphere, 1);
+    assert_eq!(recorder.generations[0].len(), 40);
+    assert!(recorder.generations[1..].iter().all(|g| g.len() == 39));
+}
+
+#[test]
+fn a_seed_is_a_search() {
+    for search in [pacsa_on, ga_on, cmaes_on] {
+        let generations = |seed| search(rosenbrock, seed).generations;
+        assert_eq!(generations(3), generations(3));
+        assert_ne!(generations(3), generations(4));
+    }
+}
+
+/// A flat objective: nobody is better than anybody, and all go on without an error.
+#[test]
+fn flat_objectives_do_no_harm() {
+    for search in [pacsa_on, ga_on, cmaes_on] {
+        for flat in [(|_| 1e6) as Function, |_| 0.0] {
+            assert!(search(flat, 1).generations.len() > 5);
+        }
+    }
+}

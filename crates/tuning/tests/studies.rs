@@ -1,0 +1,433 @@
+//! Studies from the file to the results, on FMUs built from C in a temporary folder.
+#![cfg(unix)]
+
+#[path = "../../host/tests/support/mod.rs"]
+#[allow(dead_code)]
+mod support;
+
+use host::fmu::Fmus;
+use host::master;
+use host::resolve::{FmuFolder, Options, resolve};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use support::Build;
+use tempfile::TempDir;
+use tuning::study::{self, Study, StudyError};
+use tuning::tune::{Existing, Summary, TuneError, tune};
+
+/// Two integrators in a ring, x' = g y and y' = -g' x.
+const SCENARIO: &str = r#"
+title = "Ring"
+[simulation]
+stop = 1.0
+step = 0.01
+[[unit]]
+name = "position"
+fmu = "Position"
+parameters = { start = 1.0 }
+[[unit]]
+name = "velocity"
+fmu = "Velocity"
+[[case]]
+name = "free"
+title = "Free"
+[[case]]
+name = "inverted"
+title = "Inverted"
+parameters.velocity = { inverted = true }
+[[case]]
+name = "failing"
+title = "Failing"
+parameters.velocity = { failure = 1 }
+[[case]]
+name = "alone"
+title = "Alone"
+without = ["velocity"]
+inputs.position = { y = 2.0 }
+[record]
+signals = ["x", "y", "velocity:count"]
+"#;
+
+const STUDY: &str = r#"title = "Ring"
+scenario = "ring.toml"
+cases = ["free", "inverted"]
+stop = 0.8
+seed = 3
+
+[budget]
+evaluations = 60
+
+[[parameter]]
+name = "position:gain"
+symbol = "g"
+min = -2.0
+max = 8.0
+
+[[parameter]]
+name = "velocity:gain"
+symbol = "k"
+min = 0.1
+max = 10.0
+log = true
+
+[constants]
+limit = 30.0
+
+[[constraint]]
+name = "product"
+inequality = "abs(g) * k <= limit"
+
+[[limit]]
+signal = "velocity:y"
+magnitude = 40.0
+
+[[objective.term]]
+signal = "position:x"
+kind = "rms"
+weight = 2.0
+reference = 0.5
+window = [0.2, 0.8]
+
+[[objective.term]]
+signal = "y"
+kind = "mean_square"
+weight = 3.0
+reference = 2.0
+
+[[method]]
+kind = "pacsa"
+
+[[method]]
+kind = "ga"
+settings = { population = 10, elite = 2 }
+
+[[method]]
+kind = "cmaes"
+name = "yardstick"
+title = "CMA-ES, other seed"
+seed = 9
+
+[[compare]]
+title = "As it is"
+
+[[compare]]
+title = "Gains of 2, inverted"
+case = "inverted"
+values = { g = 2.0, "velocity:gain" = 2.0 }
+"#;
+
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        let folder = TempDir::new().unwrap();
+        Build::new("Position", "y", "x").pack(folder.path());
+        Build::new("Velocity", "x", "y").pack(folder.path());
+        std::fs::write(folder.path().join("ring.toml"), SCENARIO).unwrap();
+        Self { folder }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn read(&self, text: &str, jobs: usize) -> Result<Study, StudyError> {
+        let path = self.path("study.toml");
+        std::fs::write(&path, text).unwrap();
+        study::read(&path, &FmuFolder::new([self.folder.path()]), jobs)
+    }
+
+    fn tune(&self, text: &str, jobs: usize, out: &str, existing: Existing) -> Result<Summary, TuneError> {
+        let study = self.read(text, jobs).unwrap_or_else(|e| panic!("{}", lines(&e)));
+        tune(&study, &self.path(out), existing, &|_, _| ())
+    }
+
+    /// All files of the results by their path.
+    fn results(&self, out: &str) -> BTreeMap<PathBuf, Vec<u8>> {
+        let root = self.path(out).join("study");
+        let mut files = BTreeMap::new();
+        let mut open = vec![root.clone()];
+        while let Some(folder) = open.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    open.push(path);
+                } else {
+                    files.insert(path.strip_prefix(&root).unwrap().to_path_buf(), std::fs::read(path).unwrap());
+                }
+            }
+        }
+        files
+    }
+}
+
+/// All mistakes, one per line.
+fn lines(error: &StudyError) -> String {
+    match error {
+        StudyError::Problems(problems) => problems.problems.iter().map(|p| p.line()).collect::<Vec<_>>().join("\n"),
+        other => other.to_string(),
+    }
+}
+
+/// The mean over two runs of 2 rms(x)/0.5 in a window plus 3 (rms(y)/2)^2, written out once more.
+fn objective(place: &Place, scenario: &str, gains: Option<[f64; 2]>) -> f64 {
+    let options = Options { stop: Some(0.8), ..Options::default() };
+    let plan = resolve(&place.path(scenario), &FmuFolder::new([place.folder.path()]), &options).unwrap();
+    let fmus = Fmus::load(&plan).unwrap();
+    let mut sum = 0.0;
+    for run in plan.runs.iter().take(2) {
+        let mut run = run.clone();
+        for (unit, gain) in ["position", "velocity"].into_iter().zip(gains.into_iter().flatten()) {
+            run.set_parameter(&fmus, unit, "gain", host::plan::Value::Real(gain)).unwrap();
+        }
+        let recording = master::execute(&plan.simulation, &run, &fmus, &mut |_| ()).unwrap();
+        let (x, y) = (&recording.column(0).unwrap()[20..=80], recording.column(1).unwrap());
+        let mean_square = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>() / v.len() as f64;
+        sum += 4.0 * mean_square(x).sqrt() + 0.75 * mean_square(y);
+    }
+    sum / 2.0
+}
+
+#[test]
+fn a_study_from_the_file_to_the_results() {
+    let place = Place::new();
+    let summary = place.tune(STUDY, 2, "out", Existing::Refuse).unwrap();
+    let names: Vec<_> = summary.methods.iter().map(|m| m.method.name.as_str()).collect();
+    assert_eq!(names, ["pacsa", "ga", "yardstick"]);
+    assert_eq!(summary.runs, ["free", "inverted"]);
+    // The same sums in the same order, but for the factors.
+    assert!((summary.comparisons[0].objective - objective(&place, "ring.toml", None)).abs() < 1e-12);
+    assert_eq!(summary.comparisons[1].values["velocity:gain"], 2.0);
+    let mut best = f64::INFINITY;
+    for method in &summary.methods {
+        assert_eq!(method.progress.evaluations, 60);
+        let found = method.progress.best.as_ref().unwrap();
+        let [g, k] = found.values[..] else { panic!() };
+        assert!(g.abs() * k <= 30.0 && (-2.0..=8.0).contains(&g) && (0.1..=10.0).contains(&k));
+        assert!((found.objective - objective(&place, "ring.toml", Some([g, k]))).abs() < 1e-12);
+        assert!(found.objective < summary.comparisons[0].objective, "better than the gains of 1 of the scenario");
+        best = best.min(found.objective);
+    }
+
+    // The optimum as a parameter set, applied by a scenario: the same objective, to the bit.
+    let with_set = SCENARIO.replacen("title", "parameter_set = \"out/study/best.ssv\"\ntitle", 1);
+    std::fs::write(place.path("tuned.toml"), with_set).unwrap();
+    let method = summary.methods.iter().find(|m| Some(&m.method.name) == summary.best.as_ref()).unwrap();
+    let found = method.progress.best.as_ref().unwrap();
+    assert_eq!(found.objective, best);
+    let [g, k] = found.values[..] else { panic!() };
+    assert_eq!(objective(&place, "tuned.toml", None), objective(&place, "ring.toml", Some([g, k])));
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads() {
+    let place = Place::new();
+    for jobs in [1, 2, 5] {
+        place.tune(STUDY, jobs, &format!("out{jobs}"), Existing::Refuse).unwrap();
+    }
+    let one = place.results("out1");
+    assert_eq!(one.len(), 3 * 3 + 2, "{:?}", one.keys());
+    assert!(one == place.results("out2") && one == place.results("out5"));
+}
+
+/// Interrupted at any place: within the second method, the history cut off in a line, the checkpoint older than the
+/// history.
+#[test]
+fn going_on_equals_never_stopping() {
+    let place = Place::new();
+    place.tune(STUDY, 2, "whole", Existing::Refuse).unwrap();
+    let whole = place.results("whole");
+    for share in [0.0, 0.3, 0.8, 1.0] {
+        let less = STUDY.replacen("evaluations = 60", "evaluations = 25", 1);
+        place.tune(&less, 2, "parts", Existing::Overwrite).unwrap();
+        for unfinished in ["yardstick/history.csv", "yardstick/state.json", "yardstick/best.ssv", "summary.json"] {
+            std::fs::remove_file(place.path("parts/study").join(unfinished)).unwrap();
+        }
+        let history = place.path("parts/study/ga/history.csv");
+        let content = std::fs::read(&history).unwrap();
+        std::fs::write(&history, &content[..(content.len() as f64 * share) as usize]).unwrap();
+        place.tune(STUDY, 3, "parts", Existing::Resume).unwrap();
+        assert!(place.results("parts") == whole, "cut at {share}");
+    }
+    // Finished: nothing changes.
+    place.tune(STUDY, 1, "whole", Existing::Resume).unwrap();
+    assert!(place.results("whole") == whole);
+}
+
+#[test]
+fn results_are_not_lost_by_a_slip() {
+    let place = Place::new();
+    place.tune(STUDY, 2, "out", Existing::Refuse).unwrap();
+    let before = place.results("out");
+    let error = place.tune(STUDY, 2, "out", Existing::Refuse).unwrap_err().to_string();
+    assert!(error.contains("history.csv is there: `--resume` goes on"), "{error}");
+    for (from, to) in [
+        ("max = 8.0", "max = 7.0"),
+        ("stop = 0.8", "stop = 0.9"),
+        ("weight = 2.0", "weight = 2.5"),
+        ("limit = 30.0", "limit = 31.0"),
+        ("\"abs(g) * k <= limit\"", "\"abs(g) * k < limit\""),
+        ("seed = 3", "seed = 4"),
+        ("kind = \"pacsa\"", "kind = \"pacsa\"\nsettings = { selected = 9 }"),
+        ("magnitude = 40.0", "magnitude = 41.0"),
+    ] {
+        let error = place.tune(&STUDY.replacen(from, to, 1), 2, "out", Existing::Resume).unwrap_err().to_string();
+        assert!(error.contains("belongs to another version of the study"), "{to}: {error}");
+    }
+    // Another binary behind the same description.
+    let rebuilt = Build { states: false, ..Build::new("Velocity", "x", "y") };
+    rebuilt.pack(place.folder.path());
+    let error = place.tune(STUDY, 2, "out", Existing::Resume).unwrap_err().to_string();
+    assert!(error.contains("belongs to another version"), "{error}");
+    assert!(place.results("out") == before);
+}
+
+/// Runs that fail, leave a limit or overflow, and candidates against the constraints: bad, finite, with a reason; the
+/// study goes on to its end.
+#[test]
+fn what_is_not_feasible_is_bad_and_no_more() {
+    let place = Place::new();
+    let read = |out: &str| std::fs::read_to_string(place.path(out).join("study/pacsa/history.csv")).unwrap();
+    let summary = place.tune(STUDY, 2, "some", Existing::Refuse).unwrap();
+    let history = read("some");
+    assert!(history.contains(",1000000.0,false,constraint product\n"), "{history}");
+    let infeasible = history.matches(",false,").count() as u64;
+    assert_eq!(summary.methods[0].progress.infeasible, infeasible);
+    assert!((1..60).contains(&infeasible));
+
+    // A limit that the gains of some candidates pass; another penalty.
+    let text = STUDY.replacen("magnitude = 40.0", "magnitude = 1.5", 1).replacen("stop", "penalty = 777.0\nstop", 1);
+    place.tune(&text, 2, "limit", Existing::Refuse).unwrap();
+    let history = read("limit");
+    assert!(history.contains(",777.0,false,") && history.contains("the limit is 1.5"), "{history}");
+
+    // Overflow: 1e308 steps of a ring that grows.
+    let text = STUDY.replacen("reference = 2.0", "reference = 1e-200", 1);
+    let summary = place.tune(&text, 2, "overflow", Existing::Refuse).unwrap();
+    assert!(read("overflow").contains("the term of `y` is inf"), "{}", read("overflow"));
+    assert_eq!(summary.best, None);
+
+    // Every run fails at 0.5 s.
+    let text = STUDY.replacen("cases = [\"free\", \"inverted\"]", "cases = [\"failing\"]", 1);
+    let summary = place.tune(&text, 2, "failing", Existing::Refuse).unwrap();
+    let history = read("failing");
+    assert!(
+        history.contains("run failing, step from 0.5 s: ") && history.contains("x left 90% of its range"),
+        "{history}"
+    );
+    for method in &summary.methods {
+        assert_eq!((method.progress.evaluations, method.progress.infeasible), (60, 60));
+        assert_eq!(method.progress.best, None);
+    }
+    assert!(!place.path("failing/study/best.ssv").exists());
+}
+
+#[test]
+fn judgments_become_weights() {
+    let place = Place::new();
+    let judged = STUDY
+        .replacen("[[objective.term]]", "[objective]\njudgments = [[1, 4], [\"1/4\", 1]]\n[[objective.term]]", 1)
+        .replacen("weight = 2.0\n", "", 1)
+        .replacen("weight = 3.0\n", "", 1);
+    let study = place.read(&judged, 1).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let weights: Vec<f64> = study.simulation.terms.iter().map(|t| t.weight).collect();
+    // 4 : 1, to rounding
+    assert!((weights[0] - 0.8).abs() < 1e-15 && (weights[1] - 0.2).abs() < 1e-15);
+    assert_eq!(study.judged.unwrap().ratio, 0.0);
+}
+
+/// One change to the study, where the mistake is marked, and what is said.
+#[test]
+fn mistakes_are_reported_with_their_place() {
+    let place = Place::new();
+    let judge = |matrix: &str| format!("[objective]\njudgments = {matrix}\n[[objective.term]]");
+    let [three, circle, word] = ["[[1]]", "[[1, 2], [2, 1]]", "[[1, \"a\"], [1, 1]]"].map(judge);
+    let term = "[[objective.term]]\nsignal = \"position:x\"";
+    let cases: &[(&str, &str, &str)] = &[
+        ("title = ", "titel = ", "1:1: unknown field `titel`"),
+        ("scenario = \"ring.toml\"", "scenario = \"rong.toml\"", "2:12: there is no file"),
+        ("\"free\", \"inverted\"", "\"fre\"", "3:10: unknown case `fre`"),
+        ("cases = [\"free\", \"inverted\"]", "cases = []", "cases is empty"),
+        ("cases = [\"free\", \"inverted\"]", "cases = [\"alone\"]", "case `alone`: the run has no unit `velocity`"),
+        ("stop = 0.8", "stop = 0.805", "4:8: stop 0.805 s is not a whole number of steps"),
+        ("stop = 0.8", "seeds = 0", "4:9: seeds is 0, expected at least 1"),
+        ("seed = 3", "seed = -3", "5:8: seed is -3, expected 0 or more"),
+        ("seed = 3", "penalty = 0.0", "penalty is 0.0, expected above 0"),
+        ("evaluations = 60", "evaluations = 0", "8:15: evaluations is 0, expected at least 1"),
+        ("evaluations = 60", "evaluations = 60\ntarget = inf", "expected a finite number"),
+        ("name = \"position:gain\"", "name = \"gain\"", "11:8: expected \"unit:parameter\""),
+        ("name = \"position:gain\"", "name = \"positon:gain\"", "11:8: case `free`: the run has no unit `positon`"),
+        ("name = \"position:gain\"", "name = \"position:gian\"", "Position has no parameter `gian`"),
+        ("name = \"position:gain\"", "name = \"position:x\"", "is not a parameter but an output"),
+        ("name = \"position:gain\"", "name = \"velocity:gain\"", "the parameter `velocity:gain` is there twice"),
+        ("name = \"position:gain\"", "name = \"position:failure\"", "`failure` is Integer"),
+        ("max = 8.0", "max = 12.0", "14:7: case `free`: `position`: `gain` is 12.0, expected at most 10"),
+        ("max = 8.0", "max = -2.0", "14:7: max is -2.0, expected a finite number above min -2.0"),
+        ("min = -2.0", "min = nan", "13:7: expected a finite number"),
+        ("min = 0.1", "min = 0.0", "19:7: min is 0.0, expected above 0 with log = true"),
+        ("symbol = \"g\"", "symbol = \"2g\"", "starts with no digit"),
+        ("symbol = \"g\"", "symbol = \"k\"", "the name `k` is there twice"),
+        ("symbol = \"g\"", "symbol = \"sqrt\"", "`sqrt` is a function"),
+        ("limit = 30.0", "k = 30.0", "the name `k` is there twice"),
+        ("limit = 30.0", "limit = inf", "expected a finite number"),
+        ("abs(g) * k <= limit", "abs(g) * q <= limit", "28:24: unknown name `q`"),
+        ("abs(g) * k <= limit", "abs(g) * k", "28:25: expected <, <=, > or >="),
+        ("[[limit]]", "[[constraint]]\nname = \"product\"\ninequality = \"g > 0\"\n[[limit]]", "there twice"),
+        ("magnitude = 40.0", "magnitude = 0.0", "magnitude is 0.0, expected above 0"),
+        ("signal = \"velocity:y\"", "signal = \"velocity:z\"", "the scenario does not record `velocity:z`"),
+        ("signal = \"velocity:y\"", "signal = \"position:y\"", "the scenario does not record `position:y`"),
+        ("signal = \"velocity:y\"", "signal = \"position:count\"", "the scenario does not record `position:count`"),
+        ("kind = \"rms\"", "kind = \"rmss\"", "unknown variant `rmss`"),
+        ("weight = 2.0", "weight = -2.0", "37:10: weight is -2.0, expected 0 or more"),
+        ("weight = 2.0\n", "", "this term needs a weight"),
+        ("reference = 0.5", "reference = 0.0", "reference is 0.0, expected above 0"),
+        ("window = [0.2, 0.8]", "window = [0.2, 0.9]", "expected a window [from, to] with 0 <= from < to <= 0.8"),
+        (term, &format!("{}\nsignal = \"position:x\"", circle), "are 2 and 2, expected reciprocals"),
+        (term, &format!("{}\nsignal = \"position:x\"", three), "1 rows of judgments, but 2 terms"),
+        (term, &format!("{}\nsignal = \"position:x\"", word), "expected a number or a text such as \"1/3\""),
+        (term, &format!("{}\nsignal = \"position:x\"", circle), "with judgments the weights follow from them"),
+        ("kind = \"pacsa\"", "kind = \"pasca\"", "unknown method `pasca`, expected pacsa, ga or cmaes"),
+        ("kind = \"pacsa\"", "kind = \"ga\"", "the method `ga` is there twice; give it a name"),
+        ("name = \"yardstick\"", "name = \"../x\"", "the name of a method is made of a-z, 0-9 and _"),
+        ("elite = 2", "elit = 2", "ga has no setting `elit`, expected one of: population, crossover"),
+        ("elite = 2", "elite = 10", "elite is 10, expected a whole number from 0 to 9"),
+        ("population = 10", "population = 1.5", "population is 1.5, expected a whole number from 2"),
+        ("population = 10", "mutation = 1.5", "mutation is 1.5, expected a number from 0 to 1"),
+        ("case = \"inverted\"", "case = \"invreted\"", "unknown case `invreted`"),
+        ("g = 2.0", "h = 2.0", "`h` is no parameter of this study"),
+        ("g = 2.0", "g = 20.0", "`gain` is 20.0, expected at most 10"),
+    ];
+    for (from, to, expected) in cases {
+        assert!(STUDY.contains(from), "not in the study: {from}");
+        let error = place.read(&STUDY.replacen(from, to, 1), 1).err();
+        let error = lines(&error.unwrap_or_else(|| panic!("no mistake found: {to}")));
+        assert!(error.contains(expected), "{to}\n  expected {expected}\n  got {error}");
+        assert!(error.contains("study.toml:"), "{error}");
+    }
+    for (what, expected) in [
+        ("[[parameter]]", "a study needs at least one [[parameter]]"),
+        ("[[objective.term]]", "missing field `objective`"),
+        ("[[method]]", "a study needs at least one [[method]]"),
+    ] {
+        // Without all tables of that name.
+        let without: String = STUDY
+            .split_inclusive("\n\n")
+            .filter(|table| !table.starts_with(what))
+            .filter(|table| what != "[[parameter]]" || !table.starts_with("[[constraint]]"))
+            .collect();
+        let error = lines(&place.read(&without, 1).unwrap_err());
+        assert!(error.contains(expected), "{what}: {error}");
+    }
+}
+
+#[test]
+fn what_the_study_needs_must_be_there() {
+    let place = Place::new();
+    let source = FmuFolder::new([place.folder.path()]);
+    let error = study::read(Path::new("nowhere.toml"), &source, 1).unwrap_err().to_string();
+    assert!(error.starts_with("cannot read nowhere.toml: "), "{error}");
+    std::fs::write(place.path("ring.toml"), SCENARIO.replacen("Velocity", "Velocety", 1)).unwrap();
+    assert!(matches!(place.read(STUDY, 1), Err(StudyError::Scenario(_))));
+}
