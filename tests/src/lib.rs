@@ -6,6 +6,7 @@
 pub mod raw;
 pub mod reference;
 pub mod signals;
+pub mod state_bytes;
 pub mod symbols;
 
 use host::archive::Archive;
@@ -159,40 +160,45 @@ impl Fmu {
         self.started_at(0.0)
     }
 
-    /// A step that fails after [`Self::instance_before_failure`], in s.
+    /// A step that fails with [`Self::failing_inputs`], in s.
     pub const FAILING_STEP: f64 = 2.0;
 
-    /// A new instance with inputs whose first step gives numbers that are not finite, though all values before it are;
-    /// `None` if none were found.
+    /// Inputs with which the first step gives numbers that are not finite, though all values before it are; `None` if
+    /// none were found.
     ///
     /// # Panics
     /// When the FMU refuses inputs that are finite.
     #[must_use]
-    pub fn instance_before_failure(&self) -> Option<Instance> {
+    pub fn failing_inputs(&self) -> Option<Vec<f64>> {
         const HUGE: f64 = 1.7e308;
-        let inputs: Vec<_> = self.with(Causality::Input).filter(|v| v.base_type == BaseType::Real).collect();
-        let references = self.references(Causality::Input);
+        let start: Vec<_> =
+            self.with(Causality::Input).filter(|input| input.base_type == BaseType::Real).map(signals::start).collect();
         let all = self.reals();
-        let start: Vec<_> = inputs.iter().map(|input| signals::start(input)).collect();
         // One huge input, which overflows in an integral; or all of them with alternating signs.
-        let single = (0..inputs.len()).map(|i| {
+        let single = (0..start.len()).map(|i| {
             let mut values = start.clone();
             values[i] = HUGE;
             values
         });
-        let alternating = (0..inputs.len()).map(|i| if i % 2 == 0 { HUGE } else { -HUGE }).collect();
-        single.chain([alternating]).find_map(|values| {
-            let prepare = || {
-                let mut instance = self.instance();
-                ok(instance.set_real(&references, &values));
-                instance
-            };
-            let mut trial = prepare();
+        let alternating = (0..start.len()).map(|i| if i % 2 == 0 { HUGE } else { -HUGE }).collect();
+        single.chain([alternating]).find(|values| {
+            let mut trial = self.instance_with(values);
             ok(trial.enter_initialization_mode());
             ok(trial.exit_initialization_mode());
             let fails = trial.do_step(0.0, Self::FAILING_STEP).is_err();
-            (fails && trial.get_real(&all, &mut vec![0.0; all.len()]).is_ok()).then(prepare)
+            fails && trial.get_real(&all, &mut vec![0.0; all.len()]).is_ok()
         })
+    }
+
+    /// A new instance in Instantiated with these values of the real inputs.
+    ///
+    /// # Panics
+    /// When the FMU refuses them.
+    #[must_use]
+    pub fn instance_with(&self, inputs: &[f64]) -> Instance {
+        let mut instance = self.instance();
+        ok(instance.set_real(&self.references(Causality::Input), inputs));
+        instance
     }
 
     /// Variables of a causality.

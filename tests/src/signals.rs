@@ -33,6 +33,9 @@ impl Random {
 /// A small deviation of a variable from its start value, by its unit: the tires stay on the road and unsaturated.
 #[must_use]
 pub fn scale(variable: &Variable) -> f64 {
+    if variable.name.starts_with("wheel_speed") {
+        return 1.0; // rad/s: about 2 % of the speed of a rolling wheel
+    }
     match variable.unit.as_deref().unwrap_or("1") {
         "m" => 2e-3,
         "rad" => 0.02,
@@ -52,10 +55,15 @@ pub fn start(variable: &Variable) -> f64 {
     }
 }
 
-/// Whether a quantity cannot be negative: a unit may refuse a vehicle that drives backwards.
+/// Whether a quantity is meant to be positive: forwards, grip, pedals. A unit may refuse a vehicle that drives backwards.
 #[must_use]
 pub fn is_magnitude(variable: &Variable) -> bool {
-    variable.name.ends_with(".speed") || variable.name.starts_with("road_friction") || variable.name.contains("brake")
+    let name = variable.name.as_str();
+    name.ends_with(".speed")
+        || name.starts_with("wheel_speed")
+        || name.starts_with("road_friction")
+        || name.contains("brake")
+        || name.ends_with(".throttle")
 }
 
 /// Sinusoidal inputs of an FMU.

@@ -227,9 +227,12 @@ fn impossible_times_are_refused() {
         // Smaller than the spacing of numbers at that time: the clock would stand still.
         let mut late = fmu.started_at(1e9);
         refuses(&mut late, &["does not advance"], |i| i.do_step(1e9, 1e-9));
-        let mut long = fmu.started();
-        // More than a million substeps or samples in one call is a mistake of units, not a step.
-        refuses(&mut long, &["integration steps or samples"], |i| i.do_step(0.0, 1e6));
+        // More than a million substeps or samples in one call is a mistake of units, not a step. A plant that is
+        // integrated exactly needs no substeps.
+        if ["max_step", "sample_time"].iter().any(|name| fmu.description.variable(name).is_some()) {
+            let mut long = fmu.started();
+            refuses(&mut long, &["integration steps or samples"], |i| i.do_step(0.0, 1e6));
+        }
     }
 }
 
