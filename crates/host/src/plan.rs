@@ -225,7 +225,7 @@ fn as_sequence<S: Serializer>(values: &Arc<[f64]>, serializer: S) -> Result<S::O
     serializer.collect_seq(values.iter())
 }
 
-/// A number computed from a column. Shown value = factor * value + offset.
+/// A number computed from a column, each of whose values is factor * recorded value + offset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Metric {
     /// Name.
@@ -238,11 +238,13 @@ pub struct Metric {
     pub kind: MetricKind,
     /// Rows with from <= time <= to, s; `None`: all.
     pub window: Option<[f64; 2]>,
-    /// Unit of measure to show it in.
+    /// Level that the kind refers to, in the unit the signal is converted to.
+    pub threshold: Option<f64>,
+    /// Unit of measure of the number.
     pub unit: Option<String>,
-    /// Factor to that unit.
+    /// Factor that the signal is multiplied with before.
     pub factor: f64,
-    /// Offset to that unit.
+    /// Offset that is added to it then.
     pub offset: f64,
     /// Decimal places to show.
     pub digits: Option<u8>,
@@ -268,6 +270,34 @@ pub enum MetricKind {
     Final,
     /// Largest minus smallest value.
     PeakToPeak,
+    /// Time, s, of the first row above the threshold; no number if there is none.
+    Crossing,
+    /// Time, s, of the first row whose magnitude is above the threshold; no number if there is none.
+    MagnitudeCrossing,
+    /// Share of the rows above the threshold, 0 to 1.
+    Share,
+    /// Share of the rows whose magnitude is above the threshold, 0 to 1.
+    MagnitudeShare,
+    /// How often the value differs from that of the row before.
+    Changes,
+}
+
+impl MetricKind {
+    /// Whether the kind refers to a threshold.
+    #[must_use]
+    pub fn has_threshold(self) -> bool {
+        matches!(self, Self::Crossing | Self::MagnitudeCrossing | Self::Share | Self::MagnitudeShare)
+    }
+
+    /// Unit of measure of the number; `None`: that of the signal.
+    #[must_use]
+    pub fn unit(self) -> Option<&'static str> {
+        match self {
+            Self::Crossing | Self::MagnitudeCrossing => Some("s"),
+            Self::Share | Self::MagnitudeShare | Self::Changes => Some("1"),
+            _ => None,
+        }
+    }
 }
 
 /// Numbers printed in a paper.
@@ -288,13 +318,19 @@ pub struct Figure {
     pub title: String,
     /// What it shows.
     pub kind: FigureKind,
-    /// Indices into [`Plan::columns`], for time plots.
+    /// Names of the cases shown.
+    pub cases: Vec<String>,
+    /// A panel for every case in a time plot, instead of cases overlaid.
+    pub separate: bool,
+    /// Indices into [`Plan::columns`], for time plots and spectra.
     pub columns: Vec<usize>,
     /// Indices into [`Plan::metrics`], for sweep plots.
     pub metrics: Vec<usize>,
-    /// Times shown, s; `None`: all.
+    /// Times shown or used, s; `None`: all.
     pub window: Option<[f64; 2]>,
-    /// Unit of measure of the ordinate; `None`: the display unit of each column.
+    /// Levels marked in every panel of a time plot.
+    pub levels: Vec<Level>,
+    /// Unit of measure of the signals; `None`: the display unit of each column.
     pub unit: Option<String>,
     /// Factor to that unit.
     pub factor: f64,
@@ -308,10 +344,22 @@ pub struct Figure {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FigureKind {
-    /// Signals over time, cases overlaid.
+    /// Signals over time, cases overlaid or [`Figure::separate`].
     Time,
+    /// One-sided power spectral densities of signals over frequency, means over the seeds, cases overlaid.
+    Spectrum,
     /// Metrics over the points of the sweep, cases overlaid.
     Sweep,
+}
+
+/// A level marked in a plot over time.
+#[derive(Debug, Clone, PartialEq, Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Level {
+    /// Where, in the unit of the figure.
+    pub value: f64,
+    /// What it is.
+    pub title: String,
 }
 
 /// A statement of the paper and how it was met.

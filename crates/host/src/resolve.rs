@@ -898,7 +898,11 @@ impl<'a> Resolver<'a> {
                 column,
                 kind: metric.kind,
                 window: metric.window.as_ref().map(|w| *w.get_ref()),
-                unit: metric.unit.as_ref().map(|u| u.get_ref().clone()).or_else(|| shown.unit.clone()),
+                threshold: metric.threshold.as_ref().map(|t| *t.get_ref()),
+                unit: match metric.kind.unit() {
+                    Some(unit) => Some(unit.to_string()),
+                    None => metric.unit.as_ref().map(|u| u.get_ref().clone()).or_else(|| shown.unit.clone()),
+                },
                 factor,
                 offset,
                 digits: metric.digits.as_ref().map(|d| *d.get_ref()),
@@ -932,12 +936,18 @@ impl<'a> Resolver<'a> {
                 name: figure.name.get_ref().clone(),
                 title: figure.title.clone(),
                 kind: figure.kind,
+                cases: match &figure.cases {
+                    Some(cases) => cases.get_ref().iter().map(|name| name.get_ref().clone()).collect(),
+                    None => self.scenario.cases.iter().map(|case| case.name.get_ref().clone()).collect(),
+                },
+                separate: figure.separate.as_ref().is_some_and(|separate| *separate.get_ref()),
                 columns: indices,
                 metrics: figure.metrics.iter().filter_map(metric_index).collect(),
                 window: figure.window.as_ref().map(|w| *w.get_ref()),
                 unit: figure.unit.as_ref().map(|u| u.get_ref().clone()),
                 factor: scale.0,
                 offset: scale.1,
+                levels: figure.levels.iter().map(|level| level.get_ref().clone()).collect(),
                 caption: figure.caption.clone(),
             });
         }

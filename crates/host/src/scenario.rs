@@ -1,6 +1,6 @@
 //! A scenario file: its layout, and the checks that need no FMU.
 
-use crate::plan::{FigureKind, FindingStatus, MetricKind, Order};
+use crate::plan::{FigureKind, FindingStatus, Level, MetricKind, Order};
 use crate::problem::{Collector, suggestion};
 use serde::Deserialize;
 use serde_spanned::Spanned;
@@ -127,6 +127,8 @@ pub(crate) struct Metric {
     pub(crate) title: String,
     pub(crate) signal: Spanned<String>,
     pub(crate) kind: MetricKind,
+    /// Level that the kind refers to, in `unit`.
+    pub(crate) threshold: Option<Spanned<f64>>,
     pub(crate) window: Option<Spanned<[f64; 2]>>,
     pub(crate) unit: Option<Spanned<String>>,
     pub(crate) digits: Option<Spanned<u8>>,
@@ -146,12 +148,17 @@ pub(crate) struct Figure {
     pub(crate) name: Spanned<String>,
     pub(crate) title: String,
     pub(crate) kind: FigureKind,
+    /// Cases shown; all if absent.
+    pub(crate) cases: Option<Spanned<Vec<Spanned<String>>>>,
+    pub(crate) separate: Option<Spanned<bool>>,
     #[serde(default)]
     pub(crate) signals: Vec<Spanned<String>>,
     #[serde(default)]
     pub(crate) metrics: Vec<Spanned<String>>,
     pub(crate) window: Option<Spanned<[f64; 2]>>,
     pub(crate) unit: Option<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) levels: Vec<Spanned<Level>>,
     pub(crate) caption: Option<String>,
 }
 
@@ -259,6 +266,18 @@ impl Scenario {
             {
                 problems.add(digits.span(), "expected at most 15 decimal places");
             }
+            match &metric.threshold {
+                Some(threshold) if !metric.kind.has_threshold() => {
+                    problems.add(threshold.span(), "a metric of this kind has no `threshold`");
+                }
+                Some(threshold) => {
+                    finite(threshold, problems);
+                }
+                None if metric.kind.has_threshold() => {
+                    problems.add(metric.name.span(), "a metric of this kind needs a `threshold`");
+                }
+                None => (),
+            }
             for key in metric.paper.iter().flat_map(|p| p.values.keys()) {
                 self.check_paper_key(key, &cases, problems);
             }
@@ -268,10 +287,30 @@ impl Scenario {
             for name in &figure.metrics {
                 known("metric", name, &metrics, problems);
             }
+            if let Some(shown) = &figure.cases {
+                for name in shown.get_ref() {
+                    known("case", name, &cases, problems);
+                }
+                if shown.get_ref().is_empty() {
+                    problems.add(shown.span(), "expected at least one case");
+                }
+            }
+            if let Some(separate) = &figure.separate
+                && figure.kind != FigureKind::Time
+            {
+                problems.add(separate.span(), "only a figure of kind \"time\" has `separate`");
+            }
+            for level in &figure.levels {
+                if figure.kind != FigureKind::Time {
+                    problems.add(level.span(), "only a figure of kind \"time\" has `levels`");
+                } else if !level.get_ref().value.is_finite() {
+                    problems.add(level.span(), "expected a finite number");
+                }
+            }
             let at = figure.name.span();
             match figure.kind {
-                FigureKind::Time if figure.signals.is_empty() || !figure.metrics.is_empty() => {
-                    problems.add(at, "a figure of kind \"time\" has `signals`, no `metrics`");
+                FigureKind::Time | FigureKind::Spectrum if figure.signals.is_empty() || !figure.metrics.is_empty() => {
+                    problems.add(at, "a figure of kind \"time\" or \"spectrum\" has `signals`, no `metrics`");
                 }
                 FigureKind::Sweep if figure.metrics.is_empty() || !figure.signals.is_empty() => {
                     problems.add(at, "a figure of kind \"sweep\" has `metrics`, no `signals`");
@@ -282,7 +321,7 @@ impl Scenario {
                 FigureKind::Sweep if figure.unit.is_some() || figure.window.is_some() => {
                     problems.add(at, "`unit` and `window` of a figure of kind \"sweep\" are those of its metrics");
                 }
-                FigureKind::Time | FigureKind::Sweep => (),
+                FigureKind::Time | FigureKind::Spectrum | FigureKind::Sweep => (),
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use host::description::{BaseUnit, ModelDescription, Unit};
 use host::parameter_set::{Parameter, ParameterSet};
-use host::plan::{BaseType, Order, Plan, Value};
+use host::plan::{BaseType, FigureKind, Order, Plan, Value};
 use host::resolve::{Options, ResolveError, resolve_text};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -158,7 +158,29 @@ fn metrics_and_figures() {
     assert_eq!(plan.metrics[1].unit.as_deref(), Some("rad"), "the variable's own");
     assert_eq!(plan.figures[0].columns, [1, 0]);
     assert_eq!(plan.figures[0].factor, 1.0);
+    assert_eq!(plan.figures[0].cases, ["passive", "active", "manual"], "all, unless some are named");
+    assert!(!plan.figures[0].separate);
     assert_eq!(plan.figures[1].metrics, [0]);
+
+    // The threshold is in the unit the signal is converted to; the number has a unit of its own.
+    let text = SCENARIO
+        .replace("kind = \"rms\"", "kind = \"crossing\"\nthreshold = 3.0")
+        .replace("kind = \"peak\"", "kind = \"share\"\nthreshold = 0.05")
+        .replace(
+            "kind = \"time\"",
+            "kind = \"time\"\ncases = [\"active\"]\nseparate = true\nlevels = [{ value = 0.1, title = \"L\" }]",
+        );
+    let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let metric = &plan.metrics[0];
+    assert_eq!((metric.threshold, metric.unit.as_deref()), (Some(3.0), Some("s")));
+    assert_eq!(metric.factor, 57.295_779_513_082_32);
+    assert_eq!((plan.metrics[1].threshold, plan.metrics[1].unit.as_deref()), (Some(0.05), Some("1")));
+    assert_eq!((&plan.figures[0].cases[..], plan.figures[0].separate), (&["active".to_string()][..], true));
+    assert_eq!((plan.figures[0].levels[0].value, plan.figures[0].levels[0].title.as_str()), (0.1, "L"));
+    let spectrum = text.replace("kind = \"time\"", "kind = \"spectrum\"");
+    let spectrum = spectrum.replace("separate = true\nlevels = [{ value = 0.1, title = \"L\" }]", "");
+    let plan = plan_of(&spectrum, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    assert_eq!((plan.figures[0].kind, &plan.figures[0].columns[..]), (FigureKind::Spectrum, &[1, 0][..]));
 }
 
 #[test]
@@ -269,6 +291,20 @@ fn mistakes_are_reported_with_their_place() {
         ("\"passive@slow\" = 1.5", "passive = 1.5", "with a sweep the paper's values"),
         ("metrics = [\"roll_rms\"]", "metrics = [\"roll_rsm\"]", "unknown metric `roll_rsm`"),
         ("metrics = [\"roll_rms\"]", "signals = [\"body.roll\"]", "has `metrics`, no `signals`"),
+        ("kind = \"rms\"", "kind = \"share\"", "a metric of this kind needs a `threshold`"),
+        ("kind = \"rms\"", "kind = \"rms\"\nthreshold = 0.8", "a metric of this kind has no `threshold`"),
+        ("kind = \"rms\"", "kind = \"crossing\"\nthreshold = nan", "expected a finite number"),
+        ("kind = \"time\"", "kind = \"time\"\ncases = [\"activ\"]", "unknown case `activ`"),
+        ("kind = \"time\"", "kind = \"time\"\ncases = []", "expected at least one case"),
+        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ value = nan, title = \"\" }]", "expected a finite number"),
+        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ valu = 1.0, title = \"\" }]", "unknown field `valu`"),
+        ("kind = \"sweep\"", "kind = \"sweep\"\nseparate = true", "only a figure of kind \"time\" has `separate`"),
+        (
+            "kind = \"sweep\"",
+            "kind = \"sweep\"\nlevels = [{ value = 1.0, title = \"\" }]",
+            "only a figure of kind \"time\" has `levels`",
+        ),
+        ("kind = \"sweep\"", "kind = \"spectrum\"", "a figure of kind \"time\" or \"spectrum\" has `signals`"),
         ("status = \"partly\"", "status = \"maybe\"", "unknown variant `maybe`"),
     ];
     for (from, to, expected) in cases {
