@@ -12,6 +12,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from . import batch, metrics, page, plan, plots, results, tables
 from .plan import Plan
 from .results import Recording
@@ -85,11 +87,13 @@ def _cargo(arguments: Sequence[str], capture: bool) -> tuple[int, str]:
 
 def _collect(
     scenario: Plan, runs: Path, failures: dict[str, str]
-) -> tuple[dict[tuple[str, str, str | None, int | None], float], dict[plots.Key, Recording]]:
-    """Compute the metrics of all runs, and keep the recordings that the figures show."""
+) -> tuple[dict[tuple[str, str, str | None, int | None], float], dict[plots.Key, Recording], plots.Spectra]:
+    """Compute metrics and spectra (means over the seeds) of all runs, and keep the recordings that the figures show."""
     values = {}
     shown: dict[plots.Key, Recording] = {}
+    spectra: dict[tuple[str, int, str, str | None], list[tuple[plots.Array, plots.Array]]] = {}
     measured = {scenario.columns[m.column].name for m in scenario.metrics}
+    measured |= {scenario.columns[c].name for f in scenario.figures if f.kind == "spectrum" for c in f.columns}
     drawn = {scenario.columns[c].name for f in scenario.figures for c in f.columns}
     first = scenario.seed_values[0]
     for run in scenario.runs:
@@ -101,20 +105,25 @@ def _collect(
             signal = recording.values.get(scenario.columns[metric.column].name)
             if signal is not None:
                 value = metrics.evaluate(metric, recording.times, signal, scenario.simulation.step)
-                values[metric.name, run.case, run.point, run.seed] = value
+                if value is not None:
+                    values[metric.name, run.case, run.point, run.seed] = value
+        for (figure, column), spectrum in plots.spectra_of(scenario, run, recording).items():
+            spectra.setdefault((figure, column, run.case, run.point), []).append(spectrum)
         if run.seed == first:
             kept = {n: v for n, v in recording.values.items() if n in drawn}
             shown[run.case, run.point] = Recording(recording.times, kept)
-    return values, shown
+    means = {key: (own[0][0], np.mean([density for _, density in own], axis=0)) for key, own in spectra.items()}
+    return values, shown, means
 
 
 def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> str:
     """Write tables, figures and page of finished runs. Returns the table for the terminal."""
-    values, recordings = _collect(scenario, folder / "runs", failures)
+    values, recordings, spectra = _collect(scenario, folder / "runs", failures)
     cells = metrics.table(scenario, values)
     results.write_text(folder / "table.csv", tables.machine(cells))
     results.write_text(folder / "table.md", tables.markdown(scenario, cells))
-    drawings = [d for f in scenario.figures if (d := plots.draw(scenario, f, recordings, cells)) is not None]
+    drawn = (plots.draw(scenario, figure, recordings, spectra, cells) for figure in scenario.figures)
+    drawings = [d for d in drawn if d is not None]
     for drawing in drawings:
         drawing.write(folder / "figures")
     results.write_text(folder / "index.html", page.render(scenario, cells, drawings, failures, context))

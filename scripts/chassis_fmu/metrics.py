@@ -28,6 +28,17 @@ def _mean(x: Array) -> float:
     return math.fsum(x.tolist()) / len(x)
 
 
+def _threshold(metric: Metric) -> float:
+    if metric.threshold is None:
+        raise MetricError(f"metric {metric.name}: {metric.kind} without a threshold")
+    return metric.threshold
+
+
+def _crossing(metric: Metric, times: Array, values: Array) -> float | None:
+    above = values > _threshold(metric)
+    return float(times[above.argmax()]) if above.any() else None
+
+
 _KINDS: dict[str, Callable[[Array], float]] = {
     "rms": lambda x: math.sqrt(_mean(x * x)),
     "peak": lambda x: float(np.max(np.abs(x))),
@@ -36,6 +47,15 @@ _KINDS: dict[str, Callable[[Array], float]] = {
     "mean": _mean,
     "final": lambda x: float(x[-1]),
     "peak_to_peak": lambda x: float(np.max(x) - np.min(x)),
+    "changes": lambda x: float(np.count_nonzero(np.diff(x))),
+}
+
+# Kinds that need the threshold or the times; None stands for no value.
+_THRESHOLD_KINDS: dict[str, Callable[[Metric, Array, Array], float | None]] = {
+    "crossing": _crossing,
+    "magnitude_crossing": lambda metric, times, x: _crossing(metric, times, np.abs(x)),
+    "share": lambda metric, _, x: float(np.mean(x > _threshold(metric))),
+    "magnitude_share": lambda metric, _, x: float(np.mean(np.abs(x) > _threshold(metric))),
 }
 
 
@@ -47,19 +67,48 @@ def window_mask(times: Array, window: tuple[float, float] | None, step: float) -
     return np.asarray((times >= window[0] - slack) & (times <= window[1] + slack), dtype=np.bool_)
 
 
-def evaluate(metric: Metric, times: Array, values: Array, step: float) -> float:
-    """Compute a metric of one signal, in the unit of the metric.
+def evaluate(metric: Metric, times: Array, values: Array, step: float) -> float | None:
+    """Compute a metric of one signal, in the unit of the metric. None: the signal never crosses the threshold.
 
-    Raises MetricError for an unknown kind and for a window without rows.
+    Raises MetricError for an unknown kind, a threshold that is missing, and a window without rows.
     """
-    try:
-        kind = _KINDS[metric.kind]
-    except KeyError as error:
-        raise MetricError(f"metric {metric.name}: unknown kind {metric.kind}") from error
-    inside = values[window_mask(times, metric.window, step)]
+    mask = window_mask(times, metric.window, step)
+    inside = values[mask] * metric.conversion.factor + metric.conversion.offset
     if not len(inside):
         raise MetricError(f"metric {metric.name}: no recorded row lies in the window {metric.window}")
-    return kind(inside * metric.conversion.factor + metric.conversion.offset)
+    if metric.kind in _THRESHOLD_KINDS:
+        return _THRESHOLD_KINDS[metric.kind](metric, times[mask], inside)
+    try:
+        return _KINDS[metric.kind](inside)
+    except KeyError as error:
+        raise MetricError(f"metric {metric.name}: unknown kind {metric.kind}") from error
+
+
+# Welch's method: half overlapping segments, as many as fit of this share of the whole.
+SEGMENT = 2.0 / 9.0
+
+
+def spectrum(times: Array, values: Array) -> tuple[Array, Array]:
+    """Estimate the one-sided power spectral density of a signal: frequencies (Hz) and densities (square per Hz).
+
+    Welch's method with eight half overlapping Hann windows, the mean of each taken off (P. D. Welch, IEEE Trans.
+    Audio Electroacoust. 15, 1967). The frequency 0, which says nothing then, is left out.
+
+    Raises MetricError for a signal too short for that.
+    """
+    size = int(len(values) * SEGMENT)
+    if size < 4:
+        raise MetricError(f"{len(values)} rows are too few for a spectrum")
+    interval = float(times[-1] - times[0]) / (len(times) - 1)
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(size) / size)
+    segments = np.lib.stride_tricks.sliding_window_view(values, size)[:: size // 2]
+    segments = (segments - segments.mean(axis=1, keepdims=True)) * window
+    density = np.mean(np.abs(np.fft.rfft(segments, axis=1)) ** 2, axis=0)
+    density *= 2.0 * interval / np.sum(window**2)
+    if size % 2 == 0:
+        # the highest frequency is its own mirror image
+        density[-1] *= 0.5
+    return np.fft.rfftfreq(size, interval)[1:], density[1:]
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ def headline(plan: Plan, cells: Sequence[Cell]) -> list[TableGroup]:
                     point=point,
                     color=plan.cases.index(cases[cell.case]) % len(plots.PALETTE),
                     paper=tables.printed(cell.paper, metric.digits),
-                    ours=tables.spread(cell.ours, metric.digits),
+                    ours=tables.spread(cell.ours, metric.digits, len(plan.seeds)),
                     paper_bar=_bar(cell.paper_change, tables.signed(cell.paper_change), limit),
                     ours_bar=_bar(cell.change.mean if cell.change else None, tables.spread_percent(cell.change), limit),
                     remark=tables.remark(cell),

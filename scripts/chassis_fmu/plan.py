@@ -155,12 +155,13 @@ class Paper:
 
 @dataclass(frozen=True)
 class Metric:
-    """A number computed from one column."""
+    """A number computed from one column, whose values are converted before; its own unit may be another one."""
 
     name: str
     title: str
     column: int
     kind: str
+    threshold: float | None
     window: tuple[float, float] | None
     conversion: Conversion
     digits: int | None
@@ -168,16 +169,31 @@ class Metric:
 
 
 @dataclass(frozen=True)
+class Level:
+    """A level that is marked in a plot."""
+
+    value: float
+    title: str
+
+
+@dataclass(frozen=True)
 class Figure:
-    """A plot: columns over time, or metrics over the points of the sweep (indices into the lists of the plan)."""
+    """A plot: columns over time, their spectra, or metrics over the points of the sweep.
+
+    `cases` are the names of those shown, `separate` gives each a panel in a plot over time, `columns` and `metrics`
+    are indices into the lists of the plan.
+    """
 
     name: str
     title: str
-    kind: Literal["time", "sweep"]
+    kind: Literal["time", "spectrum", "sweep"]
+    cases: tuple[str, ...]
+    separate: bool
     columns: tuple[int, ...]
     metrics: tuple[int, ...]
     window: tuple[float, float] | None
     conversion: Conversion | None
+    levels: tuple[Level, ...]
     caption: str | None
 
 
@@ -281,6 +297,7 @@ def _metric(item: Mapping[str, Any]) -> Metric:
         title=item["title"],
         column=int(item["column"]),
         kind=item["kind"],
+        threshold=None if item["threshold"] is None else float(item["threshold"]),
         window=_window(item["window"]),
         conversion=_conversion(item, "unit") or Conversion(""),
         digits=item["digits"],
@@ -293,10 +310,13 @@ def _figure(item: Mapping[str, Any]) -> Figure:
         name=item["name"],
         title=item["title"],
         kind=item["kind"],
+        cases=tuple(item["cases"]),
+        separate=bool(item["separate"]),
         columns=tuple(map(int, item["columns"])),
         metrics=tuple(map(int, item["metrics"])),
         window=_window(item["window"]),
         conversion=_conversion(item, "unit"),
+        levels=tuple(Level(float(v["value"]), v["title"]) for v in item["levels"]),
         caption=item["caption"],
     )
 

@@ -1,4 +1,4 @@
-"""Figures of a plan: signals over time and metrics over a sweep, as SVG and PNG.
+"""Figures of a plan: signals over time, their spectra, and metrics over a sweep, as SVG and PNG.
 
 The files depend on the data alone: fixed salt for the identifiers, no date.
 """
@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from . import metrics, results, tables
-from .plan import Case, Column, Conversion, Figure, Plan
+from .plan import Case, Column, Conversion, Figure, Plan, Run
 from .results import Recording
 
 # Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
@@ -35,6 +35,10 @@ BUCKETS = 600
 
 # Up to this many points of a sweep are marked on the abscissa one by one.
 MOST_TICKS = 8
+
+# A legend with entries of up to so many characters fits in one row, if a line and the gaps beside count as so many.
+LEGEND_ROOM = 106
+LEGEND_HANDLE = 7
 
 # A line whose way up and down is longer than this many times its height is noise and drawn thin.
 NOISY = 20.0
@@ -73,6 +77,8 @@ STYLE = {
 
 Array = NDArray[np.floating[Any]]
 Key = tuple[str, "str | None"]
+# Frequencies (Hz) and densities by figure, column, case and point.
+Spectra = Mapping[tuple[str, int, str, "str | None"], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -164,12 +170,23 @@ def _canvas(panels: int, across: int, height: float) -> tuple[Canvas, list[Axes]
     return canvas, axes[:panels]
 
 
+def density_unit(unit: str) -> str:
+    """Return the unit of a power spectral density."""
+    pretty = axis_unit(unit)
+    return f"({pretty})²/Hz" if pretty else "1/Hz"
+
+
+def _cases(plan: Plan, figure: Figure) -> list[Case]:
+    return [c for c in plan.cases if c.name in figure.cases]
+
+
 def _legend(canvas: Canvas, handles: Sequence[Line2D]) -> None:
     if len(handles) > 1:
+        length = sum(len(str(h.get_label())) + LEGEND_HANDLE for h in handles)
         canvas.legend(
             handles=list(handles),
             loc="outside upper left",
-            ncols=4,
+            ncols=len(handles) if length <= LEGEND_ROOM else 4,
             handlelength=1.6,
             columnspacing=1.6,
         )
@@ -188,10 +205,12 @@ def _panels(
         for point in plan.point_names:
             lines = [
                 (case, recording)
-                for case in plan.cases
+                for case in _cases(plan, figure)
                 if (recording := recordings.get((case.name, point))) is not None and column.name in recording.values
             ]
-            if lines:
+            if figure.separate:
+                yield from ((column, point, [line]) for line in lines)
+            elif lines:
                 yield column, point, lines
 
 
@@ -216,16 +235,94 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
             dashes = dashes_of(plan, case)
             ax.plot(times, values, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
             used[case.name] = Line2D([], [], color=color, linewidth=2.0, linestyle=dashes, label=case.title)
-        _title(ax, column, column.name if point is None else titles[point], 95 if across == 1 else 48)
+        for level in figure.levels:
+            ax.axhline(level.value, color=INK, linewidth=0.9, linestyle=(0, (5, 3)))
+            ax.annotate(
+                level.title,
+                (0.0, level.value),
+                xytext=(4.0, 3.0),
+                xycoords=("axes fraction", "data"),
+                textcoords="offset points",
+                color=INK,
+                fontsize=8.0,
+            )
+        right = ", ".join(
+            [*([lines[0][0].title] if figure.separate else []), *([] if point is None else [titles[point]])]
+        )
+        _title(ax, column, right or column.name, 95 if across == 1 else 48)
         ax.set_ylabel(axis_unit(shown.unit))
         if i + across >= len(panels):
             ax.set_xlabel("Time (s)")
         else:
             ax.tick_params(labelbottom=False)
         ax.set_xlim(figure.window or (plan.simulation.start, plan.simulation.stop))
+    if figure.separate:
+        # Panels of the same signal are there to be compared.
+        for name in {column.name for column, _, _ in panels}:
+            same = [ax for ax, (column, _, _) in zip(axes, panels, strict=True) if column.name == name]
+            limits = [ax.get_ylim() for ax in same]
+            for ax in same:
+                ax.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+    canvas.align_ylabels(axes)
+    if not figure.separate:
+        _legend(canvas, [used[c.name] for c in plan.cases if c.name in used])
+    return canvas
+
+
+def _spectrum(plan: Plan, figure: Figure, spectra: Spectra) -> Canvas | None:
+    panels = [
+        (plan.columns[column], point, lines)
+        for column in figure.columns
+        for point in plan.point_names
+        if (
+            lines := [
+                (case, spectra[key])
+                for case in _cases(plan, figure)
+                if (key := (figure.name, column, case.name, point)) in spectra
+            ]
+        )
+    ]
+    if not panels:
+        return None
+    titles = {p.name: p.title for p in plan.points}
+    across = 2 if len(plan.points) > 1 else 1
+    canvas, axes = _canvas(len(panels), across, 2.2 if len(panels) > 1 else 2.9)
+    used: dict[str, Line2D] = {}
+    for i, (ax, (column, point, lines)) in enumerate(zip(axes, panels, strict=True)):
+        for case, (frequencies, densities) in lines:
+            color, dashes = color_of(plan, case), dashes_of(plan, case)
+            # A logarithmic axis has no place for 0, the density of a constant.
+            positive = np.where(densities > 0.0, densities, np.nan)
+            ax.plot(frequencies, positive, color=color, linewidth=1.0, linestyle=dashes, alpha=0.9)
+            used[case.name] = Line2D([], [], color=color, linewidth=2.0, linestyle=dashes, label=case.title)
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.xaxis.set_major_formatter("{x:g}")
+        _title(ax, column, column.name if point is None else titles[point], 95 if across == 1 else 48)
+        ax.set_ylabel(density_unit(_shown(column, figure).unit))
+        if i + across >= len(panels):
+            ax.set_xlabel("Frequency (Hz)")
     canvas.align_ylabels(axes)
     _legend(canvas, [used[c.name] for c in plan.cases if c.name in used])
     return canvas
+
+
+def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], tuple[Array, Array]]:
+    """Return the spectra of a run that the figures show, by figure and column.
+
+    Raises MetricError for a recording too short for a spectrum.
+    """
+    out = {}
+    for figure in plan.figures:
+        if figure.kind != "spectrum" or run.case not in figure.cases:
+            continue
+        mask = metrics.window_mask(recording.times, figure.window, plan.simulation.step)
+        for index in figure.columns:
+            column = plan.columns[index]
+            if column.name in recording.values:
+                values = recording.values[column.name][mask] * _shown(column, figure).factor
+                out[figure.name, index] = metrics.spectrum(recording.times[mask], values)
+    return out
 
 
 def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas | None:
@@ -237,7 +334,7 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas 
     for ax, index in zip(axes, figure.metrics, strict=True):
         metric = plan.metrics[index]
         found = {(c.case, c.point): c for c in cells if c.metric is metric}
-        for case in plan.cases:
+        for case in _cases(plan, figure):
             color = color_of(plan, case)
             row = [(p.value, found[case.name, p.name]) for p in points]
             ours = [(x, c.ours) for x, c in row if c.ours is not None]
@@ -274,7 +371,11 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas 
 
 
 def draw(
-    plan: Plan, figure: Figure, recordings: Mapping[Key, Recording], cells: Sequence[metrics.Cell]
+    plan: Plan,
+    figure: Figure,
+    recordings: Mapping[Key, Recording],
+    spectra: Spectra,
+    cells: Sequence[metrics.Cell],
 ) -> Drawing | None:
     """Draw a figure of the plan.
 
@@ -282,7 +383,12 @@ def draw(
     Returns None if there is nothing to draw.
     """
     with mpl.rc_context(STYLE):
-        canvas = _time(plan, figure, recordings) if figure.kind == "time" else _sweep(plan, figure, cells)
+        if figure.kind == "time":
+            canvas = _time(plan, figure, recordings)
+        elif figure.kind == "spectrum":
+            canvas = _spectrum(plan, figure, spectra)
+        else:
+            canvas = _sweep(plan, figure, cells)
         if canvas is None:
             return None
         text = io.StringIO()

@@ -71,11 +71,16 @@ def scientific(value: float) -> str:
     return _minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if exponent else "")
 
 
+def _percent_decimals(percent: float) -> int:
+    """Return how many decimals a change in percent is shown with: one, unless it has three digits without."""
+    return 1 if abs(percent) < 99.95 else 0
+
+
 def signed(percent: float | None) -> str:
-    """Format a change in percent with its sign and one decimal; a dash for None."""
+    """Format a change in percent with its sign and one decimal, none from 100 % on; a dash for None."""
     if percent is None:
         return "–"
-    text = f"{percent:+.1f}"
+    text = f"{percent:+.{_percent_decimals(percent)}f}"
     if float(text) == 0.0:
         text = "0.0"
     return _minus(text) + " %"
@@ -88,8 +93,8 @@ def _minus(text: str) -> str:
     return text.replace("-", "−")
 
 
-def spread(statistic: Statistic | None, digits: int | None) -> str:
-    """Format a mean with its standard deviation."""
+def spread(statistic: Statistic | None, digits: int | None, seeds: int = 1) -> str:
+    """Format a mean with its standard deviation, and how many of the seeds it is of if not of all."""
     if statistic is None:
         return "–"
     text = number(statistic.mean, digits)
@@ -98,6 +103,8 @@ def spread(statistic: Statistic | None, digits: int | None) -> str:
         small = digits is None and abs(statistic.mean) < SMALL
         decimals = None if small else _decimals(statistic.mean) if digits is None else digits
         text += f" ± {number(statistic.deviation, decimals)}"
+    if statistic.count < seeds:
+        text += f" ({statistic.count} of {seeds})"
     return text
 
 
@@ -107,7 +114,7 @@ def spread_percent(statistic: Statistic | None) -> str:
         return "–"
     text = signed(statistic.mean)
     if statistic.deviation is not None:
-        text = f"{text.removesuffix(' %')} ± {statistic.deviation:.1f} %"
+        text = f"{text.removesuffix(' %')} ± {statistic.deviation:.{_percent_decimals(statistic.mean)}f} %"
     return text
 
 
@@ -158,7 +165,7 @@ def _text_rows(plan: Plan, cells: Sequence[Cell]) -> tuple[list[str], list[list[
             points.get(c.point, ""),
             cases[c.case],
             printed(c.paper, c.metric.digits),
-            spread(c.ours, c.metric.digits),
+            spread(c.ours, c.metric.digits, len(plan.seeds)),
             signed(c.paper_change),
             spread_percent(c.change),
         ]

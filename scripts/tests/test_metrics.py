@@ -14,8 +14,13 @@ STEP = 0.001
 TIMES = np.arange(2001) * STEP
 
 
-def metric(kind: str, window: tuple[float, float] | None = None, unit: Conversion | None = None) -> Metric:
-    return Metric("m", "M", 0, kind, window, unit or Conversion("rad"), None, None)
+def metric(
+    kind: str,
+    window: tuple[float, float] | None = None,
+    unit: Conversion | None = None,
+    threshold: float | None = None,
+) -> Metric:
+    return Metric("m", "M", 0, kind, threshold, window, unit or Conversion("rad"), None, None)
 
 
 @pytest.mark.parametrize(
@@ -58,6 +63,60 @@ def test_a_window_without_rows_is_an_error() -> None:
 def test_an_unknown_kind_is_an_error() -> None:
     with pytest.raises(metrics.MetricError, match="unknown kind median"):
         metrics.evaluate(metric("median"), TIMES, TIMES, STEP)
+
+
+def test_a_crossing_is_the_time_of_the_first_row_above() -> None:
+    saw = np.array([0.0, 1.0, 0.5, 2.0, -3.0])
+    times = np.arange(5) * 0.1
+    assert metrics.evaluate(metric("crossing", threshold=0.9), times, saw, 0.1) == 0.1
+    # not above: the threshold itself
+    assert metrics.evaluate(metric("crossing", threshold=1.0), times, saw, 0.1) == times[3]
+    assert metrics.evaluate(metric("crossing", (0.2, 0.4), threshold=0.9), times, saw, 0.1) == times[3]
+    assert metrics.evaluate(metric("crossing", threshold=2.5), times, saw, 0.1) is None
+    assert metrics.evaluate(metric("magnitude_crossing", threshold=2.5), times, saw, 0.1) == times[4]
+    # the threshold is in the unit of the metric
+    percent = Conversion("%", 100.0, 0.0)
+    assert metrics.evaluate(metric("crossing", unit=percent, threshold=90.0), times, saw, 0.1) == 0.1
+
+
+def test_shares_and_changes() -> None:
+    saw = np.array([0.0, 1.0, 0.5, 2.0, -3.0])
+    times = np.arange(5) * 0.1
+    assert metrics.evaluate(metric("share", threshold=0.5), times, saw, 0.1) == 0.4
+    assert metrics.evaluate(metric("magnitude_share", threshold=0.5), times, saw, 0.1) == pytest.approx(0.6, rel=1e-15)
+    assert metrics.evaluate(metric("changes"), times, np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1) == 2.0
+    assert metrics.evaluate(metric("changes"), times, np.ones(5), 0.1) == 0.0
+
+
+@pytest.mark.parametrize("kind", ["crossing", "magnitude_crossing", "share", "magnitude_share"])
+def test_a_threshold_that_is_missing_is_an_error(kind: str) -> None:
+    with pytest.raises(metrics.MetricError, match="without a threshold"):
+        metrics.evaluate(metric(kind), TIMES, TIMES, STEP)
+
+
+def test_the_spectrum_of_white_noise_is_flat() -> None:
+    # Variance s^2 at interval dt spreads over 0 to 1/(2 dt): one-sided density 2 s^2 dt. A density of Welch's method
+    # with eight half overlapping segments scatters by about 1/sqrt(5); the mean of its 1000 scatters by 1 to 2 %.
+    values = np.random.default_rng(1).normal(0.0, 3.0, 9001)
+    frequencies, densities = metrics.spectrum(np.arange(9001) * STEP, values)
+    assert len(frequencies) == 1000
+    assert (frequencies[0], frequencies[-1]) == pytest.approx((0.5, 500.0), rel=1e-12)
+    assert densities.mean() == pytest.approx(2.0 * 9.0 * STEP, rel=0.05)
+
+
+@pytest.mark.parametrize("rows", [9000, 9005])
+def test_the_spectrum_of_a_sine_has_its_power(rows: int) -> None:
+    # The window has its zeros at the whole cycles of a segment beyond the next one: the power is in three lines.
+    # Even and odd numbers of rows per segment; a sine between the lines leaks little.
+    values = 7.0 + 2.0 * np.sin(2.0 * np.pi * 40.0 * np.arange(rows) * STEP)
+    frequencies, densities = metrics.spectrum(np.arange(rows) * STEP, values)
+    assert frequencies[densities.argmax()] == pytest.approx(40.0, abs=0.26)
+    assert densities.sum() * frequencies[0] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_short_spectrum_is_an_error() -> None:
+    with pytest.raises(metrics.MetricError, match="17 rows are too few"):
+        metrics.spectrum(np.arange(17.0), np.arange(17.0))
 
 
 def test_statistics() -> None:

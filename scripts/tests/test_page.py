@@ -25,7 +25,7 @@ def text(scenario: Plan) -> str:
     }
     cells = metrics.table(scenario, values)
     figures = [*scenario.figures, dataclasses.replace(scenario.figures[0], name="again")]
-    drawings = [d for f in figures if (d := plots.draw(scenario, f, recordings, cells)) is not None]
+    drawings = [d for f in figures if (d := plots.draw(scenario, f, recordings, {}, cells)) is not None]
     assert len(drawings) == 2
     return page.render(scenario, cells, drawings, {"active#2": "unit <plant>: fmi2DoStep"}, CONTEXT)
 

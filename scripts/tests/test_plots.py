@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 from chassis_fmu import metrics, plots
 from chassis_fmu.plan import Figure, Plan, Point, Sweep
@@ -45,8 +46,8 @@ def recordings() -> dict[plots.Key, Recording]:
 
 
 def test_a_figure_is_a_function_of_the_data(scenario: Plan) -> None:
-    first = plots.draw(scenario, scenario.figures[0], recordings(), [])
-    second = plots.draw(scenario, scenario.figures[0], recordings(), [])
+    first = plots.draw(scenario, scenario.figures[0], recordings(), {}, [])
+    second = plots.draw(scenario, scenario.figures[0], recordings(), {}, [])
     assert first is not None
     assert first == second
     assert first.png.startswith(b"\x89PNG")
@@ -54,17 +55,68 @@ def test_a_figure_is_a_function_of_the_data(scenario: Plan) -> None:
 
 
 def test_a_figure_without_data_is_left_out(scenario: Plan) -> None:
-    assert plots.draw(scenario, scenario.figures[0], {}, []) is None
+    assert plots.draw(scenario, scenario.figures[0], {}, {}, []) is None
 
 
 def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
     swept = dataclasses.replace(
         scenario, points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)), sweep=Sweep("Speed", "km/h")
     )
-    figure = Figure("speeds", "Speeds", "sweep", (), (0, 1), None, None, None)
+    figure = Figure("speeds", "Speeds", "sweep", ("passive", "active"), False, (), (0, 1), None, None, (), None)
     values: dict[tuple[str, str, str | None, int | None], float] = {
         ("roll_rms", c.name, p, s): 1.0 + i for c in swept.cases for i, p in enumerate(("slow", "fast")) for s in (1, 2)
     }
-    drawing = plots.draw(swept, figure, {}, metrics.table(swept, values))
+    drawing = plots.draw(swept, figure, {}, {}, metrics.table(swept, values))
     assert drawing is not None
     assert plots.PALETTE[1] in drawing.svg
+
+
+def test_a_figure_shows_its_cases_and_levels(scenario: Plan) -> None:
+    first = scenario.figures[0]
+    both = plots.draw(scenario, first, recordings(), {}, [])
+    one = plots.draw(scenario, dataclasses.replace(first, cases=("active",)), recordings(), {}, [])
+    assert both is not None
+    assert one is not None
+    assert plots.PALETTE[0] in both.svg
+    assert plots.PALETTE[0] not in one.svg
+    assert "A &lt;level&gt;" in one.svg
+    bare = plots.draw(scenario, dataclasses.replace(first, levels=()), recordings(), {}, [])
+    assert bare is not None
+    assert "A &lt;level&gt;" not in bare.svg
+
+
+def test_separate_cases_have_panels_of_their_own(scenario: Plan) -> None:
+    first = scenario.figures[0]
+    overlaid = plots.draw(scenario, first, recordings(), {}, [])
+    separate = plots.draw(scenario, dataclasses.replace(first, separate=True), recordings(), {}, [])
+    assert overlaid is not None
+    assert separate is not None
+    # two signals, one of which only one case has
+    assert overlaid.svg.count('<g id="axes_') == 2
+    assert separate.svg.count('<g id="axes_') == 3
+    assert "Active &lt;fast&gt;" in separate.svg
+    assert "legend" not in separate.svg
+
+
+def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
+    figure = dataclasses.replace(scenario.figures[0], kind="spectrum", cases=("active",), window=None, levels=())
+    noisy = dataclasses.replace(scenario, figures=(figure,))
+    times = np.arange(900) * 0.1
+    values = np.random.default_rng(1).normal(size=900)
+    recording = Recording(times, {"body.roll": values})
+    assert plots.spectra_of(noisy, noisy.runs[0], recording) == {}
+    spectra = plots.spectra_of(noisy, noisy.runs[2], recording)
+    # in degrees, the unit people read, and only the signal that was recorded
+    assert list(spectra) == [("roll", 1)]
+    _, densities = metrics.spectrum(times, values)
+    assert spectra["roll", 1][1] == pytest.approx(densities * 57.29577951308232**2, rel=1e-12)
+    drawing = plots.draw(noisy, figure, {}, {("roll", 1, "active", None): spectra["roll", 1]}, [])
+    assert drawing is not None
+    assert plots.PALETTE[1] in drawing.svg
+    assert plots.draw(noisy, figure, {}, {}, []) is None
+
+
+def test_units_of_densities() -> None:
+    assert plots.density_unit("m/s2") == "(m/s²)²/Hz"
+    assert plots.density_unit("deg") == "(deg)²/Hz"
+    assert plots.density_unit("1") == "1/Hz"

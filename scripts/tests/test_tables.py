@@ -27,7 +27,9 @@ def test_numbers(value: float | None, digits: int | None, text: str) -> None:
     assert tables.number(value, digits) == text
 
 
-@pytest.mark.parametrize(("value", "text"), [(None, "–"), (-12.44, "−12.4 %"), (0.04, "0.0 %"), (5.0, "+5.0 %")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(None, "–"), (-12.44, "−12.4 %"), (0.04, "0.0 %"), (5.0, "+5.0 %"), (699.7, "+700 %")]
+)
 def test_changes(value: float | None, text: str) -> None:
     assert tables.signed(value) == text
 
@@ -60,7 +62,10 @@ def test_spreads() -> None:
     assert tables.spread(Statistic(0.06194, 0.00161, 8), 4) == "0.0619 ± 0.0016"
     assert tables.spread(Statistic(0.06194, None, 1), 4) == "0.0619"
     assert tables.spread(Statistic(22.4, 0.512, 8), None) == "22.40 ± 0.51"
+    assert tables.spread(Statistic(22.4, 0.512, 5), None, 8) == "22.40 ± 0.51 (5 of 8)"
+    assert tables.spread(Statistic(22.4, 0.512, 8), None, 8) == "22.40 ± 0.51"
     assert tables.spread_percent(Statistic(-12.34, 0.12, 8)) == "−12.3 ± 0.1 %"
+    assert tables.spread_percent(Statistic(1019.8, 183.8, 8)) == "+1020 ± 184 %"
 
 
 @pytest.mark.parametrize(
@@ -104,4 +109,4 @@ def test_tables_for_people(scenario: Plan) -> None:
     assert "Active <fast>" in lines[3]
     assert lines[3].count("−25.0 %") == 2
     markdown = tables.markdown(scenario, cells(scenario))
-    assert "| Roll angle <RMS> (°) | Passive | 4.00 | 0.33 | – | – |" in markdown
+    assert "| Roll angle <RMS> (°) | Passive | 4.00 | 0.33 (1 of 2) | – | – |" in markdown

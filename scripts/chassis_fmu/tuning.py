@@ -1,0 +1,337 @@
+"""Studies: `cargo fmu tune` does the work; here its history becomes Parquet, a plot of the convergence and a page."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import math
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import markupsafe
+import matplotlib as mpl
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from . import plots, results, tables
+
+ROOT = Path(__file__).resolve().parents[2]
+FORMAT = 1
+
+ENDS = {"generations": "all generations", "budget": "budget spent", "target": "target reached"}
+
+# The plot ends at the objective that the slowest method has after this share of the evaluations: what lies above is
+# chance. A comparison is drawn if it lies below this many times the best objective.
+EARLY = 0.05
+NEAR = 4.0
+
+Array = NDArray[np.floating[Any]]
+
+
+class TuningError(Exception):
+    """Results of a study that cannot be read, or a call that cannot be made."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Values of the parameters and their objective; `reason` says why they are not feasible."""
+
+    values: tuple[float | None, ...]
+    objective: float
+    reason: str | None = None
+    evaluation: int | None = None
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method, how far it came and what it found."""
+
+    name: str
+    title: str
+    kind: str
+    seed: int
+    settings: dict[str, Any]
+    end: str
+    evaluations: int
+    generations: int
+    infeasible: int
+    best: Candidate | None
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter and its range."""
+
+    name: str
+    symbol: str | None
+    unit: str
+    min: float
+    max: float
+    log: bool
+
+
+@dataclass(frozen=True)
+class Study:
+    """The summary that `cargo fmu tune` writes."""
+
+    raw: dict[str, Any]
+    parameters: tuple[Parameter, ...]
+    methods: tuple[Method, ...]
+    comparisons: tuple[tuple[str, Candidate], ...]
+
+
+def parse(text: str) -> Study:
+    """Read `summary.json`."""
+    try:
+        raw = json.loads(text)
+        if raw["format"] != FORMAT:
+            raise TuningError(f"summary of format {raw['format']}, this version reads {FORMAT}")
+        parameters = tuple(
+            Parameter(p["name"], p["symbol"], p["unit"] or "1", p["min"], p["max"], p["log"]) for p in raw["parameters"]
+        )
+        methods = tuple(
+            Method(
+                **{k: m[k] for k in ("name", "title", "kind", "seed", "settings", "end")},
+                **{k: m[k] for k in ("evaluations", "generations", "infeasible")},
+                best=None
+                if m["best"] is None
+                else Candidate(tuple(m["best"]["values"]), m["best"]["objective"], None, m["best"]["evaluation"]),
+            )
+            for m in raw["methods"]
+        )
+        comparisons = tuple(
+            (
+                c["title"],
+                Candidate(tuple(c["values"].get(p.name) for p in parameters), c["objective"], c["reason"]),
+            )
+            for c in raw["comparisons"]
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise TuningError(f"not a summary of a study: {error!r}") from error
+    return Study(raw, parameters, methods, comparisons)
+
+
+def read_history(study: Study, folder: Path) -> pa.Table:
+    """Read the histories of all methods into one table with a column `method`."""
+    parts = []
+    names = [p.name for p in study.parameters]
+    types = {n: pa.float64() for n in [*names, "objective"]}
+    types |= {"evaluation": pa.int64(), "generation": pa.int64(), "feasible": pa.bool_(), "reason": pa.string()}
+    for method in study.methods:
+        path = folder / method.name / "history.csv"
+        try:
+            options = pyarrow.csv.ConvertOptions(column_types=types, strings_can_be_null=False)
+            # A history may be longer than what a smaller budget used of it.
+            table = pyarrow.csv.read_csv(path, convert_options=options).slice(0, method.evaluations)
+        except (OSError, pa.ArrowException) as error:
+            raise TuningError(f"{path}: cannot read the history: {error}") from error
+        parts.append(table.add_column(0, "method", pa.array([method.name] * len(table), pa.string())))
+    return pa.concat_tables(parts)
+
+
+def write_history(study: Study, table: pa.Table, path: Path) -> None:
+    """Write the histories as Parquet, units of measure as field metadata."""
+    units = {p.name: p.unit for p in study.parameters}
+    fields = [f.with_metadata({"unit": units[f.name]}) if f.name in units else f for f in table.schema]
+    with results.replacing(path) as temporary:
+        pyarrow.parquet.write_table(table.cast(pa.schema(fields)), temporary, compression="zstd")
+
+
+def best_so_far(table: pa.Table, method: str) -> Array:
+    """Return the best feasible objective up to each evaluation, NaN before the first feasible one."""
+    rows = table.filter(pa.compute.equal(table["method"], method))
+    objective = rows["objective"].to_numpy().astype(np.float64)
+    feasible = rows["feasible"].to_numpy(zero_copy_only=False).astype(np.bool_)
+    best = np.minimum.accumulate(np.where(feasible, objective, np.inf))
+    return np.where(np.isfinite(best), best, np.nan)
+
+
+def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
+    """Draw the convergence of the methods as SVG and PNG; None if nothing feasible was found."""
+    curves = [(m, best_so_far(table, m.name)) for m in study.methods]
+    curves = [(m, c) for m, c in curves if np.isfinite(c).any()]
+    if not curves:
+        return None
+    low = min(float(np.nanmin(c)) for _, c in curves)
+    high = max(float(np.nanmax(c[int(EARLY * len(c)) :])) for _, c in curves)
+    shown = [(t, c.objective) for t, c in study.comparisons if c.reason is None and c.objective < NEAR * low]
+    top = max([high, *(v for _, v in shown)])
+    room = 0.06 * (top - low) or 1.0
+    with mpl.rc_context(plots.STYLE):
+        canvas = Figure(figsize=(8.4, 4.2), layout="constrained")
+        ax = canvas.subplots()
+        for i, (method, curve) in enumerate(curves):
+            color = plots.PALETTE[i % len(plots.PALETTE)]
+            x = np.arange(1, len(curve) + 1)
+            ax.step(x, curve, where="post", color=color, linewidth=1.6, label=method.title)
+            if method.best is not None and method.best.evaluation is not None:
+                ax.plot([method.best.evaluation], [method.best.objective], "o", color=color, markersize=5.0)
+        for title, value in shown:
+            ax.axhline(value, color=plots.MUTED, linewidth=1.0, linestyle=(0, (4, 2)))
+            ax.annotate(
+                title,
+                xy=(1.0, value),
+                xycoords=("axes fraction", "data"),
+                xytext=(-2.0, 3.0),
+                textcoords="offset points",
+                ha="right",
+                color=plots.MUTED,
+                fontsize=8.0,
+            )
+        ax.set_ylim(low - room, top + room)
+        ax.set_xlim(1, max(len(c) for _, c in curves))
+        ax.set_xlabel("Evaluations")
+        ax.set_ylabel("Best objective so far")
+        if len(curves) > 1:
+            canvas.legend(loc="outside upper left", ncols=4, handlelength=1.6, columnspacing=1.6)
+        text, image = io.StringIO(), io.BytesIO()
+        canvas.savefig(text, format="svg", metadata={"Date": None, "Title": "Convergence"})
+        canvas.savefig(image, format="png", dpi=150)
+    return text.getvalue(), image.getvalue()
+
+
+def _inline(svg: str) -> markupsafe.Markup:
+    """Prepare an SVG for the page: colors that follow the theme, size of the page."""
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    themed = {plots.INK: "ink", plots.MUTED: "muted", plots.GRID: "grid", plots.PAPER: "card"}
+    themed |= {color: f"series-{i}" for i, color in enumerate(plots.PALETTE)}
+    svg = re.sub("|".join(themed), lambda m: f"var(--{themed[m[0]]})", svg)
+    svg = re.sub(r"<svg[^>]*>", lambda m: re.sub(r'\s(width|height)="[^"]*"', "", m[0]), svg, count=1)
+    return markupsafe.Markup(svg.replace("<svg", '<svg role="img" aria-label="Convergence"', 1))
+
+
+def _value(value: float | None) -> str:
+    return "–" if value is None else tables.scientific(value)
+
+
+def render(study: Study, svg: str | None, command: str) -> str:
+    """Return the page."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    found = [m.best.objective for m in study.methods if m.best is not None]
+    columns: list[tuple[str, Candidate | None, int | None]] = [
+        (m.title, m.best, i) for i, m in enumerate(study.methods)
+    ]
+    columns += [(title, candidate, None) for title, candidate in study.comparisons]
+    return environment.get_template("tuning.html.j2").render(
+        study=study.raw,
+        paragraphs=[" ".join(p.split()) for p in re.split(r"\n\s*\n", study.raw["description"]) if p.strip()],
+        methods=study.methods,
+        parameters=study.parameters,
+        columns=columns,
+        best=min(found, default=math.nan),
+        ends=ENDS,
+        figure=None if svg is None else _inline(svg),
+        command=command,
+        value=_value,
+        unit=tables.pretty_unit,
+    )
+
+
+def report(folder: Path, command: str) -> None:
+    """Write the Parquet file, the figure and the page of a finished study."""
+    path = folder / "summary.json"
+    try:
+        study = parse(path.read_text(encoding="utf-8"))
+    except (OSError, TuningError) as error:
+        raise TuningError(f"{path}: {error}") from error
+    table = read_history(study, folder)
+    write_history(study, table, folder / "history.parquet")
+    drawing = draw(study, table)
+    if drawing is not None:
+        results.write_text(folder / "figures" / "convergence.svg", drawing[0])
+        with results.replacing(folder / "figures" / "convergence.png") as temporary:
+            temporary.write_bytes(drawing[1])
+    results.write_text(folder / "index.html", render(study, None if drawing is None else drawing[0], command))
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
+    return value
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        prog="tune.py",
+        description="Tunes parameters of FMUs as a study says, and shows how the methods converged.",
+    )
+    parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
+    parser.add_argument("--jobs", type=_positive, metavar="N", help="number of threads (default: all processors)")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "results", metavar="DIR", help="folder of the results (default: results)"
+    )
+    parser.add_argument("--fmus", type=Path, metavar="DIR", help="folder of the FMUs (default: target/fmu)")
+    parser.add_argument("--budget", type=_positive, metavar="N", help="evaluations per method, instead of the study's")
+    existing = parser.add_mutually_exclusive_group()
+    existing.add_argument("--resume", action="store_true", help="go on with the results that are there")
+    existing.add_argument("--overwrite", action="store_true", help="begin anew")
+    existing.add_argument("--report-only", action="store_true", help="only make the plot and the page anew")
+    return parser.parse_args(argv)
+
+
+def _options(options: argparse.Namespace) -> list[str]:
+    """Return the arguments of `cargo fmu tune`."""
+    out = [str(options.study.resolve()), "--out", str(options.out.resolve())]
+    if options.fmus is not None:
+        out += ["--fmus", str(options.fmus.resolve())]
+    for name in ("jobs", "budget"):
+        value = getattr(options, name)
+        if value is not None:
+            out += [f"--{name}", str(value)]
+    out += [f"--{name}" for name in ("resume", "overwrite") if getattr(options, name)]
+    # Messages name files as seen from the project, where they lie in it.
+    prefix = f"{ROOT}{os.sep}"
+    return [a.removeprefix(prefix) for a in out]
+
+
+def _run(options: argparse.Namespace) -> int:
+    shared = _options(options)
+    folder = options.out.resolve() / options.study.stem
+    if not options.report_only:
+        cargo = shutil.which("cargo")
+        if cargo is None:
+            print("error: cargo is not on the PATH: install Rust to carry out studies", file=sys.stderr)
+            return 127
+        code = subprocess.run([cargo, "fmu", "tune", *shared], cwd=ROOT, check=False).returncode
+        if code != 0:
+            # cargo fmu has said why
+            return code
+    # How it was interrupted and gone on with does not matter: the results are the same.
+    command = [a for a in shared if a not in ("--resume", "--overwrite")]
+    report(folder, shlex.join(["scripts/tune.py", *command]))
+    print(folder / "index.html")
+    return 0
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    try:
+        return _run(arguments(argv))
+    except (TuningError, results.ResultsError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("interrupted; --resume goes on", file=sys.stderr)
+        return 130

@@ -1,0 +1,178 @@
+"""Reports of studies: histories to Parquet, the plot, the page, the command with a stand-in for cargo."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from chassis_fmu import tuning
+
+HISTORY = """evaluation,generation,a:x,"b:y, z",objective,feasible,reason
+1,0,0.1,1e-300,1000000.0,false,"constraint one, or so"
+2,0,0.2,2.0,4.0,true,
+3,1,0.30000000000000004,3.0,5.0,true,
+4,1,0.4,4.0,3.0,true,
+5,2,0.5,5.0,9.0,true,
+"""
+
+
+def summary() -> dict[str, Any]:
+    parameter = {"symbol": None, "unit": "rad/s2", "min": 0.0, "max": 5.0, "log": False}
+    method = {"seed": 1, "settings": {"population": 2, "step_size": None}, "end": "budget", "generations": 2}
+    best = {"evaluation": 4, "generation": 1, "values": [0.4, 4.0], "objective": 3.0}
+    return {
+        "format": 1,
+        "name": "trial",
+        "title": "Trial <1>",
+        "description": "One.\n\nTwo.",
+        "reference": "",
+        "scenario": "scenarios/trial.toml",
+        "runs": ["one#1", "one#2"],
+        "duration": 2.0,
+        "budget": 4,
+        "target": None,
+        "penalty": 1e6,
+        "parameters": [{**parameter, "name": "a:x", "symbol": "x_1"}, {**parameter, "name": "b:y, z", "unit": None}],
+        "constraints": [["one_two", "x_1 > 0"]],
+        "limits": [{"signal": "body.roll", "magnitude": 3.0}],
+        "terms": [
+            {"signal": "body.roll", "kind": "mean_square", "window": [0.0, 1.5], "weight": 0.5, "reference": 1.0}
+        ],
+        "judged": {"weights": [1.0], "lambda_max": 1.0, "index": 0.0, "ratio": 0.0},
+        "comparisons": [
+            {"title": "Paper's", "values": {"a:x": 0.25}, "objective": 3.5, "reason": None},
+            {"title": "Wild", "values": {}, "objective": 1e6, "reason": "run one: it flew away"},
+        ],
+        "methods": [
+            {
+                **method,
+                "name": "pacsa",
+                "title": "PACSA",
+                "kind": "pacsa",
+                "evaluations": 4,
+                "infeasible": 1,
+                "best": best,
+            },
+            {**method, "name": "lost", "title": "Lost", "kind": "ga", "evaluations": 1, "infeasible": 1, "best": None},
+        ],
+        "best": "pacsa",
+    }
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    out = tmp_path / "out" / "trial"
+    for method in ("pacsa", "lost"):
+        (out / method).mkdir(parents=True)
+        (out / method / "history.csv").write_text(HISTORY)
+    (out / "summary.json").write_text(json.dumps(summary()))
+    return out
+
+
+def test_the_histories_become_one_table(folder: Path) -> None:
+    tuning.report(folder, "scripts/tune.py trial.toml")
+    table = pyarrow.parquet.read_table(folder / "history.parquet")
+    # what lies beyond the budget is left out
+    assert table["method"].to_pylist() == ["pacsa"] * 4 + ["lost"]
+    assert table["a:x"].to_pylist()[:4] == [0.1, 0.2, 0.1 + 0.2, 0.4]
+    assert table["b:y, z"].to_pylist()[0] == 1e-300
+    assert table["feasible"].to_pylist()[:2] == [False, True]
+    assert table["reason"].to_pylist()[:2] == ["constraint one, or so", ""]
+    assert table.schema.field("a:x").metadata == {b"unit": b"rad/s2"}
+
+
+def test_the_best_so_far_ignores_what_is_not_feasible(folder: Path) -> None:
+    study = tuning.parse((folder / "summary.json").read_text())
+    table = tuning.read_history(study, folder)
+    np.testing.assert_array_equal(tuning.best_so_far(table, "pacsa"), [np.nan, 4.0, 4.0, 3.0])
+    np.testing.assert_array_equal(tuning.best_so_far(table, "lost"), [np.nan])
+
+
+def test_the_page_says_what_was_found(folder: Path) -> None:
+    tuning.report(folder, "scripts/tune.py trial.toml")
+    page = (folder / "index.html").read_text()
+    for text in (
+        "Trial &lt;1&gt;",
+        "<svg role=",
+        "Paper&#39;s",
+        "Wild is not feasible: run one: it flew away.",
+        "x_1, rad/s²",
+        "<code>x_1 &gt; 0</code>",
+        "0 to 1.5 s",
+        "consistency ratio 0.0000",
+        "population 2</small>",
+    ):
+        assert text in page, text
+    assert "#0072b2" not in page.split("</style>")[1], "colors follow the theme"
+
+
+def test_reports_repeat_to_the_byte(folder: Path) -> None:
+    def contents() -> dict[str, bytes]:
+        tuning.report(folder, "c")
+        return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+    first = contents()
+    assert first == contents()
+    assert {"figures/convergence.svg", "figures/convergence.png", "index.html", "history.parquet"} < set(first)
+
+
+def test_without_anything_feasible_there_is_a_page_but_no_plot(folder: Path) -> None:
+    raw = summary()
+    raw["methods"] = raw["methods"][1:]
+    (folder / "summary.json").write_text(json.dumps(raw))
+    tuning.report(folder, "c")
+    assert not (folder / "figures").exists()
+    assert "<svg" not in (folder / "index.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("summary.json", "{", "not a summary of a study"),
+        ("summary.json", '{"format": 2}', "summary of format 2"),
+        ("summary.json", '{"format": 1}', "not a summary of a study: KeyError"),
+        ("pacsa/history.csv", HISTORY.replace("0.2,", "a,"), "cannot read the history"),
+    ],
+)
+def test_damaged_results_are_clear_errors(folder: Path, file: str, content: str, message: str) -> None:
+    (folder / file).write_text(content)
+    with pytest.raises(tuning.TuningError, match=message):
+        tuning.report(folder, "c")
+
+
+@pytest.fixture
+def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Put a `cargo` on the path that notes its arguments, or fails like a mistake in a study."""
+    place = tmp_path / "bin"
+    place.mkdir()
+    script = place / "cargo"
+    script.write_text(f'#!/bin/sh\necho "$*" >> \'{place}/log\'\ncase "$*" in *broken*) exit 3 ;; esac\n')
+    script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{place}{os.pathsep}{os.environ['PATH']}")
+    return place / "log"
+
+
+def test_the_command_tunes_and_reports(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study, out = tuning.ROOT / "studies" / "trial.toml", folder.parent
+    assert tuning.main([str(study), "--out", str(out), "--jobs", "2", "--budget", "9", "--resume"]) == 0
+    assert cargo.read_text() == f"fmu tune studies/trial.toml --out {out} --jobs 2 --budget 9 --resume\n"
+    assert capsys.readouterr().out.strip() == str(folder / "index.html")
+    page = (folder / "index.html").read_text()
+    assert f"scripts/tune.py studies/trial.toml --out {out} --jobs 2 --budget 9</code>" in page
+
+
+def test_failures_keep_their_exit_code(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = ["--out", str(folder.parent)]
+    assert tuning.main(["broken.toml", *out]) == 3
+    assert tuning.main(["nothing.toml", *out]) == 1
+    assert "summary.json" in capsys.readouterr().err
+    assert cargo.read_text().count("\n") == 2
+    assert tuning.main(["trial.toml", *out, "--report-only"]) == 0
+    assert cargo.read_text().count("\n") == 2, "cargo is not called"
