@@ -1,275 +1,363 @@
-//! What lies in a packed FMU: its description, its files, its library.
+//! What `cargo fmu pack` and `cargo fmu new` make: the contents of every packed FMU, and packages from the templates.
 //!
-//! Reference: FMI 2.0.4, sections 2.2 (description), 2.3 (files) and 2.1.2 (functions that have to be there), and what
-//! importers are known to stumble over.
+//! References: FMI 2.0.4, section 2.3 (contents of the archive) and 2.2 (description); the committed descriptions in
+//! `modelDescription/`. All comparisons are exact.
 
-use host::archive::{Archive, platform};
-use host::description::{BaseType, Causality, Initial, Unknown, Variable};
-use std::collections::BTreeSet;
-use std::io::Read as _;
-use std::path::Path;
-use tests::{Fmu, all, ok, paths, symbols, workspace};
-use zip::{CompressionMethod, DateTime, ZipArchive};
+use host::archive::platform;
+use host::description::{BaseType, Causality};
+use host::loader::Instance;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{Cursor, Read as _};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tests::{Fmu, all, folder, ok, paths, real, refused, symbols, workspace};
+use zip::{DateTime, ZipArchive};
 
-/// All functions of the standard for co-simulation; an FMU has to export them even if it supports them not.
-const FUNCTIONS: [&str; 35] = [
-    "fmi2CancelStep",
-    "fmi2DeSerializeFMUstate",
-    "fmi2DoStep",
-    "fmi2EnterInitializationMode",
-    "fmi2ExitInitializationMode",
-    "fmi2FreeFMUstate",
-    "fmi2FreeInstance",
-    "fmi2GetBoolean",
-    "fmi2GetBooleanStatus",
-    "fmi2GetDirectionalDerivative",
-    "fmi2GetFMUstate",
-    "fmi2GetInteger",
-    "fmi2GetIntegerStatus",
-    "fmi2GetReal",
-    "fmi2GetRealOutputDerivatives",
-    "fmi2GetRealStatus",
-    "fmi2GetStatus",
-    "fmi2GetString",
-    "fmi2GetStringStatus",
-    "fmi2GetTypesPlatform",
-    "fmi2GetVersion",
-    "fmi2Instantiate",
-    "fmi2Reset",
-    "fmi2SerializeFMUstate",
-    "fmi2SerializedFMUstateSize",
-    "fmi2SetBoolean",
-    "fmi2SetDebugLogging",
-    "fmi2SetFMUstate",
-    "fmi2SetInteger",
-    "fmi2SetReal",
-    "fmi2SetRealInputDerivatives",
-    "fmi2SetString",
-    "fmi2SetupExperiment",
-    "fmi2Terminate",
-    // Not of the standard: gives the packer the description.
-    "fmi2_rs_model_description",
-];
+/// Says what to do about a description that is not the committed one.
+const UPDATE: &str =
+    "if the change of the interface is intended, run `cargo fmu pack --all --update-descriptions` and commit it";
 
-/// The entries of an archive with their contents, in their order.
-fn entries(path: &Path) -> Vec<(String, Vec<u8>)> {
-    let mut zip = ZipArchive::new(std::fs::File::open(path).expect("the FMU can be read")).expect("a zip archive");
-    (0..zip.len())
-        .map(|i| {
-            let mut entry = zip.by_index(i).expect("an entry");
-            let mut bytes = Vec::new();
-            entry.read_to_end(&mut bytes).expect("the entry can be unpacked");
-            (String::from_utf8_lossy(entry.name_raw()).into_owned(), bytes)
-        })
-        .collect()
+/// An unpacked archive in memory.
+struct Contents {
+    /// Names in the order of the archive.
+    names: Vec<String>,
+    files: BTreeMap<String, Vec<u8>>,
 }
 
-fn library(fmu: &Fmu) -> Vec<u8> {
-    let suffix = std::env::consts::DLL_SUFFIX;
-    let name = format!("binaries/{}/{}{suffix}", platform(), fmu.name);
-    entries(&fmu.path).into_iter().find(|(entry, _)| *entry == name).unwrap_or_else(|| panic!("no {name}")).1
-}
-
-#[test]
-fn the_committed_descriptions_are_those_of_the_fmus() {
-    let folder = workspace().join("modelDescription");
-    let mut names = BTreeSet::new();
-    for path in paths() {
-        let text = Archive::open(&path).and_then(|mut archive| archive.description_text());
-        let text = text.unwrap_or_else(|error| panic!("{error}"));
-        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8").to_owned();
-        let committed = std::fs::read_to_string(folder.join(format!("{name}.xml"))).unwrap_or_default();
-        assert!(
-            committed == text,
-            "{name}: the interface differs from modelDescription/{name}.xml; if that is intended, run `cargo fmu pack \
-             --update-descriptions` and commit the change"
-        );
-        names.insert(name);
-    }
-    for entry in std::fs::read_dir(folder).expect("the folder can be read") {
-        let path = entry.expect("an entry").path();
-        if path.extension().is_some_and(|extension| extension == "xml") {
-            let name = path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8");
-            assert!(names.contains(name), "modelDescription/{name}.xml belongs to no FMU");
-        }
-    }
-}
-
-#[test]
-fn descriptions_are_complete() {
-    for fmu in all() {
-        let description = &fmu.description;
-        let name = &fmu.name;
-        let unit = description.co_simulation.as_ref().expect("a co-simulation FMU");
-        // One name everywhere: file, model, library.
-        assert_eq!((&description.model_name, &unit.model_identifier), (name, name));
-        assert!(description.model_exchange.is_none());
-        assert!(description.description.as_ref().is_some_and(|text| text.len() > 20), "{name}: description");
-        for text in [&description.author, &description.version, &description.license, &description.generation_tool] {
-            assert!(text.as_ref().is_some_and(|text| !text.is_empty()), "{name}: a fact of the FMU is missing");
-        }
-        // A date would make two packings differ; the standard does not ask for it.
-        assert!(description.generation_date_and_time.is_none(), "{name}: a date");
-        assert_eq!(description.variable_naming_convention, "structured");
-        // The flags are those of what the tests in this folder use, and no others.
-        assert!(unit.can_handle_variable_communication_step_size && unit.can_not_use_memory_management_functions);
-        assert!(unit.can_get_and_set_fmu_state && unit.can_serialize_fmu_state);
-        assert!(!unit.can_be_instantiated_only_once_per_process && !unit.needs_execution_tool);
-        assert!(!unit.can_interpolate_inputs && !unit.can_run_asynchronously);
-        assert_eq!(unit.max_output_derivative_order, 0);
-        let experiment = description.default_experiment;
-        assert_eq!(experiment.start_time, Some(0.0), "{name}: start");
-        let (Some(stop), Some(step)) = (experiment.stop_time, experiment.step_size) else {
-            panic!("{name}: the default experiment has no end or no step")
-        };
-        assert!(
-            stop > 0.0 && step > 0.0 && (stop / step - (stop / step).round()).abs() < 1e-6,
-            "{name}: {stop} {step}"
-        );
-        assert_eq!(description.log_categories, ["logStatusError", "logStatusDiscard", "logEvents"]);
-        // libcosim takes the GUID as the name of a folder.
-        assert!(!description.guid.contains(['/', '\\']), "{name}: {}", description.guid);
-        // The library accepts the GUID of the description; that it refuses others is tested elsewhere.
-        drop(fmu.instance());
-        description.variables.iter().for_each(|variable| check_variable(&fmu, variable));
-        for unit in &description.units {
-            let base = unit.base.unwrap_or_else(|| panic!("{name}: unit {} without base units", unit.name));
-            assert!(base.factor > 0.0, "{name}: unit {}", unit.name);
-            assert!(unit.display_units.iter().all(|display| display.factor > 0.0), "{name}: unit {}", unit.name);
-        }
-        check_structure(&fmu);
-    }
-}
-
-/// A name of the convention `structured` as this project uses it: words and places in lower case, joined by points.
-fn is_plain_name(name: &str) -> bool {
-    let name = name.strip_prefix("der(").and_then(|name| name.strip_suffix(')')).unwrap_or(name);
-    name.split('.').all(|word| {
-        word.starts_with(|c: char| c.is_ascii_lowercase())
-            && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
-    })
-}
-
-fn check_variable(fmu: &Fmu, variable: &Variable) {
-    let place = format!("{}: {}", fmu.name, variable.name);
-    assert!(is_plain_name(&variable.name), "{place}: the name");
-    let text = variable.description.as_deref().unwrap_or_default();
-    assert!(text.len() > 3 && text == text.trim(), "{place}: the description '{text}'");
-    if variable.base_type == BaseType::Real {
-        let unit = variable.unit.as_deref().unwrap_or_else(|| panic!("{place} has no unit"));
-        let unit = fmu.description.unit(unit).unwrap_or_else(|| panic!("{place}: unit {unit} is not defined"));
-        if let Some(display) = &variable.display_unit {
-            let is_known = unit.display_units.iter().any(|known| known.name == *display);
-            assert!(is_known, "{place}: display unit {display} is not defined");
-        }
-    }
-    // Every input, parameter and exact value has a start value, nothing calculated has one, inputs have no `initial`.
-    let is_set = variable.causality == Causality::Input || variable.initial == Some(Initial::Exact);
-    assert_eq!(variable.start.is_some(), is_set, "{place}: start value");
-    assert_eq!(variable.initial.is_none(), variable.causality == Causality::Input, "{place}: initial");
-}
-
-fn check_structure(fmu: &Fmu) {
-    let description = &fmu.description;
-    let name = &fmu.name;
-    let listed = |list: &[Unknown]| list.iter().map(|unknown| unknown.variable).collect::<BTreeSet<_>>();
-    let positions = |wanted: &dyn Fn(&Variable) -> bool| {
-        let all = description.variables.iter().enumerate();
-        all.filter(|(_, variable)| wanted(variable)).map(|(position, _)| position).collect::<BTreeSet<_>>()
-    };
-    assert_eq!(listed(&description.outputs), positions(&|v| v.causality == Causality::Output), "{name}: Outputs");
-    assert_eq!(listed(&description.derivatives), positions(&|v| v.derivative_of.is_some()), "{name}: Derivatives");
-    let calculated = positions(&|v| v.initial == Some(Initial::Calculated));
-    assert_eq!(listed(&description.initial_unknowns), calculated, "{name}: InitialUnknowns");
-    // Without a list, an importer has to expect that an unknown depends on everything, and finds algebraic loops.
-    for unknown in description.outputs.iter().chain(&description.derivatives).chain(&description.initial_unknowns) {
-        assert!(unknown.dependencies.is_some(), "{name}: {}", description.variables[unknown.variable].name);
-    }
-    // No two variables share a value reference (an alias; one importer refuses those among outputs).
-    let references: BTreeSet<_> = description.variables.iter().map(|v| (v.base_type, v.reference)).collect();
-    assert_eq!(references.len(), description.variables.len(), "{name}: two variables share a value reference");
-}
-
-#[test]
-fn libraries_export_the_interface_and_nothing_else() {
-    for fmu in all() {
-        assert_eq!(symbols::exported(&library(&fmu)), FUNCTIONS, "{}", fmu.name);
-    }
-}
-
-/// How new a distribution an FMU needs; `exercise glibc 2.17 FMU...` checks those that were packed with --portable.
-#[cfg(all(target_os = "linux", target_env = "gnu"))]
-#[test]
-fn libraries_say_which_c_library_they_need() {
-    for fmu in all() {
-        let newest = symbols::newest_glibc(&library(&fmu)).unwrap_or_else(|error| panic!("{}: {error}", fmu.name));
-        let (major, minor) = newest.unwrap_or_else(|| panic!("{}: no version of the C library found", fmu.name));
-        println!("{} needs glibc {major}.{minor}", fmu.name);
-        assert_eq!(major, 2, "{}", fmu.name);
-    }
-}
-
-#[test]
-fn archives_are_the_same_wherever_they_are_packed() {
-    for path in paths() {
-        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8").to_owned();
-        let mut zip = ZipArchive::new(std::fs::File::open(&path).expect("the FMU can be read")).expect("a zip archive");
-        let mut names = Vec::new();
+impl Contents {
+    /// Reads an archive and checks that its entries carry no time.
+    #[track_caller]
+    fn read(path: &Path) -> Self {
+        let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let mut zip = ZipArchive::new(Cursor::new(bytes)).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let mut contents = Self { names: Vec::new(), files: BTreeMap::new() };
         for i in 0..zip.len() {
-            let entry = zip.by_index(i).expect("an entry");
-            let entry_name = String::from_utf8_lossy(entry.name_raw()).into_owned();
-            assert!(entry.is_file() && !entry.encrypted(), "{name}: {entry_name}");
-            assert_eq!(entry.compression(), CompressionMethod::Deflated, "{name}: {entry_name}");
-            assert_eq!(entry.last_modified(), Some(DateTime::default()), "{name}: time of {entry_name}");
-            assert_eq!(entry.unix_mode().map(|mode| mode & 0o777), Some(0o644), "{name}: mode of {entry_name}");
-            names.push(entry_name);
+            let mut entry = zip.by_index(i).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+            let name = entry.name().expect("names are UTF-8").into_owned();
+            assert_eq!(entry.last_modified(), Some(DateTime::default()), "{}: time of {name}", path.display());
+            let mut file = Vec::new();
+            entry.read_to_end(&mut file).unwrap_or_else(|error| panic!("{}: {name}: {error}", path.display()));
+            contents.names.push(name.clone());
+            contents.files.insert(name, file);
         }
-        // The description first, as readers that stream expect it; the rest sorted.
-        assert_eq!(names.remove(0), "modelDescription.xml", "{name}");
-        assert!(names.is_sorted(), "{name}: {names:?}");
-        assert!(names.windows(2).all(|pair| pair[0] != pair[1]), "{name}: an entry twice");
-        for wanted in ["documentation/index.html", "documentation/licenses/LICENSE-MIT.txt"] {
-            assert!(names.iter().any(|entry| entry == wanted), "{name}: no {wanted}");
-        }
+        contents
+    }
+
+    #[track_caller]
+    fn text(&self, name: &str) -> &str {
+        std::str::from_utf8(self.file(name)).expect("UTF-8")
+    }
+
+    #[track_caller]
+    fn file(&self, name: &str) -> &[u8] {
+        self.files.get(name).unwrap_or_else(|| panic!("there is no {name}, only {:?}", self.names))
     }
 }
 
-/// Paths of the machine that packed say who built it and make two machines build different bytes.
+fn name_of(path: &Path) -> String {
+    path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8").to_owned()
+}
+
+/// Name of the binary of this platform in the archive.
+fn binary(name: &str) -> String {
+    format!("binaries/{}/{name}{}", platform(), std::env::consts::DLL_SUFFIX)
+}
+
 #[test]
-fn no_path_of_this_machine_is_left_in_an_fmu() {
-    let mut words = vec![workspace().display().to_string(), std::env::temp_dir().display().to_string()];
-    words.extend(
-        ["HOME", "CARGO_HOME", "RUSTUP_HOME", "CARGO_TARGET_DIR"].iter().filter_map(|name| std::env::var(name).ok()),
-    );
-    // The root of a container's file system is no telling path.
-    words.retain(|word| word.len() > 1);
-    let words: Vec<_> = words.iter().map(|word| format!("{}/", word.trim_end_matches('/'))).collect();
+fn descriptions_are_the_committed_ones() {
+    let folder = workspace().join("modelDescription");
+    let mut committed = BTreeMap::new();
+    for entry in std::fs::read_dir(&folder).expect("the folder is there") {
+        let path = entry.expect("the folder can be read").path();
+        if path.extension().is_some_and(|extension| extension == "xml") {
+            committed.insert(name_of(&path), std::fs::read_to_string(&path).expect("the description can be read"));
+        }
+    }
+    let mut differences = Vec::new();
     for path in paths() {
-        for (entry, bytes) in entries(&path) {
-            for word in &words {
-                let found = bytes.windows(word.len()).position(|window| window == word.as_bytes());
-                assert!(found.is_none(), "{}: {word} in {entry}", path.display());
+        let name = name_of(&path);
+        match committed.remove(&name) {
+            None => differences.push(format!("modelDescription/{name}.xml is missing")),
+            Some(text) if text != Contents::read(&path).text("modelDescription.xml") => {
+                differences.push(format!("{name} is not as in modelDescription/{name}.xml"));
+            }
+            Some(_) => (),
+        }
+    }
+    // What is left has no FMU.
+    differences.extend(committed.keys().map(|name| format!("there is no {name}.fmu: run `cargo fmu pack --all`")));
+    assert!(differences.is_empty(), "{}\n{UPDATE}", differences.join("\n"));
+}
+
+#[test]
+fn binaries_know_their_description_only() {
+    for fmu in all() {
+        let Fmu { name, description, library, .. } = &fmu;
+        drop(fmu.instance());
+        let mut other = description.guid.clone();
+        let last = if other.ends_with("0}") { "1}" } else { "0}" };
+        other.replace_range(other.len() - 2.., last);
+        assert_ne!(other, description.guid);
+        for guid in [other.as_str(), "", &description.guid.to_uppercase().replace('{', "")] {
+            let message = refused(Instance::instantiate(library, name, guid, false));
+            assert!(message.contains(&description.guid), "{name}: the message names the expected GUID: {message}");
+        }
+        assert_eq!(description.model_name, *name);
+        let unit = description.co_simulation.as_ref().expect("all are for co-simulation");
+        assert_eq!(unit.model_identifier, *name, "the file stem of the binary");
+    }
+}
+
+#[test]
+fn variables_are_described_and_have_units() {
+    for Fmu { name, description, .. } in all() {
+        for variable in &description.variables {
+            let what = format!("{name}: {}", variable.name);
+            assert!(variable.description.as_deref().is_some_and(|text| !text.trim().is_empty()), "{what}: description");
+            if variable.base_type == BaseType::Real {
+                let unit = variable.unit.as_deref().unwrap_or_else(|| panic!("{what}: unit"));
+                let definition = description.units.iter().find(|definition| definition.name == unit);
+                let definition = definition.unwrap_or_else(|| panic!("{what}: the unit {unit} is not defined"));
+                assert!(definition.base.is_some(), "{what}: {unit} in SI base units");
             }
         }
     }
 }
 
-/// Two instances of one FMU from two copies of its file: nothing is kept beside the file itself.
 #[test]
-fn a_copy_of_the_file_is_as_good() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for fmu in all() {
-        // A folder with a blank and other letters than ASCII, as users have them.
-        let place = folder.path().join("a b\u{e4}");
-        std::fs::create_dir_all(&place).expect("a folder");
-        let copy = place.join(format!("{}.fmu", fmu.name));
-        std::fs::copy(&fmu.path, &copy).expect("a copy");
-        let other = Fmu::open(&copy);
-        let mut instances = [fmu.started(), other.started()];
-        for instance in &mut instances {
-            ok(instance.do_step(0.0, 0.001));
+fn archives_hold_what_users_look_for() {
+    let root = workspace();
+    for path in paths() {
+        let name = name_of(&path);
+        let contents = Contents::read(&path);
+        let (first, rest) = contents.names.split_first().expect("there are entries");
+        assert_eq!(first, "modelDescription.xml", "{name}: readers expect it first");
+        assert!(rest.is_sorted() && contents.files.len() == contents.names.len(), "{name}: {rest:?}");
+        assert!(!contents.file(&binary(&name)).is_empty());
+        for license in ["LICENSE-MIT", "LICENSE-APACHE"] {
+            let text = std::fs::read(root.join(license)).expect("the license is there");
+            assert!(contents.file(&format!("documentation/licenses/{license}.txt")) == text, "{name}: {license}");
         }
-        let [a, b] = instances.each_mut().map(|instance| tests::bits(&tests::reals(instance, &fmu.reals())));
-        assert!(a == b, "{}", fmu.name);
+        let page = contents.text("documentation/index.html");
+        assert!(page.starts_with("<!DOCTYPE html>"), "{name}: documentation/index.html");
+        for variable in Fmu::open(&path).description.variables {
+            if variable.causality != Causality::Independent {
+                let cell = format!("<code>{}</code>", variable.name);
+                assert!(page.contains(&cell), "{name}: {} is missing in the documentation", variable.name);
+            }
+        }
     }
+}
+
+#[test]
+fn libraries_export_the_interface_only() {
+    // Names that several FMUs define must not meet in one process; the description is for the packer.
+    for path in paths() {
+        let name = name_of(&path);
+        let contents = Contents::read(&path);
+        let exported = symbols::exported(contents.file(&binary(&name)));
+        let others: Vec<_> =
+            exported.iter().filter(|symbol| !symbol.trim_start_matches('_').starts_with("fmi2")).collect();
+        assert!(others.is_empty(), "{name} exports {others:?}");
+        assert!(exported.iter().any(|symbol| symbol.ends_with("fmi2DoStep")), "{name} exports {exported:?}");
+    }
+}
+
+/// Whether the FMUs were packed with `--portable`: whoever did so sets `CHASSIS_FMU_PORTABLE=1`.
+fn portable() -> bool {
+    std::env::var_os("CHASSIS_FMU_PORTABLE").is_some_and(|value| value == "1")
+}
+
+/// Portable FMUs have to load on distributions from glibc 2.17 on, the oldest that Rust supports. For others the version
+/// is only printed.
+#[cfg(target_os = "linux")]
+#[test]
+fn libraries_need_an_old_c_library_only() {
+    let portable = portable();
+    for path in paths() {
+        let name = name_of(&path);
+        let contents = Contents::read(&path);
+        let newest = symbols::newest_glibc(contents.file(&binary(&name))).expect("a 64-bit ELF library");
+        println!("{name}: needs glibc {newest:?}");
+        assert!(!portable || newest <= Some((2, 17)), "{name} needs glibc {newest:?}, packed with `--portable`");
+    }
+}
+
+#[test]
+fn nothing_names_the_machine_that_packed() {
+    let home = std::env::home_dir().filter(|home| home.parent().is_some());
+    let folders = [Some(workspace()), home];
+    for path in paths() {
+        for (file, bytes) in Contents::read(&path).files {
+            for folder in folders.iter().flatten() {
+                // With a separator: "/root" alone is also the start of innocent words.
+                let needle = format!("{}{}", folder.display(), std::path::MAIN_SEPARATOR);
+                let found = bytes.windows(needle.len()).position(|window| window == needle.as_bytes());
+                if let Some(at) = found {
+                    let end = bytes.len().min(at + 120);
+                    let text = String::from_utf8_lossy(&bytes[at..end]);
+                    panic!("{}: {file} contains {text}", name_of(&path));
+                }
+            }
+        }
+    }
+}
+
+/// A copy of the workspace to write packages into. It has a fixed place, and its files their times, so that cargo
+/// compiles what the templates need only once; the copy is removed in the end, what was compiled stays in `target`.
+struct Copy {
+    root: PathBuf,
+    target: PathBuf,
+    /// Locked while the copy is in use: the place is the same for all processes.
+    _lock: File,
+}
+
+impl Copy {
+    fn new() -> Self {
+        let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("templates");
+        std::fs::create_dir_all(&place).expect("the folder can be made");
+        let lock = File::create(place.join("lock")).expect("the folder can be written");
+        lock.lock().expect("files can be locked");
+        let copy = Self { root: place.join("workspace"), target: place.join("target"), _lock: lock };
+        copy.remove();
+        let from = workspace();
+        for entry in [
+            "Cargo.toml",
+            "Cargo.lock",
+            "LICENSE-MIT",
+            "LICENSE-APACHE",
+            "crates",
+            "fmu-plant",
+            "fmu-controllers",
+            "tests",
+        ] {
+            copy_times(&from.join(entry), &copy.root.join(entry)).unwrap_or_else(|error| panic!("{entry}: {error}"));
+        }
+        copy
+    }
+
+    fn remove(&self) {
+        if self.root.exists() {
+            std::fs::remove_dir_all(&self.root).expect("the copy can be removed");
+        }
+    }
+
+    /// A command in the copy.
+    fn command(&self, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> Output {
+        let mut command = Command::new(program);
+        command.args(arguments).current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target).env("NO_COLOR", "1");
+        // Nobody debugs these packages: less to compile and to keep.
+        command.env("CARGO_PROFILE_DEV_DEBUG", "none").env("CARGO_INCREMENTAL", "0");
+        successful(&mut command)
+    }
+
+    fn fmu(&self, name: &str) -> PathBuf {
+        self.target.join("fmu").join(format!("{name}.fmu"))
+    }
+}
+
+impl Drop for Copy {
+    fn drop(&mut self) {
+        self.remove();
+    }
+}
+
+fn copy_times(from: &Path, to: &Path) -> std::io::Result<()> {
+    if from.is_dir() {
+        std::fs::create_dir_all(to)?;
+        for entry in std::fs::read_dir(from)? {
+            let name = entry?.file_name();
+            copy_times(&from.join(&name), &to.join(&name))?;
+        }
+        return Ok(());
+    }
+    std::fs::create_dir_all(to.parent().expect("files lie in folders"))?;
+    std::fs::copy(from, to)?;
+    File::options().write(true).open(to)?.set_modified(from.metadata()?.modified()?)
+}
+
+/// The output of a command that has to succeed.
+#[track_caller]
+fn successful(command: &mut Command) -> Output {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(output.status.success(), "{command:?}\n{}\n{}", text(&output.stdout), text(&output.stderr));
+    output
+}
+
+fn cargo() -> std::ffi::OsString {
+    std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
+}
+
+/// Builds the command of this workspace and returns its path.
+fn cargo_fmu() -> PathBuf {
+    let arguments = ["build", "--locked", "--offline", "--quiet", "--package", "cargo-fmu", "--message-format", "json"];
+    let output = successful(Command::new(cargo()).args(arguments).current_dir(workspace()));
+    let messages = String::from_utf8(output.stdout).expect("messages are UTF-8");
+    let mut executables = messages.lines().filter_map(|line| {
+        let message: serde_json::Value = serde_json::from_str(line).expect("messages are JSON");
+        message["executable"].as_str().map(PathBuf::from)
+    });
+    executables.next_back().expect("cargo names the executable")
+}
+
+#[test]
+fn packages_from_the_templates_pass_their_tests_and_pack() {
+    let cargo_fmu = cargo_fmu();
+    let copy = Copy::new();
+    let fmu = |arguments: &[&str]| copy.command(&cargo_fmu, &[&["fmu"], arguments].concat());
+    fmu(&["new", "controller", "yaw-damper"]);
+    fmu(&["new", "plant", "bouncing-body"]);
+
+    let packages = ["--package", "yaw-damper", "--package", "bouncing-body"];
+    let output =
+        copy.command(cargo(), &[&["test", "--offline", "--locked", "--quiet", "--lib"][..], &packages].concat());
+    let report = String::from_utf8_lossy(&output.stdout);
+    let passed = report.matches("test result: ok.").count();
+    assert!(passed == 2 && !report.contains(" 0 passed"), "both packages have tests: {report}");
+
+    let pack = |more: &[&str]| {
+        let output = fmu(&[&["pack", "YawDamper", "bouncing-body", "SuspensionMixer"], more].concat());
+        let names = ["YawDamper", "BouncingBody", "SuspensionMixer"];
+        (names.map(|name| std::fs::read(copy.fmu(name)).expect("it was packed")), output)
+    };
+    let (first, output) = pack(&[]);
+    let hint = String::from_utf8_lossy(&output.stderr);
+    assert!(hint.contains("cargo fmu pack --update-descriptions"), "new interfaces are not committed yet: {hint}");
+    let (second, output) = pack(&["--update-descriptions"]);
+    assert!(first == second, "packing again gives the same bytes");
+    let hint = String::from_utf8_lossy(&output.stderr);
+    assert!(!hint.contains("--update-descriptions"), "now they are: {hint}");
+    // The place of the sources does not matter either: what was packed from the workspace itself has the same bytes.
+    // FMUs of another folder or for old systems come from another machine or linker.
+    if std::env::var_os("CHASSIS_FMU_DIR").is_none() && !portable() {
+        let other = std::fs::read(folder().join("SuspensionMixer.fmu")).expect("it was packed");
+        assert!(second[2] == other, "SuspensionMixer.fmu differs from a new one: run `cargo fmu pack --all`");
+    }
+
+    let controller = Fmu::open(&copy.fmu("YawDamper"));
+    let committed = std::fs::read_to_string(copy.root.join("modelDescription/YawDamper.xml"));
+    assert_eq!(committed.expect("it was written"), controller.xml);
+    let mut instance = controller.started();
+    ok(instance.set_real(&[controller.reference("vehicle.yaw_rate")], &[0.5]));
+    ok(instance.do_step(0.0, 0.001));
+    // The gain of 0.1 s times 0.5 rad/s.
+    assert_eq!(real(&controller, &mut instance, "steer.rear"), 0.1 * 0.5);
+
+    let plant = Fmu::open(&copy.fmu("BouncingBody"));
+    let mut instance = plant.started();
+    let height = 0.01;
+    ok(instance.set_real(&["l", "r"].map(|side| plant.reference(&format!("road_height.{side}"))), &[height; 2]));
+    let (step, steps) = (0.01, 1000);
+    for k in 0..steps {
+        ok(instance.do_step(f64::from(k) * step, step));
+    }
+    // 400 kg on 20 kN/m with 1500 N s/m: the oscillation about the road decays with exp(-c t/(2 m)), its first
+    // amplitude is height/sqrt(1 - D^2); Runge-Kutta with 1 ms errs by far less.
+    let (m, k, c) = (400.0_f64, 20_000.0, 1500.0);
+    let damping = c / (2.0 * (m * k).sqrt());
+    let bound = height / (1.0 - damping * damping).sqrt() * (-c / (2.0 * m) * f64::from(steps) * step).exp();
+    let heave = real(&plant, &mut instance, "body.heave");
+    assert!((heave - height).abs() <= bound, "heave {heave}, expected {height} within {bound:e}");
 }
