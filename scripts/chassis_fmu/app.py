@@ -92,9 +92,9 @@ def _collect(
     values = {}
     shown: dict[plots.Key, Recording] = {}
     spectra: dict[tuple[str, int, str, str | None], list[tuple[plots.Array, plots.Array]]] = {}
-    measured = {scenario.columns[m.column].name for m in scenario.metrics}
+    measured = {scenario.columns[c].name for m in scenario.metrics for c in metrics.columns_of(m)}
     measured |= {scenario.columns[c].name for f in scenario.figures if f.kind == "spectrum" for c in f.columns}
-    drawn = {scenario.columns[c].name for f in scenario.figures for c in f.columns}
+    drawn = {scenario.columns[c].name for f in scenario.figures for c in plots.columns_of(f)}
     first = scenario.seed_values[0]
     for run in scenario.runs:
         if run.id in failures:
@@ -102,11 +102,9 @@ def _collect(
         wanted = measured | drawn if run.seed == first else measured
         recording = results.read_parquet(runs / f"{run.stem}.parquet", sorted(wanted))
         for metric in scenario.metrics:
-            signal = recording.values.get(scenario.columns[metric.column].name)
-            if signal is not None:
-                value = metrics.evaluate(metric, recording.times, signal, scenario.simulation.step)
-                if value is not None:
-                    values[metric.name, run.case, run.point, run.seed] = value
+            value = metrics.of_recording(metric, scenario, recording)
+            if value is not None:
+                values[metric.name, run.case, run.point, run.seed] = value
         for (figure, column), spectrum in plots.spectra_of(scenario, run, recording).items():
             spectra.setdefault((figure, column, run.case, run.point), []).append(spectrum)
         if run.seed == first:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .plan import Metric, Plan
+from .results import Recording
 
 Array = NDArray[np.floating[Any]]
 
@@ -67,12 +68,34 @@ def window_mask(times: Array, window: tuple[float, float] | None, step: float) -
     return np.asarray((times >= window[0] - slack) & (times <= window[1] + slack), dtype=np.bool_)
 
 
-def evaluate(metric: Metric, times: Array, values: Array, step: float) -> float | None:
+def columns_of(metric: Metric) -> set[int]:
+    """Return the columns that a metric needs."""
+    others = (metric.minus, None if metric.until is None else metric.until.column)
+    return {metric.column, *(c for c in others if c is not None)}
+
+
+def of_recording(metric: Metric, plan: Plan, recording: Recording) -> float | None:
+    """Compute a metric of a recording, as `evaluate` does. None also: a signal it needs was not recorded."""
+    signals = {i: recording.values.get(plan.columns[i].name) for i in columns_of(metric)}
+    if any(v is None for v in signals.values()):
+        return None
+    found = {i: v for i, v in signals.items() if v is not None}
+    values = found[metric.column] if metric.minus is None else found[metric.column] - found[metric.minus]
+    until = None if metric.until is None else found[metric.until.column]
+    return evaluate(metric, recording.times, values, plan.simulation.step, until)
+
+
+def evaluate(metric: Metric, times: Array, values: Array, step: float, until: Array | None = None) -> float | None:
     """Compute a metric of one signal, in the unit of the metric. None: the signal never crosses the threshold.
+
+    `until` is the signal that ends the window, for a metric with such an end.
 
     Raises MetricError for an unknown kind, a threshold that is missing, and a window without rows.
     """
     mask = window_mask(times, metric.window, step)
+    if metric.until is not None and until is not None:
+        ends = until > metric.until.level if metric.until.above else until < metric.until.level
+        mask &= ~np.logical_or.accumulate(mask & ends)
     inside = values[mask] * metric.conversion.factor + metric.conversion.offset
     if not len(inside):
         raise MetricError(f"metric {metric.name}: no recorded row lies in the window {metric.window}")
@@ -135,7 +158,10 @@ def change(value: float, baseline: float) -> float | None:
 
 @dataclass(frozen=True)
 class Cell:
-    """One metric of one case at one point: ours and the paper's. Changes and differences are in percent."""
+    """One metric of one case at one point: ours and the paper's. Changes and differences are in percent.
+
+    `origin` says whether ours was calibrated on the paper's or predicted, where the scenario says so.
+    """
 
     metric: Metric
     case: str
@@ -144,6 +170,7 @@ class Cell:
     change: Statistic | None
     paper: float | None
     paper_change: float | None
+    origin: str = ""
 
     @property
     def difference(self) -> float | None:
@@ -167,8 +194,11 @@ def table(plan: Plan, values: Values) -> list[Cell]:
         def ours(case: str, point: str | None, seed: int | None, name: str = metric.name) -> float | None:
             return values.get((name, case, point, seed))
 
+        def key(case: str, point: str | None) -> str:
+            return case if point is None else f"{case}@{point}"
+
         def printed(case: str, point: str | None, known: Mapping[str, float] = paper_values) -> float | None:
-            return known.get(case if point is None else f"{case}@{point}")
+            return known.get(key(case, point))
 
         for point in plan.point_names:
             for case in plan.cases:
@@ -197,6 +227,7 @@ def table(plan: Plan, values: Values) -> list[Cell]:
                         change=Statistic.of(changes),
                         paper=paper,
                         paper_change=paper_change,
+                        origin=metric.paper.origin(key(case.name, point)) if metric.paper else "",
                     )
                 )
     return cells

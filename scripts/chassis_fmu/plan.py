@@ -147,15 +147,34 @@ class Column:
 
 @dataclass(frozen=True)
 class Paper:
-    """Numbers of a paper for one metric, by `case` or `case@point`."""
+    """Numbers of a paper for one metric, by `case` or `case@point`, and to which of them something was fitted."""
 
     table: str
     values: Mapping[str, float]
+    calibrated: frozenset[str] | None
+
+    def origin(self, key: str) -> str:
+        """Say how our number for a value came about: calibrated, predicted; empty if the scenario does not say."""
+        if self.calibrated is None or key not in self.values:
+            return ""
+        return "calibrated" if key in self.calibrated else "predicted"
+
+
+@dataclass(frozen=True)
+class Until:
+    """The end of a window: the rows from the first one on where a column is above or below a level do not count."""
+
+    column: int
+    above: bool
+    level: float
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A number computed from one column, whose values are converted before; its own unit may be another one."""
+    """A number computed from one column, less another one; its values are converted before.
+
+    Its own unit may be another one.
+    """
 
     name: str
     title: str
@@ -163,6 +182,8 @@ class Metric:
     kind: str
     threshold: float | None
     window: tuple[float, float] | None
+    until: Until | None
+    minus: int | None
     conversion: Conversion
     digits: int | None
     paper: Paper | None
@@ -190,6 +211,7 @@ class Figure:
     cases: tuple[str, ...]
     separate: bool
     columns: tuple[int, ...]
+    against: int | None
     metrics: tuple[int, ...]
     window: tuple[float, float] | None
     conversion: Conversion | None
@@ -290,8 +312,18 @@ def _conversion(item: Mapping[str, Any], unit: str) -> Conversion | None:
     return Conversion(item[unit], float(item["factor"]), float(item["offset"]))
 
 
+def _until(item: Mapping[str, Any] | None) -> Until | None:
+    return None if item is None else Until(int(item["column"]), bool(item["above"]), float(item["level"]))
+
+
+def _paper(item: Mapping[str, Any] | None) -> Paper | None:
+    if item is None:
+        return None
+    calibrated = item["calibrated"]
+    return Paper(item["table"] or "", dict(item["values"]), None if calibrated is None else frozenset(calibrated))
+
+
 def _metric(item: Mapping[str, Any]) -> Metric:
-    paper = item["paper"]
     return Metric(
         name=item["name"],
         title=item["title"],
@@ -299,9 +331,11 @@ def _metric(item: Mapping[str, Any]) -> Metric:
         kind=item["kind"],
         threshold=None if item["threshold"] is None else float(item["threshold"]),
         window=_window(item["window"]),
+        until=_until(item["until"]),
+        minus=item["minus"],
         conversion=_conversion(item, "unit") or Conversion(""),
         digits=item["digits"],
-        paper=None if paper is None else Paper(paper["table"] or "", dict(paper["values"])),
+        paper=_paper(item["paper"]),
     )
 
 
@@ -313,6 +347,7 @@ def _figure(item: Mapping[str, Any]) -> Figure:
         cases=tuple(item["cases"]),
         separate=bool(item["separate"]),
         columns=tuple(map(int, item["columns"])),
+        against=item["against"],
         metrics=tuple(map(int, item["metrics"])),
         window=_window(item["window"]),
         conversion=_conversion(item, "unit"),

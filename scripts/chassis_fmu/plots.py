@@ -180,16 +180,23 @@ def _cases(plan: Plan, figure: Figure) -> list[Case]:
     return [c for c in plan.cases if c.name in figure.cases]
 
 
-def _legend(canvas: Canvas, handles: Sequence[Line2D]) -> None:
-    if len(handles) > 1:
-        length = sum(len(str(h.get_label())) + LEGEND_HANDLE for h in handles)
+def _legend(canvas: Canvas, handles: Sequence[Line2D], least: int = 2) -> None:
+    if len(handles) >= least:
+        lengths = [len(str(h.get_label())) + LEGEND_HANDLE for h in handles]
+        # one row, or columns as wide as the longest entry
+        fits = sum(lengths) <= LEGEND_ROOM
         canvas.legend(
             handles=list(handles),
             loc="outside upper left",
-            ncols=len(handles) if length <= LEGEND_ROOM else 4,
+            ncols=len(handles) if fits else max(1, LEGEND_ROOM // max(lengths)),
             handlelength=1.6,
             columnspacing=1.6,
         )
+
+
+def columns_of(figure: Figure) -> set[int]:
+    """Return the columns that a figure shows."""
+    return {*figure.columns, *([] if figure.against is None else [figure.against])}
 
 
 def _shown(column: Column, figure: Figure) -> Conversion:
@@ -200,18 +207,19 @@ def _shown(column: Column, figure: Figure) -> Conversion:
 def _panels(
     plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]
 ) -> Iterator[tuple[Column, str | None, list[tuple[Case, Recording]]]]:
+    cases = _cases(plan, figure)
     for index in figure.columns:
         column = plan.columns[index]
-        for point in plan.point_names:
-            lines = [
-                (case, recording)
-                for case in _cases(plan, figure)
-                if (recording := recordings.get((case.name, point))) is not None and column.name in recording.values
-            ]
-            if figure.separate:
-                yield from ((column, point, [line]) for line in lines)
-            elif lines:
-                yield column, point, lines
+        # Side by side are the points, also where every case has panels of its own.
+        for together in [[c] for c in cases] if figure.separate else [cases]:
+            for point in plan.point_names:
+                lines = [
+                    (case, recording)
+                    for case in together
+                    if (recording := recordings.get((case.name, point))) is not None and column.name in recording.values
+                ]
+                if lines:
+                    yield column, point, lines
 
 
 def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Canvas | None:
@@ -222,6 +230,7 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
     across = 2 if len(plan.points) > 1 else 1
     canvas, axes = _canvas(len(panels), across, 1.75 if len(panels) > 1 else 2.9)
     used: dict[str, Line2D] = {}
+    beside = None if figure.against is None else plan.columns[figure.against]
     for i, (ax, (column, point, lines)) in enumerate(zip(axes, panels, strict=True)):
         shown = _shown(column, figure)
         for case, recording in lines:
@@ -235,6 +244,12 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
             dashes = dashes_of(plan, case)
             ax.plot(times, values, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
             used[case.name] = Line2D([], [], color=color, linewidth=2.0, linestyle=dashes, label=case.title)
+            if beside is not None and beside.name in recording.values:
+                values = recording.values[beside.name][mask] * shown.factor + shown.offset
+                # In ink where a case has the panel for itself, in its color among others.
+                style: dict[str, Any] = {"color": INK if figure.separate else color, "linestyle": (0, (3, 2))}
+                ax.plot(*decimate(recording.times[mask], values), linewidth=0.9, **style)
+                used[""] = Line2D([], [], color=INK, linewidth=1.2, linestyle=(0, (3, 2)), label=_label(beside))
         for level in figure.levels:
             ax.axhline(level.value, color=INK, linewidth=0.9, linestyle=(0, (5, 3)))
             ax.annotate(
@@ -264,8 +279,11 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
             for ax in same:
                 ax.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
     canvas.align_ylabels(axes)
-    if not figure.separate:
-        _legend(canvas, [used[c.name] for c in plan.cases if c.name in used])
+    dashed = [used[""]] if "" in used else []
+    if figure.separate:
+        _legend(canvas, dashed, least=1)
+    else:
+        _legend(canvas, [*(used[c.name] for c in plan.cases if c.name in used), *dashed])
     return canvas
 
 
@@ -278,7 +296,7 @@ def _spectrum(plan: Plan, figure: Figure, spectra: Spectra) -> Canvas | None:
             lines := [
                 (case, spectra[key])
                 for case in _cases(plan, figure)
-                if (key := (figure.name, column, case.name, point)) in spectra
+                if (key := (figure.name, column, case.name, point)) in spectra and np.any(spectra[key][1] > 0.0)
             ]
         )
     ]

@@ -25,7 +25,7 @@ def remark(cell: Cell) -> str:
     """Say in words how our numbers compare with those of the paper."""
     if cell.ours is None:
         return ""
-    parts = []
+    parts = [cell.origin] if cell.origin else []
     if cell.difference is not None:
         parts.append(f"{signed(cell.difference)} from the paper's value")
     if cell.change is not None and cell.paper_change is not None:
@@ -94,11 +94,11 @@ def _minus(text: str) -> str:
 
 
 def spread(statistic: Statistic | None, digits: int | None, seeds: int = 1) -> str:
-    """Format a mean with its standard deviation, and how many of the seeds it is of if not of all."""
+    """Format a mean with its standard deviation if the seeds matter, and how many of them it is of if not of all."""
     if statistic is None:
         return "–"
     text = number(statistic.mean, digits)
-    if statistic.deviation is not None:
+    if statistic.deviation:
         # as many decimals as the mean
         small = digits is None and abs(statistic.mean) < SMALL
         decimals = None if small else _decimals(statistic.mean) if digits is None else digits
@@ -109,11 +109,11 @@ def spread(statistic: Statistic | None, digits: int | None, seeds: int = 1) -> s
 
 
 def spread_percent(statistic: Statistic | None) -> str:
-    """Format a mean change in percent with its standard deviation."""
+    """Format a mean change in percent with its standard deviation, if the seeds matter."""
     if statistic is None:
         return "–"
     text = signed(statistic.mean)
-    if statistic.deviation is not None:
+    if statistic.deviation:
         text = f"{text.removesuffix(' %')} ± {statistic.deviation:.{_percent_decimals(statistic.mean)}f} %"
     return text
 
@@ -151,12 +151,13 @@ MACHINE_HEADER = (
     "paper_change_percent",
     "difference_percent",
     "paper_table",
+    "origin",
 )
-HEADER = ("Metric", "Point", "Case", "Paper", "Ours", "Change, paper", "Change, ours")
+HEADER = ("Metric", "Point", "Case", "Origin", "Paper", "Ours", "Change, paper", "Change, ours")
 
 
 def _text_rows(plan: Plan, cells: Sequence[Cell]) -> tuple[list[str], list[list[str]]]:
-    """Return header and rows for people; the point column only with a sweep."""
+    """Return header and rows for people; points only with a sweep, origins only where the scenario says them."""
     cases = {c.name: c.title for c in plan.cases}
     points: dict[str | None, str] = {p.name: p.title for p in plan.points}
     rows = [
@@ -164,6 +165,7 @@ def _text_rows(plan: Plan, cells: Sequence[Cell]) -> tuple[list[str], list[list[
             with_unit(c.metric.title, c.metric.conversion.unit),
             points.get(c.point, ""),
             cases[c.case],
+            c.origin,
             printed(c.paper, c.metric.digits),
             spread(c.ours, c.metric.digits, len(plan.seeds)),
             signed(c.paper_change),
@@ -171,7 +173,8 @@ def _text_rows(plan: Plan, cells: Sequence[Cell]) -> tuple[list[str], list[list[
         ]
         for c in cells
     ]
-    keep = [i for i in range(len(HEADER)) if i != 1 or plan.points]
+    left_out = {*([] if plan.points else [1]), *([] if any(c.origin for c in cells) else [3])}
+    keep = [i for i in range(len(HEADER)) if i not in left_out]
     return [HEADER[i] for i in keep], [[row[i] for i in keep] for row in rows]
 
 
@@ -224,6 +227,7 @@ def machine(cells: Sequence[Cell]) -> str:
                 c.ours.count if c.ours else 0,
                 *("" if v is None else repr(v) for v in numbers),
                 c.metric.paper.table if c.metric.paper else "",
+                c.origin,
             ]
         )
     return out.getvalue()

@@ -8,7 +8,8 @@ import pytest
 
 from chassis_fmu import metrics
 from chassis_fmu.metrics import Statistic
-from chassis_fmu.plan import Conversion, Metric, Plan, Point
+from chassis_fmu.plan import Conversion, Metric, Plan, Point, Until
+from chassis_fmu.results import Recording
 
 STEP = 0.001
 TIMES = np.arange(2001) * STEP
@@ -20,7 +21,7 @@ def metric(
     unit: Conversion | None = None,
     threshold: float | None = None,
 ) -> Metric:
-    return Metric("m", "M", 0, kind, threshold, window, unit or Conversion("rad"), None, None)
+    return Metric("m", "M", 0, kind, threshold, window, None, None, unit or Conversion("rad"), None, None)
 
 
 @pytest.mark.parametrize(
@@ -86,6 +87,42 @@ def test_shares_and_changes() -> None:
     assert metrics.evaluate(metric("magnitude_share", threshold=0.5), times, saw, 0.1) == pytest.approx(0.6, rel=1e-15)
     assert metrics.evaluate(metric("changes"), times, np.array([0.0, 0.0, 1.0, 0.0, 0.0]), 0.1) == 2.0
     assert metrics.evaluate(metric("changes"), times, np.ones(5), 0.1) == 0.0
+
+
+@pytest.mark.parametrize(("until", "expected"), [(Until(1, True, 1.5), 3.0), (Until(1, False, 0.5), 1.0)])
+def test_a_window_ends_where_a_signal_says(until: Until, expected: float) -> None:
+    times = np.arange(6) * 0.1
+    signal = np.array([9.0, 1.0, 1.0, 1.0, 5.0, 5.0])
+    # below 0.5 or above 1.5 also before the window, which does not count, and again after the end
+    ends = np.array([0.0, 1.0, 0.4 if not until.above else 1.5, 1.0, 2.0, 0.0])
+    windowed = dataclasses.replace(metric("final", (0.1, 0.5)), until=until)
+    values = np.cumsum(signal) - 9.0
+    assert metrics.evaluate(windowed, times, values, 0.1, ends) == expected
+    # without such a row the window is whole
+    assert metrics.evaluate(windowed, times, values, 0.1, np.ones(6)) == values[-1]
+    with pytest.raises(metrics.MetricError, match="no recorded row"):
+        metrics.evaluate(windowed, times, values, 0.1, np.full(6, 9.0 if until.above else 0.0))
+
+
+def test_a_metric_of_a_difference(scenario: Plan) -> None:
+    times = np.arange(3) * 0.1
+    recording = Recording(times, {"source.count": np.array([1.0, 2.0, 3.0]), "body.roll": np.array([1.0, 1.0, 1.0])})
+    difference = dataclasses.replace(metric("max"), minus=1)
+    assert metrics.columns_of(difference) == {0, 1}
+    assert metrics.of_recording(difference, scenario, recording) == 2.0
+    until = dataclasses.replace(difference, until=Until(0, True, 2.5))
+    assert metrics.of_recording(until, scenario, recording) == 1.0
+    # a case without the unit that it is compared with
+    assert metrics.of_recording(difference, scenario, Recording(times, {"source.count": times})) is None
+
+
+def test_origins_are_those_the_scenario_says(scenario: Plan) -> None:
+    first = scenario.metrics[0]
+    assert first.paper is not None
+    assert {c.origin for c in metrics.table(scenario, {})} == {""}
+    paper = dataclasses.replace(first.paper, calibrated=frozenset(["passive"]))
+    said = dataclasses.replace(scenario, metrics=(dataclasses.replace(first, paper=paper), scenario.metrics[1]))
+    assert [c.origin for c in metrics.table(said, {})] == ["calibrated", "predicted", "", ""]
 
 
 @pytest.mark.parametrize("kind", ["crossing", "magnitude_crossing", "share", "magnitude_share"])

@@ -62,7 +62,7 @@ def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
     swept = dataclasses.replace(
         scenario, points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)), sweep=Sweep("Speed", "km/h")
     )
-    figure = Figure("speeds", "Speeds", "sweep", ("passive", "active"), False, (), (0, 1), None, None, (), None)
+    figure = Figure("speeds", "Speeds", "sweep", ("passive", "active"), False, (), None, (0, 1), None, None, (), None)
     values: dict[tuple[str, str, str | None, int | None], float] = {
         ("roll_rms", c.name, p, s): 1.0 + i for c in swept.cases for i, p in enumerate(("slow", "fast")) for s in (1, 2)
     }
@@ -98,6 +98,20 @@ def test_separate_cases_have_panels_of_their_own(scenario: Plan) -> None:
     assert "legend" not in separate.svg
 
 
+def test_a_signal_stands_dashed_beside_others(scenario: Plan) -> None:
+    bare = dataclasses.replace(scenario.figures[0], columns=(1,), levels=())
+    for separate in (False, True):
+        figure = dataclasses.replace(bare, separate=separate)
+        plain = plots.draw(scenario, figure, recordings(), {}, [])
+        beside = plots.draw(scenario, dataclasses.replace(figure, against=0), recordings(), {}, [])
+        assert plain is not None
+        assert beside is not None
+        assert "stroke-dasharray" not in plain.svg
+        # one of the two cases has that signal; one line is in the legend
+        assert beside.svg.count("stroke-dasharray") == 2
+    assert plots.columns_of(dataclasses.replace(bare, against=0)) == {0, 1}
+
+
 def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
     figure = dataclasses.replace(scenario.figures[0], kind="spectrum", cases=("active",), window=None, levels=())
     noisy = dataclasses.replace(scenario, figures=(figure,))
@@ -114,6 +128,9 @@ def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
     assert drawing is not None
     assert plots.PALETTE[1] in drawing.svg
     assert plots.draw(noisy, figure, {}, {}, []) is None
+    # a signal that stays zero has no place on a logarithmic axis
+    still = (times[1:], np.zeros(899))
+    assert plots.draw(noisy, figure, {}, {("roll", 1, "active", None): still}, []) is None
 
 
 def test_units_of_densities() -> None:

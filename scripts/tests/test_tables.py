@@ -1,6 +1,7 @@
 """Numbers and tables as text."""
 
 import csv
+import dataclasses
 import io
 
 import pytest
@@ -61,10 +62,12 @@ def test_units(unit: str, text: str) -> None:
 def test_spreads() -> None:
     assert tables.spread(Statistic(0.06194, 0.00161, 8), 4) == "0.0619 ± 0.0016"
     assert tables.spread(Statistic(0.06194, None, 1), 4) == "0.0619"
+    assert tables.spread(Statistic(0.06194, 0.0, 8), 4) == "0.0619"
     assert tables.spread(Statistic(22.4, 0.512, 8), None) == "22.40 ± 0.51"
     assert tables.spread(Statistic(22.4, 0.512, 5), None, 8) == "22.40 ± 0.51 (5 of 8)"
     assert tables.spread(Statistic(22.4, 0.512, 8), None, 8) == "22.40 ± 0.51"
     assert tables.spread_percent(Statistic(-12.34, 0.12, 8)) == "−12.3 ± 0.1 %"
+    assert tables.spread_percent(Statistic(-12.34, 0.0, 8)) == "−12.3 %"
     assert tables.spread_percent(Statistic(1019.8, 183.8, 8)) == "+1020 ± 184 %"
 
 
@@ -110,3 +113,12 @@ def test_tables_for_people(scenario: Plan) -> None:
     assert lines[3].count("−25.0 %") == 2
     markdown = tables.markdown(scenario, cells(scenario))
     assert "| Roll angle <RMS> (°) | Passive | 4.00 | 0.33 (1 of 2) | – | – |" in markdown
+
+
+def test_origins_have_a_column_where_there_are_some(scenario: Plan) -> None:
+    said = [dataclasses.replace(c, origin="predicted") for c in cells(scenario)[:1]]
+    assert "| Roll angle <RMS> (°) | Passive | predicted | 4.00 | 0.33 (1 of 2) | – | – |" in tables.markdown(
+        scenario, said
+    )
+    assert tables.remark(said[0]).startswith("predicted; ")
+    assert next(csv.DictReader(io.StringIO(tables.machine(said))))["origin"] == "predicted"

@@ -238,6 +238,10 @@ pub struct Metric {
     pub kind: MetricKind,
     /// Rows with from <= time <= to, s; `None`: all.
     pub window: Option<[f64; 2]>,
+    /// What ends the window before its end.
+    pub until: Option<Until>,
+    /// Index of the column that is subtracted before.
+    pub minus: Option<usize>,
     /// Level that the kind refers to, in the unit the signal is converted to.
     pub threshold: Option<f64>,
     /// Unit of measure of the number.
@@ -250,6 +254,17 @@ pub struct Metric {
     pub digits: Option<u8>,
     /// The paper's numbers, in the same unit.
     pub paper: Option<Paper>,
+}
+
+/// The end of a window: the rows from the first one on where a signal is above or below a level do not count.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Until {
+    /// Index into [`Plan::columns`].
+    pub column: usize,
+    /// Above the level, else below.
+    pub above: bool,
+    /// Level, in the unit of the column.
+    pub level: f64,
 }
 
 /// How a metric is computed over the rows of its window.
@@ -307,6 +322,8 @@ pub struct Paper {
     pub table: Option<String>,
     /// Value by case, or by `case@point`.
     pub values: BTreeMap<String, f64>,
+    /// Keys of the values that something was fitted to, the others being predictions; `None`: not said.
+    pub calibrated: Option<Vec<String>>,
 }
 
 /// A figure to draw.
@@ -324,6 +341,8 @@ pub struct Figure {
     pub separate: bool,
     /// Indices into [`Plan::columns`], for time plots and spectra.
     pub columns: Vec<usize>,
+    /// Index of the column drawn dashed beside each of them, in a time plot.
+    pub against: Option<usize>,
     /// Indices into [`Plan::metrics`], for sweep plots.
     pub metrics: Vec<usize>,
     /// Times shown or used, s; `None`: all.

@@ -892,27 +892,63 @@ impl<'a> Resolver<'a> {
             let Some((factor, offset)) = self.conversion(metric.unit.as_ref(), shown) else {
                 continue;
             };
+            let minus = self.beside(metric.minus.as_ref(), &[column], systems, columns);
+            let until = metric.until.as_ref().and_then(|until| self.until(until.get_ref(), systems, columns));
             metrics.push(plan::Metric {
                 name: metric.name.get_ref().clone(),
                 title: metric.title.clone(),
                 column,
                 kind: metric.kind,
                 window: metric.window.as_ref().map(|w| *w.get_ref()),
+                until,
+                minus,
                 threshold: metric.threshold.as_ref().map(|t| *t.get_ref()),
                 unit: match metric.kind.unit() {
                     Some(unit) => Some(unit.to_string()),
                     None => metric.unit.as_ref().map(|u| u.get_ref().clone()).or_else(|| shown.unit.clone()),
                 },
                 factor,
-                offset,
+                // A difference has none.
+                offset: if minus.is_some() { 0.0 } else { offset },
                 digits: metric.digits.as_ref().map(|d| *d.get_ref()),
                 paper: metric.paper.as_ref().map(|paper| plan::Paper {
                     table: paper.table.clone(),
                     values: paper.values.iter().map(|(key, value)| (key.get_ref().clone(), *value)).collect(),
+                    calibrated: paper
+                        .calibrated
+                        .as_ref()
+                        .map(|keys| keys.iter().map(|key| key.get_ref().clone()).collect()),
                 }),
             });
         }
         metrics
+    }
+
+    /// Column of a signal that is compared with others, which have its unit of measure.
+    fn beside(
+        &mut self,
+        signal: Option<&Spanned<String>>,
+        others: &[usize],
+        systems: &[System<'_>],
+        columns: &[Column],
+    ) -> Option<usize> {
+        let signal = signal?;
+        let index = self.column_index(signal, systems, columns)?;
+        let unit = |index: usize| columns[index].plan.unit.as_deref().unwrap_or("no unit");
+        if let Some(&other) = others.iter().find(|&&other| unit(other) != unit(index)) {
+            let name = &columns[other].plan.name;
+            let message = format!("`{}` is in {}, but `{name}` is in {}", signal.get_ref(), unit(index), unit(other));
+            self.problems.add(signal.span(), message);
+        }
+        Some(index)
+    }
+
+    fn until(&mut self, until: &scenario::Until, systems: &[System<'_>], columns: &[Column]) -> Option<plan::Until> {
+        let column = self.column_index(&until.signal, systems, columns)?;
+        let (factor, offset) = self.conversion(until.unit.as_ref(), &columns[column].plan)?;
+        // Checked to be one of the two.
+        let level = until.above.or(until.below)?;
+        Some(plan::Until { column, above: until.above.is_some(), level: (level - offset) / factor })
     }
 
     fn figures(&mut self, systems: &[System<'_>], columns: &[Column]) -> Vec<plan::Figure> {
@@ -928,6 +964,7 @@ impl<'a> Resolver<'a> {
                     indices.push(column);
                 }
             }
+            let against = self.beside(figure.against.as_ref(), &indices, systems, columns);
             let metric_index = |name: &Spanned<String>| {
                 let metrics = &self.scenario.metrics;
                 metrics.iter().position(|m| m.name == *name)
@@ -942,6 +979,7 @@ impl<'a> Resolver<'a> {
                 },
                 separate: figure.separate.as_ref().is_some_and(|separate| *separate.get_ref()),
                 columns: indices,
+                against,
                 metrics: figure.metrics.iter().filter_map(metric_index).collect(),
                 window: figure.window.as_ref().map(|w| *w.get_ref()),
                 unit: figure.unit.as_ref().map(|u| u.get_ref().clone()),

@@ -130,6 +130,10 @@ pub(crate) struct Metric {
     /// Level that the kind refers to, in `unit`.
     pub(crate) threshold: Option<Spanned<f64>>,
     pub(crate) window: Option<Spanned<[f64; 2]>>,
+    /// What ends the window before its end.
+    pub(crate) until: Option<Spanned<Until>>,
+    /// Signal that is subtracted before.
+    pub(crate) minus: Option<Spanned<String>>,
     pub(crate) unit: Option<Spanned<String>>,
     pub(crate) digits: Option<Spanned<u8>>,
     pub(crate) paper: Option<Paper>,
@@ -137,9 +141,20 @@ pub(crate) struct Metric {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
+pub(crate) struct Until {
+    pub(crate) signal: Spanned<String>,
+    pub(crate) above: Option<f64>,
+    pub(crate) below: Option<f64>,
+    pub(crate) unit: Option<Spanned<String>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Paper {
     pub(crate) table: Option<String>,
     pub(crate) values: BTreeMap<Spanned<String>, f64>,
+    /// Keys of the values that something was fitted to; the others are predictions then.
+    pub(crate) calibrated: Option<Vec<Spanned<String>>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -153,6 +168,8 @@ pub(crate) struct Figure {
     pub(crate) separate: Option<Spanned<bool>>,
     #[serde(default)]
     pub(crate) signals: Vec<Spanned<String>>,
+    /// Signal drawn dashed beside each of them.
+    pub(crate) against: Option<Spanned<String>>,
     #[serde(default)]
     pub(crate) metrics: Vec<Spanned<String>>,
     pub(crate) window: Option<Spanned<[f64; 2]>>,
@@ -278,8 +295,21 @@ impl Scenario {
                 }
                 None => (),
             }
-            for key in metric.paper.iter().flat_map(|p| p.values.keys()) {
-                self.check_paper_key(key, &cases, problems);
+            if let Some(until) = &metric.until {
+                match (until.get_ref().above, until.get_ref().below) {
+                    (Some(level), None) | (None, Some(level)) if level.is_finite() => (),
+                    (Some(_), None) | (None, Some(_)) => problems.add(until.span(), "expected a finite number"),
+                    _ => problems.add(until.span(), "expected either `above` or `below`"),
+                }
+            }
+            if let Some(paper) = &metric.paper {
+                for key in paper.values.keys() {
+                    self.check_paper_key(key, &cases, problems);
+                }
+                let values: BTreeSet<&str> = paper.values.keys().map(|key| key.get_ref().as_str()).collect();
+                for key in paper.calibrated.iter().flatten() {
+                    known("value of the paper", key, &values, problems);
+                }
             }
         }
         for figure in &self.figures {
@@ -294,6 +324,11 @@ impl Scenario {
                 if shown.get_ref().is_empty() {
                     problems.add(shown.span(), "expected at least one case");
                 }
+            }
+            if let Some(against) = &figure.against
+                && figure.kind != FigureKind::Time
+            {
+                problems.add(against.span(), "only a figure of kind \"time\" has `against`");
             }
             if let Some(separate) = &figure.separate
                 && figure.kind != FigureKind::Time

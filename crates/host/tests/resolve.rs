@@ -184,6 +184,30 @@ fn metrics_and_figures() {
 }
 
 #[test]
+fn signals_beside_others_and_origins() {
+    let text = SCENARIO
+        .replacen(
+            "window = [0.5, 2.0]",
+            "window = [0.5, 2.0]\nminus = \"steer.front\"\nuntil = { signal = \"body.roll\", above = 9.0, unit = \"deg\" }",
+            1,
+        )
+        .replace("kind = \"peak\"", "kind = \"peak\"\nuntil = { signal = \"body.roll\", below = -0.5 }")
+        .replace("{ \"passive@slow\" = 1.5 }", "{ \"passive@slow\" = 1.5 }\ncalibrated = [\"passive@slow\"]")
+        .replace("kind = \"time\"", "kind = \"time\"\nagainst = \"steer.front\"");
+    let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let steer = plan.columns.iter().position(|c| c.name == "steer.front");
+    assert_eq!((plan.metrics[0].minus, plan.metrics[1].minus), (steer, None));
+    // The level is in the unit of the signal, whatever it was written in.
+    let until = plan.metrics[0].until.unwrap();
+    assert!((until.level - 9f64.to_radians()).abs() < 1e-15 && until.above);
+    assert_eq!(plan.columns[until.column].name, "body.roll");
+    let until = plan.metrics[1].until.unwrap();
+    assert_eq!((until.level, until.above), (-0.5, false));
+    assert_eq!(plan.metrics[0].paper.as_ref().unwrap().calibrated, Some(vec!["passive@slow".to_string()]));
+    assert_eq!((plan.figures[0].against, plan.figures[1].against), (steer, None));
+}
+
+#[test]
 fn the_json_has_the_agreed_layout() {
     let json = serde_json::to_value(plan()).unwrap();
     assert_eq!(json["format"], 1);
@@ -294,6 +318,32 @@ fn mistakes_are_reported_with_their_place() {
         ("kind = \"rms\"", "kind = \"share\"", "a metric of this kind needs a `threshold`"),
         ("kind = \"rms\"", "kind = \"rms\"\nthreshold = 0.8", "a metric of this kind has no `threshold`"),
         ("kind = \"rms\"", "kind = \"crossing\"\nthreshold = nan", "expected a finite number"),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\" }", "either `above` or `below`"),
+        (
+            "kind = \"rms\"",
+            "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = 1.0, below = 2.0 }",
+            "either `above` or `below`",
+        ),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = inf }", "a finite number"),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.rol\", above = 1.0 }", "no output `body.rol`"),
+        (
+            "kind = \"rms\"",
+            "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = 1.0, unit = \"m\" }",
+            "cannot be shown in `m`",
+        ),
+        ("kind = \"rms\"", "kind = \"rms\"\nminus = \"body.rol\"", "no output `body.rol`"),
+        ("kind = \"rms\"", "kind = \"rms\"\nminus = \"vehicle.speed\"", "is in m/s, but `body.roll` is in rad"),
+        (
+            "{ \"passive@slow\" = 1.5 }",
+            "{ \"passive@slow\" = 1.5 }\ncalibrated = [\"passive@slo\"]",
+            "unknown value of the paper `passive@slo`",
+        ),
+        ("kind = \"time\"", "kind = \"time\"\nagainst = \"vehicle.speed\"", "is in m/s, but `body.roll` is in rad"),
+        (
+            "kind = \"sweep\"",
+            "kind = \"sweep\"\nagainst = \"body.roll\"",
+            "only a figure of kind \"time\" has `against`",
+        ),
         ("kind = \"time\"", "kind = \"time\"\ncases = [\"activ\"]", "unknown case `activ`"),
         ("kind = \"time\"", "kind = \"time\"\ncases = []", "expected at least one case"),
         ("kind = \"time\"", "kind = \"time\"\nlevels = [{ value = nan, title = \"\" }]", "expected a finite number"),
