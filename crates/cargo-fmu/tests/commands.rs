@@ -6,7 +6,6 @@ use tempfile::TempDir;
 
 #[cfg(unix)]
 #[path = "../../host/tests/support/mod.rs"]
-#[allow(dead_code)]
 mod support;
 
 const SCENARIO: &str = r#"title = "Ramp"
@@ -41,6 +40,11 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// A message without the line breaks that a narrow terminal needs.
+fn message(bytes: &[u8]) -> String {
+    text(bytes).split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
 fn folder(scenario: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     std::fs::write(folder.path().join("ramp.toml"), scenario).unwrap();
@@ -56,6 +60,8 @@ fn wrong_usage_ends_with_2() {
         &["run", "ramp.toml", "--seeds", "0"],
         &["run", "ramp.toml", "--jobs", "0"],
         &["plan", "ramp.toml", "--order", "random"],
+        &["tune", "study.toml", "--budget", "0"],
+        &["tune", "study.toml", "--resume", "--overwrite"],
     ] {
         assert_eq!(command(folder.path(), arguments).status.code(), Some(2), "{arguments:?}");
     }
@@ -119,4 +125,113 @@ fn a_scenario_is_planned_and_run() {
     assert!(error.contains("x left 90% of its range"), "{error}");
     assert!(result("steep.csv").is_ok());
     assert!(result("flat.csv").is_err());
+}
+
+const STUDY: &str = r#"title = "Ramp"
+scenario = "ramp.toml"
+cases = ["steep"]
+[budget]
+evaluations = 120
+[[parameter]]
+name = "ramp:gain"
+min = -1.0
+max = 9.0
+[[parameter]]
+name = "ramp:start"
+min = -1.0
+max = 1.0
+[[objective.term]]
+signal = "x"
+kind = "rms"
+weight = 1.0
+[[method]]
+kind = "pacsa"
+[[method]]
+kind = "cmaes"
+"#;
+
+/// A ramp of many steps, so that a study takes its time, and the study.
+#[cfg(unix)]
+fn study() -> TempDir {
+    let folder = folder(&SCENARIO.replace("step = 0.25", "step = 1e-5").replace("[\"x\"]", "[\"x\"]\nevery = 1000"));
+    let fmus = folder.path().join("target/fmu");
+    std::fs::create_dir_all(&fmus).unwrap();
+    support::Build::new("Ramp", "u", "x").pack(&fmus);
+    std::fs::write(folder.path().join("study.toml"), STUDY).unwrap();
+    folder
+}
+
+#[cfg(unix)]
+#[test]
+fn a_study_is_carried_out() {
+    let folder = study();
+    let output = command(folder.path(), &["tune", "study.toml", "--budget", "30"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let summary = text(&output.stdout);
+    assert!(summary.contains("PACSA: 30 evaluations (0 not feasible)"), "{summary}");
+    assert!(summary.contains("ramp:start = ") && summary.contains("results/study/summary.json"), "{summary}");
+
+    // The best values, applied by a scenario: the objective is the RMS of what it records.
+    let summary = std::fs::read_to_string(folder.path().join("results/study/summary.json")).unwrap();
+    let objectives = summary.split("\"objective\": ").skip(1).map(|rest| rest.split([',', '\n']).next().unwrap());
+    let best = objectives.map(|number| number.parse::<f64>().unwrap()).fold(f64::INFINITY, f64::min);
+    let scenario = std::fs::read_to_string(folder.path().join("ramp.toml")).unwrap();
+    let tuned = scenario.replacen("title", "parameter_set = \"results/study/best.ssv\"\ntitle", 1);
+    std::fs::write(folder.path().join("tuned.toml"), tuned).unwrap();
+    let output = command(folder.path(), &["run", "tuned.toml"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let recorded = std::fs::read_to_string(folder.path().join("results/tuned/runs/steep.csv")).unwrap();
+    let x: Vec<f64> = recorded.lines().skip(1).map(|row| row.split_once(',').unwrap().1.parse().unwrap()).collect();
+    // The same sum in the same order.
+    assert_eq!((x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt(), best);
+
+    let output = command(folder.path(), &["tune", "study.toml"]);
+    assert_eq!(output.status.code(), Some(1));
+    let error = message(&output.stderr);
+    assert!(error.contains("`--resume` goes on with it, `--overwrite` begins anew"), "{error}");
+    let output = command(folder.path(), &["tune", "study.toml", "--overwrite", "--budget", "20"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+
+    std::fs::write(folder.path().join("study.toml"), STUDY.replace("pacsa", "pasca")).unwrap();
+    let output = command(folder.path(), &["tune", "study.toml", "--resume"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("study.toml:19:8"), "{}", text(&output.stderr));
+}
+
+/// Killed, without a chance to tidy up, once there are so many evaluations; gone on with by another number of threads.
+#[cfg(unix)]
+#[test]
+fn a_killed_study_goes_on_to_the_same_results() {
+    let files =
+        ["pacsa/history.csv", "pacsa/state.json", "cmaes/history.csv", "cmaes/best.ssv", "summary.json", "best.ssv"];
+    let read = |folder: &TempDir| {
+        files.map(|name| std::fs::read_to_string(folder.path().join("results/study").join(name)).unwrap())
+    };
+    let whole = study();
+    assert!(command(whole.path(), &["tune", "study.toml"]).status.success());
+    let expected = read(&whole);
+
+    let killed = study();
+    // The same FMU to the byte: a compiler may write its paths or the time into it.
+    let fmu = "target/fmu/Ramp.fmu";
+    std::fs::copy(whole.path().join(fmu), killed.path().join(fmu)).unwrap();
+    for lines in [5, 30, 90] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+            .args(["tune", "study.toml", "--resume", "--jobs", "3"])
+            .current_dir(killed.path())
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        let history = killed.path().join("results/study/pacsa/history.csv");
+        while child.try_wait().unwrap().is_none() {
+            let written = std::fs::read_to_string(&history).unwrap_or_default();
+            if written.lines().count() > lines {
+                child.kill().unwrap();
+            }
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        assert!(!child.wait().unwrap().success(), "killed, not finished");
+    }
+    assert!(command(killed.path(), &["tune", "study.toml", "--resume"]).status.success());
+    assert_eq!(read(&killed), expected);
 }

@@ -2,7 +2,6 @@
 #![cfg(unix)]
 
 #[path = "../../host/tests/support/mod.rs"]
-#[allow(dead_code)]
 mod support;
 
 use host::fmu::Fmus;
