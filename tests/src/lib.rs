@@ -4,7 +4,6 @@
 //! `*.fmu` of the folder [`folder`] names, so a new model is tested from the day it is packed.
 
 pub mod raw;
-pub mod reference;
 pub mod signals;
 pub mod state_bytes;
 pub mod symbols;

@@ -1,0 +1,347 @@
+//! Runs against reference data: an independent implementation of the same equations made it (`references/`, README).
+
+mod esp_car;
+mod heavy_vehicle;
+mod hydro_pneumatic;
+mod rescue_vehicle;
+mod table;
+
+use host::c_api::Reference;
+use host::description::{BaseType, Causality};
+use host::loader::Instance;
+use std::collections::HashMap;
+use table::Table;
+use tests::{Fmu, ok};
+
+/// Step of all files in s.
+const STEP: f64 = 0.001;
+
+/// What one row of a file does with an FMU.
+#[derive(Clone, Copy, Debug)]
+enum Call {
+    /// Set the inputs that the bus knows.
+    Set(&'static str),
+    /// Read the outputs onto the bus.
+    Read(&'static str),
+    /// Step over one row.
+    Step(&'static str),
+    /// Set, step and read, as a controller is run.
+    Run(&'static str),
+}
+
+impl Call {
+    fn unit(self) -> &'static str {
+        let (Self::Set(name) | Self::Read(name) | Self::Step(name) | Self::Run(name)) = self;
+        name
+    }
+}
+
+/// A comparison.
+struct Case {
+    file: &'static str,
+    /// Columns that are inputs; `*` at the end stands for anything.
+    inputs: &'static [&'static str],
+    /// Signals that the file does not hold because they are constant.
+    constants: &'static [(&'static str, f64)],
+    /// Inputs of an FMU that are fed by a signal of another name.
+    wires: &'static [(&'static str, &'static str, &'static str)],
+    /// Columns that are not compared.
+    ignored: &'static [&'static str],
+    /// Columns whose signal has another name; only these are compared if there are any.
+    renamed: &'static [(&'static str, &'static str)],
+    parameters: &'static [(&'static str, &'static str, f64)],
+    program: &'static [Call],
+    /// What every column is held to; the first that names it counts if several have the same [`Rule`] and time.
+    limits: &'static [Limit],
+}
+
+const NOTHING: Case = Case {
+    file: "",
+    inputs: &[],
+    constants: &[],
+    wires: &[],
+    ignored: &[],
+    renamed: &[],
+    parameters: &[],
+    program: &[],
+    limits: &[],
+};
+
+/// A bound on the errors of some columns.
+#[derive(Clone, Copy, Debug)]
+struct Limit {
+    /// The columns; `*` at the end stands for anything.
+    columns: &'static [&'static str],
+    /// Those of them that it does not bound.
+    except: &'static [&'static str],
+    /// The rows with from <= time < to.
+    from: f64,
+    to: f64,
+    rule: Rule,
+}
+
+/// How errors are measured, and how large they may be. Peaks are those of the reference column, or 1e-6 if it is
+/// smaller, so that columns that are zero up to rounding pass.
+#[derive(Clone, Copy, Debug)]
+enum Rule {
+    /// Largest |error| over the peak.
+    Peak(f64),
+    /// Largest |error|.
+    Absolute(f64),
+    /// Relative difference of the root mean squares.
+    Rms(f64),
+    /// Share of the rows whose |error| is beyond `tolerance` times the peak.
+    Mismatch { tolerance: f64, share: f64 },
+}
+
+/// All rows of all columns within a share of their peaks.
+const fn within(tolerance: f64) -> Limit {
+    Limit { columns: &["*"], except: &[], from: 0.0, to: f64::INFINITY, rule: Rule::Peak(tolerance) }
+}
+
+const FLOOR: f64 = 1e-6;
+
+impl Limit {
+    /// Error of a column over what is allowed, or nothing when it has no row in question.
+    fn usage(&self, times: &[f64], expected: &[f64], found: &[f64]) -> Option<f64> {
+        // Cells are absent where the file was thinned out. A result that is not a number counts as infinitely wrong.
+        let pairs: Vec<(f64, f64)> = times
+            .iter()
+            .zip(expected.iter().zip(found))
+            .filter(|(time, (expected, _))| **time >= self.from && **time < self.to && !expected.is_nan())
+            .map(|(_, (expected, found))| (*expected, if found.is_nan() { f64::INFINITY } else { *found }))
+            .collect();
+        if pairs.is_empty() {
+            return None;
+        }
+        let peak = pairs.iter().fold(FLOOR, |peak, (expected, _)| peak.max(expected.abs()));
+        let worst = pairs.iter().fold(0.0_f64, |worst, (expected, found)| worst.max((expected - found).abs()));
+        let rms = |squares: f64| (squares / pairs.len() as f64).sqrt();
+        Some(match self.rule {
+            Rule::Peak(tolerance) => worst / peak / tolerance,
+            Rule::Absolute(tolerance) => worst / tolerance,
+            Rule::Rms(tolerance) => {
+                let expected = rms(pairs.iter().map(|(expected, _)| expected * expected).sum());
+                let found = rms(pairs.iter().map(|(_, found)| found * found).sum());
+                (expected - found).abs() / expected.max(FLOOR) / tolerance
+            }
+            Rule::Mismatch { tolerance, share } => {
+                let wrong = pairs.iter().filter(|(expected, found)| (expected - found).abs() > tolerance * peak);
+                wrong.count() as f64 / pairs.len() as f64 / share
+            }
+        })
+    }
+}
+
+fn matches(name: &str, patterns: &[&str]) -> bool {
+    patterns.iter().any(|pattern| match pattern.strip_suffix('*') {
+        Some(start) => name.starts_with(start),
+        None => name == *pattern,
+    })
+}
+
+/// An FMU with its wires: value references and places on the bus.
+struct Unit {
+    instance: Instance,
+    inputs: Wires,
+    outputs: Wires,
+}
+
+#[derive(Default)]
+struct Wires {
+    references: Vec<Reference>,
+    places: Vec<usize>,
+    values: Vec<f64>,
+}
+
+impl Wires {
+    fn add(&mut self, reference: Reference, place: usize) {
+        self.references.push(reference);
+        self.places.push(place);
+        self.values.push(0.0);
+    }
+}
+
+impl Unit {
+    fn set(&mut self, bus: &[f64]) {
+        let wires = &mut self.inputs;
+        wires.values.iter_mut().zip(&wires.places).for_each(|(value, &place)| *value = bus[place]);
+        ok(self.instance.set_real(&wires.references, &wires.values));
+    }
+
+    fn read(&mut self, bus: &mut [f64]) {
+        let wires = &mut self.outputs;
+        ok(self.instance.get_real(&wires.references, &mut wires.values));
+        wires.values.iter().zip(&wires.places).for_each(|(&value, &place)| bus[place] = value);
+    }
+}
+
+/// The units of a case, wired by a bus of signals.
+struct System {
+    units: HashMap<String, Unit>,
+    /// Names of the units in the order in which they first act.
+    order: Vec<&'static str>,
+    bus: Vec<f64>,
+    /// Signals that the file gives, as columns and places on the bus.
+    feeds: Vec<(usize, usize)>,
+    places: HashMap<String, usize>,
+}
+
+impl System {
+    fn new(case: &Case, table: &Table) -> Self {
+        let mut order = Vec::new();
+        for call in case.program {
+            if !order.contains(&call.unit()) {
+                order.push(call.unit());
+            }
+        }
+        let fmus: Vec<_> = order.iter().map(|name| Fmu::named(name)).collect();
+
+        // What the file gives comes first and is never overwritten.
+        let given = table.names.iter().filter(|name| matches(name, case.inputs)).map(String::as_str);
+        let given: Vec<&str> = given.chain(case.constants.iter().map(|constant| constant.0)).collect();
+        let mut places: HashMap<String, usize> =
+            given.iter().enumerate().map(|(place, name)| ((*name).to_owned(), place)).collect();
+        for output in fmus.iter().flat_map(|fmu| fmu.with(Causality::Output)) {
+            let place = places.len();
+            places.entry(output.name.clone()).or_insert(place);
+        }
+        let mut bus = vec![0.0; places.len()];
+        for (name, value) in case.constants {
+            bus[places[*name]] = *value;
+        }
+        let feeds = table.names.iter().enumerate();
+        let feeds = feeds.filter_map(|(column, name)| places.get(name).map(|&place| (column, place)));
+        let feeds: Vec<_> = feeds.filter(|&(_, place)| place < given.len()).collect();
+
+        let mut used = vec![false; places.len()];
+        let mut units = HashMap::new();
+        for fmu in &fmus {
+            let mut unit = Unit { instance: fmu.instance(), inputs: Wires::default(), outputs: Wires::default() };
+            for input in fmu.with(Causality::Input) {
+                let wire = case.wires.iter().find(|(name, to, _)| (*name, *to) == (&*fmu.name, &*input.name));
+                let source = wire.map_or(input.name.as_str(), |(_, _, from)| from);
+                if let Some(&place) = places.get(source) {
+                    unit.inputs.add(input.reference, place);
+                    used[place] = true;
+                }
+            }
+            for output in fmu.with(Causality::Output) {
+                let place = places[&output.name];
+                if place >= given.len() {
+                    unit.outputs.add(output.reference, place);
+                }
+            }
+            for (_, name, value) in case.parameters.iter().filter(|parameter| parameter.0 == fmu.name) {
+                set_parameter(fmu, &mut unit.instance, name, *value);
+            }
+            units.insert(fmu.name.clone(), unit);
+        }
+        for (name, _) in given.iter().zip(used).filter(|(_, used)| !used) {
+            panic!("{}: no unit has the input {name}", case.file);
+        }
+        Self { units, order, bus, feeds, places }
+    }
+
+    fn feed(&mut self, row: &[f64]) {
+        for &(column, place) in &self.feeds {
+            self.bus[place] = row[column];
+        }
+    }
+
+    fn initialize(&mut self) {
+        for name in &self.order {
+            let unit = self.units.get_mut(*name).expect("all were inserted");
+            ok(unit.instance.setup_experiment(0.0, None));
+            ok(unit.instance.enter_initialization_mode());
+            unit.set(&self.bus);
+            ok(unit.instance.exit_initialization_mode());
+        }
+    }
+
+    fn call(&mut self, call: Call, time: f64) {
+        let unit = self.units.get_mut(call.unit()).expect("all were inserted");
+        if matches!(call, Call::Set(_) | Call::Run(_)) {
+            unit.set(&self.bus);
+        }
+        if matches!(call, Call::Step(_) | Call::Run(_)) {
+            ok(unit.instance.do_step(time, STEP));
+        }
+        if matches!(call, Call::Read(_) | Call::Run(_)) {
+            unit.read(&mut self.bus);
+        }
+    }
+}
+
+fn set_parameter(fmu: &Fmu, instance: &mut Instance, name: &str, value: f64) {
+    let variable = fmu.description.variable(name).unwrap_or_else(|| panic!("{} has no parameter {name}", fmu.name));
+    match variable.base_type {
+        BaseType::Real => ok(instance.set_real(&[variable.reference], &[value])),
+        BaseType::Integer => ok(instance.set_integer(&[variable.reference], &[value as i32])),
+        BaseType::Boolean => ok(instance.set_boolean(&[variable.reference], &[i32::from(value != 0.0)])),
+        BaseType::String => panic!("{name} is a text"),
+    }
+}
+
+/// Runs a case and holds every column that is no input to the limits.
+fn compare(case: &Case) {
+    let table = Table::read(case.file);
+    // The compared columns, with the signals they hold.
+    let compared: Vec<(&str, &str)> = if case.renamed.is_empty() {
+        let names = table.names.iter().map(String::as_str);
+        let names = names.filter(|name| *name != "time" && !matches(name, case.inputs) && !matches(name, case.ignored));
+        names.map(|name| (name, name)).collect()
+    } else {
+        case.renamed.to_vec()
+    };
+    assert!(!compared.is_empty() && table.rows.len() > 1, "{}: nothing to compare", case.file);
+
+    let mut system = System::new(case, &table);
+    let place_of =
+        |signal: &str| *system.places.get(signal).unwrap_or_else(|| panic!("no unit has the output {signal}"));
+    let places: Vec<usize> = compared.iter().map(|(_, signal)| place_of(signal)).collect();
+    system.feed(&table.rows[0]);
+    system.initialize();
+    let mut found = vec![Vec::with_capacity(table.rows.len()); places.len()];
+    for (k, row) in table.rows.iter().enumerate() {
+        system.feed(row);
+        for call in case.program {
+            system.call(*call, k as f64 * STEP);
+        }
+        for (found, &place) in found.iter_mut().zip(&places) {
+            found.push(system.bus[place]);
+        }
+    }
+
+    let times: Vec<f64> = (0..table.rows.len()).map(|k| k as f64 * STEP).collect();
+    let mut verdicts = Vec::new();
+    for ((name, _), found) in compared.iter().zip(&found) {
+        let expected = table.column(name);
+        let limits = case.limits.iter().filter(|limit| matches(name, limit.columns) && !matches(name, limit.except));
+        let before = verdicts.len();
+        verdicts.extend(limits.filter_map(|limit| Some((limit.usage(&times, &expected, found)?, name, limit.rule))));
+        assert!(verdicts.len() > before, "{}: nothing holds {name}", case.file);
+    }
+    verdicts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let (usage, name, rule) = verdicts[0];
+    println!("{}: {} columns, {name} uses {usage:.2} of {rule:?}", case.file, compared.len());
+    assert!(usage <= 1.0, "{}: {name} is off by {usage:.2} times what {rule:?} allows", case.file);
+}
+
+#[test]
+fn rules_measure_what_they_say() {
+    let times = [0.0, 1.0, 2.0, 3.0];
+    let expected = [0.0, 2.0, f64::NAN, -4.0];
+    let usage = |rule, found: [f64; 4]| Limit { rule, ..within(0.0) }.usage(&times, &expected, &found).unwrap();
+    // By hand: an error of 1 in a column whose peak is 4; the absent cell does not count.
+    let found = [0.0, 3.0, 9.0, -4.0];
+    assert_eq!(usage(Rule::Peak(0.25), found), 1.0);
+    assert_eq!(usage(Rule::Absolute(0.5), found), 2.0);
+    assert_eq!(usage(Rule::Rms(0.5), [0.0, -4.0, 9.0, 8.0]), 2.0);
+    assert_eq!(usage(Rule::Mismatch { tolerance: 0.2, share: 1.0 / 3.0 }, found), 1.0);
+    assert_eq!(usage(Rule::Mismatch { tolerance: 0.3, share: 0.5 }, found), 0.0);
+    assert_eq!(usage(Rule::Peak(0.25), [0.0, f64::NAN, 0.0, -4.0]), f64::INFINITY);
+    let late = Limit { from: 2.0, ..within(0.5) };
+    assert_eq!(late.usage(&times, &expected, &found), Some(0.0));
+    assert_eq!(Limit { from: 4.0, ..late }.usage(&times, &expected, &found), None);
+}

@@ -1,0 +1,178 @@
+//! The three-axle rescue vehicle and its controllers.
+
+use crate::Call::{Read, Run, Set, Step};
+use crate::{Call, Case, NOTHING, STEP, compare, within};
+use tests::{Fmu, ok, real, reals};
+
+const PLANT: Case = Case {
+    inputs: &["driver.speed", "steer.*", "suspension_force.*", "road_height.*"],
+    program: &[Set("RescueVehicle"), Read("RescueVehicle"), Step("RescueVehicle")],
+    // The reference integrates with 16 substeps of RK4 per row, the FMU with 4: 3e-10 in smooth runs; 8 digits printed.
+    limits: &[within(1e-6)],
+    ..NOTHING
+};
+
+const FEEDBACK: &[&str] = &["body.*", "wheel_*", "vehicle.*"];
+
+const LOOP: Case = Case {
+    inputs: &["driver.*", "road_height.*"],
+    program: &[
+        Set("RescueVehicle"),
+        Read("RescueVehicle"),
+        Run("FuzzyCoordination"),
+        Run("DualSlidingModeSteering"),
+        Run("IntegratedLqrSuspension"),
+        Run("RollLqrSuspension"),
+        Run("SuspensionMixer"),
+        Set("RescueVehicle"),
+        Read("RescueVehicle"),
+        Step("RescueVehicle"),
+    ],
+    // The inputs have 8 digits, and feedback amplifies their rounding.
+    limits: &[within(1e-5)],
+    ..NOTHING
+};
+
+const STEERING: Case = Case {
+    inputs: &["driver.steer", "vehicle.*", "weight.steering"],
+    program: &[Run("DualSlidingModeSteering")],
+    // Printed with 8 digits.
+    limits: &[within(1e-6)],
+    ..NOTHING
+};
+
+const COORDINATION: Case = Case {
+    inputs: &["driver.steer", "vehicle.speed"],
+    program: &[Run("FuzzyCoordination")],
+    // No state and 12 digits; the output sets are tabulated at 101 points in both.
+    limits: &[within(1e-7)],
+    ..NOTHING
+};
+
+#[test]
+fn plant_in_ordinary_driving() {
+    compare(&Case { file: "rescue_vehicle/plant_nominal", ..PLANT });
+}
+
+#[test]
+fn plant_with_wheels_in_the_air_and_saturated_tires() {
+    // Where a wheel lifts off, the derivative has a kink and RK4 loses its order: 1e-6 with 0.25 ms, times 100.
+    compare(&Case { file: "rescue_vehicle/plant_limits", limits: const { &[within(1e-4)] }, ..PLANT });
+}
+
+#[test]
+fn plant_with_the_linear_laws_of_the_paper() {
+    const LINEAR: &[(&str, &str, f64)] =
+        &[("RescueVehicle", "tire.model", 0.0), ("RescueVehicle", "tire.lift_off", 0.0)];
+    compare(&Case { file: "rescue_vehicle/plant_linear_tire", parameters: LINEAR, ..PLANT });
+}
+
+#[test]
+fn dual_sliding_mode_steering() {
+    compare(&Case { file: "rescue_vehicle/dsm", ..STEERING });
+}
+
+#[test]
+fn lqr_suspensions() {
+    // No memory: every row stands alone. 12 digits, but the gains come from two different Riccati solvers.
+    let case = Case { file: "rescue_vehicle/lqr", inputs: FEEDBACK, limits: const { &[within(1e-6)] }, ..NOTHING };
+    const INTEGRATED: &[Call] = &[Run("IntegratedLqrSuspension")];
+    compare(&Case { program: INTEGRATED, ignored: &["roll_force.*"], ..case });
+    const ROLL: &[Call] = &[Run("RollLqrSuspension")];
+    compare(&Case { program: ROLL, ignored: &["integrated_force.*"], ..case });
+}
+
+#[test]
+fn fuzzy_coordination() {
+    compare(&Case {
+        file: "rescue_vehicle/coordination",
+        ignored: &["as_printed.*"],
+        // The file has rows at 1 deg, which is the threshold, rounded down in print.
+        parameters: &[("FuzzyCoordination", "steering.activation_angle", 0.017_453_29)],
+        ..COORDINATION
+    });
+}
+
+#[test]
+fn fuzzy_coordination_with_the_rules_as_printed() {
+    compare(&Case {
+        file: "rescue_vehicle/coordination",
+        renamed: &[("as_printed.weight.integrated", "weight.integrated"), ("as_printed.weight.roll", "weight.roll")],
+        parameters: &[("FuzzyCoordination", "rules.as_printed", 1.0)],
+        ..COORDINATION
+    });
+}
+
+#[test]
+fn closed_loop_with_individual_control_in_a_step_steer() {
+    const INDIVIDUAL: &[(&str, &str, f64)] = &[("FuzzyCoordination", "strategy", 1.0)];
+    compare(&Case { file: "rescue_vehicle/loop_step_individual", parameters: INDIVIDUAL, ..LOOP });
+}
+
+#[test]
+fn closed_loop_with_coordination_in_a_step_steer() {
+    compare(&Case { file: "rescue_vehicle/loop_step_coordination", ..LOOP });
+}
+
+#[test]
+fn closed_loop_with_coordination_in_a_lane_change() {
+    compare(&Case { file: "rescue_vehicle/loop_lane_change_coordination", ..LOOP });
+}
+
+#[test]
+fn gain_matrices_of_the_lqr_suspensions() {
+    let path = tests::workspace().join("tests/references/rescue_vehicle/gains.json");
+    let text = std::fs::read_to_string(path).expect("the file is there");
+    let gains: serde_json::Value = serde_json::from_str(&text).expect("the file is JSON");
+    const WHEELS: [&str; 6] = ["fl", "fr", "ml", "mr", "rl", "rr"];
+    let single = |state: &str| vec![format!("gain.{state}")];
+    let wheels = |state: &str| WHEELS.iter().map(|wheel| format!("gain.{state}.{wheel}")).collect();
+    // The order of the states in the file.
+    let states: Vec<String> = [
+        single("heave"),
+        single("pitch"),
+        single("roll"),
+        wheels("wheel_height"),
+        single("heave_rate"),
+        single("pitch_rate"),
+        single("roll_rate"),
+        wheels("wheel_velocity"),
+        single("sideslip"),
+        single("yaw_rate"),
+    ]
+    .concat();
+    for (name, key) in [("IntegratedLqrSuspension", "K_integrated"), ("RollLqrSuspension", "K_roll")] {
+        let expected: Vec<Vec<f64>> = serde_json::from_value(gains[key].clone()).expect("a matrix");
+        let fmu = Fmu::named(name);
+        let mut instance = fmu.started();
+        let largest = expected.iter().flatten().fold(0.0_f64, |largest, gain| largest.max(gain.abs()));
+        assert!(largest > 1000.0, "{name}: the reference matrix is not empty");
+        for (i, wheel) in WHEELS.iter().enumerate() {
+            for (j, state) in states.iter().enumerate() {
+                let found = real(&fmu, &mut instance, &format!("{state}.{wheel}"));
+                // Two Riccati solvers, each with a residual near 1e-9 of the solution.
+                let error = (found - expected[i][j]).abs() / largest;
+                assert!(error <= 1e-6, "{name}: {state}.{wheel} = {found}, {} was expected", expected[i][j]);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_plant_starts_at_rest() {
+    // Without inputs everything but loads, speed and friction is exactly 0, at any speed.
+    let fmu = Fmu::named("RescueVehicle");
+    let mut instance = fmu.started();
+    for k in 0..100 {
+        ok(instance.do_step(f64::from(k) * STEP, STEP));
+    }
+    let states: Vec<_> = fmu.states().into_iter().filter(|state| state.name != "vehicle.position_x").collect();
+    let references: Vec<_> = states.iter().map(|state| state.reference).collect();
+    let values = reals(&mut instance, &references);
+    for (state, value) in states.iter().zip(values) {
+        assert_eq!(value, 0.0, "{}", state.name);
+    }
+    // 36 t on six wheels: 36000 * 9.81 / 6 N, rounded differently at most in the last digits.
+    let load = real(&fmu, &mut instance, "tire_load.mr");
+    assert!((load - 58_860.0).abs() < 1e-9 * 58_860.0, "tire_load.mr = {load}");
+}
