@@ -40,6 +40,32 @@ def _crossing(metric: Metric, times: Array, values: Array) -> float | None:
     return float(times[above.argmax()]) if above.any() else None
 
 
+def _of_last(values: Array) -> Array | None:
+    # The values as shares of the last one; None if that is 0.
+    return None if values[-1] == 0.0 else values / values[-1]
+
+
+def _overshoot(values: Array) -> float | None:
+    shares = _of_last(values)
+    return None if shares is None else float(np.max(shares)) - 1.0
+
+
+def _rise_time(metric: Metric, times: Array, values: Array) -> float | None:
+    threshold, shares = _threshold(metric), _of_last(values)
+    if shares is None or not (reached := shares >= threshold).any():
+        return None
+    return float(times[reached.argmax()] - times[0])
+
+
+def _settling_time(metric: Metric, times: Array, values: Array) -> float | None:
+    threshold, shares = _threshold(metric), _of_last(values)
+    if shares is None:
+        return None
+    # the row after the last one outside; the last row of all is never outside
+    outside = np.flatnonzero(np.abs(shares - 1.0) > threshold)
+    return float(times[outside[-1] + 1] - times[0]) if len(outside) else 0.0
+
+
 _KINDS: dict[str, Callable[[Array], float]] = {
     "rms": lambda x: math.sqrt(_mean(x * x)),
     "peak": lambda x: float(np.max(np.abs(x))),
@@ -51,12 +77,15 @@ _KINDS: dict[str, Callable[[Array], float]] = {
     "changes": lambda x: float(np.count_nonzero(np.diff(x))),
 }
 
-# Kinds that need the threshold or the times; None stands for no value.
+# Kinds that may have no value (None), and those that need the threshold or the times.
 _THRESHOLD_KINDS: dict[str, Callable[[Metric, Array, Array], float | None]] = {
     "crossing": _crossing,
     "magnitude_crossing": lambda metric, times, x: _crossing(metric, times, np.abs(x)),
     "share": lambda metric, _, x: float(np.mean(x > _threshold(metric))),
     "magnitude_share": lambda metric, _, x: float(np.mean(np.abs(x) > _threshold(metric))),
+    "overshoot": lambda _metric, _times, x: _overshoot(x),
+    "rise_time": _rise_time,
+    "settling_time": _settling_time,
 }
 
 

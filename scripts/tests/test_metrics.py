@@ -89,6 +89,43 @@ def test_shares_and_changes() -> None:
     assert metrics.evaluate(metric("changes"), times, np.ones(5), 0.1) == 0.0
 
 
+def test_overshoot_rise_and_settling_refer_to_the_last_value() -> None:
+    # Second-order step response, damping ratio z = 0.5, w = 10 rad/s: overshoot exp(-pi z/sqrt(1 - z^2)) (closed form;
+    # 1e-3 covers the peak between two rows and what the last value lacks). The envelope of the error falls below 5 %
+    # when exp(-z w t) = 0.05 sqrt(1 - z^2); 0.01 s covers the last value again.
+    z, w, start = 0.5, 10.0, 0.2
+    t = TIMES - start
+    root = math.sqrt(1.0 - z * z)
+    step = np.where(t > 0.0, 1.0 - np.exp(-z * w * t) * (np.cos(w * root * t) + z / root * np.sin(w * root * t)), 0.0)
+    for values in (3.0 * step, -3.0 * step):
+        overshoot = metrics.evaluate(metric("overshoot", (start, 2.0)), TIMES, values, STEP)
+        assert overshoot == pytest.approx(math.exp(-math.pi * z / root), abs=1e-3)
+        rise = metrics.evaluate(metric("rise_time", (start, 2.0), threshold=0.9), TIMES, values, STEP)
+        assert rise is not None
+        assert (
+            abs(values[200 + round(rise / STEP)] / values[-1])
+            >= 0.9
+            > abs(values[199 + round(rise / STEP)] / values[-1])
+        )
+        settling = metrics.evaluate(metric("settling_time", (start, 2.0), threshold=0.05), TIMES, values, STEP)
+        assert settling is not None
+        assert rise < settling < -math.log(0.05 * root) / (z * w) + 0.01
+        after = np.abs(values[200 + round(settling / STEP) :] / values[-1] - 1.0)
+        assert after.max() <= 0.05
+
+
+def test_without_an_end_value_there_is_no_overshoot() -> None:
+    returns = np.array([0.0, 2.0, -1.0, 0.0])
+    times = np.arange(4) * 0.1
+    assert metrics.evaluate(metric("overshoot"), times, returns, 0.1) is None
+    assert metrics.evaluate(metric("rise_time", threshold=0.9), times, returns, 0.1) is None
+    assert metrics.evaluate(metric("settling_time", threshold=0.05), times, returns, 0.1) is None
+    # a share that is never reached, and a value that is there from the first row on
+    assert metrics.evaluate(metric("rise_time", threshold=1.5), times, np.ones(4), 0.1) is None
+    assert metrics.evaluate(metric("settling_time", threshold=0.05), times, np.ones(4), 0.1) == 0.0
+    assert metrics.evaluate(metric("overshoot"), times, np.ones(4), 0.1) == 0.0
+
+
 @pytest.mark.parametrize(("until", "expected"), [(Until(1, True, 1.5), 3.0), (Until(1, False, 0.5), 1.0)])
 def test_a_window_ends_where_a_signal_says(until: Until, expected: float) -> None:
     times = np.arange(6) * 0.1
@@ -125,7 +162,9 @@ def test_origins_are_those_the_scenario_says(scenario: Plan) -> None:
     assert [c.origin for c in metrics.table(said, {})] == ["calibrated", "predicted", "", ""]
 
 
-@pytest.mark.parametrize("kind", ["crossing", "magnitude_crossing", "share", "magnitude_share"])
+@pytest.mark.parametrize(
+    "kind", ["crossing", "magnitude_crossing", "share", "magnitude_share", "rise_time", "settling_time"]
+)
 def test_a_threshold_that_is_missing_is_an_error(kind: str) -> None:
     with pytest.raises(metrics.MetricError, match="without a threshold"):
         metrics.evaluate(metric(kind), TIMES, TIMES, STEP)

@@ -295,21 +295,33 @@ pub enum MetricKind {
     MagnitudeShare,
     /// How often the value differs from that of the row before.
     Changes,
+    /// How far the value goes beyond its last one, as a share of that; no number if the last value is 0.
+    Overshoot,
+    /// Time, s, from the first row to the first one whose value is the share `threshold` of the last value; no number if
+    /// the last value is 0.
+    RiseTime,
+    /// Time, s, from the first row to the first one from which on the value stays within the share `threshold` of the
+    /// last value; no number if the last value is 0.
+    SettlingTime,
 }
 
 impl MetricKind {
     /// Whether the kind refers to a threshold.
     #[must_use]
     pub fn has_threshold(self) -> bool {
-        matches!(self, Self::Crossing | Self::MagnitudeCrossing | Self::Share | Self::MagnitudeShare)
+        match self {
+            Self::Crossing | Self::MagnitudeCrossing | Self::Share | Self::MagnitudeShare => true,
+            Self::RiseTime | Self::SettlingTime => true,
+            _ => false,
+        }
     }
 
     /// Unit of measure of the number; `None`: that of the signal.
     #[must_use]
     pub fn unit(self) -> Option<&'static str> {
         match self {
-            Self::Crossing | Self::MagnitudeCrossing => Some("s"),
-            Self::Share | Self::MagnitudeShare | Self::Changes => Some("1"),
+            Self::Crossing | Self::MagnitudeCrossing | Self::RiseTime | Self::SettlingTime => Some("s"),
+            Self::Share | Self::MagnitudeShare | Self::Changes | Self::Overshoot => Some("1"),
             _ => None,
         }
     }

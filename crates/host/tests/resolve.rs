@@ -177,6 +177,13 @@ fn metrics_and_figures() {
     assert_eq!((plan.metrics[1].threshold, plan.metrics[1].unit.as_deref()), (Some(0.05), Some("1")));
     assert_eq!((&plan.figures[0].cases[..], plan.figures[0].separate), (&["active".to_string()][..], true));
     assert_eq!((plan.figures[0].levels[0].value, plan.figures[0].levels[0].title.as_str()), (0.1, "L"));
+    // Numbers that refer to the last value: a share, and a time.
+    let text_of_last = SCENARIO
+        .replace("kind = \"rms\"", "kind = \"settling_time\"\nthreshold = 0.05")
+        .replace("kind = \"peak\"", "kind = \"overshoot\"");
+    let plan = plan_of(&text_of_last, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    assert_eq!(plan.metrics[0].unit.as_deref(), Some("s"));
+    assert_eq!((plan.metrics[1].threshold, plan.metrics[1].unit.as_deref()), (None, Some("1")));
     let spectrum = text.replace("kind = \"time\"", "kind = \"spectrum\"");
     let spectrum = spectrum.replace("separate = true\nlevels = [{ value = 0.1, title = \"L\" }]", "");
     let plan = plan_of(&spectrum, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
