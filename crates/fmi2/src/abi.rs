@@ -14,6 +14,7 @@ use std::any::Any;
 use std::ffi::{CStr, CString};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use libc::{c_char, c_int, c_uint, c_void, size_t};
 
@@ -66,15 +67,53 @@ pub struct Callbacks {
 pub trait Export: 'static {
     /// How it runs.
     type Model: Model;
+    /// What the library keeps while it is loaded.
+    fn library() -> &'static Library;
     /// Computed on first use, then the same for all instances.
-    fn description() -> &'static Description;
-    /// Computes the description.
     ///
     /// # Panics
     /// As [`Description::of`].
-    fn describe() -> Description {
-        Description::of::<Self::Model>()
+    fn description() -> Arc<Description> {
+        let mut kept = Self::library().lock();
+        let description = kept.description.get_or_insert_with(|| {
+            let description = Arc::new(Description::of::<Self::Model>());
+            // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
+            // ends. If it cannot be registered, the description is lost at the end, nothing else.
+            unsafe { libc::atexit(forget::<Self>) };
+            description
+        });
+        Arc::clone(description)
     }
+}
+
+/// What a loaded library keeps outside of its instances.
+#[derive(Debug, Default)]
+pub struct Library(Mutex<Kept>);
+
+#[derive(Debug, Default)]
+struct Kept {
+    description: Option<Arc<Description>>,
+    /// The description as the packer reads it.
+    text: Option<CString>,
+}
+
+impl Library {
+    /// Nothing yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Mutex::new(Kept { description: None, text: None }))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Kept> {
+        // A panic while it was computed has left it empty.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Frees what the library keeps: a master that loads and unloads it again and again must not lose memory. Instances
+/// that are still there have their own share.
+extern "C" fn forget<E: Export + ?Sized>() {
+    let _ = catch_unwind(|| std::mem::take(&mut *E::library().lock()));
 }
 
 struct Log {
@@ -230,7 +269,13 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
 
 /// Pointer to the model description, for the packer. The text lives as long as the library is loaded.
 pub fn model_description<E: Export>() -> *const c_char {
-    catch_unwind(|| E::description().c_xml.as_ptr()).unwrap_or(std::ptr::null())
+    let text = || {
+        let description = E::description();
+        let mut kept = E::library().lock();
+        let text = kept.text.get_or_insert_with(|| CString::new(&*description.xml).expect("XML has no zero bytes"));
+        text.as_ptr()
+    };
+    catch_unwind(text).unwrap_or(std::ptr::null())
 }
 
 /// fmi2GetTypesPlatform.
@@ -809,10 +854,9 @@ macro_rules! export {
     (@all $model:ty, $runner:ty) => {
         impl $crate::abi::Export for $model {
             type Model = $runner;
-            fn description() -> &'static $crate::description::Description {
-                static DESCRIPTION: std::sync::OnceLock<$crate::description::Description> =
-                    std::sync::OnceLock::new();
-                DESCRIPTION.get_or_init(<Self as $crate::abi::Export>::describe)
+            fn library() -> &'static $crate::abi::Library {
+                static LIBRARY: $crate::abi::Library = $crate::abi::Library::new();
+                &LIBRARY
             }
         }
 

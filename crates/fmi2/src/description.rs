@@ -34,8 +34,6 @@ pub struct Description {
     pub guid: String,
     /// modelDescription.xml.
     pub xml: String,
-    /// The same, as the C interface hands it out.
-    pub(crate) c_xml: std::ffi::CString,
 }
 
 impl Description {
@@ -53,16 +51,13 @@ impl Description {
             None => Ok(Vec::new()),
         }
         .unwrap_or_else(|problem| panic!("{}: {problem}", M::INFO.name));
-        let write = |guid: &str| {
-            let xml = xml(&M::INFO, M::IS_PLANT, &layout, &structure, guid).expect("writing to memory does not fail");
-            String::from_utf8(xml).expect("all texts are UTF-8")
-        };
-        // The GUID is the hash of the description with an empty one.
-        let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, write("").as_bytes());
+        let xml = xml(&M::INFO, M::IS_PLANT, &layout, &structure).expect("writing to memory does not fail");
+        let xml = String::from_utf8(xml).expect("all texts are UTF-8");
+        // The GUID is the hash of the description with an empty one, which is the first: it stands in the first element.
+        let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
         let guid = format!("{{{hash}}}");
-        let xml = write(&guid);
-        let c_xml = std::ffi::CString::new(xml.as_str()).expect("XML has no zero bytes");
-        Self { layout, guid, xml, c_xml }
+        let xml = xml.replacen(NO_GUID, &format!("guid=\"{guid}\""), 1);
+        Self { layout, guid, xml }
     }
 }
 
@@ -201,13 +196,11 @@ fn list(numbers: impl IntoIterator<Item = usize>) -> String {
 type Written = std::io::Result<()>;
 type Xml = Writer<Vec<u8>>;
 
-fn xml(
-    info: &Info,
-    is_plant: bool,
-    layout: &Layout,
-    structure: &[Dependencies],
-    guid: &str,
-) -> std::io::Result<Vec<u8>> {
+/// How an empty GUID is written.
+const NO_GUID: &str = "guid=\"\"";
+
+/// modelDescription.xml with an empty GUID.
+fn xml(info: &Info, is_plant: bool, layout: &Layout, structure: &[Dependencies]) -> std::io::Result<Vec<u8>> {
     let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     let tool = concat!("fmi2 ", env!("CARGO_PKG_VERSION"), " (Chassis FMU)");
@@ -215,7 +208,7 @@ fn xml(
         .with_attributes([
             ("fmiVersion", "2.0"),
             ("modelName", info.name),
-            ("guid", guid),
+            ("guid", ""),
             ("description", info.description),
             ("author", "The Chassis FMU developers"),
             ("version", info.version),

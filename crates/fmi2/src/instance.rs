@@ -81,7 +81,7 @@ pub struct Snapshot<M: Model> {
 
 /// An instance of the model `M`.
 pub struct Instance<M: Model> {
-    description: &'static Description,
+    description: Arc<Description>,
     resources: PathBuf,
     mode: Mode,
     clock: Clock,
@@ -107,7 +107,7 @@ impl<M: Model> std::fmt::Debug for Instance<M> {
 
 impl<M: Model> Instance<M> {
     /// A new instance in Instantiated. `resources` is the resources folder of the unpacked FMU.
-    pub fn new(description: &'static Description, resources: PathBuf) -> Self {
+    pub fn new(description: Arc<Description>, resources: PathBuf) -> Self {
         let values = Values::start(&description.layout);
         let parameters = values.parameters::<M>();
         let kept_reals = values.reals.clone();
@@ -146,7 +146,7 @@ impl<M: Model> Instance<M> {
         self.mode = Mode::Broken;
     }
 
-    fn layout(&self) -> &'static Layout {
+    fn layout(&self) -> &Layout {
         &self.description.layout
     }
 
@@ -223,7 +223,7 @@ impl<M: Model> Instance<M> {
     /// Never; every mode allows it.
     pub fn reset(&mut self) -> Answer {
         self.check(Function::Reset)?;
-        *self = Self::new(self.description, self.resources.clone());
+        *self = Self::new(Arc::clone(&self.description), self.resources.clone());
         Ok(())
     }
 
@@ -291,7 +291,7 @@ impl<M: Model> Instance<M> {
         if self.design.is_none() {
             self.design()?;
         }
-        let design = self.design.as_deref().expect("computed above");
+        let (layout, design) = (&self.description.layout, self.design.as_deref().expect("computed above"));
         if outputs {
             M::outputs(&self.parameters, design, layout, &mut self.values.reals);
             self.outputs_are_old = false;
@@ -393,7 +393,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Refuses what may not be set now.
-    fn settable(&self, function: Function, reference: u32) -> Answer<&'static Variable> {
+    fn settable(&self, function: Function, reference: u32) -> Answer<&Variable> {
         let Some(variable) = self.layout().by_reference(reference) else {
             return Err(self.unknown_reference(function, reference, &function.name()["fmi2Set".len()..]));
         };
@@ -612,7 +612,7 @@ impl<M: Model> Instance<M> {
             ));
         }
         let parts = parts as u64;
-        let layout = self.layout();
+        let layout = &self.description.layout;
         let changing = layout.outputs.start..layout.states.end;
         self.kept_reals[changing.clone()].copy_from_slice(&self.values.reals[changing.clone()]);
         let design = self.design.as_deref().expect("computed at the end of initialization and kept since");
@@ -695,6 +695,7 @@ impl<M: Model> Instance<M> {
             });
         }
         let design = self.design()?;
+        let layout = self.layout();
         let mut slopes = vec![0.0; layout.outputs.len() + layout.states.len()];
         M::directional(&self.parameters, &design, layout, &self.values.reals, &direction, &mut slopes);
         let slope = |position: &Result<usize, usize>| position.map_or_else(|own| direction[own], |other| slopes[other]);

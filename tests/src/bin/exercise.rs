@@ -3,6 +3,7 @@
 //! - `exercise steps FMU...` starts each FMU, steps it with changing inputs and prints its name, how often memory
 //!   was allocated in the steps and how often before ("-" if nobody counts);
 //! - `exercise life FMU...` calls every function of each FMU, with refused calls, saved states and a reset;
+//! - `exercise reload FMU...` loads each FMU, starts an instance and unloads it again, three times;
 //! - `exercise continue FMU STATE SEED FIRST LAST` reads the bytes of a saved state, goes on with the steps FIRST to
 //!   LAST, 1 ms each, and prints the bits of all outputs;
 //! - `exercise global FMU...` loads all libraries into one space of names, then steps each and prints the bits;
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
     match arguments.as_slice() {
         ["steps", fmus @ ..] => fmus.iter().for_each(|path| steps(path)),
         ["life", fmus @ ..] => fmus.iter().for_each(|path| life(path)),
+        ["reload", fmus @ ..] => fmus.iter().for_each(|path| reload(path)),
         ["continue", path, state, seed, first, last] => {
             let steps = first.parse().expect("FIRST is a number")..last.parse().expect("LAST is a number");
             go_on(path, state, seed.parse().expect("SEED is a number"), steps);
@@ -33,7 +35,7 @@ fn main() -> ExitCode {
         ["glibc", newest, fmus @ ..] => return glibc(newest, fmus),
         _ => {
             eprintln!(
-                "usage: exercise steps|life|global FMU... | continue FMU STATE SEED FIRST LAST | glibc NEWEST FMU..."
+                "usage: exercise steps|life|reload|global FMU... | continue FMU STATE SEED FIRST LAST | glibc NEWEST FMU..."
             );
             return ExitCode::from(2);
         }
@@ -120,6 +122,12 @@ fn life(path: &str) {
     ok(failing.exit_initialization_mode());
     let _ = failing.do_step(0.0, STEP);
     println!("{}", fmu.name);
+}
+
+fn reload(path: &str) {
+    for _ in 0..3 {
+        Fmu::open(Path::new(path)).started();
+    }
 }
 
 fn go_on(path: &str, state: &str, seed: u64, steps: std::ops::Range<u32>) {

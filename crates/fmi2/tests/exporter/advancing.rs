@@ -1,10 +1,7 @@
 //! A plant with an exact step, and states that start by the parameters.
 
-use std::sync::OnceLock;
-
-use fmi2::abi::Export;
+use fmi2::abi::{Export, Library};
 use fmi2::calls::Mode;
-use fmi2::description::Description;
 use fmi2::model::{Exact, PlantModel};
 use fmi2::prelude::*;
 
@@ -77,9 +74,9 @@ impl Advancing for Lag {
 
 impl Export for Lag {
     type Model = PlantModel<Self, Exact>;
-    fn description() -> &'static Description {
-        static DESCRIPTION: OnceLock<Description> = OnceLock::new();
-        DESCRIPTION.get_or_init(Description::of::<Self::Model>)
+    fn library() -> &'static Library {
+        static LIBRARY: Library = Library::new();
+        &LIBRARY
     }
 }
 

@@ -11,7 +11,8 @@ use crate::models::{CartPair, Law, Sampler, Unit, reference, refused};
 type M = <CartPair as Export>::Model;
 
 fn with_role(wanted: &[Role]) -> Vec<u32> {
-    let variables = CartPair::description().layout.variables.iter();
+    let description = CartPair::description();
+    let variables = description.layout.variables.iter();
     variables.filter(|v| wanted.contains(&v.role)).map(|v| v.reference).collect()
 }
 

@@ -2,10 +2,8 @@
 
 use std::cell::Cell;
 use std::path::PathBuf;
-use std::sync::OnceLock;
 
-use fmi2::abi::Export;
-use fmi2::description::Description;
+use fmi2::abi::{Export, Library};
 use fmi2::instance::{Instance, Refusal};
 use fmi2::model::{PlantModel, SampledModel};
 use fmi2::prelude::*;
@@ -373,9 +371,9 @@ macro_rules! export {
     ($($model:ident: $runner:ident)*) => {$(
         impl Export for $model {
             type Model = $runner<$model>;
-            fn description() -> &'static Description {
-                static DESCRIPTION: OnceLock<Description> = OnceLock::new();
-                DESCRIPTION.get_or_init(Description::of::<$runner<$model>>)
+            fn library() -> &'static Library {
+                static LIBRARY: Library = Library::new();
+                &LIBRARY
             }
         }
     )*};
@@ -387,13 +385,15 @@ pub(crate) struct Unit<E: Export>(pub(crate) Instance<E::Model>);
 
 /// The value reference of a variable.
 pub(crate) fn reference<E: Export>(name: &str) -> u32 {
-    let found = E::description().layout.variables.iter().find(|variable| variable.declaration.name == name);
+    let description = E::description();
+    let found = description.layout.variables.iter().find(|variable| variable.declaration.name == name);
     found.unwrap_or_else(|| panic!("no variable '{name}'")).reference
 }
 
 /// Value references of all real variables.
 pub(crate) fn reals<E: Export>() -> Vec<u32> {
-    let variables = E::description().layout.variables.iter();
+    let description = E::description();
+    let variables = description.layout.variables.iter();
     variables.filter(|v| matches!(v.declaration.kind, Kind::Real(_))).map(|v| v.reference).collect()
 }
 

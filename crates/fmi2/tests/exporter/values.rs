@@ -397,10 +397,8 @@ fn reset_is_as_good_as_new() {
 }
 
 mod starting {
-    use std::sync::OnceLock;
 
-    use fmi2::abi::Export;
-    use fmi2::description::Description;
+    use fmi2::abi::{Export, Library};
     use fmi2::model::PlantModel;
     use fmi2::prelude::*;
 
@@ -431,9 +429,9 @@ mod starting {
     }
     impl Export for Starting {
         type Model = PlantModel<Self>;
-        fn description() -> &'static Description {
-            static DESCRIPTION: OnceLock<Description> = OnceLock::new();
-            DESCRIPTION.get_or_init(Description::of::<Self::Model>)
+        fn library() -> &'static Library {
+            static LIBRARY: Library = Library::new();
+            &LIBRARY
         }
     }
 }
