@@ -53,10 +53,7 @@ fn valgrind_finds_nothing() {
     if !has_valgrind() {
         return;
     }
-    let mut valgrind = valgrind();
-    // What is still reachable at the end is not lost: the libraries stay loaded.
-    valgrind.args(["--errors-for-leak-kinds=definite,indirect", "--show-leak-kinds=definite,indirect"]);
-    exercise(valgrind.arg(EXERCISE).arg("life").args(tests::paths()));
+    exercise(valgrind().arg(EXERCISE).arg("life").args(tests::paths()));
 }
 
 /// What a library keeps beside its instances goes with it: a master that loads FMUs again and again does not grow.
@@ -75,5 +72,7 @@ fn an_unloaded_library_leaves_nothing_behind() {
 fn valgrind() -> Command {
     let mut command = Command::new("valgrind");
     command.args(["--quiet", "--error-exitcode=99", "--leak-check=full"]);
+    // What is still reachable at the end is not lost.
+    command.args(["--errors-for-leak-kinds=definite,indirect", "--show-leak-kinds=definite,indirect"]);
     command
 }
