@@ -35,9 +35,10 @@ FORMAT = 1
 ENDS = {"generations": "all generations", "budget": "budget spent", "target": "target reached"}
 
 # The plot ends at the objective that the slowest method has after this share of the evaluations: what lies above is
-# chance. A comparison is drawn if it lies below this many times the best objective.
+# chance. A comparison is drawn as a line if it does not lie higher than this many times that span; otherwise it is
+# named with an arrow.
 EARLY = 0.05
-NEAR = 4.0
+NEAR = 1.5
 
 Array = NDArray[np.floating[Any]]
 
@@ -62,6 +63,7 @@ class Method:
 
     name: str
     title: str
+    group: str
     kind: str
     seed: int
     settings: dict[str, Any]
@@ -70,6 +72,24 @@ class Method:
     generations: int
     infeasible: int
     best: Candidate | None
+
+
+@dataclass(frozen=True)
+class Group:
+    """A method with all its seeds."""
+
+    title: str
+    methods: tuple[Method, ...]
+
+    @property
+    def best(self) -> Candidate | None:
+        """The best of all seeds."""
+        return min((m.best for m in self.methods if m.best is not None), key=lambda b: b.objective, default=None)
+
+    @property
+    def objectives(self) -> list[float]:
+        """What the seeds found, best first; infinite where nothing feasible was found."""
+        return sorted(math.inf if m.best is None else m.best.objective for m in self.methods)
 
 
 @dataclass(frozen=True)
@@ -93,6 +113,12 @@ class Study:
     methods: tuple[Method, ...]
     comparisons: tuple[tuple[str, Candidate], ...]
 
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The methods by their titles without the seed, in their order."""
+        titles = dict.fromkeys(m.group for m in self.methods)
+        return tuple(Group(t, tuple(m for m in self.methods if m.group == t)) for t in titles)
+
 
 def parse(text: str) -> Study:
     """Read `summary.json`."""
@@ -105,7 +131,7 @@ def parse(text: str) -> Study:
         )
         methods = tuple(
             Method(
-                **{k: m[k] for k in ("name", "title", "kind", "seed", "settings", "end")},
+                **{k: m[k] for k in ("name", "title", "group", "kind", "seed", "settings", "end")},
                 **{k: m[k] for k in ("evaluations", "generations", "infeasible")},
                 best=None
                 if m["best"] is None
@@ -160,43 +186,76 @@ def best_so_far(table: pa.Table, method: str) -> Array:
     return np.where(np.isfinite(best), best, np.nan)
 
 
+def _short(value: float) -> str:
+    return tables.scientific(float(f"{value:.4g}"))
+
+
+def median(curves: Sequence[Array]) -> Array:
+    """Return the median of curves: one that ends early stays at its last value, before its first it counts as worst."""
+    length = max(len(c) for c in curves)
+    padded = [np.pad(np.nan_to_num(c, nan=np.inf), (0, length - len(c)), mode="edge") for c in curves]
+    middle: Array = np.sort(padded, axis=0)[len(curves) // 2]
+    if len(curves) % 2 == 0:
+        middle = 0.5 * (middle + np.sort(padded, axis=0)[len(curves) // 2 - 1])
+    return np.where(np.isfinite(middle), middle, np.nan)
+
+
 def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
     """Draw the convergence of the methods as SVG and PNG; None if nothing feasible was found."""
-    curves = [(m, best_so_far(table, m.name)) for m in study.methods]
-    curves = [(m, c) for m, c in curves if np.isfinite(c).any()]
+    groups = [(g.title, [best_so_far(table, m.name) for m in g.methods if m.best is not None]) for g in study.groups]
+    curves = [c for _, group in groups for c in group]
     if not curves:
         return None
-    low = min(float(np.nanmin(c)) for _, c in curves)
-    high = max(float(np.nanmax(c[int(EARLY * len(c)) :])) for _, c in curves)
-    shown = [(t, c.objective) for t, c in study.comparisons if c.reason is None and c.objective < NEAR * low]
-    top = max([high, *(v for _, v in shown)])
-    room = 0.06 * (top - low) or 1.0
+    low = min(float(np.nanmin(c)) for c in curves)
+    high = max(float(np.nanmax(c[int(EARLY * len(c)) :])) for c in curves)
+    levels = [(t, c.objective) for t, c in study.comparisons if c.reason is None]
+    reach = low + NEAR * (high - low if high > low else 0.1 * abs(low) or 1.0)
+    shown = [(t, v) for t, v in levels if v <= reach]
+    bottom, top = min([low, *(v for _, v in shown)]), max([high, *(v for _, v in shown)])
+    room = 0.06 * (top - bottom) or 1.0
     with mpl.rc_context(plots.STYLE):
         canvas = Figure(figsize=(8.4, 4.2), layout="constrained")
         ax = canvas.subplots()
-        for i, (method, curve) in enumerate(curves):
+        for i, (title, group) in enumerate(groups):
             color = plots.PALETTE[i % len(plots.PALETTE)]
-            x = np.arange(1, len(curve) + 1)
-            ax.step(x, curve, where="post", color=color, linewidth=1.6, label=method.title)
-            if method.best is not None and method.best.evaluation is not None:
-                ax.plot([method.best.evaluation], [method.best.objective], "o", color=color, markersize=5.0)
+            if not group:
+                continue
+            several = len(group) > 1
+            for curve in group if several else []:
+                ax.step(np.arange(1, len(curve) + 1), curve, where="post", color=color, linewidth=0.7, alpha=0.45)
+            curve = median(group)
+            label = f"{title}, median of {len(group)} seeds" if several else title
+            ax.step(np.arange(1, len(curve) + 1), curve, where="post", color=color, linewidth=1.9, label=label)
         for title, value in shown:
             ax.axhline(value, color=plots.MUTED, linewidth=1.0, linestyle=(0, (4, 2)))
             ax.annotate(
-                title,
+                f"{title}: {_short(value)}",
                 xy=(1.0, value),
                 xycoords=("axes fraction", "data"),
-                xytext=(-2.0, 3.0),
+                xytext=(-4.0, 3.0),
                 textcoords="offset points",
                 ha="right",
                 color=plots.MUTED,
                 fontsize=8.0,
             )
-        ax.set_ylim(low - room, top + room)
-        ax.set_xlim(1, max(len(c) for _, c in curves))
+        above = [f"{t}: {_short(v)} \N{UPWARDS ARROW}" for t, v in levels if v > reach]
+        if above:
+            ax.annotate(
+                "\n".join(above),
+                xy=(1.0, 1.0),
+                xycoords="axes fraction",
+                xytext=(-4.0, -4.0),
+                textcoords="offset points",
+                ha="right",
+                va="top",
+                color=plots.MUTED,
+                fontsize=8.0,
+            )
+        ax.set_ylim(bottom - room, top + room)
+        ax.set_xlim(1, max(len(c) for c in curves))
         ax.set_xlabel("Evaluations")
-        ax.set_ylabel("Best objective so far")
-        if len(curves) > 1:
+        ax.set_ylabel("Best objective so far (no unit)")
+        if len(groups) > 1 or len(curves) > 1:
             canvas.legend(loc="outside upper left", ncols=4, handlelength=1.6, columnspacing=1.6)
         text, image = io.StringIO(), io.BytesIO()
         canvas.savefig(text, format="svg", metadata={"Date": None, "Title": "Convergence"})
@@ -228,16 +287,15 @@ def render(study: Study, svg: str | None, command: str) -> str:
         undefined=jinja2.StrictUndefined,
     )
     found = [m.best.objective for m in study.methods if m.best is not None]
-    columns: list[tuple[str, Candidate | None, int | None]] = [
-        (m.title, m.best, i) for i, m in enumerate(study.methods)
-    ]
+    columns: list[tuple[str, Candidate | None, int | None]] = [(g.title, g.best, i) for i, g in enumerate(study.groups)]
     columns += [(title, candidate, None) for title, candidate in study.comparisons]
     return environment.get_template("tuning.html.j2").render(
         study=study.raw,
         paragraphs=[" ".join(p.split()) for p in re.split(r"\n\s*\n", study.raw["description"]) if p.strip()],
-        methods=study.methods,
+        groups=study.groups,
         parameters=study.parameters,
         columns=columns,
+        several=len(study.groups) < len(study.methods),
         best=min(found, default=math.nan),
         ends=ENDS,
         figure=None if svg is None else _inline(svg),

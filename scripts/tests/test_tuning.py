@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet
 import pytest
+from matplotlib.figure import Figure
 
 from chassis_fmu import tuning
 
@@ -55,12 +56,22 @@ def summary() -> dict[str, Any]:
                 **method,
                 "name": "pacsa",
                 "title": "PACSA",
+                "group": "PACSA",
                 "kind": "pacsa",
                 "evaluations": 4,
                 "infeasible": 1,
                 "best": best,
             },
-            {**method, "name": "lost", "title": "Lost", "kind": "ga", "evaluations": 1, "infeasible": 1, "best": None},
+            {
+                **method,
+                "name": "lost",
+                "title": "Lost",
+                "group": "Lost",
+                "kind": "ga",
+                "evaluations": 1,
+                "infeasible": 1,
+                "best": None,
+            },
         ],
         "best": "pacsa",
     }
@@ -93,6 +104,55 @@ def test_the_best_so_far_ignores_what_is_not_feasible(folder: Path) -> None:
     table = tuning.read_history(study, folder)
     np.testing.assert_array_equal(tuning.best_so_far(table, "pacsa"), [np.nan, 4.0, 4.0, 3.0])
     np.testing.assert_array_equal(tuning.best_so_far(table, "lost"), [np.nan])
+
+
+def test_the_median_of_seeds() -> None:
+    nan = np.nan
+    np.testing.assert_array_equal(tuning.median([np.array([nan, 3.0, 2.0])]), [nan, 3.0, 2.0])
+    # one that has ended stays where it is, one that has nothing yet is the worst
+    curves = [np.array([nan, 9.0, 1.0]), np.array([4.0]), np.array([6.0, 5.0, 5.0])]
+    np.testing.assert_array_equal(tuning.median(curves), [6.0, 5.0, 4.0])
+    np.testing.assert_array_equal(tuning.median(curves[:2]), [nan, 6.5, 2.5])
+
+
+def test_seeds_of_a_method_stand_together(folder: Path) -> None:
+    raw = summary()
+    second = {"name": "pacsa_2", "title": "PACSA, seed 2", "seed": 2, "evaluations": 5}
+    better = {"evaluation": 5, "generation": 2, "values": [0.5, 5.0], "objective": 2.0}
+    raw["methods"].append({**raw["methods"][0], **second, "best": better})
+    (folder / "summary.json").write_text(json.dumps(raw))
+    (folder / "pacsa_2").mkdir()
+    (folder / "pacsa_2" / "history.csv").write_text(HISTORY.replace("9.0,true", "2.0,true"))
+    study = tuning.parse((folder / "summary.json").read_text())
+    assert [(g.title, len(g.methods)) for g in study.groups] == [("PACSA", 2), ("Lost", 1)]
+    assert study.groups[0].objectives == [2.0, 3.0]
+    assert study.groups[0].best == study.methods[2].best
+    assert study.groups[1].best is None
+    tuning.report(folder, "c")
+    page = (folder / "index.html").read_text()
+    for text in ("thick lines: their median", "PACSA, best to worst", "Of several seeds the best one."):
+        assert text in page, text
+
+
+@pytest.mark.parametrize(
+    ("objectives", "lines", "arrows"),
+    [
+        # the curves span 3 to 4: up to 4.5 a line, above an arrow
+        ({"Near": 4.5, "Far": 4.6}, ["Near: 4.5"], ["Far: 4.6 \N{UPWARDS ARROW}"]),
+        ({"Better": 0.5}, ["Better: 0.5"], []),
+    ],
+)
+def test_values_to_compare_with_are_drawn_or_named(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, objectives: dict[str, float], lines: list[str], arrows: list[str]
+) -> None:
+    raw = summary()
+    raw["comparisons"] = [{"title": t, "values": {}, "objective": v, "reason": None} for t, v in objectives.items()]
+    study = tuning.parse(json.dumps(raw))
+    canvas = Figure()
+    monkeypatch.setattr(tuning, "Figure", lambda **_: canvas)
+    assert tuning.draw(study, tuning.read_history(study, folder)) is not None
+    (ax,) = canvas.axes
+    assert [text.get_text() for text in ax.texts] == lines + arrows
 
 
 def test_the_page_says_what_was_found(folder: Path) -> None:

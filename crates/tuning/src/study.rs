@@ -82,6 +82,8 @@ pub struct Method {
     pub name: String,
     /// Title.
     pub title: String,
+    /// Title without the seed, shared by the runs of a `[[method]]` with several seeds.
+    pub group: String,
     /// Seed of its random numbers.
     pub seed: u64,
     /// Kind and settings.
@@ -207,6 +209,7 @@ struct MethodEntry {
     name: Option<Spanned<String>>,
     title: Option<String>,
     seed: Option<Spanned<i64>>,
+    seeds: Option<Spanned<Vec<Spanned<i64>>>>,
     #[serde(default)]
     settings: BTreeMap<Spanned<String>, Spanned<toml::Value>>,
 }
@@ -481,15 +484,31 @@ fn methods(file: &File, problems: &mut Collector) -> Vec<Method> {
         if name.get_ref().is_empty() || !name.get_ref().chars().all(plain) {
             problems.add(name.span(), "the name of a method is made of a-z, 0-9 and _");
         }
-        if methods.iter().any(|m| m.name == *name.get_ref()) {
-            problems.add(name.span(), format!("the method `{}` is there twice; give it a name", name.get_ref()));
+        let group = entry.title.clone().unwrap_or_else(|| title.to_string());
+        let one = |seed, name: String, title: String| Method { name, title, group: group.clone(), seed, search };
+        let runs = match (&entry.seed, &entry.seeds) {
+            (Some(_), Some(seeds)) => {
+                problems.add(seeds.span(), "a method has a seed or seeds, not both");
+                continue;
+            }
+            (_, Some(seeds)) => {
+                if seeds.get_ref().is_empty() {
+                    problems.add(seeds.span(), "seeds is empty");
+                }
+                let seeds = seeds.get_ref().iter().map(|seed| seed_of(seed, problems));
+                seeds
+                    .map(|seed| one(seed, format!("{}_{seed}", name.get_ref()), format!("{group}, seed {seed}")))
+                    .collect()
+            }
+            (Some(seed), None) => vec![one(seed_of(seed, problems), name.get_ref().clone(), group.clone())],
+            (None, None) => vec![one(common, name.get_ref().clone(), group.clone())],
+        };
+        for run in runs {
+            if methods.iter().any(|m| m.name == run.name) {
+                problems.add(name.span(), format!("the method `{}` is there twice; give it a name", run.name));
+            }
+            methods.push(run);
         }
-        methods.push(Method {
-            name: name.get_ref().clone(),
-            title: entry.title.clone().unwrap_or_else(|| title.to_string()),
-            seed: entry.seed.as_ref().map_or(common, |seed| seed_of(seed, problems)),
-            search,
-        });
     }
     methods
 }

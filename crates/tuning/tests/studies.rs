@@ -337,6 +337,25 @@ fn judgments_become_weights() {
     assert_eq!(study.judged.unwrap().ratio, 0.0);
 }
 
+/// A method of several seeds is as many methods with the same settings.
+#[test]
+fn a_method_runs_with_several_seeds() {
+    let place = Place::new();
+    let text = STUDY.replacen("kind = \"ga\"", "kind = \"ga\"\nseeds = [3, 7]", 1);
+    let study = place.read(&text, 1).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let ga: Vec<_> = study.methods.iter().filter(|m| m.group == "GA").collect();
+    let names: Vec<_> = ga.iter().map(|m| (m.name.as_str(), m.title.as_str(), m.seed)).collect();
+    assert_eq!(names, [("ga_3", "GA, seed 3", 3), ("ga_7", "GA, seed 7", 7)]);
+    assert_eq!(ga[0].search, ga[1].search);
+    let other = study.methods.iter().find(|m| m.name == "yardstick").unwrap();
+    assert_eq!((other.title.as_str(), other.group.as_str()), ("CMA-ES, other seed", "CMA-ES, other seed"));
+
+    let single = place.tune(STUDY, 2, "single", Existing::Refuse).unwrap();
+    let several = place.tune(&text, 2, "several", Existing::Refuse).unwrap();
+    assert_eq!(single.methods[1].progress, several.methods[1].progress, "the study's seed is 3");
+    assert_ne!(several.methods[1].progress, several.methods[2].progress);
+}
+
 /// One change to the study, where the mistake is marked, and what is said.
 #[test]
 fn mistakes_are_reported_with_their_place() {
@@ -387,6 +406,10 @@ fn mistakes_are_reported_with_their_place() {
         (term, &format!("{}\nsignal = \"position:x\"", three), "1 rows of judgments, but 2 terms"),
         (term, &format!("{}\nsignal = \"position:x\"", word), "expected a number or a text such as \"1/3\""),
         (term, &format!("{}\nsignal = \"position:x\"", circle), "with judgments the weights follow from them"),
+        ("kind = \"pacsa\"", "kind = \"pacsa\"\nseeds = []", "seeds is empty"),
+        ("kind = \"pacsa\"", "kind = \"pacsa\"\nseeds = [2, -3]", "seed is -3, expected 0 or more"),
+        ("kind = \"pacsa\"", "kind = \"pacsa\"\nseeds = [2, 2]", "the method `pacsa_2` is there twice"),
+        ("seed = 9", "seed = 9\nseeds = [1]", "a method has a seed or seeds, not both"),
         ("kind = \"pacsa\"", "kind = \"pasca\"", "unknown method `pasca`, expected pacsa, ga or cmaes"),
         ("kind = \"pacsa\"", "kind = \"ga\"", "the method `ga` is there twice; give it a name"),
         ("name = \"yardstick\"", "name = \"../x\"", "the name of a method is made of a-z, 0-9 and _"),
