@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from . import metrics, results, tables
@@ -233,9 +234,15 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
     beside = None if figure.against is None else plan.columns[figure.against]
     for i, (ax, (column, point, lines)) in enumerate(zip(axes, panels, strict=True)):
         shown = _shown(column, figure)
+        # States and switches have no values between.
+        whole = not figure.levels
         for case, recording in lines:
             mask = metrics.window_mask(recording.times, figure.window, plan.simulation.step)
+            if not mask.any():
+                # A run stopped before the window.
+                continue
             values = recording.values[column.name][mask] * shown.factor + shown.offset
+            whole = whole and bool(np.all(values == np.round(values)))
             times, values = decimate(recording.times[mask], values)
             noisy = is_noisy(values)
             color = color_of(plan, case)
@@ -260,7 +267,12 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
                 textcoords="offset points",
                 color=INK,
                 fontsize=8.0,
+                # Readable on top of lines, too.
+                bbox={"facecolor": PAPER, "edgecolor": "none", "alpha": 0.75, "pad": 0.5},
+                zorder=4.0,
             )
+        if whole and (ax.dataLim.y0 != 0.0 or ax.dataLim.y1 != 0.0):
+            ax.yaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
         right = ", ".join(
             [*([lines[0][0].title] if figure.separate else []), *([] if point is None else [titles[point]])]
         )

@@ -58,6 +58,27 @@ def test_a_figure_without_data_is_left_out(scenario: Plan) -> None:
     assert plots.draw(scenario, scenario.figures[0], {}, {}, []) is None
 
 
+def test_a_window_after_the_end_of_a_run_leaves_a_panel_empty(scenario: Plan) -> None:
+    later = dataclasses.replace(scenario.figures[0], window=(5.0, 6.0), levels=())
+    drawing = plots.draw(scenario, later, recordings(), {}, [])
+    assert drawing is not None
+    assert plots.PALETTE[0] not in drawing.svg
+
+
+def test_states_have_whole_ticks(scenario: Plan) -> None:
+    times = np.arange(4) * 0.1
+    figure = dataclasses.replace(scenario.figures[0], columns=(0,), levels=(), conversion=None)
+    name = scenario.columns[0].name
+
+    def labels(states: list[float]) -> list[str]:
+        drawing = plots.draw(scenario, figure, {("passive", None): Recording(times, {name: np.array(states)})}, {}, [])
+        assert drawing is not None
+        return [t for t in ("1.50", "2.50") if f"<!-- {t} -->" in drawing.svg]
+
+    assert labels([1.0, 1.0, 3.0, 3.0]) == []
+    assert labels([1.0, 1.1, 3.0, 3.0]) == ["1.50", "2.50"]
+
+
 def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
     swept = dataclasses.replace(
         scenario, points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)), sweep=Sweep("Speed", "km/h")
