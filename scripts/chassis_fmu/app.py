@@ -51,7 +51,13 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--stop", type=float, metavar="T", help="stop at this time (s)")
     parser.add_argument("--seeds", type=_positive, metavar="N", help="the first N seeds only")
     parser.add_argument("--order", choices=("sequential", "jacobi"), help="order of execution")
-    parser.add_argument("--fmus", type=Path, metavar="DIR", help="folder of the FMUs (default: target/fmu)")
+    parser.add_argument(
+        "--fmus",
+        type=Path,
+        action="append",
+        metavar="DIR",
+        help="folder of FMUs (default: target/fmu); may be given several times, the first that has an FMU wins",
+    )
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--native", action="store_true", help="let `cargo fmu run` do the runs")
     source.add_argument("--from-csv", type=Path, metavar="DIR", help="make tables and page from the CSV files of DIR")
@@ -61,10 +67,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 def _options(options: argparse.Namespace) -> list[str]:
     """Return the arguments that `cargo fmu plan` and `cargo fmu run` share."""
     out = [str(options.scenario.resolve())]
-    for name in ("inputs", "fmus"):
-        path = getattr(options, name)
-        if path is not None:
-            out += [f"--{name}", str(path.resolve())]
+    if options.inputs is not None:
+        out += ["--inputs", str(options.inputs.resolve())]
+    for folder in options.fmus or ():
+        out += ["--fmus", str(folder.resolve())]
     for name in ("stop", "seeds", "order"):
         value = getattr(options, name)
         if value is not None:

@@ -796,24 +796,25 @@ impl<'a> Resolver<'a> {
                     if !self.is_recorded(member.name(), &variable.name) {
                         continue;
                     }
-                    let known = columns.iter().find(|c| c.unit == member.name() && c.variable == variable.name);
-                    if let Some(known) = known {
-                        if known.plan.unit != variable.unit {
-                            self.problems.add(
-                                system.case.name.span(),
-                                format!(
-                                    "`{}` of `{}` is in {} in this case, in {} in another",
-                                    variable.name,
-                                    member.name(),
-                                    variable.unit.as_deref().unwrap_or("no unit"),
-                                    known.plan.unit.as_deref().unwrap_or("no unit"),
-                                ),
-                            );
-                        }
-                        continue;
-                    }
                     let shared = owners.iter().filter(|(_, name)| *name == variable.name).count() > 1;
-                    columns.push(column(member, variable, shared));
+                    let known = columns.iter_mut().find(|c| c.unit == member.name() && c.variable == variable.name);
+                    let Some(known) = known else {
+                        columns.push(column(member, variable, shared));
+                        continue;
+                    };
+                    // As with wires: an FMU that declares no units takes those of the one in its place.
+                    match (&known.plan.unit, &variable.unit) {
+                        (None, Some(_)) => *known = column(member, variable, shared),
+                        (Some(other), Some(unit)) if other != unit => self.problems.add(
+                            system.case.name.span(),
+                            format!(
+                                "`{}` of `{}` is in {unit} in this case, in {other} in another",
+                                variable.name,
+                                member.name(),
+                            ),
+                        ),
+                        _ => {}
+                    }
                 }
             }
         }
@@ -1320,13 +1321,7 @@ fn compatible(
             input.name
         )
     };
-    if output.base_type != input.base_type {
-        return Err(describe(&output.base_type.to_string(), &input.base_type.to_string()));
-    }
-    match (&output.unit, &input.unit) {
-        (Some(from), Some(to)) if from != to => Err(describe(&format!("in {from}"), &format!("in {to}"))),
-        _ => Ok(()),
-    }
+    output.mismatch(input).map_or(Ok(()), |[output_is, input_is]| Err(describe(&output_is, &input_is)))
 }
 
 /// A message and a hint.

@@ -67,6 +67,21 @@ fn simulation_and_runs() {
 }
 
 #[test]
+fn an_fmu_without_units_takes_the_place_of_one_with_units() {
+    let mut fmus = fmus();
+    let bare = include_str!("data/Steering.xml").replace(" unit=\"rad\"", "").replace(" unit=\"m/s\"", "");
+    fmus.insert("Bare".to_string(), Arc::new(ModelDescription::parse(&bare).unwrap()));
+    for case in ["passive", "active"] {
+        let title = format!("name = \"{case}\"\n");
+        let text = SCENARIO.replace(&title, &format!("{title}fmu.steering = \"Bare\"\n"));
+        let plan = resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, &Options::default())
+            .unwrap_or_else(|e| panic!("{}", lines(&e)));
+        let column = plan.columns.iter().find(|c| c.name == "steer.front").unwrap();
+        assert_eq!(column.unit.as_deref(), Some("rad"), "bare in {case}");
+    }
+}
+
+#[test]
 fn parameters_are_layered_and_converted() {
     let plan = plan();
     let of = |run, unit, name| parameter(&plan, run, unit, name);

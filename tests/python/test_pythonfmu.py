@@ -1,0 +1,114 @@
+"""An FMU written in Python takes the place of the car's yaw control, in both masters.
+
+It is made by PythonFMU from python_yaw_control.py. Such an FMU needs the Python library in the process that loads it:
+fmpy has it, the native master gets it by LD_PRELOAD.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
+SOURCE = Path(__file__).with_name("python_yaw_control.py")
+SCENARIO = ROOT / "scenarios" / "swap_esp_car_yaw_control.toml"
+
+# What a user adds to the scenario.
+CASE = """
+[[case]]
+name = "python"
+title = "Written in Python"
+baseline = "left_out"
+fmu.yaw_control = "PythonYawControl"
+"""
+
+# When the turn is settled (s), and what gives its steady yaw rate: front angle (rad), wheelbase (m), stability factor
+# (s2/m2).
+SETTLED = 1.5
+STEER, WHEELBASE, STABILITY_FACTOR = 0.046, 2.34, 7.99903e-4
+
+
+def library() -> Path | None:
+    """Return the shared library of this Python, if it has one."""
+    name = sysconfig.get_config_var("INSTSONAME") or ""
+    folder = Path(sysconfig.get_config_var("LIBDIR") or "/")
+    candidates = [folder / name, folder / (sysconfig.get_config_var("MULTIARCH") or "") / name]
+    return next((c for c in candidates if ".so" in name and c.is_file()), None)
+
+
+def call(*command: str, **environment: str) -> str:
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the FMU, the scenario and its results by fmpy."""
+    folder = tmp_path_factory.mktemp("pythonfmu")
+    call(sys.executable, "-m", "pythonfmu", "build", "-f", str(SOURCE), "-d", str(folder))
+    scenario = folder / "swapped.toml"
+    scenario.write_text(SCENARIO.read_text(encoding="utf-8") + CASE, encoding="utf-8")
+    cosim = str(ROOT / "scripts" / "cosim.py")
+    call(sys.executable, cosim, *options(folder), "--out", str(folder / "fmpy"))
+    return folder
+
+
+def options(folder: Path) -> list[str]:
+    return [str(folder / "swapped.toml"), "--fmus", str(folder), "--fmus", str(FOLDER)]
+
+
+def columns(folder: Path, case: str) -> dict[str, np.ndarray]:
+    with (folder / "fmpy" / "swapped" / "runs" / f"{case}.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows if row[name]]) for name in rows[0]}
+
+
+def yaw_rate_error(folder: Path, case: str) -> float:
+    """Return the RMS distance from the yaw rate of a steady turn at the speed of the moment (rad/s)."""
+    values = columns(folder, case)
+    speed = values["vehicle.speed"]
+    target = speed * STEER / (WHEELBASE * (1.0 + STABILITY_FACTOR * speed**2))
+    error = (values["vehicle.yaw_rate"] - target)[values["time"] >= SETTLED]
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def test_it_controls_the_yaw_rate(folder: Path) -> None:
+    # Proportional control leaves an error. A quarter of that without control is far above it (less than a tenth) and
+    # far below what a control without effect gives.
+    assert yaw_rate_error(folder, "python") < 0.25 * yaw_rate_error(folder, "left_out")
+
+
+def test_it_is_another_law(folder: Path) -> None:
+    moments = [columns(folder, case)["demand.yaw_moment"] for case in ("python", "coordination")]
+    # N.m, where both ask for some hundred
+    assert np.abs(moments[0] - moments[1]).max() > 10.0
+
+
+def test_both_masters_agree_to_the_last_bit(folder: Path) -> None:
+    path = library()
+    if path is None:
+        pytest.skip("this Python has no shared library, which a master that is not Python needs for FMUs in Python")
+    out = folder / "native"
+    call("cargo", "fmu", "run", *options(folder), "--out", str(out), LD_PRELOAD=str(path), PYTHONHOME=sys.base_prefix)
+    names = sorted(p.name for p in (out / "swapped" / "runs").glob("*.csv"))
+    assert names == ["coordination.csv", "left_out.csv", "python.csv", "sign.csv"]
+    for name in names:
+        native, fmpy = (folder / master / "swapped" / "runs" / name for master in ("native", "fmpy"))
+        assert native.read_bytes() == fmpy.read_bytes(), name
