@@ -1,5 +1,5 @@
-//! `cargo fmu`: packs models into FMUs, inspects and linearizes them, writes new ones from a template, plans and runs
-//! scenarios, and tunes parameters.
+//! `cargo fmu`: packs models into FMUs, inspects, compares and linearizes them, writes new ones from a template, plans and
+//! runs scenarios, and tunes parameters.
 
 mod documentation;
 mod inspect;
@@ -9,6 +9,7 @@ mod pack;
 mod plan;
 mod run;
 mod selection;
+mod systems;
 mod tune;
 mod workspace;
 
@@ -22,6 +23,17 @@ enum Cli {
     Pack(pack::Arguments),
     /// Shows what an FMU says of itself
     Inspect(inspect::Arguments),
+    /// Shows which FMUs fit which plants by their signals
+    ///
+    /// A plant is an FMU with continuous states, unless it writes inputs of one with more states: then it is an actuator.
+    /// Signals go from an output to an input of the same name, type and unit of measure. Every FMU that is no plant fits a
+    /// plant if all its inputs are written by the plant or by others that are supplied this way, and if it writes an input
+    /// of the plant or of another one that acts on it. `idle`: supplied, but it acts on nothing. `lacks 3`: nothing writes
+    /// three of its inputs; in a scenario constants may stand in for them. Other plants never count.
+    ///
+    /// That signals fit does not say that a law suits a vehicle: vehicle data in it may have to be changed, and outputs that
+    /// nothing reads go nowhere.
+    Systems(systems::Arguments),
     /// Prints A, B, C, D and the modes of a plant at an operating point
     Linearize(linearize::Arguments),
     /// Writes a working package of a new model
@@ -40,6 +52,7 @@ fn main() -> miette::Result<()> {
     match Cli::parse_from(arguments.map(|(_, argument)| argument)) {
         Cli::Pack(arguments) => pack::run(&arguments),
         Cli::Inspect(arguments) => inspect::run(&arguments),
+        Cli::Systems(arguments) => systems::run(&arguments),
         Cli::Linearize(arguments) => linearize::run(&arguments),
         Cli::New(arguments) => new::run(&arguments),
         Cli::Plan(arguments) => plan::run(&arguments),

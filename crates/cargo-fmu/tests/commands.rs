@@ -235,3 +235,65 @@ fn a_killed_study_goes_on_to_the_same_results() {
     assert!(command(killed.path(), &["tune", "study.toml", "--resume"]).status.success());
     assert_eq!(read(&killed), expected);
 }
+
+/// An FMU that is only a description, with Real variables `name causality unit`, the first of them perhaps a state.
+fn described(folder: &Path, name: &str, variables: &[&str], has_state: bool) {
+    let variables: String = variables
+        .iter()
+        .enumerate()
+        .map(|(reference, text)| {
+            let [name, causality, unit] = text.split(' ').collect::<Vec<_>>().try_into().unwrap();
+            format!(
+                "<ScalarVariable name=\"{name}\" valueReference=\"{reference}\" causality=\"{causality}\"><Real unit=\"{unit}\"/>\
+                 </ScalarVariable>"
+            )
+        })
+        .collect();
+    let derivatives = if has_state { "<Derivatives><Unknown index=\"1\"/></Derivatives>" } else { "" };
+    let description = format!(
+        "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"{name}\" guid=\"{name}\"><CoSimulation modelIdentifier=\"{name}\"/>\
+         <ModelVariables>{variables}</ModelVariables><ModelStructure>{derivatives}</ModelStructure></fmiModelDescription>"
+    );
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(folder.join(format!("{name}.fmu"))).unwrap());
+    zip.start_file("modelDescription.xml", zip::write::SimpleFileOptions::default()).unwrap();
+    std::io::Write::write_all(&mut zip, description.as_bytes()).unwrap();
+    zip.finish().unwrap();
+}
+
+#[test]
+fn systems_are_shown_as_a_matrix() {
+    let folder = TempDir::new().unwrap();
+    for name in ["mine", "theirs"] {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+    }
+    let (mine, theirs) = (folder.path().join("mine"), folder.path().join("theirs"));
+    let systems = |arguments: &[&str]| {
+        let output = command(folder.path(), &[&["systems", "--fmus", "mine", "--fmus", "theirs"], arguments].concat());
+        (output.status.success(), text(&output.stdout), text(&output.stderr))
+    };
+    let (_, _, error) = systems(&[]);
+    assert!(error.contains("there is no FMU in mine, theirs"), "{error}");
+    described(&theirs, "Steering", &["yaw_rate input rad/s", "steer output rad"], false);
+    let (_, _, error) = systems(&[]);
+    assert!(error.contains("there is no plant"), "{error}");
+
+    described(&theirs, "Car", &["yaw_rate output rad/s", "steer input rad"], true);
+    described(&theirs, "Sled", &["yaw_rate output deg/s", "steer input rad"], true);
+    described(&mine, "Lamp", &["yaw_rate input rad/s", "light output lm"], false);
+    let (_, matrix, _) = systems(&[]);
+    assert_eq!(matrix, "          Car   Sled\nLamp      idle  lacks 1\nSteering  fits  lacks 1\n");
+    let (_, details, _) = systems(&["--missing", "Steering"]);
+    let expected = "          Car   Sled\nSteering  fits  lacks 1\n\nSteering, Sled:\n  \
+                    yaw_rate (rad/s): Sled has it in deg/s, expected in rad/s\n";
+    assert_eq!(details, expected);
+    let (_, details, _) = systems(&["--missing", "Lamp", "Car"]);
+    assert!(details.contains("Lamp, Car: nothing that acts on Car reads its outputs"), "{details}");
+
+    // The folder named first wins.
+    described(&mine, "Steering", &["yaw_rate input rad/s", "light output lm"], false);
+    let (_, matrix, _) = systems(&["Steering", "Car"]);
+    assert_eq!(matrix, "          Car\nSteering  idle\n");
+
+    let (is_fine, _, error) = systems(&["Stering"]);
+    assert!(!is_fine && error.contains("there is no FMU named 'Stering'; did you mean Steering?"), "{error}");
+}

@@ -268,6 +268,21 @@ pub struct Variable {
     pub derivative_of: Option<usize>,
 }
 
+impl Variable {
+    /// Why this output cannot be wired to that input: what the one is and what the other; `None`: it can. The base types
+    /// have to be the same, and the units of measure where both have one.
+    #[must_use]
+    pub fn mismatch(&self, input: &Self) -> Option<[String; 2]> {
+        if self.base_type != input.base_type {
+            return Some([self, input].map(|variable| variable.base_type.to_string()));
+        }
+        match (&self.unit, &input.unit) {
+            (Some(from), Some(to)) if from != to => Some([from, to].map(|unit| format!("in {unit}"))),
+            _ => None,
+        }
+    }
+}
+
 /// An item of an enumeration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Item {

@@ -7,7 +7,7 @@
 //! - [`fmu`] and [`loader`] open the binary and give its functions a safe interface,
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
 //!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
-//!   [`problem`] shows mistakes with their place,
+//!   [`problem`] shows mistakes with their place; [`systems`] tells which FMUs fit which plants by their signals,
 //! - [`master`] executes the runs of a plan, [`results`] writes them.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
@@ -41,6 +41,7 @@ pub mod plan;
 pub mod problem;
 pub mod resolve;
 pub mod results;
+pub mod systems;
 
 mod feeds;
 mod scenario;

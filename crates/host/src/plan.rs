@@ -309,11 +309,15 @@ impl MetricKind {
     /// Whether the kind refers to a threshold.
     #[must_use]
     pub fn has_threshold(self) -> bool {
-        match self {
-            Self::Crossing | Self::MagnitudeCrossing | Self::Share | Self::MagnitudeShare => true,
-            Self::RiseTime | Self::SettlingTime => true,
-            _ => false,
-        }
+        matches!(
+            self,
+            Self::Crossing
+                | Self::MagnitudeCrossing
+                | Self::Share
+                | Self::MagnitudeShare
+                | Self::RiseTime
+                | Self::SettlingTime
+        )
     }
 
     /// Unit of measure of the number; `None`: that of the signal.

@@ -1,0 +1,117 @@
+//! `cargo fmu systems`: which FMUs fit which plants by their signals.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use host::description::ModelDescription;
+use host::resolve::{Descriptions, FmuFolder};
+use host::systems::{Fit, Systems, systems};
+use miette::{Result, miette};
+
+/// Which FMUs, and how much is said of them. The definitions stand in [`host::systems`].
+#[derive(clap::Args, Debug)]
+pub(crate) struct Arguments {
+    /// Show only these plants and these other FMUs
+    names: Vec<String>,
+
+    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    fmus: Vec<PathBuf>,
+
+    /// Lists for every pair that does not fit what is missing, and why
+    #[arg(long)]
+    missing: bool,
+}
+
+/// Prints.
+///
+/// # Errors
+/// When there is no FMU or no plant, an FMU cannot be read, or a name is not there.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let systems = systems(&descriptions(&arguments.fmus)?);
+    if systems.plants.is_empty() {
+        return Err(miette!("there is no plant: none of the FMUs has continuous states"));
+    }
+    for name in &arguments.names {
+        let mut known = systems.plants.iter().chain(&systems.units);
+        if !known.any(|other| other == name) {
+            let similarity = |other: &&String| strsim::jaro_winkler(other, name);
+            let nearest = systems
+                .plants
+                .iter()
+                .chain(&systems.units)
+                .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
+                .map_or_else(String::new, |nearest| format!("; did you mean {nearest}?"));
+            return Err(miette!("there is no FMU named '{name}'{nearest}"));
+        }
+    }
+    let shown = |all: &[String]| -> Vec<usize> {
+        let any = all.iter().any(|name| arguments.names.contains(name));
+        (0..all.len()).filter(|i| !any || arguments.names.contains(&all[*i])).collect()
+    };
+    let (plants, units) = (shown(&systems.plants), shown(&systems.units));
+    print!("{}", matrix(&systems, &plants, &units));
+    if arguments.missing {
+        print!("{}", missing(&systems, &plants, &units));
+    }
+    Ok(())
+}
+
+fn descriptions(folders: &[PathBuf]) -> Result<BTreeMap<String, Arc<ModelDescription>>> {
+    let folder = FmuFolder::new(folders.iter().cloned());
+    let mut found = BTreeMap::new();
+    for name in folder.names() {
+        let fmu = folder.find(&name).map_err(|message| miette!("{name}.fmu: {message}"))?;
+        found.extend(fmu.map(|fmu| (name, fmu.description)));
+    }
+    if found.is_empty() {
+        return Err(miette!("there is no FMU in {}; run `cargo fmu pack --all`", folder.place()));
+    }
+    Ok(found)
+}
+
+/// A line per unit, a column per plant.
+fn matrix(systems: &Systems, plants: &[usize], units: &[usize]) -> String {
+    let cell = |fit: &Fit| match fit {
+        Fit::Fits => "fits".to_string(),
+        Fit::Idle => "idle".to_string(),
+        Fit::Lacks(missing) => format!("lacks {}", missing.len()),
+    };
+    let mut rows = vec![vec![String::new()]];
+    rows[0].extend(plants.iter().map(|plant| systems.plants[*plant].clone()));
+    rows.extend(units.iter().map(|unit| {
+        let cells = plants.iter().map(|plant| cell(&systems.fits[*unit][*plant]));
+        std::iter::once(systems.units[*unit].clone()).chain(cells).collect()
+    }));
+    let widths: Vec<usize> =
+        (0..=plants.len()).map(|i| rows.iter().map(|row| row[i].len()).max().unwrap_or(0)).collect();
+    let mut text = String::new();
+    for row in rows {
+        let line: Vec<String> = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:width$}")).collect();
+        text += line.join("  ").trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+/// A paragraph per pair that does not fit.
+fn missing(systems: &Systems, plants: &[usize], units: &[usize]) -> String {
+    let mut text = String::new();
+    for unit in units {
+        for plant in plants {
+            let (name, vehicle) = (&systems.units[*unit], &systems.plants[*plant]);
+            match &systems.fits[*unit][*plant] {
+                Fit::Fits => (),
+                Fit::Idle => {
+                    text += &format!("\n{name}, {vehicle}: nothing that acts on {vehicle} reads its outputs\n")
+                }
+                Fit::Lacks(missing) => {
+                    text += &format!("\n{name}, {vehicle}:\n");
+                    missing.iter().for_each(|missing| text += &format!("  {missing}\n"));
+                }
+            }
+        }
+    }
+    text
+}

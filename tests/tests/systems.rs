@@ -1,0 +1,94 @@
+//! Which FMUs of the library fit which of its plants by their signals: what the papers put together, what can be swapped
+//! between vehicles, and what cannot.
+
+use host::resolve::{Descriptions, FmuFolder};
+use host::systems::{Fit, Missing, Reason, Systems, systems};
+
+fn library() -> Systems {
+    let folder = FmuFolder::new([tests::folder()]);
+    let found = folder.names().into_iter().map(|name| {
+        let fmu = folder.find(&name).unwrap_or_else(|error| panic!("{name}: {error}"));
+        (name, fmu.expect("it was listed").description)
+    });
+    systems(&found.collect())
+}
+
+fn fit<'a>(systems: &'a Systems, unit: &str, plant: &str) -> &'a Fit {
+    let place = |names: &[String], name: &str| {
+        names.iter().position(|other| other == name).unwrap_or_else(|| panic!("{name} is not in {names:?}"))
+    };
+    &systems.fits[place(&systems.units, unit)][place(&systems.plants, plant)]
+}
+
+#[test]
+fn plants_are_the_vehicles() {
+    // BrakeAndDriveActuators has states, too, but belongs to the car.
+    assert_eq!(library().plants, ["EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]);
+}
+
+#[test]
+fn the_systems_of_the_papers_fit() {
+    let systems = library();
+    let papers: [(&str, &[&str]); 4] = [
+        (
+            "RescueVehicle",
+            &[
+                "DualSlidingModeSteering",
+                "IntegratedLqrSuspension",
+                "RollLqrSuspension",
+                "FuzzyCoordination",
+                "SuspensionMixer",
+            ],
+        ),
+        ("HydroPneumaticHalfCar", &["ComfortSlidingMode", "HandlingSlidingMode", "SuspensionSwitch"]),
+        (
+            "EspCar",
+            &[
+                "BrakeAndDriveActuators",
+                "SemiActivePidSuspension",
+                "AntilockBraking",
+                "DirectYawControl",
+                "FiniteStateCoordination",
+            ],
+        ),
+        ("HeavyVehicle", &["YawRateReference", "ActiveFrontSteering", "AllWheelSteering", "SemiActiveFuzzySuspension"]),
+    ];
+    for (plant, units) in papers {
+        for unit in units.iter().chain(&["Driver", "Road"]) {
+            assert_eq!(*fit(&systems, unit, plant), Fit::Fits, "{unit}, {plant}");
+        }
+    }
+}
+
+#[test]
+fn steering_laws_fit_the_other_three_axle_vehicle() {
+    let systems = library();
+    for unit in
+        ["DualSlidingModeSteering", "FuzzyCoordination", "YawRateReference", "ActiveFrontSteering", "AllWheelSteering"]
+    {
+        for plant in ["RescueVehicle", "HeavyVehicle"] {
+            assert_eq!(*fit(&systems, unit, plant), Fit::Fits, "{unit}, {plant}");
+        }
+    }
+    // The car has no second steered axle.
+    assert_eq!(*fit(&systems, "AllWheelSteering", "EspCar"), Fit::Idle);
+}
+
+#[test]
+fn what_does_not_fit_is_named() {
+    let systems = library();
+    let Fit::Lacks(missing) = fit(&systems, "SuspensionSwitch", "RescueVehicle") else {
+        panic!("the half car's switch has nothing to switch on the rescue vehicle");
+    };
+    let half_car = Missing {
+        input: "vehicle.load_transfer_estimate".to_string(),
+        unit: Some("1".to_string()),
+        reason: Reason::OtherPlants(vec!["HydroPneumaticHalfCar".to_string()]),
+    };
+    assert!(missing.contains(&half_car), "{missing:?}");
+    for (law, side) in [("ComfortSlidingMode", "comfort_force.l"), ("HandlingSlidingMode", "handling_force.r")] {
+        let force = missing.iter().find(|missing| missing.input == side).expect(side);
+        assert_eq!(force.reason, Reason::Unsupplied(vec![law.to_string()]));
+    }
+    assert_eq!(missing.len(), 5);
+}
