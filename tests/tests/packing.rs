@@ -3,9 +3,9 @@
 //! References: FMI 2.0.4, section 2.3 (contents of the archive) and 2.2 (description); the committed descriptions in
 //! `modelDescription/`. All comparisons are exact.
 
-use host::archive::platform;
+use host::archive::{Archive, platform};
 use host::description::Causality;
-use host::loader::Instance;
+use host::loader::{Instance, exported_description};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Cursor, Read as _};
@@ -110,6 +110,17 @@ fn binaries_know_their_description_only() {
         assert_eq!(description.model_name, *name);
         let unit = description.co_simulation.as_ref().expect("all are for co-simulation");
         assert_eq!(unit.model_identifier, *name, "the file stem of the binary");
+    }
+}
+
+/// The packer builds the GUID in; a library without it would write its description whenever it is loaded.
+#[test]
+fn binaries_are_told_their_guid() {
+    for path in paths() {
+        let mut archive = Archive::open(&path).unwrap_or_else(|error| panic!("{error}"));
+        let unpacked = archive.unpack(&name_of(&path)).unwrap_or_else(|error| panic!("{error}"));
+        let description = exported_description(&unpacked.binary).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(description, "", "{}", path.display());
     }
 }
 

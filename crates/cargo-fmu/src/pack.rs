@@ -44,22 +44,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if models.is_empty() {
         return Err(miette!("this workspace has no package with the crate type cdylib that depends on fmi2"));
     }
-    let libraries = build(&workspace, &models, arguments.portable)?;
+    let descriptions = describe(&workspace, &models)?;
+    let libraries = build(&workspace, &models, &descriptions, arguments.portable)?;
     let bar = ProgressBar::new(models.len() as u64).with_style(
         ProgressStyle::with_template("packing [{bar:30}] {pos}/{len} {msg}").expect("a constant template is valid"),
     );
     std::fs::create_dir_all(workspace.fmus()).into_diagnostic()?;
     let mut changed = Vec::new();
     let mut report = Vec::new();
-    for (model, library) in models.iter().zip(&libraries) {
+    for ((model, description), library) in models.iter().zip(&descriptions).zip(&libraries) {
         bar.set_message(model.name.clone());
-        let xml = host::loader::exported_description(library)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("reading the description of {}", model.name))?;
-        if !description_is_committed(&workspace, model, &xml, arguments.update_descriptions)? {
+        if !description_is_committed(&workspace, model, &description.xml, arguments.update_descriptions)? {
             changed.push(model.name.as_str());
         }
-        let bytes = archive(model, library, &xml)?;
+        let bytes = archive(model, library, description)?;
         let path = workspace.fmus().join(format!("{}.fmu", model.name));
         write_whole(&path, &bytes)?;
         report.push(format!(
@@ -83,15 +81,56 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
+/// The description of a model.
+struct Description {
+    xml: String,
+    parsed: ModelDescription,
+}
+
+fn cargo() -> Command {
+    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+}
+
+/// Builds the models as the tests do and asks them for their descriptions.
+fn describe(workspace: &Workspace, models: &[Model]) -> Result<Vec<Description>> {
+    let mut command = cargo();
+    command.args(["build", "--locked", "--target-dir"]).arg(&workspace.target);
+    carry_out(command, workspace, models)?;
+    let describe = |model: &Model| -> Result<Description> {
+        let library = workspace.target.join("debug").join(model.library_file());
+        let xml = host::loader::exported_description(&library).into_diagnostic()?;
+        Ok(Description { parsed: ModelDescription::parse(&xml).into_diagnostic()?, xml })
+    };
+    let describe = |model| describe(model).wrap_err_with(|| format!("reading the description of {}", model.name));
+    models.iter().map(describe).collect()
+}
+
+/// Lets cargo build the models.
+fn carry_out(mut command: Command, workspace: &Workspace, models: &[Model]) -> Result<()> {
+    for model in models {
+        command.args(["--package", &model.package]);
+    }
+    let status = command.current_dir(&workspace.root).status().into_diagnostic().wrap_err("cargo cannot be run")?;
+    if !status.success() {
+        return Err(miette!("the models do not build; see the messages above"));
+    }
+    Ok(())
+}
+
 /// Builds all models in one call of cargo and returns their libraries.
 ///
 /// The flags: `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; the paths
 /// of the machine are taken out of the messages, so that two machines build the same bytes. The build has a folder of
-/// its own because these flags would make cargo build everything else anew, too.
-fn build(workspace: &Workspace, models: &[Model], portable: bool) -> Result<Vec<PathBuf>> {
+/// its own because these flags would make cargo build everything else anew, too. The GUIDs are built in, so that the
+/// libraries need not write their descriptions to know them.
+fn build(
+    workspace: &Workspace,
+    models: &[Model],
+    descriptions: &[Description],
+    portable: bool,
+) -> Result<Vec<PathBuf>> {
     let target = workspace.target.join("fmu-build");
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut command = Command::new(&cargo);
+    let mut command = cargo();
     let mut folder = target.clone();
     if portable {
         require_zigbuild()?;
@@ -100,9 +139,9 @@ fn build(workspace: &Workspace, models: &[Model], portable: bool) -> Result<Vec<
     } else {
         command.arg("build");
     }
-    command.args(["--profile", "fmu", "--locked", "--target-dir"]).arg(&target).current_dir(&workspace.root);
-    for model in models {
-        command.args(["--package", &model.package]);
+    command.args(["--profile", "fmu", "--locked", "--target-dir"]).arg(&target);
+    for (model, description) in models.iter().zip(descriptions) {
+        command.env(format!("FMI2_RS_GUID_{}", model.library), &description.parsed.guid);
     }
     let mut flags: Vec<OsString> = Vec::new();
     if cfg!(target_os = "linux") {
@@ -120,10 +159,7 @@ fn build(workspace: &Workspace, models: &[Model], portable: bool) -> Result<Vec<
         }
     }
     command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
-    let status = command.status().into_diagnostic().wrap_err("cargo cannot be run")?;
-    if !status.success() {
-        return Err(miette!("the models do not build; see the messages above"));
-    }
+    carry_out(command, workspace, models)?;
     Ok(models.iter().map(|model| folder.join("fmu").join(model.library_file())).collect())
 }
 
@@ -160,8 +196,7 @@ fn platform() -> Result<&'static str> {
 }
 
 /// The bytes of the FMU: the same for the same files, on every machine.
-fn archive(model: &Model, library: &Path, xml: &str) -> Result<Vec<u8>> {
-    let description = ModelDescription::parse(xml).into_diagnostic()?;
+fn archive(model: &Model, library: &Path, description: &Description) -> Result<Vec<u8>> {
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     let read =
         |path: &Path| std::fs::read(path).into_diagnostic().wrap_err_with(|| format!("reading {}", path.display()));
@@ -169,7 +204,7 @@ fn archive(model: &Model, library: &Path, xml: &str) -> Result<Vec<u8>> {
     files.insert(format!("binaries/{}/{}{suffix}", platform()?, model.name), read(library)?);
     let readme = model.folder.join("README.md");
     let text = if readme.exists() { String::from_utf8_lossy(&read(&readme)?).into_owned() } else { String::new() };
-    files.insert("documentation/index.html".to_owned(), documentation::page(&description, &text).into_bytes());
+    files.insert("documentation/index.html".to_owned(), documentation::page(&description.parsed, &text).into_bytes());
     for (name, license) in documentation::LICENSES {
         files.insert(format!("documentation/licenses/{name}"), license.as_bytes().to_vec());
     }
@@ -198,7 +233,7 @@ fn archive(model: &Model, library: &Path, xml: &str) -> Result<Vec<u8>> {
         .unix_permissions(0o644);
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     // The description stands first, as readers expect it; the rest in the order of the names.
-    let first = ("modelDescription.xml".to_owned(), xml.as_bytes().to_vec());
+    let first = ("modelDescription.xml".to_owned(), description.xml.as_bytes().to_vec());
     for (name, bytes) in std::iter::once(first).chain(files) {
         zip.start_file(name, options).into_diagnostic()?;
         zip.write_all(&bytes).into_diagnostic()?;

@@ -15,8 +15,8 @@ pub(crate) struct Model {
     pub(crate) name: String,
     /// Folder of the package.
     pub(crate) folder: PathBuf,
-    /// File stem of the library.
-    library: String,
+    /// Name of the library crate, in snake case.
+    pub(crate) library: String,
 }
 
 /// The workspace that the command was called in.

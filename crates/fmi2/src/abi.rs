@@ -67,6 +67,9 @@ pub struct Callbacks {
 pub trait Export: 'static {
     /// How it runs.
     type Model: Model;
+    /// The GUID, if the packer has built it in. Such a library need not write its description to know it, and does not
+    /// contain the code that could.
+    const GUID: Option<&'static str> = None;
     /// What the library keeps while it is loaded.
     fn library() -> &'static Library;
     /// Computed on first use, then the same for all instances.
@@ -76,7 +79,10 @@ pub trait Export: 'static {
     fn description() -> Arc<Description> {
         let mut kept = Self::library().lock();
         let description = kept.description.get_or_insert_with(|| {
-            let description = Arc::new(Description::of::<Self::Model>());
+            let description = Arc::new(match Self::GUID {
+                Some(guid) => Description::packed::<Self::Model>(guid),
+                None => Description::of::<Self::Model>(),
+            });
             // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
             // ends. If it cannot be registered, the description is lost at the end, nothing else.
             unsafe { libc::atexit(forget::<Self>) };
@@ -267,8 +273,12 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
     unsafe { CStr::from_ptr(pointer) }.to_str().map_err(|_| "not UTF-8")
 }
 
-/// Pointer to the model description, for the packer. The text lives as long as the library is loaded.
+/// Pointer to the model description, for the packer; null in a packed library. The text lives as long as the library
+/// is loaded.
 pub fn model_description<E: Export>() -> *const c_char {
+    if E::GUID.is_some() {
+        return std::ptr::null();
+    }
     let text = || {
         let description = E::description();
         let mut kept = E::library().lock();
@@ -854,6 +864,7 @@ macro_rules! export {
     (@all $model:ty, $runner:ty) => {
         impl $crate::abi::Export for $model {
             type Model = $runner;
+            const GUID: Option<&'static str> = option_env!(concat!("FMI2_RS_GUID_", env!("CARGO_CRATE_NAME")));
             fn library() -> &'static $crate::abi::Library {
                 static LIBRARY: $crate::abi::Library = $crate::abi::Library::new();
                 &LIBRARY

@@ -32,7 +32,7 @@ pub struct Description {
     pub layout: Layout,
     /// Hash of the description.
     pub guid: String,
-    /// modelDescription.xml.
+    /// modelDescription.xml; empty in a packed library.
     pub xml: String,
 }
 
@@ -58,6 +58,11 @@ impl Description {
         let guid = format!("{{{hash}}}");
         let xml = xml.replacen(NO_GUID, &format!("guid=\"{guid}\""), 1);
         Self { layout, guid, xml }
+    }
+
+    /// What an instance needs, where the GUID is known: see [`crate::abi::Export::GUID`].
+    pub fn packed<M: Model>(guid: &str) -> Self {
+        Self { layout: M::layout(), guid: guid.to_owned(), xml: String::new() }
     }
 }
 

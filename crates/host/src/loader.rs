@@ -279,7 +279,7 @@ impl Library {
     }
 }
 
-/// The model description inside a library that the exporter of this project made.
+/// The model description inside a library that the exporter of this project made; empty in one from a packed FMU.
 ///
 /// # Errors
 /// The system cannot load it, or it was made by something else.
