@@ -2,7 +2,7 @@
 
 use host::description::{BaseUnit, ModelDescription, Unit};
 use host::parameter_set::{Parameter, ParameterSet};
-use host::plan::{BaseType, FigureKind, Order, Plan, Value};
+use host::plan::{BaseType, FigureKind, MetricKind, Order, Plan, Value};
 use host::resolve::{Options, ResolveError, resolve_text};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -190,6 +190,11 @@ fn metrics_and_figures() {
     assert_eq!((metric.threshold, metric.unit.as_deref()), (Some(3.0), Some("s")));
     assert_eq!(metric.factor, 57.295_779_513_082_32);
     assert_eq!((plan.metrics[1].threshold, plan.metrics[1].unit.as_deref()), (Some(0.05), Some("1")));
+    let magnitude = text.replace("\"crossing\"", "\"magnitude_crossing\"");
+    let plan_of_magnitude = plan_of(&magnitude, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let metric = &plan_of_magnitude.metrics[0];
+    assert_eq!((metric.kind, metric.threshold), (MetricKind::MagnitudeCrossing, Some(3.0)));
+    assert_eq!((metric.unit.as_deref(), metric.factor), (Some("s"), plan.metrics[0].factor));
     assert_eq!((&plan.figures[0].cases[..], plan.figures[0].separate), (&["active".to_string()][..], true));
     assert_eq!((plan.figures[0].levels[0].value, plan.figures[0].levels[0].title.as_str()), (0.1, "L"));
     // Numbers that refer to the last value: a share, and a time.
@@ -340,6 +345,7 @@ fn mistakes_are_reported_with_their_place() {
         ("kind = \"rms\"", "kind = \"share\"", "a metric of this kind needs a `threshold`"),
         ("kind = \"rms\"", "kind = \"rms\"\nthreshold = 0.8", "a metric of this kind has no `threshold`"),
         ("kind = \"rms\"", "kind = \"crossing\"\nthreshold = nan", "expected a finite number"),
+        ("kind = \"rms\"", "kind = \"magnitude_crossing\"", "a metric of this kind needs a `threshold`"),
         ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\" }", "either `above` or `below`"),
         (
             "kind = \"rms\"",
