@@ -3,15 +3,18 @@
 //! means something on a busy machine.
 
 use std::hint::black_box;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use fmi2::abi::Export;
 use fmi2::block::{ParameterReader, Parameters};
 use fmi2::model::{Model, Step};
 use fmi2::variable::{Kind, Layout, Role};
-use host::fmu::Fmu;
+use host::fmu::{Fmu, Fmus};
 use host::loader::Instance;
+use host::master;
+use host::plan::Plan;
+use host::resolve::{FmuFolder, Options, resolve};
 
 /// Communication step in s.
 const STEP: f64 = 0.001;
@@ -19,6 +22,8 @@ const STEP: f64 = 0.001;
 const STEPS: u32 = 20_000;
 /// Measurements of each kind; the median counts.
 const ROUNDS: usize = 7;
+/// Evaluations of each kind; the fastest counts, the others were disturbed.
+const EVALUATIONS: usize = 101;
 
 /// Prints one line: name, ns per step directly, through C, and their ratio.
 ///
@@ -38,10 +43,82 @@ pub fn compare<E: Export>() {
     println!("{name:28} {direct:8.0} ns directly {through_c:8.0} ns through C   ratio {:.2}", through_c / direct);
 }
 
+/// A run of packed FMUs as the tuner does it: libraries loaded once, instances per run, signals in memory.
+#[derive(Debug)]
+pub struct Evaluation {
+    plan: Plan,
+    fmus: Fmus,
+}
+
+impl Evaluation {
+    /// Resolves the first run of a scenario; `inputs` is the text of a CSV file of signals (see `cargo fmu plan --inputs`).
+    ///
+    /// # Panics
+    /// When the scenario has mistakes or an FMU is not packed.
+    #[must_use]
+    pub fn new(name: &str, scenario: &str, inputs: Option<&str>) -> Self {
+        let folder = target().join("bench");
+        std::fs::create_dir_all(&folder).expect("a folder for the scenario");
+        let write = |name: String, text: &str| {
+            let path = folder.join(name);
+            std::fs::write(&path, text).expect("a file in the folder");
+            path
+        };
+        let path = write(format!("{name}.toml"), scenario);
+        let inputs = inputs.map(|text| write(format!("{name}.csv"), text));
+        let options = Options { inputs, ..Options::default() };
+        let plan = resolve(&path, &FmuFolder::new([target().join("fmu")]), &options)
+            .unwrap_or_else(|error| panic!("{error:?}; are the FMUs packed?"));
+        let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
+        Self { plan, fmus }
+    }
+
+    /// The recorded columns.
+    ///
+    /// # Panics
+    /// When the run fails.
+    #[must_use]
+    pub fn run(&self) -> Vec<Vec<f64>> {
+        let run = self.plan.runs.first().expect("a run");
+        let recording = master::execute(&self.plan.simulation, run, &self.fmus, &mut |_| ());
+        let recording = recording.unwrap_or_else(|error| panic!("{error}"));
+        recording.columns.into_iter().flatten().collect()
+    }
+}
+
+/// Prints one line: ms per evaluation directly, through the FMUs, and their ratio; both turn by turn.
+///
+/// # Panics
+/// When the objectives differ in a bit.
+pub fn compare_evaluations(name: &str, direct: impl Fn() -> f64, fmus: impl Fn() -> f64) {
+    let timed = |evaluate: &dyn Fn() -> f64| {
+        let begin = Instant::now();
+        let objective = black_box(evaluate());
+        (begin.elapsed().as_secs_f64() * 1e3, objective)
+    };
+    let (mut times, mut fmu_times) = (Vec::new(), Vec::new());
+    for _ in 0..EVALUATIONS {
+        let ((time, objective), (fmu_time, fmu_objective)) = (timed(&direct), timed(&fmus));
+        assert_eq!(objective, fmu_objective, "the same data give the same objective");
+        times.push(time);
+        fmu_times.push(fmu_time);
+    }
+    let fastest = |times: Vec<f64>| times.into_iter().fold(f64::INFINITY, f64::min);
+    let (time, fmu_time) = (fastest(times), fastest(fmu_times));
+    let objective = direct();
+    println!(
+        "{name:28} {time:8.2} ms directly {fmu_time:8.2} ms by FMUs   ratio {:.2}   objective {objective:.6}",
+        fmu_time / time
+    );
+}
+
+fn target() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target"), PathBuf::from)
+}
+
 fn fmu_path(name: &str) -> PathBuf {
-    let target = std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../target"), PathBuf::from);
-    target.join("fmu").join(format!("{name}.fmu"))
+    target().join("fmu").join(format!("{name}.fmu"))
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
