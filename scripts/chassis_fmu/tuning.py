@@ -22,6 +22,7 @@ import markupsafe
 import matplotlib as mpl
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute
 import pyarrow.csv
 import pyarrow.parquet
 from matplotlib.figure import Figure
@@ -239,18 +240,7 @@ def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
                 fontsize=8.0,
             )
         above = [f"{t}: {_short(v)} \N{UPWARDS ARROW}" for t, v in levels if v > reach]
-        if above:
-            ax.annotate(
-                "\n".join(above),
-                xy=(1.0, 1.0),
-                xycoords="axes fraction",
-                xytext=(-4.0, -4.0),
-                textcoords="offset points",
-                ha="right",
-                va="top",
-                color=plots.MUTED,
-                fontsize=8.0,
-            )
+        ax.set_title("    ".join(above), loc="right", color=plots.MUTED, fontsize=8.0)
         ax.set_ylim(bottom - room, top + room)
         ax.set_xlim(1, max(len(c) for c in curves))
         ax.set_xlabel("Evaluations")
