@@ -248,7 +248,7 @@ impl Library {
         let path = &unpacked.binary;
         // SAFETY: loading runs initializers of the library; see the trust stated at the top.
         let library = unsafe { libloading::Library::new(path) }
-            .map_err(|error| LoadError::Library { path: path.clone(), reason: error.to_string() })?;
+            .map_err(|error| LoadError::Library { path: path.clone(), reason: reason(&error) })?;
         // SAFETY: the signatures are those of the FMI 2.0 headers; the table is stored beside the
         // library and its pointers are called through `Library` and `Instance` only.
         let functions = unsafe { Functions::load(&library) }
@@ -287,13 +287,19 @@ pub fn exported_description(path: &std::path::Path) -> Result<String, LoadError>
     const FUNCTION: &str = "fmi2_rs_model_description";
     // SAFETY: loading runs initializers of the library; see the trust stated at the top.
     let library = unsafe { libloading::Library::new(path) }
-        .map_err(|error| LoadError::Library { path: path.to_path_buf(), reason: error.to_string() })?;
+        .map_err(|error| LoadError::Library { path: path.to_path_buf(), reason: reason(&error) })?;
     // SAFETY: the exporter defines this function without arguments; it returns a string that lives as long as the
     // library is loaded, or null.
     let description = unsafe {
         library.get::<unsafe extern "C" fn() -> *const c_char>(FUNCTION.as_bytes()).map(|function| text(function()))
     };
     description.map_err(|_| LoadError::Missing { path: path.to_path_buf(), function: FUNCTION })
+}
+
+/// What the system says, such as which symbol or library is missing, stands in the sources of the error.
+fn reason(error: &libloading::Error) -> String {
+    let chain = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
+    chain.map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }
 
 /// `file:` URI of a folder, everything but plain characters percent-encoded (RFC 3986).

@@ -126,7 +126,7 @@ fn life(path: &str) {
 
 fn reload(path: &str) {
     for _ in 0..3 {
-        Fmu::open(Path::new(path)).started();
+        drop(Fmu::open(Path::new(path)).started());
     }
 }
 

@@ -237,9 +237,8 @@ impl System {
             }
             units.insert(fmu.name.clone(), unit);
         }
-        for (name, _) in given.iter().zip(used).filter(|(_, used)| !used) {
-            panic!("{}: no unit has the input {name}", case.file);
-        }
+        let unused = given.iter().zip(used).find(|(_, used)| !used);
+        assert!(unused.is_none(), "{}: no unit has the input {}", case.file, unused.map_or("", |(name, _)| name));
         Self { units, order, bus, feeds, places }
     }
 

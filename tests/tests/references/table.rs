@@ -3,11 +3,11 @@
 use std::io::Read;
 
 /// A table of numbers with named columns.
-pub struct Table {
+pub(crate) struct Table {
     /// Names of the columns.
-    pub names: Vec<String>,
+    pub(crate) names: Vec<String>,
     /// Rows; absent cells are NaN.
-    pub rows: Vec<Vec<f64>>,
+    pub(crate) rows: Vec<Vec<f64>>,
 }
 
 impl Table {
@@ -15,7 +15,7 @@ impl Table {
     ///
     /// # Panics
     /// When the file is missing or no table of numbers.
-    pub fn read(name: &str) -> Self {
+    pub(crate) fn read(name: &str) -> Self {
         let path = tests::workspace().join("tests/references").join(format!("{name}.csv.gz"));
         let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let mut text = String::new();
@@ -34,7 +34,7 @@ impl Table {
     ///
     /// # Panics
     /// When there is none of that name.
-    pub fn column(&self, name: &str) -> Vec<f64> {
+    pub(crate) fn column(&self, name: &str) -> Vec<f64> {
         let column = self.names.iter().position(|column| column == name);
         let column = column.unwrap_or_else(|| panic!("the file has no column {name}"));
         self.rows.iter().map(|row| row[column]).collect()
