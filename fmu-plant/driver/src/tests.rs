@@ -1,5 +1,7 @@
 //! The driver as an FMU: limits, files, saved states.
 
+use std::sync::Arc;
+
 use fmi2::description::Description;
 use fmi2::instance::Instance;
 use fmi2::model::SampledModel;
@@ -11,13 +13,13 @@ type Unit = Instance<SampledModel<Driver>>;
 /// An instance with its value references by name.
 struct Fmu {
     instance: Unit,
-    description: &'static Description,
+    description: Arc<Description>,
 }
 
 impl Fmu {
     fn new(resources: &Path) -> Self {
-        let description: &'static Description = Box::leak(Box::new(Description::of::<SampledModel<Driver>>()));
-        Self { instance: Unit::new(description, resources.to_owned()), description }
+        let description = Arc::new(Description::of::<SampledModel<Driver>>());
+        Self { instance: Unit::new(Arc::clone(&description), resources.to_owned()), description }
     }
 
     fn reference(&self, name: &str) -> u32 {
