@@ -1,6 +1,7 @@
 //! `cargo fmu`: packs models into FMUs, inspects, compares and linearizes them, writes new ones from a template, plans and
 //! runs scenarios, and tunes parameters.
 
+mod check;
 mod documentation;
 mod inspect;
 mod linearize;
@@ -23,6 +24,11 @@ enum Cli {
     Pack(pack::Arguments),
     /// Shows what an FMU says of itself
     Inspect(inspect::Arguments),
+    /// Judges FMUs of any origin: the description by the rules of FMI 2.0, the binary by what it does
+    ///
+    /// The binary is loaded and run in a process of its own: start values, repeated runs, two instances, reset, saved states,
+    /// dependencies, and whatever else the description promises. Ends with 1 if there are errors.
+    Check(check::Arguments),
     /// Shows which FMUs fit which plants by their signals
     ///
     /// A plant is an FMU with continuous states, unless it writes inputs of one with more states: then it is an actuator.
@@ -52,6 +58,7 @@ fn main() -> miette::Result<()> {
     match Cli::parse_from(arguments.map(|(_, argument)| argument)) {
         Cli::Pack(arguments) => pack::run(&arguments),
         Cli::Inspect(arguments) => inspect::run(&arguments),
+        Cli::Check(arguments) => check::run(&arguments),
         Cli::Systems(arguments) => systems::run(&arguments),
         Cli::Linearize(arguments) => linearize::run(&arguments),
         Cli::New(arguments) => new::run(&arguments),

@@ -127,6 +127,28 @@ fn a_scenario_is_planned_and_run() {
     assert!(result("flat.csv").is_err());
 }
 
+#[cfg(unix)]
+#[test]
+fn an_fmu_is_judged() {
+    let folder = tempfile::tempdir().unwrap();
+    support::Build::new("Ramp", "u", "x").pack(folder.path());
+    let output = command(folder.path(), &["check", "Ramp.fmu"]);
+    assert_eq!(output.status.code(), Some(1));
+    let findings = text(&output.stdout);
+    assert!(findings.starts_with("Ramp.fmu: ") && findings.contains(" errors, no warning"), "{findings}");
+    assert!(findings.contains("error: fmi2CancelStep: is not exported"), "{findings}");
+    assert!(findings.contains("error: variable `x`: is not listed in ModelStructure/Outputs"), "{findings}");
+    // What it does is well.
+    assert!(!findings.contains("fmi2Reset:") && !findings.contains("two instances"), "{findings}");
+
+    support::Build { crash: true, ..support::Build::new("Crash", "u", "x") }.pack(folder.path());
+    let output = command(folder.path(), &["check", "Crash.fmu", "Ramp.fmu"]);
+    assert_eq!(output.status.code(), Some(1));
+    let findings = text(&output.stdout);
+    assert!(findings.contains("error: runs: the process did not survive it: signal: 6"), "{findings}");
+    assert!(findings.contains("Ramp.fmu: "), "the next one is checked all the same: {findings}");
+}
+
 const STUDY: &str = r#"title = "Ramp"
 scenario = "ramp.toml"
 cases = ["steep"]

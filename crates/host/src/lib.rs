@@ -5,6 +5,7 @@
 //!
 //! - [`description`] reads `modelDescription.xml`, [`archive`] the zip file around it,
 //! - [`fmu`] and [`loader`] open the binary and give its functions a safe interface,
+//! - [`check`](mod@check) judges an FMU by its description and by what it does,
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
 //!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
 //!   [`problem`] shows mistakes with their place; [`systems`] tells which FMUs fit which plants by their signals,
@@ -32,6 +33,7 @@
 
 pub mod archive;
 pub mod c_api;
+pub mod check;
 pub mod description;
 pub mod fmu;
 pub mod loader;

@@ -177,6 +177,15 @@ macro_rules! functions {
                     })
                 }
             }
+
+            /// Names of the optional functions that are not there.
+            fn missing(&self) -> Vec<&'static str> {
+                let mut names = Vec::new();
+                $(if self.$other.is_none() {
+                    names.push($other_name);
+                })*
+                names
+            }
         }
     };
 }
@@ -270,6 +279,13 @@ impl Library {
             instances: AtomicUsize::new(0),
             _unpacked: unpacked,
         }))
+    }
+
+    /// Functions of FMI 2.0 for co-simulation that the library does not export although the standard has them; those
+    /// without which it could not be loaded are not among them.
+    #[must_use]
+    pub fn missing_functions(&self) -> Vec<&'static str> {
+        self.functions.missing()
     }
 
     /// Number of living instances.

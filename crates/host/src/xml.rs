@@ -54,6 +54,11 @@ impl Element {
         self.attributes.iter().find(|(n, _)| n == name).map(|(_, value)| value.as_str())
     }
 
+    /// Names of all attributes.
+    pub(crate) fn attribute_names(&self) -> impl Iterator<Item = &str> {
+        self.attributes.iter().map(|(name, _)| name.as_str())
+    }
+
     /// Value of an attribute that must be there.
     pub(crate) fn required(&self, name: &str) -> Result<&str, XmlError> {
         self.attribute(name).ok_or_else(|| self.place.error(format!("<{}> lacks the attribute `{name}`", self.name)))

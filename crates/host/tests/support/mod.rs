@@ -22,6 +22,8 @@ pub(crate) struct Build<'a> {
     pub(crate) version: &'a str,
     /// Export state and derivative functions.
     pub(crate) states: bool,
+    /// End the process at the first step.
+    pub(crate) crash: bool,
     /// GUID of the description; that of the binary is `{name}`.
     pub(crate) guid: &'a str,
 }
@@ -29,7 +31,7 @@ pub(crate) struct Build<'a> {
 impl<'a> Build<'a> {
     /// An integrator from `input` to `output`.
     pub(crate) fn new(name: &'a str, input: &'a str, output: &'a str) -> Self {
-        Self { name, input, output, flags: "", version: "2.0", states: true, guid: name }
+        Self { name, input, output, flags: "", version: "2.0", states: true, crash: false, guid: name }
     }
 
     /// Compiles and packs the FMU into a folder. The linker of Rust programs is the C compiler, so
@@ -44,8 +46,10 @@ impl<'a> Build<'a> {
             .arg("-ffp-contract=off")
             .arg(format!("-DVERSION=\"{}\"", self.version))
             .arg(format!("-DGUID=\"{}\"", self.name));
-        if self.states {
-            cc.arg("-DSTATES");
+        for (define, is_wanted) in [("-DSTATES", self.states), ("-DCRASH", self.crash)] {
+            if is_wanted {
+                cc.arg(define);
+            }
         }
         let status = cc.arg("-o").arg(&binary).arg(&source).status().unwrap();
         assert!(status.success());

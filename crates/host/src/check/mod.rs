@@ -1,0 +1,108 @@
+//! Judges FMUs, ours or a stranger's: does the description keep the rules of FMI 2.0 for co-simulation, and does the
+//! binary do what the description says?
+//!
+//! The rules of the description stand in FMI 2.0.4, section 2.2 and 4.3; [`rules`] goes through them. Validators that
+//! only read XML cannot know whether a start value is the real one, whether an output really follows an input, or
+//! whether a restored state goes on as before: [`behavior`] tries it out.
+
+mod behavior;
+mod rules;
+
+use crate::archive::Archive;
+use crate::description::ModelDescription;
+use crate::loader::{Library, LoadError};
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// Allowed, but it misleads masters or their users.
+    Warning,
+    /// Against the standard, or not as described.
+    Error,
+}
+
+/// Something that is wrong with an FMU.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is about, such as a variable or a function.
+    pub subject: String,
+    /// What is wrong, and what was expected.
+    pub message: String,
+}
+
+impl Finding {
+    fn error(subject: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { severity: Severity::Error, subject: subject.into(), message: message.into() }
+    }
+
+    fn warning(subject: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { severity: Severity::Warning, ..Self::error(subject, message) }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let severity = match self.severity {
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        };
+        write!(f, "{severity}: {}: {}", self.subject, self.message)
+    }
+}
+
+/// What a check tells while it goes on.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Event {
+    /// What is tried next. If the binary takes the process down, this is what it did not survive.
+    Trying(String),
+    /// What was found.
+    Found(Finding),
+}
+
+/// Checks a `.fmu` file.
+///
+/// The binary is loaded and runs in this process, so call it in a process of its own where a crash matters.
+pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
+    let mut found = |finding| tell(Event::Found(finding));
+    let opened = Archive::open(path).and_then(|mut archive| Ok((archive.description_text()?, archive)));
+    let (text, mut archive) = match opened {
+        Ok(opened) => opened,
+        Err(error) => return found(Finding::error("archive", error.to_string())),
+    };
+    let description = match ModelDescription::parse(&text) {
+        Ok(description) => description,
+        Err(error) => return found(Finding::error("modelDescription.xml", error.to_string())),
+    };
+    rules::check(&text, &description).into_iter().for_each(&mut found);
+    let Some(co_simulation) = &description.co_simulation else {
+        return found(Finding::error("CoSimulation", "is missing: the FMU cannot be stepped by a master"));
+    };
+    tell(Event::Trying("loading the binary".to_owned()));
+    let unpacked = match archive.unpack(&co_simulation.model_identifier) {
+        Ok(unpacked) => unpacked,
+        Err(error) => return tell(Event::Found(Finding::error("binary", error.to_string()))),
+    };
+    match Library::load(unpacked) {
+        Ok(library) => functions_and_behavior(&library, &description, tell),
+        Err(LoadError::Missing { function, .. }) => tell(Event::Found(missing(function))),
+        Err(error) => tell(Event::Found(Finding::error("binary", error.to_string()))),
+    }
+}
+
+fn functions_and_behavior(library: &Arc<Library>, description: &ModelDescription, tell: &mut dyn FnMut(Event)) {
+    for function in library.missing_functions() {
+        tell(Event::Found(missing(function)));
+    }
+    behavior::check(library, description, tell);
+}
+
+fn missing(function: &str) -> Finding {
+    Finding::error(function, "is not exported by the binary; all functions of FMI 2.0 have to be there")
+}

@@ -1,0 +1,422 @@
+//! The rules of a description.
+
+use super::Finding;
+use crate::description::{BaseType, Causality, Initial, ModelDescription, Unknown, Value, Variability, Variable};
+use crate::xml::{self, Element};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// All findings about a description that could be read.
+pub(super) fn check(text: &str, description: &ModelDescription) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    if let Ok(root) = xml::parse(text) {
+        schema(&root, &mut findings);
+        written_initial(&root, &mut findings);
+    }
+    general(description, &mut findings);
+    for variable in &description.variables {
+        rules_of_variable(description, variable, &mut findings);
+    }
+    aliases(description, &mut findings);
+    structure(description, &mut findings);
+    findings
+}
+
+/// Attributes and children that the schema knows; `None`: not an element of FMI 2.0.
+fn known(element: &str) -> Option<(&'static str, &'static str)> {
+    const TYPES: &str = "Real Integer Boolean String Enumeration";
+    Some(match element {
+        "fmiModelDescription" => (
+            "fmiVersion modelName guid description author version copyright license generationTool \
+             generationDateAndTime variableNamingConvention numberOfEventIndicators",
+            "ModelExchange CoSimulation UnitDefinitions TypeDefinitions LogCategories DefaultExperiment \
+             VendorAnnotations ModelVariables ModelStructure",
+        ),
+        "CoSimulation" => (
+            "modelIdentifier needsExecutionTool canHandleVariableCommunicationStepSize canInterpolateInputs \
+             maxOutputDerivativeOrder canRunAsynchronuously canBeInstantiatedOnlyOncePerProcess \
+             canNotUseMemoryManagementFunctions canGetAndSetFMUstate canSerializeFMUstate \
+             providesDirectionalDerivative",
+            "SourceFiles",
+        ),
+        "ModelExchange" => (
+            "modelIdentifier needsExecutionTool completedIntegratorStepNotNeeded \
+             canBeInstantiatedOnlyOncePerProcess canNotUseMemoryManagementFunctions canGetAndSetFMUstate \
+             canSerializeFMUstate providesDirectionalDerivative",
+            "SourceFiles",
+        ),
+        "SourceFiles" => ("", "File"),
+        "File" => ("name", ""),
+        "UnitDefinitions" => ("", "Unit"),
+        "Unit" => ("name", "BaseUnit DisplayUnit"),
+        "BaseUnit" => ("kg m s A K mol cd rad factor offset", ""),
+        "DisplayUnit" => ("name factor offset", ""),
+        "TypeDefinitions" => ("", "SimpleType"),
+        "SimpleType" => ("name description", TYPES),
+        "Real" => (
+            "declaredType quantity unit displayUnit relativeQuantity min max nominal unbounded start derivative \
+             reinit",
+            "",
+        ),
+        "Integer" => ("declaredType quantity min max start", ""),
+        "Boolean" | "String" => ("declaredType start", ""),
+        "Enumeration" => ("declaredType quantity min max start", "Item"),
+        "Item" => ("name value description", ""),
+        "LogCategories" => ("", "Category"),
+        "Category" => ("name description", ""),
+        "DefaultExperiment" => ("startTime stopTime tolerance stepSize", ""),
+        "VendorAnnotations" | "Annotations" => ("", "Tool"),
+        "ModelVariables" => ("", "ScalarVariable"),
+        "ScalarVariable" => (
+            "name valueReference description causality variability initial canHandleMultipleSetPerTimeInstant",
+            "Real Integer Boolean String Enumeration Annotations",
+        ),
+        "ModelStructure" => ("", "Outputs Derivatives InitialUnknowns"),
+        "Outputs" | "Derivatives" | "InitialUnknowns" => ("", "Unknown"),
+        "Unknown" => ("index dependencies dependenciesKind", ""),
+        _ => return None,
+    })
+}
+
+/// Elements and attributes that are not in the schema.
+fn schema(element: &Element, findings: &mut Vec<Finding>) {
+    // What a tool writes for itself has a schema of its own.
+    let Some((attributes, children)) = known(&element.name).filter(|_| element.name != "Tool") else { return };
+    let is_among = |list: &str, name: &str| list.split(' ').any(|known| known == name);
+    let subject = || format!("<{}>, line {}", element.name, element.place.line);
+    for name in element.attribute_names() {
+        // Namespaces are declared by attributes, and their attributes have a colon.
+        if !is_among(attributes, name) && !name.contains(':') && name != "xmlns" {
+            findings.push(Finding::error(subject(), format!("FMI 2.0 knows no attribute `{name}` here")));
+        }
+    }
+    for child in &element.children {
+        if is_among(children, &child.name) {
+            schema(child, findings);
+        } else {
+            findings.push(Finding::error(subject(), format!("FMI 2.0 knows no element <{}> here", child.name)));
+        }
+    }
+}
+
+/// `initial` where it may not be written.
+fn written_initial(root: &Element, findings: &mut Vec<Finding>) {
+    let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
+    for element in variables {
+        let name = element.attribute("name").unwrap_or_default();
+        if let (Some(causality @ ("input" | "independent")), Some(initial)) =
+            (element.attribute("causality"), element.attribute("initial"))
+        {
+            let message = format!("has initial=\"{initial}\", but causality=\"{causality}\" may have none");
+            findings.push(Finding::error(variable_named(name), message));
+        }
+    }
+}
+
+fn variable_named(name: &str) -> String {
+    format!("variable `{name}`")
+}
+
+fn general(description: &ModelDescription, findings: &mut Vec<Finding>) {
+    if let Some(time) = &description.generation_date_and_time
+        && !is_date_time(time)
+    {
+        let message = format!("\"{time}\" is no date and time such as 2026-01-31T12:00:00Z");
+        findings.push(Finding::error("generationDateAndTime", message));
+    }
+    if !matches!(description.variable_naming_convention.as_str(), "flat" | "structured") {
+        let message = format!("\"{}\", expected flat or structured", description.variable_naming_convention);
+        findings.push(Finding::error("variableNamingConvention", message));
+    }
+    let experiment = description.default_experiment;
+    let mut error = |message: String| findings.push(Finding::error("DefaultExperiment", message));
+    let start = experiment.start_time.unwrap_or(0.0);
+    if let Some(stop) = experiment.stop_time
+        && (stop.is_nan() || stop <= start)
+    {
+        error(format!("stopTime {stop} s is not after startTime {start} s"));
+    }
+    for (name, value) in [("stepSize", experiment.step_size), ("tolerance", experiment.tolerance)] {
+        if let Some(value) = value
+            && !(value.is_finite() && value > 0.0)
+        {
+            error(format!("{name} {value}, expected a number above 0"));
+        }
+    }
+}
+
+/// `xs:dateTime`, as far as it is digits and separators.
+fn is_date_time(text: &str) -> bool {
+    let Some((date, time)) = text.split_once('T') else { return false };
+    let numbers = |text: &str, separator: char, lengths: &[usize]| {
+        let parts: Vec<&str> = text.split(separator).collect();
+        parts.len() == lengths.len()
+            && parts
+                .iter()
+                .zip(lengths)
+                .all(|(part, length)| part.len() == *length && part.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    let zone = time.find(['Z', '+', '-']).unwrap_or(time.len());
+    let (time, zone) = time.split_at(zone);
+    let (time, fraction) = time.split_once('.').unwrap_or((time, "0"));
+    let is_zone = zone.is_empty() || zone == "Z" || numbers(&zone[1..], ':', &[2, 2]);
+    let is_fraction = !fraction.is_empty() && fraction.bytes().all(|byte| byte.is_ascii_digit());
+    numbers(date, '-', &[4, 2, 2]) && numbers(time, ':', &[2, 2, 2]) && is_fraction && is_zone
+}
+
+fn rules_of_variable(description: &ModelDescription, variable: &Variable, findings: &mut Vec<Finding>) {
+    let mut error = |message: String| findings.push(Finding::error(variable_named(&variable.name), message));
+    let Variable { causality, variability, initial, .. } = *variable;
+    if description.variable_naming_convention == "structured" && !is_structured(&variable.name) {
+        error("its name does not follow the structured naming convention that the description promises".to_owned());
+    }
+
+    let allowed: &[Variability] = match causality {
+        Causality::Parameter | Causality::CalculatedParameter => &[Variability::Fixed, Variability::Tunable],
+        Causality::Input => &[Variability::Discrete, Variability::Continuous],
+        Causality::Output => &[Variability::Constant, Variability::Discrete, Variability::Continuous],
+        Causality::Independent => &[Variability::Continuous],
+        Causality::Local => &[
+            Variability::Constant,
+            Variability::Fixed,
+            Variability::Tunable,
+            Variability::Discrete,
+            Variability::Continuous,
+        ],
+    };
+    if !allowed.contains(&variability) {
+        error(format!("causality {causality:?} and variability {variability:?} do not go together"));
+    }
+    let is_initial_allowed = match causality {
+        Causality::Parameter => initial == Some(Initial::Exact),
+        Causality::CalculatedParameter => initial != Some(Initial::Exact),
+        _ => true,
+    };
+    if let Some(initial) = initial.filter(|_| !is_initial_allowed) {
+        error(format!("causality {causality:?} and initial {initial:?} do not go together"));
+    }
+    if variability == Variability::Continuous && variable.base_type != BaseType::Real {
+        error(format!("is a continuous {}; only a Real can be continuous", variable.base_type));
+    }
+
+    let is_given = matches!(causality, Causality::Parameter | Causality::Input)
+        || matches!(initial, Some(Initial::Exact | Initial::Approx));
+    if is_given && variable.start.is_none() {
+        error("has no start value, which inputs, parameters and variables with initial exact or approx need".into());
+    }
+    if !is_given && variable.start.is_some() {
+        error("has a start value, although it is calculated".to_owned());
+    }
+
+    if let Some(unit) = &variable.unit {
+        match description.unit(unit) {
+            None => error(format!("its unit `{unit}` is not defined in UnitDefinitions")),
+            Some(definition) => {
+                if let Some(display) = &variable.display_unit
+                    && display != unit
+                    && !definition.display_units.iter().any(|known| known.name == *display)
+                {
+                    error(format!("its display unit `{display}` is not one of the unit `{unit}`"));
+                }
+            }
+        }
+    }
+    limits(variable, &mut error);
+}
+
+fn limits(variable: &Variable, error: &mut dyn FnMut(String)) {
+    let (min, max) = (variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY));
+    if min.is_nan() || max.is_nan() || min > max {
+        return error(format!("min {min} is above max {max}"));
+    }
+    let start = match variable.start {
+        Some(Value::Real(start)) => Some(start),
+        Some(Value::Integer(start)) => Some(f64::from(start)),
+        _ => None,
+    };
+    if let Some(start) = start {
+        if !start.is_finite() {
+            error(format!("its start value {start} is no finite number"));
+        } else if !(min..=max).contains(&start) {
+            error(format!("its start value {start} is outside of its limits, {min} to {max}"));
+        }
+        if !variable.items.is_empty() && !variable.items.iter().any(|item| f64::from(item.value) == start) {
+            error(format!("its start value {start} is none of its items"));
+        }
+    }
+    if variable.nominal.is_some_and(|nominal| !(nominal.is_finite() && nominal > 0.0)) {
+        error("its nominal value is not above 0".to_owned());
+    }
+}
+
+/// A name of the structured convention (FMI 2.0.4, section 2.2.9): identifiers with indices, joined by dots, in
+/// `der()` or not.
+fn is_structured(name: &str) -> bool {
+    let inner = name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')'));
+    if let Some(inner) = inner {
+        let (inner, order) = inner.rsplit_once(',').unwrap_or((inner, "1"));
+        return is_structured(inner) && !order.is_empty() && order.bytes().all(|byte| byte.is_ascii_digit());
+    }
+    let mut rest = name;
+    loop {
+        let Some(after) = after_identifier(rest) else { return false };
+        rest = after;
+        if let Some(indexed) = rest.strip_prefix('[') {
+            let Some((indices, after)) = indexed.split_once(']') else { return false };
+            let is_index = |index: &str| !index.is_empty() && index.bytes().all(|byte| byte.is_ascii_digit());
+            if !indices.split(',').all(|index| is_index(index.trim())) {
+                return false;
+            }
+            rest = after;
+        }
+        match rest.strip_prefix('.') {
+            Some(after) => rest = after,
+            None => return rest.is_empty(),
+        }
+    }
+}
+
+/// What follows the identifier at the start, plain or between single quotes.
+fn after_identifier(text: &str) -> Option<&str> {
+    if let Some(quoted) = text.strip_prefix('\'') {
+        let mut escaped = false;
+        for (i, c) in quoted.char_indices() {
+            match c {
+                '\'' if !escaped => return (i > 0).then(|| &quoted[i + 1..]),
+                '\\' => escaped = !escaped,
+                _ => escaped = false,
+            }
+        }
+        return None;
+    }
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let end = text.find(|c| !is_word(c)).unwrap_or(text.len());
+    (end > 0 && !text.starts_with(|c: char| c.is_ascii_digit())).then(|| &text[end..])
+}
+
+/// Variables of one base type with one value reference are one quantity.
+fn aliases(description: &ModelDescription, findings: &mut Vec<Finding>) {
+    let mut sets: BTreeMap<_, Vec<&Variable>> = BTreeMap::new();
+    for variable in &description.variables {
+        sets.entry((variable.base_type, variable.reference)).or_default().push(variable);
+    }
+    for ((base_type, reference), set) in sets.into_iter().filter(|(_, set)| set.len() > 1) {
+        let names = set.iter().map(|variable| format!("`{}`", variable.name)).collect::<Vec<_>>().join(", ");
+        let subject = format!("{base_type} value reference {reference}");
+        let count = |causality| set.iter().filter(|variable| variable.causality == causality).count();
+        if count(Causality::Input) + count(Causality::Parameter) > 1 {
+            findings.push(Finding::error(subject, format!("belongs to {names}: setting one sets the other, too")));
+        } else if count(Causality::Output) > 1 {
+            findings.push(Finding::warning(subject, format!("belongs to {names}: they can never differ")));
+        }
+    }
+}
+
+fn structure(description: &ModelDescription, findings: &mut Vec<Finding>) {
+    let variables = &description.variables;
+    let states: BTreeSet<usize> =
+        description.derivatives.iter().filter_map(|unknown| variables[unknown.variable].derivative_of).collect();
+    let is_calculated = |variable: &Variable| variable.initial != Some(Initial::Exact);
+    let all = |is_wanted: &dyn Fn(usize, &Variable) -> bool| -> BTreeSet<usize> {
+        (0..variables.len()).filter(|&i| is_wanted(i, &variables[i])).collect()
+    };
+    let outputs = all(&|_, variable| variable.causality == Causality::Output);
+    let derivatives: BTreeSet<usize> = description.derivatives.iter().map(|unknown| unknown.variable).collect();
+    let initial = all(&|i, variable| {
+        let is_unknown = variable.causality == Causality::Output || states.contains(&i) || derivatives.contains(&i);
+        variable.causality == Causality::CalculatedParameter || (is_unknown && is_calculated(variable))
+    });
+
+    list(description, "Outputs", &description.outputs, Some(&outputs), findings);
+    list(description, "Derivatives", &description.derivatives, None, findings);
+    list(description, "InitialUnknowns", &description.initial_unknowns, Some(&initial), findings);
+    for unknown in &description.derivatives {
+        let variable = &variables[unknown.variable];
+        if variable.derivative_of.is_none() {
+            let message = "is listed in Derivatives, but lacks the attribute `derivative`";
+            findings.push(Finding::error(variable_named(&variable.name), message));
+        }
+    }
+    let has_inputs = variables.iter().any(|variable| variable.causality == Causality::Input);
+    for unknown in description.outputs.iter().filter(|unknown| has_inputs && unknown.dependencies.is_none()) {
+        findings.push(Finding::warning(
+            variable_named(&variables[unknown.variable].name),
+            "its entry in Outputs has no `dependencies`, which means that it depends on all inputs: masters then see \
+             algebraic loops that may not be there",
+        ));
+    }
+}
+
+/// A list of the model structure: complete, nothing twice, and dependencies on what can be known.
+fn list(
+    description: &ModelDescription,
+    name: &str,
+    unknowns: &[Unknown],
+    expected: Option<&BTreeSet<usize>>,
+    findings: &mut Vec<Finding>,
+) {
+    let variables = &description.variables;
+    let mut error =
+        |i: usize, message: String| findings.push(Finding::error(variable_named(&variables[i].name), message));
+    let mut listed = BTreeSet::new();
+    for unknown in unknowns {
+        if !listed.insert(unknown.variable) {
+            error(unknown.variable, format!("is listed twice in {name}"));
+        }
+        let Some(dependencies) = &unknown.dependencies else { continue };
+        if !unknown.kinds.is_empty() && unknown.kinds.len() != dependencies.len() {
+            let message = format!(
+                "has {} dependencies in {name}, but {} kinds of dependency",
+                dependencies.len(),
+                unknown.kinds.len()
+            );
+            error(unknown.variable, message);
+        }
+        for &dependency in dependencies {
+            let known = &variables[dependency];
+            let never = matches!(known.causality, Causality::CalculatedParameter) && name != "InitialUnknowns";
+            if dependency == unknown.variable || never {
+                error(unknown.variable, format!("cannot depend on `{}` in {name}", known.name));
+            }
+        }
+    }
+    if let Some(expected) = expected {
+        for &i in expected.difference(&listed) {
+            error(i, format!("is not listed in ModelStructure/{name}, where it belongs"));
+        }
+        for &i in listed.difference(expected) {
+            error(i, format!("is listed in ModelStructure/{name}, where it does not belong"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn structured_names() {
+        for name in ["x", "body.roll", "a[3].b", "a[1, 2]", "der(x)", "der(a.b[2], 2)", "'a b'.c", "'it\\'s'"] {
+            assert!(is_structured(&name.replace(", 2)", ",2)")), "{name}");
+        }
+        for name in ["", "1x", "a.", ".a", "a b", "a[x]", "a[1", "der(x", "der(x,)", "''", "'a", "a-b"] {
+            assert!(!is_structured(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn dates() {
+        for text in ["2026-01-31T12:00:00Z", "2026-01-31T12:00:00", "2026-01-31T12:00:00.5+01:00"] {
+            assert!(is_date_time(text), "{text}");
+        }
+        for text in [
+            "",
+            "yesterday",
+            "2026-1-31T12:00:00Z",
+            "2026-01-31 12:00:00",
+            "2026-01-31T12:00Z",
+            "2026-01-31T12:00:00.Z",
+        ] {
+            assert!(!is_date_time(text), "{text}");
+        }
+    }
+}
