@@ -1,5 +1,5 @@
 //! `cargo fmu`: packs models into FMUs, inspects, compares and linearizes them, writes new ones from a template, plans and
-//! runs scenarios, and tunes parameters.
+//! runs scenarios, writes them for other masters, and tunes parameters.
 
 mod check;
 mod documentation;
@@ -10,6 +10,7 @@ mod pack;
 mod plan;
 mod run;
 mod selection;
+mod system;
 mod systems;
 mod tune;
 mod workspace;
@@ -48,6 +49,13 @@ enum Cli {
     Plan(plan::Arguments),
     /// Executes all runs of a scenario and writes a CSV file for each
     Run(run::Arguments),
+    /// Writes a run of a scenario for other masters: an SSP file and a system structure of libcosim, with the FMUs
+    ///
+    /// OUT/NAME.ssp holds the structure with units of measure, parameter sets and the FMUs, for Ecos, libcosim and
+    /// OMSimulator; OUT/OspSystemStructure.xml is for libcosim. Inputs that keep one value are start values. Neither file
+    /// says in which order the units of a step follow each other: Ecos and libcosim step all at once (`--order jacobi`
+    /// of `cargo fmu run`). What is recorded becomes a connector; metrics and figures are left out.
+    System(system::Arguments),
     /// Tunes parameters of a scenario as a study says
     Tune(tune::Arguments),
 }
@@ -64,6 +72,7 @@ fn main() -> miette::Result<()> {
         Cli::New(arguments) => new::run(&arguments),
         Cli::Plan(arguments) => plan::run(&arguments),
         Cli::Run(arguments) => run::run(&arguments),
+        Cli::System(arguments) => system::run(&arguments),
         Cli::Tune(arguments) => tune::run(&arguments),
     }
 }

@@ -319,3 +319,45 @@ fn systems_are_shown_as_a_matrix() {
     let (is_fine, _, error) = systems(&["Stering"]);
     assert!(!is_fine && error.contains("there is no FMU named 'Stering'; did you mean Steering?"), "{error}");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_system_is_written_for_other_masters() {
+    let folder = folder(SCENARIO);
+    let fmus = folder.path().join("target/fmu");
+    std::fs::create_dir_all(&fmus).unwrap();
+    support::Build::new("Ramp", "u", "x").pack(&fmus);
+    let system = |arguments: &[&str]| {
+        command(folder.path(), &[&["system", "ramp.toml", "--out", "out/flat"], arguments].concat())
+    };
+    for (arguments, expected) in [
+        (&["--case", "flatt"][..], "has no case `flatt`; did you mean `flat`?"),
+        (&["--case", "quick"], "it has steep, flat"),
+        (&["--point", "fast"], "has no point `fast`; it has none"),
+        (&["--seed", "-1"], "has no seed `-1`"),
+        (&["--stop", "0.3"], "stop 0.3 s is not a whole number of steps"),
+    ] {
+        let output = system(arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(message(&output.stderr).contains(expected), "{}", text(&output.stderr));
+        assert!(!folder.path().join("out").exists(), "{arguments:?}");
+    }
+    let output = system(&["--case", "flat", "--stop", "0.5"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("run flat for other masters, step 0.25 s, until 0.5 s"));
+    let osp = std::fs::read_to_string(folder.path().join("out/flat/OspSystemStructure.xml")).unwrap();
+    // The case's parameter, and the constant for the input.
+    for expected in ["variable=\"gain\"", "value=\"0.5\"", "variable=\"u\"", "value=\"2.0\""] {
+        assert!(osp.contains(expected), "{osp}");
+    }
+    assert!(folder.path().join("out/flat/ramp.ssp").is_file());
+
+    let output = system(&[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        message(&output.stderr).contains("the folder is not empty; `--overwrite` replaces"),
+        "{}",
+        text(&output.stderr)
+    );
+    assert_eq!(system(&["--overwrite"]).status.code(), Some(0));
+}

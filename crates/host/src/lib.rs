@@ -9,7 +9,7 @@
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
 //!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
 //!   [`problem`] shows mistakes with their place; [`systems`] tells which FMUs fit which plants by their signals,
-//! - [`master`] executes the runs of a plan, [`results`] writes them.
+//! - [`master`] executes the runs of a plan, [`results`] writes them, [`export`] writes a run for other masters.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
 //! once and then executes changed copies of a run in memory:
@@ -35,6 +35,7 @@ pub mod archive;
 pub mod c_api;
 pub mod check;
 pub mod description;
+pub mod export;
 pub mod fmu;
 pub mod loader;
 pub mod master;

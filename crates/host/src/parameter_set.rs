@@ -12,7 +12,7 @@ use std::io;
 use std::path::Path;
 
 const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
-const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
+pub(crate) const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
 /// Names of the attributes of a base unit, in the order of [`BaseUnit::exponents`].
 const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
@@ -153,7 +153,7 @@ impl ParameterSet {
     }
 }
 
-fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
+pub(crate) fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
     let mut element = BytesStart::new("ssc:BaseUnit");
     let Some(base) = base else { return element };
     for (name, exponent) in BASE.iter().zip(base.exponents) {
