@@ -2,7 +2,7 @@
 
 use crate::Call::{Read, Run, Set, Step};
 use crate::table::Table;
-use crate::{Case, NOTHING, compare, within};
+use crate::{Call, Case, NOTHING, compare, simulate, within};
 use host::loader::Instance;
 use tests::{Fmu, ok, reals};
 
@@ -103,21 +103,81 @@ fn semi_active_suspension() {
     });
 }
 
+const CONTROLLED: &[Call] = &[
+    Read("HeavyVehicle"),
+    Run("YawRateReference"),
+    Run("ActiveFrontSteering"),
+    Run("AllWheelSteering"),
+    Run("SemiActiveFuzzySuspension"),
+    Set("HeavyVehicle"),
+    Step("HeavyVehicle"),
+];
+
 #[test]
 fn closed_loop_with_all_controllers_in_a_step_steer() {
-    compare(&Case {
-        file: "heavy_vehicle/loop_step60_roadB_all",
-        program: &[
-            Read("HeavyVehicle"),
-            Run("YawRateReference"),
-            Run("ActiveFrontSteering"),
-            Run("AllWheelSteering"),
-            Run("SemiActiveFuzzySuspension"),
-            Set("HeavyVehicle"),
-            Step("HeavyVehicle"),
-        ],
-        ..LOOP
-    });
+    compare(&Case { file: "heavy_vehicle/loop_step60_roadB_all", program: CONTROLLED, ..LOOP });
+}
+
+/// The truck and its rules are the same on the left and on the right. Reference: symmetry; 1e-11 of the peaks is what
+/// the roundings of sums in another order grow to.
+#[test]
+fn closed_loop_in_a_mirror() {
+    let table = Table::read("heavy_vehicle/loop_step60_roadB_all");
+    let mirrored = Table {
+        names: table.names.iter().map(|name| other_side(name)).collect(),
+        rows: table.rows.iter().map(|row| row.iter().zip(&table.names).map(|(v, n)| v * sign(n)).collect()).collect(),
+    };
+    let is_output = |name: &&str| *name != "time" && !crate::matches(name, LOOP.inputs);
+    let signals: Vec<&str> = table.names.iter().map(String::as_str).filter(is_output).collect();
+    let others: Vec<String> = signals.iter().map(|name| other_side(name)).collect();
+    let others: Vec<&str> = others.iter().map(String::as_str).collect();
+    let largest_difference = |parameters: &'static [(&'static str, &'static str, f64)]| {
+        let case = Case { file: "heavy_vehicle/loop_step60_roadB_all", program: CONTROLLED, parameters, ..LOOP };
+        let (left, right) = (simulate(&case, &table, &signals), simulate(&case, &mirrored, &others));
+        let relative = |((name, left), right): ((&&str, &Vec<f64>), &Vec<f64>)| {
+            let peak = left.iter().fold(crate::FLOOR, |peak, value| peak.max(value.abs()));
+            left.iter().zip(right).fold(0.0, |worst: f64, (l, r)| worst.max((l - sign(name) * r).abs())) / peak
+        };
+        signals.iter().zip(&left).zip(&right).map(relative).fold(0.0, f64::max)
+    };
+    let difference = largest_difference(&[]);
+    assert!(difference < 1e-11, "{difference:e}");
+    // The rules as printed treat left and right differently; that shows the comparison sees it.
+    let difference = largest_difference(STANDARD_RULES);
+    assert!(difference > 1e-3, "{difference:e}");
+}
+
+const STANDARD_RULES: &[(&str, &str, f64)] = &[
+    ("ActiveFrontSteering", "fuzzy.rule_table", 1.0),
+    ("AllWheelSteering", "fuzzy.rule_table", 1.0),
+    ("SemiActiveFuzzySuspension", "fuzzy.rule_table", 1.0),
+];
+
+/// The signal on the other side of the vehicle.
+fn other_side(name: &str) -> String {
+    match name.rsplit_once('.') {
+        Some((signal, place @ ("fl" | "ml" | "rl" | "l"))) => format!("{signal}.{}r", &place[..place.len() - 1]),
+        Some((signal, place @ ("fr" | "mr" | "rr" | "r"))) => format!("{signal}.{}l", &place[..place.len() - 1]),
+        _ => name.to_owned(),
+    }
+}
+
+/// -1 for what points to a side or turns about a horizontal or vertical axis of the plane of symmetry.
+fn sign(name: &str) -> f64 {
+    const ODD: &[&str] = &[
+        "driver.steer",
+        "steer.*",
+        "steer_correction.*",
+        "reference.yaw_rate",
+        "reference.sideslip",
+        "vehicle.lateral_acceleration",
+        "vehicle.sideslip",
+        "vehicle.yaw_rate",
+        "body.roll*",
+        "demand.roll_moment",
+        "tire_lateral_force.*",
+    ];
+    if crate::matches(name, ODD) { -1.0 } else { 1.0 }
 }
 
 #[test]

@@ -282,6 +282,27 @@ fn set_parameter(fmu: &Fmu, instance: &mut Instance, name: &str, value: f64) {
     }
 }
 
+/// Runs a case with the inputs of a table and returns the values of these signals, row by row.
+fn simulate(case: &Case, table: &Table, signals: &[&str]) -> Vec<Vec<f64>> {
+    let mut system = System::new(case, table);
+    let place_of =
+        |signal: &&str| *system.places.get(*signal).unwrap_or_else(|| panic!("no unit has the output {signal}"));
+    let places: Vec<usize> = signals.iter().map(place_of).collect();
+    system.feed(&table.rows[0]);
+    system.initialize();
+    let mut found = vec![Vec::with_capacity(table.rows.len()); places.len()];
+    for (k, row) in table.rows.iter().enumerate() {
+        system.feed(row);
+        for call in case.program {
+            system.call(*call, k as f64 * STEP);
+        }
+        for (found, &place) in found.iter_mut().zip(&places) {
+            found.push(system.bus[place]);
+        }
+    }
+    found
+}
+
 /// Runs a case and holds every column that is no input to the limits.
 fn compare(case: &Case) {
     let table = Table::read(case.file);
@@ -295,22 +316,8 @@ fn compare(case: &Case) {
     };
     assert!(!compared.is_empty() && table.rows.len() > 1, "{}: nothing to compare", case.file);
 
-    let mut system = System::new(case, &table);
-    let place_of =
-        |signal: &str| *system.places.get(signal).unwrap_or_else(|| panic!("no unit has the output {signal}"));
-    let places: Vec<usize> = compared.iter().map(|(_, signal)| place_of(signal)).collect();
-    system.feed(&table.rows[0]);
-    system.initialize();
-    let mut found = vec![Vec::with_capacity(table.rows.len()); places.len()];
-    for (k, row) in table.rows.iter().enumerate() {
-        system.feed(row);
-        for call in case.program {
-            system.call(*call, k as f64 * STEP);
-        }
-        for (found, &place) in found.iter_mut().zip(&places) {
-            found.push(system.bus[place]);
-        }
-    }
+    let signals: Vec<&str> = compared.iter().map(|(_, signal)| *signal).collect();
+    let found = simulate(case, &table, &signals);
 
     let times: Vec<f64> = (0..table.rows.len()).map(|k| k as f64 * STEP).collect();
     let mut verdicts = Vec::new();
