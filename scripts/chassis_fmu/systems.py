@@ -1,0 +1,250 @@
+"""Runs what `cargo fmu system` wrote in other tools: FMPy, Ecos and libcosim.
+
+Every function takes the folder and returns the outputs that are connectors of the SSP file, named `unit:signal`.
+FMPy applies no parameter sets of an SSP file, so the file is read here and executed by the master that
+`scripts/cosim.py` uses; Ecos and libcosim read the files by themselves.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from fmpy import extract, read_model_description
+from lxml import etree
+
+from .master import Array, FmpyInstance, simulate
+from .plan import Kind, Run, Setting, Simulation, Unit, Wire
+from .results import Recording
+
+NAMESPACES = {
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+}
+
+# Name of the parameter sets in the SSP file; Ecos wants to be told.
+PARAMETERS = "parameters"
+
+Order = Literal["sequential", "jacobi"]
+
+# Unit, name and type of a recorded output.
+Output = tuple[str, str, Kind]
+
+
+class StructureError(Exception):
+    """A system that a tool could not load or run."""
+
+
+class NotLoadedError(Exception):
+    """A tool whose Python package, or a library that it needs, is not there."""
+
+
+@contextmanager
+def _loading(what: str) -> Iterator[None]:
+    try:
+        yield
+    except (ImportError, OSError) as error:
+        raise NotLoadedError(f"{what} cannot be loaded: {error}") from error
+
+
+def package(folder: Path) -> Path:
+    """Return the SSP file of a folder."""
+    found = sorted(folder.glob("*.ssp"))
+    if len(found) != 1:
+        raise StructureError(f"{folder}: {len(found)} SSP files, expected one")
+    return found[0]
+
+
+class Structure:
+    """An SSP file as `cargo fmu system` writes it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with zipfile.ZipFile(path) as archive:
+            self._root = etree.fromstring(archive.read("SystemStructure.ssd"))
+            sets = {n: etree.fromstring(archive.read(n)) for n in archive.namelist() if n.endswith(".ssv")}
+        self.components = self._all("ssd:System/ssd:Elements/ssd:Component")
+        self._sets = {
+            c.get("name"): sets[b.get("source")]
+            for c in self.components
+            for b in c.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES)
+        }
+        experiment = self._all("ssd:DefaultExperiment")[0]
+        self.start, self.stop = float(experiment.get("startTime")), float(experiment.get("stopTime"))
+        self.step = float(self._all(".//oms:FixedStepMaster")[0].get("stepSize"))
+        self.steps = round((self.stop - self.start) / self.step)
+        self.outputs: list[Output] = [
+            (c.get("name"), name, kind) for c in self.components for name, kind in self.connectors(c, "output")
+        ]
+
+    def _all(self, path: str) -> list[Any]:
+        return list(self._root.iterfind(path, NAMESPACES))
+
+    def times(self) -> Array:
+        """Return the times of the rows: the start and the end of every step."""
+        return self.start + np.arange(self.steps + 1) * self.step
+
+    def connectors(self, component: Any, kind: str) -> list[tuple[str, Kind]]:
+        """Name and type of the inputs or outputs of a component that are connectors."""
+        found = []
+        for connector in component.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
+            if connector.get("kind") == kind:
+                found.append((connector.get("name"), _kind(connector, "ssc")[0]))
+        return found
+
+    def values(self, component: Any) -> list[tuple[str, Kind, str]]:
+        """Name, type and text of the values of a component."""
+        if component.get("name") not in self._sets:
+            return []
+        parameters = self._sets[component.get("name")].iterfind("ssv:Parameters/ssv:Parameter", NAMESPACES)
+        return [(p.get("name"), *_kind(p, "ssv")) for p in parameters]
+
+    def writers(self) -> dict[tuple[str, str], tuple[str, str]]:
+        """Return what writes each input that is written, as pairs of unit and variable."""
+        return {
+            (c.get("endElement"), c.get("endConnector")): (c.get("startElement"), c.get("startConnector"))
+            for c in self._all("ssd:System/ssd:Connections/ssd:Connection")
+        }
+
+
+def _kind(element: Any, prefix: str) -> tuple[Kind, str]:
+    """Type of a connector or parameter, and its value if it has one."""
+    for kind in get_args(Kind):
+        found = element.find(f"{prefix}:{kind}", NAMESPACES)
+        if found is not None:
+            return kind, found.get("value", "")
+    raise StructureError(f"{element.get('name')} has no type that this version reads")
+
+
+def _value(kind: Kind, text: str) -> float | int | bool | str:
+    convert: Mapping[Kind, Callable[[str], float | int | bool | str]] = {
+        "Real": float,
+        "Integer": int,
+        "Boolean": lambda t: t in ("true", "1"),
+        "String": str,
+    }
+    return convert[kind](text)
+
+
+def _recording(structure: Structure, times: Array, rows: Array) -> Recording:
+    return Recording(times, {f"{unit}:{name}": rows[:, i] for i, (unit, name, _) in enumerate(structure.outputs)})
+
+
+def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) -> Recording:
+    """Run the SSP file through FMPy, in the order of the components (sequential) or all at once (jacobi).
+
+    With `fresh` the rows are those that Ecos gives: see `master.simulate`.
+    """
+    structure = Structure(package(folder))
+    writers = structure.writers()
+    slots = {output[:2]: slot for slot, output in enumerate(structure.outputs)}
+    with tempfile.TemporaryDirectory(prefix="system-") as temporary:
+        with zipfile.ZipFile(structure.path) as archive:
+            archive.extractall(temporary)
+        units, folders = [], {}
+        for component in structure.components:
+            name, fmu = component.get("name"), Path(temporary) / component.get("source")
+            folders[name] = Path(extract(str(fmu), str(Path(temporary) / name)))
+            description = read_model_description(str(folders[name]))
+            variables = {v.name: v for v in description.modelVariables}
+            settings = [
+                Setting(key, kind, variables[key].valueReference, _value(kind, text))
+                for key, kind, text in structure.values(component)
+            ]
+            units.append(
+                Unit(
+                    name=name,
+                    fmu=fmu,
+                    model_identifier=description.coSimulation.modelIdentifier,
+                    guid=description.guid,
+                    parameters=tuple(s for s in settings if variables[s.name].causality != "input"),
+                    constants=tuple(s for s in settings if variables[s.name].causality == "input"),
+                    inputs=tuple(
+                        Wire(variables[v].valueReference, kind, slots[writers[name, v]])
+                        for v, kind in structure.connectors(component, "input")
+                    ),
+                    outputs=tuple(
+                        Wire(variables[v].valueReference, kind, slots[name, v])
+                        for v, kind in structure.connectors(component, "output")
+                    ),
+                )
+            )
+        columns = tuple(range(len(slots)))
+        run = Run(structure.path.stem, "", None, None, tuple(units), (), len(slots), columns)
+        simulation = Simulation(structure.start, structure.stop, structure.step, structure.steps, order, 1)
+        times, rows = simulate(run, simulation, lambda unit: FmpyInstance(unit, folders[unit.name]), fresh=fresh)
+    return _recording(structure, times, rows)
+
+
+def with_ecos(folder: Path) -> Recording:
+    """Run the SSP file through Ecos, which steps all units at once."""
+    with _loading("ecospy (it needs the library libtbb.so.12, Debian's libtbb12)"):
+        from ecospy import EcosSimulation
+
+    structure = Structure(package(folder))
+    rows = np.empty((structure.steps + 1, len(structure.outputs)))
+    with EcosSimulation(ssp_path=str(structure.path), step_size=structure.step) as simulation:
+        read = {"Real": simulation.get_real, "Integer": simulation.get_integer, "Boolean": simulation.get_bool}
+        names = [(f"{unit}::{name}", read[kind]) for unit, name, kind in structure.outputs]
+        if not simulation.init(start_time=structure.start, parameter_set=PARAMETERS):
+            raise StructureError(f"{structure.path}: Ecos could not initialize it")
+        for k in range(structure.steps + 1):
+            if k:
+                simulation.step()
+            rows[k] = [get(name) for name, get in names]
+        simulation.terminate()
+    return _recording(structure, structure.times(), rows)
+
+
+def with_libcosim(folder: Path, ssp: bool = False) -> Recording:
+    """Run OspSystemStructure.xml, or the SSP file, through libcosim, which steps all units at once.
+
+    There is no row of the start: libcosim initializes in its first step, and its observer hears of nothing before.
+    """
+    with _loading("libcosimpy (it needs Python 3.11 to 3.14)"):
+        from libcosimpy.CosimEnums import CosimErrorCode
+        from libcosimpy.CosimExecution import CosimExecution
+        from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+        from libcosimpy.CosimObserver import CosimObserver
+
+    log_output_level(CosimLogLevel.ERROR)
+    structure = Structure(package(folder))
+    try:
+        if ssp:
+            execution = CosimExecution.from_ssp_file(str(structure.path))
+        else:
+            execution = CosimExecution.from_osp_config_file(str(folder))
+    except AssertionError as error:
+        raise StructureError(f"{folder}: {error}") from error
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    read = {
+        "Real": observer.last_real_values,
+        "Integer": observer.last_integer_values,
+        "Boolean": observer.last_boolean_values,
+    }
+    # One call for the outputs of a unit and type.
+    groups: dict[tuple[str, Kind], list[tuple[int, str]]] = {}
+    for column, (unit, name, kind) in enumerate(structure.outputs):
+        groups.setdefault((unit, kind), []).append((column, name))
+    reads = []
+    for (unit, kind), members in groups.items():
+        index = execution.slave_index_from_instance_name(unit)
+        references = {v.name.decode(): v.reference for v in execution.slave_variables(index)}
+        reads.append((read[kind], index, [references[n] for _, n in members], [c for c, _ in members]))
+    rows = np.empty((structure.steps, len(structure.outputs)))
+    for k in range(structure.steps):
+        if not execution.step():
+            raise StructureError(f"{folder}: libcosim failed in step {k}")
+        for get, index, wanted, columns in reads:
+            rows[k, columns] = get(index, wanted)
+    if execution.status().error_code != CosimErrorCode.SUCCESS.value:
+        raise StructureError(f"{folder}: libcosim: error {execution.status().error_code}")
+    return _recording(structure, structure.times()[1:], rows)

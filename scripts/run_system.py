@@ -1,0 +1,55 @@
+"""Runs in another tool what `cargo fmu system` wrote: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
+
+Exit codes: 0 done, 1 the tool could not load or run the system, 2 wrong usage, 3 the tool's Python package or a library
+of the system that it needs cannot be loaded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from chassis_fmu import systems
+from chassis_fmu.master import RunError
+from chassis_fmu.results import write_csv
+
+
+def main() -> int:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="what `cargo fmu system --out FOLDER` wrote")
+    parser.add_argument("--tool", required=True, choices=("fmpy", "ecos", "libcosim", "libcosim-ssp"))
+    parser.add_argument(
+        "--order",
+        choices=("sequential", "jacobi"),
+        default="sequential",
+        help="of the units within a step, fmpy only; the other tools step all at once (jacobi)",
+    )
+    parser.add_argument("--out", type=Path, help="CSV file [default: FOLDER-TOOL.csv beside the folder]")
+    arguments = parser.parse_args()
+    folder: Path = arguments.folder
+    out: Path = arguments.out or folder.with_name(f"{folder.name}-{arguments.tool}.csv")
+    try:
+        if arguments.tool == "fmpy":
+            recording = systems.with_fmpy(folder, arguments.order)
+        elif arguments.tool == "ecos":
+            recording = systems.with_ecos(folder)
+        else:
+            recording = systems.with_libcosim(folder, ssp=arguments.tool == "libcosim-ssp")
+    except systems.NotLoadedError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 3
+    except (systems.StructureError, RunError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    signals = recording.values
+    write_csv(out, list(signals), recording.times, np.column_stack(list(signals.values())))
+    print(f"{len(recording.times)} rows of {len(signals)} signals: {out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
