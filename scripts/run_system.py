@@ -1,5 +1,7 @@
 """Runs in another tool what `cargo fmu system` wrote: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
 
+The tool `container` runs nothing: it packs the system into one FMU.
+
 Exit codes: 0 done, 1 the tool could not load or run the system, 2 wrong usage, 3 the tool's Python package or a library
 of the system that it needs cannot be loaded.
 """
@@ -16,23 +18,32 @@ from chassis_fmu import systems
 from chassis_fmu.master import RunError
 from chassis_fmu.results import write_csv
 
+TOOLS = ("fmpy", "ecos", "libcosim", "libcosim-ssp", "container")
+
 
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="what `cargo fmu system --out FOLDER` wrote")
-    parser.add_argument("--tool", required=True, choices=("fmpy", "ecos", "libcosim", "libcosim-ssp"))
+    parser.add_argument("--tool", required=True, choices=TOOLS)
     parser.add_argument(
         "--order",
         choices=("sequential", "jacobi"),
         default="sequential",
-        help="of the units within a step, fmpy only; the other tools step all at once (jacobi)",
+        help="of the units within a step, fmpy and container only; the others step all at once (jacobi)",
     )
-    parser.add_argument("--out", type=Path, help="CSV file [default: FOLDER-TOOL.csv beside the folder]")
+    parser.add_argument(
+        "--out", type=Path, help="CSV file, or FMU [default: FOLDER-TOOL.csv or .fmu beside the folder]"
+    )
     arguments = parser.parse_args()
     folder: Path = arguments.folder
-    out: Path = arguments.out or folder.with_name(f"{folder.name}-{arguments.tool}.csv")
+    suffix = "fmu" if arguments.tool == "container" else "csv"
+    out: Path = arguments.out or folder.with_name(f"{folder.name}-{arguments.tool}.{suffix}")
     try:
+        if arguments.tool == "container":
+            systems.container(folder, out, arguments.order)
+            print(out)
+            return 0
         if arguments.tool == "fmpy":
             recording = systems.with_fmpy(folder, arguments.order)
         elif arguments.tool == "ecos":

@@ -1,4 +1,4 @@
-"""Runs what `cargo fmu system` wrote in other tools: FMPy, Ecos and libcosim.
+"""Runs what `cargo fmu system` wrote in other tools: FMPy, Ecos and libcosim; packs it into one FMU.
 
 Every function takes the folder and returns the outputs that are connectors of the SSP file, named `unit:signal`.
 FMPy applies no parameter sets of an SSP file, so the file is read here and executed by the master that
@@ -7,6 +7,10 @@ FMPy applies no parameter sets of an SSP file, so the file is read here and exec
 
 from __future__ import annotations
 
+import json
+import shutil
+import subprocess
+import sys
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +24,7 @@ from lxml import etree
 
 from .master import Array, FmpyInstance, simulate
 from .plan import Kind, Run, Setting, Simulation, Unit, Wire
-from .results import Recording
+from .results import Recording, replacing
 
 NAMESPACES = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
@@ -31,6 +35,9 @@ NAMESPACES = {
 
 # Name of the parameter sets in the SSP file; Ecos wants to be told.
 PARAMETERS = "parameters"
+
+# What the names of the outputs of a container begin with.
+OUT = "out."
 
 Order = Literal["sequential", "jacobi"]
 
@@ -248,3 +255,43 @@ def with_libcosim(folder: Path, ssp: bool = False) -> Recording:
     if execution.status().error_code != CosimErrorCode.SUCCESS.value:
         raise StructureError(f"{folder}: libcosim: error {execution.status().error_code}")
     return _recording(structure, structure.times()[1:], rows)
+
+
+def container(folder: Path, out: Path, order: Order = "sequential") -> None:
+    """Pack the whole system into one FMU by fmucontainer of the FMU manipulation toolbox.
+
+    Its outputs are named `out.unit.signal`: the toolbox uses `unit.signal` for the signals between the units. The
+    order is that of the components (sequential) or all at once (jacobi).
+    """
+    structure = Structure(package(folder))
+    fmus = {c.get("name"): f"{c.get('name')}.fmu" for c in structure.components}
+    assembly = {
+        "name": out.name,
+        "step_size": structure.step,
+        "sequential": order == "sequential",
+        "mt": False,
+        "profiling": False,
+        **dict.fromkeys(("auto_link", "auto_input", "auto_output", "auto_parameter", "auto_local"), False),
+        "fmu": list(fmus.values()),
+        "link": [[fmus[a], b, fmus[c], d] for (c, d), (a, b) in structure.writers().items()],
+        "start": [
+            [fmus[c.get("name")], name, text] for c in structure.components for name, _, text in structure.values(c)
+        ],
+        "output": [[fmus[unit], name, f"{OUT}{unit}.{name}"] for unit, name, _ in structure.outputs],
+    }
+    tool = Path(sys.executable).with_name("fmucontainer")
+    with tempfile.TemporaryDirectory(prefix="container-") as temporary, zipfile.ZipFile(structure.path) as archive:
+        # A file for each unit: the toolbox tells units apart by their files.
+        for component in structure.components:
+            Path(temporary, fmus[component.get("name")]).write_bytes(archive.read(component.get("source")))
+        Path(temporary, "system.json").write_text(json.dumps(assembly), encoding="utf-8")
+        command = [str(tool), "-container", "system.json", "-fmu-directory", temporary]
+        with _loading("fmucontainer"):
+            done = subprocess.run(
+                command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", check=False
+            )
+        made = Path(temporary, out.name)
+        if done.returncode != 0 or not made.is_file():
+            raise StructureError(f"fmucontainer failed:\n{done.stdout}")
+        with replacing(out) as part:
+            shutil.copyfile(made, part)
