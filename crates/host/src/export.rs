@@ -248,10 +248,18 @@ impl System {
             .and_then(|xml| std::fs::write(new.join(OSP_STRUCTURE), xml))
             .map_err(at(&folder.join(OSP_STRUCTURE)))?;
 
-        if folder.exists() {
-            std::fs::rename(folder, work.path().join("old")).map_err(at(folder))?;
+        let old = work.path().join("old");
+        let replaced = folder.exists();
+        if replaced {
+            std::fs::rename(folder, &old).map_err(at(folder))?;
         }
-        std::fs::rename(&new, folder).map_err(at(folder))?;
+        if let Err(cause) = std::fs::rename(&new, folder) {
+            if replaced {
+                // What was there shall stay; the first error is the one to report.
+                let _ = std::fs::rename(&old, folder);
+            }
+            return Err(at(folder)(cause));
+        }
         Ok([folder.join(package), folder.join(OSP_STRUCTURE)])
     }
 

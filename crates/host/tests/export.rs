@@ -12,11 +12,12 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::Path;
 use support::Build;
 use tempfile::TempDir;
-use zip::ZipArchive;
+use zip::write::SimpleFileOptions;
+use zip::{ZipArchive, ZipWriter};
 
 /// A ring of two units, and a third that reads the first; one case replaces a unit, another leaves one out.
 const SYSTEM: &str = r#"
@@ -359,4 +360,71 @@ fn what_cannot_be_written_is_said() {
     let named = plan(&folder, &SYSTEM.replace("\"Meter\"", "\"My Meter\""), &Options::default());
     let error = System::new(&named, &named.runs[0]).unwrap_err();
     assert!(error.to_string().contains("My Meter.fmu: the name"), "{error}");
+}
+
+/// An FMU that is a description only, which is all that writing reads.
+fn described(folder: &TempDir, name: &str, units: &str, types: &str, variables: &str) {
+    let text = format!(
+        "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"{name}\" guid=\"{name}\"><CoSimulation modelIdentifier=\"{name}\"/>\
+         <UnitDefinitions>{units}</UnitDefinitions><TypeDefinitions>{types}</TypeDefinitions>\
+         <ModelVariables>{variables}</ModelVariables><ModelStructure/></fmiModelDescription>"
+    );
+    let mut zip = ZipWriter::new(File::create(folder.path().join(format!("{name}.fmu"))).unwrap());
+    zip.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
+    zip.write_all(text.as_bytes()).unwrap();
+    zip.finish().unwrap();
+}
+
+/// Source and sink, wired by the name of the signal.
+const PAIR: &str = r#"
+title = "Pair"
+[simulation]
+stop = 1.0
+step = 0.1
+[[unit]]
+name = "source"
+fmu = "Source"
+[[unit]]
+name = "sink"
+fmu = "Sink"
+[[case]]
+name = "only"
+title = "Only"
+[record]
+signals = ["u"]
+"#;
+
+fn refused(folder: &TempDir) -> String {
+    let plan = plan(folder, PAIR, &Options::default());
+    System::new(&plan, &plan.runs[0]).unwrap_err().to_string()
+}
+
+#[test]
+fn an_enumeration_is_refused() {
+    let folder = TempDir::new().unwrap();
+    let types = "<SimpleType name=\"T\"><Enumeration><Item name=\"off\" value=\"0\"/></Enumeration></SimpleType>";
+    let variable = |causality: &str, start: &str| {
+        format!(
+            "<ScalarVariable name=\"u\" valueReference=\"0\" causality=\"{causality}\" variability=\"discrete\">\
+             <Enumeration declaredType=\"T\"{start}/></ScalarVariable>"
+        )
+    };
+    described(&folder, "Source", "", types, &variable("output", ""));
+    described(&folder, "Sink", "", types, &variable("input", " start=\"0\""));
+    let error = refused(&folder);
+    assert!(error.starts_with("`source:u` is an enumeration"), "{error}");
+}
+
+#[test]
+fn a_unit_of_measure_with_two_meanings_is_refused() {
+    let folder = TempDir::new().unwrap();
+    let variable = |causality: &str, start: &str| {
+        format!(
+            "<ScalarVariable name=\"u\" valueReference=\"0\" causality=\"{causality}\"><Real unit=\"mile\"{start}/></ScalarVariable>"
+        )
+    };
+    let unit = |factor: f64| format!("<Unit name=\"mile\"><BaseUnit m=\"1\" factor=\"{factor}\"/></Unit>");
+    described(&folder, "Source", &unit(1609.344), "", &variable("output", ""));
+    described(&folder, "Sink", &unit(1852.0), "", &variable("input", " start=\"0\""));
+    assert_eq!(refused(&folder), "the unit of measure `mile` is another one in Sink.fmu than in Source.fmu");
 }
