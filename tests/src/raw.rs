@@ -11,6 +11,7 @@ use host::c_api::{self, Component, RawStatus, Reference, State};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
 use std::ptr;
+use std::sync::{Mutex, PoisonError};
 
 /// `fmi2OK`.
 pub const OK: RawStatus = 0;
@@ -55,12 +56,62 @@ pub struct Arguments<'a> {
 pub struct RawInstance<'a> {
     raw: &'a Raw,
     component: Component,
+    /// The FMU's logger writes here until the instance is freed.
+    log: Option<Box<LogBook>>,
+}
+
+/// A message as the logger got it.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// The instance's name.
+    pub name: Vec<u8>,
+    /// The status.
+    pub status: RawStatus,
+    /// The category.
+    pub category: Vec<u8>,
+    /// The message, a format of printf without arguments.
+    pub format: Vec<u8>,
+}
+
+/// What the logger of one instance got.
+#[derive(Debug, Default)]
+pub struct LogBook(Mutex<Vec<Entry>>);
+
+impl LogBook {
+    /// The messages since the last time.
+    #[must_use]
+    pub fn take(&self) -> Vec<Entry> {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// The logger; C passes further arguments behind `format`, which are not read.
+unsafe extern "C" fn note(
+    environment: *mut c_void,
+    name: *const c_char,
+    status: RawStatus,
+    category: *const c_char,
+    format: *const c_char,
+) {
+    // SAFETY: strings of the FMU, null or with a zero at the end.
+    let read = |text: *const c_char| {
+        if text.is_null() { Vec::new() } else { unsafe { CStr::from_ptr(text) }.to_bytes().to_vec() }
+    };
+    let entry = Entry { name: read(name), status, category: read(category), format: read(format) };
+    // SAFETY: the environment is the log book that lives as long as the instance.
+    let book = unsafe { &*environment.cast::<LogBook>() };
+    book.0.lock().unwrap_or_else(PoisonError::into_inner).push(entry);
+}
+
+/// Whether an array can have that length: one that no memory can hold is refused before the array is looked at.
+fn fits<T>(values: &[T], count: usize) -> bool {
+    count <= values.len() || count > isize::MAX as usize / size_of::<T>()
 }
 
 /// A pointer to the values, or null.
 fn pointer<T>(values: Option<&[T]>, count: usize) -> *const T {
     values.map_or(ptr::null(), |values| {
-        assert!(count <= values.len(), "the array is shorter than stated");
+        assert!(fits(values, count), "the array is shorter than stated");
         values.as_ptr()
     })
 }
@@ -68,7 +119,7 @@ fn pointer<T>(values: Option<&[T]>, count: usize) -> *const T {
 /// As [`pointer`], to write to.
 fn pointer_mut<T>(values: Option<&mut [T]>, count: usize) -> *mut T {
     values.map_or(ptr::null_mut(), |values| {
-        assert!(count <= values.len(), "the array is shorter than stated");
+        assert!(fits(values, count), "the array is shorter than stated");
         values.as_mut_ptr()
     })
 }
@@ -117,8 +168,37 @@ impl Raw {
     /// fmi2Instantiate without a logger; `None` is a null pointer.
     #[must_use]
     pub fn instantiate(&self, arguments: Arguments<'_>) -> Option<RawInstance<'_>> {
-        let callbacks =
-            Callbacks { logger: None, allocate: None, free: None, finished: None, environment: ptr::null_mut() };
+        self.instantiate_with(arguments, 0, None).ok()
+    }
+
+    /// fmi2Instantiate with a logger and loggingOn as given; what the FMU logged if it refuses.
+    ///
+    /// # Errors
+    /// When the FMU gives no instance.
+    pub fn instantiate_logging(
+        &self,
+        arguments: Arguments<'_>,
+        logging_on: c_int,
+    ) -> Result<RawInstance<'_>, Vec<Entry>> {
+        self.instantiate_with(arguments, logging_on, Some(Box::default()))
+    }
+
+    fn instantiate_with(
+        &self,
+        arguments: Arguments<'_>,
+        logging_on: c_int,
+        log: Option<Box<LogBook>>,
+    ) -> Result<RawInstance<'_>, Vec<Entry>> {
+        type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
+        let callbacks = Callbacks {
+            // SAFETY: the callee of a variadic call may ignore the arguments behind the named ones on the platforms
+            // supported (see the loader of the crate `host`).
+            logger: log.is_some().then(|| unsafe { std::mem::transmute::<Fixed, c_api::Logger>(note as Fixed) }),
+            allocate: None,
+            free: None,
+            finished: None,
+            environment: log.as_deref().map_or(ptr::null_mut(), |log| ptr::from_ref(log).cast_mut().cast()),
+        };
         let text = |text: Option<&CStr>| text.map_or(ptr::null(), CStr::as_ptr);
         let instantiate: c_api::Instantiate = self.function("fmi2Instantiate");
         let table = if arguments.callbacks { ptr::from_ref(&callbacks).cast() } else { ptr::null() };
@@ -131,16 +211,19 @@ impl Raw {
                 text(arguments.resources),
                 table,
                 0,
-                0,
+                logging_on,
             )
         };
-        (!component.is_null()).then_some(RawInstance { raw: self, component })
+        if component.is_null() {
+            return Err(log.map(|log| log.take()).unwrap_or_default());
+        }
+        Ok(RawInstance { raw: self, component, log })
     }
 
     /// An instance that is no instance: every function gets a null pointer.
     #[must_use]
     pub fn null(&self) -> RawInstance<'_> {
-        RawInstance { raw: self, component: ptr::null_mut() }
+        RawInstance { raw: self, component: ptr::null_mut(), log: None }
     }
 }
 
@@ -226,6 +309,13 @@ impl RawInstance<'_> {
         unsafe { function(self.component, 0, 0.0, start, 0, 0.0) }
     }
 
+    /// fmi2SetupExperiment with all arguments: tolerance with its flag, start, stop time with its flag.
+    pub fn setup_experiment_with(&self, tolerance: (c_int, f64), start: f64, stop: (c_int, f64)) -> RawStatus {
+        let function: c_api::SetupExperiment = self.raw.function("fmi2SetupExperiment");
+        // SAFETY: a live instance or null.
+        unsafe { function(self.component, tolerance.0, tolerance.1, start, stop.0, stop.1) }
+    }
+
     /// fmi2DoStep.
     pub fn do_step(&self, time: f64, step: f64) -> RawStatus {
         let function: c_api::DoStep = self.raw.function("fmi2DoStep");
@@ -238,6 +328,13 @@ impl RawInstance<'_> {
         let function: c_api::SetDebugLogging = self.raw.function("fmi2SetDebugLogging");
         // SAFETY: an array of the stated length, or null; strings end with a zero, or are null.
         unsafe { function(self.component, 1, count, pointer(categories, count).cast()) }
+    }
+
+    /// fmi2SetDebugLogging without categories.
+    pub fn set_all_logging(&self, on: c_int) -> RawStatus {
+        let function: c_api::SetDebugLogging = self.raw.function("fmi2SetDebugLogging");
+        // SAFETY: no array.
+        unsafe { function(self.component, on, 0, ptr::null()) }
     }
 
     /// fmi2GetFMUstate; `None` is a null pointer to the pointer.
@@ -273,6 +370,8 @@ impl RawInstance<'_> {
     /// fmi2SerializeFMUstate; `None` is a null pointer.
     pub fn serialize(&self, state: RawState, bytes: Option<&mut [u8]>, size: usize) -> RawStatus {
         let function: c_api::SerializeState = self.raw.function("fmi2SerializeFMUstate");
+        // Only as much as the state needs is written, so no stated size is impossible here.
+        assert!(bytes.as_ref().is_none_or(|bytes| size <= bytes.len()), "the array is shorter than stated");
         // SAFETY: as above; an array of the stated length, or null.
         unsafe { function(self.component, state.0, pointer_mut(bytes, size).cast(), size) }
     }
@@ -308,6 +407,87 @@ impl RawInstance<'_> {
         }
     }
 
+    /// fmi2GetDirectionalDerivative: unknowns, their number, knowns, their number, seed, result; each array may be null.
+    pub fn directional_derivatives(
+        &self,
+        (unknown, unknowns): (Option<&[Reference]>, usize),
+        (known, knowns): (Option<&[Reference]>, usize),
+        seed: Option<&[f64]>,
+        result: Option<&mut [f64]>,
+    ) -> RawStatus {
+        let function: c_api::GetDirectionalDerivative = self.raw.function("fmi2GetDirectionalDerivative");
+        // SAFETY: arrays of the stated lengths, or null.
+        unsafe {
+            function(
+                self.component,
+                pointer(unknown, unknowns),
+                unknowns,
+                pointer(known, knowns),
+                knowns,
+                pointer(seed, knowns),
+                pointer_mut(result, unknowns),
+            )
+        }
+    }
+
+    /// fmi2SetRealInputDerivatives; each array may be null.
+    pub fn set_input_derivatives(
+        &self,
+        references: Option<&[Reference]>,
+        count: usize,
+        orders: Option<&[c_int]>,
+        values: Option<&[f64]>,
+    ) -> RawStatus {
+        let function: c_api::SetInputDerivatives = self.raw.function("fmi2SetRealInputDerivatives");
+        // SAFETY: arrays of the stated length, or null.
+        unsafe {
+            function(self.component, pointer(references, count), count, pointer(orders, count), pointer(values, count))
+        }
+    }
+
+    /// fmi2GetRealOutputDerivatives; each array may be null.
+    pub fn get_output_derivatives(
+        &self,
+        references: Option<&[Reference]>,
+        count: usize,
+        orders: Option<&[c_int]>,
+        values: Option<&mut [f64]>,
+    ) -> RawStatus {
+        let function: c_api::GetOutputDerivatives = self.raw.function("fmi2GetRealOutputDerivatives");
+        // SAFETY: arrays of the stated length, or null.
+        unsafe {
+            function(
+                self.component,
+                pointer(references, count),
+                count,
+                pointer(orders, count),
+                pointer_mut(values, count),
+            )
+        }
+    }
+
+    /// fmi2GetString into an array with room for that many strings, or into none, and the strings if it returns fmi2OK.
+    pub fn get_texts(
+        &self,
+        references: Option<&[Reference]>,
+        count: usize,
+        room: Option<usize>,
+    ) -> (RawStatus, Vec<Vec<u8>>) {
+        let mut values = room.map(|room| vec![Text::new(None); room]);
+        let status = self.get(references, count, values.as_deref_mut());
+        let values = values.unwrap_or_default();
+        let written = if status == OK { &values[..count.min(values.len())] } else { &[] };
+        // SAFETY: the FMU has just filled in strings that live until its next function is called.
+        let read = |text: &Text<'_>| unsafe { CStr::from_ptr(text.0) }.to_bytes().to_vec();
+        (status, written.iter().filter(|text| !text.0.is_null()).map(read).collect())
+    }
+
+    /// The messages that the logger got since the last time; none without a logger.
+    #[must_use]
+    pub fn take_log(&self) -> Vec<Entry> {
+        self.log.as_deref().map(LogBook::take).unwrap_or_default()
+    }
+
     /// fmi2GetRealStatus of a kind; `None` is a null pointer.
     pub fn real_status(&self, kind: c_int, value: Option<&mut f64>) -> RawStatus {
         let function: c_api::GetStatus<f64> = self.raw.function("fmi2GetRealStatus");
@@ -329,6 +509,21 @@ impl RawInstance<'_> {
         // SAFETY: a live instance or null; one value.
         unsafe { function(self.component, kind, &raw mut value) }
     }
+
+    /// fmi2GetIntegerStatus of a kind; `None` is a null pointer.
+    pub fn integer_status(&self, kind: c_int, value: Option<&mut c_int>) -> RawStatus {
+        let function: c_api::GetStatus<c_int> = self.raw.function("fmi2GetIntegerStatus");
+        // SAFETY: a live instance or null; one value, or null.
+        unsafe { function(self.component, kind, value.map_or(ptr::null_mut(), |value| &raw mut *value)) }
+    }
+
+    /// fmi2GetStringStatus of a kind.
+    pub fn string_status(&self, kind: c_int) -> RawStatus {
+        let function: c_api::GetStatus<*const c_char> = self.raw.function("fmi2GetStringStatus");
+        let mut value = ptr::null();
+        // SAFETY: a live instance or null; one value.
+        unsafe { function(self.component, kind, &raw mut value) }
+    }
 }
 
 /// A pointer that an FMU gave out as fmi2FMUstate, or null.
@@ -338,6 +533,12 @@ pub struct RawState(State);
 impl RawState {
     /// No state yet.
     pub const NULL: Self = Self(ptr::null_mut());
+
+    /// A pointer that no FMU gave out. FMUs compare such pointers, they do not follow them.
+    #[must_use]
+    pub fn invented(address: usize) -> Self {
+        Self(ptr::without_provenance_mut(address))
+    }
 
     /// Whether there is none.
     #[must_use]

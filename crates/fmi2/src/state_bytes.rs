@@ -150,6 +150,17 @@ pub(crate) fn read<M: Model>(guid: &str, layout: &Layout, bytes: &[u8]) -> Resul
             Kind::Real(_) if !values.reals[variable.index].is_finite() => {
                 return Err(format!("'{name}' is not a finite number"));
             }
+            // What no call accepts, no state may bring: laws rely on the limits of their parameters.
+            Kind::Real(real) if variable.role == Role::Parameter => {
+                let value = values.reals[variable.index];
+                let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
+                if !(min..=max).contains(&value) {
+                    return Err(format!("'{name}' = {value} {} is not in [{min}, {max}]", real.unit.name));
+                }
+                if real.positive && value <= 0.0 && !matches!(mode, Mode::Instantiated | Mode::Initialization) {
+                    return Err(format!("'{name}' = {value} {}, a number above 0 was expected", real.unit.name));
+                }
+            }
             Kind::Integer { min, max, choices, .. } => {
                 let value = values.integers[variable.index];
                 let known = choices.is_empty() || choices.iter().any(|choice| choice.value == value);

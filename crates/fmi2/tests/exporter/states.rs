@@ -202,6 +202,33 @@ fn a_state_whose_design_fails_is_refused() {
     );
 }
 
+#[test]
+fn a_state_brings_no_parameter_that_could_not_be_set() {
+    // The fuzzer of the package `tests` found a limit below 0 in a forged state, on which a law panicked.
+    let unit = with_a_past();
+    let bytes = unit.bytes();
+    let at = bytes.windows(8).position(|window| window == (-1.25_f64).to_le_bytes()).unwrap();
+    for (value, expected) in [(10.0, Ok(())), (10.5, Err("'filter.gain' = 10.5 1 is not in [-10, 10]"))] {
+        let mut forged = bytes.clone();
+        forged[at..at + 8].copy_from_slice(&f64::to_le_bytes(value));
+        let result = unit.0.deserialize(&with_checksum(forged)).map(drop);
+        match expected {
+            Ok(()) => result.unwrap(),
+            Err(message) => assert_eq!(refused(result), format!("fmi2DeSerializeFMUstate: {message}")),
+        }
+    }
+    // A mass of 0, which may be set before the start but not kept beyond it.
+    let unit = Unit::<CartPair>::ready();
+    let bytes = unit.bytes();
+    let at = bytes.windows(8).position(|window| window == 2.0_f64.to_le_bytes()).unwrap();
+    let mut forged = bytes;
+    forged[at..at + 8].copy_from_slice(&0.0_f64.to_le_bytes());
+    assert_eq!(
+        refused(unit.0.deserialize(&with_checksum(forged)).map(drop)),
+        "fmi2DeSerializeFMUstate: 'cart.mass' = 0 kg, a number above 0 was expected"
+    );
+}
+
 fn steps() -> impl Strategy<Value = Vec<(f64, f64)>> {
     proptest::collection::vec((1e-4..0.05_f64, -2.0..2.0_f64), 1..20)
 }

@@ -1,0 +1,81 @@
+//! Calls FMUs as no master should, and checks how they answer: see `tests::abuse`.
+//!
+//! `abuse [--calls N] [--seconds T] [--seed S] [--verbose] FMU...` makes about N calls to each FMU (or calls it for T
+//! seconds), in the same order whenever seed and FMU are the same, and prints how often each function succeeded, was
+//! discarded and was refused. It ends with 1 at the first broken rule and prints the seed and the last calls. If a call
+//! ends the process, `--verbose` shows which: it prints every call before it is made.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+use tests::Fmu;
+use tests::abuse::{Report, abuse};
+use tests::raw::Raw;
+
+const USAGE: &str = "usage: abuse [--calls N] [--seconds T] [--seed S] [--verbose] FMU...";
+
+struct Options {
+    calls: u64,
+    seconds: Option<f64>,
+    seed: u64,
+    is_verbose: bool,
+    fmus: Vec<String>,
+}
+
+fn options() -> Option<Options> {
+    let mut options = Options { calls: 100_000, seconds: None, seed: 1, is_verbose: false, fmus: Vec::new() };
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--calls" => options.calls = arguments.next()?.parse().ok()?,
+            "--seconds" => options.seconds = Some(arguments.next()?.parse().ok()?),
+            "--seed" => options.seed = arguments.next()?.parse().ok()?,
+            "--verbose" => options.is_verbose = true,
+            fmu => options.fmus.push(fmu.to_owned()),
+        }
+    }
+    (!options.fmus.is_empty()).then_some(options)
+}
+
+fn main() -> ExitCode {
+    let Some(options) = options() else {
+        eprintln!("{USAGE}");
+        return ExitCode::from(2);
+    };
+    let start = Instant::now();
+    let mut all = Report::default();
+    for path in &options.fmus {
+        // Kept loaded: valgrind can name the functions of a library that is still there.
+        let fmu = Fmu::open(Path::new(path));
+        let raw = Raw::load(&fmu);
+        let begin = Instant::now();
+        let limit = options.seconds.map(Duration::from_secs_f64);
+        let goes_on = |calls: u64| limit.map_or(calls < options.calls, |limit| begin.elapsed() < limit);
+        match abuse(&fmu, &raw, options.seed, options.is_verbose, goes_on) {
+            Ok(report) => {
+                let (slowest, call) = &report.slowest;
+                println!(
+                    "{} {} calls, {:.1} s, slowest {:.1} ms: {call:.120}",
+                    fmu.name,
+                    report.calls,
+                    begin.elapsed().as_secs_f64(),
+                    1e3 * slowest.as_secs_f64()
+                );
+                all.add(&report);
+            }
+            Err(violation) => {
+                println!("{}: with --seed {}, at call {}:", fmu.name, options.seed, violation.call);
+                violation.last.iter().for_each(|call| println!("  {call}"));
+                println!("{}", violation.what);
+                return ExitCode::FAILURE;
+            }
+        }
+    }
+    println!("function: fmi2OK, fmi2Discard, fmi2Error");
+    for (function, [ok, discard, error]) in &all.functions {
+        println!("{function}: {ok}, {discard}, {error}");
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    println!("{} calls with --seed {}, {:.0} per second", all.calls, options.seed, all.calls as f64 / seconds);
+    ExitCode::SUCCESS
+}

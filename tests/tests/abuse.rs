@@ -1,0 +1,62 @@
+//! Calls that no master should make, from a generator with a fixed seed, in a process of their own: what is checked
+//! stands at `tests::abuse`, how to run more of them in docs/robustness.md.
+
+use std::process::{Command, Output};
+
+const ABUSE: &str = env!("CARGO_BIN_EXE_abuse");
+
+fn run(command: &mut Command) -> Output {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    assert!(
+        output.status.success(),
+        "{command:?} ends with {}:\n{}\n{}",
+        output.status,
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    output
+}
+
+/// How often each function was answered how, without the times.
+fn answers(output: &Output) -> Vec<String> {
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines().filter(|line| line.starts_with("fmi2")).map(str::to_owned).collect()
+}
+
+#[test]
+fn no_call_breaks_an_fmu() {
+    let output = run(Command::new(ABUSE).args(["--calls", "50000"]).args(tests::paths()));
+    // Calls that are always refused would test little: every function that can succeed did so now and then.
+    let never = ["fmi2CancelStep", "fmi2GetRealOutputDerivatives", "fmi2SetRealInputDerivatives"];
+    let discarded = ["fmi2GetStatus", "fmi2GetIntegerStatus", "fmi2GetStringStatus"];
+    let answers = answers(&output);
+    assert_eq!(answers.len(), 32, "all functions of the standard but fmi2GetVersion and fmi2GetTypesPlatform");
+    for line in answers {
+        let (function, counts) = line.split_once(": ").expect("a function and its counts");
+        let counts: Vec<u64> = counts.split(", ").map(|count| count.parse().expect("a count")).collect();
+        let column = usize::from(discarded.contains(&function));
+        assert!(counts[column] > 100 || never.contains(&function), "{line}");
+    }
+}
+
+#[test]
+fn equal_seeds_make_equal_calls() {
+    let paths = tests::paths();
+    let again = |seed| answers(&run(Command::new(ABUSE).args(["--calls", "2000", "--seed", seed]).arg(&paths[0])));
+    assert_eq!(again("7"), again("7"));
+    assert_ne!(again("7"), again("8"));
+}
+
+/// No invalid access, no use of values that were never set, nothing lost, whatever is called.
+#[cfg(target_os = "linux")]
+#[test]
+fn valgrind_finds_nothing() {
+    if !Command::new("valgrind").arg("--version").output().is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: valgrind is not installed (on Debian and Ubuntu: apt-get install valgrind)");
+        return;
+    }
+    let mut valgrind = Command::new("valgrind");
+    valgrind.args(["--quiet", "--error-exitcode=99", "--leak-check=full"]);
+    valgrind.args(["--errors-for-leak-kinds=definite,indirect", "--show-leak-kinds=definite,indirect"]);
+    run(valgrind.arg(ABUSE).args(["--calls", "500", "--seed", "2"]).args(tests::paths()));
+}
