@@ -1,0 +1,137 @@
+//! Scenario files with mistakes of every kind: always a message with a place, never a panic.
+//!
+//! The committed scenarios are changed at random, with fixed seeds. What a particular mistake is answered with is
+//! tested in `crates/host/tests/resolve.rs`.
+
+use host::resolve::{FmuFolder, Options, resolve_text};
+use std::path::{Path, PathBuf};
+use tests::signals::Random;
+
+/// Changes of each file.
+const CHANGES: u64 = 120;
+
+/// The TOML files of a folder of the workspace, sorted.
+fn files(folder: &str) -> Vec<PathBuf> {
+    let folder = tests::workspace().join(folder);
+    let entries = std::fs::read_dir(folder).expect("the folder is there");
+    let mut files: Vec<_> = entries.map(|entry| entry.expect("it can be read").path()).collect();
+    files.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
+    files.sort();
+    files
+}
+
+/// A text with one to three mistakes.
+fn spoil(text: &str, random: &mut Random) -> String {
+    const VALUES: [&str; 20] = [
+        "0",
+        "-1",
+        "1e308",
+        "-1e308",
+        "5e-324",
+        "nan",
+        "inf",
+        "-inf",
+        "9223372036854775807",
+        "1e-9",
+        "true",
+        "\"\"",
+        "\"x\"",
+        "[]",
+        "[1, \"a\"]",
+        "{}",
+        "{ value = nan, unit = \"deg\" }",
+        "\"\\u0000\"",
+        "1979-05-27",
+        "[[[[]]]]",
+    ];
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    for _ in 0..1 + random.below(3) {
+        let at = random.below(lines.len() as u64) as usize;
+        let line = lines[at].clone();
+        match random.below(9) {
+            0 => drop(lines.remove(at)),
+            1 => lines.insert(at, line),
+            2 => lines.truncate(at.max(1)),
+            3 => lines.swap(at, 0),
+            4 => {
+                // Another value, and with it another type.
+                if let Some((key, _)) = line.split_once('=') {
+                    lines[at] = format!("{key}= {}", VALUES[random.below(VALUES.len() as u64) as usize]);
+                }
+            }
+            5 => {
+                // A number within the line becomes a wild one.
+                const NUMBERS: [&str; 6] = ["0", "-7", "1e300", "nan", "99999999999999999999", "1e-300"];
+                let number = NUMBERS[random.below(NUMBERS.len() as u64) as usize];
+                if let Some(first) = line.find(|c: char| c.is_ascii_digit()) {
+                    let rest = line[first..].trim_start_matches(|c: char| c.is_ascii_digit() || c == '.');
+                    lines[at] = format!("{}{number}{rest}", &line[..first]);
+                }
+            }
+            6 => lines[at] = line.replacen('"', "", 1),
+            7 => {
+                // A character less, or a strange one more.
+                let mut characters: Vec<_> = line.chars().collect();
+                if !characters.is_empty() {
+                    let place = random.below(characters.len() as u64) as usize;
+                    if random.below(2) == 0 {
+                        characters.remove(place);
+                    } else {
+                        characters.insert(place, ['\u{0}', '\u{feff}', '[', '*', ':', '\u{1f697}'][place % 6]);
+                    }
+                }
+                lines[at] = characters.into_iter().collect();
+            }
+            _ => {
+                let other = lines[random.below(lines.len() as u64) as usize].clone();
+                lines[at] = other;
+            }
+        }
+        if lines.is_empty() {
+            break;
+        }
+    }
+    lines.join("\n")
+}
+
+#[test]
+fn spoiled_scenarios_are_refused_with_a_message() {
+    let source = FmuFolder::new([tests::folder()]);
+    let (mut refused, mut accepted) = (0, 0);
+    for (number, file) in files("scenarios").iter().enumerate() {
+        let text = std::fs::read_to_string(file).expect("the scenario can be read");
+        let mut random = Random(number as u64);
+        for change in 0..CHANGES {
+            let spoiled = spoil(&text, &mut random);
+            let resolve = || resolve_text(file, &spoiled, &source, &Options::default()).map(drop);
+            let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(resolve));
+            match result.unwrap_or_else(|_| panic!("{}, change {change}: a panic on\n{spoiled}", file.display())) {
+                Ok(()) => accepted += 1,
+                Err(error) => {
+                    refused += 1;
+                    assert!(!error.to_string().trim().is_empty(), "no message for\n{spoiled}");
+                }
+            }
+        }
+    }
+    println!("{refused} refused, {accepted} still in order");
+    assert!(refused > 1000 && accepted > 100, "{refused} refused, {accepted} accepted: what is changed tests little");
+}
+
+#[test]
+fn scenarios_that_are_no_text_are_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("scenario.toml");
+    let source = FmuFolder::new([tests::folder()]);
+    let refuses = |path: &Path| {
+        let error = host::resolve::resolve(path, &source, &Options::default()).map(drop).expect_err("no scenario");
+        assert!(!error.to_string().is_empty());
+    };
+    let deep = format!("a = {}1{}", "[".repeat(100_000), "]".repeat(100_000));
+    for bytes in [&b""[..], b"\xff\xfe\x00", b"\0\0\0", b"a = 1e999999999", deep.as_bytes()] {
+        std::fs::write(&file, bytes).expect("it can be written");
+        refuses(&file);
+    }
+    refuses(folder.path());
+    refuses(&folder.path().join("missing.toml"));
+}
