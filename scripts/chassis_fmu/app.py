@@ -168,12 +168,19 @@ def _run(options: argparse.Namespace) -> int:
         failures = outcome.failures
         for run, warnings in outcome.warnings.items():
             print(f"warning: run {run}:", *warnings, sep="\n  ", file=sys.stderr)
+    if len(failures) == len(scenario.runs) and code != 0:
+        # The page of an earlier run, if there is one, is better than one without numbers.
+        raise AppError("all runs failed, see above; no page was made", code)
+    cut = [f"--{name} {getattr(options, name):g}" for name in ("stop", "seeds") if getattr(options, name) is not None]
     context = page.Context(
         master=master,
         command=shlex.join(command),
         inputs=None if options.inputs is None else options.inputs.name,
+        shortened=" ".join(cut) or None,
     )
     print(report(scenario, folder, failures, context))
+    if cut:
+        print(f"Run with {' '.join(cut)}: the paper's numbers and the findings are about the whole scenario.\n")
     for run, error in failures.items():
         print(f"error: run {run}: {error}\n", file=sys.stderr)
     if failures:

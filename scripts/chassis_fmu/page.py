@@ -29,6 +29,8 @@ class Context:
     master: str
     command: str
     inputs: str | None = None
+    shortened: str | None = None
+    """What the run was cut to, such as "--stop 2 --seeds 1"; None: nothing was."""
 
 
 @dataclass(frozen=True)

@@ -125,6 +125,20 @@ def test_a_native_failure_without_a_failed_run_is_passed_on(cargo: Path, recorde
     assert recorded.exists()
 
 
+def test_a_page_is_not_replaced_when_all_runs_fail(cargo: Path, recorded: Path, tmp_path: Path) -> None:
+    options = ["trial.toml", "--native", "--out", str(tmp_path / "out")]
+    assert app.main(options) == 0
+    page = (tmp_path / "out" / "trial" / "index.html").read_bytes()
+    for folder in (recorded, tmp_path / "out" / "trial" / "runs"):
+        for path in folder.glob("*.csv"):
+            path.unlink()
+    (recorded / "other.csv").touch()
+    (tmp_path / "failing").touch()
+    assert app.main(options) == 1
+    assert (tmp_path / "out" / "trial" / "index.html").read_bytes() == page
+    assert cargo.exists()
+
+
 def test_a_csv_of_other_rows_or_columns_is_refused(
     cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -43,6 +43,13 @@ def test_everything_is_escaped(text: str) -> None:
     assert 'aria-label="Roll &lt;angle&gt;"' in text
 
 
+def test_a_shortened_run_says_so(scenario: Plan, text: str) -> None:
+    assert "about the whole scenario" not in text
+    short = dataclasses.replace(CONTEXT, shortened="--stop 3 --seeds 1")
+    tree = html.document_fromstring(page.render(scenario, [], [], {}, short))
+    assert "--stop 3 --seeds 1" in tree.xpath("string(//header)")
+
+
 def test_nothing_is_requested(text: str) -> None:
     tree = html.document_fromstring(text)
     assert not tree.xpath("//script | //link | //img | //iframe | //object | //*[@src]")

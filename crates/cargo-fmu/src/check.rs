@@ -8,6 +8,7 @@ use host::check::{Event, Finding, Severity};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::inspect::locate;
+use crate::output::outln;
 
 /// Which FMUs.
 #[derive(clap::Args, Debug)]
@@ -28,7 +29,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if arguments.events {
         for fmu in &arguments.fmus {
             host::check::check(Path::new(fmu), &mut |event| {
-                println!("{}", serde_json::to_string(&event).expect("events are plain data"));
+                outln!("{}", serde_json::to_string(&event).expect("events are plain data"));
             });
         }
         return Ok(());
@@ -39,9 +40,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let findings = findings(&path)?;
         let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
         let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
-        println!("{}: {}, {}", path.display(), counted(errors, "error"), counted(warnings, "warning"));
+        outln!("{}: {}, {}", path.display(), counted(errors, "error"), counted(warnings, "warning"));
         for finding in &findings {
-            println!("  {finding}");
+            outln!("  {finding}");
         }
         if errors > 0 {
             faulty.push(path.display().to_string());

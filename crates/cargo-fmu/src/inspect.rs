@@ -6,6 +6,7 @@ use host::archive::Archive;
 use host::description::{Causality, ModelDescription, Value};
 use miette::{IntoDiagnostic, Result};
 
+use crate::output::{out, outln};
 use crate::workspace::Workspace;
 
 /// Which FMU.
@@ -44,18 +45,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let mut archive = Archive::open(&path).into_diagnostic()?;
     if arguments.xml {
-        print!("{}", archive.description_text().into_diagnostic()?);
+        out!("{}", archive.description_text().into_diagnostic()?);
         return Ok(());
     }
     let description = archive.description().into_diagnostic()?;
-    println!("{} {}", description.model_name, description.version.as_deref().unwrap_or_default());
+    outln!("{} {}", description.model_name, description.version.as_deref().unwrap_or_default());
     if let Some(text) = &description.description {
-        println!("{text}");
+        outln!("{text}");
     }
-    println!("GUID       {}", description.guid);
-    println!("made with  {}", description.generation_tool.as_deref().unwrap_or("unknown"));
-    println!("platforms  {}", archive.platforms().join(", "));
-    println!("can        {}", capabilities(&description).join(", "));
+    outln!("GUID       {}", description.guid);
+    outln!("made with  {}", description.generation_tool.as_deref().unwrap_or("unknown"));
+    outln!("platforms  {}", archive.platforms().join(", "));
+    outln!("can        {}", capabilities(&description).join(", "));
     for (causality, title) in [
         (Causality::Input, "Inputs"),
         (Causality::Output, "Outputs"),
@@ -102,9 +103,9 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) {
     }
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let (name, start, unit) = (width(0), width(1), width(2));
-    println!("\n{title} ({})", rows.len());
+    outln!("\n{title} ({})", rows.len());
     for row in &rows {
-        println!("  {:name$}  {:>start$} {:unit$}  {}", row[0], row[1], row[2], row[3]);
+        outln!("  {:name$}  {:>start$} {:unit$}  {}", row[0], row[1], row[2], row[3]);
     }
 }
 

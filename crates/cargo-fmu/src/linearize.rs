@@ -9,6 +9,7 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use nalgebra::DMatrix;
 
 use crate::inspect::locate;
+use crate::output::outln;
 
 /// Which plant, where.
 #[derive(clap::Args, Debug)]
@@ -60,15 +61,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "states": linear.states, "inputs": linear.inputs, "outputs": linear.outputs,
             "A": rows(&linear.a), "B": rows(&linear.b), "C": rows(&linear.c), "D": rows(&linear.d), "poles": poles,
         });
-        println!("{json:#}");
+        outln!("{json:#}");
         return Ok(());
     }
-    println!("Poles of A (1/s), frequency (Hz), damping ratio");
+    outln!("Poles of A (1/s), frequency (Hz), damping ratio");
     for pole in poles.iter().filter(|pole| pole.im >= 0.0) {
         let size = pole.norm();
         let damping = if size > 0.0 { -pole.re / size } else { 1.0 };
         let imaginary = if pole.im > 0.0 { format!(" ± {:.6}i", pole.im) } else { String::new() };
-        println!("  {:>12.6}{imaginary:<16} {:>10.5} {damping:>9.4}", pole.re, size / std::f64::consts::TAU);
+        outln!("  {:>12.6}{imaginary:<16} {:>10.5} {damping:>9.4}", pole.re, size / std::f64::consts::TAU);
     }
     print_matrix("A", &linear.a, &linear.states, &linear.states);
     print_matrix("B", &linear.b, &linear.states, &linear.inputs);
@@ -87,7 +88,7 @@ fn parse(setting: &str) -> Result<(String, f64)> {
 
 /// Only nonzero elements, by name: the matrices are large and sparse.
 fn print_matrix(title: &str, matrix: &DMatrix<f64>, rows: &[String], columns: &[String]) {
-    println!("\n{title} ({} x {}), elements that are not 0", matrix.nrows(), matrix.ncols());
+    outln!("\n{title} ({} x {}), elements that are not 0", matrix.nrows(), matrix.ncols());
     for (i, row) in rows.iter().enumerate() {
         let elements: Vec<_> = columns
             .iter()
@@ -96,7 +97,7 @@ fn print_matrix(title: &str, matrix: &DMatrix<f64>, rows: &[String], columns: &[
             .map(|(j, column)| format!("{:.8e} {column}", matrix[(i, j)]))
             .collect();
         if !elements.is_empty() {
-            println!("  {row}: {}", elements.join(", "));
+            outln!("  {row}: {}", elements.join(", "));
         }
     }
 }

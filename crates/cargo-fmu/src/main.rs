@@ -6,6 +6,7 @@ mod documentation;
 mod inspect;
 mod linearize;
 mod new;
+mod output;
 mod pack;
 mod plan;
 mod run;

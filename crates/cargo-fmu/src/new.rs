@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
+use crate::output::outln;
 use crate::pack::write_whole;
 use crate::workspace::{Workspace, pascal_case};
 
@@ -80,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if !status.success() {
         return Err(miette!("the package was written, but `cargo update --workspace` failed; see the message above"));
     }
-    println!(
+    outln!(
         "{parent}/{name} is ready. Next:\n  cargo test -p {name}\n  cargo fmu pack {fmu} --update-descriptions\n\
          then change the signals in src/lib.rs, the law in src/equations.rs, and the README."
     );

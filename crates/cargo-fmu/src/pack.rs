@@ -13,6 +13,7 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use crate::documentation;
+use crate::output::outln;
 use crate::workspace::{Model, Workspace};
 
 /// Which models, and for whom.
@@ -69,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     bar.finish_and_clear();
     for line in report {
-        println!("{line}");
+        outln!("{line}");
     }
     if !changed.is_empty() {
         eprintln!(

@@ -1,5 +1,6 @@
 //! `cargo fmu run`: executes a scenario.
 
+use crate::output::outln;
 use crate::selection::Selection;
 use clap::Args;
 use host::fmu::Fmus;
@@ -101,15 +102,15 @@ fn progress_bar(plan: &Plan) -> miette::Result<ProgressBar> {
 
 fn print_summary(plan: &Plan, done: &[(&Run, Done)], folder: &Path, elapsed: Duration) {
     let width = plan.cases.iter().map(|case| case.name.len()).max().unwrap_or(0).max("case".len());
-    println!("{:width$}  runs  seconds per run", "case");
+    outln!("{:width$}  runs  seconds per run", "case");
     for case in &plan.cases {
         let of_case = || done.iter().filter(|(run, _)| run.case == case.name);
         let count = of_case().count();
         let seconds: f64 = of_case().map(|(_, done)| done.seconds).sum();
         let mean = if count == 0 { "-".to_string() } else { format!("{:.3}", seconds / count as f64) };
-        println!("{:width$}  {count:>4}  {mean:>15}", case.name);
+        outln!("{:width$}  {count:>4}  {mean:>15}", case.name);
     }
-    println!(
+    outln!(
         "{} of {} runs over {} s in {:.1} s: {}",
         done.len(),
         plan.runs.len(),

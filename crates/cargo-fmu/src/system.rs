@@ -8,6 +8,8 @@ use host::resolve::{FmuFolder, Options, resolve};
 use miette::{IntoDiagnostic, miette};
 use std::path::PathBuf;
 
+use crate::output::outln;
+
 /// Which run of which scenario, and where it goes.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -50,9 +52,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let run = chosen(&plan, arguments)?;
     let system = System::new(&plan, run).into_diagnostic()?;
     let files = system.write(&arguments.out, arguments.overwrite).into_diagnostic()?;
-    println!("run {} for other masters, step {:?} s, until {:?} s:", run.id, system.step, system.stop);
+    outln!("run {} for other masters, step {:?} s, until {:?} s:", run.id, system.step, system.stop);
     for file in files {
-        println!("  {}", file.display());
+        outln!("  {}", file.display());
     }
     Ok(())
 }

@@ -9,6 +9,8 @@ use host::resolve::{Descriptions, FmuFolder};
 use host::systems::{Fit, Systems, systems};
 use miette::{Result, miette};
 
+use crate::output::out;
+
 /// Which FMUs, and how much is said of them. The definitions stand in [`host::systems`].
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
@@ -51,9 +53,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         (0..all.len()).filter(|i| !any || arguments.names.contains(&all[*i])).collect()
     };
     let (plants, units) = (shown(&systems.plants), shown(&systems.units));
-    print!("{}", matrix(&systems, &plants, &units));
+    out!("{}", matrix(&systems, &plants, &units));
     if arguments.missing {
-        print!("{}", missing(&systems, &plants, &units));
+        out!("{}", missing(&systems, &plants, &units));
     }
     Ok(())
 }

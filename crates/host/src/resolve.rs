@@ -424,7 +424,7 @@ impl<'a> Resolver<'a> {
                 self.problems.add_with_help(
                     fmu.span(),
                     format!("there is no {name}.fmu in {}", source.place()),
-                    Some(format!("{help}run `cargo fmu pack {name}`")),
+                    Some(format!("{help}name its folder with --fmus, or run `cargo fmu pack {name}` if it is a model of this workspace")),
                 );
                 None
             }

@@ -398,7 +398,11 @@ fn mistakes_are_reported_with_their_place() {
 #[test]
 fn near_names_are_suggested() {
     for (from, to, expected) in [
-        ("fmu = \"Driver\"", "fmu = \"Drivr\"", "did you mean `Driver`? Otherwise run `cargo fmu pack Drivr`"),
+        (
+            "fmu = \"Driver\"",
+            "fmu = \"Drivr\"",
+            "did you mean `Driver`? Otherwise name its folder with --fmus, or run `cargo fmu pack Drivr` if it is a model of this workspace",
+        ),
         ("maneuver = 1", "manuver = 1", "did you mean `maneuver`?"),
         ("signal = \"body.roll\"", "signal = \"body.rol\"", "did you mean `body.roll`?"),
     ] {
