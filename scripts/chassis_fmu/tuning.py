@@ -12,6 +12,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,20 +27,27 @@ import pyarrow.compute
 import pyarrow.csv
 import pyarrow.parquet
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from . import plots, results, tables
 
 ROOT = Path(__file__).resolve().parents[2]
-FORMAT = 1
+FORMAT = 2
 
 ENDS = {"generations": "all generations", "budget": "budget spent", "target": "target reached"}
 
-# The plot ends at the objective that the slowest method has after this share of the evaluations: what lies above is
-# chance. A comparison is drawn as a line if it does not lie higher than this many times that span; otherwise it is
-# named with an arrow.
+# The plot ends at the objective that the slowest method has, in the median of its seeds, after this share of the
+# evaluations, but not before so many of them (or a third of all): what lies above is chance. A comparison is drawn as a
+# line if it does not lie higher than this many times that span; otherwise it is named with an arrow.
 EARLY = 0.05
+FEW = 10
 NEAR = 1.5
+# From this ratio of the highest to the lowest objective on, the axis is logarithmic.
+DECADES = 5.0
+# Names of levels stand beside the plot: letters per line, and the height of a line as a share of that of the plot.
+LABEL = 24
+LINE = 0.045
 
 Array = NDArray[np.floating[Any]]
 
@@ -112,7 +120,13 @@ class Study:
     raw: dict[str, Any]
     parameters: tuple[Parameter, ...]
     methods: tuple[Method, ...]
+    baseline: tuple[str, Candidate]
     comparisons: tuple[tuple[str, Candidate], ...]
+
+    @property
+    def references(self) -> tuple[tuple[str, Candidate], ...]:
+        """What the methods are compared with: the scenario's own values first."""
+        return (self.baseline, *self.comparisons)
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -126,7 +140,10 @@ def parse(text: str) -> Study:
     try:
         raw = json.loads(text)
         if raw["format"] != FORMAT:
-            raise TuningError(f"summary of format {raw['format']}, this version reads {FORMAT}")
+            raise TuningError(
+                f"summary of format {raw['format']}, this version reads {FORMAT}: "
+                "--resume makes it anew from the history"
+            )
         parameters = tuple(
             Parameter(p["name"], p["symbol"], p["unit"] or "1", p["min"], p["max"], p["log"]) for p in raw["parameters"]
         )
@@ -140,6 +157,10 @@ def parse(text: str) -> Study:
             )
             for m in raw["methods"]
         )
+        own = raw["baseline"]
+        baseline = (own["title"], Candidate(tuple(own["values"]), own["objective"], own["reason"]))
+        if not isinstance(raw["improved"], bool):
+            raise TypeError("improved is not a boolean")
         comparisons = tuple(
             (
                 c["title"],
@@ -149,7 +170,7 @@ def parse(text: str) -> Study:
         )
     except (ValueError, KeyError, TypeError) as error:
         raise TuningError(f"not a summary of a study: {error!r}") from error
-    return Study(raw, parameters, methods, comparisons)
+    return Study(raw, parameters, methods, baseline, comparisons)
 
 
 def read_history(study: Study, folder: Path) -> pa.Table:
@@ -201,19 +222,70 @@ def median(curves: Sequence[Array]) -> Array:
     return np.where(np.isfinite(middle), middle, np.nan)
 
 
+@dataclass(frozen=True)
+class Scale:
+    """The axis of the objective: its ends, and up to where levels are drawn."""
+
+    logarithmic: bool
+    bottom: float
+    top: float
+    reach: float
+
+    @staticmethod
+    def of(groups: Sequence[Sequence[Array]], levels: Sequence[float]) -> Scale:
+        """Choose the axis for the curves of the methods and some levels."""
+        low = min(float(np.nanmin(c)) for group in groups for c in group)
+        high = low
+        for curve in map(median, groups):
+            late = curve[max(int(EARLY * len(curve)), min(FEW, len(curve) // 3)) :]
+            # It falls, so its first value is its largest.
+            high = max([high, *late[np.isfinite(late)][:1].tolist()])
+        logarithmic = low > 0.0 and high > DECADES * low
+        there, back = (math.log, math.exp) if logarithmic else (float, float)
+        start, end = there(low), there(high)
+        reach = start + NEAR * (end - start if end > start else 0.1 * abs(start) or 1.0)
+        # What lies below the curves is shown in any case, but a logarithm ends above zero.
+        near = [there(v) for v in levels if not (logarithmic and v <= 0.0) and there(v) <= reach]
+        start, end = min([start, *near]), max([end, *near])
+        room = 0.06 * (end - start) or 1.0
+        return Scale(logarithmic, back(start - room), back(end + room), back(reach))
+
+    def share(self, value: float) -> float:
+        """Height of a value: 0 at the bottom, 1 at the top, beyond outside."""
+        if self.logarithmic:
+            if value <= 0.0:
+                return 0.0
+            return math.log(value / self.bottom) / math.log(self.top / self.bottom)
+        return (value - self.bottom) / (self.top - self.bottom)
+
+
+def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
+    """Move labels, given from the top down, apart where they would overlap; as a whole they stay where they were."""
+    blocks: list[tuple[float, list[float]]] = []
+    for place, height in zip(places, heights, strict=True):
+        blocks.append((place, [height]))
+        # A block that touches the one above becomes one with it, around the mean of their centers.
+        while len(blocks) > 1 and blocks[-2][0] - sum(blocks[-2][1]) / 2 < blocks[-1][0] + sum(blocks[-1][1]) / 2:
+            (center, rows), (above, above_rows) = blocks.pop(), blocks.pop()
+            count = len(rows) + len(above_rows)
+            blocks.append(((above * len(above_rows) + center * len(rows)) / count, [*above_rows, *rows]))
+    out = []
+    for center, rows in blocks:
+        edge = center + sum(rows) / 2
+        for height in rows:
+            out.append(edge - height / 2)
+            edge -= height
+    return out
+
+
 def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
     """Draw the convergence of the methods as SVG and PNG; None if nothing feasible was found."""
     groups = [(g.title, [best_so_far(table, m.name) for m in g.methods if m.best is not None]) for g in study.groups]
     curves = [c for _, group in groups for c in group]
     if not curves:
         return None
-    low = min(float(np.nanmin(c)) for c in curves)
-    high = max(float(np.nanmax(c[int(EARLY * len(c)) :])) for c in curves)
-    levels = [(t, c.objective) for t, c in study.comparisons if c.reason is None]
-    reach = low + NEAR * (high - low if high > low else 0.1 * abs(low) or 1.0)
-    shown = [(t, v) for t, v in levels if v <= reach]
-    bottom, top = min([low, *(v for _, v in shown)]), max([high, *(v for _, v in shown)])
-    room = 0.06 * (top - bottom) or 1.0
+    levels = [(t, c.objective) for t, c in study.references if c.reason is None]
+    scale = Scale.of([group for _, group in groups if group], [v for _, v in levels])
     with mpl.rc_context(plots.STYLE):
         canvas = Figure(figsize=(8.4, 4.2), layout="constrained")
         ax = canvas.subplots()
@@ -227,21 +299,33 @@ def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
             curve = median(group)
             label = f"{title}, median of {len(group)} seeds" if several else title
             ax.step(np.arange(1, len(curve) + 1), curve, where="post", color=color, linewidth=1.9, label=label)
-        for title, value in shown:
-            ax.axhline(value, color=plots.MUTED, linewidth=1.0, linestyle=(0, (4, 2)))
+        # Beside the plot, from the top down.
+        levels.sort(key=lambda level: -level[1])
+        arrows = ["" if v <= scale.reach else " \N{UPWARDS ARROW}" for _, v in levels]
+        labels = [
+            textwrap.fill(f"{t}: {_short(v)}{arrow}", LABEL) for (t, v), arrow in zip(levels, arrows, strict=True)
+        ]
+        places = spread([min(scale.share(v), 1.0) for _, v in levels], [LINE * (1 + t.count("\n")) for t in labels])
+        for (_, value), label, place in zip(levels, labels, places, strict=True):
+            if value <= scale.reach:
+                ax.axhline(value, color=plots.MUTED, linewidth=1.0, linestyle=(0, (4, 2)))
             ax.annotate(
-                f"{title}: {_short(value)}",
-                xy=(1.0, value),
-                xycoords=("axes fraction", "data"),
-                xytext=(-4.0, 3.0),
-                textcoords="offset points",
-                ha="right",
+                label,
+                xy=(1.0, min(scale.share(value), 1.0)),
+                xycoords="axes fraction",
+                xytext=(1.03, place),
+                textcoords="axes fraction",
+                va="center",
                 color=plots.MUTED,
                 fontsize=8.0,
+                arrowprops={"arrowstyle": "-", "color": plots.MUTED, "linewidth": 0.6, "shrinkA": 1.0, "shrinkB": 0.0},
             )
-        above = [f"{t}: {_short(v)} \N{UPWARDS ARROW}" for t, v in levels if v > reach]
-        ax.set_title("    ".join(above), loc="right", color=plots.MUTED, fontsize=8.0)
-        ax.set_ylim(bottom - room, top + room)
+        if scale.logarithmic:
+            ax.set_yscale("log")
+            ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
+            ax.yaxis.set_minor_locator(NullLocator())
+        ax.set_ylim(scale.bottom, scale.top)
         ax.set_xlim(1, max(len(c) for c in curves))
         ax.set_xlabel("Evaluations")
         ax.set_ylabel("Best objective so far (no unit)")
@@ -263,6 +347,11 @@ def _inline(svg: str) -> markupsafe.Markup:
     return markupsafe.Markup(svg.replace("<svg", '<svg role="img" aria-label="Convergence"', 1))
 
 
+def _breakable(name: str) -> markupsafe.Markup:
+    """Let a long name break behind its colon and its dots, nowhere else."""
+    return markupsafe.Markup(re.sub(r"([.:])", r"\1<wbr>", str(markupsafe.escape(name))))
+
+
 def _value(value: float | None) -> str:
     return "–" if value is None else tables.scientific(value)
 
@@ -278,7 +367,7 @@ def render(study: Study, svg: str | None, command: str) -> str:
     )
     found = [m.best.objective for m in study.methods if m.best is not None]
     columns: list[tuple[str, Candidate | None, int | None]] = [(g.title, g.best, i) for i, g in enumerate(study.groups)]
-    columns += [(title, candidate, None) for title, candidate in study.comparisons]
+    columns += [(title, candidate, None) for title, candidate in study.references]
     return environment.get_template("tuning.html.j2").render(
         study=study.raw,
         paragraphs=[" ".join(p.split()) for p in re.split(r"\n\s*\n", study.raw["description"]) if p.strip()],
@@ -291,6 +380,7 @@ def render(study: Study, svg: str | None, command: str) -> str:
         figure=None if svg is None else _inline(svg),
         command=command,
         value=_value,
+        breakable=_breakable,
         unit=tables.pretty_unit,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import stat
@@ -12,6 +13,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from chassis_fmu import tuning
 
@@ -29,7 +31,7 @@ def summary() -> dict[str, Any]:
     method = {"seed": 1, "settings": {"population": 2, "step_size": None}, "end": "budget", "generations": 2}
     best = {"evaluation": 4, "generation": 1, "values": [0.4, 4.0], "objective": 3.0}
     return {
-        "format": 1,
+        "format": 2,
         "name": "trial",
         "title": "Trial <1>",
         "description": "One.\n\nTwo.",
@@ -47,6 +49,7 @@ def summary() -> dict[str, Any]:
             {"signal": "body.roll", "kind": "mean_square", "window": [0.0, 1.5], "weight": 0.5, "reference": 1.0}
         ],
         "judged": {"weights": [1.0], "lambda_max": 1.0, "index": 0.0, "ratio": 0.0},
+        "baseline": {"title": "As in the scenario", "values": [0.15, None], "objective": 3.25, "reason": None},
         "comparisons": [
             {"title": "Paper's", "values": {"a:x": 0.25}, "objective": 3.5, "reason": None},
             {"title": "Wild", "values": {}, "objective": 1e6, "reason": "run one: it flew away"},
@@ -74,6 +77,7 @@ def summary() -> dict[str, Any]:
             },
         ],
         "best": "pacsa",
+        "improved": True,
     }
 
 
@@ -134,26 +138,79 @@ def test_seeds_of_a_method_stand_together(folder: Path) -> None:
         assert text in page, text
 
 
+@pytest.fixture
+def canvas(monkeypatch: pytest.MonkeyPatch) -> Figure:
+    """Keep the figure that is drawn on."""
+    canvas = Figure(figsize=(8.4, 4.2), layout="constrained")
+    monkeypatch.setattr(tuning, "Figure", lambda **_: canvas)
+    return canvas
+
+
 @pytest.mark.parametrize(
-    ("objectives", "lines", "arrows"),
+    ("objectives", "labels", "lines"),
     [
-        # the curves span 3 to 4: up to 4.5 a line, above an arrow
-        ({"Near": 4.5, "Far": 4.6}, ["Near: 4.5"], "Far: 4.6 \N{UPWARDS ARROW}"),
-        ({"Better": 0.5}, ["Better: 0.5"], ""),
+        # the curve goes from 4 to 3: up to 4.5 a line, above an arrow
+        ({"Near": 4.5, "Far": 4.6}, ["Far: 4.6 \N{UPWARDS ARROW}", "Near: 4.5"], [4.5, 3.25]),
+        ({"Better": 0.5}, ["Better: 0.5"], [3.25, 0.5]),
     ],
 )
 def test_values_to_compare_with_are_drawn_or_named(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, objectives: dict[str, float], lines: list[str], arrows: str
+    folder: Path, canvas: Figure, objectives: dict[str, float], labels: list[str], lines: list[float]
 ) -> None:
     raw = summary()
     raw["comparisons"] = [{"title": t, "values": {}, "objective": v, "reason": None} for t, v in objectives.items()]
     study = tuning.parse(json.dumps(raw))
-    canvas = Figure()
-    monkeypatch.setattr(tuning, "Figure", lambda **_: canvas)
     assert tuning.draw(study, tuning.read_history(study, folder)) is not None
     (ax,) = canvas.axes
-    assert [text.get_text() for text in ax.texts] == lines
-    assert ax.get_title("right") == arrows
+    texts = [text.get_text() for text in ax.texts]
+    assert [t for t in texts if not t.startswith("As in the scenario")] == labels
+    assert [np.asarray(line.get_ydata())[0] for line in ax.lines[1:]] == lines
+
+
+def test_names_of_levels_do_not_overlap(folder: Path, canvas: Figure) -> None:
+    raw = summary()
+    levels = {"Passive": 3.3, "Table 5, PACSA": 3.31, "A name that takes more than one line": 3.32, "Far": 90.0}
+    raw["comparisons"] = [{"title": t, "values": {}, "objective": v, "reason": None} for t, v in levels.items()]
+    study = tuning.parse(json.dumps(raw))
+    assert tuning.draw(study, tuning.read_history(study, folder)) is not None
+    canvas.draw_without_rendering()
+    boxes = [Text.get_window_extent(text) for text in canvas.axes[0].texts]
+    assert len(boxes) == 5
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    assert all(canvas.bbox.x0 <= box.x0 and box.x1 <= canvas.bbox.x1 for box in boxes)
+
+
+def test_labels_are_moved_as_little_as_needed() -> None:
+    np.testing.assert_allclose(tuning.spread([0.9, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.9, 0.5, 0.1])
+    np.testing.assert_allclose(tuning.spread([0.5, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.55, 0.45, 0.1])
+    # a block that grows meets the next one
+    np.testing.assert_allclose(tuning.spread([0.5, 0.5, 0.41], [0.1, 0.1, 0.1]), [0.57, 0.47, 0.37])
+
+
+def test_the_axis_shows_where_the_methods_differ() -> None:
+    # the first evaluations are chance, and a level far above is none of the axis
+    curve = np.array([np.nan, 50.0, *[2.0] * 28, 1.0])
+    scale = tuning.Scale.of([[curve]], [1.2, 40.0])
+    assert not scale.logarithmic
+    np.testing.assert_allclose([scale.bottom, scale.top, scale.reach], [0.94, 2.06, 2.5])
+    # decades: the same in logarithms
+    curve = np.repeat([100.0, 1.0], 40)
+    scale = tuning.Scale.of([[curve]], [0.0, 0.1])
+    assert scale.logarithmic
+    np.testing.assert_allclose([scale.bottom, scale.top], [0.1 * 10**-0.18, 10**2.18])
+    np.testing.assert_allclose([scale.share(0.0), scale.share(scale.bottom), scale.share(scale.top)], [0.0, 0.0, 1.0])
+    # a method that never moves still has an axis
+    scale = tuning.Scale.of([[np.array([0.0])]], [])
+    assert scale.bottom < 0.0 < scale.top
+
+
+def test_the_page_says_if_nothing_improved(folder: Path) -> None:
+    sentence = "No method improved on the scenario's own values."
+    tuning.report(folder, "c")
+    assert sentence not in (folder / "index.html").read_text()
+    (folder / "summary.json").write_text(json.dumps({**summary(), "improved": False}))
+    tuning.report(folder, "c")
+    assert sentence in (folder / "index.html").read_text()
 
 
 def test_the_page_says_what_was_found(folder: Path) -> None:
@@ -163,6 +220,9 @@ def test_the_page_says_what_was_found(folder: Path) -> None:
         "Trial &lt;1&gt;",
         "<svg role=",
         "Paper&#39;s",
+        "As in the scenario</th>",
+        '<td class="number">0.15</td>',
+        '<code class="name">body.<wbr>roll</code>',
         "Wild is not feasible: run one: it flew away.",
         "x_1, rad/s²",
         "<code>x_1 &gt; 0</code>",
@@ -197,8 +257,8 @@ def test_without_anything_feasible_there_is_a_page_but_no_plot(folder: Path) -> 
     ("file", "content", "message"),
     [
         ("summary.json", "{", "not a summary of a study"),
-        ("summary.json", '{"format": 2}', "summary of format 2"),
-        ("summary.json", '{"format": 1}', "not a summary of a study: KeyError"),
+        ("summary.json", '{"format": 1}', "summary of format 1, this version reads 2: --resume"),
+        ("summary.json", '{"format": 2}', "not a summary of a study: KeyError"),
         ("pacsa/history.csv", HISTORY.replace("0.2,", "a,"), "cannot read the history"),
     ],
 )

@@ -115,9 +115,13 @@ fn print_summary(study: &Study, summary: &Summary, seconds: &[(String, f64)]) {
             println!("  {weight:.4}  {}", term.signal);
         }
     }
+    let show = |title: &str, objective: f64, reason: Option<&String>| {
+        println!("{title}: {objective:.6}{}", reason.map_or(String::new(), |r| format!("  ({r})")));
+    };
+    let baseline = &summary.baseline;
+    show(&baseline.title, baseline.objective, baseline.reason.as_ref());
     for compared in &summary.comparisons {
-        let reason = compared.reason.as_ref().map_or(String::new(), |r| format!("  ({r})"));
-        println!("{}: {:.6}{reason}", compared.title, compared.objective);
+        show(&compared.title, compared.objective, compared.reason.as_ref());
     }
     for method in &summary.methods {
         let progress = &method.progress;
@@ -139,5 +143,8 @@ fn print_summary(study: &Study, summary: &Summary, seconds: &[(String, f64)]) {
         for (parameter, value) in study.simulation.parameters.iter().zip(&best.values) {
             println!("  {} = {value:?} {}", parameter.name, parameter.unit.as_deref().unwrap_or_default());
         }
+    }
+    if !summary.improved {
+        println!("no method improved on the scenario's own values");
     }
 }

@@ -191,6 +191,7 @@ fn a_study_is_carried_out() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let summary = text(&output.stdout);
     assert!(summary.contains("PACSA: 30 evaluations (0 not feasible)"), "{summary}");
+    assert!(!summary.contains("no method improved"), "{summary}");
     assert!(summary.contains("ramp:start = ") && summary.contains("results/study/summary.json"), "{summary}");
 
     // The best values, applied by a scenario: the objective is the RMS of what it records.
@@ -211,8 +212,21 @@ fn a_study_is_carried_out() {
     assert_eq!(output.status.code(), Some(1));
     let error = message(&output.stderr);
     assert!(error.contains("`--resume` goes on with it, `--overwrite` begins anew"), "{error}");
+    let output = command(folder.path(), &["tune", "study.toml", "--resume", "--budget", "20"]);
+    assert_eq!(output.status.code(), Some(1));
+    let error = message(&output.stderr);
+    assert!(error.contains("has 30 evaluations, more than the budget of 20"), "{error}");
     let output = command(folder.path(), &["tune", "study.toml", "--overwrite", "--budget", "20"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
+
+    // Gains far above the scenario's own.
+    std::fs::write(folder.path().join("far.toml"), STUDY.replace("min = -1.0\nmax = 9.0", "min = 8.0\nmax = 9.0"))
+        .unwrap();
+    let output = command(folder.path(), &["tune", "far.toml", "--budget", "8"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let summary = text(&output.stdout);
+    assert!(summary.starts_with("As in the scenario: "), "{summary}");
+    assert!(summary.contains("no method improved on the scenario's own values\n"), "{summary}");
 
     std::fs::write(folder.path().join("study.toml"), STUDY.replace("pacsa", "pasca")).unwrap();
     let output = command(folder.path(), &["tune", "study.toml", "--resume"]);

@@ -270,7 +270,8 @@ impl Evaluate for Journal<'_> {
             (self.checkpoint)(&progress)?;
         }
         let best = progress.best.as_ref().map(|b| b.objective);
-        if self.target.is_some_and(|target| best.is_some_and(|best| best <= target)) {
+        // A history that went further, to another target, is used to its end: no better candidate is lost.
+        if self.replay.len() == 0 && self.target.is_some_and(|target| best.is_some_and(|best| best <= target)) {
             return Err(Stop::Target);
         }
         if candidates.len() < population.len() {
@@ -317,6 +318,16 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|v| v.to_bits()).collect()
+}
+
+/// Whole evaluations in a history; a line that was cut off is none.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn evaluations(path: &Path) -> Result<u64, JournalError> {
+    let content = std::fs::read(path).map_err(|cause| JournalError::Io { path: path.to_path_buf(), cause })?;
+    // A row is a line, and so is the header.
+    Ok((content.iter().filter(|b| **b == b'\n').count() as u64).saturating_sub(1))
 }
 
 /// First line of a history.

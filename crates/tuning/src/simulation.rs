@@ -144,6 +144,23 @@ impl Simulation {
         }
     }
 
+    /// The value the scenario gives a parameter, or its start value; `None` if the runs differ.
+    #[must_use]
+    pub fn own_value(&self, index: usize) -> Option<f64> {
+        let (unit, name) = self.parameters[index].unit_and_name();
+        let of = |run: &Run| {
+            let unit = run.units.iter().find(|u| u.name == unit)?;
+            let set = unit.parameters.iter().find(|p| p.name == name).map(|p| p.value.clone());
+            let start = || self.fmus.get(&unit.fmu).ok()?.description().variable(name)?.start.clone();
+            match set.or_else(start)? {
+                Value::Real(value) => Some(value),
+                _ => None,
+            }
+        };
+        let first = of(self.runs.first()?)?;
+        self.runs.iter().all(|run| of(run) == Some(first)).then_some(first)
+    }
+
     /// The objective of one run.
     fn run(&self, run: &Run, values: &[(usize, f64)]) -> Result<f64, String> {
         let mut run = run.clone();

@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 const PENALTY: f64 = 1e6;
 /// Largest population: 16 doublings of CMA-ES's stay countable.
 const MAX_POPULATION: i64 = 100_000;
+/// Title of the scenario's own values, unless a `[[compare]]` names them.
+const BASELINE: &str = "As in the scenario";
 
 /// Why there is nothing to tune.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -65,7 +67,9 @@ pub struct Study {
     pub target: Option<f64>,
     /// Methods in their order.
     pub methods: Vec<Method>,
-    /// Values to compare with.
+    /// Title of the scenario's own values, which are always compared with.
+    pub baseline: String,
+    /// Other values to compare with.
     pub comparisons: Vec<Comparison>,
     /// Weights from judgments, if there are any.
     pub judged: Option<ahp::Weights>,
@@ -286,8 +290,11 @@ pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study
             })
         })
         .collect();
-    let comparisons = comparisons(&file, &plan, &runs, &fmus, &mut problems);
+    let mut comparisons = comparisons(&file, &plan, &runs, &fmus, &mut problems);
     problems.finish()?;
+    // A comparison with the scenario's own values only names them: they are evaluated anyway.
+    let own = comparisons.iter().position(|c| c.values.is_empty() && c.runs == runs);
+    let baseline = own.map_or(BASELINE.to_string(), |at| comparisons.remove(at).title);
 
     let needed: BTreeSet<usize> = terms.iter().map(|t| t.column).chain(limits.iter().map(|l| l.column)).collect();
     let slim = |runs: Vec<Run>| -> Vec<Run> { runs.into_iter().map(|run| without_columns(run, &needed)).collect() };
@@ -300,6 +307,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study
         evaluations,
         target: file.budget.target.map(Spanned::into_inner),
         methods,
+        baseline,
         comparisons: comparisons.into_iter().map(|c| Comparison { runs: slim(c.runs), ..c }).collect(),
         judged,
         constraints: file
@@ -684,13 +692,22 @@ fn parameter_help(run: &Run, fmus: &Fmus, unit: &str, name: &str) -> (Option<Str
     (suggestion(name, parameters.map(|v| v.name.as_str())), false)
 }
 
-/// Finds recorded signals.
+/// Finds recorded signals. What the scenario records does not depend on the cases that are chosen.
 struct Columns<'a> {
     plan: &'a Plan,
     runs: &'a [Run],
 }
 
 impl Columns<'_> {
+    /// The unit that writes a column.
+    fn writer(&self, index: usize) -> Option<&str> {
+        self.plan.runs.iter().find_map(|run| {
+            let slot = run.columns.get(index).copied().flatten()?;
+            let writes = |u: &&host::plan::Unit| u.outputs.iter().any(|wire| wire.slot == slot);
+            run.units.iter().find(writes).map(|u| u.name.as_str())
+        })
+    }
+
     /// Column of `unit:signal`, or of `signal` where only one unit has it; every run must have it.
     fn find(&self, written: &Spanned<String>, problems: &mut Collector) -> Option<usize> {
         let text = written.get_ref();
@@ -699,15 +716,17 @@ impl Columns<'_> {
         let column = names().position(|name| name == text).or_else(|| {
             let (unit, signal) = text.split_once(':')?;
             let index = names().position(|name| name == signal)?;
-            let writes = |run: &Run| {
-                let slot = run.columns.get(index).copied().flatten();
-                run.units.iter().any(|u| u.name == unit && u.outputs.iter().any(|wire| Some(wire.slot) == slot))
-            };
-            self.runs.iter().any(writes).then_some(index)
+            (self.writer(index)? == unit).then_some(index)
         });
         let Some(index) = column else {
             let signal = text.split_once(':').map_or(text.as_str(), |(_, signal)| signal);
-            let near = suggestion(signal, names()).map_or(String::new(), |s| format!("{s} Otherwise "));
+            // Of the name as it is, the unit is wrong.
+            let writer = names().position(|name| name == signal).and_then(|index| self.writer(index));
+            let near = match writer {
+                Some(unit) => Some(format!("did you mean `{unit}:{signal}`?")),
+                None => suggestion(signal, names()),
+            };
+            let near = near.map_or(String::new(), |s| format!("{s} Otherwise "));
             problems.add_with_help(
                 written.span(),
                 format!("the scenario does not record `{text}`"),

@@ -10,7 +10,7 @@
 //!
 //! Apart from the history, a file is complete or not there.
 
-use crate::journal::{Candidate, Journal, JournalError, Progress};
+use crate::journal::{self, Candidate, Journal, JournalError, Progress};
 use crate::search::Stop;
 use crate::simulation::{Limit, Term};
 use crate::space::Parameter;
@@ -25,8 +25,10 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Version of the layout of the files.
-pub const FORMAT: u32 = 1;
+/// Version of the layout of the summary.
+pub const FORMAT: u32 = 2;
+/// Version of the history and its state. An older summary does not matter, it is made anew from the history.
+const HISTORY_FORMAT: u32 = 1;
 
 /// What to do with results of an earlier call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +52,20 @@ pub enum TuneError {
         "{} belongs to another version of the study, its scenario or its FMUs: `--overwrite` begins anew", .0.display()
     )]
     Changed(PathBuf),
+    /// The results have more evaluations than the budget allows.
+    #[error(
+        "{} has {evaluations} evaluations, more than the budget of {budget}, and a shorter search would replace better \
+         results by worse ones: `--resume` needs a budget of at least {evaluations}; `--overwrite` begins anew, another \
+         folder (`--out`) keeps both", path.display()
+    )]
+    Budget {
+        /// The history.
+        path: PathBuf,
+        /// Its evaluations.
+        evaluations: u64,
+        /// The budget.
+        budget: u64,
+    },
     /// A file cannot be read or written.
     #[error("{}: {cause}", path.display())]
     Io {
@@ -110,12 +126,29 @@ pub struct Summary {
     pub terms: Vec<Term>,
     /// Weights from judgments.
     pub judged: Option<ahp::Weights>,
+    /// The scenario's own values.
+    pub baseline: Baseline,
     /// What was compared with.
     pub comparisons: Vec<Compared>,
     /// Methods that have come to their end.
     pub methods: Vec<MethodSummary>,
     /// Name of the method with the best values.
     pub best: Option<String>,
+    /// Whether these are better than the scenario's own.
+    pub improved: bool,
+}
+
+/// The parameters as the scenario has them, and what comes of them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Baseline {
+    /// Title.
+    pub title: String,
+    /// Values in the order of the parameters; `None` where the runs differ.
+    pub values: Vec<Option<f64>>,
+    /// Objective.
+    pub objective: f64,
+    /// Why it is not feasible.
+    pub reason: Option<String>,
 }
 
 /// Result of a comparison.
@@ -179,6 +212,8 @@ pub fn tune(
         }
     }
     let fmus = fingerprints(study)?;
+    // Before anything is written.
+    check_existing(study, &folder, &fmus)?;
     let mut summary = summary(study);
     for method in &study.methods {
         let (end, progress) = search(study, method, &folder.join(&method.name), &fmus, &|p| report(method, p))?;
@@ -187,11 +222,44 @@ pub fn tune(
         if let Some(best) = progress.best.as_ref().filter(|b| b.objective < before) {
             write(&folder.join("best.ssv"), parameter_set(study, &best.values).as_bytes())?;
             summary.best = Some(method.name.clone());
+            summary.improved = summary.baseline.reason.is_some() || best.objective < summary.baseline.objective;
         }
         summary.methods.push(MethodSummary { method: method.clone(), end, progress });
         write(&folder.join("summary.json"), json(&summary).as_bytes())?;
     }
     Ok(summary)
+}
+
+/// Refuses histories of another study and those that the budget would cut.
+fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>) -> Result<(), TuneError> {
+    let mut longest: Option<(u64, PathBuf)> = None;
+    for method in &study.methods {
+        let folder = folder.join(&method.name);
+        let history = folder.join("history.csv");
+        if !history.exists() {
+            continue;
+        }
+        let path = folder.join("state.json");
+        let known = match std::fs::read(&path) {
+            Ok(bytes) => serde_json::from_slice::<State<serde_json::Value>>(&bytes).ok(),
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
+            Err(cause) => return Err(TuneError::Io { path, cause }),
+        };
+        let fingerprint = fingerprint(study, method, fmus);
+        if known.is_none_or(|state| state.format != HISTORY_FORMAT || state.fingerprint != fingerprint) {
+            return Err(TuneError::Changed(history));
+        }
+        let evaluations = journal::evaluations(&history)?;
+        if longest.as_ref().is_none_or(|(most, _)| evaluations > *most) {
+            longest = Some((evaluations, history));
+        }
+    }
+    match longest {
+        Some((evaluations, path)) if evaluations > study.evaluations => {
+            Err(TuneError::Budget { path, evaluations, budget: study.evaluations })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Runs one method.
@@ -205,18 +273,8 @@ fn search(
     let fingerprint = fingerprint(study, method, fmus);
     let state_path = folder.join("state.json");
     let history = folder.join("history.csv");
-    if history.exists() {
-        let known = match std::fs::read(&state_path) {
-            Ok(bytes) => serde_json::from_slice::<State<serde_json::Value>>(&bytes).ok(),
-            Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
-            Err(cause) => return Err(TuneError::Io { path: state_path, cause }),
-        };
-        if known.is_none_or(|state| state.format != FORMAT || state.fingerprint != fingerprint) {
-            return Err(TuneError::Changed(history));
-        }
-    }
     let save = |progress: &Progress| {
-        let state = State { format: FORMAT, fingerprint: fingerprint.clone(), progress };
+        let state = State { format: HISTORY_FORMAT, fingerprint: fingerprint.clone(), progress };
         write(&state_path, json(&state).as_bytes())
     };
     if !history.exists() {
@@ -227,7 +285,7 @@ fn search(
         let to_journal = |error| match error {
             TuneError::Io { path, cause } => JournalError::Io { path, cause },
             TuneError::Journal(error) => error,
-            TuneError::Exists(path) | TuneError::Changed(path) => {
+            TuneError::Exists(path) | TuneError::Changed(path) | TuneError::Budget { path, .. } => {
                 JournalError::Io { path, cause: io::ErrorKind::AlreadyExists.into() }
             }
         };
@@ -271,6 +329,7 @@ fn summary(study: &Study) -> Summary {
             reason: outcome.reason,
         }
     });
+    let own = simulation.outcome(&simulation.runs, &[]);
     Summary {
         format: FORMAT,
         name: study.name.clone(),
@@ -288,9 +347,16 @@ fn summary(study: &Study) -> Summary {
         limits: simulation.limits.clone(),
         terms: simulation.terms.clone(),
         judged: study.judged.clone(),
+        baseline: Baseline {
+            title: study.baseline.clone(),
+            values: (0..simulation.parameters.len()).map(|index| simulation.own_value(index)).collect(),
+            objective: own.objective,
+            reason: own.reason,
+        },
         comparisons: comparisons.collect(),
         methods: Vec::new(),
         best: None,
+        improved: false,
     }
 }
 
@@ -324,7 +390,7 @@ fn fingerprint(study: &Study, method: &Method, fmus: &BTreeMap<String, String>) 
         .collect();
     hash(
         json(&(
-            FORMAT,
+            HISTORY_FORMAT,
             (&simulation.times, runs),
             (&simulation.parameters, &simulation.constants, &study.constraints),
             (&simulation.terms, &simulation.limits, simulation.penalty),

@@ -197,8 +197,13 @@ fn a_study_from_the_file_to_the_results() {
     assert_eq!(names, ["pacsa", "ga", "yardstick"]);
     assert_eq!(summary.runs, ["free", "inverted"]);
     // The same sums in the same order, but for the factors.
-    assert!((summary.comparisons[0].objective - objective(&place, "ring.toml", None)).abs() < 1e-12);
-    assert_eq!(summary.comparisons[1].values["velocity:gain"], 2.0);
+    assert!((summary.baseline.objective - objective(&place, "ring.toml", None)).abs() < 1e-12);
+    assert_eq!(summary.baseline.values, [Some(1.0), Some(1.0)], "the start values of the FMUs");
+    let compared: Vec<_> = summary.comparisons.iter().map(|c| c.title.as_str()).collect();
+    assert_eq!(compared, ["Gains of 2, inverted"], "the scenario's own values are not computed twice");
+    assert_eq!(summary.baseline.title, "As it is");
+    assert_eq!(summary.comparisons[0].values["velocity:gain"], 2.0);
+    assert!(summary.improved);
     let mut best = f64::INFINITY;
     for method in &summary.methods {
         assert_eq!(method.progress.evaluations, 60);
@@ -206,7 +211,7 @@ fn a_study_from_the_file_to_the_results() {
         let [g, k] = found.values[..] else { panic!() };
         assert!(g.abs() * k <= 30.0 && (-2.0..=8.0).contains(&g) && (0.1..=10.0).contains(&k));
         assert!((found.objective - objective(&place, "ring.toml", Some([g, k]))).abs() < 1e-12);
-        assert!(found.objective < summary.comparisons[0].objective, "better than the gains of 1 of the scenario");
+        assert!(found.objective < summary.baseline.objective, "better than the gains of 1 of the scenario");
         best = best.min(found.objective);
     }
 
@@ -281,6 +286,71 @@ fn results_are_not_lost_by_a_slip() {
     let error = place.tune(STUDY, 2, "out", Existing::Resume).unwrap_err().to_string();
     assert!(error.contains("belongs to another version"), "{error}");
     assert!(place.results("out") == before);
+}
+
+/// A smaller budget would leave out what was found later.
+#[test]
+fn a_smaller_budget_is_refused() {
+    let place = Place::new();
+    place.tune(STUDY, 2, "out", Existing::Refuse).unwrap();
+    let before = place.results("out");
+    let less = STUDY.replacen("evaluations = 60", "evaluations = 59", 1);
+    let error = place.tune(&less, 2, "out", Existing::Resume).unwrap_err();
+    assert!(matches!(error, TuneError::Budget { evaluations: 60, budget: 59, .. }), "{error}");
+    let error = error.to_string();
+    assert!(error.contains("history.csv has 60 evaluations, more than the budget of 59"), "{error}");
+    assert!(error.contains("a budget of at least 60; `--overwrite` begins anew"), "{error}");
+    assert!(place.results("out") == before);
+    // Another target neither: what is there is used to its end.
+    let early = STUDY.replacen("evaluations = 60", "evaluations = 60\ntarget = 1e5", 1);
+    let summary = place.tune(&early, 2, "out", Existing::Resume).unwrap();
+    assert_eq!(summary.methods.iter().map(|m| m.progress.evaluations).collect::<Vec<_>>(), [60; 3]);
+    for name in ["best.ssv", "ga/best.ssv", "ga/history.csv"] {
+        assert_eq!(place.results("out")[Path::new(name)], before[Path::new(name)]);
+    }
+}
+
+/// The scenario's own values are there without a `[[compare]]`, as they are set, and a result that is no better says so.
+#[test]
+fn the_scenarios_own_values_are_compared_with() {
+    let place = Place::new();
+    let own = "parameters.velocity = { gain = 3.0, inverted = true }";
+    std::fs::write(place.path("ring.toml"), SCENARIO.replacen("parameters.velocity = { inverted = true }", own, 1))
+        .unwrap();
+    let text = STUDY.replacen("[[compare]]\ntitle = \"As it is\"\n\n", "", 1);
+    assert!(text.len() < STUDY.len());
+    let summary = place.tune(&text, 2, "two", Existing::Refuse).unwrap();
+    assert_eq!(summary.baseline.title, "As in the scenario");
+    assert_eq!(summary.baseline.values, [Some(1.0), None], "the cases differ in the second");
+    assert_eq!(summary.comparisons.len(), 1);
+
+    // Ranges where y swings by sqrt(8/0.6) at least, not by sqrt(3) as in the scenario.
+    let text = text.replacen("cases = [\"free\", \"inverted\"]", "cases = [\"inverted\"]", 1);
+    let far = text.replacen("min = -2.0\nmax = 8.0", "min = 0.5\nmax = 0.6", 1).replacen("min = 0.1", "min = 8.0", 1);
+    let summary = place.tune(&far, 2, "far", Existing::Refuse).unwrap();
+    assert_eq!(summary.baseline.values, [Some(1.0), Some(3.0)]);
+    let name = summary.best.as_ref().unwrap();
+    let best = summary.methods.iter().find(|m| m.method.name == *name).unwrap().progress.best.as_ref().unwrap();
+    assert!(best.objective > summary.baseline.objective && !summary.improved);
+}
+
+/// Only the mistake itself: what the scenario records does not depend on the cases of the study.
+#[test]
+fn a_wrong_case_is_one_mistake() {
+    let place = Place::new();
+    let error = place.read(&STUDY.replacen("cases = [\"free\", \"inverted\"]", "cases = [\"fre\"]", 1), 1);
+    let error = lines(&error.unwrap_err());
+    assert!(error.ends_with("study.toml:3:10: unknown case `fre`") && error.lines().count() == 1, "{error}");
+}
+
+/// A unit that does not write the signal: the one that does is suggested.
+#[test]
+fn a_wrong_unit_of_a_signal_is_named() {
+    let place = Place::new();
+    let error = place.read(&STUDY.replacen("signal = \"position:x\"", "signal = \"position:y\"", 1), 1).unwrap_err();
+    let StudyError::Problems(problems) = &error else { panic!("{error}") };
+    let help = miette::Diagnostic::help(&problems.problems[0]).unwrap().to_string();
+    assert_eq!(help, "did you mean `velocity:y`? Otherwise add it to `signals` of its [record]");
 }
 
 /// Runs that fail, leave a limit or overflow, and candidates against the constraints: bad, finite, with a reason; the
