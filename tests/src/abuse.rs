@@ -409,6 +409,9 @@ impl<'a> Abuser<'a> {
         ensure(entries.iter().all(|entry| entry.status == status), || {
             format!("{function} returned {status}, the log says otherwise: {message}")
         })?;
+        if let Some(last) = self.last.back_mut() {
+            last.push_str(&format!(" {message:.200}"));
+        }
         match status {
             ERROR => ensure(!entries.is_empty(), || format!("{function} was refused without a reason"))?,
             DISCARD if slot.all_logged => {
