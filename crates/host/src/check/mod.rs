@@ -1,9 +1,9 @@
 //! Judges FMUs, ours or a stranger's: does the description keep the rules of FMI 2.0 for co-simulation, and does the
 //! binary do what the description says?
 //!
-//! The rules of the description stand in FMI 2.0.4, section 2.2 and 4.3; [`rules`] goes through them. Validators that
+//! The rules of the description stand in FMI 2.0.4, section 2.2 and 4.3; `rules` goes through them. Validators that
 //! only read XML cannot know whether a start value is the real one, whether an output really follows an input, or
-//! whether a restored state goes on as before: [`behavior`] tries it out.
+//! whether a restored state goes on as before: `behavior` tries it out.
 
 mod behavior;
 mod rules;
