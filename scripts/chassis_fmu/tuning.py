@@ -458,7 +458,7 @@ def _run(options: argparse.Namespace) -> int:
             return code
     # How it was interrupted and gone on with does not matter: the results are the same.
     command = [a for a in shared if a not in ("--resume", "--overwrite")]
-    report(folder, shlex.join(["scripts/tune.py", *command]))
+    report(folder, shlex.join(["scripts/tune", *command]))
     print(folder / "index.html")
     return 0
 

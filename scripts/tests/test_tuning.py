@@ -92,7 +92,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_histories_become_one_table(folder: Path) -> None:
-    tuning.report(folder, "scripts/tune.py trial.toml")
+    tuning.report(folder, "scripts/tune trial.toml")
     table = pyarrow.parquet.read_table(folder / "history.parquet")
     # what lies beyond the budget is left out
     assert table["method"].to_pylist() == ["pacsa"] * 4 + ["lost"]
@@ -214,7 +214,7 @@ def test_the_page_says_if_nothing_improved(folder: Path) -> None:
 
 
 def test_the_page_says_what_was_found(folder: Path) -> None:
-    tuning.report(folder, "scripts/tune.py trial.toml")
+    tuning.report(folder, "scripts/tune trial.toml")
     page = (folder / "index.html").read_text()
     for text in (
         "Trial &lt;1&gt;",
@@ -286,7 +286,7 @@ def test_the_command_tunes_and_reports(folder: Path, cargo: Path, capsys: pytest
     assert cargo.read_text() == f"fmu tune studies/trial.toml --out {out} --jobs 2 --budget 9 --resume\n"
     assert capsys.readouterr().out.strip() == str(folder / "index.html")
     page = (folder / "index.html").read_text()
-    assert f"scripts/tune.py studies/trial.toml --out {out} --jobs 2 --budget 9</code>" in page
+    assert f"scripts/tune studies/trial.toml --out {out} --jobs 2 --budget 9</code>" in page
 
 
 def test_failures_keep_their_exit_code(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
