@@ -46,7 +46,7 @@ NEAR = 1.5
 # From this ratio of the highest to the lowest objective on, the axis is logarithmic.
 DECADES = 5.0
 # Names of levels stand beside the plot: letters per line, and the height of a line as a share of that of the plot.
-LABEL = 24
+LABEL = 28
 LINE = 0.045
 
 Array = NDArray[np.floating[Any]]
@@ -260,15 +260,22 @@ class Scale:
 
 
 def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
-    """Move labels, given from the top down, apart where they would overlap; as a whole they stay where they were."""
+    """Move labels, given from the top down, apart where they would overlap, and those at the ends into the plot."""
+
+    def inside(center: float, rows: list[float]) -> float:
+        # The first and the last label may reach beyond the plot by half a line.
+        half = (sum(rows) - LINE) / 2
+        return min(max(center, half), 1.0 - half)
+
     blocks: list[tuple[float, list[float]]] = []
     for place, height in zip(places, heights, strict=True):
-        blocks.append((place, [height]))
+        blocks.append((inside(place, [height]), [height]))
         # A block that touches the one above becomes one with it, around the mean of their centers.
         while len(blocks) > 1 and blocks[-2][0] - sum(blocks[-2][1]) / 2 < blocks[-1][0] + sum(blocks[-1][1]) / 2:
             (center, rows), (above, above_rows) = blocks.pop(), blocks.pop()
-            count = len(rows) + len(above_rows)
-            blocks.append(((above * len(above_rows) + center * len(rows)) / count, [*above_rows, *rows]))
+            mean = (above * len(above_rows) + center * len(rows)) / (len(rows) + len(above_rows))
+            joined = [*above_rows, *rows]
+            blocks.append((inside(mean, joined), joined))
     out = []
     for center, rows in blocks:
         edge = center + sum(rows) / 2
@@ -301,7 +308,7 @@ def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
             ax.step(np.arange(1, len(curve) + 1), curve, where="post", color=color, linewidth=1.9, label=label)
         # Beside the plot, from the top down.
         levels.sort(key=lambda level: -level[1])
-        arrows = ["" if v <= scale.reach else " \N{UPWARDS ARROW}" for _, v in levels]
+        arrows = ["" if v <= scale.reach else "\N{NO-BREAK SPACE}\N{UPWARDS ARROW}" for _, v in levels]
         labels = [
             textwrap.fill(f"{t}: {_short(v)}{arrow}", LABEL) for (t, v), arrow in zip(levels, arrows, strict=True)
         ]
@@ -318,7 +325,14 @@ def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
                 va="center",
                 color=plots.MUTED,
                 fontsize=8.0,
-                arrowprops={"arrowstyle": "-", "color": plots.MUTED, "linewidth": 0.6, "shrinkA": 1.0, "shrinkB": 0.0},
+                arrowprops={
+                    "arrowstyle": "-",
+                    "color": plots.MUTED,
+                    "linewidth": 0.6,
+                    "relpos": (0.0, 0.5),
+                    "shrinkA": 2.0,
+                    "shrinkB": 0.0,
+                },
             )
         if scale.logarithmic:
             ax.set_yscale("log")

@@ -150,7 +150,7 @@ def canvas(monkeypatch: pytest.MonkeyPatch) -> Figure:
     ("objectives", "labels", "lines"),
     [
         # the curve goes from 4 to 3: up to 4.5 a line, above an arrow
-        ({"Near": 4.5, "Far": 4.6}, ["Far: 4.6 \N{UPWARDS ARROW}", "Near: 4.5"], [4.5, 3.25]),
+        ({"Near": 4.5, "Far": 4.6}, ["Far: 4.6\N{NO-BREAK SPACE}\N{UPWARDS ARROW}", "Near: 4.5"], [4.5, 3.25]),
         ({"Better": 0.5}, ["Better: 0.5"], [3.25, 0.5]),
     ],
 )
@@ -185,6 +185,10 @@ def test_labels_are_moved_as_little_as_needed() -> None:
     np.testing.assert_allclose(tuning.spread([0.5, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.55, 0.45, 0.1])
     # a block that grows meets the next one
     np.testing.assert_allclose(tuning.spread([0.5, 0.5, 0.41], [0.1, 0.1, 0.1]), [0.57, 0.47, 0.37])
+    # at the ends they stay in the plot
+    line = tuning.LINE
+    np.testing.assert_allclose(tuning.spread([1.0, 1.0], [line, line]), [1.0, 1.0 - line])
+    np.testing.assert_allclose(tuning.spread([0.0, 0.0], [line, line]), [line, 0.0], atol=1e-15)
 
 
 def test_the_axis_shows_where_the_methods_differ() -> None:
