@@ -193,6 +193,8 @@ impl<M: Model> Instance<M> {
     /// When a parameter that must be positive is 0, or the design has no solution; the mode is kept.
     pub fn exit_initialization(&mut self) -> Answer {
         self.check(Function::ExitInitializationMode)?;
+        // Again, as a tunable parameter may have been set since the design was computed for an output.
+        self.check_positive()?;
         let design = self.design()?;
         let memory = M::begin(&self.parameters, &design);
         if let Some((name, value)) = memory.not_finite() {
@@ -227,11 +229,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// The design for the present parameters; computed if a fixed parameter has changed.
-    fn design(&mut self) -> Answer<Arc<M::Design>> {
-        if let Some(design) = &self.design {
-            return Ok(design.clone());
-        }
+    /// Refuses parameters that are 0 but have to be above it.
+    fn check_positive(&self) -> Answer {
         for variable in &self.layout().variables {
             if let Kind::Real(real) = &variable.declaration.kind
                 && variable.role == Role::Parameter
@@ -247,6 +246,15 @@ impl<M: Model> Instance<M> {
                 .into());
             }
         }
+        Ok(())
+    }
+
+    /// The design for the present parameters; computed if a fixed parameter has changed.
+    fn design(&mut self) -> Answer<Arc<M::Design>> {
+        if let Some(design) = &self.design {
+            return Ok(design.clone());
+        }
+        self.check_positive()?;
         let design = M::load(&self.parameters, &self.resources).map_err(|e| format!("{}: {e}", M::INFO.name))?;
         let layout = self.layout();
         let mut reals = self.values.reals.clone();
