@@ -147,6 +147,8 @@ fn defects_of_a_description() {
     for (from, to, words) in DEFECTS {
         patient().describe(from, to).has(Severity::Error, words);
     }
+    // Allowed, but two outputs that are one.
+    patient().describe("valueReference=\"9\"", "valueReference=\"8\"").has(Severity::Warning, "they can never differ");
 }
 
 #[test]
