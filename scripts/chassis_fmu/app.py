@@ -6,19 +6,17 @@ import argparse
 import importlib.metadata
 import os
 import shlex
-import shutil
-import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from . import batch, metrics, page, plan, plots, results, tables
+from . import batch, metrics, page, plan, plots, results, shell, tables
 from .plan import Plan
 from .results import Recording
 
-ROOT = Path(__file__).resolve().parents[2]
+PURPOSE = "plan and run scenarios"
 
 
 class AppError(Exception):
@@ -29,13 +27,6 @@ class AppError(Exception):
         self.code = code
 
 
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
-    return value
-
-
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
@@ -43,13 +34,11 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         description="Runs a scenario with the FMUs of this repository and reports the results beside the paper's.",
     )
     parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="scenario file (scenarios/*.toml)")
-    parser.add_argument("--jobs", type=_positive, metavar="N", help="runs at the same time (default: all processors)")
-    parser.add_argument(
-        "--out", type=Path, default=ROOT / "results", metavar="DIR", help="folder of the results (default: results)"
-    )
+    parser.add_argument("--jobs", type=shell.positive, metavar="N", help="runs at a time (default: all processors)")
+    shell.add_out(parser)
     parser.add_argument("--inputs", type=Path, metavar="CSV", help="signals from a file instead of the units' outputs")
     parser.add_argument("--stop", type=float, metavar="T", help="stop at this time (s)")
-    parser.add_argument("--seeds", type=_positive, metavar="N", help="the first N seeds only")
+    parser.add_argument("--seeds", type=shell.positive, metavar="N", help="the first N seeds only")
     parser.add_argument("--order", choices=("sequential", "jacobi"), help="order of execution")
     parser.add_argument(
         "--fmus",
@@ -71,24 +60,7 @@ def _options(options: argparse.Namespace) -> list[str]:
         out += ["--inputs", str(options.inputs.resolve())]
     for folder in options.fmus or ():
         out += ["--fmus", str(folder.resolve())]
-    for name in ("stop", "seeds", "order"):
-        value = getattr(options, name)
-        if value is not None:
-            out += [f"--{name}", str(value)]
-    # Messages and the plan name files as seen from the project, where they lie in it.
-    prefix = f"{ROOT}{os.sep}"
-    return [a.removeprefix(prefix) for a in out]
-
-
-def _cargo(arguments: Sequence[str], capture: bool) -> tuple[int, str]:
-    """Run a subcommand of `cargo fmu`; its messages go to the terminal. Returns its exit code and its output."""
-    cargo = shutil.which("cargo")
-    if cargo is None:
-        raise AppError("cargo is not on the PATH: install Rust to plan and run scenarios", 127)
-    done = subprocess.run(
-        [cargo, "fmu", *arguments], cwd=ROOT, stdout=subprocess.PIPE if capture else None, check=False
-    )
-    return done.returncode, done.stdout.decode() if capture else ""
+    return shell.from_root([*out, *shell.set_options(options, ("stop", "seeds", "order"))])
 
 
 def _collect(
@@ -136,15 +108,15 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
 
 def _run(options: argparse.Namespace) -> int:
     shared = _options(options)
-    code, text = _cargo(["plan", *shared], capture=True)
+    code, text = shell.cargo_fmu(["plan", *shared], PURPOSE, capture=True)
     if code != 0:
         # cargo fmu has said why
         raise AppError("", code)
-    scenario = plan.parse(text, ROOT)
+    scenario = plan.parse(text, shell.ROOT)
     folder = options.out.resolve() / scenario.name
     runs = folder / "runs"
     runs.mkdir(parents=True, exist_ok=True)
-    command = ["scripts/run", *shared]
+    repeat = ["scripts/run", *shared]
     if options.from_csv is not None:
         master = "CSV files of earlier runs"
         given = options.from_csv.resolve()
@@ -154,10 +126,10 @@ def _run(options: argparse.Namespace) -> int:
             raise AppError(f"{options.from_csv} has no results of {scenario.name}: {next(iter(failures.values()))}", 1)
     elif options.native:
         master = "native (cargo fmu run)"
-        command.append("--native")
+        repeat.append("--native")
         out = ["--out", str(options.out.resolve())]
         jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
-        code, _ = _cargo(["run", *shared, *out, *jobs], capture=False)
+        code, _ = shell.cargo_fmu(["run", *shared, *out, *jobs], PURPOSE)
         # Runs that failed have left no file, the others are reported.
         failures = batch.convert(scenario, runs, runs)
         if code != 0 and not failures:
@@ -174,7 +146,7 @@ def _run(options: argparse.Namespace) -> int:
     cut = [f"--{name} {getattr(options, name):g}" for name in ("stop", "seeds") if getattr(options, name) is not None]
     context = page.Context(
         master=master,
-        command=shlex.join(command),
+        command=shlex.join(repeat),
         inputs=None if options.inputs is None else options.inputs.name,
         shortened=" ".join(cut) or None,
     )
@@ -200,7 +172,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     try:
         return _run(arguments(argv))
-    except AppError as error:
+    except (AppError, shell.NoCargoError) as error:
         if str(error):
             print(f"error: {error}", file=sys.stderr)
         return error.code

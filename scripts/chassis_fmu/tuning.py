@@ -6,11 +6,8 @@ import argparse
 import io
 import json
 import math
-import os
 import re
 import shlex
-import shutil
-import subprocess
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -30,9 +27,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from . import plots, results, tables
+from . import plots, results, shell, tables
 
-ROOT = Path(__file__).resolve().parents[2]
 FORMAT = 2
 
 ENDS = {"generations": "all generations", "budget": "budget spent", "target": "target reached"}
@@ -416,13 +412,6 @@ def report(folder: Path, command: str) -> None:
     results.write_text(folder / "index.html", render(study, None if drawing is None else drawing[0], command))
 
 
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
-    return value
-
-
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
@@ -430,12 +419,12 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         description="Tunes parameters of FMUs as a study says, and shows how the methods converged.",
     )
     parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
-    parser.add_argument("--jobs", type=_positive, metavar="N", help="number of threads (default: all processors)")
-    parser.add_argument(
-        "--out", type=Path, default=ROOT / "results", metavar="DIR", help="folder of the results (default: results)"
-    )
+    parser.add_argument("--jobs", type=shell.positive, metavar="N", help="number of threads (default: all processors)")
+    shell.add_out(parser)
     parser.add_argument("--fmus", type=Path, metavar="DIR", help="folder of the FMUs (default: target/fmu)")
-    parser.add_argument("--budget", type=_positive, metavar="N", help="evaluations per method, instead of the study's")
+    parser.add_argument(
+        "--budget", type=shell.positive, metavar="N", help="evaluations per method instead of the study's"
+    )
     existing = parser.add_mutually_exclusive_group()
     existing.add_argument("--resume", action="store_true", help="go on with the results that are there")
     existing.add_argument("--overwrite", action="store_true", help="begin anew")
@@ -448,31 +437,22 @@ def _options(options: argparse.Namespace) -> list[str]:
     out = [str(options.study.resolve()), "--out", str(options.out.resolve())]
     if options.fmus is not None:
         out += ["--fmus", str(options.fmus.resolve())]
-    for name in ("jobs", "budget"):
-        value = getattr(options, name)
-        if value is not None:
-            out += [f"--{name}", str(value)]
+    out += shell.set_options(options, ("jobs", "budget"))
     out += [f"--{name}" for name in ("resume", "overwrite") if getattr(options, name)]
-    # Messages name files as seen from the project, where they lie in it.
-    prefix = f"{ROOT}{os.sep}"
-    return [a.removeprefix(prefix) for a in out]
+    return shell.from_root(out)
 
 
 def _run(options: argparse.Namespace) -> int:
     shared = _options(options)
     folder = options.out.resolve() / options.study.stem
     if not options.report_only:
-        cargo = shutil.which("cargo")
-        if cargo is None:
-            print("error: cargo is not on the PATH: install Rust to carry out studies", file=sys.stderr)
-            return 127
-        code = subprocess.run([cargo, "fmu", "tune", *shared], cwd=ROOT, check=False).returncode
+        code, _ = shell.cargo_fmu(["tune", *shared], "carry out studies")
         if code != 0:
             # cargo fmu has said why
             return code
     # How it was interrupted and gone on with does not matter: the results are the same.
-    command = [a for a in shared if a not in ("--resume", "--overwrite")]
-    report(folder, shlex.join(["scripts/tune", *command]))
+    repeat = [a for a in shared if a not in ("--resume", "--overwrite")]
+    report(folder, shlex.join(["scripts/tune", *repeat]))
     print(folder / "index.html")
     return 0
 
@@ -481,6 +461,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     try:
         return _run(arguments(argv))
+    except shell.NoCargoError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.code
     except (TuningError, results.ResultsError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

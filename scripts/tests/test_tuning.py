@@ -15,7 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from chassis_fmu import tuning
+from chassis_fmu import shell, tuning
 
 HISTORY = """evaluation,generation,a:x,"b:y, z",objective,feasible,reason
 1,0,0.1,1e-300,1000000.0,false,"constraint one, or so"
@@ -285,7 +285,7 @@ def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_command_tunes_and_reports(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study, out = tuning.ROOT / "studies" / "trial.toml", folder.parent
+    study, out = shell.ROOT / "studies" / "trial.toml", folder.parent
     assert tuning.main([str(study), "--out", str(out), "--jobs", "2", "--budget", "9", "--resume"]) == 0
     assert cargo.read_text() == f"fmu tune studies/trial.toml --out {out} --jobs 2 --budget 9 --resume\n"
     assert capsys.readouterr().out.strip() == str(folder / "index.html")

@@ -1,0 +1,60 @@
+"""What the command lines of scenarios and studies share."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+"""The top folder of the repository."""
+
+
+class NoCargoError(Exception):
+    """Cargo is not on the path."""
+
+    code = 127
+
+    def __init__(self, purpose: str) -> None:
+        super().__init__(f"cargo is not on the PATH: install Rust to {purpose}")
+
+
+def positive(text: str) -> int:
+    """Read a whole number of at least 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 1")
+    return value
+
+
+def add_out(parser: argparse.ArgumentParser) -> None:
+    """Add the folder of the results."""
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "results", metavar="DIR", help="folder of the results (default: results)"
+    )
+
+
+def set_options(options: argparse.Namespace, names: Sequence[str]) -> list[str]:
+    """Return those of the options that were given, as arguments."""
+    given = [(name, getattr(options, name)) for name in names]
+    return [text for name, value in given if value is not None for text in (f"--{name}", str(value))]
+
+
+def from_root(arguments: Sequence[str]) -> list[str]:
+    """Name files as seen from the project, where they lie in it, as messages and pages do."""
+    prefix = f"{ROOT}{os.sep}"
+    return [a.removeprefix(prefix) for a in arguments]
+
+
+def cargo_fmu(arguments: Sequence[str], purpose: str, capture: bool = False) -> tuple[int, str]:
+    """Run a subcommand of `cargo fmu`; its messages go to the terminal. Returns its exit code and captured output."""
+    cargo = shutil.which("cargo")
+    if cargo is None:
+        raise NoCargoError(purpose)
+    done = subprocess.run(
+        [cargo, "fmu", *arguments], cwd=ROOT, stdout=subprocess.PIPE if capture else None, check=False
+    )
+    return done.returncode, done.stdout.decode() if capture else ""
