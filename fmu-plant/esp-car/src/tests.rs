@@ -3,6 +3,7 @@
 //! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
 //! digit.
 
+use chassis::mirror::mirrored;
 use std::array;
 
 use control::riccati::eigenvalues;
@@ -215,38 +216,6 @@ fn any_inputs() -> impl Strategy<Value = U<f64>> {
     let four = |least: f64, most: f64| prop::array::uniform4(least..most).prop_map(FourWheels);
     (-0.5..0.5, four(-0.05, 0.05), four(0.0, 1.0), four(-1500.0, 1500.0), four(0.0, 1500.0), four(-500.0, 500.0))
         .prop_map(|(delta, z_r, friction, f, t_b, t_d)| U { delta: FrontAxle([delta]), z_r, friction, f, t_b, t_d })
-}
-
-/// The values of a block for the car seen in a mirror along its track, by the names of the variables.
-fn mirrored<B: Block<f64>>(block: &B) -> B {
-    const ODD: [&str; 9] = [
-        "steer",
-        "tire_slip_angle",
-        "tire_lateral_force",
-        "vehicle.lateral",
-        "vehicle.sideslip",
-        "vehicle.yaw",
-        "vehicle.position_y",
-        "vehicle.load_transfer_ratio",
-        "body.roll",
-    ];
-    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
-    let values = numbers(block);
-    let other_side = |name: &str| match name.rsplit_once('.') {
-        Some((family, place)) if FourWheels::<f64>::PLACES.iter().any(|known| known.suffix == place) => {
-            let (axle, side) = place.split_at(1);
-            format!("{family}.{axle}{}", if side == "l" { "r" } else { "l" })
-        }
-        _ => name.to_owned(),
-    };
-    let reflected: Vec<_> = names
-        .iter()
-        .map(|name| {
-            let source = names.iter().position(|other| *other == other_side(name)).unwrap();
-            if ODD.iter().any(|odd| name.starts_with(odd)) { -values[source] } else { values[source] }
-        })
-        .collect();
-    B::read(&reflected)
 }
 
 proptest! {

@@ -3,6 +3,7 @@
 //! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
 //! digit.
 
+use chassis::mirror::mirrored;
 use control::riccati::eigenvalues;
 use fmi2::{Block, Dual64};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
@@ -298,38 +299,6 @@ fn any_inputs() -> impl Strategy<Value = U<f64>> {
 
 fn any_coupling() -> impl Strategy<Value = Coupling> {
     prop::sample::select(COUPLINGS.to_vec())
-}
-
-/// The values of a block for the vehicle seen in a mirror along its track, by the names of the variables.
-fn mirrored<B: Block<f64>>(block: &B) -> B {
-    const ODD: [&str; 8] = [
-        "steer",
-        "tire_slip_angle",
-        "tire_lateral_force",
-        "vehicle.lateral",
-        "vehicle.sideslip",
-        "vehicle.yaw",
-        "vehicle.position_y",
-        "body.roll",
-    ];
-    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
-    let values: Vec<f64> = numbers(block);
-    let other_side = |name: &str| match name.rsplit_once('.') {
-        Some((family, place)) if place.len() <= 2 && place.ends_with(['l', 'r']) => {
-            let (axle, side) = place.split_at(place.len() - 1);
-            format!("{family}.{axle}{}", if side == "l" { "r" } else { "l" })
-        }
-        _ => name.to_owned(),
-    };
-    let reflected: Vec<_> = names
-        .iter()
-        .map(|name| {
-            let source = names.iter().position(|other| *other == other_side(name)).unwrap();
-            let is_odd = ODD.iter().any(|odd| name.starts_with(odd)) || name == "vehicle.load_transfer_ratio";
-            if is_odd { -values[source] } else { values[source] }
-        })
-        .collect();
-    B::read(&reflected)
 }
 
 /// Asserts that two blocks agree to `tolerance` times the greatest of their numbers, but at least 1.

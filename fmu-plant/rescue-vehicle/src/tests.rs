@@ -3,6 +3,7 @@
 //! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
 //! digit.
 
+use chassis::mirror::mirrored;
 use std::array;
 
 use control::riccati::eigenvalues;
@@ -314,38 +315,6 @@ fn any_inputs() -> impl Strategy<Value = U<f64>> {
                 friction: SixWheels(friction),
             })
         })
-}
-
-/// The values of a block for the vehicle seen in a mirror along its track, by the names of the variables.
-fn mirrored<B: Block<f64>>(block: &B) -> B {
-    const ODD: [&str; 9] = [
-        "steer",
-        "tire_slip_angle",
-        "tire_lateral_force",
-        "vehicle.lateral",
-        "vehicle.sideslip",
-        "vehicle.yaw",
-        "vehicle.position_y",
-        "vehicle.load_transfer_ratio",
-        "body.roll",
-    ];
-    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
-    let values = numbers(block);
-    let other_side = |name: &str| match name.rsplit_once('.') {
-        Some((family, place)) if SixWheels::<f64>::PLACES.iter().any(|known| known.suffix == place) => {
-            let (axle, side) = place.split_at(1);
-            format!("{family}.{axle}{}", if side == "l" { "r" } else { "l" })
-        }
-        _ => name.to_owned(),
-    };
-    let reflected: Vec<_> = names
-        .iter()
-        .map(|name| {
-            let source = names.iter().position(|other| *other == other_side(name)).unwrap();
-            if ODD.iter().any(|odd| name.starts_with(odd)) { -values[source] } else { values[source] }
-        })
-        .collect();
-    B::read(&reflected)
 }
 
 proptest! {

@@ -1,0 +1,65 @@
+//! The vehicle seen in a mirror along its track: what a symmetric vehicle does in a turn to the left, it does mirrored in
+//! the turn to the right.
+
+use fmi2::Block;
+
+/// Beginnings of the names of signals that change their sign: they point to a side, or turn about the axes x or z.
+const ODD: [&str; 9] = [
+    "steer",
+    "tire_slip_angle",
+    "tire_lateral_force",
+    "vehicle.lateral",
+    "vehicle.sideslip",
+    "vehicle.yaw",
+    "vehicle.position_y",
+    "vehicle.load_transfer_ratio",
+    "body.roll",
+];
+
+/// The values of a block in the mirror, by the names of its variables: left and right change places, and what points to
+/// a side changes its sign. In the units of the block.
+///
+/// # Panics
+/// When a variable of one side has no counterpart on the other.
+#[must_use]
+pub fn mirrored<B: Block<f64>>(block: &B) -> B {
+    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
+    let mut values = vec![0.0; names.len()];
+    block.write(&mut values);
+    let reflected: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let other = other_side(name);
+            let source = names.iter().position(|candidate| *candidate == other);
+            let value = values[source.unwrap_or_else(|| panic!("'{name}' has no counterpart '{other}'"))];
+            if ODD.iter().any(|odd| name.starts_with(odd)) { -value } else { value }
+        })
+        .collect();
+    B::read(&reflected)
+}
+
+/// `tire_load.fl` to `tire_load.fr`, `beam_height.l` to `beam_height.r`, and back; other names stay.
+fn other_side(name: &str) -> String {
+    match name.rsplit_once('.') {
+        Some((family, place @ ("l" | "fl" | "ml" | "rl"))) => format!("{family}.{}r", &place[..place.len() - 1]),
+        Some((family, place @ ("r" | "fr" | "mr" | "rr"))) => format!("{family}.{}l", &place[..place.len() - 1]),
+        _ => name.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_change_places() {
+        for (left, right) in
+            [("tire_load.fl", "tire_load.fr"), ("wheel_height.ml", "wheel_height.mr"), ("a.b.l", "a.b.r")]
+        {
+            assert_eq!((other_side(left).as_str(), other_side(right).as_str()), (right, left));
+        }
+        for name in ["body.roll", "steer.rear", "l", "x.all"] {
+            assert_eq!(other_side(name), name);
+        }
+    }
+}
