@@ -23,6 +23,8 @@
 //! Z.-Y. Zhao, M. Tomizuka, S. Isaka, "Fuzzy gain scheduling of PID controllers", IEEE Transactions on Systems, Man, and
 //! Cybernetics 23(5), 1993, 1392-1398, doi:10.1109/21.260670 (gains by fuzzy rules on error and rate).
 
+use fmi2::derive::Mode;
+
 use crate::fuzzy::{Conjunction, FuzzyError, Membership, Output, Partition, RuleTable};
 
 /// Number of labels.
@@ -52,15 +54,17 @@ pub struct Gains {
     pub derivative: f64,
 }
 
-/// Which rules change the gains. Rows: error NB to PB; columns: its rate NB to PB.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Which rules change the gains; a parameter of the FMUs that use them. Rows: error NB to PB; columns: its rate NB to PB.
+///
+/// The tables that are printed in many places are made for steps in one direction: the changes of the proportional and the
+/// integral gain turn their sign with the error. With the mirrored ones, whose rows of a negative error are the same, the
+/// law is odd.
+#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rules {
-    /// Point symmetric: an error and its opposite change the gains alike, so that the law is odd. The rows of a negative
-    /// error are those of [`Rules::Standard`].
-    Mirrored,
-    /// The tables that are printed in many places, made for steps in one direction: the changes of the proportional and the
-    /// integral gain turn their sign with the error.
-    Standard,
+    /// point symmetric: an error and its opposite change the gains alike
+    Mirrored = 0,
+    /// as printed in many places, for steps in one direction
+    Standard = 1,
 }
 
 /// The rows of a negative error, common to both sets of rules: proportional, integral, derivative.

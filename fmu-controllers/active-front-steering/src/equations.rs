@@ -8,17 +8,13 @@
 //! | K_p, K_i, K_d | gains after the correction by fuzzy rules |
 
 use chassis::positions::FrontAxle;
-use control::fuzzy_pid::{FuzzyPid, Gains, Rules, Settings, filtered_rate};
+use control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
 
-use crate::{D, P, RuleTable, U, X, Y};
+use crate::{D, P, U, X, Y};
 
 /// Tabulates the rules.
 pub(crate) fn design(p: &P) -> Result<D, String> {
-    let rules = match p.rule_table {
-        RuleTable::Mirrored => Rules::Mirrored,
-        RuleTable::Standard => Rules::Standard,
-    };
-    Ok(D { pid: FuzzyPid::new(rules).map_err(|error| error.to_string())? })
+    Ok(D { pid: FuzzyPid::new(p.rule_table).map_err(|error| error.to_string())? })
 }
 
 pub(crate) fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {

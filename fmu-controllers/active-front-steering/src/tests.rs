@@ -23,8 +23,8 @@ fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {
 fn without_error_the_gains_are_those_of_the_rules_at_zero() {
     // k + scale dK(0, 0) with the increments of an independent implementation, 8 digits printed.
     let cases = [
-        (RuleTable::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
-        (RuleTable::Standard, [0.129705217, 0.0, -0.999967787]),
+        (Rules::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
+        (Rules::Standard, [0.129705217, 0.0, -0.999967787]),
     ];
     for (rule_table, dk) in cases {
         let p = P { rule_table, ..P::default() };
@@ -86,7 +86,7 @@ proptest! {
     fn the_law_is_odd_and_bounded(
         inputs in prop::collection::vec((-0.3..0.3_f64, -0.5..0.5_f64, -0.5..0.5_f64), 1..50), standard: bool,
     ) {
-        let rule_table = if standard { RuleTable::Standard } else { RuleTable::Mirrored };
+        let rule_table = if standard { Rules::Standard } else { Rules::Mirrored };
         let p = P { rule_table, ..P::default() };
         let d = design(&p);
         let (mut left, mut right) = (X::default(), X::default());

@@ -11,10 +11,10 @@
 
 use chassis::positions::RearAxles;
 use control::fuzzy::{FuzzyError, LabelMap, Membership, Output, Partition};
-use control::fuzzy_pid::{FuzzyPid, Gains, Rules, Settings, filtered_rate};
+use control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
 use control::sliding_mode::saturation;
 
-use crate::{D, P, RuleTable, U, X, Y};
+use crate::{D, P, U, X, Y};
 
 /// Table 2 of the paper: label of k1 for the labels NB, NM, NS, ZO, PS, PM, PB of k2.
 const K1_OF_K2: [usize; 7] = {
@@ -52,11 +52,7 @@ impl MiddleRatio {
 
 /// Tabulates the rules.
 pub(crate) fn design(p: &P) -> Result<D, String> {
-    let rules = match p.rule_table {
-        RuleTable::Mirrored => Rules::Mirrored,
-        RuleTable::Standard => Rules::Standard,
-    };
-    let make = || Ok::<_, FuzzyError>(D { pid: FuzzyPid::new(rules)?, middle: MiddleRatio::new()? });
+    let make = || Ok::<_, FuzzyError>(D { pid: FuzzyPid::new(p.rule_table)?, middle: MiddleRatio::new()? });
     make().map_err(|error| error.to_string())
 }
 

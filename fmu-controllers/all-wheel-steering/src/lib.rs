@@ -9,20 +9,11 @@ mod equations;
 mod tests;
 
 use chassis::prelude::*;
-use control::fuzzy_pid::FuzzyPid;
+use control::fuzzy_pid::{FuzzyPid, Rules};
 use fmi2::prelude::*;
 
 /// The controller.
 pub struct AllWheelSteering;
-
-/// Which rules change the gains.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RuleTable {
-    /// point symmetric: left and right turns are treated alike
-    Mirrored = 0,
-    /// as printed in many places, for steps in one direction
-    Standard = 1,
-}
 
 /// Parameters; the paper prints the ranges of the error, its rate and the ratio, all other values are assumed.
 #[derive(Parameters, Clone, Debug)]
@@ -34,8 +25,8 @@ pub struct P {
     #[par("filter.time_constant", unit = S, start = 0.02, min = 0.0, tunable, display = "ms")]
     t_f: f64,
     /// Rules for the gains
-    #[par("fuzzy.rule_table", mode, start = RuleTable::Mirrored)]
-    rule_table: RuleTable,
+    #[par("fuzzy.rule_table", mode, start = Rules::Mirrored)]
+    rule_table: Rules,
     /// Error at the edge of the rules' domain (paper); lower it to let the gains change with smaller errors
     #[par("fuzzy.error_range", unit = RAD, start = 0.2, positive, tunable, display = "deg")]
     error_range: f64,

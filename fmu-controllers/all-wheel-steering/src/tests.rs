@@ -48,8 +48,8 @@ fn the_first_sample_has_the_rules_of_its_error() {
 fn without_error_the_gains_are_those_of_the_rules_at_zero() {
     // k + scale dK(0, 0) with the increments of an independent implementation, 8 digits printed.
     let cases = [
-        (RuleTable::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
-        (RuleTable::Standard, [0.129705217, 0.0, -0.999967787]),
+        (Rules::Mirrored, [0.21831225, -0.08619045, -1.08617784]),
+        (Rules::Standard, [0.129705217, 0.0, -0.999967787]),
     ];
     for (rule_table, dk) in cases {
         let p = P { rule_table, ..P::default() };
@@ -97,7 +97,7 @@ proptest! {
     fn left_and_right_turns_are_alike(
         inputs in prop::collection::vec((-0.3..0.3_f64, -0.1..0.1_f64, -0.3..0.3_f64), 1..50), standard: bool,
     ) {
-        let rule_table = if standard { RuleTable::Standard } else { RuleTable::Mirrored };
+        let rule_table = if standard { Rules::Standard } else { Rules::Mirrored };
         let p = P { rule_table, ..P::default() };
         let d = design(&p);
         let (mut left, mut right) = (X::default(), X::default());

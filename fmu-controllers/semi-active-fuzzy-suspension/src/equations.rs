@@ -11,10 +11,10 @@
 //! | c_0, c_min, c_max | damping that the plant has already, least and greatest damping of the damper |
 
 use chassis::positions::{Struts, left_is_positive};
-use control::fuzzy_pid::{FuzzyPid, Gains, Rules, Settings};
+use control::fuzzy_pid::{FuzzyPid, Gains, Settings};
 use control::limit;
 
-use crate::{Constraint, D, P, RuleTable, U, X, Y};
+use crate::{Constraint, D, P, U, X, Y};
 
 /// Tabulates the rules.
 pub(crate) fn design(p: &P) -> Result<D, String> {
@@ -34,11 +34,7 @@ pub(crate) fn design(p: &P) -> Result<D, String> {
             ));
         }
     }
-    let rules = match p.rule_table {
-        RuleTable::Mirrored => Rules::Mirrored,
-        RuleTable::Standard => Rules::Standard,
-    };
-    Ok(D { pid: FuzzyPid::new(rules).map_err(|error| error.to_string())? })
+    Ok(D { pid: FuzzyPid::new(p.rule_table).map_err(|error| error.to_string())? })
 }
 
 /// Settings of the PIDs of heave, pitch and roll.

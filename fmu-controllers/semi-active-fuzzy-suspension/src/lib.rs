@@ -10,20 +10,11 @@ mod tests;
 
 use chassis::data::heavy_vehicle as data;
 use chassis::prelude::*;
-use control::fuzzy_pid::FuzzyPid;
+use control::fuzzy_pid::{FuzzyPid, Rules};
 use fmi2::prelude::*;
 
 /// The controller.
 pub struct SemiActiveFuzzySuspension;
-
-/// Which rules change the gains.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RuleTable {
-    /// point symmetric: both directions of a motion are treated alike
-    Mirrored = 0,
-    /// as printed in many places, for steps in one direction
-    Standard = 1,
-}
 
 /// What the actuators can do.
 #[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,8 +73,8 @@ pub struct P {
     #[par("allocation.front_roll_share", unit = ONE, start = 0.3, min = 0.0, max = 1.0, tunable)]
     eps: f64,
     /// Rules for the gains
-    #[par("fuzzy.rule_table", mode, start = RuleTable::Mirrored)]
-    rule_table: RuleTable,
+    #[par("fuzzy.rule_table", mode, start = Rules::Mirrored)]
+    rule_table: Rules,
     /// Rate of heave at the edge of the rules' domain
     #[par("fuzzy.error_range.heave", unit = M_PER_S, start = 0.15, positive, tunable)]
     error_range_heave: f64,
