@@ -142,6 +142,12 @@ pub(crate) fn read<M: Model>(guid: &str, layout: &Layout, bytes: &[u8]) -> Resul
     for value in &mut values.strings {
         *value = source.text()?;
     }
+    let has_design = source.switch()?;
+    let fingerprint = source.u64()?;
+    let initialized = !matches!(mode, Mode::Instantiated | Mode::Initialization);
+    if mode == Mode::Broken || (initialized && !has_design) {
+        return Err(format!("no state can be saved in {}", mode.name()));
+    }
     for variable in &layout.variables {
         let name = &variable.declaration.name;
         match &variable.declaration.kind {
@@ -157,7 +163,9 @@ pub(crate) fn read<M: Model>(guid: &str, layout: &Layout, bytes: &[u8]) -> Resul
                 if !(min..=max).contains(&value) {
                     return Err(format!("'{name}' = {value} {} is not in [{min}, {max}]", real.unit.name));
                 }
-                if real.positive && value <= 0.0 && !matches!(mode, Mode::Instantiated | Mode::Initialization) {
+                // Before the start it may still be 0, but no design is made of that; a tunable one may be set after it.
+                let is_checked = initialized || (has_design && !variable.declaration.tunable);
+                if real.positive && value <= 0.0 && is_checked {
                     return Err(format!("'{name}' = {value} {}, a number above 0 was expected", real.unit.name));
                 }
             }
@@ -173,12 +181,6 @@ pub(crate) fn read<M: Model>(guid: &str, layout: &Layout, bytes: &[u8]) -> Resul
             }
             _ => {}
         }
-    }
-    let has_design = source.switch()?;
-    let fingerprint = source.u64()?;
-    let initialized = !matches!(mode, Mode::Instantiated | Mode::Initialization);
-    if mode == Mode::Broken || (initialized && !has_design) {
-        return Err(format!("no state can be saved in {}", mode.name()));
     }
     if !(clock.start.is_finite() && clock.time.is_finite() && clock.stop.is_none_or(|stop| !stop.is_nan())) {
         return Err("a time is not a finite number".to_owned());
