@@ -2,7 +2,7 @@
 
 use proc_macro2::TokenStream;
 use quote::{ToTokens, quote, quote_spanned};
-use syn::parse::{Parse, ParseStream};
+use syn::parse::ParseStream;
 use syn::punctuated::Punctuated;
 use syn::spanned::Spanned;
 use syn::{Attribute, Error, Expr, ExprLit, ExprPath, Field, Ident, Lit, LitStr, Meta, Result, Token, UnOp};
@@ -15,42 +15,56 @@ pub(crate) enum Source {
     Name(LitStr),
 }
 
-/// `#[par(source, key = value, flag, …)]`.
+/// `#[par(source, key = value, flag, …)]`; without a source the variable is named like its field.
 pub(crate) struct Variable {
     pub(crate) source: Source,
     pub(crate) keys: Vec<(Ident, Option<Expr>)>,
 }
 
-impl Parse for Variable {
-    fn parse(input: ParseStream<'_>) -> Result<Self> {
-        let source = if input.peek(LitStr) {
+impl Variable {
+    fn parse(input: ParseStream<'_>, field: &Field) -> Result<Self> {
+        let mut source = None;
+        if input.peek(LitStr) {
             let name: LitStr = input.parse()?;
             check_name(&name)?;
-            Source::Name(name)
-        } else {
-            Source::Entry(input.parse().map_err(|e| {
-                Error::new(e.span(), "expected the name of the variable as a string, or an entry of a catalogue")
-            })?)
-        };
-        if let Source::Entry(key) = &source
-            && input.peek(Token![=])
-        {
-            let message = "expected the name of the variable as a string, or an entry of a catalogue, before the keys";
-            return Err(Error::new_spanned(key, message));
+            source = Some(Source::Name(name));
+        } else if !is_key(input) {
+            source = Some(Source::Entry(input.parse().map_err(|e| {
+                Error::new(e.span(), "expected the name of the variable as a string, an entry of a catalogue, or keys")
+            })?));
         }
         let mut keys: Vec<(Ident, Option<Expr>)> = Vec::new();
-        while input.parse::<Option<Token![,]>>()?.is_some() && !input.is_empty() {
+        if source.is_some() {
+            input.parse::<Option<Token![,]>>()?;
+        }
+        while !input.is_empty() {
             let key: Ident = input.parse()?;
             if keys.iter().any(|(known, _)| *known == key) {
                 return Err(Error::new(key.span(), format!("`{key}` is given twice")));
             }
             let value = if input.parse::<Option<Token![=]>>()?.is_some() { Some(input.parse()?) } else { None };
             keys.push((key, value));
+            if !input.is_empty() {
+                input.parse::<Token![,]>()?;
+            }
         }
-        if !input.is_empty() {
-            return Err(input.error("expected `,`"));
-        }
-        Ok(Self { source, keys })
+        Ok(Self { source: source.map_or_else(|| Source::of(field), Ok)?, keys })
+    }
+}
+
+/// Keys are in lower case, entries of a catalogue in upper case or behind a path.
+fn is_key(input: ParseStream<'_>) -> bool {
+    let lower = |word: Ident| word.to_string().starts_with(|c: char| c.is_ascii_lowercase());
+    !input.peek2(Token![::]) && input.fork().parse::<Ident>().is_ok_and(lower)
+}
+
+impl Source {
+    /// The name of the field.
+    fn of(field: &Field) -> Result<Self> {
+        let ident = field.ident.as_ref().expect("the fields are named");
+        let name = LitStr::new(&ident.to_string(), ident.span());
+        check_name(&name)?;
+        Ok(Self::Name(name))
     }
 }
 
@@ -68,20 +82,18 @@ fn check_name(name: &LitStr) -> Result<()> {
 }
 
 impl Variable {
-    /// The attribute `name` of a field, of which exactly one of `names` must be there.
-    pub(crate) fn of(field: &Field, names: &[&str]) -> Result<(String, Self)> {
+    /// The attribute of a field, of which at most one of `names` may be there, and which one it is.
+    pub(crate) fn of(field: &Field, names: &[&str]) -> Result<(Option<String>, Self)> {
         let mut found = None;
         for attribute in &field.attrs {
             let Some(name) = names.iter().find(|name| attribute.path().is_ident(name)) else { continue };
             if found.is_some() {
                 return Err(Error::new_spanned(attribute, "a field is one variable; this attribute is one too many"));
             }
-            found = Some(((*name).to_owned(), attribute.parse_args::<Self>()?));
+            let parse = |input: ParseStream<'_>| Self::parse(input, field);
+            found = Some((Some((*name).to_owned()), attribute.parse_args_with(parse)?));
         }
-        found.ok_or_else(|| {
-            let expected: Vec<_> = names.iter().map(|name| format!("#[{name}(…)]")).collect();
-            Error::new_spanned(&field.ident, format!("this field needs the attribute {}", expected.join(" or ")))
-        })
+        found.map_or_else(|| Ok((None, Self { source: Source::of(field)?, keys: Vec::new() })), Ok)
     }
 
     /// The value of a key.
@@ -120,26 +132,42 @@ impl Variable {
         }
     }
 
+    /// The unit of a variable that stands in no catalogue, and its description: the unit is a key, or it closes the
+    /// doc comment in parentheses, as in `Height of the road (m)`.
+    fn unit_and_description<'a>(&self, name: &LitStr, doc: &'a str) -> Result<(TokenStream, &'a str)> {
+        if doc.is_empty() {
+            return Err(Error::new(name.span(), "the doc comment is missing: it is the description of the variable"));
+        }
+        if let Some(unit) = self.value("unit")? {
+            return Ok((unit.to_token_stream(), doc));
+        }
+        let in_parentheses = doc.strip_suffix(')').and_then(|doc| doc.rsplit_once(" ("));
+        let Some((description, unit)) = in_parentheses else {
+            return Err(Error::new(
+                name.span(),
+                "the unit of measure is missing: write it at the end of the doc comment, as in `/// Roll angle (rad)`, \
+                 or as `unit = RAD` (`(1)` or `ONE` for none)",
+            ));
+        };
+        // The compiler's message points at the name of the variable.
+        let unit = quote_spanned!(name.span()=> const UNIT: ::fmi2::Unit = ::fmi2::unit::named(#unit););
+        Ok((quote!({ #unit UNIT }), description))
+    }
+
     /// An expression of type `fmi2::declare::Spec` for a real variable.
-    pub(crate) fn spec(&self, catalogue: &str, doc: &str) -> Result<TokenStream> {
+    pub(crate) fn spec(&self, catalogue: &str, mut doc: &str) -> Result<TokenStream> {
+        let unit;
         let mut spec = match &self.source {
             Source::Entry(entry) => {
                 if let Some(unit) = self.value("unit")? {
                     return Err(Error::new(unit.span(), "an entry of a catalogue has its unit already"));
                 }
                 let catalogue = Ident::new(catalogue, entry.span());
+                unit = quote!(#entry.unit);
                 quote!(::fmi2::declare::Spec::#catalogue(&#entry))
             }
             Source::Name(name) => {
-                let unit = self.value("unit")?.ok_or_else(|| {
-                    Error::new(name.span(), "the unit of measure is missing, as in `unit = RAD` (`ONE` for none)")
-                })?;
-                if doc.is_empty() {
-                    return Err(Error::new(
-                        name.span(),
-                        "the doc comment is missing: it is the description of the variable",
-                    ));
-                }
+                (unit, doc) = self.unit_and_description(name, doc)?;
                 quote!(::fmi2::declare::Spec::named(#name, #unit))
             }
         };
@@ -153,16 +181,9 @@ impl Variable {
             }
         }
         if let Some(display) = self.value("display")? {
-            let check = match &self.source {
-                Source::Entry(entry) => quote!(&#entry.unit),
-                Source::Name(_) => {
-                    let unit = self.value("unit")?;
-                    quote!(&#unit)
-                }
-            };
             // The compiler's message points at the name of the display unit.
             let check =
-                quote_spanned!(display.span()=> const _: () = ::fmi2::unit::require_display_unit(#check, #display););
+                quote_spanned!(display.span()=> const _: () = ::fmi2::unit::require_display_unit(&#unit, #display););
             spec = quote!(#spec.display({ #check #display }));
         }
         if let Some(start) = self.value("start")? {

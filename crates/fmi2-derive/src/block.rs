@@ -80,7 +80,10 @@ fn nested(field: &Field) -> Result<(TokenStream, TokenStream)> {
 
 /// Declaration and reader of one parameter.
 fn parameter(field: &Field) -> Result<(TokenStream, TokenStream)> {
-    let (_, variable) = Variable::of(field, &["par"])?;
+    let (attribute, variable) = Variable::of(field, &["par"])?;
+    if attribute.is_none() {
+        return Err(Error::new_spanned(&field.ident, "a parameter needs its start value, as in `#[par(start = 1.0)]`"));
+    }
     let doc = doc(&field.attrs);
     let ty = &field.ty;
     let is_mode = variable.flag("mode")?;
@@ -161,20 +164,24 @@ pub(crate) fn numbers(input: &DeriveInput, is_state: bool) -> Result<TokenStream
     let mut types = Vec::new();
     for field in fields(input)? {
         let (kind, variable) = Variable::of(field, &["signal", "var"])?;
-        match (&variable.source, kind.as_str()) {
-            (Source::Name(text), "signal") => {
+        let kind = kind.as_deref();
+        match (&variable.source, kind) {
+            (Source::Name(text), Some("signal")) => {
                 let message = "expected an entry of the signal catalogue; `#[var(\"name\", unit = …)]` declares a variable in place";
                 return Err(Error::new(text.span(), message));
             }
-            (Source::Entry(entry), "var") => {
+            (Source::Entry(entry), Some("var")) => {
                 let message = "expected the name as a string; `#[signal(…)]` takes an entry of the catalogue";
                 return Err(Error::new_spanned(entry, message));
             }
             _ => {}
         }
         variable.allow(&["unit", "start", "nominal", "display"])?;
-        let spec = variable.spec("signal", &doc(&field.attrs))?;
-        let local = if is_state && kind == "var" { quote!(.local()) } else { quote!() };
+        let spec = variable.spec("signal", &doc(&field.attrs)).map_err(|error| match kind {
+            Some(_) => error,
+            None => Error::new(error.span(), format!("{error}; an entry of a catalogue needs `#[signal(…)]`")),
+        })?;
+        let local = if is_state && kind == Some("var") { quote!(.local()) } else { quote!() };
         let field_type = &field.ty;
         declarations.push(quote!(#spec #local.declare::<#number, #field_type>(&mut all);));
         names.push(name(field));
@@ -192,6 +199,8 @@ pub(crate) fn numbers(input: &DeriveInput, is_state: bool) -> Result<TokenStream
             #[inline]
             #[allow(unused_variables)]
             fn read(values: &[#number]) -> Self {
+                // One check of the length instead of one per field.
+                let values = &values[..<Self as ::fmi2::Block<#number>>::LEN];
                 #(
                     let #names = <#types as ::fmi2::Field<#number>>::read(values);
                     let values = &values[<#types as ::fmi2::Field<#number>>::LEN..];
@@ -201,6 +210,7 @@ pub(crate) fn numbers(input: &DeriveInput, is_state: bool) -> Result<TokenStream
             #[inline]
             #[allow(unused_variables)]
             fn write(&self, values: &mut [#number]) {
+                let values = &mut values[..<Self as ::fmi2::Block<#number>>::LEN];
                 #(
                     ::fmi2::Field::<#number>::write(&self.#names, values);
                     let values = &mut values[<#types as ::fmi2::Field<#number>>::LEN..];

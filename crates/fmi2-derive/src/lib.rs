@@ -10,8 +10,12 @@
 //! | `Parameters` | `#[parameters]`: a block of parameters shared by several models | those of its fields |
 //! | `Inputs`, `Outputs`, `State` | `#[signal(SIGNAL)]`, an entry of the signal catalogue | that of the entry; a doc comment is added |
 //! | `Inputs`, `Outputs`, `State` | `#[var("name", unit = U)]`, a variable of this unit alone | the doc comment |
+//! | `Inputs`, `Outputs`, `State` | none: the same, with the name of the field and the unit as below | the doc comment |
 //! | `Design` | `#[calculated("name", unit = U)]`; fields without it are not shown | the doc comment |
 //! | `Memory` | `#[generated]`: finite by construction, not searched for other values | |
+//!
+//! Without `"name"` a variable is named like its field. Without `unit` the doc comment ends with it, in parentheses:
+//! `/// Height of the road (m)`; `(1)` means none. Units are those of `fmi2::unit`.
 //!
 //! More keys of a variable: `min`, `max`, `nominal`, `display = "deg"`, and the flags `positive` (0 is refused at the
 //! end of initialization) and `tunable` (may change between steps). A switch is a `bool`, a text a `String`, a whole
@@ -21,6 +25,7 @@
 mod attribute;
 mod block;
 mod mode;
+mod model;
 
 use proc_macro::TokenStream;
 use syn::{DeriveInput, parse_macro_input};
@@ -54,4 +59,13 @@ derives! {
     Memory(generated) = block::memory;
     /// A choice among named values: an enum whose variants have a doc comment and may have a number.
     Mode() = mode::mode;
+}
+
+/// Completes `impl Plant for …` or `impl Sampled for …`: name (that of the type), description (the doc comment) and
+/// version of the FMU, default experiment (the keys, in s), and what a small model leaves out: `Parameters` are then
+/// `MaxStep` or `SampleTime`, and `Design` and `Memory` empty.
+/// The documentation of the crate `fmi2` has an example.
+#[proc_macro_attribute]
+pub fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
+    model::model(arguments.into(), item.into()).unwrap_or_else(syn::Error::into_compile_error).into()
 }

@@ -5,21 +5,24 @@
 //! [`Advancing`] one knows its solution, a [`Sampled`] unit is an update per sample. [`export!`] makes a library with the whole C interface of them; names,
 //! numbers, the model description, saved states, reset and derivatives follow from the declaration.
 //!
+//! A variable is named by its attribute, or like its field; its unit is a key, or stands in parentheses at the end of the
+//! doc comment. All attributes are explained in the crate `fmi2-derive`. [`derive::model`] completes what a model does
+//! not say.
+//!
 //! ```
 //! use fmi2::prelude::*;
 //!
 //! #[derive(Parameters, Clone)]
 //! pub struct P {
-//!     /// Gain from the input to the output
-//!     #[par("filter.gain", unit = ONE, start = 2.0, tunable)]
-//!     pub k: f64,
+//!     /// Gain from the input to the output (1)
+//!     #[par(start = 2.0, tunable)]
+//!     pub gain: f64,
 //!     #[par(SAMPLE_TIME, start = 0.01)]
 //!     pub sample_time: f64,
 //! }
 //! #[derive(Inputs, Clone)]
 //! pub struct U {
-//!     /// What is amplified
-//!     #[var("filter.input", unit = M)]
+//!     /// What is amplified (m)
 //!     pub u: f64,
 //! }
 //! #[derive(Outputs, Clone)]
@@ -29,24 +32,14 @@
 //!     pub y: f64,
 //! }
 //! pub struct Amplifier;
+//! /// Multiplies its input by a gain
+//! #[model(stop_time = 1.0, step_size = 0.01)]
 //! impl Sampled for Amplifier {
-//!     const INFO: Info = Info {
-//!         name: "Amplifier",
-//!         description: "Multiplies its input by a gain",
-//!         version: "1.0.0",
-//!         stop_time: 1.0,
-//!         step_size: 0.01,
-//!     };
 //!     type Parameters = P;
-//!     type Design = ();
-//!     type Memory = ();
 //!     type Inputs = U;
 //!     type Outputs = Y;
-//!     fn design(_: &P) -> Result<(), String> {
-//!         Ok(())
-//!     }
 //!     fn update(p: &P, (): &(), (): &mut (), u: &U, _t: f64) -> Y {
-//!         Y { y: p.k * u.u }
+//!         Y { y: p.gain * u.u }
 //!     }
 //! }
 //! fmi2::export!(sampled Amplifier);
@@ -81,9 +74,9 @@ pub use unit::Unit;
 /// What a model file needs.
 pub mod prelude {
     pub use crate::block::Field;
-    pub use crate::derive::{Design, Inputs, Memory, Mode, Outputs, Parameters, State};
+    pub use crate::derive::{Design, Inputs, Memory, Mode, Outputs, Parameters, State, model};
     pub use crate::model::{Advancing, Info, Plant, Sampled};
-    pub use crate::parameters::{MAX_STEP, SAMPLE_TIME};
+    pub use crate::parameters::{MAX_STEP, MaxStep, SAMPLE_TIME, SampleTime};
     pub use crate::scalar::Scalar;
     pub use crate::unit::*;
 }

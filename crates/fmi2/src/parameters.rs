@@ -1,5 +1,6 @@
 //! Parameters that every unit of a kind has.
 
+use crate::derive::Parameters;
 use crate::signal::{Quantity, Range};
 use crate::unit::S;
 
@@ -20,3 +21,17 @@ pub const MAX_STEP: Quantity = Quantity {
     range: Range::Positive,
     description: "Longest integration step; a communication step is divided into equal parts not longer than this",
 };
+
+/// The parameters of a plant that has none of its own.
+#[derive(Parameters, Clone, Debug)]
+pub struct MaxStep {
+    #[par(MAX_STEP, start = 0.001)]
+    max_step: f64,
+}
+
+/// The parameters of a sampled unit that has none of its own.
+#[derive(Parameters, Clone, Debug)]
+pub struct SampleTime {
+    #[par(SAMPLE_TIME, start = 0.001)]
+    sample_time: f64,
+}

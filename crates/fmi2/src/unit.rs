@@ -182,6 +182,21 @@ const fn same(a: &str, b: &str) -> bool {
     true
 }
 
+/// The unit of this name, for example `rad/s`; `1` for none.
+///
+/// # Panics
+/// When there is none, which stops the compilation: the derives call it in constants.
+pub const fn named(name: &str) -> Unit {
+    let mut i = 0;
+    while i < ALL.len() {
+        if same(ALL[i].name, name) {
+            return ALL[i];
+        }
+        i += 1;
+    }
+    panic!("fmi2::unit has no unit of the name that closes the doc comment")
+}
+
 /// Stops the compilation when `unit` cannot be displayed as `name`; called by the derives.
 pub const fn require_display_unit(unit: &Unit, name: &str) {
     assert!(unit.display_unit(name).is_some(), "the unit has no display unit of this name");
@@ -201,6 +216,11 @@ mod tests {
         for unit in ALL {
             assert!(unit.factor > 0.0 && unit.display.iter().all(|d| d.factor > 0.0), "{}", unit.name);
         }
+    }
+
+    #[test]
+    fn units_are_found_by_their_names() {
+        ALL.iter().for_each(|unit| assert_eq!(named(unit.name), *unit));
     }
 
     #[test]

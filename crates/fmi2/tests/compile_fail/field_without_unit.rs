@@ -1,0 +1,9 @@
+use fmi2::prelude::*;
+
+#[derive(Inputs, Clone)]
+pub struct U<T> {
+    /// Height of the road
+    pub z_r: T,
+}
+
+fn main() {}

@@ -1,0 +1,9 @@
+use fmi2::prelude::*;
+
+pub struct Amplifier;
+
+/// Multiplies its input by a gain
+#[model(stop_time = 1.0, step = 0.01)]
+impl Sampled for Amplifier {}
+
+fn main() {}
