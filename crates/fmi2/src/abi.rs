@@ -185,6 +185,7 @@ fn words(payload: &(dyn Any + Send)) -> &str {
 }
 
 /// Runs `f` on the component if its mode allows `function`; logs a refusal; catches a panic.
+#[inline]
 unsafe fn call<E: Export>(
     component: Component,
     function: Function,
@@ -223,17 +224,28 @@ unsafe fn call<E: Export>(
     }
 }
 
+#[inline]
 fn check_array<T>(function: Function, name: &str, pointer: *const T, length: usize) -> Answer {
-    if pointer.is_null() {
-        return Err(error(function, &format!("{name} is a null pointer, an array of length {length} was expected")));
-    }
-    if !pointer.is_aligned() || length > isize::MAX as usize / size_of::<T>() {
-        return Err(error(function, &format!("{name} of length {length} is not a possible array")));
+    if pointer.is_null() || !pointer.is_aligned() || length > isize::MAX as usize / size_of::<T>() {
+        return Err(no_array(function, name, pointer.is_null(), length));
     }
     Ok(())
 }
 
+#[cold]
+fn no_array(function: Function, name: &str, is_null: bool, length: usize) -> Refusal {
+    error(
+        function,
+        &if is_null {
+            format!("{name} is a null pointer, an array of length {length} was expected")
+        } else {
+            format!("{name} of length {length} is not a possible array")
+        },
+    )
+}
+
 /// The caller's array.
+#[inline]
 unsafe fn array<'a, T>(function: Function, name: &str, pointer: *const T, length: usize) -> Result<&'a [T], Refusal> {
     if length == 0 {
         return Ok(&[]);
@@ -244,6 +256,7 @@ unsafe fn array<'a, T>(function: Function, name: &str, pointer: *const T, length
 }
 
 /// The caller's array to write to.
+#[inline]
 unsafe fn array_mut<'a, T>(
     function: Function,
     name: &str,

@@ -105,6 +105,7 @@ calls! {
 
 impl Function {
     /// Whether the function may be called in `mode`.
+    #[inline]
     pub const fn allowed(self, mode: Mode) -> bool {
         self.modes() & mode.bit() != 0
     }
@@ -113,12 +114,15 @@ impl Function {
     ///
     /// # Errors
     /// "called in X, allowed in Y".
+    #[inline]
     pub fn check(self, mode: Mode) -> Result<(), String> {
-        if self.allowed(mode) {
-            return Ok(());
-        }
+        if self.allowed(mode) { Ok(()) } else { Err(self.refusal(mode)) }
+    }
+
+    #[cold]
+    fn refusal(self, mode: Mode) -> String {
         let allowed: Vec<_> = Mode::ALL.into_iter().filter(|&m| self.allowed(m)).map(Mode::name).collect();
-        Err(format!("{} called in {}, allowed in {}", self.name(), mode.name(), allowed.join(", ")))
+        format!("{} called in {}, allowed in {}", self.name(), mode.name(), allowed.join(", "))
     }
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::block::{Design as _, Memory as _, ParameterReader, Parameters as _};
 use crate::calls::{Function, Mode};
 use crate::description::Description;
-use crate::model::{MOST_PARTS, Model, Step, StepError};
+use crate::model::{MOST_PARTS, Model, Step, StepError, are_finite};
 use crate::variable::{Kind, Layout, Role, Variable};
 
 /// Why a call was not carried out.
@@ -89,12 +89,12 @@ pub struct Instance<M: Model> {
     parameters: M::Parameters,
     /// Computed when it is first needed after a fixed parameter changed.
     design: Option<Arc<M::Design>>,
+    /// Not restored when a step fails: in Step Failed nothing reads it, and a saved state or a reset replaces it.
     memory: M::Memory,
     outputs_are_old: bool,
     derivatives_are_old: bool,
-    /// What a failed step restores: outputs and states. The memory needs no copy: in Step Failed nothing reads it, and
-    /// a saved state or a reset replaces it.
-    kept_reals: Box<[f64]>,
+    /// Whether an output or derivative that is up to date is not finite; everything else always is.
+    has_not_finite: bool,
     /// Strings handed out by fmi2GetString; they live until the value changes.
     pub(crate) texts: Box<[CString]>,
 }
@@ -110,7 +110,6 @@ impl<M: Model> Instance<M> {
     pub fn new(description: Arc<Description>, resources: PathBuf) -> Self {
         let values = Values::start(&description.layout);
         let parameters = values.parameters::<M>();
-        let kept_reals = values.reals.clone();
         let texts = texts(&values.strings);
         Self {
             description,
@@ -122,7 +121,7 @@ impl<M: Model> Instance<M> {
             memory: M::Memory::default(),
             outputs_are_old: true,
             derivatives_are_old: true,
-            kept_reals,
+            has_not_finite: false,
             texts,
             values,
         }
@@ -278,21 +277,19 @@ impl<M: Model> Instance<M> {
         Ok(design)
     }
 
-    /// Brings outputs, derivatives and calculated parameters up to date if `references` asks for them.
-    fn refresh(&mut self, references: &[u32]) -> Answer {
-        if !M::IS_PLANT && (self.design.is_some() || self.layout().calculated.is_empty()) {
-            return Ok(());
-        }
-        let layout = self.layout();
-        let (mut calculated, mut outputs, mut derivatives) = (false, false, false);
-        for &reference in references {
-            let index = reference as usize;
-            calculated |= layout.calculated.contains(&index) || self.is_calculated_state(index);
-            outputs |= layout.outputs.contains(&index);
-            derivatives |= layout.derivatives.contains(&index);
-        }
-        outputs &= M::IS_PLANT && self.outputs_are_old;
-        derivatives &= self.derivatives_are_old;
+    /// After parameters, inputs or states have changed.
+    #[inline]
+    fn forget_results(&mut self) {
+        self.outputs_are_old = true;
+        self.derivatives_are_old = true;
+        self.has_not_finite = false;
+    }
+
+    /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them.
+    #[inline]
+    fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> Answer {
+        let outputs = M::IS_PLANT && outputs && self.outputs_are_old;
+        let derivatives = derivatives && self.derivatives_are_old;
         if !(calculated || outputs || derivatives) {
             return Ok(());
         }
@@ -300,17 +297,21 @@ impl<M: Model> Instance<M> {
             self.design()?;
         }
         let (layout, design) = (&self.description.layout, self.design.as_deref().expect("computed above"));
+        let reals = &mut self.values.reals;
         if outputs {
-            M::outputs(&self.parameters, design, layout, &mut self.values.reals);
+            M::outputs(&self.parameters, design, layout, reals);
             self.outputs_are_old = false;
+            self.has_not_finite |= !are_finite(&reals[layout.outputs.clone()]);
         }
         if derivatives {
-            M::derivatives(&self.parameters, design, layout, &mut self.values.reals);
+            M::derivatives(&self.parameters, design, layout, reals);
             self.derivatives_are_old = false;
+            self.has_not_finite |= !are_finite(&reals[layout.derivatives.clone()]);
         }
         Ok(())
     }
 
+    #[cold]
     fn unknown_reference(&self, function: Function, reference: u32, expected: &str) -> Refusal {
         let what = match self.layout().by_reference(reference) {
             Some(variable) => {
@@ -330,26 +331,38 @@ impl<M: Model> Instance<M> {
     /// On an unknown reference, a design without solution, or a result that is not finite; `values` is kept then.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Answer {
         self.check(Function::GetReal)?;
-        let count = self.layout().reals();
-        if let Some(&reference) = references.iter().find(|&&reference| reference as usize >= count) {
-            return Err(self.unknown_reference(Function::GetReal, reference, "Real"));
-        }
-        self.refresh(references)?;
+        let layout = self.layout();
+        let (mut last, mut outputs) = (0, false);
         for &reference in references {
-            let value = self.values.reals[reference as usize];
-            if !value.is_finite() {
-                return Err(format!(
-                    "fmi2GetReal: '{}' = {value} at time {} s, not a finite number",
-                    self.layout().real_name(reference as usize),
-                    self.clock.time
-                )
-                .into());
-            }
+            last = last.max(reference as usize);
+            outputs |= layout.outputs.contains(&(reference as usize));
+        }
+        if last >= layout.reals() {
+            return Err(self.unknown_reference(Function::GetReal, last as u32, "Real"));
+        }
+        let waits = |index| layout.calculated.contains(&index) || self.is_calculated_state(index);
+        let calculated = self.design.is_none() && references.iter().any(|&reference| waits(reference as usize));
+        self.refresh(calculated, outputs, last >= layout.derivatives.start)?;
+        let reals = &self.values.reals;
+        if self.has_not_finite
+            && let Some(&reference) = references.iter().find(|&&reference| !reals[reference as usize].is_finite())
+        {
+            return Err(self.not_finite(reference as usize));
         }
         for (value, &reference) in values.iter_mut().zip(references) {
-            *value = self.values.reals[reference as usize];
+            *value = reals[reference as usize];
         }
         Ok(())
+    }
+
+    #[cold]
+    fn not_finite(&self, index: usize) -> Refusal {
+        Refusal::Error(format!(
+            "fmi2GetReal: '{}' = {} at time {} s, not a finite number",
+            self.layout().real_name(index),
+            self.values.reals[index],
+            self.clock.time
+        ))
     }
 
     /// Index of a value that is not a real number.
@@ -496,8 +509,7 @@ impl<M: Model> Instance<M> {
         if parameter {
             self.parameters_changed(fixed);
         }
-        self.outputs_are_old = true;
-        self.derivatives_are_old = true;
+        self.forget_results();
         Ok(())
     }
 
@@ -581,8 +593,7 @@ impl<M: Model> Instance<M> {
         let tunable = |&reference: &u32| self.layout().by_reference(reference).is_some_and(|v| v.declaration.tunable);
         if !references.is_empty() {
             self.parameters_changed(!references.iter().all(tunable));
-            self.outputs_are_old = true;
-            self.derivatives_are_old = true;
+            self.forget_results();
         }
     }
 
@@ -594,17 +605,20 @@ impl<M: Model> Instance<M> {
     pub fn do_step(&mut self, time: f64, step: f64) -> Answer {
         self.check(Function::DoStep)?;
         let refused = |message: String| Err(Refusal::Error(format!("fmi2DoStep: {message}")));
-        if !(step.is_finite() && step > 0.0) {
+        let is_length = step > 0.0 && step <= f64::MAX;
+        if !is_length {
             return refused(format!("communicationStepSize = {step} s, a finite number above 0 was expected"));
         }
-        if time.is_nan() || (time - self.clock.time).abs() > 1e-6 * step {
+        let is_on_time = (time - self.clock.time).abs() <= 1e-6 * step;
+        if !is_on_time {
             return refused(format!(
                 "currentCommunicationPoint = {time} s, the instance is at {} s (difference allowed: 1e-6 of the step)",
                 self.clock.time
             ));
         }
         let end = time + step;
-        if end == time || !end.is_finite() {
+        let advances = end > time && end <= f64::MAX;
+        if !advances {
             return refused(format!("a step of {step} s at {time} s does not advance the time"));
         }
         if let Some(stop) = self.clock.stop
@@ -621,18 +635,14 @@ impl<M: Model> Instance<M> {
         }
         let parts = parts as u64;
         let layout = &self.description.layout;
-        let changing = layout.outputs.start..layout.states.end;
-        self.kept_reals[changing.clone()].copy_from_slice(&self.values.reals[changing.clone()]);
         let design = self.design.as_deref().expect("computed at the end of initialization and kept since");
         let result = M::step(&self.parameters, design, &mut self.memory, layout, &mut self.values.reals, span, parts);
-        self.derivatives_are_old = true;
-        self.outputs_are_old = M::IS_PLANT;
+        self.forget_results();
         if let Err(error) = result {
-            self.values.reals[changing.clone()].copy_from_slice(&self.kept_reals[changing]);
             self.mode = Mode::StepFailed;
             let what = match error {
                 StepError::NotFinite { index, value, time } => {
-                    format!("'{}' became {value} at {time} s", layout.real_name(index))
+                    format!("'{}' became {value} at {time} s", self.layout().real_name(index))
                 }
                 StepError::MemoryNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
                 StepError::Refused(message) => message,
@@ -745,8 +755,7 @@ impl<M: Model> Instance<M> {
         self.design.clone_from(&snapshot.design);
         self.parameters = self.values.parameters::<M>();
         self.texts = texts(&self.values.strings);
-        self.outputs_are_old = true;
-        self.derivatives_are_old = true;
+        self.forget_results();
         Ok(())
     }
 

@@ -240,7 +240,7 @@ pub trait Model: 'static {
     /// Advances states (plant) or outputs and memory (sampled unit) over `parts` parts.
     ///
     /// # Errors
-    /// When a number is not finite; the caller restores what was.
+    /// When a number is not finite or a sample is refused; `reals` is kept then, the memory is not.
     fn step(
         p: &Self::Parameters,
         d: &Self::Design,
@@ -280,7 +280,8 @@ where
     P::Parameters: HasMaxStep,
 {
     fn parts(p: &P::Parameters, h: f64) -> f64 {
-        (h / p.max_step() - 1e-6).ceil().max(1.0)
+        // Said apart for the usual case, whose equations need not wait for the divisions then.
+        if h <= p.max_step() { 1.0 } else { (h / p.max_step() - 1e-6).ceil().max(1.0) }
     }
 
     #[inline]
@@ -305,11 +306,19 @@ impl<P: Advancing> Stepper<P> for Exact {
     }
 }
 
+/// Whether all are finite numbers: 0 times anything else is not 0.
+#[inline]
+pub(crate) fn are_finite(values: &[f64]) -> bool {
+    values.iter().map(|value| value * 0.0).sum::<f64>() == 0.0
+}
+
+#[inline]
 fn first_not_finite(reals: &[f64], range: std::ops::Range<usize>, time: f64) -> Result<(), StepError> {
-    match range.clone().find(|&i| !reals[i].is_finite()) {
-        Some(index) => Err(StepError::NotFinite { index, value: reals[index], time }),
-        None => Ok(()),
+    if are_finite(&reals[range.clone()]) {
+        return Ok(());
     }
+    let index = range.clone().find(|&i| !reals[i].is_finite()).unwrap_or(range.start);
+    Err(StepError::NotFinite { index, value: reals[index], time })
 }
 
 impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
@@ -368,13 +377,15 @@ impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
         parts: u64,
     ) -> Result<(), StepError> {
         let u = P::Inputs::read(&reals[layout.inputs.clone()]);
-        let mut x = P::State::read(&reals[layout.states.clone()]);
-        let h = step.step / parts as f64;
+        let before = P::State::read(&reals[layout.states.clone()]);
+        let mut x = before.clone();
+        let h = if parts > 1 { step.step / parts as f64 } else { step.step };
         for _ in 0..parts {
             x = S::advance(p, d, &x, &u, h);
         }
         x.write(&mut reals[layout.states.clone()]);
         first_not_finite(reals, layout.states.clone(), step.time + step.step)
+            .inspect_err(|_| before.write(&mut reals[layout.states.clone()]))
     }
 
     fn outputs(p: &P::Parameters, d: &P::Design, layout: &Layout, reals: &mut [f64]) {
@@ -481,16 +492,20 @@ impl<S: Sampled> Model for SampledModel<S> {
         parts: u64,
     ) -> Result<(), StepError> {
         let u = S::Inputs::read(&reals[layout.inputs.clone()]);
-        for sample in step.sample..step.sample + parts {
-            let t = step.start + sample as f64 * p.sample_time();
-            S::check(p, d, x, &u, t).map_err(StepError::Refused)?;
-            S::update(p, d, x, &u, t).write(&mut reals[layout.outputs.clone()]);
-            first_not_finite(reals, layout.outputs.clone(), t)?;
-            if let Some((name, value)) = x.not_finite() {
-                return Err(StepError::MemoryNotFinite { name, value, time: t });
+        let before = S::Outputs::read(&reals[layout.outputs.clone()]);
+        let mut samples = || {
+            for sample in step.sample..step.sample + parts {
+                let t = step.start + sample as f64 * p.sample_time();
+                S::check(p, d, x, &u, t).map_err(StepError::Refused)?;
+                S::update(p, d, x, &u, t).write(&mut reals[layout.outputs.clone()]);
+                first_not_finite(reals, layout.outputs.clone(), t)?;
+                if let Some((name, value)) = x.not_finite() {
+                    return Err(StepError::MemoryNotFinite { name, value, time: t });
+                }
             }
-        }
-        Ok(())
+            Ok(())
+        };
+        samples().inspect_err(|_| before.write(&mut reals[layout.outputs.clone()]))
     }
 
     fn outputs(_: &S::Parameters, _: &S::Design, _: &Layout, _: &mut [f64]) {}
