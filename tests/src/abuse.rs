@@ -8,10 +8,10 @@
 //! What is not done, because no FMU can notice it: arrays shorter than stated, strings without an end, instances that
 //! were freed, one instance in two threads.
 
-use crate::Fmu;
 use crate::raw::{self, Arguments, DISCARD, ERROR, Element, Entry, OK, Raw, RawInstance, RawState, Text, Truth};
 use crate::signals::Random;
 use crate::state_bytes::checksum;
+use crate::{Fmu, ok};
 use host::c_api::{RawStatus, Reference};
 use host::description::{BaseType, Causality, Value};
 use std::collections::{BTreeMap, VecDeque};
@@ -35,8 +35,10 @@ const MODES: [&str; 5] = [INSTANTIATED, INITIALIZATION, STEP, FAILED, TERMINATED
 /// What was done.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// Calls, those that observe an instance included.
+    /// Calls that the generator chose.
     pub calls: u64,
+    /// Calls between them that observe an instance: its mode, its state.
+    pub probes: u64,
     /// Function: calls that returned fmi2OK, fmi2Discard, fmi2Error.
     pub functions: BTreeMap<&'static str, [u64; 3]>,
     /// The call that took longest.
@@ -47,6 +49,7 @@ impl Report {
     /// Adds another one.
     pub fn add(&mut self, other: &Self) {
         self.calls += other.calls;
+        self.probes += other.probes;
         for (function, counts) in &other.functions {
             let sum = self.functions.entry(function).or_default();
             sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
@@ -108,19 +111,34 @@ struct Abuser<'a> {
     slots: Vec<Slot<'a>>,
     /// Bytes of states, with the mode each was saved in.
     bytes: Vec<(Vec<u8>, Option<&'static str>)>,
+    /// Bytes of states of other FMUs.
+    foreign: &'a [Vec<u8>],
     last: VecDeque<String>,
     report: Report,
     is_verbose: bool,
 }
 
-/// Calls an FMU as long as `goes_on` says, which gets the number of calls so far. Equal seeds make equal calls. If
-/// `is_verbose`, every call is printed to standard error before it is made, which shows the one that ends a process.
+/// The bytes of a state of an FMU, for others that must refuse it.
+///
+/// # Panics
+/// When the FMU refuses to save one.
+#[must_use]
+pub fn state(fmu: &Fmu) -> Vec<u8> {
+    let mut instance = fmu.started();
+    let saved = ok(instance.save_state());
+    ok(instance.serialize_state(&saved))
+}
+
+/// Calls an FMU as long as `goes_on` says, which gets the number of calls so far. Equal seeds and `foreign` states (of
+/// other FMUs, see [`state`]) make equal calls. If `is_verbose`, every call is printed to standard error before it is
+/// made, which shows the one that ends a process.
 ///
 /// # Errors
 /// When the FMU breaks a rule.
 pub fn abuse(
     fmu: &Fmu,
     raw: &Raw,
+    foreign: &[Vec<u8>],
     seed: u64,
     is_verbose: bool,
     mut goes_on: impl FnMut(u64) -> bool,
@@ -148,6 +166,7 @@ pub fn abuse(
         known: fmu.states().iter().map(|state| state.reference).chain(fmu.references(Causality::Input)).collect(),
         slots: Vec::new(),
         bytes: Vec::new(),
+        foreign,
         last: VecDeque::new(),
         report: Report::default(),
         is_verbose,
@@ -314,8 +333,19 @@ impl<'a> Abuser<'a> {
         self.last.push_back(text);
     }
 
+    /// Counts a call of the generator.
     fn counted(&mut self, function: &'static str, status: RawStatus) -> Checked {
         self.report.calls += 1;
+        self.answered(function, status)
+    }
+
+    /// Counts a call that observes.
+    fn probed(&mut self, function: &'static str, status: RawStatus) -> Checked {
+        self.report.probes += 1;
+        self.answered(function, status)
+    }
+
+    fn answered(&mut self, function: &'static str, status: RawStatus) -> Checked {
         let column = match status {
             OK => 0,
             DISCARD => 1,
@@ -330,7 +360,7 @@ impl<'a> Abuser<'a> {
     fn mode(&mut self, at: usize) -> Checked<&'static str> {
         const FUNCTION: &str = "fmi2CancelStep";
         let status = self.slots[at].instance.transition(FUNCTION);
-        self.counted(FUNCTION, status)?;
+        self.probed(FUNCTION, status)?;
         ensure(status == ERROR, || format!("{FUNCTION} returned {status}"))?;
         let slot = &self.slots[at];
         let text = texts(&slot.instance.take_log(), &slot.name)?;
@@ -351,9 +381,11 @@ impl<'a> Abuser<'a> {
         if self.slots[at].mode != INSTANTIATED {
             let reals: Vec<_> =
                 self.specs.iter().filter(|spec| spec.base_type == BaseType::Real).map(|spec| spec.reference).collect();
-            instance.get(Some(&reals), reals.len(), Some(&mut vec![0.0; reals.len()]));
+            let status = instance.get(Some(&reals), reals.len(), Some(&mut vec![0.0; reals.len()]));
             let _ = instance.take_log();
+            self.probed("fmi2GetReal", status)?;
         }
+        let instance = &self.slots[at].instance;
         let (mut state, mut size) = (RawState::NULL, 0);
         let saved = instance.get_state(Some(&mut state));
         let asked = instance.state_size(state, Some(&mut size));
@@ -367,7 +399,7 @@ impl<'a> Abuser<'a> {
             ("fmi2SerializeFMUstate", written),
             ("fmi2FreeFMUstate", freed),
         ] {
-            self.counted(function, status)?;
+            self.probed(function, status)?;
             ensure(status == OK, || format!("{function} returned {status} when looking: {log:?}"))?;
         }
         Ok(Some(bytes))
@@ -706,9 +738,10 @@ impl<'a> Abuser<'a> {
                 return (self.slots[at].states[place].0, Some(place), "own");
             }
         };
-        // Memory of a freed state may be that of a new one.
-        let place = self.slots[at].states.iter().position(|known| known.0 == state);
-        if place.is_some() { (RawState::NULL, None, "null") } else { (state, None, what) }
+        // Memory of a freed state may be that of a new one. What stands in for it is refused like it, so that a run
+        // does not depend on addresses.
+        let is_used_again = self.slots[at].states.iter().any(|known| known.0 == state);
+        (if is_used_again { RawState::invented(0xdead_beef) } else { state }, None, what)
     }
 
     fn state(&mut self, at: usize) -> Checked {
@@ -806,6 +839,7 @@ impl<'a> Abuser<'a> {
         if status == OK
             && let Some(place) = place
         {
+            ensure(is_known, || format!("{function} wrote a state into {size} bytes"))?;
             bytes.truncate(used);
             if self.bytes.len() == STATES {
                 let oldest = self.index(STATES);
@@ -822,7 +856,7 @@ impl<'a> Abuser<'a> {
         }
         let pick = self.index(self.bytes.len());
         let (mut bytes, mut mode) = self.bytes[pick].clone();
-        let kind = self.random.below(8);
+        let kind = self.random.below(10);
         let (what, is_due) = match kind {
             0 => {
                 let at = self.index(bytes.len());
@@ -841,11 +875,9 @@ impl<'a> Abuser<'a> {
                 bytes = (0..self.random.below(400)).map(|_| self.random.bits() as u8).collect();
                 ("noise", Some(false))
             }
-            // Behind magic number and version stand the length and the text of the GUID.
             4 => {
-                bytes[20] ^= 1;
-                seal(&mut bytes);
-                ("foreign", Some(false))
+                self.other_version(&mut bytes);
+                ("of another version", Some(false))
             }
             // What the checksum does not find: the values of another FMU of the same GUID, or a forgery.
             5 => {
@@ -855,6 +887,19 @@ impl<'a> Abuser<'a> {
                 seal(&mut bytes);
                 mode = None;
                 ("forged", None)
+            }
+            6 if !self.foreign.is_empty() => {
+                let pick = self.index(self.foreign.len());
+                let guid = guid(&bytes).to_vec();
+                bytes.clone_from(&self.foreign[pick]);
+                if self.chance(2) {
+                    ("foreign", Some(false))
+                } else {
+                    // As if the other FMU had this one's GUID; its values may happen to suit.
+                    replace_guid(&mut bytes, &guid);
+                    mode = None;
+                    ("foreign under this GUID", None)
+                }
             }
             _ => ("good", Some(true)),
         };
@@ -866,7 +911,7 @@ impl<'a> Abuser<'a> {
         }
         let before = state;
         let is_null = self.chance(40);
-        let count = if kind > 5 && self.chance(40) { usize::MAX } else { bytes.len() };
+        let count = if kind > 6 && self.chance(40) { usize::MAX } else { bytes.len() };
         let text = format!("{what}, {count} of {} bytes, null {is_null}, into {target} {place:?}", bytes.len());
         let source = (!is_null).then_some(bytes.as_slice());
         let function = "fmi2DeSerializeFMUstate";
@@ -888,16 +933,47 @@ impl<'a> Abuser<'a> {
         Ok(())
     }
 
-    /// Other bytes anywhere: single ones, or eight that are a number.
+    /// As another version of the exporter or of the FMU would write them: with another number of the format or GUID.
+    fn other_version(&mut self, bytes: &mut Vec<u8>) {
+        let mut other = guid(bytes).to_vec();
+        match self.random.below(5) {
+            0 => {
+                let version = self.pick(&[0, 2, 255]);
+                bytes[VERSION_AT] = version;
+                return seal(bytes);
+            }
+            1 => other.clear(),
+            2 => other.push(b'}'),
+            3 => drop(other.pop()),
+            _ => {
+                let at = self.index(other.len());
+                other[at] ^= 1;
+            }
+        }
+        replace_guid(bytes, &other);
+    }
+
+    /// Other bytes: single ones anywhere, eight anywhere that are a number, or the value of a real variable.
     fn forge(&mut self, bytes: &mut [u8]) {
         let body = bytes.len() - 8;
-        if self.chance(2) {
-            let at = self.index(body);
-            bytes[at] = self.pick(&[0, 1, 2, 3, 4, 5, 0x7f, 0x80, 0xff]);
-        } else {
-            let at = self.index(body - 8);
-            let number = if self.chance(2) { self.wild().to_bits() } else { self.random.bits() };
-            bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
+        let reals: Vec<_> =
+            self.specs.iter().filter(|spec| spec.base_type == BaseType::Real).map(|spec| spec.reference).collect();
+        match self.random.below(3) {
+            0 => {
+                let at = self.index(body);
+                bytes[at] = self.pick(&[0, 1, 2, 3, 4, 5, 0x7f, 0x80, 0xff]);
+            }
+            1 => {
+                let at = self.index(body - 8);
+                let number = if self.chance(2) { self.wild().to_bits() } else { self.random.bits() };
+                bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
+            }
+            _ => {
+                let reference = self.pick(&reals);
+                let at = GUID_AT + self.raw.guid().len() + BETWEEN_GUID_AND_REALS + 8 * reference as usize;
+                let number = self.value(reference);
+                bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
+            }
         }
     }
 
@@ -1008,6 +1084,27 @@ impl<'a> Abuser<'a> {
         }
         Ok(())
     }
+}
+
+/// Where the format's version stands in the bytes of a state: behind the magic number. The length of the GUID and its
+/// text follow.
+const VERSION_AT: usize = 8;
+const GUID_AT: usize = 16;
+/// Mode (4 bytes), start, whether there is a stop (4), stop, time, number of samples.
+const BETWEEN_GUID_AND_REALS: usize = 4 + 8 + 4 + 3 * 8;
+
+/// The GUID in the bytes of a state.
+fn guid(bytes: &[u8]) -> &[u8] {
+    let length: [u8; 4] = bytes[GUID_AT - 4..GUID_AT].try_into().expect("four bytes");
+    &bytes[GUID_AT..][..u32::from_le_bytes(length) as usize]
+}
+
+/// Another GUID, with a fitting checksum.
+fn replace_guid(bytes: &mut Vec<u8>, other: &[u8]) {
+    let end = GUID_AT + guid(bytes).len();
+    bytes.splice(GUID_AT..end, other.iter().copied());
+    bytes[GUID_AT - 4..GUID_AT].copy_from_slice(&(other.len() as u32).to_le_bytes());
+    seal(bytes);
 }
 
 /// Writes the checksum anew.
