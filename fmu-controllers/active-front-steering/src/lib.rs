@@ -106,14 +106,9 @@ pub struct D {
     pid: FuzzyPid,
 }
 
+/// Front steering angle that lets the yaw rate follow its reference, by a fuzzy PID
+#[model(stop_time = 13.0, step_size = 0.001)]
 impl Sampled for ActiveFrontSteering {
-    const INFO: Info = Info {
-        name: "ActiveFrontSteering",
-        description: "Front steering angle that lets the yaw rate follow its reference, by a fuzzy PID",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 13.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type Memory = X;

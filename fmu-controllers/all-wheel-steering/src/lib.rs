@@ -110,14 +110,10 @@ pub struct D {
     middle: equations::MiddleRatio,
 }
 
+/// Middle and rear steering angles in proportion to the front, so that the sideslip angle follows its reference, by a
+/// fuzzy PID
+#[model(stop_time = 13.0, step_size = 0.001)]
 impl Sampled for AllWheelSteering {
-    const INFO: Info = Info {
-        name: "AllWheelSteering",
-        description: "Middle and rear steering angles in proportion to the front, so that the sideslip angle follows its reference, by a fuzzy PID",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 13.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type Memory = X;

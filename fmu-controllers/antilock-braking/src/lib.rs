@@ -83,23 +83,14 @@ pub struct X {
     cmd: [f64; 4],
 }
 
+/// Antilock brakes of a car: pressure of each wheel by thresholds of slip and wheel acceleration around a target slip
+#[model(stop_time = 6.0, step_size = 0.001)]
 impl Sampled for AntilockBraking {
-    const INFO: Info = Info {
-        name: "AntilockBraking",
-        description: "Antilock brakes of a car: pressure of each wheel by thresholds of slip and wheel acceleration around a target slip",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 6.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
     type Memory = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
         equations::sample(p, x, u)
     }

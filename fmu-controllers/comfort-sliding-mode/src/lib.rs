@@ -79,23 +79,14 @@ pub struct Y {
     s: f64,
 }
 
+/// Ride comfort of a half car by a sliding mode of its left quarter; the right force is a constant share of the left
+/// one
+#[model(stop_time = 10.0, step_size = 0.001)]
 impl Sampled for ComfortSlidingMode {
-    const INFO: Info = Info {
-        name: "ComfortSlidingMode",
-        description: "Ride comfort of a half car by a sliding mode of its left quarter; the right force is a constant share of the left one",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 10.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
-    type Memory = ();
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn check(p: &P, (): &(), (): &(), _: &U, _t: f64) -> Result<(), String> {
         equations::check(p)
     }

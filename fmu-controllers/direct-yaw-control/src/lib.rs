@@ -124,14 +124,9 @@ pub struct D {
     c: f64,
 }
 
+/// Yaw moment of a car by a sliding mode of sideslip and yaw rate, and the brake pressures of one side that make it
+#[model(stop_time = 6.0, step_size = 0.001)]
 impl Sampled for DirectYawControl {
-    const INFO: Info = Info {
-        name: "DirectYawControl",
-        description: "Yaw moment of a car by a sliding mode of sideslip and yaw rate, and the brake pressures of one side that make it",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 6.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type Memory = X;

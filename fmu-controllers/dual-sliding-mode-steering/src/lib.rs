@@ -162,14 +162,9 @@ pub struct D {
     w_f: f64,
 }
 
+/// Multi-axle steering of a three-axle vehicle by two integral sliding modes: zero sideslip and reference yaw rate
+#[model(stop_time = 20.0, step_size = 0.001)]
 impl Sampled for DualSlidingModeSteering {
-    const INFO: Info = Info {
-        name: "DualSlidingModeSteering",
-        description: "Multi-axle steering of a three-axle vehicle by two integral sliding modes: zero sideslip and reference yaw rate",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 20.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type Memory = X;

@@ -184,23 +184,14 @@ pub struct X {
     turns: bool,
 }
 
+/// Coordination of semi-active suspension, antilock brakes and yaw control of a car by six driving states
+#[model(stop_time = 6.0, step_size = 0.001)]
 impl Sampled for FiniteStateCoordination {
-    const INFO: Info = Info {
-        name: "FiniteStateCoordination",
-        description: "Coordination of semi-active suspension, antilock brakes and yaw control of a car by six driving states",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 6.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
     type Memory = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
         equations::sample(p, x, u)
     }

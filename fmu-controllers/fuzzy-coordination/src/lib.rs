@@ -81,17 +81,12 @@ pub struct D {
     output: Output<7, 101>,
 }
 
+/// Shares of the integrated and the roll suspension law and activation of multi-axle steering, by fuzzy rules on
+/// steering demand and speed
+#[model(stop_time = 20.0, step_size = 0.001)]
 impl Sampled for FuzzyCoordination {
-    const INFO: Info = Info {
-        name: "FuzzyCoordination",
-        description: "Shares of the integrated and the roll suspension law and activation of multi-axle steering, by fuzzy rules on steering demand and speed",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 20.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
-    type Memory = ();
     type Inputs = U;
     type Outputs = Y;
 

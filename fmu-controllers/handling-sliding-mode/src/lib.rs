@@ -84,23 +84,13 @@ pub struct Y {
     s: f64,
 }
 
+/// Roll control of a half car by a sliding mode with opposite suspension forces
+#[model(stop_time = 10.0, step_size = 0.001)]
 impl Sampled for HandlingSlidingMode {
-    const INFO: Info = Info {
-        name: "HandlingSlidingMode",
-        description: "Roll control of a half car by a sliding mode with opposite suspension forces",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 10.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
-    type Memory = ();
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn update(p: &P, (): &(), (): &mut (), u: &U, _t: f64) -> Y {
         equations::forces(p, u)
     }

@@ -49,17 +49,12 @@ pub struct Y {
     u_z: SixWheels<f64>,
 }
 
+/// Active suspension of a three-axle vehicle by a linear quadratic regulator for heave, pitch, roll, suspension and
+/// tires
+#[model(stop_time = 20.0, step_size = 0.001)]
 impl Sampled for IntegratedLqrSuspension {
-    const INFO: Info = Info {
-        name: "IntegratedLqrSuspension",
-        description: "Active suspension of a three-axle vehicle by a linear quadratic regulator for heave, pitch, roll, suspension and tires",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 20.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = Gains;
-    type Memory = ();
     type Inputs = Feedback;
     type Outputs = Y;
 

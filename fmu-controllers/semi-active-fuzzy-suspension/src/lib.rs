@@ -193,14 +193,9 @@ pub struct D {
     pid: FuzzyPid,
 }
 
+/// Forces of adjustable dampers against heave, pitch and roll of a heavy truck, by three fuzzy PIDs
+#[model(stop_time = 13.0, step_size = 0.001)]
 impl Sampled for SemiActiveFuzzySuspension {
-    const INFO: Info = Info {
-        name: "SemiActiveFuzzySuspension",
-        description: "Forces of adjustable dampers against heave, pitch and roll of a heavy truck, by three fuzzy PIDs",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 13.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type Memory = X;

@@ -78,23 +78,15 @@ pub struct X {
     a2: [f64; 4],
 }
 
+/// Semi-active suspension of a car: accumulated incremental PID of the body's acceleration above each wheel, clipped
+/// to what a damper can do
+#[model(stop_time = 6.0, step_size = 0.001)]
 impl Sampled for SemiActivePidSuspension {
-    const INFO: Info = Info {
-        name: "SemiActivePidSuspension",
-        description: "Semi-active suspension of a car: accumulated incremental PID of the body's acceleration above each wheel, clipped to what a damper can do",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 6.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
     type Memory = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
         equations::sample(p, x, u)
     }

@@ -42,23 +42,13 @@ pub struct Y {
     f_u: SixWheels<f64>,
 }
 
+/// Mixes the suspension forces of the integrated and the roll law by their weights
+#[model(stop_time = 20.0, step_size = 0.001)]
 impl Sampled for SuspensionMixer {
-    const INFO: Info = Info {
-        name: "SuspensionMixer",
-        description: "Mixes the suspension forces of the integrated and the roll law by their weights",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 20.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
-    type Memory = ();
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn update(p: &P, (): &(), (): &mut (), u: &U, _t: f64) -> Y {
         Y { f_u: SixWheels::from_fn(|i| (u.k1 * u.u_z[i] + u.k2 * u.u_phi[i]).clamp(-p.limit, p.limit)) }
     }

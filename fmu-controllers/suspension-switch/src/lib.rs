@@ -79,23 +79,14 @@ pub struct X {
     w: f64,
 }
 
+/// Switches the suspension of a half car between the comfort and the handling law by the load transfer ratio
+#[model(stop_time = 10.0, step_size = 0.001)]
 impl Sampled for SuspensionSwitch {
-    const INFO: Info = Info {
-        name: "SuspensionSwitch",
-        description: "Switches the suspension of a half car between the comfort and the handling law by the load transfer ratio",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 10.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
     type Memory = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
         equations::sample(p, x, u)
     }

@@ -58,23 +58,14 @@ pub struct X {
     w: f64,
 }
 
+/// Yaw rate of a heavy truck in a turn without sideslip, behind a first-order lag
+#[model(stop_time = 13.0, step_size = 0.001)]
 impl Sampled for YawRateReference {
-    const INFO: Info = Info {
-        name: "YawRateReference",
-        description: "Yaw rate of a heavy truck in a turn without sideslip, behind a first-order lag",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 13.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
     type Memory = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
         equations::sample(p, x, u)
     }

@@ -82,23 +82,15 @@ pub struct Y<T> {
     t_d: FourWheels<T>,
 }
 
+/// Brakes and drive of a car: pressure of the pedal, lagged wheel pressures, brake torques, drive torque of the front
+/// wheels
+#[model(stop_time = 6.0, step_size = 0.001)]
 impl Plant for BrakeAndDriveActuators {
-    const INFO: Info = Info {
-        name: "BrakeAndDriveActuators",
-        description: "Brakes and drive of a car: pressure of the pedal, lagged wheel pressures, brake torques, drive torque of the front wheels",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 6.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
-    type Design = ();
     type State<T: Scalar> = X<T>;
     type Inputs<T: Scalar> = U<T>;
     type Outputs<T: Scalar> = Y<T>;
 
-    fn design(_: &P) -> Result<(), String> {
-        Ok(())
-    }
     fn derivatives<T: Scalar>(p: &P, (): &(), x: &X<T>, u: &U<T>) -> X<T> {
         equations::derivatives(p, x, u)
     }

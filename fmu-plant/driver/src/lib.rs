@@ -140,17 +140,11 @@ pub struct D {
     table: Option<Table>,
 }
 
+/// Steering, speed and pedals as functions of time: vehicle test maneuvers, or a file
+#[model(stop_time = 20.0, step_size = 0.001)]
 impl Sampled for Driver {
-    const INFO: Info = Info {
-        name: "Driver",
-        description: "Steering, speed and pedals as functions of time: vehicle test maneuvers, or a file",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 20.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
-    type Memory = ();
     type Inputs = U;
     type Outputs = Y;
 

@@ -223,14 +223,9 @@ pub struct D {
     v_phi: [[f64; 2]; 2],
 }
 
+/// Two-axle car: motion in the plane, heave, roll and pitch of the body, height and rotation of four wheels
+#[model(stop_time = 6.0, step_size = 0.001)]
 impl Plant for EspCar {
-    const INFO: Info = Info {
-        name: "EspCar",
-        description: "Two-axle car: motion in the plane, heave, roll and pitch of the body, height and rotation of four wheels",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 6.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type State<T: Scalar> = X<T>;

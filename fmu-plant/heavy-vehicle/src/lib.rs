@@ -275,14 +275,10 @@ pub struct D {
     magic: MagicFormula,
 }
 
+/// Three-axle heavy truck with balance suspension: heave, pitch, roll, front wheels, beams, lateral and yaw motion at
+/// a prescribed speed
+#[model(stop_time = 13.0, step_size = 0.001)]
 impl Plant for HeavyVehicle {
-    const INFO: Info = Info {
-        name: "HeavyVehicle",
-        description: "Three-axle heavy truck with balance suspension: heave, pitch, roll, front wheels, beams, lateral and yaw motion at a prescribed speed",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 13.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type State<T: Scalar> = X<T>;

@@ -160,14 +160,10 @@ pub struct D {
     n0: f64,
 }
 
+/// Rescue vehicle with hydro-pneumatic suspension: half car (heave, roll, wheels) on a bicycle model (sideslip, yaw)
+/// at a prescribed speed
+#[model(stop_time = 10.0, step_size = 0.001)]
 impl Plant for HydroPneumaticHalfCar {
-    const INFO: Info = Info {
-        name: "HydroPneumaticHalfCar",
-        description: "Rescue vehicle with hydro-pneumatic suspension: half car (heave, roll, wheels) on a bicycle model (sideslip, yaw) at a prescribed speed",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 10.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type State<T: Scalar> = X<T>;

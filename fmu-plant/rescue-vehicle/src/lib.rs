@@ -188,14 +188,9 @@ pub struct D {
     inverse: [[f64; 3]; 3],
 }
 
+/// Three-axle emergency rescue vehicle: heave, pitch, roll, six wheels, lateral and yaw motion at a prescribed speed
+#[model(stop_time = 20.0, step_size = 0.001)]
 impl Plant for RescueVehicle {
-    const INFO: Info = Info {
-        name: "RescueVehicle",
-        description: "Three-axle emergency rescue vehicle: heave, pitch, roll, six wheels, lateral and yaw motion at a prescribed speed",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 20.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type State<T: Scalar> = X<T>;

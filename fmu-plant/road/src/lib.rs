@@ -199,14 +199,9 @@ pub struct D {
     surface: equations::Surface,
 }
 
+/// Height and friction of the road under each wheel, as functions of the distance traveled
+#[model(stop_time = 20.0, step_size = 0.001)]
 impl Sampled for Road {
-    const INFO: Info = Info {
-        name: "Road",
-        description: "Height and friction of the road under each wheel, as functions of the distance traveled",
-        version: env!("CARGO_PKG_VERSION"),
-        stop_time: 20.0,
-        step_size: 0.001,
-    };
     type Parameters = P;
     type Design = D;
     type Memory = X;
