@@ -358,9 +358,9 @@ impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
     fn begin(_: &P::Parameters, _: &P::Design) {}
 
     fn begin_states(p: &P::Parameters, layout: &Layout, reals: &mut [f64]) {
-        let mut x = P::State::read(&reals[layout.states.clone()]);
+        let mut x = P::State::read(&reals[layout.states.start..]);
         P::begin(p, &mut x);
-        x.write(&mut reals[layout.states.clone()]);
+        x.write(&mut reals[layout.states.start..]);
     }
 
     fn parts(p: &P::Parameters, step: Step) -> f64 {
@@ -376,28 +376,28 @@ impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
         step: Step,
         parts: u64,
     ) -> Result<(), StepError> {
-        let u = P::Inputs::read(&reals[layout.inputs.clone()]);
-        let before = P::State::read(&reals[layout.states.clone()]);
+        let u = P::Inputs::read(&reals[layout.inputs.start..]);
+        let before = P::State::read(&reals[layout.states.start..]);
         let mut x = before.clone();
-        let h = if parts > 1 { step.step / parts as f64 } else { step.step };
+        let h = step.step / parts as f64;
         for _ in 0..parts {
             x = S::advance(p, d, &x, &u, h);
         }
-        x.write(&mut reals[layout.states.clone()]);
+        x.write(&mut reals[layout.states.start..]);
         first_not_finite(reals, layout.states.clone(), step.time + step.step)
-            .inspect_err(|_| before.write(&mut reals[layout.states.clone()]))
+            .inspect_err(|_| before.write(&mut reals[layout.states.start..]))
     }
 
     fn outputs(p: &P::Parameters, d: &P::Design, layout: &Layout, reals: &mut [f64]) {
-        let u = P::Inputs::read(&reals[layout.inputs.clone()]);
-        let x = P::State::read(&reals[layout.states.clone()]);
-        P::outputs(p, d, &x, &u).write(&mut reals[layout.outputs.clone()]);
+        let u = P::Inputs::read(&reals[layout.inputs.start..]);
+        let x = P::State::read(&reals[layout.states.start..]);
+        P::outputs(p, d, &x, &u).write(&mut reals[layout.outputs.start..]);
     }
 
     fn derivatives(p: &P::Parameters, d: &P::Design, layout: &Layout, reals: &mut [f64]) {
-        let u = P::Inputs::read(&reals[layout.inputs.clone()]);
-        let x = P::State::read(&reals[layout.states.clone()]);
-        P::derivatives(p, d, &x, &u).write(&mut reals[layout.derivatives.clone()]);
+        let u = P::Inputs::read(&reals[layout.inputs.start..]);
+        let x = P::State::read(&reals[layout.states.start..]);
+        P::derivatives(p, d, &x, &u).write(&mut reals[layout.derivatives.start..]);
     }
 
     fn directional(
@@ -491,13 +491,13 @@ impl<S: Sampled> Model for SampledModel<S> {
         step: Step,
         parts: u64,
     ) -> Result<(), StepError> {
-        let u = S::Inputs::read(&reals[layout.inputs.clone()]);
-        let before = S::Outputs::read(&reals[layout.outputs.clone()]);
+        let u = S::Inputs::read(&reals[layout.inputs.start..]);
+        let before = S::Outputs::read(&reals[layout.outputs.start..]);
         let mut samples = || {
             for sample in step.sample..step.sample + parts {
                 let t = step.start + sample as f64 * p.sample_time();
                 S::check(p, d, x, &u, t).map_err(StepError::Refused)?;
-                S::update(p, d, x, &u, t).write(&mut reals[layout.outputs.clone()]);
+                S::update(p, d, x, &u, t).write(&mut reals[layout.outputs.start..]);
                 first_not_finite(reals, layout.outputs.clone(), t)?;
                 if let Some((name, value)) = x.not_finite() {
                     return Err(StepError::MemoryNotFinite { name, value, time: t });
@@ -505,7 +505,7 @@ impl<S: Sampled> Model for SampledModel<S> {
             }
             Ok(())
         };
-        samples().inspect_err(|_| before.write(&mut reals[layout.outputs.clone()]))
+        samples().inspect_err(|_| before.write(&mut reals[layout.outputs.start..]))
     }
 
     fn outputs(_: &S::Parameters, _: &S::Design, _: &Layout, _: &mut [f64]) {}

@@ -7,29 +7,29 @@ use fmi2::prelude::*;
 #[derive(Inputs, Clone)]
 pub struct U<T> {
     /// Height of the road (m)
-    z_r: T,
+    pub z_r: T,
     /// Force of the actuator, up on the body and down on the wheel (N)
-    f_a: T,
+    pub f_a: T,
 }
 
 /// Body and wheel.
 #[derive(State, Clone)]
 pub struct X<T> {
     /// Height of the body (m)
-    z_s: T,
+    pub z_s: T,
     /// Velocity of the body (m/s)
-    v_s: T,
+    pub v_s: T,
     /// Height of the wheel (m)
-    z_u: T,
+    pub z_u: T,
     /// Velocity of the wheel (m/s)
-    v_u: T,
+    pub v_u: T,
 }
 
 /// What is felt.
 #[derive(Outputs, Clone)]
 pub struct Y<T> {
     /// Acceleration of the body (m/s2)
-    a_s: T,
+    pub a_s: T,
 }
 
 /// The plant.
