@@ -1,5 +1,7 @@
 """Runs in another tool what `cargo fmu system` wrote: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
 
+Ecos reads the SSP file, libcosim OspSystemStructure.xml or, with `-ssp`, the SSP file; with `-calls` the same structure
+is built by calls of their libraries.
 The tool `container` runs nothing: it packs the system into one FMU.
 
 Exit codes: 0 done, 1 the tool could not load or run the system, 2 wrong usage, 3 the tool's Python package or a library
@@ -11,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +21,13 @@ from chassis_fmu import systems
 from chassis_fmu.master import RunError
 from chassis_fmu.results import write_csv
 
-TOOLS = ("fmpy", "ecos", "libcosim", "libcosim-ssp", "container")
+# What libcosim makes its execution from.
+LIBCOSIM: dict[str, Literal["osp", "ssp", "calls"]] = {
+    "libcosim": "osp",
+    "libcosim-ssp": "ssp",
+    "libcosim-calls": "calls",
+}
+TOOLS = ("fmpy", "ecos", "ecos-calls", *LIBCOSIM, "container")
 
 
 def main() -> int:
@@ -46,10 +55,10 @@ def main() -> int:
             return 0
         if arguments.tool == "fmpy":
             recording = systems.with_fmpy(folder, arguments.order)
-        elif arguments.tool == "ecos":
-            recording = systems.with_ecos(folder)
+        elif arguments.tool.startswith("ecos"):
+            recording = systems.with_ecos(folder, calls=arguments.tool == "ecos-calls")
         else:
-            recording = systems.with_libcosim(folder, ssp=arguments.tool == "libcosim-ssp")
+            recording = systems.with_libcosim(folder, LIBCOSIM[arguments.tool])
     except systems.NotLoadedError as error:
         print(f"error: {error}", file=sys.stderr)
         return 3

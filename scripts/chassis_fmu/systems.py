@@ -2,7 +2,7 @@
 
 Every function takes the folder and returns the outputs that are connectors of the SSP file, named `unit:signal`.
 FMPy applies no parameter sets of an SSP file, so the file is read here and executed by the master that
-`scripts/cosim.py` uses; Ecos and libcosim read the files by themselves.
+`scripts/cosim.py` uses; Ecos and libcosim read the files by themselves, or are given the structure by calls.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -120,6 +120,18 @@ class Structure:
             for c in self._all("ssd:System/ssd:Connections/ssd:Connection")
         }
 
+    def wires(self) -> Iterator[tuple[Kind, tuple[str, str], tuple[str, str]]]:
+        """Type, output and input of every connection; the latter two are pairs of unit and variable."""
+        writers = self.writers()
+        for component in self.components:
+            for name, kind in self.connectors(component, "input"):
+                to = component.get("name"), name
+                yield kind, writers[to], to
+
+    def fmu(self, component: Any) -> Path:
+        """Return the FMU of a component, as it lies beside the SSP file."""
+        return self.path.parent / Path(component.get("source")).name
+
 
 def _kind(element: Any, prefix: str) -> tuple[Kind, str]:
     """Type of a connector or parameter, and its value if it has one."""
@@ -190,14 +202,19 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
     return _recording(structure, times, rows)
 
 
-def with_ecos(folder: Path) -> Recording:
-    """Run the SSP file through Ecos, which steps all units at once."""
-    with _loading("ecospy (it needs the library libtbb.so.12, Debian's libtbb12)"):
-        from ecospy import EcosSimulation
-
+def with_ecos(folder: Path, calls: bool = False) -> Recording:
+    """Run the SSP file, or the same structure built by calls, through Ecos, which steps all units at once."""
     structure = Structure(package(folder))
     rows = np.empty((structure.steps + 1, len(structure.outputs)))
-    with EcosSimulation(ssp_path=str(structure.path), step_size=structure.step) as simulation:
+    with _loading("ecospy (it needs the library libtbb.so.12, Debian's libtbb12)"):
+        from ecospy import EcosSimulation
+    with ExitStack() as stack:
+        try:
+            source = {"structure": _ecos_structure(structure, stack)} if calls else {"ssp_path": str(structure.path)}
+            simulation = stack.enter_context(EcosSimulation(step_size=structure.step, **source))
+        # ecospy raises nothing more special.
+        except Exception as error:
+            raise StructureError(f"{structure.path}: Ecos: {error}") from error
         read = {"Real": simulation.get_real, "Integer": simulation.get_integer, "Boolean": simulation.get_bool}
         names = [(f"{unit}::{name}", read[kind]) for unit, name, kind in structure.outputs]
         if not simulation.init(start_time=structure.start, parameter_set=PARAMETERS):
@@ -210,8 +227,29 @@ def with_ecos(folder: Path) -> Recording:
     return _recording(structure, structure.times(), rows)
 
 
-def with_libcosim(folder: Path, ssp: bool = False) -> Recording:
-    """Run OspSystemStructure.xml, or the SSP file, through libcosim, which steps all units at once.
+def _ecos_structure(structure: Structure, stack: ExitStack) -> Any:
+    from ecospy import EcosSimulationStructure
+
+    system = stack.enter_context(EcosSimulationStructure())
+    values = {}
+    for component in structure.components:
+        unit = component.get("name")
+        system.add_model(unit, str(structure.fmu(component)))
+        values.update({f"{unit}::{name}": _value(kind, text) for name, kind, text in structure.values(component)})
+    system.add_parameter_set(PARAMETERS, values)
+    connect = {
+        "Real": system.make_real_connection,
+        "Integer": system.make_int_connection,
+        "Boolean": system.make_bool_connection,
+        "String": system.make_string_connection,
+    }
+    for kind, written, read in structure.wires():
+        connect[kind]("::".join(written), "::".join(read))
+    return system
+
+
+def with_libcosim(folder: Path, source: Literal["osp", "ssp", "calls"] = "osp") -> Recording:
+    """Run OspSystemStructure.xml, the SSP file or the same structure built by calls through libcosim (all at once).
 
     There is no row of the start: libcosim initializes in its first step, and its observer hears of nothing before.
     """
@@ -224,7 +262,9 @@ def with_libcosim(folder: Path, ssp: bool = False) -> Recording:
     log_output_level(CosimLogLevel.ERROR)
     structure = Structure(package(folder))
     try:
-        if ssp:
+        if source == "calls":
+            execution = _libcosim_execution(structure)
+        elif source == "ssp":
             execution = CosimExecution.from_ssp_file(str(structure.path))
         else:
             execution = CosimExecution.from_osp_config_file(str(folder))
@@ -244,7 +284,7 @@ def with_libcosim(folder: Path, ssp: bool = False) -> Recording:
     reads = []
     for (unit, kind), members in groups.items():
         index = execution.slave_index_from_instance_name(unit)
-        references = {v.name.decode(): v.reference for v in execution.slave_variables(index)}
+        references = _libcosim_references(execution, index)
         reads.append((read[kind], index, [references[n] for _, n in members], [c for c, _ in members]))
     rows = np.empty((structure.steps, len(structure.outputs)))
     for k in range(structure.steps):
@@ -255,6 +295,49 @@ def with_libcosim(folder: Path, ssp: bool = False) -> Recording:
     if execution.status().error_code != CosimErrorCode.SUCCESS.value:
         raise StructureError(f"{folder}: libcosim: error {execution.status().error_code}")
     return _recording(structure, structure.times()[1:], rows)
+
+
+def _libcosim_references(execution: Any, index: int) -> dict[str, int]:
+    return {v.name.decode(): v.reference for v in execution.slave_variables(index)}
+
+
+def _libcosim_execution(structure: Structure) -> Any:
+    from libcosimpy import CosimConstants
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    if structure.start != 0.0:
+        raise StructureError(f"{structure.path}: libcosim's calls begin at 0, not at {structure.start}")
+    execution = CosimExecution.from_step_size(round(structure.step * 1e9))
+    start = {
+        "Real": execution.real_initial_value,
+        "Integer": execution.integer_initial_value,
+        "Boolean": execution.boolean_initial_value,
+        "String": execution.string_initial_value,
+    }
+    connect = {
+        "Real": execution.connect_real_variables,
+        "Integer": execution.connect_integer_variables,
+        "Boolean": execution.connect_boolean_variables,
+        "String": execution.connect_string_variables,
+    }
+    units = {}
+    for component in structure.components:
+        unit, fmu = component.get("name"), structure.fmu(component)
+        slave = CosimLocalSlave(str(fmu), unit)
+        # libcosimpy passes on a null pointer, which ends the process.
+        if not slave.ptr():
+            raise StructureError(f"{fmu}: libcosim cannot load it")
+        index = execution.add_local_slave(slave)
+        units[unit] = index, _libcosim_references(execution, index)
+        for name, kind, text in structure.values(component):
+            if not start[kind](index, units[unit][1][name], _value(kind, text)):
+                raise StructureError(f"{unit}:{name}: libcosim does not take the start value {text}")
+    for kind, *ends in structure.wires():
+        numbers = [number for unit, name in ends for number in (units[unit][0], units[unit][1][name])]
+        if connect[kind](*numbers) != CosimConstants.success:
+            raise StructureError(f"{':'.join(ends[0])} and {':'.join(ends[1])}: libcosim does not connect them")
+    return execution
 
 
 def container(folder: Path, out: Path, order: Order = "sequential") -> None:

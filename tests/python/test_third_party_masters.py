@@ -5,12 +5,12 @@ order `jacobi`. All recorded signals are compared at every step; a difference is
 signal. Measured:
 
 - FMPy, reading the SSP file, in both orders: equal to the last bit.
-- libcosim, from OspSystemStructure.xml and from the SSP file: up to 3e-13. It counts time in nanoseconds, ours is
-  start + k step; the times differ in the last bit, and with them the driver's signal and the road.
-- Ecos, from the SSP file: signals that do not depend on an input at the same instant are equal to the last bit. The
-  others (accelerations, wheel loads) are read again after the inputs of the next step were passed on, so that they
-  belong to these: up to 1.1 of the peak where a sliding mode switches. FMPy told to read so gives Ecos's rows to the
-  last bit.
+- libcosim, from OspSystemStructure.xml, from the SSP file and by calls: up to 3e-13. It counts time in nanoseconds,
+  ours is start + k step; the times differ in the last bit, and with them the driver's signal and the road.
+- Ecos, from the SSP file and by calls: signals that do not depend on an input at the same instant are equal to the last
+  bit. The others (accelerations, wheel loads) are read again after the inputs of the next step were passed on, so that
+  they belong to these: up to 1.1 of the peak where a sliding mode switches. FMPy told to read so gives Ecos's rows to
+  the last bit.
 
 - The whole loop as one FMU, made by fmucontainer and run by FMPy, in both orders: equal to the last bit.
 
@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import os
 import platform
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -98,7 +99,7 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 def packaged(tool: str) -> bool:
     """Whether the lockfile has the package of the tool for this machine."""
     python = (3, 11) <= sys.version_info[:2] < (3, 15)
-    return sys.platform == "linux" and platform.machine() == "x86_64" and (tool == "ecos" or python)
+    return sys.platform == "linux" and platform.machine() == "x86_64" and (tool.startswith("ecos") or python)
 
 
 def run(written: Written, tool: str) -> Recording:
@@ -153,14 +154,15 @@ def test_the_orders_differ(written: Written) -> None:
     assert max(differences(written.native["sequential"], written.native["jacobi"]).values()) > 1e-3
 
 
-@pytest.mark.parametrize("tool", ["libcosim", "libcosim-ssp"])
+@pytest.mark.parametrize("tool", ["libcosim", "libcosim-ssp", "libcosim-calls"])
 def test_libcosim_agrees(written: Written, tool: str) -> None:
     found = differences(run(written, tool), written.native["jacobi"])
     assert {name: value for name, value in found.items() if value > TOLERANCE} == {}
 
 
-def test_ecos_agrees(written: Written) -> None:
-    found = run(written, "ecos")
+@pytest.mark.parametrize("tool", ["ecos", "ecos-calls"])
+def test_ecos_agrees(written: Written, tool: str) -> None:
+    found = run(written, tool)
     # Read as Ecos reads them, all signals are equal to the bit; as the native master does, those of the loop are.
     fresh = systems.with_fmpy(written.folder, "jacobi", fresh=True)
     for name, values in fresh.values.items():
@@ -208,3 +210,13 @@ def test_a_tool_that_fails_says_why(tmp_path: Path) -> None:
     done = call(sys.executable, script, str(tmp_path), "--tool", "fmpy")
     assert done.returncode == 1
     assert "0 SSP files, expected one" in done.stdout
+
+
+@pytest.mark.parametrize("tool", ["ecos-calls", "libcosim-calls"])
+def test_a_missing_fmu_is_named(written: Written, tool: str, tmp_path: Path) -> None:
+    folder = tmp_path / "system"
+    shutil.copytree(written.folder, folder)
+    missing = next(folder.glob("*.fmu"))
+    missing.unlink()
+    with pytest.raises(AssertionError, match=missing.name):
+        run(Written(folder, {}), tool)
