@@ -117,14 +117,16 @@ def of_recording(metric: Metric, plan: Plan, recording: Recording) -> float | No
 def evaluate(metric: Metric, times: Array, values: Array, step: float, until: Array | None = None) -> float | None:
     """Compute a metric of one signal, in the unit of the metric. None: the signal never crosses the threshold.
 
-    `until` is the signal that ends the window, for a metric with such an end.
+    `until` is the signal that ends the window, for a metric with such an end. None also: it never does.
 
     Raises MetricError for an unknown kind, a threshold that is missing, and a window without rows.
     """
     mask = window_mask(times, metric.window, step)
-    if metric.until is not None and until is not None:
-        ends = until > metric.until.level if metric.until.above else until < metric.until.level
-        mask &= ~np.logical_or.accumulate(mask & ends)
+    if metric.until is not None and until is not None and mask.any():
+        ends = mask & (until > metric.until.level if metric.until.above else until < metric.until.level)
+        if not ends.any():
+            return None
+        mask &= ~np.logical_or.accumulate(ends)
     inside = values[mask] * metric.conversion.factor + metric.conversion.offset
     if not len(inside):
         raise MetricError(f"metric {metric.name}: no recorded row lies in the window {metric.window}")

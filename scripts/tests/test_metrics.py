@@ -135,8 +135,10 @@ def test_a_window_ends_where_a_signal_says(until: Until, expected: float) -> Non
     windowed = dataclasses.replace(metric("final", (0.1, 0.5)), until=until)
     values = np.cumsum(signal) - 9.0
     assert metrics.evaluate(windowed, times, values, 0.1, ends) == expected
-    # without such a row the window is whole
-    assert metrics.evaluate(windowed, times, values, 0.1, np.ones(6)) == values[-1]
+    # without such a row there is no number; one outside the window does not count
+    assert metrics.evaluate(windowed, times, values, 0.1, np.ones(6)) is None
+    outside = np.where(np.arange(6) == 0, 9.0 if until.above else 0.0, 1.0)
+    assert metrics.evaluate(windowed, times, values, 0.1, outside) is None
     with pytest.raises(metrics.MetricError, match="no recorded row"):
         metrics.evaluate(windowed, times, values, 0.1, np.full(6, 9.0 if until.above else 0.0))
 
