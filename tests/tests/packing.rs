@@ -229,6 +229,7 @@ impl Copy {
             "LICENSE-MIT",
             "LICENSE-APACHE",
             "crates",
+            "examples",
             "fmu-plant",
             "fmu-controllers",
             "tests",
