@@ -225,7 +225,9 @@ impl Archive {
                 reason: format!("it unpacks to more than {MAX_UNPACKED} bytes"),
             })?;
         }
-        Ok(Unpacked { binary: folder.path().join(folder_name).join(file), resources, _folder: folder })
+        // Joined part by part: Windows loads no library from a path with slashes.
+        let binary = folder.path().join("binaries").join(platform()).join(file);
+        Ok(Unpacked { binary, resources, _folder: folder })
     }
 }
 

@@ -255,9 +255,7 @@ impl Library {
     /// platform `default`.
     pub fn load(unpacked: Unpacked) -> Result<Arc<Self>, LoadError> {
         let path = &unpacked.binary;
-        // SAFETY: loading runs initializers of the library; see the trust stated at the top.
-        let library = unsafe { libloading::Library::new(path) }
-            .map_err(|error| LoadError::Library { path: path.clone(), reason: reason(&error) })?;
+        let library = open(path).map_err(|error| LoadError::Library { path: path.clone(), reason: reason(&error) })?;
         // SAFETY: the signatures are those of the FMI 2.0 headers; the table is stored beside the
         // library and its pointers are called through `Library` and `Instance` only.
         let functions = unsafe { Functions::load(&library) }
@@ -301,15 +299,30 @@ impl Library {
 /// The system cannot load it, or it was made by something else.
 pub fn exported_description(path: &std::path::Path) -> Result<String, LoadError> {
     const FUNCTION: &str = "fmi2_rs_model_description";
-    // SAFETY: loading runs initializers of the library; see the trust stated at the top.
-    let library = unsafe { libloading::Library::new(path) }
-        .map_err(|error| LoadError::Library { path: path.to_path_buf(), reason: reason(&error) })?;
+    let library =
+        open(path).map_err(|error| LoadError::Library { path: path.to_path_buf(), reason: reason(&error) })?;
     // SAFETY: the exporter defines this function without arguments; it returns a string that lives as long as the
     // library is loaded, or null.
     let description = unsafe {
         library.get::<unsafe extern "C" fn() -> *const c_char>(FUNCTION.as_bytes()).map(|function| text(function()))
     };
     description.map_err(|_| LoadError::Missing { path: path.to_path_buf(), function: FUNCTION })
+}
+
+/// Loads a library. Those that it brings along in its folder are found under Windows only if that is asked for; elsewhere the
+/// library itself says where they are.
+fn open(path: &std::path::Path) -> Result<libloading::Library, libloading::Error> {
+    #[cfg(windows)]
+    {
+        use libloading::os::windows::{LOAD_WITH_ALTERED_SEARCH_PATH, Library};
+        // SAFETY: loading runs initializers of the library; see the trust stated at the top.
+        unsafe { Library::load_with_flags(path, LOAD_WITH_ALTERED_SEARCH_PATH) }.map(Into::into)
+    }
+    #[cfg(not(windows))]
+    {
+        // SAFETY: as above.
+        unsafe { libloading::Library::new(path) }
+    }
 }
 
 /// What the system says, such as which symbol or library is missing, stands in the sources of the error.
