@@ -3,7 +3,7 @@
 //! Reference: FMI 2.0.4, sections 2.1.5 and 2.1.8 (instances, states) and the project's promise that a run is the same
 //! to the last bit whenever the calls are the same. Nothing here has a tolerance unless it says so.
 
-use host::description::{Causality, Value};
+use host::description::Causality;
 use host::loader::Instance;
 use std::process::Command;
 use tests::signals::{Excitation, Random, run};
@@ -229,27 +229,14 @@ fn sampled_units_take_the_same_samples_in_steps_of_any_length() {
 fn plants_reach_the_same_state_in_steps_of_any_length() {
     // The integrator's step is max_step at most, whatever the communication step. Uneven steps are divided into other
     // substeps, which changes the error of RK4 only: 3e-10 of the peak in smooth runs of the trucks, 2e-8 of the car
-    // with its stiff wheel spin, hence 1e-7. The quarter car, with the longer steps of its peers, takes those of the
-    // trucks here: its error of order 4 would be 256 times as large.
+    // with its stiff wheel spin, hence 1e-7.
     const BLOCK: f64 = 0.01;
-    const MAX_STEP: f64 = 0.000_25;
-    let started = |fmu: &Fmu| {
-        let mut instance = fmu.instance();
-        for variable in fmu.with(Causality::Parameter).filter(|variable| variable.name == "max_step") {
-            let Some(Value::Real(start)) = variable.start else { panic!("{}: max_step has no start", fmu.name) };
-            ok(instance.set_real(&[variable.reference], &[start.min(MAX_STEP)]));
-        }
-        ok(instance.setup_experiment(0.0, None));
-        ok(instance.enter_initialization_mode());
-        ok(instance.exit_initialization_mode());
-        instance
-    };
     let mut random = Random(23);
     for fmu in all().iter().filter(|fmu| fmu.is_plant()) {
         let excitation = Excitation::of(fmu, 29);
         let states: Vec<_> = fmu.states().iter().map(|state| state.reference).collect();
         let mut inputs = vec![0.0; excitation.references.len()];
-        let (mut even, mut uneven) = (started(fmu), started(fmu));
+        let (mut even, mut uneven) = (fmu.started(), fmu.started());
         let mut peaks = vec![0.0_f64; states.len()];
         let mut errors = vec![0.0_f64; states.len()];
         for block in 0..20_u32 {
