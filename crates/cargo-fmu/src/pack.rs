@@ -21,7 +21,7 @@ use crate::workspace::{Model, Workspace};
 pub(crate) struct Arguments {
     /// Names of FMUs or packages, such as RescueVehicle or rescue-vehicle; none means all
     names: Vec<String>,
-    /// All models of the workspace
+    /// All models of the workspace's default members
     #[arg(long, conflicts_with = "names")]
     all: bool,
     /// A linux64 binary that loads on distributions from glibc 2.17 on (needs cargo-zigbuild)

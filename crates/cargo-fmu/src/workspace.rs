@@ -17,6 +17,8 @@ pub(crate) struct Model {
     pub(crate) folder: PathBuf,
     /// Name of the library crate, in snake case.
     pub(crate) library: String,
+    /// Whether the package is a default member of the workspace; examples are not.
+    pub(crate) is_default: bool,
 }
 
 /// The workspace that the command was called in.
@@ -33,12 +35,14 @@ pub(crate) struct Workspace {
 #[derive(Deserialize)]
 struct Metadata {
     packages: Vec<Package>,
+    workspace_default_members: Vec<String>,
     workspace_root: PathBuf,
     target_directory: PathBuf,
 }
 
 #[derive(Deserialize)]
 struct Package {
+    id: String,
     name: String,
     manifest_path: PathBuf,
     dependencies: Vec<Dependency>,
@@ -84,6 +88,7 @@ impl Workspace {
                     library: target.name.replace('-', "_"),
                     folder: package.manifest_path.parent().map(Path::to_owned)?,
                     package: package.name,
+                    is_default: metadata.workspace_default_members.contains(&package.id),
                 })
             })
             .collect();
@@ -91,13 +96,13 @@ impl Workspace {
         Ok(Self { root: metadata.workspace_root, target: metadata.target_directory, models })
     }
 
-    /// The models of these names (FMU or package), or all.
+    /// The models of these names (FMU or package), or all of the default members.
     ///
     /// # Errors
     /// On a name that is no model, with the nearest one.
     pub(crate) fn select(&self, names: &[String], all: bool) -> Result<Vec<Model>> {
         if all || names.is_empty() {
-            return Ok(self.models.clone());
+            return Ok(self.models.iter().filter(|model| model.is_default).cloned().collect());
         }
         names
             .iter()
