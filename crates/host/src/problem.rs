@@ -71,6 +71,16 @@ impl Collector {
         }
     }
 
+    /// Notes why a text does not have the layout of its file. For an unknown key or word, the nearest known one is the hint.
+    pub fn add_layout(&mut self, error: &toml::de::Error) {
+        let message = error.message().replace('\n', ", ");
+        // serde writes "unknown field `a`, expected one of `b`, `c`".
+        let mut quoted = message.split('`').skip(1).step_by(2);
+        let unknown = quoted.next().filter(|_| message.starts_with("unknown "));
+        let help = unknown.and_then(|name| suggestion(name, quoted));
+        self.add_with_help(error.span().unwrap_or(0..0), message, help);
+    }
+
     /// Whether nothing was noted.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -115,6 +125,28 @@ mod tests {
         let near = suggestion("body.rol", names).unwrap();
         assert_eq!(near, "did you mean `body.roll`?");
         assert_eq!(suggestion("wheel_height.fl", names), None);
+    }
+
+    #[test]
+    fn unknown_keys_and_words_of_a_layout_have_suggestions() {
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Layout {
+            #[serde(rename = "title")]
+            _title: String,
+            #[serde(rename = "order")]
+            _order: crate::plan::Order,
+        }
+        let help = |text: &str| {
+            let mut collector = Collector::new(Path::new("a.toml"), text, "toml");
+            collector.add_layout(&toml::from_str::<Layout>(text).unwrap_err());
+            collector.fail().problems.remove(0).help
+        };
+        assert_eq!(help("titel = 'a'").unwrap(), "did you mean `title`?");
+        assert_eq!(help("title = 'a'\norder = 'sequental'").unwrap(), "did you mean `sequential`?");
+        assert_eq!(help("title = 'a'\norder = 'random'"), None);
+        assert_eq!(help("title = 'a'"), None);
+        assert_eq!(help("title = `a`"), None);
     }
 
     #[test]

@@ -99,7 +99,7 @@ impl Descriptions for FmuFolder {
             return Ok(Some(found.clone()));
         }
         let file = format!("{name}.fmu");
-        let Some(path) = self.folders.iter().map(|folder| folder.join(&file)).find(|path| path.is_file()) else {
+        let Some(path) = self.folders.iter().map(|folder| folder.join(&file)).find(|path| path.exists()) else {
             return Ok(None);
         };
         let description = read_description(&path).map_err(|error| error.to_string())?;
@@ -875,10 +875,9 @@ impl<'a> Resolver<'a> {
         if found.is_none() {
             let own = column.unit.iter();
             let all: Vec<&str> = own.chain(column.units.iter().map(|u| &u.name)).map(String::as_str).collect();
-            self.problems.add(
-                unit.span(),
-                format!("`{}` cannot be shown in `{name}`, expected one of: {}", column.name, all.join(", ")),
-            );
+            let help = suggestion(name, all.iter().copied());
+            let message = format!("`{}` cannot be shown in `{name}`, expected one of: {}", column.name, all.join(", "));
+            self.problems.add_with_help(unit.span(), message, help);
         }
         found.map(|u| (u.factor, u.offset))
     }

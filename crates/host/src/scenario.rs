@@ -192,8 +192,7 @@ pub(crate) fn parse(text: &str, problems: &mut Collector) -> Option<Scenario> {
     match toml::from_str::<Scenario>(text) {
         Ok(scenario) => Some(scenario),
         Err(error) => {
-            let message = error.message().replace('\n', ", ");
-            problems.add(error.span().unwrap_or(0..0), message);
+            problems.add_layout(&error);
             None
         }
     }

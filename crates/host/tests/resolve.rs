@@ -405,6 +405,12 @@ fn near_names_are_suggested() {
         ),
         ("maneuver = 1", "manuver = 1", "did you mean `maneuver`?"),
         ("signal = \"body.roll\"", "signal = \"body.rol\"", "did you mean `body.roll`?"),
+        // Keys and words of the layout.
+        ("stop = 2.0", "stopp = 2.0", "did you mean `stop`?"),
+        ("stop = 2.0", "stop = 2.0\norder = \"sequental\"", "did you mean `sequential`?"),
+        ("kind = \"rms\"", "kind = \"rmss\"", "did you mean `rms`?"),
+        ("kind = \"time\"", "kind = \"tiem\"", "did you mean `time`?"),
+        ("status = \"partly\"", "status = \"partley\"", "did you mean `partly`?"),
     ] {
         let error = plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).unwrap_err();
         let ResolveError::Problems(problems) = error else { panic!("{error}") };

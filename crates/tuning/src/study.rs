@@ -237,7 +237,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study
     let file: File = match toml::from_str(&text) {
         Ok(file) => file,
         Err(error) => {
-            problems.add(error.span().unwrap_or(0..0), error.message().replace('\n', ", "));
+            problems.add_layout(&error);
             return Err(problems.fail().into());
         }
     };
