@@ -60,10 +60,13 @@ fn counted(count: usize, what: &str) -> String {
 }
 
 fn findings(path: &Path) -> Result<Vec<Finding>> {
+    // What the process unpacks is removed even if the FMU takes the process down.
+    let temporary = tempfile::tempdir().into_diagnostic().wrap_err("making a folder for temporary files")?;
     let start = || -> std::io::Result<_> {
         Command::new(std::env::current_exe()?)
             .args(["check", "--events"])
             .arg(path)
+            .envs(["TMPDIR", "TMP", "TEMP"].map(|variable| (variable, temporary.path())))
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()

@@ -1,8 +1,9 @@
 //! The `.fmu` file: a zip archive with a description, binaries and resources (FMI 2.0.4, section 2.3).
 
 use crate::description::{ModelDescription, XmlError};
+use object::{FileKind, Object as _, ObjectSegment as _, ReadCache};
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use zip::ZipArchive;
@@ -25,14 +26,25 @@ pub enum ArchiveError {
         cause: io::Error,
     },
     /// The file is not a zip archive, or a damaged one.
-    #[error("{}: not a readable FMU: {cause}", path.display())]
+    #[error("{}: not a readable FMU: no zip archive, or one that was cut off or damaged ({cause})", path.display())]
     Zip {
         /// The archive.
         path: PathBuf,
         /// Why.
         cause: ZipError,
     },
-    /// A name leads out of the folder the archive is unpacked to, or the archive is too large.
+    /// An entry cannot be unpacked.
+    #[error("{}: the entry `{entry}` is damaged or not readable: {cause}", path.display())]
+    Entry {
+        /// The archive.
+        path: PathBuf,
+        /// Name of the entry.
+        entry: String,
+        /// Why.
+        cause: io::Error,
+    },
+    /// A name leads out of the folder the archive is unpacked to, an entry is not what the archive says, or the archive
+    /// is too large.
     #[error("{}: refused: {reason}", path.display())]
     Refused {
         /// The archive.
@@ -106,22 +118,38 @@ pub struct Unpacked {
 }
 
 impl Archive {
-    /// Opens an archive and checks the names of its entries.
+    /// Opens an archive and checks the names of its entries and the sizes that it states.
     ///
     /// # Errors
-    /// The file cannot be read, is not a zip archive, has too many entries, or has an entry that is
-    /// a link or whose name is not a path within the archive.
+    /// The file cannot be read, is not a zip archive, has too many entries, states a size that would not be unpacked,
+    /// has two entries of one name, or has an entry that is encrypted, a link, or whose name is not a path within the
+    /// archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
-        let file = File::open(path).map_err(|cause| ArchiveError::Io { path: path.to_path_buf(), cause })?;
-        let zip_error = |cause| ArchiveError::Zip { path: path.to_path_buf(), cause };
-        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(zip_error)?;
+        let io_error = |cause| ArchiveError::Io { path: path.to_path_buf(), cause };
         let refused = |reason| ArchiveError::Refused { path: path.to_path_buf(), reason };
+        let mut file = File::open(path).map_err(io_error)?;
+        if file.metadata().map_err(io_error)?.is_dir() {
+            return Err(refused("it is a folder, an FMU is a zip archive".to_owned()));
+        }
+        let stated = stated_entries(&mut file).map_err(io_error)?;
+        let mut zip = ZipArchive::new(BufReader::new(file))
+            .map_err(|cause| ArchiveError::Zip { path: path.to_path_buf(), cause })?;
         if zip.len() > MAX_ENTRIES {
             return Err(refused(format!("{} entries, at most {MAX_ENTRIES} are accepted", zip.len())));
         }
+        // Of two entries with one name the reader keeps one; which, is another one's choice.
+        if stated.is_some_and(|stated| stated != zip.len()) {
+            return Err(refused("a name is there twice, or the list of its entries is damaged".to_owned()));
+        }
+        let mut size = 0_u64;
         for i in 0..zip.len() {
-            let entry = zip.by_index(i).map_err(zip_error)?;
+            // As it lies in the file: nothing is unpacked yet.
+            let entry = zip.by_index_raw(i).map_err(|cause| ArchiveError::Zip { path: path.to_path_buf(), cause })?;
             let name = String::from_utf8_lossy(entry.name_raw()).into_owned();
+            if entry.encrypted() {
+                return Err(refused(format!("the entry `{name}` is encrypted")));
+            }
+            size = size.saturating_add(entry.size());
             // Zip names use slashes; a backslash or a drive letter has a meaning on Windows only.
             if entry.enclosed_name().is_none() || name.starts_with('/') || name.contains(['\\', ':']) {
                 return Err(refused(format!("the entry `{name}` is not a path within the archive")));
@@ -129,6 +157,9 @@ impl Archive {
             if entry.is_symlink() {
                 return Err(refused(format!("the entry `{name}` is a link")));
             }
+        }
+        if size > MAX_UNPACKED {
+            return Err(refused(format!("it would unpack to {size} bytes, at most {MAX_UNPACKED} are unpacked")));
         }
         Ok(Self { path: path.to_path_buf(), zip })
     }
@@ -138,17 +169,37 @@ impl Archive {
     /// # Errors
     /// The entry is missing, unreadable, too large, or not UTF-8.
     pub fn description_text(&mut self) -> Result<String, ArchiveError> {
+        const NAME: &str = "modelDescription.xml";
         let limit = crate::xml::MAX_BYTES as u64;
-        let entry = self
-            .zip
-            .by_name("modelDescription.xml")
-            .map_err(|cause| ArchiveError::Zip { path: self.path.clone(), cause })?;
-        let mut text = String::new();
-        entry
-            .take(limit + 1)
-            .read_to_string(&mut text)
-            .map_err(|cause| ArchiveError::Io { path: self.path.join("modelDescription.xml"), cause })?;
-        Ok(text)
+        let refused = |reason| ArchiveError::Refused { path: self.path.clone(), reason };
+        if self.zip.index_for_name(NAME).is_none() {
+            // A folder was zipped instead of what is in it.
+            let deeper = self.zip.file_names().flatten().find(|name| name.ends_with(&format!("/{NAME}")));
+            let instead = deeper.map_or(String::new(), |name| format!(", but `{name}`"));
+            return Err(refused(format!("it has no {NAME} at its top{instead}")));
+        }
+        let entry = self.zip.by_name(NAME).map_err(|cause| ArchiveError::Entry {
+            path: self.path.clone(),
+            entry: NAME.to_owned(),
+            cause: cause.into(),
+        })?;
+        if entry.size() > limit {
+            return Err(refused(format!("{NAME} has {} bytes, at most {limit} are read", entry.size())));
+        }
+        let stated = entry.size();
+        let mut bytes = Vec::new();
+        entry.take(stated + 1).read_to_end(&mut bytes).map_err(|cause| ArchiveError::Entry {
+            path: self.path.clone(),
+            entry: NAME.to_owned(),
+            cause,
+        })?;
+        if bytes.len() as u64 != stated {
+            return Err(refused(format!("{NAME} does not have the {stated} bytes that the archive states")));
+        }
+        String::from_utf8(bytes).map_err(|error| {
+            let at = error.utf8_error().valid_up_to();
+            refused(format!("{NAME} is not UTF-8 (byte {}), the encoding of a model description", at + 1))
+        })
     }
 
     /// Reads and parses `modelDescription.xml`.
@@ -187,7 +238,8 @@ impl Archive {
     pub fn unpack(&mut self, model_identifier: &str) -> Result<Unpacked, ArchiveError> {
         let file = format!("{model_identifier}{}", std::env::consts::DLL_SUFFIX);
         let folder_name = format!("binaries/{}/", platform());
-        if self.zip.index_for_name(&format!("{folder_name}{file}")).is_none() {
+        let library = format!("{folder_name}{file}");
+        if self.zip.index_for_name(&library).is_none() {
             return Err(ArchiveError::NoBinary {
                 path: self.path.clone(),
                 wanted: platform(),
@@ -202,9 +254,11 @@ impl Archive {
         let folder = tempfile::Builder::new().prefix("fmu-").tempdir().map_err(io_error(&std::env::temp_dir()))?;
         let resources = folder.path().join("resources");
         std::fs::create_dir_all(&resources).map_err(io_error(&resources))?;
-        let mut left = MAX_UNPACKED;
         for i in 0..self.zip.len() {
-            let entry = self.zip.by_index(i).map_err(|cause| ArchiveError::Zip { path: self.path.clone(), cause })?;
+            let entry_error = |entry: String, cause| ArchiveError::Entry { path: self.path.clone(), entry, cause };
+            let entry_name =
+                self.zip.name_for_index(i).and_then(Result::ok).map_or(String::new(), |name| name.into_owned());
+            let entry = self.zip.by_index(i).map_err(|cause| entry_error(entry_name.clone(), cause.into()))?;
             let Some(name) = entry.enclosed_name() else {
                 continue;
             };
@@ -219,16 +273,80 @@ impl Archive {
             // `create_new`: no entry may replace another one.
             let mut output = File::create_new(&target).map_err(io_error(&target))?;
             // The size in the archive may lie, so what is really unpacked is counted.
-            let written = io::copy(&mut entry.take(left + 1), &mut output).map_err(io_error(&target))?;
-            left = left.checked_sub(written).ok_or_else(|| ArchiveError::Refused {
-                path: self.path.clone(),
-                reason: format!("it unpacks to more than {MAX_UNPACKED} bytes"),
-            })?;
+            let stated = entry.size();
+            let mut source = Source { entry: entry.take(stated.saturating_add(1)), failure: None };
+            let copied = io::copy(&mut source, &mut output);
+            if let Some(cause) = source.failure {
+                return Err(entry_error(entry_name, cause));
+            }
+            if copied.map_err(io_error(&target))? != stated {
+                return Err(ArchiveError::Refused {
+                    path: self.path.clone(),
+                    reason: format!(
+                        "the entry `{entry_name}` does not have the {stated} bytes that the archive states"
+                    ),
+                });
+            }
         }
         // Joined part by part: Windows loads no library from a path with slashes.
         let binary = folder.path().join("binaries").join(platform()).join(file);
+        if !is_whole(&binary).map_err(io_error(&binary))? {
+            return Err(ArchiveError::Refused {
+                path: self.path.clone(),
+                reason: format!("the library `{library}` is damaged or cut off"),
+            });
+        }
         Ok(Unpacked { binary, resources, _folder: folder })
     }
+}
+
+/// Whether a library has all the parts that it says it has. The loader of ELF files maps them without looking, and the
+/// system ends the process that reads where the file has nothing. Of everything else the system says what is wrong.
+fn is_whole(library: &Path) -> io::Result<bool> {
+    let file = File::open(library)?;
+    let length = file.metadata()?.len();
+    let content = ReadCache::new(file);
+    if !matches!(object::FileKind::parse(&content), Ok(FileKind::Elf32 | FileKind::Elf64)) {
+        return Ok(true);
+    }
+    // Of a library that is cut off, the list of sections is missing, which stands at the end.
+    let Ok(library) = object::File::parse(&content) else { return Ok(false) };
+    let is_there = |(offset, size): (u64, u64)| offset.checked_add(size).is_some_and(|end| end <= length);
+    Ok(library.segments().all(|segment| is_there(segment.file_range())))
+}
+
+/// Reads an entry and keeps why that failed: a copy cannot tell it from a disk that is full.
+struct Source<R> {
+    entry: R,
+    failure: Option<io::Error>,
+}
+
+impl<R: Read> Read for Source<R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.entry.read(bytes).map_err(|cause| {
+            let kind = cause.kind();
+            if kind != io::ErrorKind::Interrupted {
+                self.failure = Some(cause);
+            }
+            kind.into()
+        })
+    }
+}
+
+/// Number of entries that a zip archive states at its end; `None` where it says that it stands elsewhere (zip64), or
+/// where no end is found.
+fn stated_entries(file: &mut File) -> io::Result<Option<usize>> {
+    // 22 bytes and a comment; the number of entries stands at 10.
+    const END: u64 = 22 + 0xffff;
+    const SIGNATURE: &[u8] = b"PK\x05\x06";
+    let length = file.seek(SeekFrom::End(0))?;
+    file.seek(SeekFrom::Start(length.saturating_sub(END)))?;
+    let mut bytes = Vec::new();
+    file.take(END).read_to_end(&mut bytes)?;
+    file.rewind()?;
+    let found = bytes.windows(SIGNATURE.len()).rposition(|window| window == SIGNATURE);
+    let stated = found.and_then(|at| bytes.get(at + 10..at + 12)).map(|two| u16::from_le_bytes([two[0], two[1]]));
+    Ok(stated.filter(|stated| *stated != u16::MAX).map(usize::from))
 }
 
 /// Reads the description of an FMU without unpacking the rest.
@@ -320,7 +438,8 @@ mod tests {
         let missing = folder.path().join("missing.fmu");
         assert!(matches!(read_description(&missing), Err(ArchiveError::Io { .. })));
         let empty = fmu(&folder, &[("readme.txt", "")]);
-        assert!(matches!(read_description(&empty), Err(ArchiveError::Zip { .. })));
+        let error = read_description(&empty).unwrap_err().to_string();
+        assert!(error.ends_with("it has no modelDescription.xml at its top"), "{error}");
         let broken = fmu(&folder, &[("modelDescription.xml", "<a>")]);
         let error = read_description(&broken).unwrap_err().to_string();
         assert!(error.contains("modelDescription.xml: line 1"), "{error}");

@@ -15,8 +15,13 @@ pub enum FmuError {
     #[error(transparent)]
     Archive(#[from] ArchiveError),
     /// Its binary.
-    #[error(transparent)]
-    Load(#[from] LoadError),
+    #[error("{}: {cause}", path.display())]
+    Load {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        cause: LoadError,
+    },
     /// A call.
     #[error(transparent)]
     Call(#[from] CallError),
@@ -64,7 +69,8 @@ impl Fmu {
         let description = archive.description()?;
         let co_simulation =
             description.co_simulation.clone().ok_or_else(|| FmuError::NoCoSimulation(path.to_path_buf()))?;
-        let library = Library::load(archive.unpack(&co_simulation.model_identifier)?)?;
+        let library = Library::load(archive.unpack(&co_simulation.model_identifier)?)
+            .map_err(|cause| FmuError::Load { path: path.to_path_buf(), cause })?;
         Ok(Self(Arc::new(Inner { path: path.to_path_buf(), description, co_simulation, library })))
     }
 

@@ -1,0 +1,428 @@
+//! FMUs that are damaged or hostile, given to every command that opens one: a message, an exit code, nothing left behind.
+#![cfg(unix)]
+
+#[path = "../../host/tests/support/mod.rs"]
+mod support;
+
+use std::fs::File;
+use std::io::{Read as _, Write as _};
+use std::path::Path;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use zip::ZipArchive;
+use zip::write::{SimpleFileOptions, ZipWriter};
+
+const SCENARIO: &str = r#"title = "Ramp"
+[simulation]
+stop = 1.0
+step = 0.25
+[[unit]]
+name = "ramp"
+fmu = "Ramp"
+inputs = { u = 2.0 }
+[[case]]
+name = "steep"
+title = "Steep"
+[record]
+signals = ["x"]
+"#;
+
+const STUDY: &str = r#"title = "Ramp"
+scenario = "ramp.toml"
+[budget]
+evaluations = 10
+[[parameter]]
+name = "ramp:gain"
+min = -2.0
+max = 8.0
+[[objective.term]]
+signal = "x"
+kind = "rms"
+weight = 1.0
+[[method]]
+kind = "ga"
+settings = { population = 5 }
+"#;
+
+/// How far a command goes into an FMU; it meets what is damaged up to there.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+enum Part {
+    Archive,
+    Description,
+    Binary,
+}
+use Part::{Archive, Binary, Description};
+
+/// The commands that open an FMU.
+const COMMANDS: [(&str, Part); 9] = [
+    ("inspect --xml Ramp.fmu", Archive),
+    ("inspect Ramp.fmu", Description),
+    ("plan ramp.toml --fmus .", Description),
+    ("system ramp.toml --fmus . --out system", Description),
+    ("systems --fmus .", Description),
+    ("check Ramp.fmu", Binary),
+    ("run ramp.toml --fmus .", Binary),
+    ("linearize Ramp.fmu", Binary),
+    ("tune study.toml --fmus .", Binary),
+];
+
+/// None takes longer: what is hostile must not keep a command busy.
+const LONGEST: Duration = Duration::from_secs(30);
+/// Address space of a command in kB: what is hostile must not fill the memory either.
+const MEMORY: u32 = 4 << 20;
+
+/// A sound FMU, to be damaged.
+struct Sound {
+    description: String,
+    binary: Vec<u8>,
+}
+
+impl Sound {
+    fn new() -> Self {
+        let folder = TempDir::new().unwrap();
+        let mut zip =
+            ZipArchive::new(File::open(support::Build::new("Ramp", "u", "x").pack(folder.path())).unwrap()).unwrap();
+        let mut read = |name: &str| {
+            let mut bytes = Vec::new();
+            zip.by_name(name).unwrap().read_to_end(&mut bytes).unwrap();
+            bytes
+        };
+        Self { description: String::from_utf8(read("modelDescription.xml")).unwrap(), binary: read(&binary()) }
+    }
+
+    /// The entries of the archive.
+    fn entries(&self) -> Vec<(String, Vec<u8>)> {
+        vec![
+            ("modelDescription.xml".to_owned(), self.description.clone().into_bytes()),
+            (binary(), self.binary.clone()),
+            ("resources/note.txt".to_owned(), b"here".to_vec()),
+        ]
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        zipped(&self.entries())
+    }
+
+    /// With one more entry.
+    fn with(&self, name: &str, content: &[u8]) -> Vec<u8> {
+        let mut entries = self.entries();
+        entries.push((name.to_owned(), content.to_vec()));
+        zipped(&entries)
+    }
+
+    /// With another description.
+    fn described(&self, description: impl Into<Vec<u8>>) -> Vec<u8> {
+        let mut entries = self.entries();
+        entries[0].1 = description.into();
+        zipped(&entries)
+    }
+
+    /// With a part of the description replaced.
+    fn changed(&self, from: &str, to: &str) -> Vec<u8> {
+        assert!(self.description.contains(from), "not in the description: {from}");
+        self.described(self.description.replacen(from, to, 1))
+    }
+
+    /// With another binary, or none.
+    fn loading(&self, name: &str, content: Option<&[u8]>) -> Vec<u8> {
+        let mut entries = self.entries();
+        match content {
+            Some(content) => entries[1] = (name.to_owned(), content.to_vec()),
+            None => drop(entries.remove(1)),
+        }
+        zipped(&entries)
+    }
+}
+
+/// Name of the binary in the archive.
+fn binary() -> String {
+    format!("binaries/{}/Ramp{}", host::archive::platform(), std::env::consts::DLL_SUFFIX)
+}
+
+/// An archive whose entries are not compressed, so that single bytes of them can be changed.
+fn zipped(entries: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let mut zip = ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for (name, content) in entries {
+        zip.start_file(name, options).unwrap();
+        zip.write_all(content).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
+/// Places of a byte sequence.
+fn places(bytes: &[u8], what: &[u8]) -> Vec<usize> {
+    bytes.windows(what.len()).enumerate().filter(|(_, window)| *window == what).map(|(at, _)| at).collect()
+}
+
+/// Changes two bytes in the headers of an entry: at `local` in that before the content, at `central` in that of the list.
+fn header(mut bytes: Vec<u8>, name: &str, [local, central]: [usize; 2], change: impl Fn(&mut [u8])) -> Vec<u8> {
+    let at = places(&bytes, name.as_bytes());
+    let [first, second] = at[..] else { panic!("{name} is not there twice: {at:?}") };
+    // The fixed part of a local header has 30 bytes, of a central one 46.
+    change(&mut bytes[first - 30 + local..]);
+    change(&mut bytes[second - 46 + central..]);
+    bytes
+}
+
+/// A folder with the scenario, the study, and a folder for temporary files.
+fn folder() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("ramp.toml"), SCENARIO).unwrap();
+    std::fs::write(folder.path().join("study.toml"), STUDY).unwrap();
+    std::fs::create_dir(folder.path().join("temporary")).unwrap();
+    folder
+}
+
+fn command(folder: &Path, command: &str) -> Output {
+    let begin = Instant::now();
+    let output = Command::new("sh")
+        .args(["-c", &format!("ulimit -v {MEMORY}; exec \"$0\" {command} 2>stderr"), env!("CARGO_BIN_EXE_cargo-fmu")])
+        .current_dir(folder)
+        .env("TMPDIR", folder.join("temporary"))
+        .env("NO_COLOR", "1")
+        // Threads reserve address space each.
+        .env("RAYON_NUM_THREADS", "2")
+        .output()
+        .unwrap();
+    assert!(begin.elapsed() < LONGEST, "{command} took {:?}", begin.elapsed());
+    Output { stderr: std::fs::read(folder.join("stderr")).unwrap(), ..output }
+}
+
+/// Names of the files and folders in a folder.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// A message without the line breaks that a narrow terminal needs.
+fn message(output: &Output) -> String {
+    let text = format!("{} {}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    text.split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+/// Writes the file and lets every command that goes as far as the damage refuse it.
+fn refused(what: &str, bytes: &[u8], part: Part, expected: &str) {
+    refused_by(what, |path| std::fs::write(path, bytes).unwrap(), part, expected);
+}
+
+fn refused_by(what: &str, write: impl FnOnce(&Path), part: Part, expected: &str) {
+    let folder = folder();
+    let folder = folder.path();
+    write(&folder.join("Ramp.fmu"));
+    // Lines end anywhere.
+    let dense = |text: &str| text.split_whitespace().collect::<String>();
+    for (line, _) in COMMANDS.iter().filter(|(_, depth)| *depth >= part) {
+        let output = command(folder, line);
+        let said = message(&output);
+        assert_eq!(output.status.code(), Some(1), "{what}: {line} ends with {}: {said}", output.status);
+        assert!(dense(&said).contains(&dense(expected)), "{what}: {line} does not say {expected:?}: {said}");
+        assert!(said.contains("Ramp.fmu") && !said.contains("panicked"), "{what}: {line}: {said}");
+        assert_eq!(names(folder), ["Ramp.fmu", "ramp.toml", "stderr", "study.toml", "temporary"], "{what}: {line}");
+        assert_eq!(names(&folder.join("temporary")), [""; 0], "{what}: {line}");
+    }
+}
+
+#[test]
+fn a_sound_fmu_is_accepted() {
+    let folder = folder();
+    std::fs::write(folder.path().join("Ramp.fmu"), Sound::new().bytes()).unwrap();
+    for (line, _) in COMMANDS {
+        let output = command(folder.path(), line);
+        // It is none of ours: `check` finds faults, it is no plant, and it has no derivatives.
+        let is_due = !["check", "linearize", "systems"].contains(&line.split(' ').next().unwrap());
+        assert_eq!(output.status.success(), is_due, "{line}: {}", message(&output));
+        assert_eq!(names(&folder.path().join("temporary")), [""; 0], "{line}");
+    }
+}
+
+#[test]
+fn a_file_that_is_no_archive_is_refused() {
+    let sound = Sound::new().bytes();
+    refused("an empty file", b"", Archive, "not a readable FMU");
+    refused("text", b"this is no FMU", Archive, "not a readable FMU");
+    refused("noise", &(0..10_000_u32).map(|i| ((i * i) >> 3) as u8).collect::<Vec<_>>(), Archive, "not a readable FMU");
+    for length in [1, 4, 30, sound.len() / 4, sound.len() / 2, sound.len() - 100, sound.len() - 22, sound.len() - 1] {
+        refused(&format!("{length} bytes"), &sound[..length], Archive, "not a readable FMU");
+    }
+    refused_by("a folder", |path| std::fs::create_dir(path).unwrap(), Archive, "it is a folder");
+}
+
+#[test]
+fn an_archive_that_reaches_out_is_refused() {
+    let sound = Sound::new();
+    for name in ["../evil", "/evil", "resources/../../evil", "resources\\..\\evil", "C:evil", "resources/a\0b"] {
+        refused(name, &sound.with(name, b"x"), Archive, "is not a path within the archive");
+    }
+    let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
+    zip.add_symlink("resources/link", "/etc/passwd", SimpleFileOptions::default()).unwrap();
+    refused("a link", &zip.finish().unwrap().into_inner(), Archive, "is a link");
+}
+
+#[test]
+fn damaged_entries_are_refused() {
+    let sound = Sound::new();
+    let (xml, library) = ("modelDescription.xml", binary());
+    let flip = |mut bytes: Vec<u8>, part: &[u8]| {
+        let at = places(&bytes, part)[0];
+        bytes[at] ^= 1;
+        bytes
+    };
+    refused("no description", &zipped(&sound.entries()[1..]), Archive, "modelDescription.xml");
+    let inside: Vec<_> = sound.entries().into_iter().map(|(name, content)| (format!("Ramp/{name}"), content)).collect();
+    refused("all in a folder", &zipped(&inside), Archive, "Ramp/modelDescription.xml");
+    let mut twice = sound.with("modelDescription.xmk", sound.description.as_bytes());
+    for at in places(&twice, b"modelDescription.xmk") {
+        twice[at + 19] = b'l';
+    }
+    refused("two descriptions", &twice, Archive, "twice");
+    refused("a changed description", &flip(sound.bytes(), b"Ramp\" guid"), Archive, "modelDescription.xml");
+    refused("a changed binary", &flip(sound.bytes(), &sound.binary[..64]), Binary, &library);
+    let encrypted = |name: &str| header(sound.bytes(), name, [6, 8], |flags| flags[0] |= 1);
+    refused("an encrypted description", &encrypted(xml), Archive, "encrypted");
+    refused("an encrypted binary", &encrypted(&library), Binary, "encrypted");
+    let packed = |name: &str| header(sound.bytes(), name, [8, 10], |method| method[0] = 93);
+    refused("a description packed in an unknown way", &packed(xml), Archive, "ompression");
+    refused("a binary packed in an unknown way", &packed(&library), Binary, "ompression");
+}
+
+#[test]
+fn bombs_are_refused() {
+    let sound = Sound::new();
+    // Sizes that are only stated.
+    let stated = |name: &str, size: u32| {
+        header(sound.bytes(), name, [22, 24], |field| field[..4].copy_from_slice(&size.to_le_bytes()))
+    };
+    for name in ["modelDescription.xml", "resources/note.txt"] {
+        refused(name, &stated(name, 0xffff_fff0), Archive, "it would unpack to 42949");
+    }
+    refused("a large description", &stated("modelDescription.xml", 1 << 30), Archive, "at most 67108864 are read");
+    for (size, expected) in [(0, "larger than its declared"), (100_000, "does not have the 100000 bytes")] {
+        refused("a description", &stated("modelDescription.xml", size), Archive, expected);
+        refused("a resource", &stated("resources/note.txt", size), Binary, expected);
+    }
+    // Sizes that are there: a description of 200 MB in 200 kB.
+    let mut zip = ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    zip.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
+    zip.write_all(&vec![b' '; 200_000_000]).unwrap();
+    refused("a long description", &zip.finish().unwrap().into_inner(), Archive, "at most");
+    let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
+    for number in 0..100_000 {
+        zip.start_file(format!("resources/{number}"), SimpleFileOptions::default()).unwrap();
+    }
+    refused("many entries", &zip.finish().unwrap().into_inner(), Archive, "entries");
+}
+
+#[test]
+fn hostile_descriptions_are_refused() {
+    let sound = Sound::new();
+    let start = "<?xml version=\"1.0\"?>\n";
+    let laughs: String =
+        (1..10).map(|i| format!("<!ENTITY l{i} \"{}\">", format!("&l{};", i - 1).repeat(10))).collect();
+    let laughs = format!("{start}<!DOCTYPE l [<!ENTITY l0 \"ha\">{laughs}]>\n");
+    refused("entities", &sound.changed(start, &laughs), Description, "document type declaration");
+    let external = format!("{start}<!DOCTYPE l [<!ENTITY l SYSTEM \"file:///etc/passwd\">]>\n");
+    refused("external entities", &sound.changed(start, &external), Description, "document type declaration");
+    refused("an entity", &sound.changed("modelName=\"Ramp\"", "modelName=\"&l;\""), Description, "line 2");
+    let deep = format!("{}{}", "<a>".repeat(100_000), "</a>".repeat(100_000));
+    refused(
+        "nesting",
+        &sound.changed("<ModelStructure/>", &format!("<VendorAnnotations>{deep}</VendorAnnotations><ModelStructure/>")),
+        Description,
+        "nested deeper",
+    );
+    let wide: String = (0..10_000).map(|i| format!(" a{i}=\"\"")).collect();
+    refused("attributes", &sound.changed("modelName=", &format!("{wide} modelName=")), Description, "attributes");
+    let latin: Vec<u8> = sound.description.replace("gain", "g\u{e4}in").chars().map(|c| c as u32 as u8).collect();
+    refused("another encoding", &sound.described(latin), Archive, "UTF-8");
+    let wide: Vec<u8> = sound.description.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    refused("UTF-16", &sound.described([&[0xff, 0xfe], &wide[..]].concat()), Archive, "UTF-8");
+    refused("nothing", &sound.described(""), Description, "no element");
+    refused("half of it", &sound.described(&sound.description[..sound.description.len() / 2]), Description, "line");
+    for (from, to, expected) in [
+        ("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\"", "FMI version 3.0, expected 2.0"),
+        ("<Real start=\"1\"", "<Real start=\"one\"", "has start=\"one\", expected a number"),
+        ("<Integer start=\"0\"", "<Integer start=\"2147483648\"", "expected a whole number"),
+        ("valueReference=\"3\"", "valueReference=\"4294967296\"", "4294967296"),
+        ("valueReference=\"3\"", "valueReference=\"-1\"", "-1"),
+        ("name=\"start\"", "name=\"gain\"", "declared twice"),
+        ("modelIdentifier=\"Ramp\"", "modelIdentifier=\"../Ramp\"", "not a C identifier"),
+        ("modelIdentifier=\"Ramp\"", "modelIdentifier=\"\"", "not a C identifier"),
+        ("<Real start=\"1\"", "<Real declaredType=\"none\" start=\"1\"", "not defined"),
+        (
+            "<ModelStructure/>",
+            "<ModelStructure><Outputs><Unknown index=\"99999999999\"/></Outputs></ModelStructure>",
+            "99999999999",
+        ),
+        (
+            "<ModelStructure/>",
+            "<ModelStructure><Outputs><Unknown index=\"0\"/></Outputs></ModelStructure>",
+            "names variable 0, expected 1 to 9",
+        ),
+    ] {
+        refused(to, &sound.changed(from, to), Description, expected);
+    }
+}
+
+/// They concern nobody who does not use them; `check` names them.
+#[test]
+fn wild_numbers_in_a_description_are_found_by_the_check() {
+    let sound = Sound::new();
+    for (from, to, expected) in [
+        ("<Real start=\"1\"", "<Real start=\"1e999\"", "variable `gain`: its start value inf is no finite number"),
+        ("<Real start=\"1\"", "<Real start=\"nan\"", "variable `gain`: its start value NaN is no finite number"),
+        ("min=\"-10\"", "min=\"nan\"", "variable `gain`: min NaN is above max 10"),
+        ("min=\"-10\"", "min=\"11\"", "variable `gain`: min 11 is above max 10"),
+    ] {
+        let folder = folder();
+        std::fs::write(folder.path().join("Ramp.fmu"), sound.changed(from, to)).unwrap();
+        for (line, _) in COMMANDS {
+            let output = command(folder.path(), line);
+            let said = message(&output);
+            assert!(output.status.code().is_some() && !said.contains("panicked"), "{to}: {line}: {said}");
+            assert!(said.contains(expected) || !line.starts_with("check"), "{to}: {line}: {said}");
+        }
+    }
+}
+
+#[test]
+fn long_descriptions_are_read_in_time() {
+    let sound = Sound::new();
+    let more: String = (0..200_000)
+        .map(|i| format!("<ScalarVariable name=\"p{i}\" valueReference=\"{}\" causality=\"parameter\" variability=\"fixed\"><Real start=\"1\"/></ScalarVariable>\n", i + 10))
+        .collect();
+    let folder = folder();
+    let long = sound.changed("</ModelVariables>", &format!("{more}</ModelVariables>"));
+    std::fs::write(folder.path().join("Ramp.fmu"), long).unwrap();
+    let output = command(folder.path(), "plan ramp.toml --fmus .");
+    assert!(output.status.success(), "{}", message(&output));
+}
+
+#[test]
+fn binaries_that_do_not_run_here_are_refused() {
+    let sound = Sound::new();
+    let name = binary();
+    refused("no binary", &sound.loading("", None), Binary, "the FMU has none");
+    refused(
+        "another platform",
+        &sound.loading("binaries/amiga68k/Ramp.library", Some(b"x")),
+        Binary,
+        "the FMU has amiga68k",
+    );
+    refused("a folder as binary", &sound.loading(&format!("{name}/"), Some(b"")), Binary, "no binary");
+    refused("an empty binary", &sound.loading(&name, Some(b"")), Binary, &name);
+    refused("text", &sound.loading(&name, Some(b"this is no library")), Binary, &name);
+    refused(
+        "half a binary",
+        &sound.loading(&name, Some(&sound.binary[..sound.binary.len() / 2])),
+        Binary,
+        "is damaged or cut off",
+    );
+    let mut other = sound.binary.clone();
+    // The machine of an ELF file: one that nobody has.
+    other[18..20].copy_from_slice(&0xdead_u16.to_le_bytes());
+    refused("another machine", &sound.loading(&name, Some(&other)), Binary, &name);
+}
