@@ -148,6 +148,12 @@ pub trait Block<T: Scalar>: Clone {
     fn write(&self, values: &mut [T]);
     /// Number by number; the integrator adds states with it.
     fn zip(&self, other: &Self, f: impl Fn(T, T) -> T + Copy) -> Self;
+    /// The numbers as a list of their own.
+    fn numbers(&self) -> Vec<T> {
+        let mut values = vec![T::from(0.0); Self::LEN];
+        self.write(&mut values);
+        values
+    }
 }
 
 /// The parameters of a model. Derive [`Parameters`](crate::derive::Parameters).

@@ -3,17 +3,12 @@
 //! "Check numbers" were computed by an independent implementation and are compared to their last printed digit. The
 //! gain matrices themselves are compared in the two controllers, with their own start values.
 
+use approx::assert_abs_diff_eq;
 use control::riccati::eigenvalues;
 use nalgebra::Complex;
 use proptest::prelude::*;
 
 use super::*;
-
-/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 const FORCE: f64 = 20_000.0;
 
@@ -81,16 +76,16 @@ fn frequencies_with_massless_wheels_are_the_closed_forms() {
     let closed =
         [6.0 * series(&p) / m_s, (series(&p) * sum(&p.x) - weight) / p.i_y, (series(&p) * sum(&p.y) - weight) / p.i_x];
     for (i, printed) in [0.96859, 0.79844, 0.83028].into_iter().enumerate() {
-        assert_near(-body[(i, i)] / closed[i], 1.0, 1e-12);
-        assert_near(hertz(closed[i]), printed, 1e-5); // check numbers
+        assert_abs_diff_eq!(-body[(i, i)] / closed[i], 1.0, epsilon = 1e-12);
+        assert_abs_diff_eq!(hertz(closed[i]), printed, epsilon = 1e-5); // check numbers
         // The center of mass is the mean of the axle positions: no coupling.
         for j in (0..3).filter(|&j| j != i) {
-            assert_near(body[(i, j)], 0.0, 1e-12 * closed[i]);
+            assert_abs_diff_eq!(body[(i, j)], 0.0, epsilon = 1e-12 * closed[i]);
         }
     }
     // Wheel hop between strut and tire, the body at rest.
-    assert_near(-a[(12, 3)], (p.k_s + p.k_t) / p.m_w, 1e-9);
-    assert_near(hertz(-a[(12, 3)]), 7.2644, 1e-4); // check number
+    assert_abs_diff_eq!(-a[(12, 3)], (p.k_s + p.k_t) / p.m_w, epsilon = 1e-9);
+    assert_abs_diff_eq!(hertz(-a[(12, 3)]), 7.2644, epsilon = 1e-4); // check number
 }
 
 #[test]
@@ -128,10 +123,10 @@ fn static_roll_per_lateral_acceleration() {
     let passive = roll_angle(DMatrix::zeros(6, STATES));
     let k_phi = series(&p) * p.y.iter().map(|y| y * y).sum::<f64>();
     let closed = m_s * p.h_s / (k_phi - m_s * p.g * p.h_s);
-    assert_near(passive / closed, 1.0, 1e-12); // the linear solution
-    assert_near(passive, 0.01984193, 1e-8); // check number
-    assert_near(roll_angle(gain(&integrated())), 0.019399, 1e-6); // check number
-    assert_near(roll_angle(gain(&roll())), 0.016622, 1e-6); // check number
+    assert_abs_diff_eq!(passive / closed, 1.0, epsilon = 1e-12); // the linear solution
+    assert_abs_diff_eq!(passive, 0.01984193, epsilon = 1e-8); // check number
+    assert_abs_diff_eq!(roll_angle(gain(&integrated())), 0.019399, epsilon = 1e-6); // check number
+    assert_abs_diff_eq!(roll_angle(gain(&roll())), 0.016622, epsilon = 1e-6); // check number
 }
 
 #[test]
@@ -141,13 +136,13 @@ fn each_law_alone_and_any_share_of_both_is_stable() {
     for k1 in [0.1, 0.3, 0.5, 0.7, 0.9] {
         assert!(slowest(k1, 1.0 - k1) < 0.0);
     }
-    assert_near(slowest(1.0, 0.5), -1.32, 0.01); // check number
+    assert_abs_diff_eq!(slowest(1.0, 0.5), -1.32, epsilon = 0.01); // check number
 }
 
 #[test]
 fn both_laws_fully_on_are_unstable() {
     // Check number, 2 digits.
-    assert_near(slowest(1.0, 1.0), 5.3, 0.05);
+    assert_abs_diff_eq!(slowest(1.0, 1.0), 5.3, epsilon = 0.05);
 }
 
 #[test]
@@ -159,10 +154,10 @@ fn lateral_states_leave_the_vertical_model_as_it_is() {
     for i in (0..STATES).filter(|&i| i != 11) {
         for j in 0..LATERAL_STATES {
             let expected = if j < STATES { a[(i, j)] } else { 0.0 };
-            assert_near(a20[(i, j)], expected, 1e-12 * a.amax());
+            assert_abs_diff_eq!(a20[(i, j)], expected, epsilon = 1e-12 * a.amax());
         }
         for j in 0..6 {
-            assert_near(b20[(i, j)], b[(i, j)], 1e-12 * b.amax());
+            assert_abs_diff_eq!(b20[(i, j)], b[(i, j)], epsilon = 1e-12 * b.amax());
         }
     }
 }
@@ -177,7 +172,7 @@ fn lateral_states_are_fed_back_on_demand() {
     let gains = Gains::design(&p, &integrated(), FORCE).unwrap();
     for (i, beta) in gains.beta.iter().enumerate() {
         // The right side pushes up where the left one pulls down.
-        assert_near(*beta * left_is_positive(i), -1.9e5, 0.05e5);
+        assert_abs_diff_eq!(*beta * left_is_positive(i), -1.9e5, epsilon = 0.05e5);
     }
     let without = Gains::design(&VehicleParameters::default(), &integrated(), FORCE).unwrap();
     assert_eq!((*without.beta, *without.r), ([0.0; 6], [0.0; 6]));

@@ -1,15 +1,11 @@
 //! Check numbers, the plain PID inside, and properties of the law.
 
+use approx::assert_abs_diff_eq;
 use proptest::prelude::*;
 
 use super::*;
 
 const REST: U = U { delta: 0.0, w_d: 0.0, w: 0.0 };
-
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 fn design(p: &P) -> D {
     ActiveFrontSteering::design(p).unwrap()
@@ -30,9 +26,9 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
         let p = P { rule_table, ..P::default() };
         let y = sample(&p, &design(&p), &mut X::default(), &U { delta: 0.07, ..REST });
         assert_eq!((y.delta[0], y.dd[0]), (0.07, 0.0));
-        assert_near(y.kp, 0.4 + 0.1 * dk[0], 1e-9);
-        assert_near(y.ki, 2.0 + 0.5 * dk[1], 5e-9);
-        assert_near(y.kd, 0.02 + 0.005 * dk[2], 1e-10);
+        assert_abs_diff_eq!(y.kp, 0.4 + 0.1 * dk[0], epsilon = 1e-9);
+        assert_abs_diff_eq!(y.ki, 2.0 + 0.5 * dk[1], epsilon = 5e-9);
+        assert_abs_diff_eq!(y.kd, 0.02 + 0.005 * dk[2], epsilon = 1e-10);
     }
 }
 
@@ -44,8 +40,8 @@ fn the_first_sample_has_the_rules_of_its_error_and_no_kick() {
     let e = 0.1 / 3.0;
     let y = sample(&p, &design(&p), &mut X::default(), &U { w_d: 0.12 + e, w: 0.12, ..REST });
     let expected = (0.4 + 0.099996779) * e + (2.0 - 0.499983895) * e * 0.001;
-    assert_near(y.dd[0], expected, 1e-10);
-    assert_near(y.delta[0], expected, 1e-10);
+    assert_abs_diff_eq!(y.dd[0], expected, epsilon = 1e-10);
+    assert_abs_diff_eq!(y.delta[0], expected, epsilon = 1e-10);
 }
 
 #[test]
@@ -62,7 +58,7 @@ fn without_rules_it_is_a_pid_on_the_yaw_rate() {
         integral += 2.0 * e * 0.001;
         let y = sample(&p, &d, &mut x, &U { w_d: e, ..REST });
         let expected: f64 = 0.4 * e + integral + 0.02 * rate;
-        assert_near(y.dd[0], expected.clamp(-0.06, 0.06), 1e-14);
+        assert_abs_diff_eq!(y.dd[0], expected.clamp(-0.06, 0.06), epsilon = 1e-14);
     }
 }
 

@@ -1,13 +1,9 @@
 //! Check numbers and properties of the law.
 
+use approx::assert_abs_diff_eq;
 use proptest::prelude::*;
 
 use super::*;
-
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 fn design(p: &P) -> D {
     AllWheelSteering::design(p).unwrap()
@@ -24,7 +20,7 @@ fn the_middle_ratio_has_the_check_numbers() {
     let numbers =
         [(-1.0, -0.66663366), (-0.5, -0.3334), (0.0, 0.0), (0.1, 0.23939586), (0.5, 0.70883073), (1.0, 0.89217822)];
     for (k2, k1) in numbers {
-        assert_near(middle.of(k2), k1, 1e-8);
+        assert_abs_diff_eq!(middle.of(k2), k1, epsilon = 1e-8);
     }
     assert_eq!((middle.of(-1.5), middle.of(1.5)), (middle.of(-1.0), middle.of(1.0)));
     assert!(middle.of(f64::NAN).is_nan());
@@ -38,8 +34,8 @@ fn the_first_sample_has_the_rules_of_its_error() {
     let e = 0.2 / 3.0;
     let y = sample(&p, &design(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: -e });
     let k2 = (6.0 + 0.99996779) * e + (30.0 - 5.0 * 0.99996779) * e * 0.001;
-    assert_near(y.ratio[1], k2, 1e-8);
-    assert_near(y.delta[1], 0.1 * k2, 1e-9);
+    assert_abs_diff_eq!(y.ratio[1], k2, epsilon = 1e-8);
+    assert_abs_diff_eq!(y.delta[1], 0.1 * k2, epsilon = 1e-9);
     assert_eq!(y.delta[0], 0.1 * y.ratio[0]);
     assert_eq!(y.ratio[0], design(&p).middle.of(y.ratio[1]));
 }
@@ -55,10 +51,10 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
         let p = P { rule_table, ..P::default() };
         let y = sample(&p, &design(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: 0.0 });
         assert_eq!((y.delta[1], y.ratio[1]), (0.0, 0.0));
-        assert_near(y.ratio[0], 0.0, 1e-15); // a sum over a symmetric set
-        assert_near(y.kp, 6.0 + dk[0], 1e-8);
-        assert_near(y.ki, 30.0 + 5.0 * dk[1], 5e-8);
-        assert_near(y.kd, 0.3 + 0.05 * dk[2], 1e-9);
+        assert_abs_diff_eq!(y.ratio[0], 0.0, epsilon = 1e-15); // a sum over a symmetric set
+        assert_abs_diff_eq!(y.kp, 6.0 + dk[0], epsilon = 1e-8);
+        assert_abs_diff_eq!(y.ki, 30.0 + 5.0 * dk[1], epsilon = 5e-8);
+        assert_abs_diff_eq!(y.kd, 0.3 + 0.05 * dk[2], epsilon = 1e-9);
     }
 }
 

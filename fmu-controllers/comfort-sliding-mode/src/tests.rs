@@ -3,16 +3,11 @@
 //! "Check numbers" were computed by an independent implementation of the law and are compared to their last printed
 //! digit.
 
+use approx::assert_abs_diff_eq;
 use nalgebra::Matrix3;
 use proptest::prelude::*;
 
 use super::*;
-
-/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 /// The paper's second parameter set, Table 5, found by a genetic algorithm.
 fn genetic() -> P {
@@ -40,13 +35,13 @@ fn is_stable([a3, a2, a1, a0]: [f64; 4]) -> bool {
 fn the_forces_have_the_check_numbers() {
     let u = inputs(0.01, 0.02, -0.1, 0.05);
     let y = equations::forces(&P::default(), &u);
-    assert_near(y.f[0], -603.8105750, 5e-8);
-    assert_near(y.f[1], -268.0918953, 5e-8);
-    assert_near(y.s, 0.057368, 1e-15);
+    assert_abs_diff_eq!(y.f[0], -603.8105750, epsilon = 5e-8);
+    assert_abs_diff_eq!(y.f[1], -268.0918953, epsilon = 5e-8);
+    assert_abs_diff_eq!(y.s, 0.057368, epsilon = 1e-15);
     let y = equations::forces(&genetic(), &u);
-    assert_near(y.f[0], -2970.221626, 5e-7);
-    assert_near(y.f[1], -1158.386434, 5e-7);
-    assert_near(y.s, 0.2248, 1e-15);
+    assert_abs_diff_eq!(y.f[0], -2970.221626, epsilon = 5e-7);
+    assert_abs_diff_eq!(y.f[1], -1158.386434, epsilon = 5e-7);
+    assert_abs_diff_eq!(y.s, 0.2248, epsilon = 1e-15);
 }
 
 #[test]
@@ -66,14 +61,14 @@ fn the_limit_holds_for_the_left_force_and_its_share() {
 fn both_parameter_sets_slide_stably() {
     // Coefficients and roots: check numbers.
     let [d, a2, a1, a0] = sliding_polynomial(&P::default());
-    assert_near(d, 50.0, 1e-12);
-    assert_near(a2, 909.67, 1e-9);
-    assert_near(a2 / d, 18.19, 5e-3);
-    assert_near(a1 / d, 3800.0, 1e-9);
-    assert_near(a0 / d, 2492.0, 0.5);
+    assert_abs_diff_eq!(d, 50.0, epsilon = 1e-12);
+    assert_abs_diff_eq!(a2, 909.67, epsilon = 1e-9);
+    assert_abs_diff_eq!(a2 / d, 18.19, epsilon = 5e-3);
+    assert_abs_diff_eq!(a1 / d, 3800.0, epsilon = 1e-9);
+    assert_abs_diff_eq!(a0 / d, 2492.0, epsilon = 0.5);
     let [d, a2, ..] = sliding_polynomial(&genetic());
-    assert_near(d, 146.08, 0.006);
-    assert_near(a2, 4373.75, 1e-9);
+    assert_abs_diff_eq!(d, 146.08, epsilon = 0.006);
+    assert_abs_diff_eq!(a2, 4373.75, epsilon = 1e-9);
     for p in [P::default(), genetic()] {
         assert!(is_stable(sliding_polynomial(&p)));
         // Without it the wheel would not be damped: it is negative in both sets.

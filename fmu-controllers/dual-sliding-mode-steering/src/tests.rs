@@ -3,18 +3,13 @@
 //! "Check numbers" were computed by an independent implementation of the law and are compared to their last printed
 //! digit.
 
+use approx::assert_abs_diff_eq;
 use fmi2::block::Mode as _;
 use proptest::prelude::*;
 
 use super::*;
 
 const KM_H: f64 = 1.0 / 3.6;
-
-/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 fn design(p: &P) -> D {
     equations::design(p).unwrap()
@@ -42,14 +37,14 @@ fn three_samples_from_rest_have_the_check_numbers() {
     ];
     for (n, (middle, rear, front, reference)) in expected.into_iter().enumerate() {
         let y = sample(&p, &mut x, &TURN);
-        assert_near(y.request[0], middle, 1e-11);
-        assert_near(y.request[1], rear, 1e-11);
-        assert_near(y.delta[0], front, 1e-12);
+        assert_abs_diff_eq!(y.request[0], middle, epsilon = 1e-11);
+        assert_abs_diff_eq!(y.request[1], rear, epsilon = 1e-11);
+        assert_abs_diff_eq!(y.delta[0], front, epsilon = 1e-12);
         // Both are slewed: 30 deg/s in 1 ms per sample.
         let slewed = 0.000523598776 * (n + 1) as f64;
-        assert_near(y.delta[1], slewed, 2e-12);
-        assert_near(y.delta[2], slewed, 2e-12);
-        assert_near(y.r_d, reference, 1e-16);
+        assert_abs_diff_eq!(y.delta[1], slewed, epsilon = 2e-12);
+        assert_abs_diff_eq!(y.delta[2], slewed, epsilon = 2e-12);
+        assert_abs_diff_eq!(y.r_d, reference, epsilon = 1e-16);
     }
 }
 
@@ -57,8 +52,8 @@ fn three_samples_from_rest_have_the_check_numbers() {
 fn small_slip_angles_have_the_check_numbers() {
     let p = P { slip_angle_model: SlipAngleModel::SmallAngle, ..P::default() };
     let y = sample(&p, &mut X::default(), &TURN);
-    assert_near(y.request[0], 0.02076301808, 1e-11);
-    assert_near(y.request[1], 0.02706244899, 1e-11);
+    assert_abs_diff_eq!(y.request[0], 0.02076301808, epsilon = 1e-11);
+    assert_abs_diff_eq!(y.request[1], 0.02706244899, epsilon = 1e-11);
 }
 
 #[test]
@@ -83,8 +78,8 @@ fn small_slip_angles_solve_the_equations_of_the_paper() {
     let reach_r = rdd - p.zeta[1] * e_r - p.k[1] * s_r - p.eps_r * (s_r / p.width_r).clamp(-1.0, 1.0);
     let n_b = a1 * beta + (a2 / u + p.m * u) * r - c_f * x.df + p.m * u * reach_b;
     let n_r = a2 * beta + a3 * r / u - a * c_f * x.df + p.i_z * reach_r;
-    assert_near(c_m * y.request[0] + c_r * y.request[1], n_b, 1e-9);
-    assert_near(-b * c_m * y.request[0] - c * c_r * y.request[1], n_r, 1e-9);
+    assert_abs_diff_eq!(c_m * y.request[0] + c_r * y.request[1], n_b, epsilon = 1e-9);
+    assert_abs_diff_eq!(-b * c_m * y.request[0] - c * c_r * y.request[1], n_r, epsilon = 1e-9);
 }
 
 #[test]
@@ -99,10 +94,10 @@ fn yaw_rate_gains_and_front_limits_have_the_check_numbers() {
     for (speed, zero_sideslip, two_degrees_of_freedom, limit) in expected {
         let (p, u) = (P::default(), speed * KM_H);
         let gain = equations::yaw_rate_gain(&p, &design(&p), u);
-        assert_near(gain, zero_sideslip, 1e-6);
-        assert_near(equations::front_limit(&p, gain, p.ay_limit / u).to_degrees(), limit, 1e-4);
+        assert_abs_diff_eq!(gain, zero_sideslip, epsilon = 1e-6);
+        assert_abs_diff_eq!(equations::front_limit(&p, gain, p.ay_limit / u).to_degrees(), limit, epsilon = 1e-4);
         let p = ordinary();
-        assert_near(equations::yaw_rate_gain(&p, &design(&p), u), two_degrees_of_freedom, 1e-6);
+        assert_abs_diff_eq!(equations::yaw_rate_gain(&p, &design(&p), u), two_degrees_of_freedom, epsilon = 1e-6);
     }
 }
 
@@ -113,7 +108,7 @@ fn the_ordinary_gain_is_that_of_a_single_track_model() {
     let D { b, c, .. } = design(&p);
     let u = 35.0 * KM_H;
     let closed = u * p.a / (p.a * p.a + b * b + c * c);
-    assert_near(equations::yaw_rate_gain(&p, &design(&p), u) / closed, 1.0, 1e-14);
+    assert_abs_diff_eq!(equations::yaw_rate_gain(&p, &design(&p), u) / closed, 1.0, epsilon = 1e-14);
     // An oversteering vehicle beyond its critical speed: A1 A3 - A2^2 - A2 m u^2 is held at 5 % of A1 A3.
     let p = P { c: ThreeAxles([6e5, 3e5, 1e5]), ..ordinary() };
     let D { b, c, c_axle: [c_f, c_m, c_r], .. } = design(&p);
@@ -121,7 +116,7 @@ fn the_ordinary_gain_is_that_of_a_single_track_model() {
     let a3 = p.a * p.a * c_f + b * b * c_m + c * c * c_r;
     assert!(a1 * a3 - a2 * a2 - a2 * p.m * 400.0 < 0.0);
     let floor = c_f * (p.a * a1 - a2) * 20.0 / (0.05 * a1 * a3);
-    assert_near(equations::yaw_rate_gain(&p, &design(&p), 20.0) / floor, 1.0, 1e-14);
+    assert_abs_diff_eq!(equations::yaw_rate_gain(&p, &design(&p), 20.0) / floor, 1.0, epsilon = 1e-14);
 }
 
 #[test]
@@ -133,14 +128,14 @@ fn the_steady_turn_needs_the_angles_of_equal_slip() {
     let d = design(&p);
     let u = 35.0 * KM_H;
     let r = equations::yaw_rate_gain(&p, &d, u) * 0.05_f64.tan();
-    assert_near(r, 0.110394, 1e-6); // check number
+    assert_abs_diff_eq!(r, 0.110394, epsilon = 1e-6); // check number
     let mut x = X { r_d: r, df: 0.05, ..X::default() };
     let y = sample(&p, &mut x, &U { steer: 0.05, u, beta: 0.0, r, k3: 1.0 });
     let alpha = p.m * u * r / d.c_axle.iter().sum::<f64>();
-    assert_near(alpha - d.b * r / u, 0.01655, 1e-5); // check number
-    assert_near(alpha - d.c * r / u, -0.00219, 1e-5); // check number
-    assert_near(y.request[0], alpha - d.b * r / u, 1e-4);
-    assert_near(y.request[1], alpha - d.c * r / u, 1e-4);
+    assert_abs_diff_eq!(alpha - d.b * r / u, 0.01655, epsilon = 1e-5); // check number
+    assert_abs_diff_eq!(alpha - d.c * r / u, -0.00219, epsilon = 1e-5); // check number
+    assert_abs_diff_eq!(y.request[0], alpha - d.b * r / u, epsilon = 1e-4);
+    assert_abs_diff_eq!(y.request[1], alpha - d.c * r / u, epsilon = 1e-4);
     assert_eq!((y.s_b, y.s_r), (0.0, 0.0));
 }
 
@@ -155,9 +150,9 @@ fn the_front_axle_slews_to_the_angle_of_the_largest_lateral_acceleration() {
     for n in 1..=10_000 {
         y = sample(&p, &mut x, &u);
         let slewed: f64 = 0.01 * f64::from(n);
-        assert_near(y.delta[0].to_degrees(), slewed.min(9.8995), 1e-4);
+        assert_abs_diff_eq!(y.delta[0].to_degrees(), slewed.min(9.8995), epsilon = 1e-4);
     }
-    assert_near(y.r_d, p.ay_limit / u.u, 1e-12);
+    assert_abs_diff_eq!(y.r_d, p.ay_limit / u.u, epsilon = 1e-12);
     assert_eq!((y.delta[1], y.delta[2]), (0.0, 0.0));
 }
 
@@ -173,7 +168,7 @@ fn switched_off_the_axles_return_and_the_integrals_are_cleared() {
     let y = sample(&p, &mut x, &U { k3: 0.5, ..TURN });
     assert_eq!((x.i_b, x.i_r, y.s_b, y.s_r), (0.0, 0.0, 0.0, 0.0));
     assert_eq!((y.request[0], y.request[1]), (0.0, 0.0));
-    assert_near(y.delta[1], last - p.rate * p.sample_time * last.signum(), 1e-16); // one rounding
+    assert_abs_diff_eq!(y.delta[1], last - p.rate * p.sample_time * last.signum(), epsilon = 1e-16); // one rounding
 }
 
 #[test]
@@ -207,7 +202,7 @@ fn data_without_a_steady_turn_are_refused() {
          front axle at rest would be -167313 N"
     );
     // m g/3 (closed form for equal loads); roundings.
-    assert_near(design(&P::default()).w_f, 117_720.0, 1e-9);
+    assert_abs_diff_eq!(design(&P::default()).w_f, 117_720.0, epsilon = 1e-9);
 }
 
 fn any_memory() -> impl Strategy<Value = X> {

@@ -3,15 +3,10 @@
 //! "Check numbers" were computed by an independent implementation of the law and are compared to their last printed
 //! digit.
 
+use approx::assert_abs_diff_eq;
 use proptest::prelude::*;
 
 use super::*;
-
-/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 /// Inputs of the check numbers.
 const TURN: U = U { phi: 0.05, phid: 0.1, d: Sides([0.03, -0.02]), dd: Sides([0.1, -0.05]), a_y: 4.0 };
@@ -40,13 +35,13 @@ fn roll_acceleration(p: &P, u: &U, f: &[f64; 2]) -> f64 {
 #[test]
 fn the_forces_have_the_check_numbers() {
     let y = equations::forces(&P::default(), &TURN);
-    assert_near(y.f[0], -4639.036789, 5e-7);
-    assert_near(y.s, 0.35, 1e-15);
+    assert_abs_diff_eq!(y.f[0], -4639.036789, epsilon = 5e-7);
+    assert_abs_diff_eq!(y.s, 0.35, epsilon = 1e-15);
     // s is outside the boundary layer, so only the damper makes the difference.
-    assert_near(equations::forces(&damped(), &TURN).f[0], -4712.536789, 5e-7);
+    assert_abs_diff_eq!(equations::forces(&damped(), &TURN).f[0], -4712.536789, epsilon = 5e-7);
     let y = equations::forces(&damped(), &U { phi: 0.02, phid: 0.05, ..TURN });
-    assert_near(y.f[0], -2592.727496, 5e-7);
-    assert_near(y.s, 0.15, 1e-15);
+    assert_abs_diff_eq!(y.f[0], -2592.727496, epsilon = 5e-7);
+    assert_abs_diff_eq!(y.s, 0.15, epsilon = 1e-15);
 }
 
 #[test]
@@ -66,7 +61,7 @@ fn the_sets_of_the_paper_satisfy_the_robust_condition() {
     // Eq. 13 with the term that it lacks, for the largest roll angle of the paper, 0.2 rad. Bounds: check numbers.
     for (p, bound) in sets().into_iter().zip([0.2016, 0.348, 0.32]) {
         let least = (1.0 + p.kappa1 + p.rho * p.kappa2) * 0.2;
-        assert_near(least, bound, 1e-3);
+        assert_abs_diff_eq!(least, bound, epsilon = 1e-3);
         assert!(p.eta > p.kappa2 && p.mu > least);
     }
 }

@@ -1,14 +1,10 @@
 //! Check numbers, the balances of the allocation, what a damper can do, and properties of the law.
 
+use approx::assert_abs_diff_eq;
 use fmi2::Block;
 use proptest::prelude::*;
 
 use super::*;
-
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 const CONSTRAINTS: [Constraint; 3] = [Constraint::Active, Constraint::Command, Constraint::Damper];
 
@@ -44,9 +40,9 @@ fn each_motion_is_opposed_with_the_rules_of_its_rate() {
     let p = P::default();
     let u = U { zd: 0.05, thetad: -0.1 / 3.0, phid: 0.1 / 3.0, ..U::default() };
     let y = sample(&p, &design(&p), &mut X::default(), &u);
-    assert_near(y.f_h, demand(60e3, 10e3, 30e3, 5e3, 0.05), 4e-5);
-    assert_near(y.m_p, demand(250e3, 40e3, 100e3, 20e3, -0.1 / 3.0), 1e-4);
-    assert_near(y.m_r, demand(60e3, 10e3, 30e3, 5e3, 0.1 / 3.0), 3e-5);
+    assert_abs_diff_eq!(y.f_h, demand(60e3, 10e3, 30e3, 5e3, 0.05), epsilon = 4e-5);
+    assert_abs_diff_eq!(y.m_p, demand(250e3, 40e3, 100e3, 20e3, -0.1 / 3.0), epsilon = 1e-4);
+    assert_abs_diff_eq!(y.m_r, demand(60e3, 10e3, 30e3, 5e3, 0.1 / 3.0), epsilon = 3e-5);
     // An acceleration alone: EC = -1, E = 0 is a row of its own; only the derivative gain acts.
     let y = sample(&p, &design(&p), &mut X::default(), &U { zdd: 1.0, ..U::default() });
     let dk = design(&p).pid.increments(0.0, -1.0);
@@ -62,7 +58,7 @@ fn the_integral_part_decays() {
         sample(&p, &d, &mut x, &U::default());
     }
     for (i, start) in [100.0, -200.0, 300.0].into_iter().enumerate() {
-        assert_near(x.i[i], start * (-1.0_f64).exp(), 1e-10);
+        assert_abs_diff_eq!(x.i[i], start * (-1.0_f64).exp(), epsilon = 1e-10);
     }
 }
 
@@ -73,9 +69,9 @@ fn a_soft_damper_can_be_commanded_only_by_the_whole_damper() {
     let force = |constraint, f| equations::constrained(&with(constraint), 0, f, 0.1);
     assert_eq!(force(Constraint::Active, 5000.0), 5000.0);
     assert_eq!(force(Constraint::Command, 5000.0), 0.0);
-    assert_near(force(Constraint::Damper, 5000.0), 900.0, 1e-12);
+    assert_abs_diff_eq!(force(Constraint::Damper, 5000.0), 900.0, epsilon = 1e-12);
     for constraint in [Constraint::Command, Constraint::Damper] {
-        assert_near(force(constraint, -5000.0), -2800.0, 1e-12);
+        assert_abs_diff_eq!(force(constraint, -5000.0), -2800.0, epsilon = 1e-12);
         assert_eq!(force(constraint, -1000.0), -1000.0);
         assert_eq!(equations::constrained(&with(constraint), 0, -1000.0, 0.0), 0.0);
     }

@@ -2,16 +2,12 @@
 //!
 //! "Check numbers" were computed by an independent implementation and are compared to their last printed digit.
 
+use approx::assert_abs_diff_eq;
 use proptest::prelude::*;
 
 use super::*;
 
 const KM_H: f64 = 1.0 / 3.6;
-
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 /// The references of `n` samples with constant inputs.
 fn run(p: &P, u: &U, n: usize) -> Vec<f64> {
@@ -25,8 +21,8 @@ fn gains_and_time_constants_have_the_check_numbers() {
         [(20.0, 1.25236, 0.10442), (40.0, 1.60005, 0.13340), (60.0, 1.49819, 0.12491), (80.0, 1.30896, 0.10913)];
     for (km_h, k, tau) in numbers {
         let (actual_k, actual_tau) = equations::gain_and_time_constant(&P::default(), km_h * KM_H);
-        assert_near(actual_k, k, 5.1e-6);
-        assert_near(actual_tau, tau, 5.1e-6);
+        assert_abs_diff_eq!(actual_k, k, epsilon = 5.1e-6);
+        assert_abs_diff_eq!(actual_tau, tau, epsilon = 5.1e-6);
     }
 }
 
@@ -40,7 +36,7 @@ fn the_gain_balances_forces_and_moments_without_sideslip() {
     let front = 2.0 * p.kc[0] * (delta - p.l1 * w / u);
     let rear = p.m * u * w - front;
     // Roundings of moments of 1e4 N m.
-    assert_near(p.l1 * front - p.l2 * rear, 0.0, 1e-10);
+    assert_abs_diff_eq!(p.l1 * front - p.l2 * rear, 0.0, epsilon = 1e-10);
 }
 
 #[test]
@@ -52,13 +48,13 @@ fn a_step_rises_with_the_time_constant_and_shows_one_sample_later() {
     let references = run(&p, &u, 3000);
     assert_eq!(references[0], 0.0);
     for (n, reference) in references.iter().enumerate() {
-        assert_near(*reference, k * 0.1 * (1.0 - (-(n as f64) * p.sample_time / tau).exp()), 1e-14);
+        assert_abs_diff_eq!(*reference, k * 0.1 * (1.0 - (-(n as f64) * p.sample_time / tau).exp()), epsilon = 1e-14);
     }
-    assert_near(references[2999], 0.1498, 5e-5); // check number
+    assert_abs_diff_eq!(references[2999], 0.1498, epsilon = 5e-5); // check number
     // The sample time divides the time only: every tenth value.
     let coarse = run(&P { sample_time: 0.01, ..p }, &u, 300);
     for (n, reference) in coarse.into_iter().enumerate() {
-        assert_near(reference, references[10 * n], 1e-14);
+        assert_abs_diff_eq!(reference, references[10 * n], epsilon = 1e-14);
     }
 }
 

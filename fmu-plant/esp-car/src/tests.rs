@@ -3,6 +3,7 @@
 //! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
 //! digit.
 
+use approx::assert_abs_diff_eq;
 use chassis::mirror::mirrored;
 use std::array;
 
@@ -21,12 +22,6 @@ const V: usize = 4;
 const R: usize = 5;
 const Z: usize = 6;
 
-/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
-
 fn design(p: &P) -> D {
     equations::design(p).unwrap()
 }
@@ -37,12 +32,6 @@ fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
 
 fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
     equations::outputs(p, &design(p), x, u)
-}
-
-fn numbers<T: Scalar>(block: &impl Block<T>) -> Vec<T> {
-    let mut values = vec![T::from(0.0); 100];
-    block.write(&mut values);
-    values
 }
 
 /// Straight ahead at a speed, rolling.
@@ -71,7 +60,7 @@ fn simulated(p: &P, x: &X<f64>, u: &U<f64>, time: f64) -> X<f64> {
 /// The Jacobian matrix of outputs (first) or derivatives with respect to state and inputs, exact by dual numbers.
 fn linearized(p: &P, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f64> {
     let d = design(p);
-    let (x, u) = (numbers(x), numbers(u));
+    let (x, u) = (x.numbers(), u.numbers());
     let column = |j: usize| {
         let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
             let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
@@ -79,9 +68,9 @@ fn linearized(p: &P, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f64> {
         };
         let (x, u) = (X::read(&seeded(&x[..STATES], 0)), U::read(&seeded(&u[..INPUTS], STATES)));
         let results = if of_outputs {
-            numbers(&equations::outputs(p, &d, &x, &u))
+            equations::outputs(p, &d, &x, &u).numbers()
         } else {
-            numbers(&equations::derivatives(p, &d, &x, &u))
+            equations::derivatives(p, &d, &x, &u).numbers()
         };
         results.into_iter().map(|result| result.eps).collect::<Vec<_>>()
     };
@@ -94,21 +83,21 @@ fn at_rest_nothing_moves() {
     // Exactly 0: no term is without a factor that is 0.
     let p = P { u_0: 0.0, ..P::default() };
     let rates = derivatives(&p, &straight(&p, 0.0), &U::default());
-    assert!(numbers(&rates).iter().all(|&rate| rate == 0.0), "{rates:?}");
+    assert!(rates.numbers().iter().all(|&rate| rate == 0.0), "{rates:?}");
     // Loads m g b/(2 L) and m g a/(2 L): check numbers.
     let y = outputs(&p, &straight(&p, 0.0), &U::default());
-    assert_near(y.f_z[0], 3534.954, 5e-4);
-    assert_near(y.f_z[3], 3135.846, 5e-4);
+    assert_abs_diff_eq!(y.f_z[0], 3534.954, epsilon = 5e-4);
+    assert_abs_diff_eq!(y.f_z[3], 3135.846, epsilon = 5e-4);
     assert_eq!((y.ltr, y.a_x, y.a_y, y.beta), (0.0, 0.0, 0.0, 0.0));
 }
 
 #[test]
 fn the_geometry_has_the_check_numbers() {
     let d = design(&P::default());
-    assert_near(d.e, -0.010_166_7, 5e-8);
-    assert_near(d.h_ra, 0.478_667, 5e-7);
-    assert_near(d.m, 1360.0, 0.0);
-    assert_near(d.i_vehicle, data::YAW_INERTIA, 5e-3);
+    assert_abs_diff_eq!(d.e, -0.010_166_7, epsilon = 5e-8);
+    assert_abs_diff_eq!(d.h_ra, 0.478_667, epsilon = 5e-7);
+    assert_abs_diff_eq!(d.m, 1360.0, epsilon = 0.0);
+    assert_abs_diff_eq!(d.i_vehicle, data::YAW_INERTIA, epsilon = 5e-3);
 }
 
 #[test]
@@ -117,8 +106,8 @@ fn a_raised_road_raises_the_car() {
     let p = P::default();
     let x = X { z: 0.01, z_u: FourWheels([0.01; 4]), ..straight(&p, 0.0) };
     let u = U { z_r: FourWheels([0.01; 4]), ..U::default() };
-    for rate in numbers(&derivatives(&p, &x, &u)) {
-        assert_near(rate, 0.0, 1e-12);
+    for rate in derivatives(&p, &x, &u).numbers() {
+        assert_abs_diff_eq!(rate, 0.0, epsilon = 1e-12);
     }
 }
 
@@ -147,7 +136,8 @@ fn energy<T: Scalar>(p: &P, d: &D, x: &X<T>) -> T {
 fn momentum(p: &P, d: &D, x: &X<f64>) -> [f64; 3] {
     // The momenta are the derivatives of the kinetic energy with respect to u, v and r.
     let by = |place: usize| {
-        let values: Vec<_> = numbers(x)
+        let values: Vec<_> = x
+            .numbers()
             .into_iter()
             .enumerate()
             .map(|(i, value)| Dual64::new(value, if i == place { 1.0 } else { 0.0 }))
@@ -171,12 +161,12 @@ fn conservative() -> P {
 fn energy_and_momentum_are_kept_without_friction() {
     let p = conservative();
     let d = design(&p);
-    assert_near(p.h_u, 0.456_470_6, 5e-8);
-    assert_near(d.h_ra, p.h_u, 1e-15);
+    assert_abs_diff_eq!(p.h_u, 0.456_470_6, epsilon = 5e-8);
+    assert_abs_diff_eq!(d.h_ra, p.h_u, epsilon = 1e-15);
     let start = X { v: 1.0, r: 2.0, phi: 0.05, theta: 0.03, z: 0.02, phid: 0.3, ..straight(&p, 10.0) };
     let end = simulated(&p, &start, &U::default(), 2.0);
     // Check numbers.
-    assert_near(energy(&p, &d, &start), 74_071.716_1, 5e-5);
+    assert_abs_diff_eq!(energy(&p, &d, &start), 74_071.716_1, epsilon = 5e-5);
     for (actual, expected) in [
         (end.x, 20.028_088),
         (end.y, 1.938_985),
@@ -185,16 +175,16 @@ fn energy_and_momentum_are_kept_without_friction() {
         (end.theta, 0.025_470),
         (end.z, -0.008_142),
     ] {
-        assert_near(actual, expected, 5e-7);
+        assert_abs_diff_eq!(actual, expected, epsilon = 5e-7);
     }
     let (first, last) = (momentum(&p, &d, &start), momentum(&p, &d, &end));
-    assert_near(first[0], 13_616.8, 0.05);
-    assert_near(first[1], 1319.68, 5e-3);
-    assert_near(first[2], 3_078.706_963, 5e-7);
+    assert_abs_diff_eq!(first[0], 13_616.8, epsilon = 0.05);
+    assert_abs_diff_eq!(first[1], 1319.68, epsilon = 5e-3);
+    assert_abs_diff_eq!(first[2], 3_078.706_963, epsilon = 5e-7);
     // Error of the integration with 0.1 ms: (0.1 ms)^4 times the fifth derivative of 10 Hz motions.
-    assert_near(energy(&p, &d, &end) / energy(&p, &d, &start), 1.0, 1e-10);
+    assert_abs_diff_eq!(energy(&p, &d, &end) / energy(&p, &d, &start), 1.0, epsilon = 1e-10);
     for i in 0..3 {
-        assert_near(last[i], first[i], 1e-10 * 14e3);
+        assert_abs_diff_eq!(last[i], first[i], epsilon = 1e-10 * 14e3);
     }
 }
 
@@ -230,7 +220,7 @@ proptest! {
         let u = U { z_r: FourWheels::default(), f: FourWheels::default(), ..u };
         let x = X { z_u: FourWheels::from_fn(|i| 0.4 * x.z_u[i]), ..x };
         let rates = equations::derivatives(&p, &d, &x, &u);
-        let moving: Vec<_> = numbers(&x).into_iter().zip(numbers(&rates)).map(|(x, d)| Dual64::new(x, d)).collect();
+        let moving: Vec<_> = x.numbers().into_iter().zip(rates.numbers()).map(|(x, d)| Dual64::new(x, d)).collect();
         let power = energy(&p, &d, &X::read(&moving)).eps;
         let y = equations::outputs(&p, &d, &x, &u);
         let dampers: f64 = (0..4).map(|i| -p.c_s[axle_of(i)] * y.dd[i] * y.dd[i]).sum();
@@ -246,10 +236,10 @@ proptest! {
         let (xm, um) = (mirrored(&x), mirrored(&u));
         let pairs = [
             (
-                numbers(&mirrored(&equations::derivatives(&p, &d, &x, &u))),
-                numbers(&equations::derivatives(&p, &d, &xm, &um)),
+                mirrored(&equations::derivatives(&p, &d, &x, &u)).numbers(),
+                equations::derivatives(&p, &d, &xm, &um).numbers(),
             ),
-            (numbers(&mirrored(&equations::outputs(&p, &d, &x, &u))), numbers(&equations::outputs(&p, &d, &xm, &um))),
+            (mirrored(&equations::outputs(&p, &d, &x, &u)).numbers(), equations::outputs(&p, &d, &xm, &um).numbers()),
         ];
         for (expected, actual) in pairs {
             let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
@@ -277,7 +267,7 @@ proptest! {
         let p = P::default();
         let x = if standing { X { u: 0.0, v: 0.0, r: 0.0, omega: FourWheels::default(), ..x } } else { x };
         let y = outputs(&p, &x, &u);
-        prop_assert!(numbers(&y).iter().all(|value| value.is_finite()));
+        prop_assert!(y.numbers().iter().all(|value| value.is_finite()));
         prop_assert!((-1.0..=1.0).contains(&y.ltr));
         for i in 0..4 {
             prop_assert!(y.f_z[i] >= 0.0 && y.s[i].abs() <= 1.0);
@@ -310,16 +300,16 @@ fn a_steady_turn_is_that_of_two_degrees_of_freedom() {
     // K = m (b K_r - a K_f)/(L^2 K_f K_r) with the stiffness of axles, gain u/(L (1 + K u^2)).
     let (k_f, k_r, wheelbase) = (2.0 * p.c_alpha[0], 2.0 * p.c_alpha[1], p.a + p.b);
     let stability = design(&p).m * (p.b * k_r - p.a * k_f) / (wheelbase * wheelbase * k_f * k_r);
-    assert_near(stability, 7.999_03e-4, 5e-10);
+    assert_abs_diff_eq!(stability, 7.999_03e-4, epsilon = 5e-10);
     let gain = data::SPEED / (wheelbase * (1.0 + stability * data::SPEED * data::SPEED));
-    assert_near(gain, 5.827_63, 5e-6);
+    assert_abs_diff_eq!(gain, 5.827_63, epsilon = 5e-6);
     // The slip angles are smoothed by 0.5 m/s, which softens the tires by 4.5e-4, and loads and body move.
-    assert_near(x.r / gain, 0.999_91, 1e-5);
+    assert_abs_diff_eq!(x.r / gain, 0.999_91, epsilon = 1e-5);
     // Roll: moments on the body and on each axle, which turns on its tires by chi and carries G.
     let d = design(&p);
     let w = p.track / 2.0;
     let k = [0, 1].map(|j| 2.0 * w * w * p.k_s[j] + p.k_a[j]);
-    assert_near(k[0] + k[1], 46_682.8, 5e-2); // check number
+    assert_abs_diff_eq!(k[0] + k[1], 46_682.8, epsilon = 5e-2); // check number
     let weight = p.m_s * p.g * p.h_b;
     let tires = 2.0 * w * w * p.k_t;
     let balance =
@@ -327,15 +317,15 @@ fn a_steady_turn_is_that_of_two_degrees_of_freedom() {
     let carried = |j: usize, arm: f64| d.h_ra * d.m * arm / wheelbase - (d.h_ra - p.h_u) * 2.0 * p.m_u[j];
     let moments = nalgebra::Vector3::new(p.m_s * p.h_b, carried(0, p.b), carried(1, p.a));
     let roll = balance.lu().solve(&moments).unwrap()[0];
-    assert_near(roll, 0.006_986_43, 5e-9);
-    assert_near(x.phi / y.a_y, roll, 1e-12);
+    assert_abs_diff_eq!(roll, 0.006_986_43, epsilon = 5e-9);
+    assert_abs_diff_eq!(x.phi / y.a_y, roll, epsilon = 1e-12);
     // Load transfer: moments about the road, 2 h/(g track) and the weight of the leaning body.
     let transfer = (d.m * p.h + weight * roll) / (w * d.m * p.g);
-    assert_near(y.ltr / y.a_y, transfer, 1e-12);
+    assert_abs_diff_eq!(y.ltr / y.a_y, transfer, epsilon = 1e-12);
     // On stiff tires: m_s H/(K_phi - m_s g H). Their compliance is 1e-5 of that of the springs.
     let rigid = P { k_t: 1e9, ..p };
     let (x, y) = steady_turn(&rigid);
-    assert_near(x.phi / y.a_y, 0.003_730_5, 1e-6);
+    assert_abs_diff_eq!(x.phi / y.a_y, 0.003_730_5, epsilon = 1e-6);
 }
 
 #[test]
@@ -370,12 +360,12 @@ fn constant_braking_loads_the_front_axle() {
     let x = simulated(&p, &straight(&p, 28.0), &u, 9.0);
     let y = outputs(&p, &x, &u);
     let rolling = -840.0 / p.radius / (d.m + 4.0 * p.j_w / (p.radius * p.radius));
-    assert_near(rolling, -2.064_83, 5e-6);
-    assert_near(y.a_x / rolling, 1.0, 1e-3);
+    assert_abs_diff_eq!(rolling, -2.064_83, epsilon = 5e-6);
+    assert_abs_diff_eq!(y.a_x / rolling, 1.0, epsilon = 1e-3);
     // Moments about the rear contact; 9 s leave exp(-9) of the pitch oscillation.
     let gain = y.f_z[0] + y.f_z[1] - 2.0 * d.f_z0[0];
     let expected = (d.m * -y.a_x * p.h + p.m_s * p.g * p.h_b * x.theta) / (p.a + p.b);
-    assert_near(gain / expected, 1.0, 1e-3);
+    assert_abs_diff_eq!(gain / expected, 1.0, epsilon = 1e-3);
 }
 
 #[test]
@@ -386,7 +376,7 @@ fn a_braked_car_stops_and_stays() {
     // The body swings on its springs above wheels that stand.
     assert!(stopped.u.abs() < 0.02, "{}", stopped.u);
     let later = simulated(&p, &stopped, &u, 3.0);
-    assert_near(later.x, stopped.x, 1e-3);
+    assert_abs_diff_eq!(later.x, stopped.x, epsilon = 1e-3);
     assert!(later.u.abs() < stopped.u.abs().max(1e-3));
     // v^2/(2 mu g), and a little more: friction falls with the speed of sliding.
     let distance = 25.0 / (2.0 * p.mu_0 * p.g);

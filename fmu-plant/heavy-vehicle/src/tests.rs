@@ -3,6 +3,7 @@
 //! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
 //! digit.
 
+use approx::assert_abs_diff_eq;
 use chassis::mirror::mirrored;
 use control::riccati::eigenvalues;
 use fmi2::{Block, Dual64};
@@ -25,12 +26,6 @@ const FRONT_STEER: usize = 1;
 const KM_H: f64 = 1.0 / 3.6;
 const COUPLINGS: [Coupling; 3] = [Coupling::Coupled, Coupling::VerticalOnly, Coupling::LateralOnly];
 
-/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
-
 fn with(coupling: Coupling) -> P {
     P { coupling, ..P::default() }
 }
@@ -47,15 +42,9 @@ fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
     equations::outputs(p, &design(p), x, u)
 }
 
-fn numbers<T: Scalar, B: Block<T>>(block: &B) -> Vec<T> {
-    let mut values = vec![T::from(0.0); B::LEN];
-    block.write(&mut values);
-    values
-}
-
 /// The values of a block with the derivatives `slopes`.
 fn dual<B: Block<f64>>(block: &B, slopes: &B) -> Vec<Dual64> {
-    numbers(block).into_iter().zip(numbers(slopes)).map(|(value, slope)| Dual64::new(value, slope)).collect()
+    block.numbers().into_iter().zip(slopes.numbers()).map(|(value, slope)| Dual64::new(value, slope)).collect()
 }
 
 /// The Jacobian matrices of the derivatives with respect to state and inputs, exact by dual numbers.
@@ -64,7 +53,7 @@ fn linearized(p: &P, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let unit = |length: usize, j: usize| -> Vec<f64> { (0..length).map(|i| f64::from(u8::from(i == j))).collect() };
     let column = |x_slope: &[f64], u_slope: &[f64]| {
         let (x, u) = (X::read(&dual(x, &X::read(x_slope))), U::read(&dual(u, &U::read(u_slope))));
-        numbers(&equations::derivatives(p, &d, &x, &u))
+        equations::derivatives(p, &d, &x, &u).numbers()
     };
     let a: Vec<_> = (0..STATES).map(|j| column(&unit(STATES, j), &[0.0; INPUTS])).collect();
     let b: Vec<_> = (0..INPUTS).map(|j| column(&[0.0; STATES], &unit(INPUTS, j))).collect();
@@ -76,7 +65,7 @@ fn equilibrium(p: &P, u: &U<f64>, active: &[usize]) -> X<f64> {
     let mut x = vec![0.0; STATES];
     for _ in 0..20 {
         let block = X::<f64>::read(&x);
-        let rates = numbers(&derivatives(p, &block, u));
+        let rates = derivatives(p, &block, u).numbers();
         let (a, _) = linearized(p, &block, u);
         let a = DMatrix::from_fn(active.len(), active.len(), |i, j| a[(active[i], active[j])]);
         let step = a.lu().solve(&DVector::from_iterator(active.len(), active.iter().map(|&i| rates[i]))).unwrap();
@@ -97,15 +86,15 @@ fn at_rest_nothing_moves_and_the_loads_have_the_check_numbers() {
         for speed in [0.0, 0.1, 16.7, 40.0] {
             let u = U { u: speed, ..U::default() };
             let rates = X { x: 0.0, ..derivatives(&p, &X::default(), &u) };
-            assert!(numbers::<f64, _>(&rates).iter().all(|&rate| rate == 0.0), "{rates:?}");
+            assert!(rates.numbers().iter().all(|&rate| rate == 0.0), "{rates:?}");
             let y = outputs(&p, &X::default(), &u);
             for (i, load) in y.f_z.iter().enumerate() {
-                assert_near(*load, if i < 2 { 30_762.402_99 } else { 40_535.798_51 }, 5e-6);
+                assert_abs_diff_eq!(*load, if i < 2 { 30_762.402_99 } else { 40_535.798_51 }, epsilon = 5e-6);
             }
             // The weight: closed form, a few roundings.
-            assert_near(y.f_z.iter().sum(), 22_800.0 * 9.81, 1e-9);
+            assert_abs_diff_eq!(y.f_z.iter().sum::<f64>(), 22_800.0 * 9.81, epsilon = 1e-9);
             assert_eq!((y.a_y, y.beta), (0.0, 0.0));
-            assert_near(y.ltr, 0.0, 1e-15);
+            assert_abs_diff_eq!(y.ltr, 0.0, epsilon = 1e-15);
         }
     }
 }
@@ -120,9 +109,9 @@ fn the_data_agree_with_each_other() {
         let load = Dual64::from(s.f0[2 * axle]);
         -equations::lateral_force(&P::default(), &s, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
     };
-    assert_near(stiffness(0), data::FRONT_CORNERING_STIFFNESS, 2e-6);
-    assert_near(stiffness(1), 278_887.988, 5e-4);
-    assert_near(stiffness(2), 278_887.988, 5e-4);
+    assert_abs_diff_eq!(stiffness(0), data::FRONT_CORNERING_STIFFNESS, epsilon = 2e-6);
+    assert_abs_diff_eq!(stiffness(1), 278_887.988, epsilon = 5e-4);
+    assert_abs_diff_eq!(stiffness(2), 278_887.988, epsilon = 5e-4);
 }
 
 #[test]
@@ -138,7 +127,7 @@ fn the_tire_has_the_check_numbers() {
     let p = P::default();
     let s = design(&p);
     for (axle, load, alpha, force) in numbers {
-        assert_near(equations::lateral_force(&p, &s, axle, 1.0, load, alpha), force, 5e-4);
+        assert_abs_diff_eq!(equations::lateral_force(&p, &s, axle, 1.0, load, alpha), force, epsilon = 5e-4);
         // Friction and scale act at every slip angle: closed form, exact by powers of 2.
         let slippery = P { mu: 0.5, ..P::default() };
         let full = equations::lateral_force(&p, &s, axle, 1.0, load, alpha);
@@ -174,8 +163,8 @@ fn the_modes_at_60_km_h_are_the_check_numbers() {
     modes.sort_by(|a, b| a.0.total_cmp(&b.0));
     assert_eq!(modes.len(), expected.len(), "{modes:?}");
     for ((frequency, damping), (expected_frequency, expected_damping)) in modes.into_iter().zip(expected) {
-        assert_near(frequency, expected_frequency, 6e-4);
-        assert_near(damping, expected_damping, 6e-4);
+        assert_abs_diff_eq!(frequency, expected_frequency, epsilon = 6e-4);
+        assert_abs_diff_eq!(damping, expected_damping, epsilon = 6e-4);
     }
 }
 
@@ -201,10 +190,10 @@ fn the_steady_gains_are_those_of_a_single_track_model() {
         let (a, b) = linearized(&p, &X::default(), &U { u: speed, ..U::default() });
         let b = -b.view((0, FRONT_STEER), (DYNAMIC, 1));
         let steady = a.view((0, 0), (DYNAMIC, DYNAMIC)).into_owned().lu().solve(&b).unwrap();
-        assert_near(steady[(R, 0)], closed[1], 1e-8);
-        assert_near(steady[(V, 0)] / speed, closed[0], 1e-8);
-        assert_near(steady[(R, 0)], yaw_gain, 6e-7);
-        assert_near(steady[(V, 0)] / speed, sideslip_gain, 6e-7);
+        assert_abs_diff_eq!(steady[(R, 0)], closed[1], epsilon = 1e-8);
+        assert_abs_diff_eq!(steady[(V, 0)] / speed, closed[0], epsilon = 1e-8);
+        assert_abs_diff_eq!(steady[(R, 0)], yaw_gain, epsilon = 6e-7);
+        assert_abs_diff_eq!(steady[(V, 0)] / speed, sideslip_gain, epsilon = 6e-7);
     }
 }
 
@@ -213,24 +202,24 @@ fn the_steady_turn_has_the_check_numbers_and_balances() {
     let (p, u) = (P::default(), turn());
     let x = equilibrium(&p, &u, &(0..DYNAMIC).collect::<Vec<_>>());
     let y = outputs(&p, &x, &u);
-    assert_near(x.r, 0.198519, 6e-7);
-    assert_near(y.beta, -0.034668, 6e-7);
-    assert_near(y.a_y, 3.308645, 6e-7);
-    assert_near(x.phi, 0.0185312, 6e-8);
-    assert_near(y.ltr, 0.387638, 6e-7);
+    assert_abs_diff_eq!(x.r, 0.198519, epsilon = 6e-7);
+    assert_abs_diff_eq!(y.beta, -0.034668, epsilon = 6e-7);
+    assert_abs_diff_eq!(y.a_y, 3.308645, epsilon = 6e-7);
+    assert_abs_diff_eq!(x.phi, 0.0185312, epsilon = 6e-8);
+    assert_abs_diff_eq!(y.ltr, 0.387638, epsilon = 6e-7);
     for (axle, alpha) in [-0.091788, -0.043574, -0.059611].into_iter().enumerate() {
-        assert_near(y.alpha[2 * axle], alpha, 6e-7);
+        assert_abs_diff_eq!(y.alpha[2 * axle], alpha, epsilon = 6e-7);
         assert_eq!(y.alpha[2 * axle], y.alpha[2 * axle + 1]);
     }
 
     // Balance of forces across the vehicle, and of moments about its track: 1e-6 of them is what Newton's method leaves.
     let s = design(&p);
     let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
-    assert_near(across, s.m * y.a_y, 1e-6);
+    assert_abs_diff_eq!(across, s.m * y.a_y, epsilon = 1e-6);
     let tipping = y.a_y * (p.m_b * (p.h + p.h_rc) + (s.m - p.m_b) * p.h_u) + p.m_b * p.g * p.h * x.phi;
     let righting: f64 = (0..6).map(|i| -y.f_z[i] * s.y[i % 2]).sum();
-    assert_near(righting, tipping, 1e-6);
-    assert_near(righting, 82_367.07, 6e-3); // check number
+    assert_abs_diff_eq!(righting, tipping, epsilon = 1e-6);
+    assert_abs_diff_eq!(righting, 82_367.07, epsilon = 6e-3); // check number
 }
 
 #[test]
@@ -239,10 +228,10 @@ fn the_lateral_model_agrees_with_the_coupled_one_in_a_steady_turn() {
     let x = equilibrium(&p, &u, &[PHI, PHID, V, R]);
     let y = outputs(&p, &x, &u);
     // Check numbers: 5 or 6 decimals.
-    assert_near(x.r, 0.19767, 6e-6);
-    assert_near(y.beta, -0.03422, 6e-6);
-    assert_near(x.phi, 0.018467, 6e-7);
-    assert_near(y.ltr, 0.38598, 6e-6);
+    assert_abs_diff_eq!(x.r, 0.19767, epsilon = 6e-6);
+    assert_abs_diff_eq!(y.beta, -0.03422, epsilon = 6e-6);
+    assert_abs_diff_eq!(x.phi, 0.018467, epsilon = 6e-7);
+    assert_abs_diff_eq!(y.ltr, 0.38598, epsilon = 6e-6);
     // The validity that the README states: 1 %. The lateral model shares the lateral force among the axles by the weight on
     // them instead of by the tire forces, and its beams do not pitch.
     let coupled = equilibrium(&P::default(), &u, &(0..DYNAMIC).collect::<Vec<_>>());
@@ -304,7 +293,7 @@ fn any_coupling() -> impl Strategy<Value = Coupling> {
 /// Asserts that two blocks agree to `tolerance` times the greatest of their numbers, but at least 1.
 #[track_caller]
 fn assert_same<B: Block<f64>>(actual: &B, expected: &B, tolerance: f64) {
-    let (actual, expected) = (numbers::<f64, _>(actual), numbers::<f64, _>(expected));
+    let (actual, expected) = (actual.numbers(), expected.numbers());
     let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
     for ((actual, expected), declaration) in actual.into_iter().zip(expected).zip(B::declare()) {
         let name = declaration.name;
@@ -362,7 +351,7 @@ proptest! {
         };
         let rates = derivatives(&P::default(), &x, &u);
         prop_assert_eq!((rates.v, rates.r, rates.phid, rates.psi), (0.0, 0.0, 0.0, 0.0));
-        prop_assert_eq!(numbers::<f64, _>(&rates), numbers::<f64, _>(&derivatives(&with(Coupling::VerticalOnly), &x, &u)));
+        prop_assert_eq!(rates.numbers(), derivatives(&with(Coupling::VerticalOnly), &x, &u).numbers());
     }
 
     /// What a motion that runs alone ignores, and what then stays where it is.
@@ -371,7 +360,7 @@ proptest! {
         let p = with(Coupling::VerticalOnly);
         let steered = U { delta: other.delta, friction: other.friction, ..u.clone() };
         let rates = derivatives(&p, &X { psi: 0.0, ..x.clone() }, &u);
-        prop_assert_eq!(numbers::<f64, _>(&rates), numbers::<f64, _>(&derivatives(&p, &X { psi: 0.0, ..x.clone() }, &steered)));
+        prop_assert_eq!(rates.numbers(), derivatives(&p, &X { psi: 0.0, ..x.clone() }, &steered).numbers());
         prop_assert_eq!((rates.v, rates.r), (0.0, 0.0));
         let y = outputs(&p, &x, &u);
         prop_assert_eq!((*y.f_y, *y.alpha, y.a_y), ([0.0; 6], [0.0; 6], 0.0));
@@ -379,7 +368,7 @@ proptest! {
         let p = with(Coupling::LateralOnly);
         let rough = U { q: other.q, ..u.clone() };
         let rates = derivatives(&p, &x, &u);
-        prop_assert_eq!(numbers::<f64, _>(&rates), numbers::<f64, _>(&derivatives(&p, &x, &rough)));
+        prop_assert_eq!(rates.numbers(), derivatives(&p, &x, &rough).numbers());
         prop_assert_eq!((rates.zd, rates.thetad), (0.0, 0.0));
         prop_assert_eq!((*rates.zd_f, *rates.zd_b, *rates.thd_b), ([0.0; 2], [0.0; 2], [0.0; 2]));
     }
@@ -391,7 +380,7 @@ proptest! {
         let p = P::default();
         let s = design(&p);
         let rates = equations::derivatives(&p, &s, &x, &u);
-        let still = U::<Dual64>::read(&numbers(&u).into_iter().map(Dual64::from).collect::<Vec<_>>());
+        let still = U::<Dual64>::read(&u.numbers().into_iter().map(Dual64::from).collect::<Vec<_>>());
         let moving = equations::outputs(&p, &s, &X::read(&dual(&x, &rates)), &still);
         let y = equations::outputs(&p, &s, &x, &u);
         for i in 0..4 {
@@ -412,8 +401,8 @@ proptest! {
         let (p, x) = (with(coupling), X::read(&x));
         let u = U { u: if stands { 0.0 } else { speed }, ..u };
         let y = outputs(&p, &x, &u);
-        prop_assert!(numbers::<f64, _>(&y).iter().all(|value| value.is_finite()));
-        prop_assert!(numbers::<f64, _>(&derivatives(&p, &x, &u)).iter().all(|value| value.is_finite()));
+        prop_assert!(y.numbers().iter().all(|value| value.is_finite()));
+        prop_assert!(derivatives(&p, &x, &u).numbers().iter().all(|value| value.is_finite()));
         prop_assert!(y.f_z.iter().all(|&load| load >= 0.0));
         prop_assert!((-1.0..=1.0).contains(&y.ltr));
     }
@@ -424,7 +413,7 @@ fn a_standing_vehicle_does_not_answer_to_the_steering() {
     let u = U { u: 0.0, delta: ThreeAxles([0.4, -0.2, 0.1]), ..U::default() };
     for coupling in COUPLINGS {
         let p = with(coupling);
-        assert!(numbers::<f64, _>(&derivatives(&p, &X::default(), &u)).iter().all(|&rate| rate == 0.0));
+        assert!(derivatives(&p, &X::default(), &u).numbers().iter().all(|&rate| rate == 0.0));
         let y = outputs(&p, &X::default(), &u);
         assert_eq!((y.a_y, y.beta, *y.f_y, *y.alpha), (0.0, 0.0, [0.0; 6], [0.0; 6]));
     }
@@ -438,7 +427,7 @@ fn slip_angles_are_those_of_the_wheel_frame() {
     let u = U { u: 10.0, delta: ThreeAxles([0.3, -0.1, 0.05]), ..U::default() };
     let y = outputs(&p, &x, &u);
     for (axle, position) in design(&p).x.into_iter().enumerate() {
-        assert_near(y.alpha[2 * axle], ((0.7 + position * 0.3) / 10.0).atan() - u.delta[axle], 1e-15);
+        assert_abs_diff_eq!(y.alpha[2 * axle], ((0.7 + position * 0.3) / 10.0).atan() - u.delta[axle], epsilon = 1e-15);
     }
 }
 
@@ -458,10 +447,10 @@ fn lateral_forces_turn_the_vehicle_also_along_its_axis() {
             s.x[axle_of(i)] * across - s.y[i % 2] * along
         })
         .sum();
-    assert_near(p.i_z * y.rd + p.i_xz * y.phidd, moment, 1e-8);
+    assert_abs_diff_eq!(p.i_z * y.rd + p.i_xz * y.phidd, moment, epsilon = 1e-8);
     // And of forces, m v' - m_b h phi'' = sum Y - m u r.
     let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
-    assert_near(s.m * y.a_y - p.m_b * p.h * y.phidd, across, 1e-8);
+    assert_abs_diff_eq!(s.m * y.a_y - p.m_b * p.h * y.phidd, across, epsilon = 1e-8);
 }
 
 #[test]
@@ -481,14 +470,14 @@ fn an_actuator_pushes_the_body_up_and_the_wheel_down() {
     // At rest: closed forms f/m_b, -l1 f/I_y, b1 f/(I_x + m_b h^2), -f/m; a few roundings.
     let p = with(Coupling::VerticalOnly);
     let rates = derivatives(&p, &X::default(), &U { f: Struts([1000.0, 0.0, 0.0, 0.0]), ..U::default() });
-    assert_near(rates.zd, 1000.0 / p.m_b, 1e-15);
-    assert_near(rates.thetad, -p.l1 * 1000.0 / p.i_y, 1e-15);
-    assert_near(rates.phid, p.b1 * 1000.0 / (p.i_x + p.m_b * p.h * p.h), 1e-15);
-    assert_near(rates.zd_f[0], -1000.0 / p.m_t[0], 1e-14);
+    assert_abs_diff_eq!(rates.zd, 1000.0 / p.m_b, epsilon = 1e-15);
+    assert_abs_diff_eq!(rates.thetad, -p.l1 * 1000.0 / p.i_y, epsilon = 1e-15);
+    assert_abs_diff_eq!(rates.phid, p.b1 * 1000.0 / (p.i_x + p.m_b * p.h * p.h), epsilon = 1e-15);
+    assert_abs_diff_eq!(rates.zd_f[0], -1000.0 / p.m_t[0], epsilon = 1e-14);
     let rates = derivatives(&p, &X::default(), &U { f: Struts([0.0, 0.0, 0.0, 1000.0]), ..U::default() });
-    assert_near(rates.thetad, p.l2 * 1000.0 / p.i_y, 1e-15);
-    assert_near(rates.phid, -p.b2 * 1000.0 / (p.i_x + p.m_b * p.h * p.h), 1e-15);
-    assert_near(rates.zd_b[1], -1000.0 / (p.m_beam + p.m_t[1] + p.m_t[2]), 1e-15);
+    assert_abs_diff_eq!(rates.thetad, p.l2 * 1000.0 / p.i_y, epsilon = 1e-15);
+    assert_abs_diff_eq!(rates.phid, -p.b2 * 1000.0 / (p.i_x + p.m_b * p.h * p.h), epsilon = 1e-15);
+    assert_abs_diff_eq!(rates.zd_b[1], -1000.0 / (p.m_beam + p.m_t[1] + p.m_t[2]), epsilon = 1e-15);
     assert_eq!(*rates.thd_b, [0.0; 2]);
 }
 
@@ -497,8 +486,8 @@ fn the_path_follows_speed_and_heading() {
     // A vehicle that points to the left by 90 degrees and drifts: (u cos psi - v sin psi, u sin psi + v cos psi).
     let x = X { psi: std::f64::consts::FRAC_PI_2, v: 0.5, ..X::default() };
     let rates = derivatives(&P::default(), &x, &U { u: 10.0, ..U::default() });
-    assert_near(rates.x, -0.5, 1e-14);
-    assert_near(rates.y, 10.0, 1e-14);
+    assert_abs_diff_eq!(rates.x, -0.5, epsilon = 1e-14);
+    assert_abs_diff_eq!(rates.y, 10.0, epsilon = 1e-14);
 }
 
 #[test]

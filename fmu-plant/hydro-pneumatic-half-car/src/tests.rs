@@ -3,6 +3,7 @@
 //! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
 //! digit.
 
+use approx::assert_abs_diff_eq;
 use std::f64::consts::FRAC_PI_2;
 
 use chassis::tire::MagicFormula;
@@ -16,7 +17,6 @@ use super::*;
 
 const STATES: usize = <X<f64> as Block<f64>>::LEN;
 const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
-const OUTPUTS: usize = <Y<f64> as Block<f64>>::LEN;
 /// States without heading and position, which act on nothing.
 const MOVING: usize = STATES - 3;
 /// Positions in the state.
@@ -24,12 +24,6 @@ const GAMMA: usize = 9;
 /// Positions in the inputs.
 const DELTA: usize = 1;
 const FORCES: usize = 2;
-
-/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
 
 fn design(p: &P) -> D {
     equations::design(p).unwrap()
@@ -43,17 +37,11 @@ fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
     equations::outputs(p, &design(p), x, u)
 }
 
-fn numbers(block: &impl Block<f64>) -> Vec<f64> {
-    let mut values = vec![0.0; STATES.max(OUTPUTS)];
-    block.write(&mut values);
-    values
-}
-
 /// The Jacobian matrices of the moving states' derivatives with respect to them and to the inputs, at rest on a straight
 /// road; exact by dual numbers.
 fn linearized(p: &P, speed: f64) -> (DMatrix<f64>, DMatrix<f64>) {
     let d = design(p);
-    let (x, u) = (numbers(&X::default()), numbers(&U { v: speed, ..U::default() }));
+    let (x, u) = (X::default().numbers(), (U { v: speed, ..U::default() }).numbers());
     let column = |j: usize| {
         let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
             let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
@@ -91,7 +79,7 @@ fn at_rest_it_stays_at_rest() {
     assert_eq!(y.n.0, [7970.625; 2]);
     assert_eq!(y.v, 70.0 / 3.6);
     let rates = derivatives(&p, &X::default(), &u);
-    assert_eq!(numbers(&X { x: 0.0, ..rates.clone() }), vec![0.0; STATES.max(OUTPUTS)]);
+    assert_eq!((X { x: 0.0, ..rates.clone() }).numbers(), vec![0.0; STATES]);
     assert_eq!(rates.x, u.v);
 }
 
@@ -152,7 +140,7 @@ fn exact_cancellation_leaves_the_wheels_undamped() {
     // The zero dynamics: wheels against each other on bare tires, +-j sqrt(k_t/m_u).
     let p = P::default();
     let hop = (p.k_t / p.m_u).sqrt();
-    assert_near(hop, 61.644, 5e-4);
+    assert_abs_diff_eq!(hop, 61.644, epsilon = 5e-4);
     let a = under_the_handling_law(1.0);
     assert_poles(&a, &[(-5.0, 0.0), (-25.0, 0.0), (0.0, hop), (-0.458, 6.217), (-9.985, 66.25), LATERAL]);
     // The damper left in place damps it. With w the height of the wheels against each other and s the variable of the
@@ -174,17 +162,17 @@ fn the_yaw_gain_is_that_of_a_bicycle() {
         2.0 * MagicFormula::PASSENGER_CAR.lateral(Dual64::from(1.0), Dual64::from(n0 * lever / length), slope).eps
     };
     let (c_f, c_r) = (stiffness(p.l_r), stiffness(p.l_f));
-    assert_near(c_f, 122_328.2, 0.05); // check number
-    assert_near(c_r, 107_553.6, 0.05); // check number
+    assert_abs_diff_eq!(c_f, 122_328.2, epsilon = 0.05); // check number
+    assert_abs_diff_eq!(c_r, 107_553.6, epsilon = 0.05); // check number
     let k = m / length * (p.l_r / c_f - p.l_f / c_r);
-    assert_near(k, 0.00205070, 5e-9); // check number
+    assert_abs_diff_eq!(k, 0.00205070, epsilon = 5e-9); // check number
     for (speed, yaw_gain, a_y_gain) in [(70.0 / 3.6, 4.87899, 94.869), (60.0 / 3.6, 4.40959, 73.493)] {
         let (a, b) = linearized(&p, speed);
         let steady = a.lu().solve(&(-b.column(DELTA))).unwrap();
         let gain = steady[GAMMA];
-        assert_near(gain, speed / (length + k * speed * speed), 1e-10);
-        assert_near(gain, yaw_gain, 5e-6); // check number
-        assert_near(gain * speed, a_y_gain, 5e-4); // check number
+        assert_abs_diff_eq!(gain, speed / (length + k * speed * speed), epsilon = 1e-10);
+        assert_abs_diff_eq!(gain, yaw_gain, epsilon = 5e-6); // check number
+        assert_abs_diff_eq!(gain * speed, a_y_gain, epsilon = 5e-4); // check number
     }
 }
 
@@ -207,8 +195,8 @@ fn a_steady_turn_has_the_check_numbers() {
     let u = U { delta: FrontAxle([0.002]), ..U::default() };
     let x = after_ten_seconds(&p, &u);
     let y = outputs(&p, &x, &u);
-    assert_near(x.gamma / 0.002, 4.87878, 1e-4);
-    assert_near(y.a_y, u.v * x.gamma, 1e-6);
+    assert_abs_diff_eq!(x.gamma / 0.002, 4.87878, epsilon = 1e-4);
+    assert_abs_diff_eq!(y.a_y, u.v * x.gamma, epsilon = 1e-6);
 
     // Roll and left wheel per lateral acceleration: the moment about the roll axis and the balance of a wheel, two
     // linear equations. The remainder of roll (0.923 1/s) is exp(-9) of it.
@@ -217,20 +205,20 @@ fn a_steady_turn_has_the_check_numbers() {
     let stiffness = Matrix2::new(2.0 * arm * arm * p.k_s - m_sh * p.g, -2.0 * arm * p.k_s, -arm * p.k_s, p.k_s + p.k_t);
     let load = Vector2::new(m_sh, p.m_s * p.h_r / p.t);
     let per_acceleration = stiffness.lu().solve(&load).unwrap();
-    assert_near(per_acceleration[0], 0.0275344, 5e-8); // check number
-    assert_near(per_acceleration[1], 0.00551321, 5e-9); // check number
-    assert_near(x.phi / y.a_y, per_acceleration[0], 1e-4 * per_acceleration[0] + 1e-5);
-    assert_near(x.z_u[0] / y.a_y, per_acceleration[1], 1e-4 * per_acceleration[1] + 1e-5);
+    assert_abs_diff_eq!(per_acceleration[0], 0.0275344, epsilon = 5e-8); // check number
+    assert_abs_diff_eq!(per_acceleration[1], 0.00551321, epsilon = 5e-9); // check number
+    assert_abs_diff_eq!(x.phi / y.a_y, per_acceleration[0], epsilon = 1e-4 * per_acceleration[0] + 1e-5);
+    assert_abs_diff_eq!(x.z_u[0] / y.a_y, per_acceleration[1], epsilon = 1e-4 * per_acceleration[1] + 1e-5);
 
     // Estimate and ratio of the tire loads agree: the path through the roll center is there.
     let ltr = 2.0 * p.m_s / (design(&p).m * p.t) * ((p.h_r + p.h) / p.g + p.h * per_acceleration[0]);
-    assert_near(ltr, 0.131421, 5e-7); // check number
-    assert_near(y.ltr / y.a_y, ltr, 1e-4);
-    assert_near(y.ratio / y.a_y, ltr, 1e-4);
+    assert_abs_diff_eq!(ltr, 0.131421, epsilon = 5e-7); // check number
+    assert_abs_diff_eq!(y.ltr / y.a_y, ltr, epsilon = 1e-4);
+    assert_abs_diff_eq!(y.ratio / y.a_y, ltr, epsilon = 1e-4);
     // The threshold 0.8 of the switch: upright, and leaning as the passive vehicle does.
-    assert_near(0.8 / ltr, 6.09, 5e-3); // check number
+    assert_abs_diff_eq!(0.8 / ltr, 6.09, epsilon = 5e-3); // check number
     let upright = 2.0 * p.m_s / (design(&p).m * p.t) * (p.h_r + p.h) / p.g;
-    assert_near(0.8 / upright, 6.87, 5e-3); // check number
+    assert_abs_diff_eq!(0.8 / upright, 6.87, epsilon = 5e-3); // check number
 }
 
 #[test]
@@ -241,12 +229,12 @@ fn without_the_path_through_the_roll_center_the_loads_miss_it() {
     let (a, b) = linearized(&p, data::SPEED);
     let delta = 1e-6;
     let steady = a.lu().solve(&(-b.column(DELTA) * delta)).unwrap();
-    let mut values = numbers(&X::default());
+    let mut values = X::default().numbers();
     values[..MOVING].copy_from_slice(steady.as_slice());
     let x = X::read(&values);
     let y = outputs(&p, &x, &U { delta: FrontAxle([delta]), ..U::default() });
     let expected = 2.0 * p.m_s * p.h / (design(&p).m * p.t) * (y.a_y / p.g + x.phi);
-    assert_near(y.ratio / expected, 1.0, 1e-6);
+    assert_abs_diff_eq!(y.ratio / expected, 1.0, epsilon = 1e-6);
     assert!(y.ratio < 0.6 * y.ltr);
 }
 
@@ -259,12 +247,12 @@ fn steady_forces_lift_or_turn_the_body() {
         a.lu().solve(&(-b.columns(FORCES, 2) * nalgebra::dmatrix![f[0]; f[1]])).unwrap()
     };
     let x = steady([1000.0; 2]);
-    assert_near(x[0], 1000.0 / p.k_s, 1e-12);
-    assert_near(x[0], 0.0285714, 5e-8); // check number
-    assert_near(x[2], 0.0, 1e-12);
+    assert_abs_diff_eq!(x[0], 1000.0 / p.k_s, epsilon = 1e-12);
+    assert_abs_diff_eq!(x[0], 0.0285714, epsilon = 5e-8); // check number
+    assert_abs_diff_eq!(x[2], 0.0, epsilon = 1e-12);
     let x = steady([1000.0, -1000.0]);
-    assert_near(x[1], 0.0450662, 5e-8); // check number
-    assert_near(x[2], 0.00102358, 5e-9); // check number
+    assert_abs_diff_eq!(x[1], 0.0450662, epsilon = 5e-8); // check number
+    assert_abs_diff_eq!(x[2], 0.00102358, epsilon = 5e-9); // check number
 }
 
 /// Kinetic and potential energy of the vehicle without lift-off on a flat road; it is 0 at rest.
@@ -315,7 +303,7 @@ fn mirrored<B: Block<f64>>(block: &B) -> B {
         "body.roll",
     ];
     let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
-    let values = numbers(block);
+    let values = block.numbers();
     let other_side = |name: &str| match name.rsplit_once('.') {
         Some((_, "l" | "fl" | "rl")) => format!("{}r", &name[..name.len() - 1]),
         Some((_, "r" | "fr" | "rr")) => format!("{}l", &name[..name.len() - 1]),
@@ -341,7 +329,7 @@ proptest! {
         let p = P { lift_off: false, ..P::default() };
         let u = U { v: 0.0, ..U::default() };
         let rates = derivatives(&p, &x, &u);
-        let moving: Vec<_> = numbers(&x).into_iter().zip(numbers(&rates)).map(|(x, d)| Dual64::new(x, d)).collect();
+        let moving: Vec<_> = x.numbers().into_iter().zip(rates.numbers()).map(|(x, d)| Dual64::new(x, d)).collect();
         let power = energy(&p, &X::read(&moving)).eps;
         let dampers: f64 = outputs(&p, &x, &u).dd.iter().map(|dd| -p.c_s * dd * dd).sum();
         prop_assert!(dampers <= 0.0);
@@ -369,8 +357,8 @@ proptest! {
     #[test]
     fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), p in any_options()) {
         let (xm, um) = (mirrored(&x), mirrored(&u));
-        prop_assert_eq!(numbers(&mirrored(&derivatives(&p, &x, &u))), numbers(&derivatives(&p, &xm, &um)));
-        prop_assert_eq!(numbers(&mirrored(&outputs(&p, &x, &u))), numbers(&outputs(&p, &xm, &um)));
+        prop_assert_eq!(mirrored(&derivatives(&p, &x, &u)).numbers(), derivatives(&p, &xm, &um).numbers());
+        prop_assert_eq!(mirrored(&outputs(&p, &x, &u)).numbers(), outputs(&p, &xm, &um).numbers());
     }
 
     /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma; one rounding of each term.
@@ -397,7 +385,7 @@ proptest! {
     fn tire_forces_keep_their_limits(x in any_state(), u in any_inputs(), options in any_options()) {
         let p = P { lift_off: true, ..options };
         let y = outputs(&p, &x, &u);
-        prop_assert!(numbers(&y).iter().chain(&numbers(&derivatives(&p, &x, &u))).all(|value| value.is_finite()));
+        prop_assert!(y.numbers().iter().chain(&derivatives(&p, &x, &u).numbers()).all(|value| value.is_finite()));
         prop_assert!((-1.0..=1.0).contains(&y.ratio));
         for (i, f_y) in y.f_y.iter().enumerate() {
             let load = y.n[i % 2];
@@ -418,7 +406,7 @@ fn a_wheel_in_the_air_carries_and_steers_nothing() {
     assert!(y.f_y[1] < 0.0 && y.f_y[3] < 0.0);
     // Without lift-off the tire spring pulls: N_0 - k_t e.
     let y = outputs(&P { lift_off: false, ..p }, &x, &U::default());
-    assert_near(y.n[0], 7970.625 - 19_000.0, 1e-9);
+    assert_abs_diff_eq!(y.n[0], 7970.625 - 19_000.0, epsilon = 1e-9);
 }
 
 #[test]
@@ -428,7 +416,7 @@ fn friction_of_a_side_scales_its_peak() {
     let u = U { friction: Sides([0.5, 1.0]), ..U::default() };
     let y = outputs(&p, &x, &u);
     let half = MagicFormula::PASSENGER_CAR.lateral(0.5, 7970.625 * p.l_r / (p.l_f + p.l_r), 0.3);
-    assert_near(y.f_y[0], half, 1e-9);
+    assert_abs_diff_eq!(y.f_y[0], half, epsilon = 1e-9);
     assert_eq!(y.f_y[1], outputs(&p, &x, &U::default()).f_y[1]);
 }
 
@@ -437,8 +425,8 @@ fn the_path_follows_speed_and_heading() {
     // A vehicle that points to the left by 90 degrees and drifts with v beta = 0.5 m/s.
     let x = X { psi: FRAC_PI_2, beta: 0.05, ..X::default() };
     let rates = derivatives(&P::default(), &x, &U { v: 10.0, ..U::default() });
-    assert_near(rates.x, -0.5, 1e-14);
-    assert_near(rates.y, 10.0, 1e-14);
+    assert_abs_diff_eq!(rates.x, -0.5, epsilon = 1e-14);
+    assert_abs_diff_eq!(rates.y, 10.0, epsilon = 1e-14);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! "Check numbers" were computed by an independent implementation of the model and are compared to their last printed
 //! digit.
 
+use approx::assert_abs_diff_eq;
 use chassis::mirror::mirrored;
 use std::array;
 
@@ -21,12 +22,6 @@ const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
 const V: usize = 18;
 const R: usize = 19;
 
-/// Asserts that `actual` is `expected` to `tolerance`, absolutely.
-#[track_caller]
-fn assert_near(actual: f64, expected: f64, tolerance: f64) {
-    assert!((actual - expected).abs() <= tolerance, "{actual} is not {expected} to {tolerance:e}");
-}
-
 fn linear() -> P {
     P { tire_model: TireModel::Linear, lift_off: false, ..P::default() }
 }
@@ -39,16 +34,10 @@ fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
     equations::derivatives(p, &design(p), x, u)
 }
 
-fn numbers(block: &impl Block<f64>) -> Vec<f64> {
-    let mut values = vec![0.0; 100];
-    block.write(&mut values);
-    values
-}
-
 /// The Jacobian matrices of the derivatives with respect to state and inputs, exact by dual numbers.
 fn linearized(p: &P, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     let d = design(p);
-    let (x, u) = (numbers(x), numbers(u));
+    let (x, u) = (x.numbers(), u.numbers());
     let column = |j: usize| {
         let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
             let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
@@ -98,10 +87,10 @@ fn at_rest_nothing_moves_and_the_loads_are_equal() {
     for speed in [0.0, 0.1, 9.7, 40.0] {
         let u = U { u: speed, ..U::default() };
         let rates = X { x: 0.0, ..derivatives(&p, &X::default(), &u) };
-        assert!(numbers(&rates).iter().all(|&rate| rate == 0.0), "{rates:?}");
+        assert!(rates.numbers().iter().all(|&rate| rate == 0.0), "{rates:?}");
         let y = equations::outputs(&p, &design(&p), &X::default(), &u);
         for load in y.n.iter() {
-            assert_near(*load, 58_860.0, 1e-10);
+            assert_abs_diff_eq!(*load, 58_860.0, epsilon = 1e-10);
         }
         assert_eq!((y.ltr, y.a_y, y.beta), (0.0, 0.0, 0.0));
     }
@@ -112,15 +101,15 @@ fn the_derivatives_have_the_check_numbers() {
     let p = P::default();
     let (x, u) = example();
     let rates = derivatives(&p, &x, &u);
-    assert_near(rates.zd, 0.046296296296, 1e-12);
-    assert_near(rates.thetad, -1.1454778333, 1e-10);
-    assert_near(rates.phid, -3.3864965183, 1e-10);
+    assert_abs_diff_eq!(rates.zd, 0.046296296296, epsilon = 1e-12);
+    assert_abs_diff_eq!(rates.thetad, -1.1454778333, epsilon = 1e-10);
+    assert_abs_diff_eq!(rates.phid, -3.3864965183, epsilon = 1e-10);
     let wheels = [4.0972222222, -65.486111111, 41.597222222, -27.986111111, 57.430555556, -12.152777778];
     for (actual, expected) in rates.zd_w.iter().zip(wheels) {
-        assert_near(*actual, expected, 1e-9);
+        assert_abs_diff_eq!(*actual, expected, epsilon = 1e-9);
     }
-    assert_near(rates.v, -2.9353380236, 1e-10);
-    assert_near(rates.r, 0.40471817373, 1e-11);
+    assert_abs_diff_eq!(rates.v, -2.9353380236, epsilon = 1e-10);
+    assert_abs_diff_eq!(rates.r, 0.40471817373, epsilon = 1e-11);
     // The rate of every position is the velocity itself.
     assert_eq!((rates.z, rates.theta, rates.phi, rates.z_w, rates.psi), (x.zd, x.thetad, x.phid, x.zd_w, x.r));
     // u cos psi, v cos psi with psi = 0.
@@ -129,16 +118,16 @@ fn the_derivatives_have_the_check_numbers() {
     let y = equations::outputs(&p, &design(&p), &x, &u);
     let f_s = [-1541.6666667, -40291.666667, 26958.333333, -11791.666667, 42458.333333, 3708.3333333];
     for (i, expected) in f_s.into_iter().enumerate() {
-        assert_near(p.k_s * y.d[i] + p.c_s * y.dd[i], expected, 1e-6);
+        assert_abs_diff_eq!(p.k_s * y.d[i] + p.c_s * y.dd[i], expected, epsilon = 1e-6);
     }
     let f_y = [15753.647634, 15709.816993, 10097.802895, 10083.914977, -5708.9092767, -5705.8295911];
     for (actual, expected) in y.f_y.iter().zip(f_y) {
-        assert_near(*actual, expected, 1e-6);
+        assert_abs_diff_eq!(*actual, expected, epsilon = 1e-6);
     }
     // Definitions: accelerations are the derivatives, a_y = vd + u r, beta = atan(v/u).
     assert_eq!((y.zdd, y.thetadd, y.phidd, y.rd), (rates.zd, rates.thetad, rates.phid, rates.r));
     assert_eq!(y.a_y, rates.v + 10.0 * 0.1);
-    assert_near(y.beta, 0.02_f64.atan(), 1e-17);
+    assert_abs_diff_eq!(y.beta, 0.02_f64.atan(), epsilon = 1e-17);
 }
 
 #[test]
@@ -146,9 +135,9 @@ fn the_paper_tire_has_the_check_numbers() {
     let p = P { tire_model: TireModel::Linear, ..P::default() };
     let (x, u) = example();
     let rates = derivatives(&p, &x, &u);
-    assert_near(rates.v, -2.8360835017, 1e-10);
-    assert_near(rates.phid, -3.3311814824, 1e-10);
-    assert_near(rates.r, 0.4253293022, 1e-10);
+    assert_abs_diff_eq!(rates.v, -2.8360835017, epsilon = 1e-10);
+    assert_abs_diff_eq!(rates.phid, -3.3311814824, epsilon = 1e-10);
+    assert_abs_diff_eq!(rates.r, 0.4253293022, epsilon = 1e-10);
 }
 
 #[test]
@@ -165,10 +154,10 @@ fn one_millisecond_has_the_check_numbers() {
     assert_eq!(parts, 4.0);
     PlantModel::<RescueVehicle>::step(&p, &design(&p), &mut (), &layout, &mut reals, step, 4).unwrap();
     let x = X::<f64>::read(&reals[layout.states]);
-    assert_near(x.z, 0.0101000223, 1e-10);
-    assert_near(x.phi, 0.0302983458, 1e-10);
-    assert_near(x.v, 0.1971744722, 1e-10);
-    assert_near(x.r, 0.1004070351, 1e-10);
+    assert_abs_diff_eq!(x.z, 0.0101000223, epsilon = 1e-10);
+    assert_abs_diff_eq!(x.phi, 0.0302983458, epsilon = 1e-10);
+    assert_abs_diff_eq!(x.v, 0.1971744722, epsilon = 1e-10);
+    assert_abs_diff_eq!(x.r, 0.1004070351, epsilon = 1e-10);
 }
 
 #[test]
@@ -183,9 +172,9 @@ fn the_steady_yaw_gain_is_that_of_a_neutral_vehicle() {
     let gain = steady[(R, 0)];
     let x = design(&p).x;
     let closed = data::SPEED * x[0] / (x[0] * x[0] + x[2] * x[2] + x[4] * x[4]);
-    assert_near(gain / closed, 1.0, 1e-12);
-    assert_near(gain, 2.252655, 1e-6); // check number
-    assert_near(gain / data::SPEED, 0.231702, 1e-6); // check number
+    assert_abs_diff_eq!(gain / closed, 1.0, epsilon = 1e-12);
+    assert_abs_diff_eq!(gain, 2.252655, epsilon = 1e-6); // check number
+    assert_abs_diff_eq!(gain / data::SPEED, 0.231702, epsilon = 1e-6); // check number
 }
 
 #[test]
@@ -199,7 +188,7 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
     let half = p.b_t / 2.0;
     let k_phi = 6.0 * half * half * p.k_s * p.k_t / (p.k_s + p.k_t);
     let per_acceleration = s.m_s * p.h_s / (k_phi - s.m_s * p.g * p.h_s);
-    assert_near(per_acceleration, 0.01984193, 1e-8); // check number
+    assert_abs_diff_eq!(per_acceleration, 0.01984193, epsilon = 1e-8); // check number
     let phi = per_acceleration * a_y;
     let share = p.k_s / (p.k_s + p.k_t);
     let delta = ThreeAxles::from_fn(|axle| {
@@ -214,13 +203,13 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
     let u = U { u: speed, delta, ..U::default() };
     let rates = derivatives(&p, &x, &u);
     // Roundings of forces of 1e5 N on the smallest mass, 600 kg.
-    for rate in numbers(&X { x: 0.0, y: 0.0, psi: 0.0, ..rates }) {
-        assert_near(rate, 0.0, 1e-12);
+    for rate in (X { x: 0.0, y: 0.0, psi: 0.0, ..rates }).numbers() {
+        assert_abs_diff_eq!(rate, 0.0, epsilon = 1e-12);
     }
     // Load transfer: the moment of the tires about the roll axis is that of the springs.
     let y = equations::outputs(&p, &s, &x, &u);
-    assert_near(y.ltr, k_phi * phi / (half * p.m * p.g), 1e-12);
-    assert_near(y.a_y, a_y, 1e-12);
+    assert_abs_diff_eq!(y.ltr, k_phi * phi / (half * p.m * p.g), epsilon = 1e-12);
+    assert_abs_diff_eq!(y.a_y, a_y, epsilon = 1e-12);
 }
 
 #[test]
@@ -251,11 +240,15 @@ fn the_linearized_plant_is_the_design_model_of_the_controllers() {
     let scale = |i: usize| if i == V { speed } else { 1.0 };
     for i in 0..LATERAL_STATES {
         for j in 0..LATERAL_STATES {
-            assert_near(a[(i, j)] / scale(i) * scale(j), a_design[(i, j)], 1e-12 * a_design.amax());
+            assert_abs_diff_eq!(a[(i, j)] / scale(i) * scale(j), a_design[(i, j)], epsilon = 1e-12 * a_design.amax());
         }
         for j in 0..6 {
             let first_force = 4; // speed and three axles
-            assert_near(b[(i, first_force + j)] / scale(i), b_design[(i, j)], 1e-12 * b_design.amax());
+            assert_abs_diff_eq!(
+                b[(i, first_force + j)] / scale(i),
+                b_design[(i, j)],
+                epsilon = 1e-12 * b_design.amax()
+            );
         }
     }
 }
@@ -329,7 +322,7 @@ proptest! {
             let s = design(&p);
             let u = U { u: 0.0, ..U::default() };
             let rates = equations::derivatives(&p, &s, &x, &u);
-            let moving: Vec<_> = numbers(&x).into_iter().zip(numbers(&rates)).map(|(x, d)| Dual64::new(x, d)).collect();
+            let moving: Vec<_> = x.numbers().into_iter().zip(rates.numbers()).map(|(x, d)| Dual64::new(x, d)).collect();
             let power = energy(&p, &s, &X::read(&moving)).eps;
             let y = equations::outputs(&p, &s, &x, &u);
             let dampers: f64 = y.dd.iter().map(|dd| -p.c_s * dd * dd).sum();
@@ -349,10 +342,10 @@ proptest! {
         let (xm, um) = (mirrored(&x), mirrored(&u));
         let pairs = [
             (
-                numbers(&mirrored(&equations::derivatives(&p, &s, &x, &u))),
-                numbers(&equations::derivatives(&p, &s, &xm, &um)),
+                mirrored(&equations::derivatives(&p, &s, &x, &u)).numbers(),
+                equations::derivatives(&p, &s, &xm, &um).numbers(),
             ),
-            (numbers(&mirrored(&equations::outputs(&p, &s, &x, &u))), numbers(&equations::outputs(&p, &s, &xm, &um))),
+            (mirrored(&equations::outputs(&p, &s, &x, &u)).numbers(), equations::outputs(&p, &s, &xm, &um).numbers()),
         ];
         for (expected, actual) in pairs {
             let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
@@ -368,8 +361,8 @@ proptest! {
         let p = P::default();
         let u = U { u: 0.0, ..u };
         let y = equations::outputs(&p, &design(&p), &x, &u);
-        prop_assert!(numbers(&y).iter().all(|value| value.is_finite()));
-        prop_assert!(numbers(&derivatives(&p, &x, &u)).iter().all(|value| value.is_finite()));
+        prop_assert!(y.numbers().iter().all(|value| value.is_finite()));
+        prop_assert!(derivatives(&p, &x, &u).numbers().iter().all(|value| value.is_finite()));
         prop_assert!(y.n.iter().all(|&load| load >= 0.0));
         prop_assert!((-1.0..=1.0).contains(&y.ltr));
         for (i, f_y) in y.f_y.iter().enumerate() {
@@ -386,7 +379,7 @@ fn a_vehicle_in_the_air_has_no_tire_forces() {
     assert_eq!((*y.n, *y.f_y, y.ltr), ([0.0; 6], [0.0; 6], 0.0));
     // Without lift-off the tire spring pulls: F_z0 - k_t t.
     let y = equations::outputs(&linear(), &design(&p), &x, &U::default());
-    assert_near(y.n[0], 58_860.0 - 1e6, 1e-9);
+    assert_abs_diff_eq!(y.n[0], 58_860.0 - 1e6, epsilon = 1e-9);
 }
 
 #[test]
@@ -394,8 +387,8 @@ fn the_path_follows_speed_and_heading() {
     // A vehicle that points to the left by 90 degrees and drifts: (u cos psi - v sin psi, u sin psi + v cos psi).
     let x = X { psi: std::f64::consts::FRAC_PI_2, v: 0.5, ..X::default() };
     let rates = derivatives(&P::default(), &x, &U { u: 10.0, ..U::default() });
-    assert_near(rates.x, -0.5, 1e-14);
-    assert_near(rates.y, 10.0, 1e-14);
+    assert_abs_diff_eq!(rates.x, -0.5, epsilon = 1e-14);
+    assert_abs_diff_eq!(rates.y, 10.0, epsilon = 1e-14);
 }
 
 #[test]
@@ -435,7 +428,7 @@ fn the_inverse_mass_matrix_is_one() {
     for (i, row) in mass.iter().enumerate() {
         for j in 0..3 {
             let product: f64 = (0..3).map(|k| row[k] * s.inverse[k][j]).sum();
-            assert_near(product, if i == j { 1.0 } else { 0.0 }, 1e-13);
+            assert_abs_diff_eq!(product, if i == j { 1.0 } else { 0.0 }, epsilon = 1e-13);
         }
     }
 }
