@@ -76,10 +76,16 @@ def _percent_decimals(percent: float) -> int:
     return 1 if abs(percent) < 99.95 else 0
 
 
+# From this change on (percent) the baseline is next to zero, and digits would say nothing.
+FAR = 10_000.0
+
+
 def signed(percent: float | None) -> str:
     """Format a change in percent with its sign and one decimal, none from 100 % on; a dash for None."""
     if percent is None:
         return "–"
+    if abs(percent) >= FAR:
+        return f"over {'−' if percent < 0.0 else '+'}{FAR:.0f} %"
     text = f"{percent:+.{_percent_decimals(percent)}f}"
     if float(text) == 0.0:
         text = "0.0"
@@ -113,7 +119,7 @@ def spread_percent(statistic: Statistic | None) -> str:
     if statistic is None:
         return "–"
     text = signed(statistic.mean)
-    if statistic.deviation:
+    if statistic.deviation and abs(statistic.mean) < FAR:
         text = f"{text.removesuffix(' %')} ± {statistic.deviation:.{_percent_decimals(statistic.mean)}f} %"
     return text
 

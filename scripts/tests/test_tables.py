@@ -69,6 +69,9 @@ def test_spreads() -> None:
     assert tables.spread_percent(Statistic(-12.34, 0.12, 8)) == "−12.3 ± 0.1 %"
     assert tables.spread_percent(Statistic(-12.34, 0.0, 8)) == "−12.3 %"
     assert tables.spread_percent(Statistic(1019.8, 183.8, 8)) == "+1020 ± 184 %"
+    # Beside a baseline next to zero digits would say nothing.
+    assert tables.spread_percent(Statistic(3.2e9, 1.1e9, 8)) == "over +10000 %"
+    assert tables.signed(-2e4) == "over −10000 %"
 
 
 @pytest.mark.parametrize(
