@@ -12,6 +12,8 @@ use tuning::journal::Progress;
 use tuning::study::{self, Method, Study};
 use tuning::tune::{End, Existing, Summary, tune};
 
+use crate::output::outln;
+
 /// Which study, and where the results go. An interrupted study goes on with `--resume`, to the same results.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
@@ -104,19 +106,19 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     });
     let summary = summary.into_diagnostic()?;
     print_summary(&study, &summary, &seconds);
-    println!("{}", arguments.out.join(&study.name).join("summary.json").display());
+    outln!("{}", arguments.out.join(&study.name).join("summary.json").display());
     Ok(())
 }
 
 fn print_summary(study: &Study, summary: &Summary, seconds: &[(String, f64)]) {
     if let Some(judged) = &summary.judged {
-        println!("judgments: lambda_max {:.4}, consistency ratio {:.4}", judged.lambda_max, judged.ratio);
+        outln!("judgments: lambda_max {:.4}, consistency ratio {:.4}", judged.lambda_max, judged.ratio);
         for (term, weight) in summary.terms.iter().zip(&judged.weights) {
-            println!("  {weight:.4}  {}", term.signal);
+            outln!("  {weight:.4}  {}", term.signal);
         }
     }
     let show = |title: &str, objective: f64, reason: Option<&String>| {
-        println!("{title}: {objective:.6}{}", reason.map_or(String::new(), |r| format!("  ({r})")));
+        outln!("{title}: {objective:.6}{}", reason.map_or(String::new(), |r| format!("  ({r})")));
     };
     let baseline = &summary.baseline;
     show(&baseline.title, baseline.objective, baseline.reason.as_ref());
@@ -131,20 +133,23 @@ fn print_summary(study: &Study, summary: &Summary, seconds: &[(String, f64)]) {
             End::Target => "target reached",
         };
         let seconds = seconds.iter().find(|(name, _)| *name == method.method.name).map_or(0.0, |(_, s)| *s);
-        println!(
+        outln!(
             "{}: {} evaluations ({} not feasible), {} generations, {seconds:.1} s, {end}",
-            method.method.title, progress.evaluations, progress.infeasible, progress.generations
+            method.method.title,
+            progress.evaluations,
+            progress.infeasible,
+            progress.generations
         );
         let Some(best) = &progress.best else {
-            println!("  nothing feasible was found");
+            outln!("  nothing feasible was found");
             continue;
         };
-        println!("  best {:.6} in evaluation {}", best.objective, best.evaluation);
+        outln!("  best {:.6} in evaluation {}", best.objective, best.evaluation);
         for (parameter, value) in study.simulation.parameters.iter().zip(&best.values) {
-            println!("  {} = {value:?} {}", parameter.name, parameter.unit.as_deref().unwrap_or_default());
+            outln!("  {} = {value:?} {}", parameter.name, parameter.unit.as_deref().unwrap_or_default());
         }
     }
     if !summary.improved {
-        println!("no method improved on the scenario's own values");
+        outln!("no method improved on the scenario's own values");
     }
 }
