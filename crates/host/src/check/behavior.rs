@@ -5,12 +5,14 @@
 use super::{Event, Finding};
 use crate::c_api::Reference;
 use crate::description::{BaseType, Causality, Initial, ModelDescription, Unknown, Value, Variable};
-use crate::loader::{CallError, Instance, Library};
+use crate::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Steps of a trial run.
 const STEPS: usize = 40;
+/// Steps without which a trial run shows nothing.
+const FEWEST_STEPS: usize = 4;
 /// Points at which dependencies are looked for.
 const POINTS: usize = 6;
 
@@ -32,6 +34,8 @@ struct Trial<'a> {
     description: &'a ModelDescription,
     /// Communication step, s.
     step: f64,
+    /// Steps of a run.
+    steps: usize,
     /// Time of the start, s.
     start: f64,
     /// Real inputs.
@@ -53,16 +57,26 @@ pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, tell
         let is_wanted = |variable: &Variable| variable.causality == causality && variable.base_type == BaseType::Real;
         (0..description.variables.len()).filter(|&i| is_wanted(&description.variables[i])).collect()
     };
-    let trial = Trial {
+    let mut trial = Trial {
         library,
         description,
         step: step.or(duration.map(|duration| duration / 1000.0)).unwrap_or(0.01),
+        steps: STEPS,
         start,
         inputs: reals(Causality::Input),
         outputs: reals(Causality::Output),
     };
-    if trial.instantiation(tell) {
+    if !trial.instantiation(tell) {
+        return;
+    }
+    tell(Event::Trying("runs".to_owned()));
+    trial.steps = trial.length();
+    if trial.steps >= FEWEST_STEPS {
         trial.run_all(tell);
+    } else {
+        let (steps, step) = (2 * FEWEST_STEPS, trial.step);
+        let message = format!("ends the simulation within {steps} steps of {step} s, too early to be tried");
+        found(tell, Finding::warning("fmi2DoStep", message));
     }
 }
 
@@ -167,6 +181,19 @@ impl Trial<'_> {
         }
     }
 
+    /// Steps of a run such that one instance can take twice as many: fewer if the FMU ends the simulation by itself.
+    ///
+    /// It may, by fmi2Discard and fmi2Terminated. What else goes wrong is found by `runs`.
+    fn length(&self) -> usize {
+        let Ok(mut instance) = self.started("length") else { return STEPS };
+        for k in 0..2 * STEPS {
+            let Err(error) = self.go(&mut instance, k..k + 1, 1) else { continue };
+            let is_discarded = error.problem == CallProblem::Status(Status::Discard);
+            return if is_discarded && instance.wants_termination() == Ok(true) { k / 2 } else { STEPS };
+        }
+        STEPS
+    }
+
     fn variable(&self, i: usize) -> &Variable {
         &self.description.variables[i]
     }
@@ -235,7 +262,7 @@ impl Trial<'_> {
     /// A run is finite and repeats itself: in another instance, beside it, and after a reset.
     fn runs(&self, tell: Tell<'_>) -> Answer<()> {
         let mut first = self.started("first")?;
-        let expected = self.go(&mut first, 0..STEPS, 1)?;
+        let expected = self.go(&mut first, 0..self.steps, 1)?;
         if let Some(at) = expected.iter().position(|value| !value.is_finite()) {
             let name = &self.variable(self.outputs[at % self.outputs.len()]).name;
             let message = format!("is {} after step {}", expected[at], at / self.outputs.len() + 1);
@@ -245,9 +272,9 @@ impl Trial<'_> {
             let mut second = self.started("second")?;
             // The first one goes on in between: instances must not share what they remember.
             let mut outputs = Vec::new();
-            for k in 0..STEPS {
+            for k in 0..self.steps {
                 outputs.extend(self.go(&mut second, k..k + 1, 1)?);
-                self.go(&mut first, STEPS + k..STEPS + k + 1, 1)?;
+                self.go(&mut first, self.steps + k..self.steps + k + 1, 1)?;
             }
             self.compare(tell, "two instances", "give different results for the same calls", &expected, &outputs);
         }
@@ -255,7 +282,7 @@ impl Trial<'_> {
         first.setup_experiment(self.start, None)?;
         first.enter_initialization_mode()?;
         first.exit_initialization_mode()?;
-        let again = self.go(&mut first, 0..STEPS, 1)?;
+        let again = self.go(&mut first, 0..self.steps, 1)?;
         self.compare(
             tell,
             "fmi2Reset",
@@ -280,13 +307,13 @@ impl Trial<'_> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.can_get_and_set_fmu_state) else {
             return Ok(());
         };
-        let middle = STEPS / 2;
+        let middle = self.steps / 2;
         let mut instance = self.started("state")?;
         self.go(&mut instance, 0..middle, 1)?;
         let saved = instance.save_state()?;
-        let expected = self.go(&mut instance, middle..STEPS, 1)?;
+        let expected = self.go(&mut instance, middle..self.steps, 1)?;
         instance.restore_state(&saved)?;
-        let again = self.go(&mut instance, middle..STEPS, 1)?;
+        let again = self.go(&mut instance, middle..self.steps, 1)?;
         self.compare(tell, "fmi2SetFMUstate", "a restored state goes on otherwise", &expected, &again);
         if !unit.can_serialize_fmu_state {
             return instance.free_state(saved);
@@ -297,7 +324,7 @@ impl Trial<'_> {
         let mut other = self.started("bytes")?;
         let saved = other.deserialize_state(&bytes)?;
         other.restore_state(&saved)?;
-        let again = self.go(&mut other, middle..STEPS, 1)?;
+        let again = self.go(&mut other, middle..self.steps, 1)?;
         let message = "a state read from its bytes goes on otherwise in another instance";
         self.compare(tell, "fmi2DeSerializeFMUstate", message, &expected, &again);
         other.free_state(saved)

@@ -100,6 +100,9 @@ EXPORT int fmi2DoStep(void *c, double t, double h, int final) {
 #ifdef CRASH
     abort();
 #endif
+#ifdef ENDS
+    if (t > ENDS) return 2;
+#endif
     Instance *i = c;
     int failure = i->v.integer[0];
     if (failure && failure < 9 && t >= 0.5) {
@@ -112,6 +115,9 @@ EXPORT int fmi2DoStep(void *c, double t, double h, int final) {
     i->v.boolean[1] = 1;
     return 0;
 }
+#ifdef ENDS
+EXPORT int fmi2GetBooleanStatus(void *c, int kind, int *v) { (void)c; *v = TERMINATED; return kind == 3 ? 0 : 2; }
+#endif
 #ifdef STATES
 EXPORT int fmi2GetFMUstate(void *c, void **s) {
     if (!*s) *s = malloc(sizeof(Values));

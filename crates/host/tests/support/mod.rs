@@ -24,6 +24,8 @@ pub(crate) struct Build<'a> {
     pub(crate) states: bool,
     /// End the process at the first step.
     pub(crate) crash: bool,
+    /// Time after which all steps are discarded, s, and whether the FMU then says that it wants to terminate.
+    pub(crate) ends: Option<(f64, bool)>,
     /// GUID of the description; that of the binary is `{name}`.
     pub(crate) guid: &'a str,
 }
@@ -31,7 +33,7 @@ pub(crate) struct Build<'a> {
 impl<'a> Build<'a> {
     /// An integrator from `input` to `output`.
     pub(crate) fn new(name: &'a str, input: &'a str, output: &'a str) -> Self {
-        Self { name, input, output, flags: "", version: "2.0", states: true, crash: false, guid: name }
+        Self { name, input, output, flags: "", version: "2.0", states: true, crash: false, ends: None, guid: name }
     }
 
     /// Compiles and packs the FMU into a folder. The linker of Rust programs is the C compiler, so
@@ -50,6 +52,9 @@ impl<'a> Build<'a> {
             if is_wanted {
                 cc.arg(define);
             }
+        }
+        if let Some((time, terminated)) = self.ends {
+            cc.arg(format!("-DENDS={time}")).arg(format!("-DTERMINATED={}", u8::from(terminated)));
         }
         let status = cc.arg("-o").arg(&binary).arg(&source).status().unwrap();
         assert!(status.success());
