@@ -2,6 +2,7 @@
 
 mod advancing;
 mod allocations;
+mod brief;
 mod c_interface;
 mod derivatives;
 mod description;
