@@ -1,7 +1,7 @@
-//! Scenario files with mistakes of every kind: always a message with a place, never a panic.
+//! Scenario and study files with mistakes of every kind: always a message with a place, never a panic.
 //!
-//! The committed scenarios are changed at random, with fixed seeds. What a particular mistake is answered with is
-//! tested in `crates/host/tests/resolve.rs`.
+//! The committed files are changed at random, with fixed seeds. What a particular mistake is answered with is tested in
+//! `crates/host/tests/resolve.rs` and `crates/tuning/tests/studies.rs`.
 
 use host::resolve::{FmuFolder, Options, resolve_text};
 use std::path::{Path, PathBuf};
@@ -116,6 +116,41 @@ fn spoiled_scenarios_are_refused_with_a_message() {
     }
     println!("{refused} refused, {accepted} still in order");
     assert!(refused > 1000 && accepted > 100, "{refused} refused, {accepted} accepted: what is changed tests little");
+}
+
+#[test]
+fn spoiled_studies_are_refused_with_a_message() {
+    let source = FmuFolder::new([tests::folder()]);
+    // A study names its scenario by a path from itself.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [studies, scenarios] = ["studies", "scenarios"].map(|name| folder.path().join(name));
+    for folder in [&studies, &scenarios] {
+        std::fs::create_dir(folder).expect("it can be made");
+    }
+    for file in files("scenarios") {
+        std::fs::copy(&file, scenarios.join(file.file_name().expect("a name"))).expect("it can be copied");
+    }
+    let (mut refused, mut accepted) = (0, 0);
+    for (number, file) in files("studies").iter().enumerate() {
+        let text = std::fs::read_to_string(file).expect("the study can be read");
+        let path = studies.join(file.file_name().expect("a name"));
+        let mut random = Random(1000 + number as u64);
+        for change in 0..CHANGES {
+            let spoiled = spoil(&text, &mut random);
+            std::fs::write(&path, &spoiled).expect("it can be written");
+            let read = || tuning::study::read(&path, &source, 1).map(drop);
+            let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
+            match result.unwrap_or_else(|_| panic!("{}, change {change}: a panic on\n{spoiled}", file.display())) {
+                Ok(()) => accepted += 1,
+                Err(error) => {
+                    refused += 1;
+                    assert!(!error.to_string().trim().is_empty(), "no message for\n{spoiled}");
+                }
+            }
+        }
+    }
+    println!("{refused} refused, {accepted} still in order");
+    assert!(refused > 100 && accepted > 10, "{refused} refused, {accepted} accepted: what is changed tests little");
 }
 
 #[test]

@@ -367,6 +367,41 @@ fn hostile_descriptions_are_refused() {
     }
 }
 
+/// What is said about a particular mistake is tested in the crate `tuning`.
+#[test]
+fn a_wrong_study_leaves_nothing_behind() {
+    let sound = Sound::new().bytes();
+    for (file, from, to, expected) in [
+        ("study.toml", "title", "titel", "did you mean `title`?"),
+        ("study.toml", "\"ramp.toml\"", "\"romp.toml\"", "there is no file"),
+        ("study.toml", "max = 8.0", "max = -8.0", "expected a finite number above min"),
+        ("study.toml", "max = 8.0", "max = nan", "expected a finite number above min"),
+        ("study.toml", "max = 8.0", "max = 11.0", "expected at most 10"),
+        ("study.toml", "ramp:gain", "ramp:gian", "did you mean `gain`?"),
+        ("study.toml", "evaluations = 10", "evaluations = 0", "expected at least 1"),
+        ("study.toml", "weight = 1.0", "weight = 0.0", "all weights are 0"),
+        ("study.toml", "kind = \"rms\"", "kind = \"rsm\"", "did you mean `rms`?"),
+        ("study.toml", "kind = \"ga\"", "kind = \"genetic\"", "expected pacsa, ga or cmaes"),
+        ("study.toml", "kind = \"ga\"", "kind = \"ga\"\nseeds = [1, 1]", "is there twice"),
+        ("study.toml", "title", "\u{0}", "study.toml"),
+        ("ramp.toml", "stop = 1.0", "stop = 1.1", "expected a whole number"),
+        ("ramp.toml", "signals = [\"x\"]", "signals = [\"y\"]", "no output matches `y`"),
+    ] {
+        let folder = folder();
+        let folder = folder.path();
+        std::fs::write(folder.join("Ramp.fmu"), &sound).unwrap();
+        let text = std::fs::read_to_string(folder.join(file)).unwrap();
+        assert!(text.contains(from), "not in {file}: {from}");
+        std::fs::write(folder.join(file), text.replacen(from, to, 1)).unwrap();
+        let output = command(folder, "tune study.toml --fmus .");
+        let said = message(&output);
+        assert_eq!(output.status.code(), Some(1), "{to}: {said}");
+        assert!(said.contains(expected) && said.contains(file) && !said.contains("panicked"), "{to}: {said}");
+        assert_eq!(names(folder), ["Ramp.fmu", "ramp.toml", "stderr", "study.toml", "temporary"], "{to}");
+        assert_eq!(names(&folder.join("temporary")), [""; 0], "{to}");
+    }
+}
+
 /// They concern nobody who does not use them; `check` names them.
 #[test]
 fn wild_numbers_in_a_description_are_found_by_the_check() {

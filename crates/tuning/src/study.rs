@@ -274,6 +274,12 @@ pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study
         }
         other => other?,
     };
+    if let Some(wanted) = &file.seeds
+        && seeds.is_some_and(|n| n > plan.seeds.len() as u64)
+    {
+        let message = format!("seeds is {}, the scenario has {}", wanted.get_ref(), plan.seeds.len());
+        problems.add(wanted.span(), message);
+    }
     let fmus = Fmus::load(&plan)?;
     let runs = chosen_runs(&file, &plan, &mut problems);
     let parameters = parameters(&file, &runs, &fmus, &mut problems);
@@ -420,6 +426,11 @@ fn weights(file: &File, problems: &mut Collector) -> Option<ahp::Weights> {
             }
             _ => (),
         }
+    }
+    if !objective.terms.is_empty()
+        && objective.terms.iter().all(|t| t.weight.as_ref().is_some_and(|w| *w.get_ref() == 0.0))
+    {
+        problems.add(file.objective.span(), "all weights are 0, expected one above 0");
     }
     let judgments = objective.judgments.as_ref()?;
     let mut matrix = Vec::new();
@@ -573,7 +584,7 @@ impl Settings<'_> {
         let usual = pacsa::Settings::default();
         let population = self.count("population", usual.population, 2..=MAX_POPULATION);
         let most = population as i64;
-        pacsa::Settings {
+        let settings = pacsa::Settings {
             population,
             selected: self.count("selected", usual.selected.min(population), 1..=most),
             clone_scale: self.count("clone_scale", usual.clone_scale, 1..=MAX_POPULATION),
@@ -593,6 +604,17 @@ impl Settings<'_> {
                 false,
             ),
             generations: self.generations(usual.generations),
+        };
+        self.ordered(["mutation_min", "mutation_max"], [settings.mutation_min, settings.mutation_max]);
+        self.ordered(["updates_min", "updates_max"], [settings.updates_min, settings.updates_max]);
+        settings
+    }
+
+    /// Reports a lower end that is above the upper one.
+    fn ordered(&mut self, names: [&str; 2], [min, max]: [f64; 2]) {
+        let written = names.iter().find_map(|name| self.entry.settings.iter().find(|(key, _)| key.get_ref() == name));
+        if let Some((_, value)) = written.filter(|_| min > max) {
+            self.problems.add(value.span(), format!("{} is {min:?}, expected at most {} {max:?}", names[0], names[1]));
         }
     }
 

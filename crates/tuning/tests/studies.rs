@@ -441,6 +441,7 @@ fn mistakes_are_reported_with_their_place() {
         ("cases = [\"free\", \"inverted\"]", "cases = [\"alone\"]", "case `alone`: the run has no unit `velocity`"),
         ("stop = 0.8", "stop = 0.805", "4:8: stop 0.805 s is not a whole number of steps"),
         ("stop = 0.8", "seeds = 0", "4:9: seeds is 0, expected at least 1"),
+        ("stop = 0.8", "seeds = 2", "4:9: seeds is 2, the scenario has 0"),
         ("seed = 3", "seed = -3", "5:8: seed is -3, expected 0 or more"),
         ("seed = 3", "penalty = 0.0", "penalty is 0.0, expected above 0"),
         ("evaluations = 60", "evaluations = 0", "8:15: evaluations is 0, expected at least 1"),
@@ -483,6 +484,16 @@ fn mistakes_are_reported_with_their_place() {
         ("kind = \"pacsa\"", "kind = \"pasca\"", "unknown method `pasca`, expected pacsa, ga or cmaes"),
         ("kind = \"pacsa\"", "kind = \"ga\"", "the method `ga` is there twice; give it a name"),
         ("name = \"yardstick\"", "name = \"../x\"", "the name of a method is made of a-z, 0-9 and _"),
+        (
+            "kind = \"pacsa\"",
+            "kind = \"pacsa\"\nsettings = { mutation_min = 0.2 }",
+            "mutation_min is 0.2, expected at most mutation_max 0.15",
+        ),
+        (
+            "kind = \"pacsa\"",
+            "kind = \"pacsa\"\nsettings = { updates_max = 2 }",
+            "updates_min is 4.0, expected at most updates_max 2.0",
+        ),
         ("elite = 2", "elit = 2", "ga has no setting `elit`, expected one of: population, crossover"),
         ("elite = 2", "elite = 10", "elite is 10, expected a whole number from 0 to 9"),
         ("population = 10", "population = 1.5", "population is 1.5, expected a whole number from 2"),
@@ -498,6 +509,9 @@ fn mistakes_are_reported_with_their_place() {
         assert!(error.contains(expected), "{to}\n  expected {expected}\n  got {error}");
         assert!(error.contains("study.toml:"), "{error}");
     }
+    let weightless = STUDY.replacen("weight = 2.0", "weight = 0.0", 1).replacen("weight = 3.0", "weight = 0.0", 1);
+    let error = lines(&place.read(&weightless, 1).unwrap_err());
+    assert!(error.contains("all weights are 0, expected one above 0"), "{error}");
     for (what, expected) in [
         ("[[parameter]]", "a study needs at least one [[parameter]]"),
         ("[[objective.term]]", "missing field `objective`"),
