@@ -154,12 +154,14 @@ fn spoiled_studies_are_refused_with_a_message() {
 }
 
 #[test]
-fn scenarios_that_are_no_text_are_refused() {
+fn files_that_are_no_text_are_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("scenario.toml");
     let source = FmuFolder::new([tests::folder()]);
     let refuses = |path: &Path| {
         let error = host::resolve::resolve(path, &source, &Options::default()).map(drop).expect_err("no scenario");
+        assert!(!error.to_string().is_empty());
+        let error = tuning::study::read(path, &source, 1).map(drop).expect_err("no study");
         assert!(!error.to_string().is_empty());
     };
     let deep = format!("a = {}1{}", "[".repeat(100_000), "]".repeat(100_000));
