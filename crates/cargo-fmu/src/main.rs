@@ -9,11 +9,13 @@ mod new;
 mod output;
 mod pack;
 mod plan;
+mod platform;
 mod run;
 mod selection;
 mod system;
 mod systems;
 mod tune;
+mod win64;
 mod workspace;
 
 use clap::Parser;

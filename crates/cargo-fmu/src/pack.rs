@@ -14,6 +14,8 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use crate::documentation;
 use crate::output::outln;
+use crate::platform::Platform;
+use crate::win64;
 use crate::workspace::{Model, Workspace};
 
 /// Which models, and for whom.
@@ -24,9 +26,16 @@ pub(crate) struct Arguments {
     /// All models of the workspace's default members
     #[arg(long, conflicts_with = "names")]
     all: bool,
+    /// Platforms the FMUs get binaries for; win64 elsewhere needs mingw-w64 and a Rust with the sources of its library
+    /// [default: that of this machine]
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    platforms: Vec<Platform>,
     /// A linux64 binary that loads on distributions from glibc 2.17 on (needs cargo-zigbuild)
     #[arg(long)]
     portable: bool,
+    /// Folder the FMUs are written to [default: target/fmu]
+    #[arg(long, value_name = "OUT")]
+    out: Option<PathBuf>,
     /// Writes the generated model descriptions to modelDescription/, after an intended change of an interface
     #[arg(long)]
     update_descriptions: bool,
@@ -40,26 +49,33 @@ const PORTABLE_TARGET: &str = "x86_64-unknown-linux-gnu.2.17";
 /// # Errors
 /// When a model does not build, its library has no description, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    // First, because the user should not wait for a build to hear what is missing.
+    let builders = builders(&arguments.platforms, arguments.portable)?;
     let workspace = Workspace::find()?;
     let models = workspace.select(&arguments.names, arguments.all)?;
     if models.is_empty() {
         return Err(miette!("this workspace has no package with the crate type cdylib that depends on fmi2"));
     }
     let descriptions = describe(&workspace, &models)?;
-    let libraries = build(&workspace, &models, &descriptions, arguments.portable)?;
+    let mut libraries = vec![Vec::new(); models.len()];
+    for builder in &builders {
+        let built = build(&workspace, &models, &descriptions, builder)?;
+        let platform = builder.platform()?;
+        libraries.iter_mut().zip(built).for_each(|(libraries, path)| libraries.push((platform, path)));
+    }
     let bar = ProgressBar::new(models.len() as u64).with_style(
         ProgressStyle::with_template("packing [{bar:30}] {pos}/{len} {msg}").expect("a constant template is valid"),
     );
-    std::fs::create_dir_all(workspace.fmus()).into_diagnostic()?;
+    let folder = arguments.out.clone().unwrap_or_else(|| workspace.fmus());
     let mut changed = Vec::new();
     let mut report = Vec::new();
-    for ((model, description), library) in models.iter().zip(&descriptions).zip(&libraries) {
+    for ((model, description), libraries) in models.iter().zip(&descriptions).zip(&libraries) {
         bar.set_message(model.name.clone());
         if !description_is_committed(&workspace, model, &description.xml, arguments.update_descriptions)? {
             changed.push(model.name.as_str());
         }
-        let bytes = archive(model, library, description)?;
-        let path = workspace.fmus().join(format!("{}.fmu", model.name));
+        let bytes = archive(model, libraries, description)?;
+        let path = folder.join(format!("{}.fmu", model.name));
         write_whole(&path, &bytes)?;
         report.push(format!(
             "{} ({} kB)",
@@ -98,7 +114,7 @@ fn describe(workspace: &Workspace, models: &[Model]) -> Result<Vec<Description>>
     command.args(["build", "--locked", "--target-dir"]).arg(&workspace.target);
     carry_out(command, workspace, models)?;
     let describe = |model: &Model| -> Result<Description> {
-        let library = workspace.target.join("debug").join(model.library_file());
+        let library = workspace.target.join("debug").join(Platform::this()?.library_file(&model.library));
         let xml = host::loader::exported_description(&library).into_diagnostic()?;
         Ok(Description { parsed: ModelDescription::parse(&xml).into_diagnostic()?, xml })
     };
@@ -118,40 +134,98 @@ fn carry_out(mut command: Command, workspace: &Workspace, models: &[Model]) -> R
     Ok(())
 }
 
+/// How the libraries of one platform are built.
+#[derive(Debug)]
+enum Builder {
+    /// By the cargo in use, for this machine.
+    Native,
+    /// By cargo-zigbuild, for old distributions of Linux.
+    Portable,
+    /// By another toolchain, for Windows.
+    Win64(win64::Toolchain),
+}
+
+impl Builder {
+    fn platform(&self) -> Result<Platform> {
+        match self {
+            Self::Native => Platform::this(),
+            Self::Portable => Ok(Platform::Linux64),
+            Self::Win64(_) => Ok(Platform::Win64),
+        }
+    }
+}
+
+/// One builder for each platform, in the order of the platforms; all they need is there.
+fn builders(wanted: &[Platform], portable: bool) -> Result<Vec<Builder>> {
+    let this = Platform::this()?;
+    let mut wanted = if wanted.is_empty() { vec![this] } else { wanted.to_vec() };
+    wanted.sort();
+    wanted.dedup();
+    if portable && !wanted.contains(&Platform::Linux64) {
+        return Err(miette!(
+            "--portable is about the binary for linux64, which is not among the platforms to build for"
+        ));
+    }
+    let builder = |platform| match platform {
+        Platform::Linux64 if portable => require_zigbuild().map(|()| Builder::Portable),
+        platform if platform == this => Ok(Builder::Native),
+        Platform::Win64 => win64::Toolchain::find().map(Builder::Win64),
+        platform => Err(miette!(
+            "a binary for {} cannot be built on {}; from another machine that is possible for win64 only",
+            platform.name(),
+            this.name()
+        )),
+    };
+    wanted.into_iter().map(builder).collect()
+}
+
 /// Builds all models in one call of cargo and returns their libraries.
 ///
 /// The flags: `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; the paths
-/// of the machine are taken out of the messages, so that two machines build the same bytes. The build has a folder of
-/// its own because these flags would make cargo build everything else anew, too. The GUIDs are built in, so that the
-/// libraries need not write their descriptions to know them.
+/// of the machine are taken out of the messages, and the time out of the libraries for Windows, so that two machines build
+/// the same bytes. The build has a folder of its own because these flags would make cargo build everything else anew, too;
+/// that for Windows another one, because its compiler may be another. The GUIDs are built in, so that the libraries need not
+/// write their descriptions to know them.
 fn build(
     workspace: &Workspace,
     models: &[Model],
     descriptions: &[Description],
-    portable: bool,
+    builder: &Builder,
 ) -> Result<Vec<PathBuf>> {
-    let target = workspace.target.join("fmu-build");
-    let mut command = cargo();
-    let mut folder = target.clone();
-    if portable {
-        require_zigbuild()?;
-        command.args(["zigbuild", "--target", PORTABLE_TARGET]);
-        folder.push("x86_64-unknown-linux-gnu");
-    } else {
-        command.arg("build");
-    }
+    let platform = builder.platform()?;
+    let mut target = workspace.target.join("fmu-build");
+    let mut sources = None;
+    let (mut command, folder) = match builder {
+        Builder::Native => {
+            let mut command = cargo();
+            command.arg("build");
+            (command, target.clone())
+        }
+        Builder::Portable => {
+            let mut command = cargo();
+            command.args(["zigbuild", "--target", PORTABLE_TARGET]);
+            (command, target.join("x86_64-unknown-linux-gnu"))
+        }
+        Builder::Win64(toolchain) => {
+            target = workspace.target.join("fmu-build-win64");
+            sources = Some(toolchain.sources());
+            (toolchain.cargo_build(), target.join(win64::TARGET))
+        }
+    };
     command.args(["--profile", "fmu", "--locked", "--target-dir"]).arg(&target);
     for (model, description) in models.iter().zip(descriptions) {
         command.env(format!("FMI2_RS_GUID_{}", model.library), &description.parsed.guid);
     }
     let mut flags: Vec<OsString> = Vec::new();
-    if cfg!(target_os = "linux") {
-        flags.push("-Clink-arg=-Wl,-Bsymbolic".into());
+    match builder {
+        Builder::Win64(_) => flags.push("-Clink-arg=-Wl,--no-insert-timestamp".into()),
+        _ if platform == Platform::Linux64 => flags.push("-Clink-arg=-Wl,-Bsymbolic".into()),
+        _ => {}
     }
     let home = std::env::var_os("CARGO_HOME")
         .map(PathBuf::from)
         .or_else(|| std::env::home_dir().map(|home| home.join(".cargo")));
-    for (from, to) in [(home, "/cargo"), (Some(workspace.root.clone()), "/chassis-fmu")] {
+    for (from, to) in [(home, "/cargo"), (Some(workspace.root.clone()), "/chassis-fmu"), (sources, "/rust")] {
         if let Some(from) = from {
             let mut flag = OsString::from("--remap-path-prefix=");
             flag.push(from);
@@ -160,8 +234,8 @@ fn build(
         }
     }
     command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
-    carry_out(command, workspace, models)?;
-    Ok(models.iter().map(|model| folder.join("fmu").join(model.library_file())).collect())
+    carry_out(command, workspace, models).wrap_err_with(|| format!("building for {}", platform.name()))?;
+    Ok(models.iter().map(|model| folder.join("fmu").join(platform.library_file(&model.library))).collect())
 }
 
 /// Says what to install when the cross linker is missing.
@@ -186,23 +260,14 @@ fn description_is_committed(workspace: &Workspace, model: &Model, xml: &str, upd
     Ok(std::fs::read_to_string(&path).is_ok_and(|committed| committed == xml))
 }
 
-/// Name of the folder of binaries of this platform (FMI 2.0 knows these).
-fn platform() -> Result<&'static str> {
-    match (std::env::consts::OS, std::env::consts::ARCH) {
-        ("linux", "x86_64") => Ok("linux64"),
-        ("windows", "x86_64") => Ok("win64"),
-        ("macos", _) => Ok("darwin64"),
-        (os, arch) => Err(miette!("FMI 2.0 has no platform for {os} on {arch}")),
-    }
-}
-
 /// The bytes of the FMU: the same for the same files, on every machine.
-fn archive(model: &Model, library: &Path, description: &Description) -> Result<Vec<u8>> {
+fn archive(model: &Model, libraries: &[(Platform, PathBuf)], description: &Description) -> Result<Vec<u8>> {
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     let read =
         |path: &Path| std::fs::read(path).into_diagnostic().wrap_err_with(|| format!("reading {}", path.display()));
-    let suffix = std::env::consts::DLL_SUFFIX;
-    files.insert(format!("binaries/{}/{}{suffix}", platform()?, model.name), read(library)?);
+    for (platform, library) in libraries {
+        files.insert(platform.entry(&model.name), read(library)?);
+    }
     let readme = model.folder.join("README.md");
     let text = if readme.exists() { String::from_utf8_lossy(&read(&readme)?).into_owned() } else { String::new() };
     files.insert("documentation/index.html".to_owned(), documentation::page(&description.parsed, &text).into_bytes());

@@ -125,13 +125,6 @@ impl Workspace {
     }
 }
 
-impl Model {
-    /// File name of the library on a platform.
-    pub(crate) fn library_file(&self) -> String {
-        format!("{}{}{}", std::env::consts::DLL_PREFIX, self.library, std::env::consts::DLL_SUFFIX)
-    }
-}
-
 /// `rescue-vehicle` to `RescueVehicle`.
 pub(crate) fn pascal_case(kebab: &str) -> String {
     kebab

@@ -60,6 +60,7 @@ fn wrong_usage_ends_with_2() {
         &["run", "ramp.toml", "--seeds", "0"],
         &["run", "ramp.toml", "--jobs", "0"],
         &["plan", "ramp.toml", "--order", "random"],
+        &["pack", "--platforms", "amiga68k"],
         &["tune", "study.toml", "--budget", "0"],
         &["tune", "study.toml", "--resume", "--overwrite"],
     ] {
@@ -147,6 +148,33 @@ fn an_fmu_is_judged() {
     let findings = text(&output.stdout);
     assert!(findings.contains("error: runs: the process did not survive it: signal: 6"), "{findings}");
     assert!(findings.contains("Ramp.fmu: "), "the next one is checked all the same: {findings}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_other_platforms_lack_is_said_before_anything_is_built() {
+    // No workspace is here: looking for one would be another mistake, building takes one.
+    let folder = TempDir::new().unwrap();
+    let pack = |arguments: &[&str], path: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+            .args([&["pack"], arguments].concat())
+            .current_dir(folder.path())
+            .envs([("NO_COLOR", "1"), ("PATH", path), ("CHASSIS_FMU_WIN64_RUST", "no/rust/here")])
+            .output()
+            .unwrap();
+        assert!(!output.status.success());
+        message(&output.stderr)
+    };
+    let error = pack(&["--platforms", "linux64,win32"], "");
+    assert!(error.contains("'win32'") && error.contains("[possible values: linux64, win64, darwin64]"), "{error}");
+    let error = pack(&["--platforms", "linux64,win64"], "");
+    assert!(error.contains("the linker x86_64-w64-mingw32-gcc is not on the PATH"), "{error}");
+    assert!(error.contains("there is no no/rust/here/bin/cargo"), "{error}");
+    assert!(error.contains("gcc-mingw-w64-x86-64-win32 cargo-web rustc-web rust-web-src"), "{error}");
+    let error = pack(&["--platforms", "darwin64"], "");
+    assert!(error.contains("a binary for darwin64 cannot be built on linux64"), "{error}");
+    let error = pack(&["--platforms", "win64", "--portable"], "");
+    assert!(error.contains("--portable is about the binary for linux64"), "{error}");
 }
 
 const STUDY: &str = r#"title = "Ramp"
