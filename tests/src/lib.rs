@@ -93,7 +93,6 @@ impl Fmu {
     ///
     /// # Panics
     /// As [`Self::open`].
-    #[cfg(unix)]
     #[must_use]
     pub fn open_and_keep(path: &Path, global: bool) -> Self {
         Self::open_with(path, |binary| raw::keep_loaded(binary, global))

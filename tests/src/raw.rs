@@ -553,23 +553,38 @@ fn unpack(path: &Path, name: &str) -> Unpacked {
 }
 
 /// Loads a library and keeps it loaded to the end of the process; later loads of the same file find this one. If
-/// `global`, all libraries loaded so share one space of names (RTLD_GLOBAL), as in some masters.
+/// `global`, all libraries loaded so share one space of names (RTLD_GLOBAL), as in some masters; Windows has no such space.
 ///
 /// # Panics
 /// When it cannot be loaded.
-#[cfg(unix)]
 pub fn keep_loaded(path: &Path, global: bool) {
-    use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_LOCAL, RTLD_NOW};
-    let space = if global { RTLD_GLOBAL } else { RTLD_LOCAL };
-    // SAFETY: the library is one of this project's, its initializers do nothing.
-    let library = unsafe { Library::open(Some(path), RTLD_NOW | space) };
-    std::mem::forget(library.unwrap_or_else(|error| panic!("{error}")));
+    #[cfg(unix)]
+    let load = || {
+        use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_LOCAL, RTLD_NOW};
+        let space = if global { RTLD_GLOBAL } else { RTLD_LOCAL };
+        // SAFETY: the library is one of this project's, its initializers do nothing.
+        unsafe { Library::open(Some(path), RTLD_NOW | space) }
+    };
+    #[cfg(not(unix))]
+    let load = || {
+        let _ = global;
+        // SAFETY: as above.
+        unsafe { libloading::Library::new(path) }
+    };
+    std::mem::forget(load().unwrap_or_else(|error| panic!("{error}")));
 }
 
 /// How often memory was allocated in this process so far; `None` if it runs without `count_allocations`.
-#[cfg(unix)]
 #[must_use]
 pub fn allocations() -> Option<u64> {
+    #[cfg(unix)]
+    return preloaded_count();
+    #[cfg(not(unix))]
+    None
+}
+
+#[cfg(unix)]
+fn preloaded_count() -> Option<u64> {
     let this = libloading::os::unix::Library::this();
     // The name with its zero at the end needs no memory of its own.
     // SAFETY: the preloaded library defines this function with this type.

@@ -18,6 +18,21 @@ pub fn exported(library: &[u8]) -> Vec<String> {
     names
 }
 
+/// Libraries that a library for Windows asks for, in lower case, because the system does not care, and sorted.
+///
+/// # Panics
+/// When the bytes are no library.
+#[must_use]
+pub fn imported_libraries(library: &[u8]) -> Vec<String> {
+    let file = object::File::parse(library).unwrap_or_else(|error| panic!("{error}"));
+    let imports = file.imports().unwrap_or_else(|error| panic!("{error}"));
+    let mut names: Vec<_> =
+        imports.iter().map(|import| String::from_utf8_lossy(import.library()).to_lowercase()).collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
 /// The newest version of the GNU C library that a 64-bit ELF library asks for, such as (2, 17); `None` if it asks for
 /// none, as with another C library.
 ///

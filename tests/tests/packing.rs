@@ -68,6 +68,12 @@ fn binary(name: &str) -> String {
     format!("binaries/{}/{name}{}", platform(), std::env::consts::DLL_SUFFIX)
 }
 
+/// The platforms that the FMUs were packed for: whoever packs for others than this one names them in
+/// `CHASSIS_FMU_PLATFORMS`, as with `--platforms`.
+fn platforms() -> Option<String> {
+    std::env::var("CHASSIS_FMU_PLATFORMS").ok().filter(|platforms| !platforms.is_empty())
+}
+
 #[test]
 fn descriptions_are_the_committed_ones() {
     let folder = workspace().join("modelDescription");
@@ -150,16 +156,55 @@ fn archives_hold_what_users_look_for() {
 }
 
 #[test]
+fn archives_have_one_binary_for_each_platform() {
+    let wanted = platforms().unwrap_or_else(|| platform().to_owned());
+    let mut wanted: Vec<_> = wanted.split(',').collect();
+    wanted.sort_unstable();
+    for path in paths() {
+        let contents = Contents::read(&path);
+        let binaries: Vec<_> = contents.names.iter().filter(|name| name.starts_with("binaries/")).cloned().collect();
+        let expected: Vec<_> = wanted
+            .iter()
+            .map(|platform| {
+                let suffix = if platform.starts_with("win") { ".dll" } else { std::env::consts::DLL_SUFFIX };
+                format!("binaries/{platform}/{}{suffix}", name_of(&path))
+            })
+            .collect();
+        assert_eq!(binaries, expected, "{}", path.display());
+    }
+}
+
+#[test]
 fn libraries_export_the_interface_only() {
     // Names that several FMUs define must not meet in one process; the description is for the packer.
     for path in paths() {
+        let contents = Contents::read(&path);
+        for (name, library) in contents.files.iter().filter(|(name, _)| name.starts_with("binaries/")) {
+            let exported = symbols::exported(library);
+            let others: Vec<_> =
+                exported.iter().filter(|symbol| !symbol.trim_start_matches('_').starts_with("fmi2")).collect();
+            assert!(others.is_empty(), "{name} exports {others:?}");
+            assert!(exported.iter().any(|symbol| symbol.ends_with("fmi2DoStep")), "{name} exports {exported:?}");
+        }
+    }
+}
+
+/// Libraries for Windows load from Windows 7 on without anything beside them: these come with it.
+#[test]
+fn libraries_for_windows_need_the_system_only() {
+    const SYSTEM: [&str; 6] = ["advapi32.dll", "kernel32.dll", "msvcrt.dll", "ntdll.dll", "userenv.dll", "ws2_32.dll"];
+    let packed = platforms().is_some_and(|platforms| platforms.split(',').any(|platform| platform == "win64"));
+    for path in paths() {
         let name = name_of(&path);
         let contents = Contents::read(&path);
-        let exported = symbols::exported(contents.file(&binary(&name)));
-        let others: Vec<_> =
-            exported.iter().filter(|symbol| !symbol.trim_start_matches('_').starts_with("fmi2")).collect();
-        assert!(others.is_empty(), "{name} exports {others:?}");
-        assert!(exported.iter().any(|symbol| symbol.ends_with("fmi2DoStep")), "{name} exports {exported:?}");
+        let Some(library) = contents.files.get(&format!("binaries/win64/{name}.dll")) else {
+            assert!(!packed, "{name} has no binary for win64");
+            continue;
+        };
+        let needed = symbols::imported_libraries(library);
+        println!("{name}: {} kB, needs {needed:?}", library.len() / 1000);
+        let others: Vec<_> = needed.iter().filter(|library| !SYSTEM.contains(&library.as_str())).collect();
+        assert!(others.is_empty() && !needed.is_empty(), "{name} needs {needed:?}");
     }
 }
 
@@ -319,8 +364,11 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     let passed = report.matches("test result: ok.").count();
     assert!(passed == 2 && !report.contains(" 0 passed"), "both packages have tests: {report}");
 
+    let platforms = platforms().map(|platforms| format!("--platforms={platforms}"));
     let pack = |more: &[&str]| {
-        let output = fmu(&[&["pack", "YawDamper", "bouncing-body", "SuspensionMixer"], more].concat());
+        let platforms = platforms.as_deref();
+        let arguments = ["pack", "YawDamper", "bouncing-body", "SuspensionMixer"].into_iter().chain(platforms);
+        let output = fmu(&arguments.chain(more.iter().copied()).collect::<Vec<_>>());
         let names = ["YawDamper", "BouncingBody", "SuspensionMixer"];
         (names.map(|name| std::fs::read(copy.fmu(name)).expect("it was packed")), output)
     };
@@ -332,8 +380,8 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     let hint = String::from_utf8_lossy(&output.stderr);
     assert!(!hint.contains("--update-descriptions"), "now they are: {hint}");
     // The place of the sources does not matter either: what was packed from the workspace itself has the same bytes.
-    // FMUs of another folder or for old systems come from another machine or linker.
-    if std::env::var_os("CHASSIS_FMU_DIR").is_none() && !portable() {
+    // FMUs of another folder or for old systems come from another machine or linker, unless their platforms are named.
+    if (std::env::var_os("CHASSIS_FMU_DIR").is_none() || platforms.is_some()) && !portable() {
         let other = std::fs::read(folder().join("SuspensionMixer.fmu")).expect("it was packed");
         assert!(second[2] == other, "SuspensionMixer.fmu differs from a new one: run `cargo fmu pack --all`");
     }
