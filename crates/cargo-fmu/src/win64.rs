@@ -51,10 +51,12 @@ impl Toolchain {
         match toolchain {
             Some(toolchain) if missing.is_empty() => Ok(toolchain),
             _ => Err(miette!(
-                help = "On Debian: `apt-get install --no-install-recommends gcc-mingw-w64-x86-64-win32 cargo-web rustc-web \
-                        rust-web-src`; they do not get in the way of a Rust in the home directory. A toolchain elsewhere \
-                        that has the sources of its standard library (rustup: the component rust-src) is named by \
-                        {VARIABLE}=FOLDER, with FOLDER/bin/cargo in it.",
+                help = format!(
+                    "On Debian: `apt-get install --no-install-recommends gcc-mingw-w64-x86-64-win32 cargo-web rustc-web \
+                     rust-web-src`; they do not get in the way of a Rust in the home directory. A toolchain elsewhere that \
+                     has the sources of its standard library (rustup: the component rust-src) is named by \
+                     {VARIABLE}=FOLDER, with FOLDER/bin/cargo in it."
+                ),
                 "win64 cannot be built here: {}",
                 missing.join("; ")
             )),

@@ -163,18 +163,24 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
             .output()
             .unwrap();
         assert!(!output.status.success());
-        message(&output.stderr)
+        // Long words are broken as well.
+        message(&output.stderr).replace(' ', "")
+    };
+    let contains = |error: &str, expected: &str| {
+        assert!(error.contains(&expected.replace(' ', "")), "{expected}: {error}");
     };
     let error = pack(&["--platforms", "linux64,win32"], "");
-    assert!(error.contains("'win32'") && error.contains("[possible values: linux64, win64, darwin64]"), "{error}");
+    contains(&error, "'win32'");
+    contains(&error, "[possible values: linux64, win64, darwin64]");
     let error = pack(&["--platforms", "linux64,win64"], "");
-    assert!(error.contains("the linker x86_64-w64-mingw32-gcc is not on the PATH"), "{error}");
-    assert!(error.contains("there is no no/rust/here/bin/cargo"), "{error}");
-    assert!(error.contains("gcc-mingw-w64-x86-64-win32 cargo-web rustc-web rust-web-src"), "{error}");
+    contains(&error, "the linker x86_64-w64-mingw32-gcc is not on the PATH");
+    contains(&error, "there is no no/rust/here/bin/cargo");
+    contains(&error, "gcc-mingw-w64-x86-64-win32 cargo-web rustc-web rust-web-src");
+    contains(&error, "CHASSIS_FMU_WIN64_RUST=FOLDER");
     let error = pack(&["--platforms", "darwin64"], "");
-    assert!(error.contains("a binary for darwin64 cannot be built on linux64"), "{error}");
+    contains(&error, "a binary for darwin64 cannot be built on linux64");
     let error = pack(&["--platforms", "win64", "--portable"], "");
-    assert!(error.contains("--portable is about the binary for linux64"), "{error}");
+    contains(&error, "--portable is about the binary for linux64");
 }
 
 const STUDY: &str = r#"title = "Ramp"
