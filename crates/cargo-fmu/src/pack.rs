@@ -71,7 +71,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut report = Vec::new();
     for ((model, description), libraries) in models.iter().zip(&descriptions).zip(&libraries) {
         bar.set_message(model.name.clone());
-        if !description_is_committed(&workspace, model, &description.xml, arguments.update_descriptions)? {
+        // The descriptions of examples are not committed.
+        if model.is_default
+            && !description_is_committed(&workspace, model, &description.xml, arguments.update_descriptions)?
+        {
             changed.push(model.name.as_str());
         }
         let bytes = archive(model, libraries, description)?;
