@@ -150,12 +150,18 @@ impl Variable {
             ));
         };
         // The compiler's message points at the name of the variable.
-        let unit = quote_spanned!(name.span()=> const UNIT: ::fmi2::Unit = ::fmi2::unit::named(#unit););
+        let message = format!("fmi2::unit has no unit `{unit}`, with which the doc comment ends");
+        let unit = quote_spanned!(name.span()=> const UNIT: ::fmi2::Unit = ::fmi2::unit::named(#unit, #message););
         Ok((quote!({ #unit UNIT }), description))
     }
 
     /// An expression of type `fmi2::declare::Spec` for a real variable.
-    pub(crate) fn spec(&self, catalogue: &str, mut doc: &str) -> Result<TokenStream> {
+    pub(crate) fn spec(&self, catalogue: &str, doc: &str) -> Result<TokenStream> {
+        self.spec_and_unit(catalogue, doc).map(|(spec, _)| spec)
+    }
+
+    /// The same with an expression of type `fmi2::Unit`.
+    pub(crate) fn spec_and_unit(&self, catalogue: &str, mut doc: &str) -> Result<(TokenStream, TokenStream)> {
         let unit;
         let mut spec = match &self.source {
             Source::Entry(entry) => {
@@ -189,13 +195,13 @@ impl Variable {
         if let Some(start) = self.value("start")? {
             spec = quote!(#spec.start(#start));
         }
-        for key in ["positive", "tunable"] {
+        for key in ["positive", "tunable", "local"] {
             if self.flag(key)? {
                 let key = Ident::new(key, self.span());
                 spec = quote!(#spec.#key());
             }
         }
-        Ok(spec)
+        Ok((spec, unit))
     }
 
     /// Refuses a start value outside its limits, as far as both are written as numbers.

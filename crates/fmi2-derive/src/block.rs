@@ -1,7 +1,7 @@
 //! Structs of variables.
 
 use proc_macro2::TokenStream;
-use quote::quote;
+use quote::{quote, quote_spanned};
 use syn::{DeriveInput, Error, Field, GenericParam, Ident, Result};
 
 use crate::attribute::{Source, Variable, doc, fields, is_type};
@@ -100,7 +100,7 @@ fn parameter(field: &Field) -> Result<(TokenStream, TokenStream)> {
     };
     variable.check_start(start)?;
     if is_real {
-        let mut spec = variable.spec("quantity", &doc)?;
+        let (mut spec, unit) = variable.spec_and_unit("quantity", &doc)?;
         if GRID.iter().any(|(method, _)| name(field) == method) {
             if let Some((key, _)) = variable.keys.iter().find(|(key, _)| key == "tunable") {
                 return Err(Error::new(
@@ -108,7 +108,8 @@ fn parameter(field: &Field) -> Result<(TokenStream, TokenStream)> {
                     "the division of the time is fixed, it cannot change between steps",
                 ));
             }
-            spec = quote!(#spec.positive());
+            let seconds = quote_spanned!(variable.span()=> const _: () = ::fmi2::unit::require_seconds(&#unit););
+            spec = quote!({ #seconds #spec.positive() });
         }
         return Ok((quote!(#spec.declare::<f64, #ty>(&mut all);), quote!(::fmi2::block::read_reals::<#ty>(values))));
     }
@@ -176,14 +177,17 @@ pub(crate) fn numbers(input: &DeriveInput, is_state: bool) -> Result<TokenStream
             }
             _ => {}
         }
-        variable.allow(&["unit", "start", "nominal", "display"])?;
+        variable.allow(if is_state {
+            &["unit", "start", "nominal", "display", "local"]
+        } else {
+            &["unit", "start", "nominal", "display"]
+        })?;
         let spec = variable.spec("signal", &doc(&field.attrs)).map_err(|error| match kind {
             Some(_) => error,
             None => Error::new(error.span(), format!("{error}; an entry of a catalogue needs `#[signal(…)]`")),
         })?;
-        let local = if is_state && kind == Some("var") { quote!(.local()) } else { quote!() };
         let field_type = &field.ty;
-        declarations.push(quote!(#spec #local.declare::<#number, #field_type>(&mut all);));
+        declarations.push(quote!(#spec.declare::<#number, #field_type>(&mut all);));
         names.push(name(field));
         types.push(field_type);
     }

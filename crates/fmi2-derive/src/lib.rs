@@ -10,12 +10,14 @@
 //! | `Parameters` | `#[parameters]`: a block of parameters shared by several models | those of its fields |
 //! | `Inputs`, `Outputs`, `State` | `#[signal(SIGNAL)]`, an entry of the signal catalogue | that of the entry; a doc comment is added |
 //! | `Inputs`, `Outputs`, `State` | `#[var("name", unit = U)]`, a variable of this unit alone | the doc comment |
-//! | `Inputs`, `Outputs`, `State` | none: the same, with the name of the field and the unit as below | the doc comment |
+//! | `Inputs`, `Outputs`, `State` | none: the same as `#[var]`, with the name of the field and the unit as below | the doc comment |
 //! | `Design` | `#[calculated("name", unit = U)]`; fields without it are not shown | the doc comment |
 //! | `Memory` | `#[generated]`: finite by construction, not searched for other values | |
 //!
 //! Without `"name"` a variable is named like its field. Without `unit` the doc comment ends with it, in parentheses:
 //! `/// Height of the road (m)`; `(1)` means none. Units are those of `fmi2::unit`.
+//!
+//! A state is an output of the FMU; with the flag `local` it is a local variable.
 //!
 //! More keys of a variable: `min`, `max`, `nominal`, `display = "deg"`, and the flags `positive` (0 is refused at the
 //! end of initialization) and `tunable` (may change between steps). A switch is a `bool`, a text a `String`, a whole
@@ -50,8 +52,8 @@ derives! {
     Inputs(signal, var) = |input| block::numbers(input, false);
     /// The outputs of a model that are not states. Also implements `Default` (the start values).
     Outputs(signal, var) = |input| block::numbers(input, false);
-    /// The continuous state of a plant: `#[signal]` states are outputs, `#[var]` states are local. Also implements
-    /// `Default` (the start values).
+    /// The continuous state of a plant. The states are outputs of the FMU but for those with the flag `local`. Also
+    /// implements `Default` (the start values).
     State(signal, var) = |input| block::numbers(input, true);
     /// What follows from the fixed parameters.
     Design(calculated) = block::design;

@@ -185,8 +185,8 @@ const fn same(a: &str, b: &str) -> bool {
 /// The unit of this name, for example `rad/s`; `1` for none.
 ///
 /// # Panics
-/// When there is none, which stops the compilation: the derives call it in constants.
-pub const fn named(name: &str) -> Unit {
+/// With this message when there is none, which stops the compilation: the derives call it in constants.
+pub const fn named(name: &str, message: &str) -> Unit {
     let mut i = 0;
     while i < ALL.len() {
         if same(ALL[i].name, name) {
@@ -194,12 +194,17 @@ pub const fn named(name: &str) -> Unit {
         }
         i += 1;
     }
-    panic!("fmi2::unit has no unit of the name that closes the doc comment")
+    panic!("{}", message)
 }
 
 /// Stops the compilation when `unit` cannot be displayed as `name`; called by the derives.
 pub const fn require_display_unit(unit: &Unit, name: &str) {
     assert!(unit.display_unit(name).is_some(), "the unit has no display unit of this name");
+}
+
+/// Stops the compilation when a time is not in seconds; called by the derives.
+pub const fn require_seconds(unit: &Unit) {
+    assert!(same(unit.name, S.name), "sample_time and max_step are in s");
 }
 
 #[cfg(test)]
@@ -220,7 +225,7 @@ mod tests {
 
     #[test]
     fn units_are_found_by_their_names() {
-        ALL.iter().for_each(|unit| assert_eq!(named(unit.name), *unit));
+        ALL.iter().for_each(|unit| assert_eq!(named(unit.name, ""), *unit));
     }
 
     #[test]

@@ -20,10 +20,10 @@ struct P {
 #[derive(State, Clone)]
 struct X<T> {
     /// Delayed input
-    #[var("lag_state", unit = M)]
+    #[var("lag_state", unit = M, local)]
     y: T,
     /// Integral of the input
-    #[var("integral", unit = M)]
+    #[var("integral", unit = M, local)]
     i: T,
 }
 

@@ -73,7 +73,7 @@ pub(crate) struct CartState<T> {
     #[signal(CART_POSITION, start = [0.1, 0.0])]
     pub(crate) x: Carts<T>,
     /// Velocity
-    #[var("cart_velocity", unit = M_PER_S)]
+    #[var("cart_velocity", unit = M_PER_S, local)]
     pub(crate) v: Carts<T>,
 }
 
