@@ -38,23 +38,27 @@ def main() -> int:
     parser.add_argument(
         "--order",
         choices=("sequential", "jacobi"),
-        default="sequential",
-        help="of the units within a step, fmpy and container only; the others step all at once (jacobi)",
+        help="of the units within a step [default: sequential with fmpy and container, jacobi with the others]",
     )
     parser.add_argument(
-        "--out", type=Path, help="CSV file, or FMU [default: FOLDER-TOOL.csv or .fmu beside the folder]"
+        "--out", type=Path, help="CSV file, or FMU [default: FOLDER-TOOL.csv or FOLDER_container.fmu beside the folder]"
     )
     arguments = parser.parse_args()
     folder: Path = arguments.folder
-    suffix = "fmu" if arguments.tool == "container" else "csv"
-    out: Path = arguments.out or folder.with_name(f"{folder.name}-{arguments.tool}.{suffix}")
+    has_choice = arguments.tool in ("fmpy", "container")
+    if arguments.order == "sequential" and not has_choice:
+        parser.error(f"{arguments.tool} steps all units at once: --order jacobi is the only one")
+    order: systems.Order = arguments.order or ("sequential" if has_choice else "jacobi")
+    # The name of an FMU is an identifier.
+    name = f"{folder.name}_container.fmu" if arguments.tool == "container" else f"{folder.name}-{arguments.tool}.csv"
+    out: Path = arguments.out or folder.with_name(name)
     try:
         if arguments.tool == "container":
-            systems.container(folder, out, arguments.order)
-            print(out)
+            systems.container(folder, out, order)
+            print(f"{order}: {out}")
             return 0
         if arguments.tool == "fmpy":
-            recording = systems.with_fmpy(folder, arguments.order)
+            recording = systems.with_fmpy(folder, order)
         elif arguments.tool.startswith("ecos"):
             recording = systems.with_ecos(folder, calls=arguments.tool == "ecos-calls")
         else:
@@ -67,7 +71,7 @@ def main() -> int:
         return 1
     signals = recording.values
     write_csv(out, list(signals), recording.times, np.column_stack(list(signals.values())))
-    print(f"{len(recording.times)} rows of {len(signals)} signals: {out}")
+    print(f"{order}, {len(recording.times)} rows of {len(signals)} signals: {out}")
     return 0
 
 

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use host::description::ModelDescription;
+use host::loader::LoadError;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
@@ -93,8 +94,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     if !changed.is_empty() {
         eprintln!(
-            "The interface of {} differs from modelDescription/; if that is intended, run `cargo fmu pack \
-             --update-descriptions` and commit the change.",
+            "The interface of {} is not the one in modelDescription/, or not there yet; if that is intended, run `cargo fmu \
+             pack --update-descriptions` and commit the change.",
             changed.join(", ")
         );
     }
@@ -118,7 +119,16 @@ fn describe(workspace: &Workspace, models: &[Model]) -> Result<Vec<Description>>
     carry_out(command, workspace, models)?;
     let describe = |model: &Model| -> Result<Description> {
         let library = workspace.target.join("debug").join(Platform::this()?.library_file(&model.library));
-        let xml = host::loader::exported_description(&library).into_diagnostic()?;
+        let xml = host::loader::exported_description(&library).map_err(|error| match error {
+            LoadError::Missing { .. } => miette!(
+                help = "The last item of src/lib.rs is `fmi2::export!(plant NAME);`, or `sampled` or `advancing`.",
+                "{error}"
+            ),
+            error => miette!("{error}"),
+        })?;
+        if xml.is_empty() {
+            return Err(miette!("the declarations contradict each other; see the message above"));
+        }
         Ok(Description { parsed: ModelDescription::parse(&xml).into_diagnostic()?, xml })
     };
     let describe = |model| describe(model).wrap_err_with(|| format!("reading the description of {}", model.name));

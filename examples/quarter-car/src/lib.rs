@@ -1,5 +1,4 @@
-//! `QuarterCar`: the smallest complete plant, as an example. Its README has the equations and how it compares with
-//! the same model made by other exporters.
+//! `QuarterCar`: the smallest complete plant, as an example. Its README has the equations.
 
 use fmi2::prelude::*;
 

@@ -32,6 +32,7 @@ fn options() -> Option<Options> {
             "--seconds" => options.least = Duration::try_from_secs_f64(arguments.next()?.parse().ok()?).ok()?,
             "--seed" => options.seed = arguments.next()?.parse().ok()?,
             "--verbose" => options.is_verbose = true,
+            option if option.starts_with('-') => return None,
             fmu => options.fmus.push(fmu.to_owned()),
         }
     }
