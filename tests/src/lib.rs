@@ -313,7 +313,12 @@ pub fn ok<T>(result: Result<T, CallError>) -> T {
 #[track_caller]
 pub fn refused<T>(result: Result<T, CallError>) -> String {
     match result {
-        Err(CallError { problem: CallProblem::Status(Status::Error), messages, instance, function }) => {
+        Err(CallError {
+            problem: CallProblem::Status(Status::Error) | CallProblem::NoInstance,
+            messages,
+            instance,
+            function,
+        }) => {
             let texts: Vec<_> = messages.into_iter().map(|message| message.text).collect();
             assert!(!texts.is_empty(), "{instance}: {function} gave fmi2Error without a message");
             texts.join("\n")

@@ -117,6 +117,8 @@ pub struct Message {
 pub enum CallProblem {
     /// The FMU answered with this status.
     Status(Status),
+    /// The FMU made no instance.
+    NoInstance,
     /// The FMU does not export the function.
     NotExported,
     /// The arguments do not fit; the FMU was not called.
@@ -145,6 +147,7 @@ impl std::fmt::Display for CallError {
         let Self { instance, function, .. } = self;
         match &self.problem {
             CallProblem::Status(status) => write!(f, "`{instance}`: {function} returned {status}"),
+            CallProblem::NoInstance => write!(f, "`{instance}`: {function} returned no instance"),
             CallProblem::NotExported => {
                 write!(f, "`{instance}`: the FMU does not export {function}")
             }
@@ -471,7 +474,7 @@ impl Instance {
             )
         };
         if component.is_null() {
-            return Err(failed(CallProblem::Status(Status::Error), log.take()));
+            return Err(failed(CallProblem::NoInstance, log.take()));
         }
         library.instances.fetch_add(1, Ordering::AcqRel);
         Ok(Self {

@@ -300,7 +300,7 @@ fn unusable_fmus_are_clear_errors() {
 
     let build = Build { guid: "{another}", ..Build::new("Wrong", "u", "x") };
     let error = open(&build).unwrap().instantiate("w").unwrap_err();
-    assert_eq!(error.to_string(), "`w`: fmi2Instantiate returned fmi2Error\n  fmi2Error: wrong GUID");
+    assert_eq!(error.to_string(), "`w`: fmi2Instantiate returned no instance\n  fmi2Error: wrong GUID");
 
     let build = Build { states: false, ..Build::new("Small", "u", "x") };
     let mut instance = open(&build).unwrap().instantiate("s").unwrap();

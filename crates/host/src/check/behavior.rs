@@ -84,8 +84,9 @@ pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, tell
 fn words(error: &CallError) -> String {
     let said: Vec<_> = error.messages.iter().map(|message| message.text.as_str()).collect();
     let problem = error.to_string();
-    // The name of the instance is ours and says nothing.
-    let problem = problem.split_once(": ").map_or(problem.as_str(), |(_, rest)| rest);
+    // The name of the instance is ours and says nothing; what the FMU said follows in quotes.
+    let problem = problem.lines().next().unwrap_or_default();
+    let problem = problem.split_once(": ").map_or(problem, |(_, rest)| rest);
     if said.is_empty() { problem.to_owned() } else { format!("{problem} (\"{}\")", said.join("\", \"")) }
 }
 
