@@ -94,17 +94,19 @@ fn spoil(text: &str, random: &mut Random) -> String {
     lines.join("\n")
 }
 
-#[test]
-fn spoiled_scenarios_are_refused_with_a_message() {
-    let source = FmuFolder::new([tests::folder()]);
+/// Spoils the files of a folder and reads them: how many were refused with a message, how many are still in order.
+fn read_spoiled<E: std::fmt::Display>(
+    folder: &str,
+    first_seed: u64,
+    read: impl Fn(&Path, &str) -> Result<(), E>,
+) -> (u32, u32) {
     let (mut refused, mut accepted) = (0, 0);
-    for (number, file) in files("scenarios").iter().enumerate() {
-        let text = std::fs::read_to_string(file).expect("the scenario can be read");
-        let mut random = Random(number as u64);
+    for (number, file) in files(folder).iter().enumerate() {
+        let text = std::fs::read_to_string(file).expect("the file can be read");
+        let mut random = Random(first_seed + number as u64);
         for change in 0..CHANGES {
             let spoiled = spoil(&text, &mut random);
-            let resolve = || resolve_text(file, &spoiled, &source, &Options::default()).map(drop);
-            let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(resolve));
+            let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(file, &spoiled)));
             match result.unwrap_or_else(|_| panic!("{}, change {change}: a panic on\n{spoiled}", file.display())) {
                 Ok(()) => accepted += 1,
                 Err(error) => {
@@ -115,6 +117,15 @@ fn spoiled_scenarios_are_refused_with_a_message() {
         }
     }
     println!("{refused} refused, {accepted} still in order");
+    (refused, accepted)
+}
+
+#[test]
+fn spoiled_scenarios_are_refused_with_a_message() {
+    let source = FmuFolder::new([tests::folder()]);
+    let (refused, accepted) = read_spoiled("scenarios", 0, |file, spoiled| {
+        resolve_text(file, spoiled, &source, &Options::default()).map(drop)
+    });
     assert!(refused > 1000 && accepted > 100, "{refused} refused, {accepted} accepted: what is changed tests little");
 }
 
@@ -130,26 +141,11 @@ fn spoiled_studies_are_refused_with_a_message() {
     for file in files("scenarios") {
         std::fs::copy(&file, scenarios.join(file.file_name().expect("a name"))).expect("it can be copied");
     }
-    let (mut refused, mut accepted) = (0, 0);
-    for (number, file) in files("studies").iter().enumerate() {
-        let text = std::fs::read_to_string(file).expect("the study can be read");
+    let (refused, accepted) = read_spoiled("studies", 1000, |file, spoiled| {
         let path = studies.join(file.file_name().expect("a name"));
-        let mut random = Random(1000 + number as u64);
-        for change in 0..CHANGES {
-            let spoiled = spoil(&text, &mut random);
-            std::fs::write(&path, &spoiled).expect("it can be written");
-            let read = || tuning::study::read(&path, &source, 1).map(drop);
-            let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-            match result.unwrap_or_else(|_| panic!("{}, change {change}: a panic on\n{spoiled}", file.display())) {
-                Ok(()) => accepted += 1,
-                Err(error) => {
-                    refused += 1;
-                    assert!(!error.to_string().trim().is_empty(), "no message for\n{spoiled}");
-                }
-            }
-        }
-    }
-    println!("{refused} refused, {accepted} still in order");
+        std::fs::write(&path, spoiled).expect("it can be written");
+        tuning::study::read(&path, &source, 1).map(drop)
+    });
     assert!(refused > 100 && accepted > 10, "{refused} refused, {accepted} accepted: what is changed tests little");
 }
 
