@@ -44,7 +44,7 @@ def library() -> Path | None:
     return next((c for c in candidates if ".so" in name and c.is_file()), None)
 
 
-def call(*command: str, **environment: str) -> str:
+def call(*command: str, code: int = 0, **environment: str) -> str:
     done = subprocess.run(
         command,
         cwd=ROOT,
@@ -54,7 +54,7 @@ def call(*command: str, **environment: str) -> str:
         encoding="utf-8",
         check=False,
     )
-    assert done.returncode == 0, done.stdout
+    assert done.returncode == code, done.stdout
     return done.stdout
 
 
@@ -101,12 +101,30 @@ def test_it_is_another_law(folder: Path) -> None:
     assert np.abs(moments[0] - moments[1]).max() > 10.0
 
 
-def test_both_masters_agree_to_the_last_bit(folder: Path) -> None:
+@pytest.fixture(scope="module")
+def python() -> dict[str, str]:
+    """Return the environment in which a program that is not Python can load FMUs in Python."""
     path = library()
     if path is None:
         pytest.skip("this Python has no shared library, which a master that is not Python needs for FMUs in Python")
+    return {"LD_PRELOAD": str(path), "PYTHONHOME": sys.base_prefix}
+
+
+def test_the_check_judges_description_and_binary(folder: Path, python: dict[str, str]) -> None:
+    """References: FMI 2.0.4, section 2.2.8 (initial unknowns), and what PythonFMU does: it compares no GUID."""
+    check = ("cargo", "fmu", "check", str(folder / "PythonYawControl.fmu"))
+    judged = call(*check, code=1, **python)
+    errors = [line for line in judged.splitlines() if line.startswith("  error: ")]
+    assert len(errors) == 7
+    assert all("is not listed in ModelStructure/InitialUnknowns" in line for line in errors), judged
+    assert "a wrong GUID is accepted" in judged
+    # Without the library of Python the binary is a finding too.
+    assert "error: binary: cannot load" in call(*check, code=1)
+
+
+def test_both_masters_agree_to_the_last_bit(folder: Path, python: dict[str, str]) -> None:
     out = folder / "native"
-    call("cargo", "fmu", "run", *options(folder), "--out", str(out), LD_PRELOAD=str(path), PYTHONHOME=sys.base_prefix)
+    call("cargo", "fmu", "run", *options(folder), "--out", str(out), **python)
     names = sorted(p.name for p in (out / "swapped" / "runs").glob("*.csv"))
     assert names == ["coordination.csv", "left_out.csv", "python.csv", "sign.csv"]
     for name in names:
