@@ -34,8 +34,8 @@ impl Variable {
             })?));
         }
         let mut keys: Vec<(Ident, Option<Expr>)> = Vec::new();
-        if source.is_some() {
-            input.parse::<Option<Token![,]>>()?;
+        if source.is_some() && !input.is_empty() {
+            input.parse::<Token![,]>()?;
         }
         while !input.is_empty() {
             let key: Ident = input.parse()?;
