@@ -8,24 +8,7 @@ use tempfile::TempDir;
 #[path = "../../host/tests/support/mod.rs"]
 mod support;
 
-const SCENARIO: &str = r#"title = "Ramp"
-[simulation]
-stop = 1.0
-step = 0.25
-[[unit]]
-name = "ramp"
-fmu = "Ramp"
-inputs = { u = 2.0 }
-[[case]]
-name = "steep"
-title = "Steep"
-[[case]]
-name = "flat"
-title = "Flat"
-parameters.ramp = { gain = 0.5 }
-[record]
-signals = ["x"]
-"#;
+const SCENARIO: &str = include_str!("data/ramp.toml");
 
 fn command(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))

@@ -13,20 +13,7 @@ use tempfile::TempDir;
 use zip::ZipArchive;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-const SCENARIO: &str = r#"title = "Ramp"
-[simulation]
-stop = 1.0
-step = 0.25
-[[unit]]
-name = "ramp"
-fmu = "Ramp"
-inputs = { u = 2.0 }
-[[case]]
-name = "steep"
-title = "Steep"
-[record]
-signals = ["x"]
-"#;
+const SCENARIO: &str = include_str!("data/ramp.toml");
 
 const STUDY: &str = r#"title = "Ramp"
 scenario = "ramp.toml"

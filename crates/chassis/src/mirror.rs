@@ -12,7 +12,7 @@ const ODD: [&str; 9] = [
     "vehicle.sideslip",
     "vehicle.yaw",
     "vehicle.position_y",
-    "vehicle.load_transfer_ratio",
+    "vehicle.load_transfer",
     "body.roll",
 ];
 
@@ -24,8 +24,7 @@ const ODD: [&str; 9] = [
 #[must_use]
 pub fn mirrored<B: Block<f64>>(block: &B) -> B {
     let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
-    let mut values = vec![0.0; names.len()];
-    block.write(&mut values);
+    let values = block.numbers();
     let reflected: Vec<_> = names
         .iter()
         .map(|name| {

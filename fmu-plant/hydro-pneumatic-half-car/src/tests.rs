@@ -4,6 +4,7 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
+use chassis::mirror::mirrored;
 use std::f64::consts::FRAC_PI_2;
 
 use chassis::tire::MagicFormula;
@@ -287,36 +288,6 @@ fn any_options() -> impl Strategy<Value = P> {
         mu,
         ..P::default()
     })
-}
-
-/// The values of a block for the vehicle seen in a mirror along its track, by the names of the variables.
-fn mirrored<B: Block<f64>>(block: &B) -> B {
-    const ODD: [&str; 9] = [
-        "steer",
-        "tire_slip_angle",
-        "tire_lateral_force",
-        "vehicle.lateral",
-        "vehicle.sideslip",
-        "vehicle.yaw",
-        "vehicle.position_y",
-        "vehicle.load_transfer",
-        "body.roll",
-    ];
-    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
-    let values = block.numbers();
-    let other_side = |name: &str| match name.rsplit_once('.') {
-        Some((_, "l" | "fl" | "rl")) => format!("{}r", &name[..name.len() - 1]),
-        Some((_, "r" | "fr" | "rr")) => format!("{}l", &name[..name.len() - 1]),
-        _ => name.to_owned(),
-    };
-    let reflected: Vec<_> = names
-        .iter()
-        .map(|name| {
-            let source = names.iter().position(|other| *other == other_side(name)).unwrap();
-            if ODD.iter().any(|odd| name.starts_with(odd)) { -values[source] } else { values[source] }
-        })
-        .collect();
-    B::read(&reflected)
 }
 
 proptest! {
