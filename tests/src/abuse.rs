@@ -761,6 +761,21 @@ impl<'a> Abuser<'a> {
         }
     }
 
+    /// Where a state goes to: none yet, or one that is there; `None` if there are enough and none was picked.
+    fn target(&mut self, at: usize) -> Option<(RawState, Option<usize>, &'static str)> {
+        let is_full = self.slots[at].states.len() >= STATES;
+        let target = if is_full || self.chance(3) { self.some_state(at) } else { (RawState::NULL, None, "null") };
+        (!(target.0.is_null() && is_full)).then_some(target)
+    }
+
+    /// Notes the mode of the state at `place`, or a new state.
+    fn keep(&mut self, at: usize, place: Option<usize>, state: RawState, mode: Option<&'static str>) {
+        match place {
+            Some(place) => self.slots[at].states[place].1 = mode,
+            None => self.slots[at].states.push((state, mode)),
+        }
+    }
+
     fn save(&mut self, at: usize) -> Checked {
         // Without a logger the mode is not known.
         let mode = self.slots[at].has_logger.then_some(self.slots[at].mode);
@@ -768,12 +783,7 @@ impl<'a> Abuser<'a> {
             self.call(at, "fmi2GetFMUstate", "null".to_owned(), Next::Same, |instance| instance.get_state(None))?;
             return Ok(());
         }
-        let is_full = self.slots[at].states.len() >= STATES;
-        let (mut state, place, what) =
-            if is_full || self.chance(3) { self.some_state(at) } else { (RawState::NULL, None, "null") };
-        if state.is_null() && is_full {
-            return self.free(at);
-        }
+        let Some((mut state, place, what)) = self.target(at) else { return self.free(at) };
         let before = state;
         let text = format!("{what} {place:?}");
         let status =
@@ -785,10 +795,7 @@ impl<'a> Abuser<'a> {
         ensure(before.is_null() || state == before, || "fmi2GetFMUstate changed the pointer".to_owned())?;
         if status == OK {
             ensure(!state.is_null(), || "fmi2GetFMUstate gave no state".to_owned())?;
-            match place {
-                Some(place) => self.slots[at].states[place].1 = mode,
-                None => self.slots[at].states.push((state, mode)),
-            }
+            self.keep(at, place, state, mode);
         }
         Ok(())
     }
@@ -903,12 +910,7 @@ impl<'a> Abuser<'a> {
             }
             _ => ("good", Some(true)),
         };
-        let is_full = self.slots[at].states.len() >= STATES;
-        let (mut state, place, target) =
-            if is_full || self.chance(3) { self.some_state(at) } else { (RawState::NULL, None, "null") };
-        if state.is_null() && is_full {
-            return self.free(at);
-        }
+        let Some((mut state, place, target)) = self.target(at) else { return self.free(at) };
         let before = state;
         let is_null = self.chance(40);
         let count = if kind > 6 && self.chance(40) { usize::MAX } else { bytes.len() };
@@ -925,10 +927,7 @@ impl<'a> Abuser<'a> {
         ensure(before.is_null() || state == before, || format!("{function} changed the pointer"))?;
         if status == OK {
             ensure(fits && !state.is_null(), || format!("{function} gave no state"))?;
-            match place {
-                Some(place) => self.slots[at].states[place].1 = mode,
-                None => self.slots[at].states.push((state, mode)),
-            }
+            self.keep(at, place, state, mode);
         }
         Ok(())
     }
