@@ -1,0 +1,375 @@
+//! The wires of a case: what writes each input.
+
+use super::values::setting;
+use super::{Column, Member, Resolver, Source, System};
+use crate::description::{BaseType, Causality, Variable};
+use crate::plan::{self, Wire};
+use crate::problem::suggestion;
+use serde_spanned::Spanned;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
+
+impl<'a> Resolver<'a> {
+    /// Finds out what writes each input of a case.
+    pub(super) fn wire(&mut self, system: &mut System<'a>) {
+        let connections = self.connections(system);
+        // Outputs by name, to find the only other unit that has one.
+        let mut outputs: HashMap<&str, Vec<(usize, usize)>> = HashMap::new();
+        for (m, member) in system.members.iter().enumerate() {
+            for (v, variable) in member.wirable(Causality::Output) {
+                outputs.entry(variable.name.as_str()).or_default().push((m, v));
+            }
+        }
+        let mut wired = Vec::new();
+        for (m, member) in system.members.iter().enumerate() {
+            let constants = self.constants(system.case, member);
+            let mut inputs = Vec::new();
+            let mut missing = Vec::new();
+            for (v, variable) in member.all(Causality::Input) {
+                let constant = constants.get(&v);
+                let explicit = connections.get(&(m, v)).copied();
+                let writer = self.writer(system, (m, v), explicit, &outputs);
+                match (writer, constant) {
+                    (Ok(Some(Source::Output(from, _))), Some((_, span))) => self.problems.add(
+                        span.clone(),
+                        format!(
+                            "the input `{}` has this constant but is written by `{}`",
+                            variable.name,
+                            system.members[from].name()
+                        ),
+                    ),
+                    (Ok(Some(source)), _) => inputs.push((v, source)),
+                    (Ok(None), Some((value, _))) => {
+                        inputs.push((v, Source::Constant(value.clone())));
+                    }
+                    (Ok(None), None) => missing.push(variable.name.as_str()),
+                    (Err(()), _) => (),
+                }
+            }
+            if !missing.is_empty() {
+                self.report_missing(system, member, &missing, &outputs);
+            }
+            wired.push(inputs);
+        }
+        for (member, inputs) in system.members.iter_mut().zip(wired) {
+            member.inputs = inputs;
+        }
+        if self.feeds.is_some() {
+            self.drop_unneeded(system);
+        }
+    }
+
+    fn report_missing(
+        &mut self,
+        system: &System<'_>,
+        member: &Member<'_>,
+        missing: &[&str],
+        outputs: &HashMap<&str, Vec<(usize, usize)>>,
+    ) {
+        let list: Vec<String> = missing.iter().map(|name| format!("`{name}`")).collect();
+        let near = missing
+            .iter()
+            .find_map(|name| suggestion(name, outputs.keys().copied()))
+            .map_or(String::new(), |s| format!("; there is an output of similar name: {s}"));
+        self.problems.add_with_help(
+            member.unit.name.span(),
+            format!(
+                "nobody writes {} {} of `{}`",
+                if missing.len() == 1 { "the input" } else { "the inputs" },
+                list.join(", "),
+                member.name()
+            ),
+            Some(format!(
+                "in case `{}`; give the unit a constant in `inputs` or add a [[connection]]{near}",
+                system.case.name.get_ref()
+            )),
+        );
+    }
+
+    /// What writes an input, constants aside. `Err`: a mistake was noted.
+    fn writer(
+        &mut self,
+        system: &System<'_>,
+        (m, v): (usize, usize),
+        explicit: Option<(usize, usize)>,
+        outputs: &HashMap<&str, Vec<(usize, usize)>>,
+    ) -> Result<Option<Source>, ()> {
+        let member = &system.members[m];
+        let input = member.variable(v);
+        let name = input.name.as_str();
+        if input.base_type == BaseType::String {
+            return Ok(None);
+        }
+        if let Some(feed) = self.feed(Some(member.name()), name) {
+            return Ok(Some(self.use_feed(feed, member, input)));
+        }
+        let from = match explicit {
+            Some(from) => Some(from),
+            None => {
+                if let Some(feed) = self.feed(None, name) {
+                    return Ok(Some(self.use_feed(feed, member, input)));
+                }
+                let others: Vec<(usize, usize)> =
+                    outputs.get(name).into_iter().flatten().filter(|(other, _)| *other != m).copied().collect();
+                if others.len() > 1 {
+                    let units: Vec<String> =
+                        others.iter().map(|(other, _)| format!("`{}`", system.members[*other].name())).collect();
+                    self.problems.add_with_help(
+                        member.unit.name.span(),
+                        format!(
+                            "the input `{name}` of `{}` has several writers: {}",
+                            member.name(),
+                            units.join(" and ")
+                        ),
+                        Some("choose one with a [[connection]]".to_string()),
+                    );
+                    return Err(());
+                }
+                others.first().copied()
+            }
+        };
+        let Some((w, o)) = from else {
+            return Ok(None);
+        };
+        let writer = &system.members[w];
+        let output = writer.variable(o);
+        let fed = self.feed(Some(writer.name()), &output.name).or_else(|| self.feed(None, &output.name));
+        if let Some(feed) = fed {
+            return Ok(Some(self.use_feed(feed, member, input)));
+        }
+        // The ends of a connection were checked where it is written.
+        if explicit.is_none()
+            && let Err(message) = compatible((writer, output), (member, input))
+        {
+            self.problems.add(member.unit.name.span(), message);
+            return Err(());
+        }
+        Ok(Some(Source::Output(w, o)))
+    }
+
+    fn feed(&self, unit: Option<&str>, signal: &str) -> Option<usize> {
+        let feeds = self.feeds?;
+        match unit {
+            Some(unit) => feeds.index(&format!("{unit}:{signal}")),
+            None => feeds.index(signal),
+        }
+    }
+
+    /// Notes that a feed writes an input, and values that the input cannot take.
+    fn use_feed(&mut self, feed: usize, member: &Member<'_>, input: &Variable) -> Source {
+        self.fed.insert(feed);
+        let signal = self.feeds.map(|f| &f.signals[feed]);
+        let fits = |value: f64| match input.base_type {
+            BaseType::Integer => value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value),
+            BaseType::Boolean => value == 0.0 || value == 1.0,
+            BaseType::Real | BaseType::String => true,
+        };
+        if let Some(signal) = signal
+            && let Some(value) = signal.values.iter().find(|v| !fits(**v))
+        {
+            let misfit = format!(
+                "`{}` has the value {value}, but the input `{}` of `{}` is {}",
+                signal.name,
+                input.name,
+                member.name(),
+                input.base_type
+            );
+            if !self.misfits.contains(&misfit) {
+                self.misfits.push(misfit);
+            }
+        }
+        Source::Feed(feed)
+    }
+
+    /// Explicit connections of a case: (member, input) -> (member, output).
+    fn connections(&mut self, system: &System<'_>) -> HashMap<(usize, usize), (usize, usize)> {
+        let mut connections = HashMap::new();
+        for connection in &self.scenario.connections {
+            let from = self.end(system, &connection.from, Causality::Output);
+            let to = self.end(system, &connection.to, Causality::Input);
+            let (Some(from), Some(to)) = (from, to) else {
+                continue;
+            };
+            let ends = |(m, v): (usize, usize)| {
+                let member = &system.members[m];
+                (member, member.variable(v))
+            };
+            if let Err(message) = compatible(ends(from), ends(to)) {
+                self.problems.add(connection.to.span(), message);
+            }
+            if connections.insert(to, from).is_some() {
+                self.problems
+                    .add(connection.to.span(), format!("a second connection writes `{}`", connection.to.get_ref()));
+            }
+        }
+        connections
+    }
+
+    /// One end of a connection; `None` if it is wrong or the case leaves its unit out.
+    fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> Option<(usize, usize)> {
+        let (unit, name, name_span) = self.unit_and_name(written)?;
+        let m = system.member(unit)?;
+        let member = &system.members[m];
+        let wanted = if causality == Causality::Output { "output" } else { "input" };
+        match member.found.description.index(name) {
+            Some(v) if member.variable(v).causality != causality => {
+                self.problems.add(
+                    name_span,
+                    format!("`{name}` of `{unit}` is {}, expected an {wanted}", plan::role(member.variable(v))),
+                );
+                None
+            }
+            Some(v) if member.variable(v).base_type == BaseType::String => {
+                self.problems.add(name_span, "a String cannot be connected".to_string());
+                None
+            }
+            Some(v) => Some((m, v)),
+            None => {
+                let names = member.wirable(causality).map(|(_, v)| v.name.as_str());
+                let help = suggestion(name, names);
+                self.problems.add_with_help(name_span, format!("`{unit}` has no {wanted} `{name}`"), help);
+                None
+            }
+        }
+    }
+
+    /// Marks the units from which no way leads to a recorded output.
+    fn drop_unneeded(&mut self, system: &mut System<'_>) {
+        let mut needed = vec![false; system.members.len()];
+        let mut open: Vec<usize> = (0..system.members.len())
+            .filter(|&m| {
+                let member = &system.members[m];
+                member.wirable(Causality::Output).any(|(_, v)| self.is_recorded(member.name(), &v.name))
+            })
+            .collect();
+        while let Some(m) = open.pop() {
+            if std::mem::replace(&mut needed[m], true) {
+                continue;
+            }
+            for (_, source) in &system.members[m].inputs {
+                if let Source::Output(from, _) = source {
+                    open.push(*from);
+                }
+            }
+        }
+        for (member, needed) in system.members.iter_mut().zip(needed) {
+            member.dropped = !needed;
+        }
+    }
+
+    /// The run of a case with its wires, without parameters, point and seed.
+    pub(super) fn wired(&self, system: &System<'_>, columns: &[Column]) -> plan::Run {
+        let kept: Vec<usize> = (0..system.members.len()).filter(|&m| !system.members[m].dropped).collect();
+        let sources = || kept.iter().flat_map(|&m| &system.members[m].inputs).map(|(_, source)| source);
+        // Slots: feeds first, then outputs in the order of the units.
+        let mut slots = 0..;
+        let mut next = || slots.next().unwrap_or_default();
+        let used: BTreeSet<usize> = sources()
+            .filter_map(|s| match s {
+                Source::Feed(feed) => Some(*feed),
+                _ => None,
+            })
+            .collect();
+        let feed_slots: HashMap<usize, usize> = used.iter().map(|&feed| (feed, next())).collect();
+        let read: BTreeSet<(usize, usize)> = sources()
+            .filter_map(|s| match s {
+                Source::Output(m, v) => Some((*m, *v)),
+                _ => None,
+            })
+            .collect();
+        let mut output_slots: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        for &m in &kept {
+            let member = &system.members[m];
+            for (v, variable) in member.wirable(Causality::Output) {
+                if read.contains(&(m, v)) || self.is_recorded(member.name(), &variable.name) {
+                    output_slots.insert((m, v), next());
+                }
+            }
+        }
+        let units = kept
+            .iter()
+            .map(|&m| {
+                let member = &system.members[m];
+                let description = &member.found.description;
+                let mut constants = Vec::new();
+                let mut inputs = Vec::new();
+                for (v, source) in &member.inputs {
+                    let variable = member.variable(*v);
+                    match source {
+                        Source::Constant(value) => {
+                            constants.push(setting(variable, value.clone()));
+                        }
+                        Source::Feed(feed) => inputs.push(wire(variable, feed_slots[feed])),
+                        Source::Output(m, o) => {
+                            inputs.push(wire(variable, output_slots[&(*m, *o)]));
+                        }
+                    }
+                }
+                plan::Unit {
+                    name: member.name().to_string(),
+                    fmu: member.found.path.clone(),
+                    model_identifier: description
+                        .co_simulation
+                        .as_ref()
+                        .map_or(String::new(), |c| c.model_identifier.clone()),
+                    guid: description.guid.clone(),
+                    parameters: Vec::new(),
+                    constants,
+                    inputs,
+                    outputs: output_slots
+                        .range((m, 0)..(m + 1, 0))
+                        .map(|((_, v), slot)| wire(member.variable(*v), *slot))
+                        .collect(),
+                }
+            })
+            .collect();
+        let feeds = self.feeds.map_or(Vec::new(), |feeds| {
+            used.iter()
+                .map(|feed| plan::Feed {
+                    slot: feed_slots[feed],
+                    times: Arc::clone(&feeds.times),
+                    values: Arc::clone(&feeds.signals[*feed].values),
+                })
+                .collect()
+        });
+        let case = system.case.name.get_ref();
+        plan::Run {
+            id: case.clone(),
+            case: case.clone(),
+            point: None,
+            seed: None,
+            units,
+            feeds,
+            slots: feed_slots.len() + output_slots.len(),
+            columns: columns
+                .iter()
+                .map(|column| {
+                    let m = system.member(&column.unit)?;
+                    let v = system.members[m].found.description.index(&column.variable)?;
+                    output_slots.get(&(m, v)).copied()
+                })
+                .collect(),
+        }
+    }
+}
+
+fn wire(variable: &Variable, slot: usize) -> Wire {
+    Wire { reference: variable.reference, base_type: variable.base_type, slot }
+}
+
+/// Whether an output may write an input: same base type, same unit of measure where both have one.
+fn compatible(
+    (writer, output): (&Member<'_>, &Variable),
+    (reader, input): (&Member<'_>, &Variable),
+) -> Result<(), String> {
+    let describe = |output_is: &str, input_is: &str| {
+        format!(
+            "`{}:{}` is {output_is}, but `{}:{}`, which it writes, is {input_is}",
+            writer.name(),
+            output.name,
+            reader.name(),
+            input.name
+        )
+    };
+    output.mismatch(input).map_or(Ok(()), |[output_is, input_is]| Err(describe(&output_is, &input_is)))
+}
