@@ -14,6 +14,7 @@ use host::c_api::Reference;
 use host::description::{BaseType, Causality, ModelDescription, Variability, Variable};
 use host::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 
 /// Top folder of the workspace.
@@ -62,6 +63,16 @@ pub fn all() -> Vec<Fmu> {
 #[must_use]
 pub fn plants() -> Vec<Fmu> {
     all().into_iter().filter(Fmu::is_plant).collect()
+}
+
+/// A call of valgrind that ends with an error on an invalid access, a use of values that were never set, or lost memory.
+/// What is still reachable at the end is not lost.
+#[must_use]
+pub fn valgrind() -> Command {
+    let mut command = Command::new("valgrind");
+    command.args(["--quiet", "--error-exitcode=99", "--leak-check=full"]);
+    command.args(["--errors-for-leak-kinds=definite,indirect", "--show-leak-kinds=definite,indirect"]);
+    command
 }
 
 /// An opened FMU.

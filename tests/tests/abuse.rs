@@ -54,13 +54,7 @@ fn equal_seeds_make_equal_calls() {
 /// No invalid access, no use of values that were never set, nothing lost, whatever is called.
 #[cfg(target_os = "linux")]
 #[test]
+#[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn valgrind_finds_nothing() {
-    if !Command::new("valgrind").arg("--version").output().is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: valgrind is not installed (on Debian and Ubuntu: apt-get install valgrind)");
-        return;
-    }
-    let mut valgrind = Command::new("valgrind");
-    valgrind.args(["--quiet", "--error-exitcode=99", "--leak-check=full"]);
-    valgrind.args(["--errors-for-leak-kinds=definite,indirect", "--show-leak-kinds=definite,indirect"]);
-    run(valgrind.arg(ABUSE).args(["--calls", "500", "--seed", "2"]).args(tests::paths()));
+    run(tests::valgrind().arg(ABUSE).args(["--calls", "500", "--seed", "2"]).args(tests::paths()));
 }

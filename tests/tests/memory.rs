@@ -38,38 +38,17 @@ fn a_step_allocates_nothing() {
     }
 }
 
-/// Whether this machine has valgrind; a test that needs it says so and ends otherwise.
-fn has_valgrind() -> bool {
-    let found = Command::new("valgrind").arg("--version").output().is_ok_and(|output| output.status.success());
-    if !found {
-        eprintln!("skipped: valgrind is not installed (on Debian and Ubuntu: apt-get install valgrind)");
-    }
-    found
-}
-
 /// A whole life of every FMU: no invalid access, no use of values that were never set, nothing lost.
 #[test]
+#[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn valgrind_finds_nothing() {
-    if !has_valgrind() {
-        return;
-    }
-    exercise(valgrind().arg(EXERCISE).arg("life").args(tests::paths()));
+    exercise(tests::valgrind().arg(EXERCISE).arg("life").args(tests::paths()));
 }
 
 /// What a library keeps beside its instances goes with it: a master that loads FMUs again and again does not grow.
 /// Nothing points any more to what an unloaded library has left behind, so it would count as lost.
 #[test]
+#[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn an_unloaded_library_leaves_nothing_behind() {
-    if !has_valgrind() {
-        return;
-    }
-    exercise(valgrind().arg(EXERCISE).arg("reload").args(tests::paths()));
-}
-
-fn valgrind() -> Command {
-    let mut command = Command::new("valgrind");
-    command.args(["--quiet", "--error-exitcode=99", "--leak-check=full"]);
-    // What is still reachable at the end is not lost.
-    command.args(["--errors-for-leak-kinds=definite,indirect", "--show-leak-kinds=definite,indirect"]);
-    command
+    exercise(tests::valgrind().arg(EXERCISE).arg("reload").args(tests::paths()));
 }
