@@ -108,7 +108,7 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
 
 def _run(options: argparse.Namespace) -> int:
     shared = _options(options)
-    code, text = shell.cargo_fmu(["plan", *shared], PURPOSE, capture=True)
+    code, text = shell.cargo_fmu(["plan", "--json", *shared], PURPOSE, capture=True)
     if code != 0:
         # cargo fmu has said why
         raise AppError("", code)
@@ -129,7 +129,7 @@ def _run(options: argparse.Namespace) -> int:
         repeat.append("--native")
         out = ["--out", str(options.out.resolve())]
         jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
-        code, _ = shell.cargo_fmu(["run", *shared, *out, *jobs], PURPOSE)
+        code, _ = shell.cargo_fmu(["run", "--no-warnings", *shared, *out, *jobs], PURPOSE)
         # Runs that failed have left no file, the others are reported.
         failures = batch.convert(scenario, runs, runs)
         if code != 0 and not failures:

@@ -1,4 +1,4 @@
-"""The plan of a scenario: what `cargo fmu plan` prints, as typed values.
+"""The plan of a scenario: what `cargo fmu plan --json` prints, as typed values.
 
 A plan is complete: every connection is a pair of bus slots, every parameter has its value reference and its
 value in the unit of the variable. Nothing here reads the scenario file itself, so that both masters (the native
@@ -229,6 +229,15 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Unread:
+    """Outputs of a component that nothing reads, and in which cases."""
+
+    component: str
+    outputs: tuple[str, ...]
+    cases: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Plan:
     """A resolved scenario."""
 
@@ -247,6 +256,8 @@ class Plan:
     metrics: tuple[Metric, ...]
     figures: tuple[Figure, ...]
     findings: tuple[Finding, ...]
+    warnings: tuple[str, ...]
+    unread: tuple[Unread, ...]
 
     def run(self, case: str, point: str | None, seed: int | None) -> Run:
         """Return the run of a case, point and seed."""
@@ -356,6 +367,18 @@ def _figure(item: Mapping[str, Any]) -> Figure:
     )
 
 
+def _unread(wiring: Sequence[Mapping[str, Any]]) -> tuple[Unread, ...]:
+    """Group the outputs that nothing reads by component; cases that leave the same ones are joined."""
+    cases: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for case in wiring:
+        components: dict[str, list[str]] = {}
+        for signal in case["unread"]:
+            components.setdefault(signal["component"], []).append(signal["variable"])
+        for component, outputs in components.items():
+            cases.setdefault((component, tuple(outputs)), []).append(case["case"])
+    return tuple(Unread(component, outputs, tuple(names)) for (component, outputs), names in cases.items())
+
+
 def parse(text: str, root: Path) -> Plan:
     """Read a plan; relative paths of FMUs are relative to `root`.
 
@@ -397,6 +420,8 @@ def parse(text: str, root: Path) -> Plan:
             metrics=tuple(map(_metric, data["metrics"])),
             figures=tuple(map(_figure, data["figures"])),
             findings=tuple(Finding(f["status"], f["claim"], f["explanation"] or "") for f in data["findings"]),
+            warnings=tuple(map(str, data["warnings"])),
+            unread=_unread(data["wiring"]),
         )
     except KeyError as error:
         raise PlanError(f"the plan has no field {error}") from error

@@ -26,7 +26,7 @@ def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 printf '%s\\n' "$*" >> '{folder}/log'
 case "$*" in
 *broken*) echo 'scenario.toml:3:7: unknown unit `rod`, did you mean `road`?' >&2; exit 3 ;;
-*' plan '*) cat '{HERE}/plan.json' ;;
+*' plan --json '*) cat '{HERE}/plan.json' ;;
 *' run '*)
     mkdir -p '{tmp_path}/out/trial/runs'
     cp '{tmp_path}'/recorded/*.csv '{tmp_path}/out/trial/runs'
@@ -75,7 +75,7 @@ def test_outputs_repeat_to_the_byte(
     }
     assert one["trial/runs/active_1.csv"] == (recorded / "active_1.csv").read_bytes()
     assert "Roll angle <RMS> (°)" in capsys.readouterr().out
-    assert cargo.read_text().splitlines()[0].startswith("fmu plan ")
+    assert cargo.read_text().splitlines()[0].startswith("fmu plan --json ")
 
 
 def test_options_are_passed_on(cargo: Path, recorded: Path, tmp_path: Path) -> None:

@@ -50,6 +50,12 @@ def test_a_shortened_run_says_so(scenario: Plan, text: str) -> None:
     assert "--stop 3 --seeds 1" in tree.xpath("string(//header)")
 
 
+def test_warnings_and_unread_outputs_are_shown(text: str) -> None:
+    assert "`gain` of `source` has no effect &amp; &lt;so&gt; on" in text
+    assert "<dt>source <small>passive</small></dt><dd>idle, spare</dd>" in text
+    assert "<dt>source <small>active</small></dt><dd>idle</dd>" in text
+
+
 def test_nothing_is_requested(text: str) -> None:
     tree = html.document_fromstring(text)
     assert not tree.xpath("//script | //link | //img | //iframe | //object | //*[@src]")
@@ -98,7 +104,16 @@ def test_the_parts_are_there(text: str) -> None:
 
 def test_a_page_without_anything_optional(scenario: Plan) -> None:
     bare = dataclasses.replace(
-        scenario, description="", reference="", metrics=(), figures=(), findings=(), seeds=(), runs=scenario.runs[:1]
+        scenario,
+        description="",
+        reference="",
+        metrics=(),
+        figures=(),
+        findings=(),
+        seeds=(),
+        runs=scenario.runs[:1],
+        warnings=(),
+        unread=(),
     )
     bare = dataclasses.replace(bare, runs=(dataclasses.replace(bare.runs[0], seed=None),))
     tree = html.document_fromstring(page.render(bare, [], [], {}, page.Context("native", "scripts/run")))

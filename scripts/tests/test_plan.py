@@ -21,6 +21,13 @@ def test_fields_arrive(scenario: plan.Plan) -> None:
     assert scenario.run("active", None, 2).columns == (None, 1)
 
 
+def test_outputs_that_nothing_reads_are_grouped(scenario: plan.Plan) -> None:
+    assert scenario.unread == (
+        plan.Unread("source", ("idle", "spare"), ("passive",)),
+        plan.Unread("source", ("idle",), ("active",)),
+    )
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -14,6 +14,7 @@ mod run;
 mod selection;
 mod system;
 mod systems;
+mod trials;
 mod tune;
 mod win64;
 mod workspace;
@@ -48,7 +49,9 @@ enum Cli {
     Linearize(linearize::Arguments),
     /// Writes a working package of a new model
     New(new::Arguments),
-    /// Resolves a scenario and prints the plan as JSON
+    /// Checks a scenario and shows what it runs and how it is wired
+    ///
+    /// Components without inputs are run alone for a moment, in a process of their own, to find parameters without an effect.
     Plan(plan::Arguments),
     /// Executes all runs of a scenario and writes a CSV file for each
     Run(run::Arguments),

@@ -1,20 +1,44 @@
-//! `cargo fmu plan`: prints a resolved scenario.
+//! `cargo fmu plan`: checks a scenario and shows what it is made of.
 
+use crate::output::out;
 use crate::selection::Selection;
+use crate::trials;
 use clap::Args;
+use host::plan::{Connected, Order, Origin, Plan, Signal, Value, Wiring};
 use miette::IntoDiagnostic;
+use std::collections::BTreeMap;
 use std::io::{self, BufWriter, Write};
 
-/// Which scenario. The plan names every run with its units, parameters, wires and recorded columns.
+/// Outputs of a component that are listed by name; of more, only their number is told.
+const LISTED_OUTPUTS: usize = 6;
+
+/// Which scenario.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
     selection: Selection,
+
+    /// Prints the plan as JSON: every run with its units, parameters, wires and recorded columns
+    #[arg(long)]
+    json: bool,
+
+    /// Makes the trial runs in this process and prints their warnings
+    #[arg(long, hide = true)]
+    trials: bool,
 }
 
-/// Prints the plan.
+/// Prints the plan, and what is probably not meant as warnings.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
-    let plan = arguments.selection.plan()?;
+    if arguments.trials {
+        trials::print(&arguments.selection.plan()?);
+        return Ok(());
+    }
+    let plan = arguments.selection.plan_with_warnings()?;
+    print_warnings(&plan);
+    if !arguments.json {
+        out!("{}", summary(&plan));
+        return Ok(());
+    }
     let mut out = BufWriter::new(io::stdout().lock());
     let printed = serde_json::to_writer(&mut out, &plan)
         .map_err(io::Error::from)
@@ -25,4 +49,156 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => other.into_diagnostic(),
     }
+}
+
+/// Prints the warnings of a plan.
+pub(crate) fn print_warnings(plan: &Plan) {
+    for warning in &plan.warnings {
+        eprintln!("warning: {warning}");
+    }
+}
+
+fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
+/// A page of text: what is run, by which components, and where their inputs come from.
+fn summary(plan: &Plan) -> String {
+    let mut lines = vec![plan.title.clone()];
+    let times = &plan.simulation;
+    let factors: Vec<String> = [
+        Some(counted(plan.cases.len(), "case")),
+        (!plan.points.is_empty()).then(|| counted(plan.points.len(), "point")),
+        (!plan.seeds.is_empty()).then(|| counted(plan.seeds.len(), "seed")),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    lines.push(format!(
+        "{}: {} = {}, each from {} s to {} s in {} steps of {} s, {}",
+        plan.file,
+        factors.join(" x "),
+        counted(plan.runs.len(), "run"),
+        times.start,
+        times.stop,
+        times.steps,
+        times.step,
+        match times.order {
+            Order::Sequential => "sequential",
+            Order::Jacobi => "jacobi",
+        },
+    ));
+    let every = if times.every == 1 { "every step".to_string() } else { format!("every {} steps", times.every) };
+    lines.push(format!(
+        "{} recorded {every}, {}, {}",
+        counted(plan.columns.len(), "signal"),
+        counted(plan.metrics.len(), "metric"),
+        counted(plan.figures.len(), "figure")
+    ));
+    lines.push("\nComponents in order of execution".to_string());
+    lines.extend(components(plan));
+    let mut known: Vec<[String; 3]> = Vec::new();
+    for wiring in &plan.wiring {
+        let rows = rows(wiring);
+        let new: Vec<[String; 3]> = rows.into_iter().filter(|row| !known.contains(row)).collect();
+        if known.is_empty() {
+            lines.push(format!("\nWiring, case {}", wiring.case));
+        } else if !new.is_empty() {
+            lines.push(format!("\nWiring of case {} where it differs", wiring.case));
+        }
+        lines.extend(table(&new));
+        known.extend(new);
+    }
+    for wiring in &plan.wiring {
+        let unread = unread(wiring);
+        if !unread.is_empty() && !lines.contains(&unread) {
+            lines.push(format!("\nOutputs that nothing reads, case {}", wiring.case));
+            lines.push(unread);
+        }
+    }
+    lines.push(String::new());
+    lines.join("\n")
+}
+
+/// Name and FMU of all components, with the number of parameters that are set.
+fn components(plan: &Plan) -> Vec<String> {
+    let mut rows: Vec<[String; 3]> = Vec::new();
+    for unit in plan.runs.iter().flat_map(|run| &run.units) {
+        let fmu =
+            std::path::Path::new(&unit.fmu).file_stem().map_or(String::new(), |s| s.to_string_lossy().into_owned());
+        let row = [unit.name.clone(), fmu, format!("{} set", counted(unit.parameters.len(), "parameter"))];
+        match rows.iter().position(|known| known[0] == row[0]) {
+            None => rows.push(row),
+            // Another FMU, in another case.
+            Some(at) if rows.iter().all(|known| known[..2] != row[..2]) => rows.insert(at + 1, row),
+            Some(_) => (),
+        }
+    }
+    table(&rows)
+}
+
+/// The wires of a case: component, input, source. Inputs that differ in their last part only, with sources that differ in the
+/// same way, share a row.
+fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
+    let mut rows: Vec<([String; 3], Vec<String>)> = Vec::new();
+    for Connected { input, source } in &wiring.inputs {
+        let (stem, place) = input.variable.rsplit_once('.').unwrap_or((&input.variable, ""));
+        let source = match source {
+            Origin::Output(Signal { component, variable }) => {
+                match variable.rsplit_once('.').filter(|(_, last)| *last == place) {
+                    Some((of, _)) => format!("{component}:{of}.*"),
+                    None => format!("{component}:{variable}"),
+                }
+            }
+            Origin::File(signal) => format!("file: {signal}"),
+            Origin::Constant { value, unit } => {
+                let value = match value {
+                    Value::Real(v) => v.to_string(),
+                    other => other.to_string(),
+                };
+                let unit = unit.as_ref().filter(|unit| *unit != "1").map_or(String::new(), |unit| format!(" {unit}"));
+                format!("constant {value}{unit}")
+            }
+        };
+        let row = [input.component.clone(), stem.to_string(), source];
+        match rows.iter_mut().find(|(known, _)| *known == row) {
+            Some((_, places)) => places.push(place.to_string()),
+            None => rows.push((row, vec![place.to_string()])),
+        }
+    }
+    rows.into_iter()
+        .map(|([component, stem, source], places)| {
+            let (input, last) = match &places[..] {
+                [place] if place.is_empty() => (stem, ""),
+                [place] => (format!("{stem}.{place}"), place.as_str()),
+                several => (format!("{stem}.{{{}}}", several.join(" ")), "*"),
+            };
+            let source = match source.strip_suffix(".*") {
+                Some(of) => format!("{of}.{last}"),
+                None => source,
+            };
+            [component, input, format!("<- {source}")]
+        })
+        .collect()
+}
+
+/// Rows with aligned columns.
+fn table(rows: &[[String; 3]]) -> Vec<String> {
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let (first, second) = (width(0), width(1));
+    rows.iter().map(|row| format!("  {:first$}  {:second$}  {}", row[0], row[1], row[2])).collect()
+}
+
+/// Outputs that nothing reads, a line for each component.
+fn unread(wiring: &Wiring) -> String {
+    let mut components: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for signal in &wiring.unread {
+        components.entry(&signal.component).or_default().push(&signal.variable);
+    }
+    let line = |(component, outputs): (&str, Vec<&str>)| {
+        let outputs =
+            if outputs.len() > LISTED_OUTPUTS { format!("{} of them", outputs.len()) } else { outputs.join(", ") };
+        format!("  {component}: {outputs}")
+    };
+    components.into_iter().map(line).collect::<Vec<_>>().join("\n")
 }

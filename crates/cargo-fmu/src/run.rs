@@ -1,6 +1,7 @@
 //! `cargo fmu run`: executes a scenario.
 
 use crate::output::outln;
+use crate::plan::print_warnings;
 use crate::selection::Selection;
 use clap::Args;
 use host::fmu::Fmus;
@@ -27,6 +28,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "OUT", default_value = "results")]
     out: PathBuf,
 
+    /// Leaves out the warnings of `cargo fmu plan`
+    #[arg(long)]
+    no_warnings: bool,
+
     /// Number of threads [default: that of the processors]
     #[arg(long, short, value_name = "N")]
     jobs: Option<NonZeroUsize>,
@@ -40,7 +45,13 @@ struct Done {
 
 /// Executes the scenario.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
-    let plan = arguments.selection.plan()?;
+    let plan = if arguments.no_warnings {
+        arguments.selection.plan()?
+    } else {
+        let plan = arguments.selection.plan_with_warnings()?;
+        print_warnings(&plan);
+        plan
+    };
     let folder = arguments.out.join(&plan.name).join("runs");
     remove_old(&plan, &folder)?;
     let fmus = Fmus::load(&plan).into_diagnostic()?;

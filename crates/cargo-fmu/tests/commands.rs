@@ -59,7 +59,7 @@ fn mistakes_end_with_1_and_mark_the_place() {
     assert!(output.stdout.is_empty());
     let error = text(&output.stderr);
     assert!(error.contains("ramp.toml:3:1"), "{error}");
-    assert!(error.contains("unknown field `stopp`"), "{error}");
+    assert!(error.contains("unknown key `stopp`"), "{error}");
 
     let output = command(folder.path(), &["run", "missing.toml"]);
     assert_eq!(output.status.code(), Some(1));
@@ -85,6 +85,15 @@ fn a_scenario_is_planned_and_run() {
     support::Build::new("Ramp", "u", "x").pack(&fmus);
 
     let output = command(folder.path(), &["plan", "ramp.toml", "--stop", "0.5"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(
+        text(&output.stdout),
+        "Ramp\nramp.toml: 2 cases = 2 runs, each from 0 s to 0.5 s in 2 steps of 0.25 s, sequential\n\
+         1 signal recorded every step, 0 metrics, 0 figures\n\n\
+         Components in order of execution\n  ramp  Ramp  0 parameters set\n\n\
+         Wiring, case steep\n  ramp  u  <- constant 2\n"
+    );
+    let output = command(folder.path(), &["plan", "ramp.toml", "--stop", "0.5", "--json"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let plan = text(&output.stdout);
     assert!(plan.starts_with(r#"{"format":1,"name":"ramp","file":"ramp.toml","title":"Ramp""#), "{plan}");

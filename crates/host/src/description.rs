@@ -281,6 +281,14 @@ impl Variable {
             _ => None,
         }
     }
+
+    /// Why a value for this parameter does not fit that one of another FMU: what the one is and what the other; `None`: it
+    /// does. Base type and unit of measure have to be the same.
+    pub(crate) fn mismatch_of_parameter(&self, other: &Self) -> Option<[String; 2]> {
+        let unit =
+            |variable: &Self| variable.unit.as_ref().map_or("without a unit".into(), |unit| format!("in {unit}"));
+        self.mismatch(other).or_else(|| (self.unit != other.unit).then(|| [unit(self), unit(other)]))
+    }
 }
 
 /// An item of an enumeration.

@@ -37,6 +37,7 @@ pub mod check;
 pub mod description;
 pub mod export;
 pub mod fmu;
+pub mod limits;
 pub mod loader;
 pub mod master;
 pub mod parameter_set;
@@ -45,7 +46,9 @@ pub mod problem;
 pub mod resolve;
 pub mod results;
 pub mod systems;
+pub mod trial;
 
 mod feeds;
+mod named_values;
 mod scenario;
 mod xml;

@@ -1,10 +1,11 @@
 //! Parameter sets: files of values for the parameters of a system, SSV of SSP 1.0.
 //!
 //! System Structure and Parameterization 1.0, section 6 (SystemStructureParameterValues). A value may come with a unit;
-//! without one it is in the unit of the variable. Enumerations by item name and binary values are not read: FMI 2.0
-//! has no binary, and an enumeration may be given as Integer.
+//! without one it is in the unit of the variable. An enumeration, and an Integer whose values have names, may be given by
+//! name. Binary values are not read: FMI 2.0 has none.
 
 use crate::description::{BaseUnit, Unit, Value};
+use crate::limits;
 use crate::xml::{self, Element, XmlError};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
@@ -64,7 +65,8 @@ impl ParameterSet {
     /// The file cannot be read or is no parameter set; the text names file and place.
     pub fn read(path: &Path) -> Result<Self, ParameterSetError> {
         let name = || path.to_string_lossy().into_owned();
-        let text = std::fs::read_to_string(path).map_err(|cause| ParameterSetError::Read { path: name(), cause })?;
+        let text = limits::read_text(path, limits::TEXT_FILE)
+            .map_err(|cause| ParameterSetError::Read { path: name(), cause })?;
         Self::parse(&text).map_err(|cause| ParameterSetError::Content { path: name(), cause })
     }
 
@@ -186,10 +188,10 @@ fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
         "Real" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
         "Integer" => typed.parsed("value", "a whole number of 32 bits")?.map(Value::Integer),
         "Boolean" => typed.boolean("value")?.map(Value::Boolean),
-        "String" => Some(Value::String(typed.required("value")?.to_string())),
+        "String" | "Enumeration" => Some(Value::String(typed.required("value")?.to_string())),
         other => {
             return Err(typed.place.error(format!(
-                "the parameter `{name}` is given as <{other}>, expected Real, Integer, Boolean or String"
+                "the parameter `{name}` is given as <{other}>, expected Real, Integer, Boolean, String or Enumeration"
             )));
         }
     };

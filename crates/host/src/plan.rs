@@ -8,6 +8,7 @@ use crate::c_api::Reference;
 pub use crate::description::{BaseType, Value};
 use crate::description::{Causality, ModelDescription, Variability, Variable};
 use crate::fmu::{FmuError, Fmus};
+use crate::named_values::listed;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -50,6 +51,86 @@ pub struct Plan {
     pub figures: Vec<Figure>,
     /// What the paper says and what was found.
     pub findings: Vec<Finding>,
+    /// Where the inputs of each case get their values from, by name.
+    pub wiring: Vec<Wiring>,
+    /// What is allowed but probably not meant, each as `file:line:column: message`.
+    pub warnings: Vec<String>,
+    /// What only a trial run can tell: whether parameters that the scenario sets have an effect.
+    #[serde(skip)]
+    pub trials: Vec<Trial>,
+}
+
+/// Inputs of a case, and outputs that nothing reads.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Wiring {
+    /// Name of the case.
+    pub case: String,
+    /// Inputs: components in order of execution, variables in the order of the FMU.
+    pub inputs: Vec<Connected>,
+    /// Outputs that no input reads and that are not recorded.
+    pub unread: Vec<Signal>,
+}
+
+/// A variable of a component.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Signal {
+    /// Name of the component.
+    pub component: String,
+    /// Name of the variable.
+    pub variable: String,
+}
+
+/// An input and where its value comes from.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Connected {
+    /// The input.
+    pub input: Signal,
+    /// What writes it.
+    pub source: Origin,
+}
+
+/// Where the value of an input comes from.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// An output.
+    Output(Signal),
+    /// A column of the input file.
+    File(String),
+    /// A value that stays, in the unit of the input.
+    Constant {
+        /// The value.
+        value: Value,
+        /// Unit of measure.
+        unit: Option<String>,
+    },
+}
+
+/// Parameters that a scenario sets for a component without inputs, none of whose cases reads all outputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// Name of the component.
+    pub(crate) component: String,
+    /// The component as the runs have it, each variant once.
+    pub(crate) variants: Vec<Variant>,
+    /// Parameters that are set.
+    pub(crate) suspects: Vec<Suspect>,
+}
+
+/// A component of some run.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Variant {
+    pub(crate) unit: Unit,
+    /// Names of the outputs that are read in the case of the run.
+    pub(crate) read: Vec<String>,
+}
+
+/// A parameter, and where it is set.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Suspect {
+    pub(crate) name: String,
+    /// `file:line:column`.
+    pub(crate) place: String,
 }
 
 /// Times, s, and order of execution.
@@ -513,9 +594,9 @@ pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
         }
         Value::Real(v) => *v,
         Value::Integer(v) => {
-            if !variable.items.is_empty() && variable.items.iter().all(|i| i.value != *v) {
-                let items: Vec<_> = variable.items.iter().map(|i| format!("{} ({})", i.value, i.name)).collect();
-                return Err(format!("`{name}` is {v}, expected one of {}", items.join(", ")));
+            let named = variable.named_values();
+            if !named.is_empty() && named.iter().all(|(value, _)| value != v) {
+                return Err(format!("`{name}` is {v}, expected one of {}", listed(&named)));
             }
             f64::from(*v)
         }

@@ -1,5 +1,7 @@
 //! Mistakes in a file, shown with file, line, column and the marked place.
 
+mod layout;
+
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use std::ops::Range;
 use std::path::Path;
@@ -43,7 +45,40 @@ pub struct Problems {
 #[derive(Debug)]
 pub struct Collector {
     source_code: Arc<NamedSource<String>>,
-    problems: Vec<Problem>,
+    problems: Vec<Noted>,
+    warnings: Vec<Noted>,
+    /// The case that is looked at.
+    context: Option<Context>,
+    /// Number of contexts; a mistake met in all of them does not depend on them.
+    contexts: usize,
+}
+
+/// The part of a file that a mistake was met in: a case.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Context {
+    /// What messages call it.
+    pub(crate) label: String,
+    /// Whether it changes what was written elsewhere, so that it is named even if there is no other context.
+    pub(crate) is_special: bool,
+}
+
+/// A problem and where it was met.
+#[derive(Debug)]
+struct Noted {
+    problem: Problem,
+    contexts: Vec<Context>,
+}
+
+impl Noted {
+    /// The problem; its message names the contexts if it depends on them.
+    fn named(mut self, contexts: usize) -> Problem {
+        let is_special = self.contexts.iter().any(|context| context.is_special);
+        if is_special || (1..contexts).contains(&self.contexts.len()) {
+            let labels: Vec<String> = self.contexts.into_iter().map(|context| context.label).collect();
+            self.problem.message.push_str(&format!(", in {}", labels.join(" and ")));
+        }
+        self.problem
+    }
 }
 
 impl Collector {
@@ -51,7 +86,17 @@ impl Collector {
     #[must_use]
     pub fn new(file: &Path, text: &str, language: &str) -> Self {
         let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language(language);
-        Self { source_code: Arc::new(source), problems: Vec::new() }
+        Self { source_code: Arc::new(source), problems: Vec::new(), warnings: Vec::new(), context: None, contexts: 0 }
+    }
+
+    /// Sets how many contexts there are.
+    pub(crate) fn expect_contexts(&mut self, contexts: usize) {
+        self.contexts = contexts;
+    }
+
+    /// Sets the context of the mistakes that follow.
+    pub(crate) fn set_context(&mut self, context: Option<Context>) {
+        self.context = context;
     }
 
     /// Notes a mistake. The same one at the same place, met again in another case, counts once.
@@ -61,24 +106,33 @@ impl Collector {
 
     /// As [`Self::add`] with a hint.
     pub fn add_with_help(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
+        let problem = self.problem(span, message.into(), help);
+        note(&mut self.problems, problem, self.context.as_ref());
+    }
+
+    /// Notes something that is allowed but probably not meant.
+    pub(crate) fn warn(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
+        let problem = self.problem(span, message.into(), help);
+        note(&mut self.warnings, problem, self.context.as_ref());
+    }
+
+    fn problem(&self, span: Range<usize>, message: String, help: Option<String>) -> Problem {
         let length = self.source_code.inner().len();
         let start = span.start.min(length);
         let span = SourceSpan::from(start..span.end.clamp(start, length));
-        let message = message.into();
-        let known = |p: &Problem| p.span == span && p.message == message;
-        if !self.problems.iter().any(known) {
-            self.problems.push(Problem { message, source_code: Arc::clone(&self.source_code), span, help });
-        }
+        Problem { message, source_code: Arc::clone(&self.source_code), span, help }
     }
 
     /// Notes why a text does not have the layout of its file. For an unknown key or word, the nearest known one is the hint.
     pub fn add_layout(&mut self, error: &toml::de::Error) {
-        let message = error.message().replace('\n', ", ");
-        // serde writes "unknown field `a`, expected one of `b`, `c`".
-        let mut quoted = message.split('`').skip(1).step_by(2);
-        let unknown = quoted.next().filter(|_| message.starts_with("unknown "));
-        let help = unknown.and_then(|name| suggestion(name, quoted));
+        let (message, help) = layout::explain(error, self.source_code.inner());
         self.add_with_help(error.span().unwrap_or(0..0), message, help);
+    }
+
+    /// `file:line:column` of a place.
+    pub(crate) fn place(&self, span: Range<usize>) -> String {
+        let line = self.problem(span, String::new(), None).line();
+        line.trim_end_matches(": ").to_string()
     }
 
     /// Whether nothing was noted.
@@ -98,18 +152,40 @@ impl Collector {
     /// What was noted, as an error.
     #[must_use]
     pub fn fail(self) -> Problems {
-        Problems { file: self.source_code.name().to_string(), problems: self.problems }
+        let contexts = self.contexts;
+        let problems = self.problems.into_iter().map(|noted| noted.named(contexts)).collect();
+        Problems { file: self.source_code.name().to_string(), problems }
+    }
+
+    /// Takes the warnings, each as `file:line:column: message; hint`.
+    pub(crate) fn take_warnings(&mut self) -> Vec<String> {
+        let contexts = self.contexts;
+        let line = |problem: Problem| match &problem.help {
+            Some(help) => format!("{}; {help}", problem.line()),
+            None => problem.line(),
+        };
+        std::mem::take(&mut self.warnings).into_iter().map(|noted| line(noted.named(contexts))).collect()
     }
 }
 
-/// "did you mean" for the nearest of some names, if one is near.
+/// Adds a problem, or the context to the one that was noted before.
+fn note(noted: &mut Vec<Noted>, problem: Problem, context: Option<&Context>) {
+    let is_same = |n: &&mut Noted| n.problem.span == problem.span && n.problem.message == problem.message;
+    match noted.iter_mut().find(is_same) {
+        Some(known) => known.contexts.extend(context.filter(|c| !known.contexts.contains(c)).cloned()),
+        None => noted.push(Noted { problem, contexts: context.into_iter().cloned().collect() }),
+    }
+}
+
+/// "did you mean" for the nearest of some names, if one is near. Upper and lower case make no difference.
 #[must_use]
 pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     // A third of the letters may be wrong: enough for slips, too little for chance hits.
     let limit = (name.chars().count() / 3).max(1);
+    let name = name.to_lowercase();
     candidates
         .into_iter()
-        .map(|c| (strsim::damerau_levenshtein(name, c), c))
+        .map(|c| (strsim::damerau_levenshtein(&name, &c.to_lowercase()), c))
         .filter(|(distance, _)| *distance <= limit)
         .min()
         .map(|(_, nearest)| format!("did you mean `{nearest}`?"))
@@ -125,6 +201,8 @@ mod tests {
         let near = suggestion("body.rol", names).unwrap();
         assert_eq!(near, "did you mean `body.roll`?");
         assert_eq!(suggestion("wheel_height.fl", names), None);
+        assert_eq!(suggestion("RMS", ["rms", "peak"]).unwrap(), "did you mean `rms`?");
+        assert_eq!(suggestion("espcar", ["EspCar"]).unwrap(), "did you mean `EspCar`?");
     }
 
     #[test]
@@ -147,6 +225,34 @@ mod tests {
         assert_eq!(help("title = 'a'\norder = 'random'"), None);
         assert_eq!(help("title = 'a'"), None);
         assert_eq!(help("title = `a`"), None);
+    }
+
+    /// A mistake is told of the cases it was met in, unless those are all; a special context is always named.
+    #[test]
+    fn contexts_are_named() {
+        let context = |label: &str, is_special| Some(Context { label: label.to_string(), is_special });
+        let mut collector = Collector::new(Path::new("a.toml"), "x = 1\n", "toml");
+        collector.expect_contexts(3);
+        for (number, label) in ["case `a`", "case `b`", "case `c`"].into_iter().enumerate() {
+            collector.set_context(context(label, number == 2));
+            collector.add(0..1, "everywhere but special");
+            if number < 2 {
+                collector.add(0..1, "in two");
+                collector.warn(0..1, "careful", Some("do not".into()));
+            }
+        }
+        collector.set_context(None);
+        collector.add(0..1, "without");
+        assert_eq!(collector.take_warnings(), ["a.toml:1:1: careful, in case `a` and case `b`; do not"]);
+        let lines: Vec<String> = collector.fail().problems.iter().map(Problem::line).collect();
+        assert_eq!(
+            lines,
+            [
+                "a.toml:1:1: everywhere but special, in case `a` and case `b` and case `c`",
+                "a.toml:1:1: in two, in case `a` and case `b`",
+                "a.toml:1:1: without",
+            ]
+        );
     }
 
     #[test]

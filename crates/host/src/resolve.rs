@@ -6,6 +6,7 @@
 
 mod fmus;
 mod pattern;
+mod unread;
 mod values;
 mod wiring;
 
@@ -13,11 +14,12 @@ pub use self::fmus::{Descriptions, FmuFolder, Found};
 use self::pattern::{matches, split_pattern};
 use crate::description::{BaseType, Causality, Value, Variable};
 use crate::feeds::Feeds;
+use crate::limits;
 use crate::parameter_set::ParameterSet;
 use crate::plan::{self, Conversion, Plan};
-use crate::problem::{Collector, suggestion};
+use crate::problem::{Collector, Context, suggestion};
 pub use crate::problem::{Problem, Problems};
-use crate::scenario::{self, Case, Scenario, Unit, unknown, whole_steps};
+use crate::scenario::{self, Case, Replacement, Scenario, Unit, unknown, whole_steps};
 use miette::Diagnostic;
 use serde_spanned::Spanned;
 use std::collections::{BTreeSet, HashMap};
@@ -63,11 +65,24 @@ pub enum ResolveError {
 /// # Errors
 /// A file cannot be read, the scenario or the CSV file has mistakes, an option does not fit.
 pub fn resolve(file: &Path, source: &dyn Descriptions, options: &Options) -> Result<Plan, ResolveError> {
-    resolve_text(file, &read(file)?, source, options)
+    resolve_text(file, &read(file, limits::TEXT_FILE)?, source, options)
 }
 
-fn read(path: &Path) -> Result<String, ResolveError> {
-    std::fs::read_to_string(path).map_err(|cause| ResolveError::Read { path: path.to_path_buf(), cause })
+/// Names of the FMUs of a scenario, of all its units and cases, each once.
+///
+/// # Errors
+/// The file cannot be read or does not have the layout of a scenario.
+pub fn fmu_names(file: &Path) -> Result<BTreeSet<String>, ResolveError> {
+    let text = read(file, limits::TEXT_FILE)?;
+    let mut problems = Collector::new(file, &text, "toml");
+    match scenario::parse(&text, &mut problems) {
+        Some(scenario) => Ok(scenario.fmus().map(|(name, _)| name.to_string()).collect()),
+        None => Err(problems.fail().into()),
+    }
+}
+
+fn read(path: &Path, limit: u64) -> Result<String, ResolveError> {
+    limits::read_text(path, limit).map_err(|cause| ResolveError::Read { path: path.to_path_buf(), cause })
 }
 
 /// Resolves the text of a scenario; `file` names it in messages and in the plan.
@@ -92,7 +107,7 @@ pub fn resolve_text(
     let inputs = match &options.inputs {
         None => None,
         Some(path) => {
-            let text = read(path)?;
+            let text = read(path, limits::INPUT_FILE)?;
             let slack = 1e-9 * simulation.step;
             let feeds = Feeds::parse(path, &text, simulation.start, slack)?;
             Some((path, text, feeds))
@@ -106,6 +121,7 @@ pub fn resolve_text(
         misfits: Vec::new(),
         sets: HashMap::new(),
     };
+    resolver.problems.expect_contexts(scenario.cases.len());
     resolver.read_parameter_sets(file.parent().unwrap_or(Path::new("")));
     let Some(mut systems) = resolver.systems(source) else {
         return Err(resolver.problems.fail().into());
@@ -114,6 +130,7 @@ pub fn resolve_text(
         resolver.wire(system);
     }
     let columns = resolver.columns(&systems);
+    resolver.check_size(&simulation, columns.len());
     let metrics = resolver.metrics(&systems, &columns);
     let figures = resolver.figures(&systems, &columns);
     let seeds: Vec<i32> = scenario.seeds.as_ref().map_or(Vec::new(), |seeds| {
@@ -122,7 +139,10 @@ pub fn resolve_text(
         values.take(wanted).map(|s| *s.get_ref()).collect()
     });
     let runs = resolver.runs(&systems, &columns, &seeds);
+    let wiring: Vec<plan::Wiring> = systems.iter().map(|system| resolver.wiring(system)).collect();
+    let trials = if resolver.problems.is_empty() { resolver.unread(&systems, &wiring, &runs) } else { Vec::new() };
     let (fed, misfits) = (resolver.fed, resolver.misfits);
+    let warnings = resolver.problems.take_warnings();
     resolver.problems.finish()?;
     if let Some((path, text, feeds)) = &inputs {
         let unused: Vec<String> =
@@ -153,6 +173,9 @@ pub fn resolve_text(
             .iter()
             .map(|f| plan::Finding { status: f.status, claim: f.claim.clone(), explanation: f.explanation.clone() })
             .collect(),
+        wiring,
+        warnings,
+        trials,
     })
 }
 
@@ -176,9 +199,8 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<plan::Simulation
     let start = scenario.start();
     let step = *scenario.simulation.step.get_ref();
     let stop = options.stop.unwrap_or(*scenario.simulation.stop.get_ref());
-    let steps = whole_steps(start, stop, step).ok_or_else(|| {
-        ResolveError::Option(format!("stop {stop} s is not a whole number of steps of {step} s after start {start} s"))
-    })?;
+    let steps = whole_steps(start, stop, step)
+        .map_err(|why| ResolveError::Option(format!("stop {stop} s, start {start} s, step {step} s: {why}")))?;
     Ok(plan::Simulation {
         start,
         stop,
@@ -194,6 +216,8 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<plan::Simulation
 struct Member<'a> {
     unit: &'a Unit,
     found: Found,
+    /// Set if the case names another FMU than the unit.
+    replaced: Option<Replaced>,
     /// Inputs in the order of the description, each with what writes it.
     inputs: Vec<(usize, Source)>,
     /// Nothing needs it since signals are fed from a file.
@@ -217,6 +241,14 @@ impl Member<'_> {
     fn all(&self, causality: Causality) -> impl Iterator<Item = (usize, &Variable)> {
         self.found.description.variables.iter().enumerate().filter(move |(_, v)| v.causality == causality)
     }
+}
+
+/// What a case says about another FMU for a unit.
+struct Replaced {
+    /// The unit's own FMU, if it is there.
+    original: Option<Found>,
+    /// Whether the unit's own parameters apply.
+    keep_parameters: bool,
 }
 
 /// What writes an input.
@@ -272,22 +304,35 @@ impl<'a> Resolver<'a> {
                 if case.leaves_out(name) {
                     continue;
                 }
-                let fmu = case.fmu.get(name.as_str()).unwrap_or(&unit.fmu);
-                if let Some(found) = self.find(fmu, source) {
-                    members.push(Member { unit, found, inputs: Vec::new(), dropped: false });
-                }
+                self.problems.set_context(Some(context(case, Some(unit))));
+                let other = replacement(case, unit);
+                let found = match other {
+                    Some(other) => self.find(&other.get_ref().fmu, other.span(), source),
+                    None => self.find(unit.fmu.get_ref(), unit.fmu.span(), source),
+                };
+                let Some(found) = found else { continue };
+                let replaced = other.map(|other| {
+                    let keep_parameters = other.get_ref().keep_parameters;
+                    let original = if keep_parameters {
+                        self.find(unit.fmu.get_ref(), unit.fmu.span(), source)
+                    } else {
+                        source.find(unit.fmu.get_ref()).ok().flatten()
+                    };
+                    Replaced { original, keep_parameters }
+                });
+                members.push(Member { unit, found, replaced, inputs: Vec::new(), dropped: false });
             }
             systems.push(System { case, members });
         }
+        self.problems.set_context(None);
         self.problems.is_empty().then_some(systems)
     }
 
-    fn find(&mut self, fmu: &Spanned<String>, source: &dyn Descriptions) -> Option<Found> {
-        let name = fmu.get_ref();
+    fn find(&mut self, name: &str, span: Range<usize>, source: &dyn Descriptions) -> Option<Found> {
         match source.find(name) {
             Ok(Some(found)) if found.description.co_simulation.is_none() => {
                 let message = format!("{} has no co-simulation interface", found.path);
-                self.problems.add(fmu.span(), message);
+                self.problems.add(span, message);
                 None
             }
             Ok(Some(found)) => Some(found),
@@ -296,16 +341,33 @@ impl<'a> Resolver<'a> {
                 let help = suggestion(name, names.iter().map(String::as_str))
                     .map_or(String::new(), |s| format!("{s} Otherwise "));
                 self.problems.add_with_help(
-                    fmu.span(),
+                    span,
                     format!("there is no {name}.fmu in {}", source.place()),
                     Some(format!("{help}name its folder with --fmus, or run `cargo fmu pack {name}` if it is a model of this workspace")),
                 );
                 None
             }
             Err(message) => {
-                self.problems.add(fmu.span(), message);
+                self.problems.add(span, message);
                 None
             }
+        }
+    }
+
+    /// Refuses a run whose recording does not fit into memory.
+    fn check_size(&mut self, simulation: &plan::Simulation, columns: usize) {
+        let rows = simulation.steps / simulation.every + 1;
+        let values = rows.saturating_mul(columns as u64 + 1);
+        if values > limits::RECORDED {
+            let place = self.scenario.record.every.as_ref().map_or(self.scenario.simulation.step.span(), Spanned::span);
+            self.problems.add_with_help(
+                place,
+                format!(
+                    "{rows} rows of {columns} signals and the time are {values} numbers per run, the limit is {}",
+                    limits::RECORDED
+                ),
+                Some("record every n-th step only (`every` in [record]) or fewer signals".to_string()),
+            );
         }
     }
 
@@ -338,11 +400,7 @@ impl<'a> Resolver<'a> {
             if unit.is_some() && self.unit_and_name(pattern).is_none() {
                 continue;
             }
-            let outputs = outputs(systems, unit);
-            if !outputs.iter().any(|(_, name)| matches(text, name)) {
-                let help = suggestion(text, outputs.iter().map(|(_, name)| *name));
-                self.problems.add_with_help(pattern.span(), format!("no output matches `{}`", pattern.get_ref()), help);
-            }
+            self.check_pattern(systems, pattern, unit, text);
         }
         let owners = outputs(systems, None);
         let mut columns: Vec<Column> = Vec::new();
@@ -352,6 +410,7 @@ impl<'a> Resolver<'a> {
                     continue;
                 };
                 let member = &system.members[m];
+                self.problems.set_context(Some(context(system.case, Some(unit))));
                 for (_, variable) in member.wirable(Causality::Output) {
                     if !self.is_recorded(member.name(), &variable.name) {
                         continue;
@@ -378,7 +437,32 @@ impl<'a> Resolver<'a> {
                 }
             }
         }
+        self.problems.set_context(None);
         columns
+    }
+
+    /// Reports a pattern of recorded signals that matches nothing, in any case or with the other FMU of a case.
+    fn check_pattern(&mut self, systems: &[System<'_>], pattern: &Spanned<String>, unit: Option<&str>, text: &str) {
+        let all = outputs(systems, unit);
+        let matches_any = |outputs: &BTreeSet<(&str, &str)>| outputs.iter().any(|(_, name)| matches(text, name));
+        let message = format!("no output matches `{}`", pattern.get_ref());
+        let is_known = matches_any(&all);
+        for system in systems {
+            let member = unit.and_then(|unit| system.member(unit)).map(|m| &system.members[m]);
+            self.problems.set_context(Some(context(system.case, member.map(|m| m.unit))));
+            if !is_known && (unit.is_none() || member.is_some()) {
+                let help = suggestion(text, all.iter().map(|(_, name)| *name));
+                self.problems.add_with_help(pattern.span(), message.clone(), help);
+            } else if member.is_some_and(|m| m.replaced.is_some())
+                && !matches_any(&outputs(std::slice::from_ref(system), unit))
+            {
+                self.problems.warn(pattern.span(), message.clone(), None);
+            }
+        }
+        self.problems.set_context(None);
+        if !is_known && all.is_empty() {
+            self.problems.add(pattern.span(), message);
+        }
     }
 
     /// Column of a signal named in a metric or a figure.
@@ -589,13 +673,32 @@ impl<'a> Resolver<'a> {
                             }
                             _ => None,
                         };
+                        self.problems.set_context(Some(context(system.case, Some(member.unit))));
                         unit.parameters = self.parameters(system.case, *point, member, seed);
                     }
                     runs.push(run);
                 }
             }
         }
+        self.problems.set_context(None);
         runs
+    }
+}
+
+/// The FMU that a case names instead of the unit's own.
+fn replacement<'c>(case: &'c Case, unit: &Unit) -> Option<&'c Spanned<Replacement>> {
+    let other = case.fmu.get(unit.name.get_ref().as_str())?;
+    (other.get_ref().fmu != *unit.fmu.get_ref()).then_some(other)
+}
+
+/// What messages call a case, with the FMU that it names for a unit.
+fn context(case: &Case, unit: Option<&Unit>) -> Context {
+    let name = case.name.get_ref();
+    match unit.and_then(|unit| Some((unit.name.get_ref(), replacement(case, unit)?))) {
+        Some((unit, other)) => {
+            Context { label: format!("case `{name}` (fmu.{unit} = \"{}\")", other.get_ref().fmu), is_special: true }
+        }
+        None => Context { label: format!("case `{name}`"), is_special: false },
     }
 }
 

@@ -1,8 +1,11 @@
 //! A scenario file: its layout, and the checks that need no FMU.
 
+use crate::limits::{RUNS, STEPS};
 use crate::plan::{FigureKind, FindingStatus, Level, MetricKind, Order};
 use crate::problem::{Collector, suggestion};
-use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use serde_spanned::Spanned;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -82,11 +85,50 @@ pub(crate) struct Case {
     #[serde(default)]
     pub(crate) parameters: ValuesByUnit,
     #[serde(default)]
-    pub(crate) fmu: BTreeMap<Spanned<String>, Spanned<String>>,
+    pub(crate) fmu: BTreeMap<Spanned<String>, Spanned<Replacement>>,
     #[serde(default)]
     pub(crate) without: Vec<Spanned<String>>,
     #[serde(default)]
     pub(crate) inputs: ValuesByUnit,
+}
+
+/// Another FMU for a unit: `"Name"`, or `{ fmu = "Name", keep_parameters = true }`.
+#[derive(Debug)]
+pub(crate) struct Replacement {
+    pub(crate) fmu: String,
+    /// Whether the unit's own parameters apply to it, where it has the same.
+    pub(crate) keep_parameters: bool,
+}
+
+impl<'de> Deserialize<'de> for Replacement {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            fmu: String,
+            #[serde(default)]
+            keep_parameters: bool,
+        }
+
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Replacement;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("the name of an FMU or { fmu = \"Name\", keep_parameters = true }")
+            }
+
+            fn visit_str<E>(self, fmu: &str) -> Result<Replacement, E> {
+                Ok(Replacement { fmu: fmu.to_string(), keep_parameters: false })
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Replacement, A::Error> {
+                let Table { fmu, keep_parameters } = Table::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(Replacement { fmu, keep_parameters })
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -198,12 +240,22 @@ pub(crate) fn parse(text: &str, problems: &mut Collector) -> Option<Scenario> {
     }
 }
 
-/// Number of steps between two times, if it is whole to 1e-9 of itself.
-pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Option<u64> {
+/// Number of steps between two times.
+///
+/// # Errors
+/// It is not whole to 1e-9 of itself, or above the limit; the text says so.
+pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, String> {
     let ratio = (stop - start) / step;
     let steps = ratio.round();
-    // More steps than this would run for weeks; it keeps the conversion exact.
-    ((1.0..=1e10).contains(&steps) && (ratio - steps).abs() <= 1e-9 * steps).then_some(steps as u64)
+    if steps > STEPS as f64 {
+        return Err(format!("(stop - start)/step is {ratio:.3e} steps, the limit is {STEPS}"));
+    }
+    if steps >= 1.0 && (ratio - steps).abs() <= 1e-9 * steps {
+        // Whole and below 2^53.
+        Ok(steps as u64)
+    } else {
+        Err(format!("(stop - start)/step is {ratio}, expected a whole number of at least 1"))
+    }
 }
 
 impl Scenario {
@@ -221,10 +273,9 @@ impl Scenario {
         if self.cases.is_empty() {
             problems.add(0..0, "a scenario needs at least one [[case]]");
         }
-        let fmus = self.units.iter().map(|u| &u.fmu);
-        for fmu in fmus.chain(self.cases.iter().flat_map(|c| c.fmu.values())) {
-            if fmu.get_ref().is_empty() || fmu.get_ref().contains(['/', '\\', '.']) {
-                problems.add(fmu.span(), "an FMU is named by its file stem, without folder and extension");
+        for (name, span) in self.fmus() {
+            if name.is_empty() || name.contains(['/', '\\', '.']) {
+                problems.add(span, "an FMU is named by its file stem, without folder and extension");
             }
         }
         for case in &self.cases {
@@ -269,6 +320,17 @@ impl Scenario {
             if seen.is_empty() {
                 problems.add(seeds.values.span(), "expected at least one seed");
             }
+        }
+        let seeds = self.seeds.as_ref().map_or(1, |seeds| seeds.values.get_ref().len().max(1));
+        let runs = self.cases.len().saturating_mul(self.points.len().max(1)).saturating_mul(seeds);
+        if runs > RUNS {
+            let message = format!(
+                "{} cases, {} points and {seeds} seeds are {runs} runs, the limit is {RUNS}",
+                self.cases.len(),
+                self.points.len().max(1)
+            );
+            let place = self.seeds.as_ref().map(|seeds| seeds.values.span());
+            problems.add(place.or_else(|| self.points.first().map(|p| p.name.span())).unwrap_or(0..0), message);
         }
         if let Some(every) = &self.record.every
             && *every.get_ref() < 1
@@ -360,6 +422,13 @@ impl Scenario {
         }
     }
 
+    /// Names of all FMUs of all cases, with their places.
+    pub(crate) fn fmus(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
+        let of_units = self.units.iter().map(|u| (u.fmu.get_ref().as_str(), u.fmu.span()));
+        let of_cases = self.cases.iter().flat_map(|c| c.fmu.values());
+        of_units.chain(of_cases.map(|r| (r.get_ref().fmu.as_str(), r.span())))
+    }
+
     /// Start, 0 unless given.
     pub(crate) fn start(&self) -> f64 {
         self.simulation.start.as_ref().map_or(0.0, |s| *s.get_ref())
@@ -379,14 +448,8 @@ impl Scenario {
             problems.add(step.span(), format!("step is {}, expected more than 0", step.get_ref()));
         } else if *stop.get_ref() <= start {
             problems.add(stop.span(), format!("stop is {}, expected more than start {start}", stop.get_ref()));
-        } else if whole_steps(start, *stop.get_ref(), *step.get_ref()).is_none() {
-            problems.add(
-                step.span(),
-                format!(
-                    "(stop - start)/step is {}, expected a whole number up to 1e10",
-                    (stop.get_ref() - start) / step.get_ref()
-                ),
-            );
+        } else if let Err(message) = whole_steps(start, *stop.get_ref(), *step.get_ref()) {
+            problems.add(step.span(), message);
         }
     }
 

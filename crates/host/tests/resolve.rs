@@ -132,22 +132,303 @@ fn wires_constants_and_columns() {
     assert_eq!(slots, (0..run.slots).collect::<Vec<_>>(), "each slot has one writer");
 }
 
-#[test]
-fn another_fmu_in_a_case() {
-    let text = SCENARIO.replace(
+/// The text of a scenario with a case `other` that has this line.
+fn with_case(line: &str) -> String {
+    SCENARIO.replace(
         "[[case]]\nname = \"active\"",
-        "[[case]]\nname = \"other\"\ntitle = \"O\"\nfmu.steering = \"OtherSteering\"\n\n[[case]]\nname = \"active\"",
+        &format!("[[case]]\nname = \"other\"\ntitle = \"O\"\n{line}\n\n[[case]]\nname = \"active\""),
+    )
+}
+
+#[test]
+fn another_fmu_starts_from_its_own_defaults() {
+    let settings = |line: &str| {
+        let plan = plan_of(&with_case(line), &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+        let run = plan.runs.iter().find(|r| r.case == "other").unwrap();
+        let unit = run.units.iter().find(|u| u.fmu.starts_with("Other")).unwrap().clone();
+        let settings: Vec<_> = unit.parameters.iter().map(|p| format!("{}={}", p.name, p.value)).collect();
+        (unit, settings, plan.warnings)
+    };
+    let (unit, parameters, warnings) = settings("fmu.steering = \"OtherSteering\"");
+    assert_eq!((unit.guid.as_str(), unit.model_identifier.as_str()), ("{other}", "OtherSteering"));
+    assert_eq!(parameters, [""; 0], "none of the unit's own");
+    assert_eq!(warnings, [""; 0]);
+    // What the case itself says applies.
+    let (_, parameters, _) = settings("fmu.steering = \"OtherSteering\"\nparameters.steering = { mode = 2 }");
+    assert_eq!(parameters, ["mode=2"]);
+    // Kept is what is the same; the rest is told.
+    let (_, parameters, warnings) = settings("fmu.steering = { fmu = \"OtherSteering\", keep_parameters = true }");
+    assert_eq!(parameters, ["sample_time=0.01"]);
+    assert_eq!(
+        warnings,
+        [
+            "scenarios/step.toml:17:16: `strategy` is not carried over: OtherSteering has no such parameter, in case `other` \
+          (fmu.steering = \"OtherSteering\")"
+        ]
     );
-    // The unit's own `strategy` is unknown to the other FMU, which is said.
-    let error = lines(&plan_of(&text, &Options::default()).unwrap_err());
-    assert!(error.contains("OtherSteering has no parameter `strategy`"), "{error}");
-    let text = text.replace("parameters = { strategy = 1, sample_time = 0.01 }", "");
+    // The same FMU is not another one.
+    let text = with_case("fmu.steering = \"Steering\"");
+    let plan = plan_of(&text, &Options::default()).unwrap();
+    assert_eq!(parameter(&plan, "other@slow#3", "steering", "strategy"), Some(Value::Integer(1)));
+}
+
+/// Points and seeds are for all cases: they reach another FMU as far as it has the same parameter.
+#[test]
+fn points_and_seeds_reach_another_fmu() {
+    let driver = include_str!("data/Driver.xml").replace("Driver\"", "OtherDriver\"");
+    let of = |description: &str| {
+        let mut fmus = fmus();
+        fmus.insert("OtherDriver".into(), Arc::new(ModelDescription::parse(description).unwrap()));
+        let text = with_case("fmu.driver = \"OtherDriver\"");
+        resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, &Options::default())
+            .unwrap_or_else(|e| panic!("{}", lines(&e)))
+    };
+    let plan = of(&driver);
+    assert_eq!(plan.warnings, [""; 0]);
+    assert_eq!(parameter(&plan, "other@slow#7", "driver", "seed"), Some(Value::Integer(7)));
+    assert_eq!(parameter(&plan, "other@slow#7", "driver", "speed.initial"), Some(Value::Real(5.0 / 3.6)));
+    assert_eq!(parameter(&plan, "other@slow#7", "driver", "maneuver"), None);
+
+    let plan = of(&driver.replace("name=\"seed\"", "name=\"chance\"").replace(
+        "<Real unit=\"m/s\" displayUnit=\"km/h\" start=\"10\" min=\"0\"/>",
+        "<Real unit=\"rad\" start=\"10\"/>",
+    ));
+    let run = plan.runs.iter().find(|r| r.id == "other@slow#7").unwrap();
+    assert!(run.units[0].parameters.is_empty(), "{:?}", run.units[0].parameters);
+    let warnings = plan.warnings.join("\n");
+    assert!(
+        warnings.contains("`speed.initial` is not carried over: it is in rad there, in m/s in the FMU"),
+        "{warnings}"
+    );
+    assert!(warnings.contains("`seed` is not carried over: OtherDriver has no such parameter"), "{warnings}");
+    assert_eq!(plan.warnings.len(), 3, "two points and the seeds, once each: {warnings}");
+}
+
+#[test]
+fn mistakes_name_their_case() {
+    for (line, expected) in [
+        ("fmu.driver = \"Drver\"", "there is no Drver.fmu in memory, in case `other` (fmu.driver = \"Drver\")"),
+        (
+            "fmu.driver = \"Steering\"",
+            "nobody writes the input `driver.steer` of `driver`, in case `other` (fmu.driver = \"Steering\")",
+        ),
+        (
+            "fmu.driver = \"Vehicle\"",
+            "`driver.speed` of `driver` is an input, expected an output, in case `other` (fmu.driver = \"Vehicle\")",
+        ),
+        (
+            "without = [\"driver\"]",
+            "nobody writes the inputs `driver.steer`, `vehicle.speed` of `steering`, in case `other`",
+        ),
+        (
+            "fmu.steering = \"OtherSteering\"\nparameters.steering = { strategy = 1 }",
+            "OtherSteering has no parameter `strategy`, in case `other` (fmu.steering = \"OtherSteering\")",
+        ),
+        ("parameters.steering = { stratgy = 1 }", "Steering has no parameter `stratgy`, in case `other`"),
+        ("inputs.vehicle = { \"road*\" = -1 }", "expected at least 0, in case `other`"),
+        ("fmu.driver = { fmu = \"Driver\", keep = true }", "unknown key `keep`, expected `fmu` or `keep_parameters`"),
+        (
+            "fmu.driver = 3",
+            "`fmu.driver` must be the name of an FMU or { fmu = \"Name\", keep_parameters = true }, got 3",
+        ),
+    ] {
+        let error = lines(&plan_of(&with_case(line), &Options::default()).expect_err(line));
+        assert!(error.contains(expected), "{line}\n  expected {expected}\n  got {error}");
+    }
+    // Patterns of recorded signals: in no case, or not with another FMU.
+    let other = include_str!("data/Steering.xml").replace("steer.front", "steer.rear");
+    let mut fmus = fmus();
+    fmus.insert("Rear".into(), Arc::new(ModelDescription::parse(&other).unwrap()));
+    let plan = |text: &str| resolve_text(Path::new("scenarios/step.toml"), text, &fmus, &Options::default());
+    let text = with_case("fmu.steering = \"Rear\"\ninputs.vehicle = { \"steer.*\" = 0.0 }")
+        .replace("\"steer.*\"]", "\"steering:steer.front\"]");
+    let warnings = plan(&text).unwrap_or_else(|e| panic!("{}", lines(&e))).warnings.join("\n");
+    let expected = "no output matches `steering:steer.front`, in case `other` (fmu.steering = \"Rear\")";
+    assert!(warnings.contains(expected), "{warnings}");
+    let error = lines(&plan(&text.replace("steering:steer.front", "steering:steer.frnt")).unwrap_err());
+    assert!(error.contains("`steering:steer.frnt`, in case `passive` and case `other` (fmu"), "{error}");
+}
+
+/// A mode by its name, wherever a value may stand.
+#[test]
+fn values_by_name() {
+    let text = with_case("parameters.vehicle = { \"tire.mode\" = \"linear\" }")
+        .replace("\"tire.mode\" = 0", "\"tire.mode\" = \"magic\"")
+        .replacen("{ \"speed.initial\" =", "{ maneuver = \"fishhook\", \"speed.initial\" =", 1)
+        .replacen("maneuver = 1", "maneuver = \"ramp_step\"", 1);
     let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
-    let run = plan.runs.iter().find(|r| r.case == "other").unwrap();
-    let steering = run.units.iter().find(|u| u.name == "steering").unwrap();
-    assert_eq!(steering.fmu, "OtherSteering.fmu");
-    assert_eq!(steering.guid, "{other}");
-    assert_eq!(steering.model_identifier, "OtherSteering");
+    let of = |run, unit, name| parameter(&plan, run, unit, name);
+    assert_eq!(of("passive@fast#3", "vehicle", "tire.mode"), Some(Value::Integer(0)), "an enumeration");
+    assert_eq!(of("other@fast#3", "vehicle", "tire.mode"), Some(Value::Integer(1)), "in a case");
+    assert_eq!(of("passive@fast#3", "driver", "maneuver"), Some(Value::Integer(1)), "an Integer");
+    assert_eq!(of("passive@slow#3", "driver", "maneuver"), Some(Value::Integer(2)), "at a point");
+
+    let help = |from: &str, to: &str| {
+        let error = plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).expect_err(to);
+        let ResolveError::Problems(problems) = &error else { panic!("{error}") };
+        let help = miette::Diagnostic::help(&problems.problems[0]).map(|help| help.to_string());
+        (lines(&error), help)
+    };
+    let (error, hint) = help("maneuver = 1", "maneuver = \"rampstep\"");
+    assert!(
+        error.contains("`maneuver` has no value `rampstep`, expected one of straight (0), ramp_step (1)"),
+        "{error}"
+    );
+    assert_eq!(hint.as_deref(), Some("did you mean `ramp_step`?"));
+    let (error, hint) = help("maneuver = 1", "maneuver = \"Fishhook\"");
+    assert!(error.contains("`maneuver` has no value `Fishhook`"), "{error}");
+    assert_eq!(hint.as_deref(), Some("did you mean `fishhook`?"));
+    let (error, _) = help("maneuver = 1", "maneuver = 9");
+    assert!(error.contains("`maneuver` is 9, expected one of straight (0), ramp_step (1), fishhook (2)"), "{error}");
+    let (error, _) = help("strategy = 1", "strategy = \"individual\"");
+    assert!(error.contains("`strategy` is Integer without named values, got the string \"individual\""), "{error}");
+
+    // In parameter sets as String or as Enumeration of SSP.
+    let set = |value: Value| ParameterSet {
+        name: "test".into(),
+        parameters: vec![Parameter { name: "maneuver".into(), value, unit: None }],
+    };
+    let by_name = set(Value::String("fishhook".into())).to_xml(&[]).unwrap();
+    let text = scenario_with_sets().replacen("maneuver = 1, ", "", 1);
+    for unit in [by_name.clone(), by_name.replace("ssv:String", "ssv:Enumeration")] {
+        let plan = plan_with_sets(&text, [&parameter_set(&[]), &unit, &parameter_set(&[])]);
+        let plan = plan.unwrap_or_else(|e| panic!("{}", lines(&e)));
+        assert_eq!(parameter(&plan, "passive@slow#3", "driver", "maneuver"), Some(Value::Integer(2)));
+    }
+}
+
+/// More than a full turn in rad is told; not if degrees were named, or if the FMU's own value is as large.
+#[test]
+fn angles_that_look_like_degrees_warn() {
+    let driver = include_str!("data/Driver.xml").replace(" min=\"-1\" max=\"1\"", "");
+    let warnings = |driver: &str, amplitude: &str, options: &Options| {
+        let mut fmus = fmus();
+        fmus.insert("Driver".into(), Arc::new(ModelDescription::parse(driver).unwrap()));
+        let text = SCENARIO.replacen("{ value = 30.0, unit = \"deg\" }", amplitude, 1);
+        resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, options)
+            .unwrap_or_else(|e| panic!("{}", lines(&e)))
+            .warnings
+    };
+    let usual = Options::default();
+    assert_eq!(
+        warnings(&driver, "30", &usual),
+        ["scenarios/step.toml:12:50: `steer.amplitude` is 30 rad, which is 1719 deg; if degrees are meant, write \
+          { value = 30, unit = \"deg\" }"]
+    );
+    for amplitude in ["-6.28", "{ value = 1719, unit = \"deg\" }", "{ value = 30, unit = \"rad\" }"] {
+        assert_eq!(warnings(&driver, amplitude, &usual), [""; 0], "{amplitude}");
+    }
+    let start = driver.replacen("displayUnit=\"deg\" start=\"0\"", "displayUnit=\"deg\" start=\"10\"", 1);
+    assert_eq!(warnings(&start, "30", &usual), [""; 0], "its start value is as large");
+    // Of an input file.
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("in.csv");
+    std::fs::write(&file, "time,driver.steer\n0,0\n1,30\n").unwrap();
+    let options = Options { inputs: Some(file), ..Options::default() };
+    let found = warnings(&driver, "0.5", &options).join("\n");
+    assert!(found.contains("the input file has the value 30 rad for `driver.steer`"), "{found}");
+}
+
+#[test]
+fn what_is_too_large_is_refused_at_once() {
+    let with = |from: &str, to: &str| {
+        assert!(SCENARIO.contains(from), "{from}");
+        lines(&plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).expect_err(to))
+    };
+    let error = with("stop = 2.0", "stop = 1e6");
+    assert!(error.contains("(stop - start)/step is 1.000e9 steps, the limit is 100000000"), "{error}");
+    let error = with("step = 0.001", "step = 1e-300");
+    assert!(error.contains("the limit is 100000000"), "{error}");
+    // 9e7 steps, every second recorded, 4 signals.
+    let error = with("stop = 2.0", "stop = 9e4");
+    assert!(error.contains("45000001 rows of 4 signals and the time are 225000005 numbers per run"), "{error}");
+    assert!(error.contains("the limit is 125000000"), "{error}");
+    let seeds: Vec<String> = (0..2000).map(|seed| seed.to_string()).collect();
+    let error = with("values = [3, 7]", &format!("values = [{}]", seeds.join(", ")));
+    assert!(error.contains("3 cases, 2 points and 2000 seeds are 12000 runs, the limit is 10000"), "{error}");
+    let error = plan_of(SCENARIO, &Options { stop: Some(1e6), ..Options::default() }).unwrap_err().to_string();
+    assert!(error.contains("1.000e9 steps, the limit is 100000000"), "{error}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("step.toml");
+    let read = |content: String| {
+        std::fs::write(&file, content).unwrap();
+        host::resolve::resolve(&file, &fmus(), &Options::default()).unwrap_err().to_string()
+    };
+    let error = read(format!("title = \"{}\"", "x".repeat(50_000_000)));
+    assert!(error.contains("the file has 50000010 bytes, the limit is 4000000"), "{error}");
+    let error = read(format!("title = \"{}\"", "x".repeat(3_000_000)));
+    assert!(error.contains("line 1 has 3000010 bytes, the limit is 100000"), "{error}");
+    let csv = folder.path().join("in.csv");
+    std::fs::write(&csv, format!("time,{}\n0,1\n", "x".repeat(3_000_000))).unwrap();
+    let error = plan_of(SCENARIO, &Options { inputs: Some(csv), ..Options::default() }).unwrap_err().to_string();
+    assert!(error.contains("in.csv: line 1 has 3000005 bytes, the limit is 100000"), "{error}");
+}
+
+/// What nothing reads is told, and a parameter for it as far as the model structure says so.
+#[test]
+fn what_nothing_reads_warns() {
+    let structure =
+        "<Outputs><Unknown index=\"5\" dependencies=\"\"/><Unknown index=\"6\" dependencies=\"\"/></Outputs>";
+    let driver = include_str!("data/Driver.xml");
+    assert!(driver.contains(structure));
+    let plan = |initial: &str, text: &str| {
+        let driver = driver.replace(structure, &format!("{structure}<InitialUnknowns>{initial}</InitialUnknowns>"));
+        let mut fmus = fmus();
+        fmus.insert("Driver".into(), Arc::new(ModelDescription::parse(&driver).unwrap()));
+        resolve_text(Path::new("scenarios/step.toml"), text, &fmus, &Options::default())
+            .unwrap_or_else(|e| panic!("{}", lines(&e)))
+    };
+    // The steering, which alone reads the angle, is left out in all cases.
+    let text = SCENARIO
+        .replace("without = [\"steering\"]\ninputs.vehicle = { \"steer.*\" = 0.0 }", "")
+        .replace("title = \"Passive\"", "title = \"Passive\"\nwithout = [\"steering\"]")
+        .replace("title = \"Without steering\"", "title = \"Without steering\"\nwithout = [\"steering\"]")
+        .replace("parameters.steering = { strategy = 2 }", "without = [\"steering\"]")
+        .replace("\"road_friction.l\" = 0.5", "\"road_friction.l\" = 0.5, \"steer.front\" = 0.0")
+        .replace("signals = [\"vehicle:body.roll\", \"steer.front\"]", "signals = [\"vehicle:body.roll\"]")
+        .replace("\"steer.*\"]", "\"vehicle:body.*\"]");
+    let separate = "<Unknown index=\"5\" dependencies=\"1 2\"/><Unknown index=\"6\" dependencies=\"1 3\"/>";
+    let found = plan(separate, &text);
+    assert_eq!(
+        found.warnings,
+        [
+            "scenarios/step.toml:12:30: `steer.amplitude` of `driver` has no effect: nothing reads the outputs that depend on it"
+        ]
+    );
+    let unread: Vec<_> = found.wiring[0].unread.iter().map(|s| s.variable.as_str()).collect();
+    assert_eq!(unread, ["driver.steer"]);
+    // A superset of the dependencies, or none at all: nothing is certain, a trial run may tell.
+    for initial in ["<Unknown index=\"5\"/><Unknown index=\"6\"/>", ""] {
+        let found = plan(initial, &text);
+        assert_eq!(found.warnings, [""; 0]);
+        assert_eq!(found.trials.len(), 1);
+    }
+    // Read in one of the cases: the parameter is set for that.
+    let found = plan(separate, SCENARIO);
+    assert_eq!((found.warnings, found.trials.len()), (Vec::new(), 0));
+    // A unit for nothing.
+    let text = SCENARIO.replacen(
+        "[[unit]]\nname = \"vehicle\"",
+        "[[unit]]\nname = \"spare\"\nfmu = \"OtherSteering\"\n[[unit]]\nname = \"vehicle\"",
+        1,
+    );
+    let text = text.replacen(
+        "[[connection]]",
+        "[[connection]]\nfrom = \"steering:steer.front\"\nto = \"vehicle:steer.front\"\n[[connection]]",
+        1,
+    );
+    let text =
+        text.replace("\"steer.*\"]", "\"steering:steer.*\"]").replace("\"steer.front\"]", "\"steering:steer.front\"]");
+    let text = text.replace("without = [\"steering\"]", "without = [\"steering\", \"spare\"]");
+    let found = plan("", &text).warnings;
+    assert_eq!(
+        found,
+        [
+            "scenarios/step.toml:20:8: nothing reads the outputs of `spare`, and none is recorded, in case `passive` and case \
+          `active`; leave the unit out with `without`, connect it or record its outputs"
+        ]
+    );
 }
 
 #[test]
@@ -160,7 +441,7 @@ fn options_change_the_plan() {
     assert_eq!(plan.runs.len(), 6);
     let odd = Options { stop: Some(0.0005), ..Options::default() };
     let error = plan_of(SCENARIO, &odd).unwrap_err().to_string();
-    assert!(error.contains("not a whole number of steps"), "{error}");
+    assert!(error.contains("(stop - start)/step is 0.5, expected a whole number of at least 1"), "{error}");
 }
 
 #[test]
@@ -257,20 +538,20 @@ fn the_json_has_the_agreed_layout() {
 #[test]
 fn mistakes_are_reported_with_their_place() {
     let cases: &[(&str, &str, &str)] = &[
-        ("stop = 2.0", "stopp = 2.0", "5:1: unknown field `stopp`"),
-        ("title = \"Step\"", "titel = \"Step\"", "1:1: unknown field `titel`"),
+        ("stop = 2.0", "stopp = 2.0", "5:1: unknown key `stopp`"),
+        ("title = \"Step\"", "titel = \"Step\"", "1:1: unknown key `titel`"),
         ("step = 0.001", "step = 0.0011", "6:8: (stop - start)/step is"),
         ("step = 0.001", "step = -1.0", "6:8: step is -1"),
         ("stop = 2.0", "stop = -2", "5:8: stop is -2"),
-        ("stop = 2.0", "stop = \"a\"", "5:8: invalid type: string \"a\""),
+        ("stop = 2.0", "stop = \"a\"", "5:8: `stop` must be a number, got the string \"a\""),
         ("name = \"driver\"", "name = \"Driver\"", "the name of a unit is made of"),
         ("name = \"driver\"", "name = \"vehicle\"", "the unit `vehicle` is there twice"),
         ("fmu = \"Driver\"", "fmu = \"Drivr\"", "11:7: there is no Drivr.fmu in memory"),
         ("fmu = \"Driver\"", "fmu = \"../Driver\"", "file stem"),
         ("maneuver = 1", "manouver = 1", "Driver has no parameter `manouver`"),
-        ("maneuver = 1", "maneuver = 10", "12:27: `maneuver` is 10, expected at most 9"),
-        ("maneuver = 1", "maneuver = 1.0", "12:27: `maneuver` is Integer, got float"),
-        ("maneuver = 1", "maneuver = true", "`maneuver` is Integer, got boolean"),
+        ("maneuver = 1", "maneuver = 10", "12:27: `maneuver` is 10, expected one of straight (0)"),
+        ("maneuver = 1", "maneuver = 1.0", "12:27: `maneuver` must be a whole number, got 1.0"),
+        ("maneuver = 1", "maneuver = true", "`maneuver` must be a whole number, got true"),
         ("maneuver = 1", "maneuver = 5000000000", "more than 32 bits"),
         ("maneuver = 1", "driver.speed = 1", "Driver has no parameter `driver`"),
         ("maneuver = 1", "\"driver.speed\" = 1", "is not a parameter but an output"),
@@ -280,7 +561,7 @@ fn mistakes_are_reported_with_their_place() {
         ("value = 30.0, unit = \"deg\"", "value = 30.0", "expected a value or { value"),
         ("value = 30.0, unit", "value = nan, unit", "expected a finite number"),
         ("\"tire.mode\" = 0", "\"tire.mode\" = 4", "expected one of 0 (magic), 1 (linear)"),
-        ("label = \"car\"", "label = 1", "`label` is String, got integer"),
+        ("label = \"car\"", "label = 1", "`label` must be a string, got 1"),
         ("\"road_friction.*\" = 1.0, ", "", "nobody writes the input `road_friction.r` of `vehicle`"),
         ("\"road_friction.*\" = 1.0", "\"road_friktion.*\" = 1.0", "`vehicle` has no input `road_friktion.*`"),
         ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = 1.0, \"road*\" = 1.0", "both match `road_friction.l`"),
@@ -328,7 +609,7 @@ fn mistakes_are_reported_with_their_place() {
         ("\"vehicle:*\"", "\"vehicle:wheel*\"", "no output matches `vehicle:wheel*`"),
         ("\"vehicle:*\"", "\"vehikle:*\"", "unknown unit `vehikle`"),
         ("every = 2", "every = 0", "every is 0, expected at least 1"),
-        ("kind = \"rms\"", "kind = \"rmss\"", "unknown variant `rmss`"),
+        ("kind = \"rms\"", "kind = \"rmss\"", "`kind`: unknown word `rmss`"),
         ("signal = \"body.roll\"", "signal = \"body.rol\"", "there is no output `body.rol`"),
         ("signal = \"body.roll\"", "signal = \"driver.steer\"", "`driver.steer` is not recorded"),
         (
@@ -375,7 +656,7 @@ fn mistakes_are_reported_with_their_place() {
         ("kind = \"time\"", "kind = \"time\"\ncases = [\"activ\"]", "unknown case `activ`"),
         ("kind = \"time\"", "kind = \"time\"\ncases = []", "expected at least one case"),
         ("kind = \"time\"", "kind = \"time\"\nlevels = [{ value = nan, title = \"\" }]", "expected a finite number"),
-        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ valu = 1.0, title = \"\" }]", "unknown field `valu`"),
+        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ valu = 1.0, title = \"\" }]", "unknown key `valu`"),
         ("kind = \"sweep\"", "kind = \"sweep\"\nseparate = true", "only a figure of kind \"time\" has `separate`"),
         (
             "kind = \"sweep\"",
@@ -383,7 +664,7 @@ fn mistakes_are_reported_with_their_place() {
             "only a figure of kind \"time\" has `levels`",
         ),
         ("kind = \"sweep\"", "kind = \"spectrum\"", "a figure of kind \"time\" or \"spectrum\" has `signals`"),
-        ("status = \"partly\"", "status = \"maybe\"", "unknown variant `maybe`"),
+        ("status = \"partly\"", "status = \"maybe\"", "`status`: unknown word `maybe`"),
     ];
     for (from, to, expected) in cases {
         assert!(SCENARIO.contains(from), "not in the scenario: {from}");
@@ -406,6 +687,7 @@ fn near_names_are_suggested() {
         ("maneuver = 1", "manuver = 1", "did you mean `maneuver`?"),
         ("signal = \"body.roll\"", "signal = \"body.rol\"", "did you mean `body.roll`?"),
         // Keys and words of the layout.
+        ("kind = \"rms\"", "kind = \"RMS\"", "did you mean `rms`?"),
         ("stop = 2.0", "stopp = 2.0", "did you mean `stop`?"),
         ("stop = 2.0", "stop = 2.0\norder = \"sequental\"", "did you mean `sequential`?"),
         ("kind = \"rms\"", "kind = \"rmss\"", "did you mean `rms`?"),

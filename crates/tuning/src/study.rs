@@ -227,12 +227,33 @@ struct CompareEntry {
     values: BTreeMap<Spanned<String>, Spanned<f64>>,
 }
 
+/// Path of the scenario that a study names.
+///
+/// # Errors
+/// The file cannot be read or does not have the layout of a study.
+pub fn scenario(path: &Path) -> Result<PathBuf, StudyError> {
+    let text = text(path)?;
+    match toml::from_str::<File>(&text) {
+        Ok(file) => Ok(path.parent().unwrap_or(Path::new("")).join(file.scenario.get_ref())),
+        Err(error) => {
+            let mut problems = Collector::new(path, &text, "toml");
+            problems.add_layout(&error);
+            Err(problems.fail().into())
+        }
+    }
+}
+
+fn text(path: &Path) -> Result<String, StudyError> {
+    let read = host::limits::read_text(path, host::limits::TEXT_FILE);
+    read.map_err(|cause| StudyError::Read { path: path.to_path_buf(), cause })
+}
+
 /// Reads a study and everything it needs. `jobs` is the number of threads.
 ///
 /// # Errors
 /// A file cannot be read, the study or its scenario has mistakes, an FMU cannot be opened.
 pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study, StudyError> {
-    let text = std::fs::read_to_string(path).map_err(|cause| StudyError::Read { path: path.to_path_buf(), cause })?;
+    let text = text(path)?;
     let mut problems = Collector::new(path, &text, "toml");
     let file: File = match toml::from_str(&text) {
         Ok(file) => file,

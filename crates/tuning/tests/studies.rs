@@ -434,7 +434,7 @@ fn mistakes_are_reported_with_their_place() {
     let [three, circle, word] = ["[[1]]", "[[1, 2], [2, 1]]", "[[1, \"a\"], [1, 1]]"].map(judge);
     let term = "[[objective.term]]\nsignal = \"position:x\"";
     let cases: &[(&str, &str, &str)] = &[
-        ("title = ", "titel = ", "1:1: unknown field `titel`"),
+        ("title = ", "titel = ", "1:1: unknown key `titel`"),
         ("scenario = \"ring.toml\"", "scenario = \"rong.toml\"", "2:12: there is no file"),
         ("\"free\", \"inverted\"", "\"fre\"", "3:10: unknown case `fre`"),
         ("cases = [\"free\", \"inverted\"]", "cases = []", "cases is empty"),
@@ -468,7 +468,7 @@ fn mistakes_are_reported_with_their_place() {
         ("signal = \"velocity:y\"", "signal = \"velocity:z\"", "the scenario does not record `velocity:z`"),
         ("signal = \"velocity:y\"", "signal = \"position:y\"", "the scenario does not record `position:y`"),
         ("signal = \"velocity:y\"", "signal = \"position:count\"", "the scenario does not record `position:count`"),
-        ("kind = \"rms\"", "kind = \"rmss\"", "unknown variant `rmss`"),
+        ("kind = \"rms\"", "kind = \"rmss\"", "`kind`: unknown word `rmss`"),
         ("weight = 2.0", "weight = -2.0", "37:10: weight is -2.0, expected 0 or more"),
         ("weight = 2.0\n", "", "this term needs a weight"),
         ("reference = 0.5", "reference = 0.0", "reference is 0.0, expected above 0"),
@@ -514,7 +514,7 @@ fn mistakes_are_reported_with_their_place() {
     assert!(error.contains("all weights are 0, expected one above 0"), "{error}");
     for (what, expected) in [
         ("[[parameter]]", "a study needs at least one [[parameter]]"),
-        ("[[objective.term]]", "missing field `objective`"),
+        ("[[objective.term]]", "missing key `objective`"),
         ("[[method]]", "a study needs at least one [[method]]"),
     ] {
         // Without all tables of that name.

@@ -8,7 +8,6 @@ mod derivatives;
 mod description;
 mod failures;
 mod models;
-mod sources;
 mod states;
 mod time;
 mod values;

@@ -1,9 +1,9 @@
 //! The wires of a case: what writes each input.
 
-use super::values::setting;
-use super::{Column, Member, Resolver, Source, System};
+use super::values::{is_implausible, setting};
+use super::{Column, Member, Resolver, Source, System, context};
 use crate::description::{BaseType, Causality, Variable};
-use crate::plan::{self, Wire};
+use crate::plan::{self, Connected, Origin, Signal, Wire};
 use crate::problem::suggestion;
 use serde_spanned::Spanned;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -22,6 +22,7 @@ impl<'a> Resolver<'a> {
         }
         let mut wired = Vec::new();
         for (m, member) in system.members.iter().enumerate() {
+            self.problems.set_context(Some(context(system.case, Some(member.unit))));
             let constants = self.constants(system.case, member);
             let mut inputs = Vec::new();
             let mut missing = Vec::new();
@@ -47,10 +48,11 @@ impl<'a> Resolver<'a> {
                 }
             }
             if !missing.is_empty() {
-                self.report_missing(system, member, &missing, &outputs);
+                self.report_missing(member, &missing, &outputs);
             }
             wired.push(inputs);
         }
+        self.problems.set_context(None);
         for (member, inputs) in system.members.iter_mut().zip(wired) {
             member.inputs = inputs;
         }
@@ -59,13 +61,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn report_missing(
-        &mut self,
-        system: &System<'_>,
-        member: &Member<'_>,
-        missing: &[&str],
-        outputs: &HashMap<&str, Vec<(usize, usize)>>,
-    ) {
+    fn report_missing(&mut self, member: &Member<'_>, missing: &[&str], outputs: &HashMap<&str, Vec<(usize, usize)>>) {
         let list: Vec<String> = missing.iter().map(|name| format!("`{name}`")).collect();
         let near = missing
             .iter()
@@ -79,10 +75,7 @@ impl<'a> Resolver<'a> {
                 list.join(", "),
                 member.name()
             ),
-            Some(format!(
-                "in case `{}`; give the unit a constant in `inputs` or add a [[connection]]{near}",
-                system.case.name.get_ref()
-            )),
+            Some(format!("give the unit a constant in `inputs` or add a [[connection]]{near}")),
         );
     }
 
@@ -165,6 +158,17 @@ impl<'a> Resolver<'a> {
             BaseType::Real | BaseType::String => true,
         };
         if let Some(signal) = signal
+            && let Some(value) = signal.values.iter().copied().find(|v| is_implausible(input, *v))
+        {
+            let place = member.unit.name.span();
+            let message = format!("the input file has the value {value} rad for `{}`", signal.name);
+            self.problems.warn(
+                place,
+                message,
+                Some(format!("that is {:.0} deg; is it in degrees?", value.to_degrees())),
+            );
+        }
+        if let Some(signal) = signal
             && let Some(value) = signal.values.iter().find(|v| !fits(**v))
         {
             let misfit = format!(
@@ -181,12 +185,51 @@ impl<'a> Resolver<'a> {
         Source::Feed(feed)
     }
 
+    /// The wires of a case by name, and the outputs that nothing reads.
+    pub(super) fn wiring(&self, system: &System<'_>) -> plan::Wiring {
+        let signal = |member: &Member<'_>, v: usize| Signal {
+            component: member.name().to_string(),
+            variable: member.variable(v).name.clone(),
+        };
+        let kept = || system.members.iter().enumerate().filter(|(_, member)| !member.dropped);
+        let mut inputs = Vec::new();
+        let mut read = BTreeSet::new();
+        for (_, member) in kept() {
+            for (v, source) in &member.inputs {
+                let source = match source {
+                    Source::Output(from, output) => {
+                        read.insert((*from, *output));
+                        Origin::Output(signal(&system.members[*from], *output))
+                    }
+                    Source::Feed(feed) => {
+                        Origin::File(self.feeds.map_or(String::new(), |feeds| feeds.signals[*feed].name.clone()))
+                    }
+                    Source::Constant(value) => {
+                        Origin::Constant { value: value.clone(), unit: member.variable(*v).unit.clone() }
+                    }
+                };
+                inputs.push(Connected { input: signal(member, *v), source });
+            }
+        }
+        let unread = kept()
+            .flat_map(|(m, member)| {
+                member.wirable(Causality::Output).map(move |(v, variable)| (m, v, member, variable))
+            })
+            .filter(|(m, v, member, variable)| {
+                !read.contains(&(*m, *v)) && !self.is_recorded(member.name(), &variable.name)
+            })
+            .map(|(_, v, member, _)| signal(member, v))
+            .collect();
+        plan::Wiring { case: system.case.name.get_ref().clone(), inputs, unread }
+    }
+
     /// Explicit connections of a case: (member, input) -> (member, output).
     fn connections(&mut self, system: &System<'_>) -> HashMap<(usize, usize), (usize, usize)> {
         let mut connections = HashMap::new();
         for connection in &self.scenario.connections {
             let from = self.end(system, &connection.from, Causality::Output);
             let to = self.end(system, &connection.to, Causality::Input);
+            self.problems.set_context(Some(context(system.case, None)));
             let (Some(from), Some(to)) = (from, to) else {
                 continue;
             };
@@ -202,6 +245,7 @@ impl<'a> Resolver<'a> {
                     .add(connection.to.span(), format!("a second connection writes `{}`", connection.to.get_ref()));
             }
         }
+        self.problems.set_context(None);
         connections
     }
 
@@ -210,6 +254,7 @@ impl<'a> Resolver<'a> {
         let (unit, name, name_span) = self.unit_and_name(written)?;
         let m = system.member(unit)?;
         let member = &system.members[m];
+        self.problems.set_context(Some(context(system.case, Some(member.unit))));
         let wanted = if causality == Causality::Output { "output" } else { "input" };
         match member.found.description.index(name) {
             Some(v) if member.variable(v).causality != causality => {
@@ -224,6 +269,8 @@ impl<'a> Resolver<'a> {
                 None
             }
             Some(v) => Some((m, v)),
+            // Another FMU need not have all inputs of the unit's own.
+            None if causality == Causality::Input && member.replaced.is_some() => None,
             None => {
                 let names = member.wirable(causality).map(|(_, v)| v.name.as_str());
                 let help = suggestion(name, names);
@@ -353,7 +400,7 @@ impl<'a> Resolver<'a> {
     }
 }
 
-fn wire(variable: &Variable, slot: usize) -> Wire {
+pub(super) fn wire(variable: &Variable, slot: usize) -> Wire {
     Wire { reference: variable.reference, base_type: variable.base_type, slot }
 }
 

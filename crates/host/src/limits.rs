@@ -1,0 +1,73 @@
+//! Sizes beyond which a file or a plan is refused at once: far above what anybody needs, far below what takes a machine
+//! down.
+
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
+
+/// Largest scenario, study or parameter set, in bytes.
+pub const TEXT_FILE: u64 = 4_000_000;
+/// Largest CSV file of input signals, in bytes.
+pub const INPUT_FILE: u64 = 256_000_000;
+/// Longest line of any of these files, in bytes.
+pub const LINE: usize = 100_000;
+/// Most steps of a run.
+pub const STEPS: u64 = 100_000_000;
+/// Most values a run records: rows times signals. 8 bytes each, that is 1 GB of memory per run.
+pub const RECORDED: u64 = 125_000_000;
+/// Most runs of a scenario: cases times points times seeds.
+pub const RUNS: usize = 10_000;
+
+/// Reads a text file that has at most `limit` bytes, in lines of at most [`LINE`].
+///
+/// # Errors
+/// The file cannot be read, is larger, has a longer line, or is not UTF-8.
+pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
+    let refuse = |message: String| io::Error::new(io::ErrorKind::InvalidData, message);
+    let file = File::open(path)?;
+    let mut text = String::new();
+    // A device or a pipe tells no size: no more than the limit is read of anything.
+    let told = file.metadata()?.len();
+    let read = if told > limit { told } else { file.take(limit + 1).read_to_string(&mut text)? as u64 };
+    if read > limit {
+        let size =
+            if told > limit { format!("the file has {told} bytes") } else { "the file is too large".to_string() };
+        return Err(refuse(format!("{size}, the limit is {limit}")));
+    }
+    for (number, line) in text.lines().enumerate() {
+        if line.len() > LINE {
+            return Err(refuse(format!("line {} has {} bytes, the limit is {LINE}", number + 1, line.len())));
+        }
+    }
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_and_lines_are_limited() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let error = |content: &str, limit| {
+            std::fs::write(&path, content).unwrap();
+            read_text(&path, limit).unwrap_err().to_string()
+        };
+        assert_eq!(error("123456", 5), "the file has 6 bytes, the limit is 5");
+        let long = format!("a\n{}\n", "x".repeat(LINE + 1));
+        assert_eq!(error(&long, TEXT_FILE), "line 2 has 100001 bytes, the limit is 100000");
+        std::fs::write(&path, "12345").unwrap();
+        assert_eq!(read_text(&path, 5).unwrap(), "12345");
+        // As sparse as it is, it would not fit into memory.
+        File::create(&path).unwrap().set_len(1 << 40).unwrap();
+        assert!(read_text(&path, INPUT_FILE).unwrap_err().to_string().contains("the limit is 256000000"));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_device_without_end_is_refused() {
+        let error = read_text(Path::new("/dev/zero"), 1000).unwrap_err().to_string();
+        assert_eq!(error, "the file is too large, the limit is 1000");
+    }
+}

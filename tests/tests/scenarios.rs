@@ -1,0 +1,191 @@
+//! The scenario files: they resolve without a warning, each of their components can be replaced by one line, and a parameter
+//! without an effect is found.
+
+use host::description::ModelDescription;
+use host::plan::Plan;
+use host::resolve::{Options, ResolveError, resolve_text};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tests::workspace;
+
+type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
+
+/// The committed descriptions; each also under the name `NameCopy` and, with other names of all parameters, `NameOther`.
+fn descriptions() -> Descriptions {
+    let mut all = Descriptions::new();
+    for entry in std::fs::read_dir(workspace().join("modelDescription")).expect("the folder is there") {
+        let path = entry.expect("the folder can be read").path();
+        if path.extension().is_none_or(|extension| extension != "xml") {
+            continue;
+        }
+        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8").to_owned();
+        let text = std::fs::read_to_string(&path).expect("the description can be read");
+        let description = ModelDescription::parse(&text).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let other: String = text
+            .split_inclusive('\n')
+            .map(|line| match line.contains("causality=\"parameter\"") {
+                true => line.replacen("<ScalarVariable name=\"", "<ScalarVariable name=\"other.", 1),
+                false => line.to_owned(),
+            })
+            .collect();
+        assert_ne!(other, text, "{name} has parameters");
+        let other = ModelDescription::parse(&other).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let description = Arc::new(description);
+        all.insert(format!("{name}Copy"), Arc::clone(&description));
+        all.insert(format!("{name}Other"), Arc::new(other));
+        all.insert(name, description);
+    }
+    all
+}
+
+fn scenarios() -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(workspace().join("scenarios")).expect("the folder is there");
+    let mut files: Vec<_> = entries.map(|entry| entry.expect("the folder can be read").path()).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "toml"));
+    files.sort();
+    assert!(files.len() > 20, "the scenarios of all papers");
+    files
+}
+
+fn lines(error: &ResolveError) -> String {
+    match error {
+        ResolveError::Problems(problems) => {
+            problems.problems.iter().map(|problem| problem.line()).collect::<Vec<_>>().join("\n")
+        }
+        other => other.to_string(),
+    }
+}
+
+fn plan(file: &Path, text: &str, source: &Descriptions) -> Plan {
+    let fail = |error| panic!("{}\n{}", file.display(), lines(&error));
+    resolve_text(file, text, source, &Options::default()).unwrap_or_else(fail)
+}
+
+/// The text with a line after the name of a case.
+fn with_line(text: &str, case: &str, line: &str) -> String {
+    let (before, cases) = text.split_at(text.find("[[case]]").expect("there are cases"));
+    let name = format!("name = \"{case}\"\n");
+    assert!(cases.contains(&name), "{case}");
+    format!("{before}{}", cases.replacen(&name, &format!("{name}{line}\n"), 1))
+}
+
+/// Warnings of the descriptions only: trial runs need the FMUs.
+#[test]
+fn no_scenario_warns() {
+    let source = descriptions();
+    for file in scenarios() {
+        let text = std::fs::read_to_string(&file).expect("the scenario can be read");
+        assert_eq!(plan(&file, &text, &source).warnings, [""; 0], "{}", file.display());
+    }
+}
+
+/// "Swapping is one line": every component in every case of every scenario, by a copy of its FMU and by one that has the same
+/// signals but no parameter of that name.
+#[test]
+fn every_component_is_replaced_by_one_line() {
+    let source = descriptions();
+    let mut swaps = 0;
+    for file in scenarios() {
+        let text = std::fs::read_to_string(&file).expect("the scenario can be read");
+        let whole = plan(&file, &text, &source);
+        for case in &whole.cases {
+            let run = whole.runs.iter().find(|run| run.case == case.name).expect("every case is run");
+            for unit in &run.units {
+                let fmu = unit.fmu.strip_suffix(".fmu").expect("an FMU");
+                for suffix in ["Copy", "Other"] {
+                    let line = format!("fmu.{} = \"{fmu}{suffix}\"", unit.name);
+                    // A case may set parameters of the component itself, which another one does not have.
+                    if suffix == "Other" && case_sets(&text, &case.name, &unit.name) {
+                        continue;
+                    }
+                    let swapped = plan(&file, &with_line(&text, &case.name, &line), &source);
+                    let run = swapped.runs.iter().find(|run| run.case == case.name).expect("the case is still there");
+                    let other = run.units.iter().find(|u| u.name == unit.name).expect("the unit is still there");
+                    assert_eq!(other.fmu, format!("{fmu}{suffix}.fmu"), "{}: {line}", file.display());
+                    // Nothing but points, seeds and the case itself reaches it.
+                    assert!(suffix == "Copy" || other.parameters.is_empty(), "{}: {line}", file.display());
+                    swaps += 1;
+                }
+            }
+        }
+    }
+    assert!(swaps > 1000, "only {swaps} swaps");
+}
+
+/// Whether a case has values for parameters of a component, in its own table or in a parameter set.
+fn case_sets(text: &str, case: &str, unit: &str) -> bool {
+    let name = format!("name = \"{case}\"\n");
+    let of_case = text.split("[[").find(|part| part.starts_with("case]]") && part.contains(&name)).expect("the case");
+    of_case.contains(&format!("parameters.{unit} ")) || of_case.contains("parameter_set")
+}
+
+/// A copy that keeps the parameters is the same system.
+#[test]
+fn kept_parameters_are_those_of_the_component() {
+    let source = descriptions();
+    for name in ["esp_car_step_steer", "rescue_vehicle_step_steer", "hydro_pneumatic_robustness"] {
+        let file = workspace().join(format!("scenarios/{name}.toml"));
+        let text = std::fs::read_to_string(&file).expect("the scenario can be read");
+        let whole = plan(&file, &text, &source);
+        let case = &whole.cases[0].name;
+        for unit in &whole.runs[0].units {
+            let fmu = unit.fmu.strip_suffix(".fmu").expect("an FMU");
+            let line = format!("fmu.{} = {{ fmu = \"{fmu}Copy\", keep_parameters = true }}", unit.name);
+            let swapped = plan(&file, &with_line(&text, case, &line), &source);
+            let other = swapped.runs[0].units.iter().find(|u| u.name == unit.name).expect("the unit is still there");
+            assert_eq!(other.parameters, unit.parameters, "{name}: {line}");
+            assert_eq!(swapped.warnings, [""; 0], "{name}: {line}");
+        }
+    }
+}
+
+/// Every mode of ours has names for all its values, and nothing else is taken for a list of names.
+#[test]
+fn modes_have_names() {
+    let mut modes = 0;
+    for (name, description) in descriptions() {
+        for variable in &description.variables {
+            let values: Vec<i32> = variable.named_values().iter().map(|(value, _)| *value).collect();
+            let is_mode = variable.declared_type.is_some() && variable.base_type == host::plan::BaseType::Integer;
+            assert_eq!(!values.is_empty(), is_mode, "{name}: {}", variable.name);
+            if is_mode {
+                let ends = [values[0], *values.last().expect("not empty")].map(f64::from);
+                assert_eq!([variable.min, variable.max], ends.map(Some), "{name}: {}", variable.name);
+                modes += 1;
+            }
+        }
+    }
+    assert!(modes > 20, "{modes}");
+}
+
+/// The trap of issue 11: a speed for a car that has its own. By a trial run with the real FMUs, as `cargo fmu plan` makes it.
+#[test]
+fn a_trial_run_finds_parameters_without_effect() {
+    let file = workspace().join("scenarios/esp_car_step_steer.toml");
+    let text = std::fs::read_to_string(&file).expect("the scenario can be read");
+    let folder = host::resolve::FmuFolder::new([tests::folder()]);
+    let warnings = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        let text = text.replacen(from, to, 1);
+        let plan = resolve_text(&file, &text, &folder, &Options { stop: Some(2.0), ..Options::default() });
+        let plan = plan.unwrap_or_else(|error| panic!("{}", lines(&error)));
+        assert_eq!(plan.warnings, [""; 0], "the descriptions do not tell");
+        host::trial::warnings(&plan).iter().map(|w| w.rsplit_once(".toml:").expect("a place").1.to_owned()).collect()
+    };
+    let found: Vec<String> = warnings("title", "title");
+    assert_eq!(found, [""; 0], "as it is");
+    let place = "maneuver = \"ramp_step\", ";
+    // 60 km/h is also the default: that makes no difference, another value would not either.
+    for speed in ["{ value = 60.0, unit = \"km/h\" }", "5.0"] {
+        let found: Vec<String> = warnings(place, &format!("{place}\"speed.initial\" = {speed}, "));
+        assert_eq!(
+            found,
+            ["16:40: `speed.initial` of `driver` has no effect: it changes `driver.speed` only, which nothing reads"]
+        );
+    }
+    // In a slalom between cones the same parameter decides how fast the driver steers.
+    let slalom = "maneuver = \"slalom\", \"steer.period\" = 0.0, \"speed.initial\" = 5.0, ";
+    let found: Vec<String> = warnings(place, slalom);
+    assert!(found.iter().all(|warning| !warning.contains("speed.initial")), "{found:?}");
+}
