@@ -207,7 +207,6 @@ impl Sampled for Road {
     type Memory = X;
     type Inputs = U;
     type Outputs = Y;
-    const SOURCE: Option<Influence> = Some(equations::influence);
 
     fn design(p: &P) -> Result<D, String> {
         equations::design(p, None)
