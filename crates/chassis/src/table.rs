@@ -7,6 +7,9 @@
 //! accepted. The abscissa (time or distance) has to be there and to increase strictly; every
 //! number has to be finite. There is no quoting: no name and no number needs it.
 //!
+//! The path comes from outside, so only regular files of limited size are read, and a message about a rejected file
+//! tells where the problem is, never what the file contains.
+//!
 //! ```
 //! # use chassis::table::Table;
 //! let text = "time,driver.steer\n0,0\n2,0.1\n";
@@ -16,26 +19,55 @@
 //! # Ok::<(), String>(())
 //! ```
 
+use std::fs::{File, Metadata};
+use std::io::{Error, Read as _};
 use std::path::Path;
+
+/// Size of the largest file that is read, in bytes: 64 MiB hold four signals over 20 minutes at every millisecond.
+const LARGEST: u64 = 64 << 20;
 
 /// Reads the file that a parameter names: its whole path and its text. A relative path starts at `resources`, the
 /// resources folder of the FMU.
 ///
 /// # Errors
 ///
-/// A message with the parameter, the path and what was expected: an empty path, a file that cannot be read or is no
-/// text.
+/// A message with the parameter, the path and what to do: an empty path, a file that cannot be read, is not a regular
+/// file, is larger than 64 MiB or is not UTF-8.
 pub fn read_file(parameter: &str, file: &str, resources: &Path) -> Result<(String, String), String> {
     if file.is_empty() {
         return Err(format!("'{parameter}' is empty, the path of a CSV file was expected"));
     }
-    let path = resources.join(file).display().to_string();
-    match std::fs::read_to_string(resources.join(file)) {
-        Ok(text) => Ok((path, text)),
-        Err(error) => Err(format!(
-            "'{parameter}' = {file}: {path} cannot be read ({error}), a CSV file was expected; a relative path starts at the resources folder of the FMU"
-        )),
+    let path = resources.join(file);
+    let text = read_regular(&path, LARGEST).map_err(|error| {
+        format!(
+            "'{parameter}' = {file}: {} cannot be read ({error}); name a CSV file, a relative path starts at the resources folder of the FMU",
+            path.display()
+        )
+    })?;
+    Ok((path.display().to_string(), text))
+}
+
+/// The text of a regular file of at most `largest` bytes.
+fn read_regular(path: &Path, largest: u64) -> Result<String, Error> {
+    let check = |metadata: &Metadata| {
+        if !metadata.is_file() {
+            Err(Error::other("it is not a regular file"))
+        } else if metadata.len() > largest {
+            Err(Error::other(format!("it has {} bytes, at most {largest} are allowed", metadata.len())))
+        } else {
+            Ok(())
+        }
+    };
+    // Before it is opened, which would wait for the other end of a pipe, and again, in case it was replaced.
+    check(&std::fs::metadata(path)?)?;
+    let file = File::open(path)?;
+    check(&file.metadata()?)?;
+    let mut text = String::new();
+    // It may still be growing.
+    if file.take(largest + 1).read_to_string(&mut text)? as u64 > largest {
+        return Err(Error::other(format!("it has more than {largest} bytes")));
     }
+    Ok(text)
 }
 
 /// Signals over an increasing abscissa, interpolated linearly.
@@ -54,9 +86,9 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// A message with path, line and column, what stood there and what was expected: a column of another name or
-    /// given twice, no abscissa, no other column, no row, a row of another length, a field that is not a finite
-    /// number, an abscissa that does not increase.
+    /// A message with path, line and column and what to write there, without the content of the file: a column of
+    /// another name or given twice, no abscissa, no other column, no row, a row of another length, a field that is not a
+    /// finite number, an abscissa that does not increase.
     pub fn parse(text: &str, path: &str, abscissa: &str, columns: &[&str]) -> Result<Self, String> {
         let content = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut lines = content
@@ -71,13 +103,18 @@ impl Table {
         let names: Vec<&str> = header.split(',').map(str::trim).collect();
         for (index, name) in names.iter().enumerate() {
             if *name != abscissa && !columns.contains(name) {
-                return Err(format!("{path}:{header_line}: unknown column `{name}`, expected {}", expected()));
+                return Err(format!(
+                    "{path}:{header_line}: the name of column {} is unknown, expected {}",
+                    index + 1,
+                    expected()
+                ));
             }
             if names[..index].contains(name) {
                 return Err(format!("{path}:{header_line}: column `{name}` is there twice"));
             }
         }
         if !names.contains(&abscissa) || names.len() < 2 {
+            // nothing but the names above
             return Err(format!("{path}:{header_line}: expected columns {}, found only `{header}`", expected()));
         }
 
@@ -91,14 +128,14 @@ impl Table {
                 let field = field.trim();
                 let value = field.parse::<f64>().ok().filter(|value| value.is_finite());
                 let value = value.ok_or_else(|| {
-                    format!("{path}:{line}: column `{name}`: `{field}`, expected a finite number with a decimal point")
+                    format!("{path}:{line}: column `{name}` is not a finite number with a decimal point")
                 })?;
                 if let Some(last) = values.last()
                     && *name == abscissa
                     && value <= *last
                 {
                     return Err(format!(
-                        "{path}:{line}: column `{name}`: {value} after {last}, expected strictly increasing values"
+                        "{path}:{line}: column `{name}` is not greater than in the row before, expected strictly increasing values"
                     ));
                 }
                 values.push(value);
@@ -197,15 +234,18 @@ mod tests {
     fn refuses_with_line_and_column() {
         for (text, message) in [
             ("", "a.csv: the file is empty, expected columns `time` and any of `steer`, `speed`"),
-            ("time,wheel\n", "a.csv:1: unknown column `wheel`, expected `time` and any of `steer`, `speed`"),
+            ("time,wheel\n", "a.csv:1: the name of column 2 is unknown, expected `time` and any of `steer`, `speed`"),
             ("time,time\n", "a.csv:1: column `time` is there twice"),
             ("\nsteer\n1\n", "a.csv:2: expected columns `time` and any of `steer`, `speed`, found only `steer`"),
             ("time\n1\n", "a.csv:1: expected columns `time` and any of `steer`, `speed`, found only `time`"),
             ("time,steer\n", "a.csv:1: no row after the column names"),
             ("time,steer\n0,1\n1\n", "a.csv:3: 1 fields, expected 2 as in the first line"),
-            ("time,steer\n0,x\n", "a.csv:2: column `steer`: `x`, expected a finite number with a decimal point"),
-            ("time,steer\n0,inf\n", "a.csv:2: column `steer`: `inf`, expected a finite number with a decimal point"),
-            ("time,steer\n0,1\n#\n0,2\n", "a.csv:4: column `time`: 0 after 0, expected strictly increasing values"),
+            ("time,steer\n0,x\n", "a.csv:2: column `steer` is not a finite number with a decimal point"),
+            ("time,steer\n0,inf\n", "a.csv:2: column `steer` is not a finite number with a decimal point"),
+            (
+                "time,steer\n0,1\n#\n0,2\n",
+                "a.csv:4: column `time` is not greater than in the row before, expected strictly increasing values",
+            ),
         ] {
             assert_eq!(parse(text).unwrap_err(), message);
         }
@@ -219,9 +259,53 @@ mod tests {
         // an absolute path stands for itself
         assert_eq!(read_file("table.file", &path, Path::new("nowhere")).unwrap(), (path, text));
         let message = read_file("table.file", "no.csv", resources).unwrap_err();
-        assert!(message.starts_with("'table.file' = no.csv: ") && message.contains("a CSV file was expected"));
+        assert!(message.starts_with("'table.file' = no.csv: ") && message.contains("name a CSV file"));
         let message = read_file("table.file", "", resources).unwrap_err();
         assert_eq!(message, "'table.file' is empty, the path of a CSV file was expected");
+    }
+
+    /// A FIFO would block, a device would never end, a folder has no text: each is refused before it is opened.
+    #[test]
+    fn reads_regular_files_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |path: &Path| read_regular(path, 10).unwrap_err().to_string();
+        assert_eq!(refused(folder.path()), "it is not a regular file");
+        let file = folder.path().join("a.csv");
+        std::fs::write(&file, "0123456789").unwrap();
+        assert_eq!(read_regular(&file, 10).unwrap(), "0123456789");
+        assert_eq!(read_regular(&file, 9).unwrap_err().to_string(), "it has 10 bytes, at most 9 are allowed");
+        std::fs::write(&file, [0xff, 0xfe]).unwrap();
+        assert!(refused(&file).contains("UTF-8"));
+        #[cfg(unix)]
+        {
+            assert_eq!(refused(Path::new("/dev/zero")), "it is not a regular file");
+            let fifo = folder.path().join("fifo");
+            assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+            assert_eq!(refused(&fifo), "it is not a regular file");
+            // a link counts as what it leads to
+            std::fs::write(&file, "0").unwrap();
+            let link = folder.path().join("link");
+            std::os::unix::fs::symlink(&file, &link).unwrap();
+            assert_eq!(read_regular(&link, 10).unwrap(), "0");
+        }
+    }
+
+    /// Whatever a rejected file contains, no message repeats it: it may be a file that the user of the log must not see.
+    #[test]
+    fn messages_do_not_repeat_the_file() {
+        const SECRET: &str = "31415";
+        for text in [
+            format!("{SECRET}\n"),
+            format!("time,{SECRET}\n"),
+            format!("time,steer\n{SECRET}\n"),
+            format!("time,steer\n0,x{SECRET}\n"),
+            format!("time,steer\n{SECRET},0\n{SECRET},0\n"),
+            format!("time\n{SECRET}\n"),
+            format!("# {SECRET}\n"),
+        ] {
+            let message = parse(&text).unwrap_err();
+            assert!(!message.contains(SECRET), "{message}");
+        }
     }
 
     /// Reference: the published test vectors of FNV-1a for the empty text and for "a".

@@ -51,7 +51,7 @@ impl Description {
             None => Ok(Vec::new()),
         }
         .unwrap_or_else(|problem| panic!("{}: {problem}", M::INFO.name));
-        let xml = xml(&M::INFO, M::IS_PLANT, &layout, &structure).expect("writing to memory does not fail");
+        let xml = xml::<M>(&layout, &structure).expect("writing to memory does not fail");
         let xml = String::from_utf8(xml).expect("all texts are UTF-8");
         // The GUID is the hash of the description with an empty one, which is the first: it stands in the first element.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
@@ -205,7 +205,8 @@ type Xml = Writer<Vec<u8>>;
 const NO_GUID: &str = "guid=\"\"";
 
 /// modelDescription.xml with an empty GUID.
-fn xml(info: &Info, is_plant: bool, layout: &Layout, structure: &[Dependencies]) -> std::io::Result<Vec<u8>> {
+fn xml<M: Model>(layout: &Layout, structure: &[Dependencies]) -> std::io::Result<Vec<u8>> {
+    let info = &M::INFO;
     let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     let tool = concat!("fmi2 ", env!("CARGO_PKG_VERSION"), " (Chassis FMU)");
@@ -229,7 +230,7 @@ fn xml(info: &Info, is_plant: bool, layout: &Layout, structure: &[Dependencies])
                 ("canGetAndSetFMUstate", "true"),
                 ("canSerializeFMUstate", "true"),
             ]);
-            if is_plant {
+            if M::IS_PLANT {
                 element = element.with_attribute(("providesDirectionalDerivative", "true"));
             }
             element.write_empty()?;
@@ -251,9 +252,9 @@ fn xml(info: &Info, is_plant: bool, layout: &Layout, structure: &[Dependencies])
                 ])
                 .write_empty()?;
             xml.create_element("ModelVariables").write_inner_content(|xml| {
-                layout.variables.iter().try_for_each(|variable| scalar_variable(xml, is_plant, layout, variable))
+                layout.variables.iter().try_for_each(|variable| scalar_variable::<M>(xml, layout, variable))
             })?;
-            model_structure(xml, is_plant, layout, structure)
+            model_structure::<M>(xml, layout, structure)
         })?;
     let mut bytes = xml.into_inner();
     bytes.push(b'\n');
@@ -337,14 +338,17 @@ fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
     Ok(())
 }
 
-fn scalar_variable(xml: &mut Xml, is_plant: bool, layout: &Layout, variable: &Variable) -> Written {
+fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Written {
     let declaration = &variable.declaration;
     let (causality, variability, initial) = match variable.role {
         Role::Parameter => ("parameter", if declaration.tunable { "tunable" } else { "fixed" }, Some("exact")),
         Role::Calculated => ("calculatedParameter", "fixed", Some("calculated")),
         Role::Input => ("input", "continuous", None),
-        Role::Output if is_plant => ("output", "continuous", Some("calculated")),
-        Role::Output => ("output", "discrete", Some("exact")),
+        Role::Output => (
+            "output",
+            if M::IS_PLANT { "continuous" } else { "discrete" },
+            Some(if M::CALCULATES_OUTPUTS { "calculated" } else { "exact" }),
+        ),
         Role::State => (
             if declaration.local { "local" } else { "output" },
             "continuous",
@@ -411,14 +415,14 @@ fn scalar_variable(xml: &mut Xml, is_plant: bool, layout: &Layout, variable: &Va
     Ok(())
 }
 
-fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[Dependencies]) -> Written {
+fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, structure: &[Dependencies]) -> Written {
     let with_role = |role: Role| layout.variables.iter().filter(move |variable| variable.role == role);
     let index = |variable: &Variable| layout.structure_index(variable.reference);
     // Known variables in the order in which `Dependencies` numbers them.
     let known: Vec<usize> = with_role(Role::Input).chain(with_role(Role::State)).map(index).collect();
     let depends = |variable: &Variable| -> Vec<usize> {
         let set = match variable.role {
-            Role::Output if is_plant => structure[variable.index - layout.outputs.start],
+            Role::Output if M::IS_PLANT => structure[variable.index - layout.outputs.start],
             Role::Derivative => structure[layout.outputs.len() + variable.index - layout.derivatives.start],
             // Outputs of sampled units are held; an output that is a state is known itself.
             _ => Dependencies::default(),
@@ -452,16 +456,20 @@ fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[
             xml.create_element("Derivatives")
                 .write_inner_content(|xml| with_role(Role::Derivative).try_for_each(|v| unknown(xml, v, depends(v))))?;
         }
-        // At the start everything may also depend on any parameter; calculated ones on the fixed parameters only.
-        let parameters: Vec<_> = with_role(Role::Parameter).map(index).collect();
-        let fixed: Vec<_> = with_role(Role::Parameter).filter(|v| !v.declaration.tunable).map(index).collect();
+        // At the start everything may also depend on any parameter; calculated ones on the fixed parameters only, the
+        // outputs of a source on those it names.
+        let can_follow = |v: &Variable, parameter: &Variable| match (v.role, M::SOURCE) {
+            (Role::Calculated | Role::State, _) => !parameter.declaration.tunable,
+            (_, Some(influence)) => influence(&v.declaration.name, &parameter.declaration.name),
+            _ => true,
+        };
         let mut initial: Vec<_> = layout
             .variables
             .iter()
             .filter(|v| match v.role {
                 Role::Calculated | Role::Derivative => true,
                 Role::State => v.declaration.calculated,
-                Role::Output => is_plant,
+                Role::Output => M::CALCULATES_OUTPUTS,
                 _ => false,
             })
             .collect();
@@ -469,8 +477,8 @@ fn model_structure(xml: &mut Xml, is_plant: bool, layout: &Layout, structure: &[
         if !initial.is_empty() {
             xml.create_element("InitialUnknowns").write_inner_content(|xml| {
                 initial.iter().try_for_each(|v| {
-                    let follows_fixed = matches!(v.role, Role::Calculated | Role::State);
-                    let mut all = if follows_fixed { fixed.clone() } else { parameters.clone() };
+                    let mut all: Vec<_> =
+                        with_role(Role::Parameter).filter(|parameter| can_follow(v, parameter)).map(index).collect();
                     // A state that is calculated itself is unknown at the start; it follows from the parameters.
                     all.extend(depends(v).into_iter().filter(|&i| !layout.variables[i - 1].declaration.calculated));
                     unknown(xml, v, all)

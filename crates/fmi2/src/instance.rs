@@ -203,6 +203,19 @@ impl<M: Model> Instance<M> {
             )
             .into());
         }
+        if M::SOURCE.is_some() {
+            self.refresh(false, true, false)?;
+            let outputs = self.layout().outputs.clone();
+            if let Some(index) = outputs.into_iter().find(|&index| !self.values.reals[index].is_finite()) {
+                return Err(format!(
+                    "{}: '{}' = {} in the first sample, a finite number was expected; check the parameters",
+                    M::INFO.name,
+                    self.layout().real_name(index),
+                    self.values.reals[index]
+                )
+                .into());
+            }
+        }
         self.memory = memory;
         self.mode = Mode::Step;
         Ok(())
@@ -288,7 +301,9 @@ impl<M: Model> Instance<M> {
     /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them.
     #[inline]
     fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> Answer {
-        let outputs = M::IS_PLANT && outputs && self.outputs_are_old;
+        // Those of a source are computed up to the start and held from then on.
+        let are_computed = M::IS_PLANT || (M::SOURCE.is_some() && self.mode == Mode::Initialization);
+        let outputs = are_computed && outputs && self.outputs_are_old;
         let derivatives = derivatives && self.derivatives_are_old;
         if !(calculated || outputs || derivatives) {
             return Ok(());
@@ -299,7 +314,7 @@ impl<M: Model> Instance<M> {
         let (layout, design) = (&self.description.layout, self.design.as_deref().expect("computed above"));
         let reals = &mut self.values.reals;
         if outputs {
-            M::outputs(&self.parameters, design, layout, reals);
+            M::outputs(&self.parameters, design, layout, reals, self.clock.start);
             self.outputs_are_old = false;
             self.has_not_finite |= !are_finite(&reals[layout.outputs.clone()]);
         }
@@ -428,7 +443,7 @@ impl<M: Model> Instance<M> {
             Role::State if variable.declaration.calculated => (false, "a state that starts by the parameters"),
             Role::State => (before_start, "a continuous state"),
             // What has an exact start value may be set before the start (standard, section 2.1.7).
-            Role::Output if !M::IS_PLANT => (before_start, "an output with a start value"),
+            Role::Output if !M::CALCULATES_OUTPUTS => (before_start, "an output with a start value"),
             Role::Output => (false, "an output"),
             Role::Calculated => (false, "a calculated parameter"),
             Role::Derivative => (false, "the derivative of a state"),
@@ -438,7 +453,7 @@ impl<M: Model> Instance<M> {
         }
         let when = match variable.role {
             Role::Calculated | Role::Derivative => "never settable",
-            Role::Output if M::IS_PLANT => "never settable",
+            Role::Output if M::CALCULATES_OUTPUTS => "never settable",
             Role::State if variable.declaration.calculated => "never settable",
             _ => "settable only in Instantiated and Initialization Mode",
         };

@@ -66,7 +66,7 @@ pub mod variable;
 
 pub use block::{Block, Field, Place};
 pub use fmi2_derive as derive;
-pub use model::{Advancing, Info, Plant, Sampled};
+pub use model::{Advancing, Influence, Info, Plant, Sampled};
 pub use scalar::{Dual64, Scalar};
 pub use signal::{Quantity, Range, Role, Signal};
 pub use unit::Unit;
@@ -75,7 +75,7 @@ pub use unit::Unit;
 pub mod prelude {
     pub use crate::block::Field;
     pub use crate::derive::{Design, Inputs, Memory, Mode, Outputs, Parameters, State, model};
-    pub use crate::model::{Advancing, Info, Plant, Sampled};
+    pub use crate::model::{Advancing, Influence, Info, Plant, Sampled};
     pub use crate::parameters::{MAX_STEP, MaxStep, SAMPLE_TIME, SampleTime};
     pub use crate::scalar::Scalar;
     pub use crate::unit::*;

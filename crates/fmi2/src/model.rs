@@ -98,6 +98,10 @@ pub trait Advancing: Plant {
     ) -> Self::State<f64>;
 }
 
+/// Whether an output of a source can depend on a parameter, both by name. `true` if it does so at any time of a run with
+/// any values of the other parameters; tools read it from the model structure.
+pub type Influence = fn(output: &str, parameter: &str) -> bool;
+
 /// A sampled unit: a controller, or a source of signals. Sample n is due at start + n * `sample_time`; it reads the
 /// inputs as they were set before the step, and its outputs are held until the next sample.
 pub trait Sampled: Sized + 'static {
@@ -111,8 +115,12 @@ pub trait Sampled: Sized + 'static {
     type Memory: Memory;
     /// The inputs.
     type Inputs: Block<f64>;
-    /// The outputs; their start values hold until the first sample.
+    /// The outputs; their start values hold until the first sample, except in a source.
     type Outputs: Block<f64>;
+
+    /// `Some` makes the unit a source: from Initialization Mode on its outputs have the values of its first sample. That
+    /// sample must not depend on the inputs; before the start it is taken with their start values.
+    const SOURCE: Option<Influence> = None;
 
     /// Computes the design block. It may use fixed parameters only.
     ///
@@ -215,6 +223,10 @@ pub trait Model: 'static {
     const INFO: Info;
     /// Whether states and derivatives are exposed and outputs follow the inputs at once.
     const IS_PLANT: bool;
+    /// See [`Sampled::SOURCE`].
+    const SOURCE: Option<Influence>;
+    /// Whether the outputs are calculated at the start, instead of having start values.
+    const CALCULATES_OUTPUTS: bool = Self::IS_PLANT || Self::SOURCE.is_some();
     /// The parameters.
     type Parameters: Parameters + Send;
     /// What follows from the fixed parameters.
@@ -250,8 +262,8 @@ pub trait Model: 'static {
         step: Step,
         parts: u64,
     ) -> Result<(), StepError>;
-    /// Computes the outputs of a plant.
-    fn outputs(p: &Self::Parameters, d: &Self::Design, layout: &Layout, reals: &mut [f64]);
+    /// Computes the outputs of a plant, or those of the first sample of a source, which is due at `start`.
+    fn outputs(p: &Self::Parameters, d: &Self::Design, layout: &Layout, reals: &mut [f64], start: f64);
     /// Computes the derivatives of a plant.
     fn derivatives(p: &Self::Parameters, d: &Self::Design, layout: &Layout, reals: &mut [f64]);
     /// Derivatives of all outputs and state derivatives along `direction` (inputs, then states), outputs first.
@@ -324,6 +336,7 @@ fn first_not_finite(reals: &[f64], range: std::ops::Range<usize>, time: f64) -> 
 impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
     const INFO: Info = P::INFO;
     const IS_PLANT: bool = true;
+    const SOURCE: Option<Influence> = None;
     type Parameters = P::Parameters;
     type Design = P::Design;
     type Memory = ();
@@ -388,7 +401,7 @@ impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
             .inspect_err(|_| before.write(&mut reals[layout.states.start..]))
     }
 
-    fn outputs(p: &P::Parameters, d: &P::Design, layout: &Layout, reals: &mut [f64]) {
+    fn outputs(p: &P::Parameters, d: &P::Design, layout: &Layout, reals: &mut [f64], _: f64) {
         let u = P::Inputs::read(&reals[layout.inputs.start..]);
         let x = P::State::read(&reals[layout.states.start..]);
         P::outputs(p, d, &x, &u).write(&mut reals[layout.outputs.start..]);
@@ -440,6 +453,14 @@ impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
     }
 }
 
+/// How far rounding may put the time `t` from the instant it is meant for: a millionth of a `part` (a step, a sample time)
+/// and four units in the last place of `t`; all in s.
+#[must_use]
+pub fn slack(part: f64, t: f64) -> f64 {
+    let t = t.abs();
+    1e-6 * part + 4.0 * (t.next_up() - t)
+}
+
 /// Number of samples due before `end`, a multiple of `sample_time` after `start` counting as not before it.
 fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) -> f64 {
     let slack = 1e-6 * sample_time.min(step);
@@ -449,6 +470,7 @@ fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) -> f64 {
 impl<S: Sampled> Model for SampledModel<S> {
     const INFO: Info = S::INFO;
     const IS_PLANT: bool = false;
+    const SOURCE: Option<Influence> = S::SOURCE;
     type Parameters = S::Parameters;
     type Design = S::Design;
     type Memory = S::Memory;
@@ -508,7 +530,11 @@ impl<S: Sampled> Model for SampledModel<S> {
         samples().inspect_err(|_| before.write(&mut reals[layout.outputs.start..]))
     }
 
-    fn outputs(_: &S::Parameters, _: &S::Design, _: &Layout, _: &mut [f64]) {}
+    fn outputs(p: &S::Parameters, d: &S::Design, layout: &Layout, reals: &mut [f64], start: f64) {
+        let u = S::Inputs::read(&layout.inputs.clone().map(|index| layout.start(index)).collect::<Vec<_>>());
+        // The memory of the run begins with the first step, which takes this sample again.
+        S::update(p, d, &mut S::begin(p, d), &u, start).write(&mut reals[layout.outputs.start..]);
+    }
 
     fn derivatives(_: &S::Parameters, _: &S::Design, _: &Layout, _: &mut [f64]) {}
 

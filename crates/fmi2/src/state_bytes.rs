@@ -148,11 +148,12 @@ pub(crate) fn read<M: Model>(guid: &str, layout: &Layout, bytes: &[u8]) -> Resul
     if mode == Mode::Broken || (initialized && !has_design) {
         return Err(format!("no state can be saved in {}", mode.name()));
     }
+    let are_computed = M::IS_PLANT || (M::SOURCE.is_some() && !initialized);
     for variable in &layout.variables {
         let name = &variable.declaration.name;
         match &variable.declaration.kind {
-            // The outputs of a plant are computed anew from state and inputs.
-            Kind::Real(_) if M::IS_PLANT && matches!(variable.role, Role::Output | Role::Derivative) => {}
+            // The outputs of a plant are computed anew from state and inputs, those of a source up to the start.
+            Kind::Real(_) if are_computed && matches!(variable.role, Role::Output | Role::Derivative) => {}
             Kind::Real(_) if !values.reals[variable.index].is_finite() => {
                 return Err(format!("'{name}' is not a finite number"));
             }

@@ -26,24 +26,34 @@
 use std::f64::consts::TAU;
 
 use chassis::table::Table;
+use fmi2::model::slack;
 
 use crate::{D, Maneuver, P, Y};
 
 /// Names of the columns of a table, in the order of [`Y`].
 const COLUMNS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "driver.brake"];
 
-/// Share of a sample by which rounding may put a sample before the instant it is meant for.
+/// Part of a period by which rounding may put the end of the sweep off a zero crossing.
 const SLACK: f64 = 1e-6;
+
+/// Whether an output can depend on a parameter: on those of its own subject, and on what chooses the file.
+pub(crate) fn influence(output: &str, parameter: &str) -> bool {
+    let subject = |name| output.strip_prefix("driver.") == Some(name);
+    match parameter.split_once('.') {
+        // the cones of the slalom stand at distances, which the speed covers
+        Some(("speed", _)) => subject("speed") || subject("steer"),
+        Some(("table", _)) | None => true,
+        Some((name, _)) => subject(name),
+    }
+}
 
 /// Reads the table of maneuver 7: column `time` in s and any of [`COLUMNS`] in rad, m/s, 1, 1.
 pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
     let table = Table::parse(text, path, "time", &COLUMNS)?;
     for (index, name) in COLUMNS.iter().enumerate().skip(2) {
-        let rows = table.abscissa().iter().zip(table.column(index).unwrap_or(&[]));
-        for (time, value) in rows {
-            if !(0.0..=1.0).contains(value) {
-                return Err(format!("{path}: column `{name}`, time {time}: {value}, expected 0 to 1"));
-            }
+        let outside = table.column(index).unwrap_or(&[]).iter().position(|value| !(0.0..=1.0).contains(value));
+        if let Some(row) = outside {
+            return Err(format!("{path}: column `{name}` is not in 0 to 1 in row {} after the names", row + 1));
         }
     }
     Ok(table)
@@ -94,7 +104,8 @@ pub(crate) fn design(p: &P, table: Option<Table>) -> Result<D, String> {
 
 /// One sample: the demands at the time `t` in s.
 pub(crate) fn sample(p: &P, d: &D, t: f64) -> Y {
-    let ramp = |start, rise_time| ramp(t, start, rise_time, SLACK * p.sample_time);
+    let slack = slack(p.sample_time, t);
+    let ramp = |start, rise_time| ramp(t, start, rise_time, slack);
     let mut y = Y {
         steer: 0.0,
         speed: p.v_0 + (p.v_1 - p.v_0) * ramp(p.t_v, p.d_v),
@@ -123,7 +134,7 @@ pub(crate) fn sample(p: &P, d: &D, t: f64) -> Y {
         }
         Maneuver::SineSweep => {
             let running = t - p.t_0;
-            let rising = running.min(p.duration);
+            let rising = running.clamp(0.0, p.duration);
             let slope = (p.f_1 - p.f) / p.duration;
             let periods = p.f * rising + slope * rising * rising / 2.0 + p.f_1 * (running - rising);
             // at the first zero crossing after the duration
@@ -449,9 +460,13 @@ mod tests {
         }
         assert_eq!(
             parse_table("time,driver.brake\n0,0\n1,2\n", "a.csv").unwrap_err(),
-            "a.csv: column `driver.brake`, time 1: 2, expected 0 to 1"
+            "a.csv: column `driver.brake` is not in 0 to 1 in row 2 after the names"
         );
-        assert!(parse_table("time,brake\n0,0\n", "a.csv").unwrap_err().starts_with("a.csv:1: unknown column `brake`"));
+        assert!(
+            parse_table("time,brake\n0,0\n", "a.csv")
+                .unwrap_err()
+                .starts_with("a.csv:1: the name of column 2 is unknown")
+        );
     }
 
     proptest::proptest! {

@@ -147,6 +147,7 @@ impl Sampled for Driver {
     type Design = D;
     type Inputs = U;
     type Outputs = Y;
+    const SOURCE: Option<Influence> = Some(equations::influence);
 
     fn design(p: &P) -> Result<D, String> {
         equations::design(p, None)

@@ -24,6 +24,7 @@
 use chassis::positions::{RearAxles, Sides, SixWheels, axle_of};
 use chassis::road::{AllPass, Harmonics, Mixture, Normals, ShapedNoise, bump, class_coefficient, trapezoid};
 use chassis::table::Table;
+use fmi2::model::slack;
 
 use crate::{D, ObstacleShape, P, Profile, RoughnessStart, Tracks, U, X, Y};
 
@@ -37,8 +38,34 @@ const FIRST: f64 = 2.0 - HISTORY as f64;
 /// Most grid points of shaped noise that one sample may pass over (50 ms of work): beyond, the speed is a mistake.
 const MOST_POINTS: f64 = 1e6;
 
-/// Share of a cell, or of a sample, that rounding may be off.
+/// Share of a cell that rounding may be off.
 const SLACK: f64 = 1e-6;
+
+/// Whether an output can depend on a parameter: the distance on the sample time alone, the friction of a place on where it
+/// is, the height on everything else but what belongs to the other side.
+pub(crate) fn influence(output: &str, parameter: &str) -> bool {
+    let Some((signal, place)) = output.split_once('.').filter(|(signal, _)| *signal != "road") else {
+        return parameter == "sample_time";
+    };
+    let (axle, is_left) = (place.strip_suffix(['l', 'r']).unwrap_or_default(), place.ends_with('l'));
+    let is_own_side = match parameter.rsplit(['.', '_']).next() {
+        Some("left") => is_left,
+        Some("right") => !is_left,
+        _ => true,
+    };
+    is_own_side
+        && match parameter.split('.').next() {
+            Some("friction") => signal == "road_friction",
+            Some("geometry") if signal == "road_friction" => match parameter.rsplit('.').next() {
+                Some("middle") => axle == "m",
+                Some("rear") => axle == "r",
+                _ => false,
+            },
+            Some("sample_time") => true,
+            // the track is the length of the delay of the right side
+            _ => signal == "road_height" && (parameter != "geometry.track" || !is_left),
+        }
+}
 
 impl Default for X {
     fn default() -> Self {
@@ -226,14 +253,14 @@ pub(crate) fn sample(p: &P, d: &D, x: &mut X, u: &U, t: f64) -> Y {
     if let Surface::Noise(noise) = &d.surface {
         noise.generate(p, x);
         // the points generated up to here are the same however short the samples are
-        x.changed |= p.t_change > 0.0 && t >= p.t_change - SLACK * p.sample_time;
+        x.changed |= p.t_change > 0.0 && t >= p.t_change - slack(p.sample_time, t);
     }
 
     let axles = [0.0, p.l[0], p.l[1]].map(|l| {
         let place = s - l;
         let [z_l, z_r] = d.surface.heights(p, x, place);
         let obstacle = if p.obstacle_in_time {
-            p.obstacle.height(t - p.x_0, p.x_l, SLACK * p.sample_time)
+            p.obstacle.height(t - p.x_0, p.x_l, slack(p.sample_time, t))
         } else {
             p.obstacle.height(place - p.x_0, p.x_l, 0.0)
         };

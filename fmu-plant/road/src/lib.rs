@@ -207,6 +207,7 @@ impl Sampled for Road {
     type Memory = X;
     type Inputs = U;
     type Outputs = Y;
+    const SOURCE: Option<Influence> = Some(equations::influence);
 
     fn design(p: &P) -> Result<D, String> {
         equations::design(p, None)

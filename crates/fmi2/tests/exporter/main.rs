@@ -8,6 +8,7 @@ mod derivatives;
 mod description;
 mod failures;
 mod models;
+mod sources;
 mod states;
 mod time;
 mod values;
