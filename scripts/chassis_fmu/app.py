@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import importlib.metadata
 import os
 import shlex
@@ -12,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from . import batch, metrics, page, plan, plots, results, shell, tables
-from .plan import Plan
+from . import batch, index, metrics, page, plan, plots, results, shell, tables, texts
+from .numbers import Numbers, Values
+from .plan import Metric, Plan, Run
 from .results import Recording
 
 PURPOSE = "plan and run scenarios"
@@ -47,6 +49,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         metavar="DIR",
         help="folder of FMUs (default: target/fmu); may be given several times, the first that has an FMU wins",
     )
+    parser.add_argument("--parquet", action="store_true", help="write the recorded signals as Parquet, too")
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--native", action="store_true", help="let `cargo fmu run` do the runs")
     source.add_argument("--from-csv", type=Path, metavar="DIR", help="make tables and page from the CSV files of DIR")
@@ -63,24 +66,42 @@ def _options(options: argparse.Namespace) -> list[str]:
     return shell.from_root([*out, *shell.set_options(options, ("stop", "seeds", "order"))])
 
 
+def _of_baseline(scenario: Plan, run: Run, runs: Path, failures: dict[str, str]) -> Recording | None:
+    """Return what metrics need of the run of the baseline, at the same point with the same seed; None without one."""
+    names = {scenario.columns[c].name for m in scenario.metrics if m.from_baseline for c in m.columns}
+    name = next(c.baseline for c in scenario.cases if c.name == run.case)
+    if not names or name is None:
+        return None
+    baseline = scenario.run(name, run.point, run.seed)
+    return None if baseline.id in failures else results.read_csv(runs / f"{baseline.stem}.csv", sorted(names))
+
+
+def _value(metric: Metric, scenario: Plan, recording: Recording, baseline: Recording | None) -> float | None:
+    if metric.window is not None and metric.window[0] > scenario.simulation.stop:
+        # The run was cut short.
+        return None
+    return metrics.of_recording(metric, scenario, recording, baseline)
+
+
 def _collect(
     scenario: Plan, runs: Path, failures: dict[str, str]
-) -> tuple[dict[tuple[str, str, str | None, int | None], float], dict[plots.Key, Recording], plots.Spectra]:
+) -> tuple[Values, dict[plots.Key, Recording], plots.Spectra]:
     """Compute metrics and spectra (means over the seeds) of all runs, and keep the recordings that the figures show."""
     values = {}
     shown: dict[plots.Key, Recording] = {}
     spectra: dict[tuple[str, int, str, str | None], list[tuple[plots.Array, plots.Array]]] = {}
     measured = {scenario.columns[c].name for m in scenario.metrics for c in metrics.columns_of(m)}
     measured |= {scenario.columns[c].name for f in scenario.figures if f.kind == "spectrum" for c in f.columns}
-    drawn = {scenario.columns[c].name for f in scenario.figures for c in plots.columns_of(f)}
+    drawn = {scenario.columns[c].name for f in scenario.figures for c in plots.columns_of(scenario, f)}
     first = scenario.seed_values[0]
     for run in scenario.runs:
         if run.id in failures:
             continue
         wanted = measured | drawn if run.seed == first else measured
-        recording = results.read_parquet(runs / f"{run.stem}.parquet", sorted(wanted))
+        recording = results.read_csv(runs / f"{run.stem}.csv", sorted(wanted))
+        baseline = _of_baseline(scenario, run, runs, failures)
         for metric in scenario.metrics:
-            value = metrics.of_recording(metric, scenario, recording)
+            value = _value(metric, scenario, recording, baseline)
             if value is not None:
                 values[metric.name, run.case, run.point, run.seed] = value
         for (figure, column), spectrum in plots.spectra_of(scenario, run, recording).items():
@@ -93,17 +114,26 @@ def _collect(
 
 
 def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> str:
-    """Write tables, figures and page of finished runs. Returns the table for the terminal."""
+    """Write tables, figures and page of finished runs. Returns table and findings for the terminal."""
     values, recordings, spectra = _collect(scenario, folder / "runs", failures)
-    cells = metrics.table(scenario, values)
+    numbers = Numbers(scenario, values, {r.id for r in scenario.runs} - set(failures))
+    cells = numbers.table()
     results.write_text(folder / "table.csv", tables.machine(cells))
     results.write_text(folder / "table.md", tables.markdown(scenario, cells))
     drawn = (plots.draw(scenario, figure, recordings, spectra, cells) for figure in scenario.figures)
     drawings = [d for d in drawn if d is not None]
     for drawing in drawings:
         drawing.write(folder / "figures")
-    results.write_text(folder / "index.html", page.render(scenario, cells, drawings, failures, context))
-    return tables.console(scenario, cells) if cells else ""
+    files = sorted(p for r in scenario.runs for p in (folder / "runs").glob(f"{r.stem}.*") if r.id not in failures)
+    context = dataclasses.replace(context, files=tuple(p.relative_to(folder).as_posix() for p in files))
+    results.write_text(folder / "index.html", page.render(numbers, drawings, failures, context))
+    counts = page.counts(numbers)
+    index.note(folder, index.Entry(scenario.title, scenario.reference, {s.value: n for s, n in counts.items()}))
+    index.write(folder.parent)
+    claims = [(numbers.finding(f).title, texts.fill(f.claim, numbers)) for f in scenario.findings]
+    width = max((len(title) for title, _ in claims), default=0)
+    lines = [f"{title.ljust(width)}  {claim}" for title, claim in claims]
+    return "\n".join(part for part in (tables.console(scenario, cells) if cells else "", "\n".join(lines)) if part)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -116,12 +146,15 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.out.resolve() / scenario.name
     runs = folder / "runs"
     runs.mkdir(parents=True, exist_ok=True)
+    for run in scenario.runs:
+        # What an earlier call left with this option is not of these runs.
+        (runs / f"{run.stem}.parquet").unlink(missing_ok=True)
     repeat = ["scripts/run", *shared]
     if options.from_csv is not None:
         master = "CSV files of earlier runs"
         given = options.from_csv.resolve()
         # The folder of a scenario's results is as good as the folder of the files in it.
-        failures = batch.convert(scenario, given / "runs" if (given / "runs").is_dir() else given, runs)
+        failures = batch.take(scenario, given / "runs" if (given / "runs").is_dir() else given, runs)
         if len(failures) == len(scenario.runs):
             raise AppError(f"{options.from_csv} has no results of {scenario.name}: {next(iter(failures.values()))}", 1)
     elif options.native:
@@ -131,15 +164,18 @@ def _run(options: argparse.Namespace) -> int:
         jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
         code, _ = shell.cargo_fmu(["run", "--no-warnings", *shared, *out, *jobs], PURPOSE)
         # Runs that failed have left no file, the others are reported.
-        failures = batch.convert(scenario, runs, runs)
+        failures = batch.take(scenario, runs, runs)
         if code != 0 and not failures:
             raise AppError("", code)
     else:
         master = f"fmpy {importlib.metadata.version('fmpy')}"
         outcome = batch.execute(scenario, runs, options.jobs or _processors())
         failures = outcome.failures
-        for run, warnings in outcome.warnings.items():
-            print(f"warning: run {run}:", *warnings, sep="\n  ", file=sys.stderr)
+        for name, warnings in outcome.warnings.items():
+            print(f"warning: run {name}:", *warnings, sep="\n  ", file=sys.stderr)
+    if options.parquet:
+        batch.convert(scenario, runs, failures)
+        repeat.append("--parquet")
     if len(failures) == len(scenario.runs) and code != 0:
         # The page of an earlier run, if there is one, is better than one without numbers.
         raise AppError("all runs failed, see above; no page was made", code)
@@ -153,11 +189,11 @@ def _run(options: argparse.Namespace) -> int:
     print(report(scenario, folder, failures, context))
     if cut:
         print(f"Run with {' '.join(cut)}: the paper's numbers and the findings are about the whole scenario.\n")
-    for run, error in failures.items():
-        print(f"error: run {run}: {error}\n", file=sys.stderr)
+    for name, error in failures.items():
+        print(f"error: run {name}: {error}\n", file=sys.stderr)
     if failures:
         print(f"{len(failures)} of {len(scenario.runs)} runs failed", file=sys.stderr)
-    print(f"{folder / 'index.html'}")
+    print(f"\n{folder / 'index.html'}")
     return 1 if failures else 0
 
 

@@ -7,7 +7,7 @@ import multiprocessing
 import signal
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any, cast
 
 import fmpy
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from . import master, results
@@ -29,7 +30,6 @@ class _Task:
     run: Run
     simulation: Simulation
     names: tuple[str, ...]
-    units: tuple[str, ...]
     folders: Mapping[Path, Path]
     out: Path
 
@@ -74,8 +74,6 @@ def _execute(task: _Task, pipe: Connection) -> None:
         present = [i for i, slot in enumerate(task.run.columns) if slot is not None]
         names = [task.names[i] for i in present]
         results.write_csv(task.out / f"{task.run.stem}.csv", names, times, rows)
-        units = [task.units[i] for i in present]
-        results.write_parquet(task.out / f"{task.run.stem}.parquet", names, units, times, rows)
         pipe.send(_Verdict(None, tuple(f"unit {unit}: {text}" for unit, text in master.messages())))
     except master.RunError as error:
         pipe.send(_Verdict(str(error)))
@@ -116,10 +114,8 @@ def execute(plan: Plan, out: Path, jobs: int) -> Outcome:
     failures: dict[str, str] = {}
     warnings: dict[str, tuple[str, ...]] = {}
     names = tuple(c.name for c in plan.columns)
-    units = tuple(c.unit for c in plan.columns)
     for run in plan.runs:
-        for suffix in (".csv", ".parquet"):
-            (out / f"{run.stem}{suffix}").unlink(missing_ok=True)
+        (out / f"{run.stem}.csv").unlink(missing_ok=True)
     running: dict[Connection, tuple[Run, Any, int]] = {}
     with (
         tempfile.TemporaryDirectory(prefix="chassis-fmu-") as folder,
@@ -139,7 +135,7 @@ def execute(plan: Plan, out: Path, jobs: int) -> Outcome:
                 while waiting and len(running) < max(jobs, 1):
                     run = waiting.pop()
                     ours, theirs = context.Pipe(duplex=False)
-                    task = _Task(run, plan.simulation, names, units, folders, out)
+                    task = _Task(run, plan.simulation, names, folders, out)
                     process = context.Process(target=_execute, args=(task, theirs), daemon=True)
                     process.start()
                     theirs.close()
@@ -182,15 +178,14 @@ def _exit(code: int | None) -> str:
     return f"exit code {code}"
 
 
-def convert(plan: Plan, source: Path, out: Path) -> dict[str, str]:
-    """Make Parquet files in `out` from the CSV files of `source`, which are copied if they lie elsewhere.
+def take(plan: Plan, source: Path, out: Path) -> dict[str, str]:
+    """Check the CSV files of the runs in `source` and copy them to `out`, if they lie elsewhere.
 
-    Returns the error message of every run whose CSV file cannot be used, by run id.
+    Returns the error message of every run whose file cannot be used, by run id.
     """
     failures: dict[str, str] = {}
     for run in plan.runs:
-        columns = [c for c, slot in zip(plan.columns, run.columns, strict=True) if slot is not None]
-        names = [c.name for c in columns]
+        names = _names(plan, run)
         try:
             recording = results.read_csv(source / f"{run.stem}.csv")
             absent = [n for n in names if n not in recording.values]
@@ -200,12 +195,30 @@ def convert(plan: Plan, source: Path, out: Path) -> dict[str, str]:
                 raise results.ResultsError(
                     f"{run.stem}.csv has {len(recording.times)} rows, expected {plan.simulation.rows}"
                 )
-            rows = np.column_stack([recording.values[n] for n in names]) if names else np.empty((0, 0))
+            rows = _rows(recording, names)
             if not np.isfinite(rows).all():
                 raise results.ResultsError(f"{run.stem}.csv holds a value that is not finite")
-            results.write_parquet(out / f"{run.stem}.parquet", names, [c.unit for c in columns], recording.times, rows)
             if source != out:
                 results.write_csv(out / f"{run.stem}.csv", names, recording.times, rows)
         except results.ResultsError as error:
             failures[run.id] = str(error)
     return failures
+
+
+def convert(plan: Plan, runs: Path, failures: Collection[str]) -> None:
+    """Write the CSV files of the runs as Parquet beside them, but for the runs that failed."""
+    units = {c.name: c.unit for c in plan.columns}
+    for run in plan.runs:
+        if run.id not in failures:
+            names = _names(plan, run)
+            recording = results.read_csv(runs / f"{run.stem}.csv", names)
+            path = runs / f"{run.stem}.parquet"
+            results.write_parquet(path, names, [units[n] for n in names], recording.times, _rows(recording, names))
+
+
+def _names(plan: Plan, run: Run) -> list[str]:
+    return [c.name for c, slot in zip(plan.columns, run.columns, strict=True) if slot is not None]
+
+
+def _rows(recording: results.Recording, names: Sequence[str]) -> NDArray[np.floating[Any]]:
+    return np.column_stack([recording.values[n] for n in names]) if names else np.empty((len(recording.times), 0))

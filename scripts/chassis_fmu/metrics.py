@@ -1,11 +1,9 @@
-"""Metrics of recorded signals, their statistics over the seeds and their changes against a baseline."""
+"""Metrics of recorded signals: numbers, spectra and values over a window that grows."""
 
 from __future__ import annotations
 
 import math
-import statistics
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -75,17 +73,44 @@ _KINDS: dict[str, Callable[[Array], float]] = {
     "final": lambda x: float(x[-1]),
     "peak_to_peak": lambda x: float(np.max(x) - np.min(x)),
     "changes": lambda x: float(np.count_nonzero(np.diff(x))),
+    "deviation": lambda x: math.sqrt(_mean((x - _mean(x)) ** 2)),
 }
 
-# Kinds that may have no value (None), and those that need the threshold or the times.
+
+def _interval(times: Array) -> float:
+    """Return the distance of the rows, s."""
+    if len(times) < 2:
+        raise MetricError("a single row has no extent in time")
+    return float(times[-1] - times[0]) / (len(times) - 1)
+
+
+def _band_power(metric: Metric, times: Array, values: Array) -> float:
+    if metric.band is None:
+        raise MetricError(f"metric {metric.name}: {metric.kind} without a band")
+    frequencies, densities = spectrum(times, values)
+    inside = (frequencies >= metric.band[0]) & (frequencies < metric.band[1])
+    return math.fsum(densities[inside].tolist()) * float(frequencies[0])
+
+
+# Kinds that may have no value (None), and those that need the threshold, the band or the times.
 _THRESHOLD_KINDS: dict[str, Callable[[Metric, Array, Array], float | None]] = {
     "crossing": _crossing,
     "magnitude_crossing": lambda metric, times, x: _crossing(metric, times, np.abs(x)),
     "share": lambda metric, _, x: float(np.mean(x > _threshold(metric))),
+    "share_below": lambda metric, _, x: float(np.mean(x < _threshold(metric))),
     "magnitude_share": lambda metric, _, x: float(np.mean(np.abs(x) > _threshold(metric))),
     "overshoot": lambda _metric, _times, x: _overshoot(x),
     "rise_time": _rise_time,
     "settling_time": _settling_time,
+    "integral": lambda _metric, times, x: math.fsum(x.tolist()) * _interval(times),
+    "band_power": _band_power,
+}
+
+# Kinds whose value over a window that ends at each row follows from sums.
+_RUNNING: dict[str, Callable[[Array, float], Array]] = {
+    "mean": lambda x, _: np.cumsum(x) / np.arange(1, len(x) + 1),
+    "rms": lambda x, _: np.sqrt(np.cumsum(x * x) / np.arange(1, len(x) + 1)),
+    "integral": lambda x, interval: np.cumsum(x) * interval,
 }
 
 
@@ -100,18 +125,65 @@ def window_mask(times: Array, window: tuple[float, float] | None, step: float) -
 def columns_of(metric: Metric) -> set[int]:
     """Return the columns that a metric needs."""
     others = (metric.minus, None if metric.until is None else metric.until.column)
-    return {metric.column, *(c for c in others if c is not None)}
+    return {*metric.columns, *(c for c in others if c is not None)}
 
 
-def of_recording(metric: Metric, plan: Plan, recording: Recording) -> float | None:
-    """Compute a metric of a recording, as `evaluate` does. None also: a signal it needs was not recorded."""
-    signals = {i: recording.values.get(plan.columns[i].name) for i in columns_of(metric)}
-    if any(v is None for v in signals.values()):
+def _combined(metric: Metric, signals: list[Array]) -> Array:
+    """Return the signal of a metric, made of its columns row by row."""
+    if metric.combine is None:
+        return signals[0]
+    if metric.combine == "min":
+        return np.asarray(np.minimum.reduce(signals))
+    if metric.combine == "max":
+        return np.asarray(np.maximum.reduce(signals))
+    weights = metric.weights if metric.combine == "squares" else (1.0,) * len(signals)
+    total = np.sum([w * x * x for w, x in zip(weights, signals, strict=True)], axis=0)
+    return np.asarray(total if metric.combine == "squares" else np.sqrt(total))
+
+
+def _signal(metric: Metric, plan: Plan, recording: Recording) -> Array | None:
+    """Return the signal of a metric in a recording; None if it was not recorded."""
+    signals = [recording.values.get(plan.columns[i].name) for i in metric.columns]
+    present = [s for s in signals if s is not None]
+    return _combined(metric, present) if len(present) == len(signals) else None
+
+
+def of_recording(metric: Metric, plan: Plan, recording: Recording, baseline: Recording | None = None) -> float | None:
+    """Compute a metric of a recording, as `evaluate` does. `baseline` is that of the baseline's run.
+
+    None also: a signal it needs was not recorded, or there is no baseline that it refers to.
+    """
+    values = _signal(metric, plan, recording)
+    beside = None if metric.minus is None else recording.values.get(plan.columns[metric.minus].name)
+    until = None if metric.until is None else recording.values.get(plan.columns[metric.until.column].name)
+    if values is None or (metric.minus is not None and beside is None) or (metric.until is not None and until is None):
         return None
-    found = {i: v for i, v in signals.items() if v is not None}
-    values = found[metric.column] if metric.minus is None else found[metric.column] - found[metric.minus]
-    until = None if metric.until is None else found[metric.until.column]
+    if beside is not None:
+        values = values - beside
+    if metric.from_baseline:
+        other = None if baseline is None else _signal(metric, plan, baseline)
+        if other is None:
+            return None
+        values = values - other
     return evaluate(metric, recording.times, values, plan.simulation.step, until)
+
+
+def running(metric: Metric, plan: Plan, recording: Recording) -> tuple[Array, Array] | None:
+    """Compute a metric over windows that begin with its own and end at each row of it: times and values.
+
+    None: a signal it needs was not recorded, or the recording ends before the window.
+
+    Raises MetricError for a kind that has no such values.
+    """
+    if metric.kind not in _RUNNING:
+        raise MetricError(f"metric {metric.name}: {metric.kind} has no value over a growing window")
+    values = _signal(metric, plan, recording)
+    mask = window_mask(recording.times, metric.window, plan.simulation.step)
+    if values is None or mask.sum() < 2:
+        return None
+    times = recording.times[mask]
+    inside = values[mask] * metric.conversion.factor + metric.conversion.offset
+    return times, _RUNNING[metric.kind](inside, _interval(times))
 
 
 def evaluate(metric: Metric, times: Array, values: Array, step: float, until: Array | None = None) -> float | None:
@@ -119,7 +191,7 @@ def evaluate(metric: Metric, times: Array, values: Array, step: float, until: Ar
 
     `until` is the signal that ends the window, for a metric with such an end. None also: it never does.
 
-    Raises MetricError for an unknown kind, a threshold that is missing, and a window without rows.
+    Raises MetricError for an unknown kind, a threshold or band that is missing, and a window without rows.
     """
     mask = window_mask(times, metric.window, step)
     if metric.until is not None and until is not None and mask.any():
@@ -163,102 +235,3 @@ def spectrum(times: Array, values: Array) -> tuple[Array, Array]:
         # the highest frequency is its own mirror image
         density[-1] *= 0.5
     return np.fft.rfftfreq(size, interval)[1:], density[1:]
-
-
-@dataclass(frozen=True)
-class Statistic:
-    """Mean over the seeds, and sample standard deviation where there are several."""
-
-    mean: float
-    deviation: float | None
-    count: int
-
-    @staticmethod
-    def of(values: Sequence[float]) -> Statistic | None:
-        """Return the statistic of some values; None if there are none."""
-        if not values:
-            return None
-        deviation = statistics.stdev(values) if len(values) > 1 else None
-        return Statistic(statistics.fmean(values), deviation, len(values))
-
-
-def change(value: float, baseline: float) -> float | None:
-    """Return the change in percent of the magnitude of the baseline; None if that is zero."""
-    return None if baseline == 0.0 else 100.0 * (value - baseline) / abs(baseline)
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One metric of one case at one point: ours and the paper's. Changes and differences are in percent.
-
-    `origin` says whether ours was calibrated on the paper's or predicted, where the scenario says so.
-    """
-
-    metric: Metric
-    case: str
-    point: str | None
-    ours: Statistic | None
-    change: Statistic | None
-    paper: float | None
-    paper_change: float | None
-    origin: str = ""
-
-    @property
-    def difference(self) -> float | None:
-        """Difference of our mean from the paper's number, in percent of the latter."""
-        return None if self.ours is None or self.paper is None else change(self.ours.mean, self.paper)
-
-
-Values = Mapping[tuple[str, str, "str | None", "int | None"], float]
-
-
-def table(plan: Plan, values: Values) -> list[Cell]:
-    """Put the values of all metrics, keyed (metric, case, point, seed), beside the numbers of the paper.
-
-    Changes are taken seed by seed against the baseline with the same seed and then averaged: the scatter that
-    the cases share drops out. Rows are ordered by metric, point, case; a value may be missing.
-    """
-    cells = []
-    for metric in plan.metrics:
-        paper_values = metric.paper.values if metric.paper else {}
-
-        def ours(case: str, point: str | None, seed: int | None, name: str = metric.name) -> float | None:
-            return values.get((name, case, point, seed))
-
-        def key(case: str, point: str | None) -> str:
-            return case if point is None else f"{case}@{point}"
-
-        def printed(case: str, point: str | None, known: Mapping[str, float] = paper_values) -> float | None:
-            return known.get(key(case, point))
-
-        for point in plan.point_names:
-            for case in plan.cases:
-                own = [v for s in plan.seed_values if (v := ours(case.name, point, s)) is not None]
-                changes: list[float] = []
-                paper = printed(case.name, point)
-                paper_change = None
-                if case.baseline is not None:
-                    for seed in plan.seed_values:
-                        value = ours(case.name, point, seed)
-                        base = ours(case.baseline, point, seed)
-                        if value is None or base is None:
-                            continue
-                        percent = change(value, base)
-                        if percent is not None:
-                            changes.append(percent)
-                    paper_base = printed(case.baseline, point)
-                    if paper is not None and paper_base is not None:
-                        paper_change = change(paper, paper_base)
-                cells.append(
-                    Cell(
-                        metric=metric,
-                        case=case.name,
-                        point=point,
-                        ours=Statistic.of(own),
-                        change=Statistic.of(changes),
-                        paper=paper,
-                        paper_change=paper_change,
-                        origin=metric.paper.origin(key(case.name, point)) if metric.paper else "",
-                    )
-                )
-    return cells

@@ -14,12 +14,11 @@ from pathlib import Path
 import jinja2
 import markupsafe
 
-from . import plots, tables
+from . import plots, tables, texts
 from .describe import Description, Variable, describe
-from .metrics import Cell
+from .numbers import Numbers, Row
 from .plan import Plan, Run, Setting, Unit
-
-STATUS_TITLES = {"reproduced": "Reproduced", "partly": "Partly reproduced", "not_reproduced": "Not reproduced"}
+from .verdict import TITLES, Status
 
 
 @dataclass(frozen=True)
@@ -31,6 +30,8 @@ class Context:
     inputs: str | None = None
     shortened: str | None = None
     """What the run was cut to, such as "--stop 2 --seeds 1"; None: nothing was."""
+    files: tuple[str, ...] = ()
+    """The recorded signals, as seen from the page."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,19 @@ class TableRow:
     paper_bar: Bar | None
     ours_bar: Bar | None
     remark: str
+    status: Status | None
+    negligible: bool
     first_of_point: bool
+
+
+@dataclass(frozen=True)
+class Article:
+    """A finding, formatted."""
+
+    status: Status
+    claim: str
+    explanation: str
+    checks: list[tuple[Status, str]]
 
 
 @dataclass(frozen=True)
@@ -97,7 +110,7 @@ def _bar(percent: float | None, text: str, limit: float) -> Bar | None:
     return Bar(round(50.0 - half if percent < 0.0 else 50.0, 2), round(half, 2), text)
 
 
-def headline(plan: Plan, cells: Sequence[Cell]) -> list[TableGroup]:
+def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
     """Format the table of metrics, one group per metric."""
     cases = {c.name: c for c in plan.cases}
     points: dict[str | None, str] = {p.name: p.title for p in plan.points}
@@ -119,6 +132,8 @@ def headline(plan: Plan, cells: Sequence[Cell]) -> list[TableGroup]:
                     paper_bar=_bar(cell.paper_change, tables.signed(cell.paper_change), limit),
                     ours_bar=_bar(cell.change.mean if cell.change else None, tables.spread_percent(cell.change), limit),
                     remark=tables.remark(cell),
+                    status=cell.status,
+                    negligible=cell.negligible,
                     first_of_point=not rows or rows[-1].point != point,
                 )
             )
@@ -251,9 +266,14 @@ def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
     return markupsafe.Markup(svg)
 
 
+def counts(numbers: Numbers) -> dict[Status, int]:
+    """Count the badges of the findings, best first."""
+    found = [numbers.finding(f) for f in numbers.plan.findings]
+    return {status: found.count(status) for status in TITLES if status in found}
+
+
 def render(
-    plan: Plan,
-    cells: Sequence[Cell],
+    numbers: Numbers,
     drawings: Sequence[plots.Drawing],
     failures: Mapping[str, str],
     context: Context,
@@ -266,20 +286,30 @@ def render(
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    plan = numbers.plan
+    cells = numbers.table()
     paragraphs = [" ".join(p.split()) for p in re.split(r"\n\s*\n", plan.description) if p.strip()]
     s = plan.simulation
-    counts = [(k, t, sum(f.status == k for f in plan.findings)) for k, t in STATUS_TITLES.items()]
     groups = headline(plan, cells)
     return environment.get_template("page.html.j2").render(
         plan=plan,
         paragraphs=paragraphs,
         groups=groups,
-        has_paper=any(c.paper is not None for c in cells),
+        has_paper=any(c.paper is not None or c.paper_change is not None for c in cells),
         has_change=any(c.change is not None or c.paper_change is not None for c in cells),
-        has_remark=any(row.remark for g in groups for row in g.rows),
-        counts=[c for c in counts if c[2]],
-        status_titles=STATUS_TITLES,
-        figures=[(d.figure, inline_svg(d)) for d in drawings],
+        has_status=any(c.status for c in cells),
+        negligible=tables.NEGLIGIBLE if any(c.negligible for c in cells) else "",
+        counts=counts(numbers),
+        findings=[
+            Article(
+                numbers.finding(f),
+                texts.fill(f.claim, numbers),
+                texts.fill(f.explanation, numbers),
+                texts.checks(f.checks, numbers),
+            )
+            for f in plan.findings
+        ],
+        figures=[(d.figure, texts.fill(d.figure.caption, numbers), inline_svg(d)) for d in drawings],
         units=units(plan),
         failures=failures,
         context=context,

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-FORMAT = 1
+FORMAT = 2
 
 Kind = Literal["Real", "Integer", "Boolean", "String"]
 
@@ -146,12 +146,30 @@ class Column:
 
 
 @dataclass(frozen=True)
+class Cell:
+    """A cell of the table of metrics; `metric` is an index into the list of the plan."""
+
+    metric: int
+    case: str
+    point: str | None = None
+
+    @property
+    def key(self) -> str:
+        """Return the name that the paper's numbers have: `case` or `case@point`."""
+        return self.case if self.point is None else f"{self.case}@{self.point}"
+
+
+@dataclass(frozen=True)
 class Paper:
-    """Numbers of a paper for one metric, by `case` or `case@point`, and to which of them something was fitted."""
+    """Numbers of a paper for one metric, by `case` or `case@point`, and to which of them something was fitted.
+
+    `changes` are in percent, by two such names with a slash between, where the paper gives no values.
+    """
 
     table: str
     values: Mapping[str, float]
     calibrated: frozenset[str] | None
+    changes: Mapping[str, float] = field(default_factory=dict)
 
     def origin(self, key: str) -> str:
         """Say how our number for a value came about: calibrated, predicted; empty if the scenario does not say."""
@@ -171,22 +189,26 @@ class Until:
 
 @dataclass(frozen=True)
 class Metric:
-    """A number computed from one column, less another one; its values are converted before.
+    """A number computed from one column, or several combined, less another one; its values are converted before.
 
-    Its own unit may be another one.
+    Its own unit may be another one. With `from_baseline` the same signal of the baseline's run is subtracted before.
     """
 
     name: str
     title: str
-    column: int
+    columns: tuple[int, ...]
     kind: str
-    threshold: float | None
-    window: tuple[float, float] | None
-    until: Until | None
-    minus: int | None
     conversion: Conversion
-    digits: int | None
-    paper: Paper | None
+    threshold: float | None = None
+    window: tuple[float, float] | None = None
+    until: Until | None = None
+    minus: int | None = None
+    digits: int | None = None
+    paper: Paper | None = None
+    combine: Literal["min", "max", "norm", "squares"] | None = None
+    weights: tuple[float, ...] = ()
+    from_baseline: bool = False
+    band: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -199,7 +221,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Figure:
-    """A plot: columns over time, their spectra, or metrics over the points of the sweep.
+    """A plot: columns over time, their spectra, metrics over the points of the sweep or over windows that grow.
 
     `cases` are the names of those shown, `separate` gives each a panel in a plot over time, `columns` and `metrics`
     are indices into the lists of the plan.
@@ -207,7 +229,7 @@ class Figure:
 
     name: str
     title: str
-    kind: Literal["time", "spectrum", "sweep"]
+    kind: Literal["time", "spectrum", "sweep", "running"]
     cases: tuple[str, ...]
     separate: bool
     columns: tuple[int, ...]
@@ -216,16 +238,44 @@ class Figure:
     window: tuple[float, float] | None
     conversion: Conversion | None
     levels: tuple[Level, ...]
-    caption: str | None
+    caption: Text
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of the results in a text: what number, of which cells (several give a range), compared with what."""
+
+    format: str
+    metric: int
+    cells: tuple[Cell, ...]
+    against: tuple[Cell, ...]
+
+
+Text = tuple["str | Number", ...]
+"""Words, and numbers that the results fill in."""
+
+
+Expect = Literal["paper_change", "paper_value", "lower", "higher", "unchanged", "falls_more", "below", "above", "never"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """A comparison that decides on a finding."""
+
+    cell: Cell
+    against: Cell | None
+    expect: Expect
+    level: float | None
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A claim of the paper and what became of it here."""
+    """A claim, of a paper or (`own`) of this project, and what decides on it."""
 
-    status: Literal["reproduced", "partly", "not_reproduced"]
-    claim: str
-    explanation: str
+    claim: Text
+    explanation: Text
+    own: bool
+    checks: tuple[Check, ...]
 
 
 @dataclass(frozen=True)
@@ -331,19 +381,56 @@ def _paper(item: Mapping[str, Any] | None) -> Paper | None:
     if item is None:
         return None
     calibrated = item["calibrated"]
-    return Paper(item["table"] or "", dict(item["values"]), None if calibrated is None else frozenset(calibrated))
+    known = None if calibrated is None else frozenset(calibrated)
+    return Paper(item["table"] or "", dict(item["values"]), known, dict(item["changes"]))
+
+
+def _cell(item: Mapping[str, Any]) -> Cell:
+    return Cell(int(item["metric"]), item["case"], item["point"])
+
+
+def _text(items: Sequence[str | Mapping[str, Any]] | None) -> Text:
+    return tuple(
+        item
+        if isinstance(item, str)
+        else Number(
+            item["format"], int(item["metric"]), tuple(map(_cell, item["cells"])), tuple(map(_cell, item["against"]))
+        )
+        for item in items or ()
+    )
+
+
+def _finding(item: Mapping[str, Any]) -> Finding:
+    return Finding(
+        claim=_text(item["claim"]),
+        explanation=_text(item["explanation"]),
+        own=bool(item["own"]),
+        checks=tuple(
+            Check(
+                cell=_cell(check["cell"]),
+                against=None if check["against"] is None else _cell(check["against"]),
+                expect=check["expect"],
+                level=None if check["level"] is None else float(check["level"]),
+            )
+            for check in item["checks"]
+        ),
+    )
 
 
 def _metric(item: Mapping[str, Any]) -> Metric:
     return Metric(
         name=item["name"],
         title=item["title"],
-        column=int(item["column"]),
+        columns=tuple(map(int, item["columns"])),
+        combine=item["combine"],
+        weights=tuple(map(float, item["weights"])),
         kind=item["kind"],
         threshold=None if item["threshold"] is None else float(item["threshold"]),
+        band=_window(item["band"]),
         window=_window(item["window"]),
         until=_until(item["until"]),
         minus=item["minus"],
+        from_baseline=bool(item["from_baseline"]),
         conversion=_conversion(item, "unit") or Conversion(""),
         digits=item["digits"],
         paper=_paper(item["paper"]),
@@ -363,7 +450,7 @@ def _figure(item: Mapping[str, Any]) -> Figure:
         window=_window(item["window"]),
         conversion=_conversion(item, "unit"),
         levels=tuple(Level(float(v["value"]), v["title"]) for v in item["levels"]),
-        caption=item["caption"],
+        caption=_text(item["caption"]),
     )
 
 
@@ -419,7 +506,7 @@ def parse(text: str, root: Path) -> Plan:
             runs=tuple(_run(r, root) for r in data["runs"]),
             metrics=tuple(map(_metric, data["metrics"])),
             figures=tuple(map(_figure, data["figures"])),
-            findings=tuple(Finding(f["status"], f["claim"], f["explanation"] or "") for f in data["findings"]),
+            findings=tuple(map(_finding, data["findings"])),
             warnings=tuple(map(str, data["warnings"])),
             unread=_unread(data["wiring"]),
         )

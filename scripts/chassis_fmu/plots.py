@@ -6,6 +6,7 @@ The files depend on the data alone: fixed salt for the identifiers, no date.
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from . import metrics, results, tables
+from .numbers import Row
 from .plan import Case, Column, Conversion, Figure, Plan, Run
 from .results import Recording
 
@@ -151,14 +153,13 @@ def axis_unit(unit: str) -> str:
 
 
 def _title(ax: Axes, column: Column, right: str, room: int) -> None:
-    """Write the title of a panel: the description as far as it fits beside what stands on the right."""
+    """Write the title of a panel: the description, shortened to fit beside what stands on the right."""
     label = _label(column)
-    fitting = [t for t in (label, label.split(", ")[0]) if len(t) + len(right) < room]
-    ax.set_title(fitting[0] if fitting else column.name, loc="left", color=INK)
-    if right != column.name:
+    if len(label) + len(right) >= room:
+        label = label.split(", ")[0]
+    ax.set_title(textwrap.shorten(label, max(room - len(right), 12), placeholder=" …"), loc="left", color=INK)
+    if right:
         ax.set_title(right, loc="right", color=MUTED, fontsize=9.0)
-    elif fitting and label != column.name:
-        ax.set_title(right, loc="right", color=MUTED, fontsize=8.0, family="DejaVu Sans Mono")
 
 
 def _canvas(panels: int, across: int, height: float) -> tuple[Canvas, list[Axes]]:
@@ -195,9 +196,11 @@ def _legend(canvas: Canvas, handles: Sequence[Line2D], least: int = 2) -> None:
         )
 
 
-def columns_of(figure: Figure) -> set[int]:
-    """Return the columns that a figure shows."""
-    return {*figure.columns, *([] if figure.against is None else [figure.against])}
+def columns_of(plan: Plan, figure: Figure) -> set[int]:
+    """Return the columns that a figure shows, or computes what it shows from."""
+    running = figure.metrics if figure.kind == "running" else ()
+    of_metrics = {c for m in running for c in plan.metrics[m].columns}
+    return {*figure.columns, *([] if figure.against is None else [figure.against]), *of_metrics}
 
 
 def _shown(column: Column, figure: Figure) -> Conversion:
@@ -276,7 +279,7 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
         right = ", ".join(
             [*([lines[0][0].title] if figure.separate else []), *([] if point is None else [titles[point]])]
         )
-        _title(ax, column, right or column.name, 95 if across == 1 else 48)
+        _title(ax, column, right, 95 if across == 1 else 48)
         ax.set_ylabel(axis_unit(shown.unit))
         if i + across >= len(panels):
             ax.set_xlabel("Time (s)")
@@ -328,7 +331,7 @@ def _spectrum(plan: Plan, figure: Figure, spectra: Spectra) -> Canvas | None:
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
-        _title(ax, column, column.name if point is None else titles[point], 95 if across == 1 else 48)
+        _title(ax, column, "" if point is None else titles[point], 95 if across == 1 else 48)
         ax.set_ylabel(density_unit(_shown(column, figure).unit))
         if i + across >= len(panels):
             ax.set_xlabel("Frequency (Hz)")
@@ -355,7 +358,7 @@ def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, in
     return out
 
 
-def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas | None:
+def _sweep(plan: Plan, figure: Figure, cells: Sequence[Row]) -> Canvas | None:
     if plan.sweep is None or not figure.metrics:
         return None
     canvas, axes = _canvas(len(figure.metrics), 2 if len(figure.metrics) > 1 else 1, 2.7)
@@ -400,12 +403,47 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[metrics.Cell]) -> Canvas 
     return canvas
 
 
+def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Canvas | None:
+    panels = [
+        (plan.metrics[index], point, lines)
+        for index in figure.metrics
+        for point in plan.point_names
+        if (
+            lines := [
+                (case, line)
+                for case in _cases(plan, figure)
+                if (recording := recordings.get((case.name, point))) is not None
+                and (line := metrics.running(plan.metrics[index], plan, recording)) is not None
+            ]
+        )
+    ]
+    if not panels:
+        return None
+    titles = {p.name: p.title for p in plan.points}
+    across = 2 if len(plan.points) > 1 else 1
+    canvas, axes = _canvas(len(panels), across, 2.2 if len(panels) > 1 else 2.9)
+    used: dict[str, Line2D] = {}
+    for ax, (metric, point, lines) in zip(axes, panels, strict=True):
+        for case, line in lines:
+            color, dashes = color_of(plan, case), dashes_of(plan, case)
+            ax.plot(*decimate(*line), color=color, linewidth=1.2, linestyle=dashes, alpha=0.9)
+            used[case.name] = Line2D([], [], color=color, linewidth=2.0, linestyle=dashes, label=case.title)
+        ax.set_title(metric.title if point is None else f"{metric.title}, {titles[point]}", loc="left", color=INK)
+        ax.set_ylabel(axis_unit(metric.conversion.unit))
+        ax.set_xlabel("Time (s)")
+        ax.set_xlim(lines[0][1][0][0], lines[0][1][0][-1])
+        ax.set_ylim(bottom=0.0)
+    canvas.align_ylabels(axes)
+    _legend(canvas, [used[c.name] for c in plan.cases if c.name in used])
+    return canvas
+
+
 def draw(
     plan: Plan,
     figure: Figure,
     recordings: Mapping[Key, Recording],
     spectra: Spectra,
-    cells: Sequence[metrics.Cell],
+    cells: Sequence[Row],
 ) -> Drawing | None:
     """Draw a figure of the plan.
 
@@ -417,6 +455,8 @@ def draw(
             canvas = _time(plan, figure, recordings)
         elif figure.kind == "spectrum":
             canvas = _spectrum(plan, figure, spectra)
+        elif figure.kind == "running":
+            canvas = _running(plan, figure, recordings)
         else:
             canvas = _sweep(plan, figure, cells)
         if canvas is None:

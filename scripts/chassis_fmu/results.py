@@ -67,13 +67,17 @@ def write_csv(path: Path, names: Sequence[str], times: Array, rows: Array) -> No
             file.write(line + "\n")
 
 
-def read_csv(path: Path) -> Recording:
-    """Read a file of `write_csv` or of the native master."""
+def read_csv(path: Path, names: Sequence[str] | None = None) -> Recording:
+    """Read a file of `write_csv` or of the native master: all signals, or those of `names` that it has."""
     try:
-        table = pyarrow.csv.read_csv(path)
+        with path.open(encoding="utf-8", newline="") as file:
+            present = next(csv.reader(file), [])
+        wanted = present if names is None else ["time", *(n for n in names if n in present)]
+        options = pyarrow.csv.ConvertOptions(include_columns=list(dict.fromkeys(wanted)))
+        table = pyarrow.csv.read_csv(path, convert_options=options)
         values = {name: np.ascontiguousarray(table[name].to_numpy().astype(np.float64)) for name in table.column_names}
         return Recording(values.pop("time"), values)
-    except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+    except (OSError, ValueError, KeyError, csv.Error, pa.ArrowException) as error:
         raise ResultsError(f"{path}: cannot read the results: {error}") from error
 
 
@@ -93,15 +97,3 @@ def write_parquet(path: Path, names: Sequence[str], units: Sequence[str], times:
         pyarrow.parquet.write_table(
             table, temporary, compression="zstd", use_dictionary=False, use_byte_stream_split=True
         )
-
-
-def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
-    """Read a file of `write_parquet`: all signals, or those of `names` that it has."""
-    try:
-        present = pyarrow.parquet.read_schema(path).names
-        wanted = present if names is None else ["time", *(n for n in names if n in present)]
-        table = pyarrow.parquet.read_table(path, columns=list(dict.fromkeys(wanted)))
-    except (OSError, pa.ArrowException) as error:
-        raise ResultsError(f"{path}: cannot read the results: {error}") from error
-    values = {name: table[name].to_numpy() for name in table.column_names}
-    return Recording(values.pop("time"), values)

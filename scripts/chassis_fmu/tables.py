@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Sequence
 
-from .metrics import Cell, Statistic
+from .numbers import Row, Statistic
 from .plan import Plan
 
 # A change smaller than this (percent) is called none.
@@ -17,15 +17,18 @@ NO_CHANGE = 0.5
 # Numbers below this are shown with a power of ten.
 SMALL = 1e-4
 
+# From here on numbers are shown with a power of ten, too: those of a run that diverges.
+LARGE = 1e9
+
 # Changes whose ratio lies between this and its inverse are called similar.
 SIMILAR = 0.75
 
 
-def remark(cell: Cell) -> str:
+def remark(cell: Row) -> str:
     """Say in words how our numbers compare with those of the paper."""
     if cell.ours is None:
         return ""
-    parts = [cell.origin] if cell.origin else []
+    parts = []
     if cell.difference is not None:
         parts.append(f"{signed(cell.difference)} from the paper's value")
     if cell.change is not None and cell.paper_change is not None:
@@ -54,7 +57,7 @@ def number(value: float | None, digits: int | None) -> str:
     """Format a number with `digits` decimals, or four significant digits; a dash for None."""
     if value is None:
         return "–"
-    if digits is None and 0.0 < abs(value) < SMALL:
+    if abs(value) >= LARGE or (digits is None and 0.0 < abs(value) < SMALL):
         return scientific(value)
     return _minus(f"{value:.{_decimals(value) if digits is None else digits}f}")
 
@@ -132,7 +135,7 @@ def pretty_unit(unit: str) -> str:
     if unit == "1":
         return ""
     out = re.sub(r"\bdeg\b", "°", unit.replace(".", "·"))
-    return re.sub(r"(?<=[A-Za-z])\d+", lambda power: power[0].translate(SUPERSCRIPTS), out)
+    return re.sub(r"(?<=[A-Za-z)])\d+", lambda power: power[0].translate(SUPERSCRIPTS), out)
 
 
 def with_unit(title: str, unit: str) -> str:
@@ -158,12 +161,18 @@ MACHINE_HEADER = (
     "difference_percent",
     "paper_table",
     "origin",
+    "badge",
 )
-HEADER = ("Metric", "Point", "Case", "Origin", "Paper", "Ours", "Change, paper", "Change, ours")
+HEADER = ("Metric", "Point", "Case", "Paper", "Ours", "Change, paper", "Change, ours", "Badge")
+# The columns from here on are aligned to the right.
+FIRST_NUMBER = HEADER.index("Paper")
+
+# What the dash of a change means.
+NEGLIGIBLE = "A dash instead of a change: the baseline is next to nothing beside the other values of the metric."
 
 
-def _text_rows(plan: Plan, cells: Sequence[Cell]) -> tuple[list[str], list[list[str]]]:
-    """Return header and rows for people; points only with a sweep, origins only where the scenario says them."""
+def _text_rows(plan: Plan, cells: Sequence[Row]) -> tuple[list[str], list[list[str]], int]:
+    """Return header and rows for people without the columns that would be empty, and how many stand on the left."""
     cases = {c.name: c.title for c in plan.cases}
     points: dict[str | None, str] = {p.name: p.title for p in plan.points}
     rows = [
@@ -171,49 +180,49 @@ def _text_rows(plan: Plan, cells: Sequence[Cell]) -> tuple[list[str], list[list[
             with_unit(c.metric.title, c.metric.conversion.unit),
             points.get(c.point, ""),
             cases[c.case],
-            c.origin,
             printed(c.paper, c.metric.digits),
             spread(c.ours, c.metric.digits, len(plan.seeds)),
             signed(c.paper_change),
             spread_percent(c.change),
+            c.status.title if c.status else "",
         ]
         for c in cells
     ]
-    left_out = {*([] if plan.points else [1]), *([] if any(c.origin for c in cells) else [3])}
-    keep = [i for i in range(len(HEADER)) if i not in left_out]
-    return [HEADER[i] for i in keep], [[row[i] for i in keep] for row in rows]
+    keep = [i for i in range(len(HEADER)) if any(row[i] not in ("", "–") for row in rows) or HEADER[i] == "Ours"]
+    left = sum(i < FIRST_NUMBER for i in keep)
+    return [HEADER[i] for i in keep], [[row[i] for i in keep] for row in rows], left
 
 
-def markdown(plan: Plan, cells: Sequence[Cell]) -> str:
+def markdown(plan: Plan, cells: Sequence[Row]) -> str:
     """Return the table as Markdown."""
-    header, rows = _text_rows(plan, cells)
+    header, rows, left = _text_rows(plan, cells)
 
     def line(row: Sequence[str]) -> str:
         return "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
 
-    left = len(header) - 4
-    rule = "|" + "|".join(["---"] * left + ["---:"] * 4) + "|"
-    return "\n".join([f"# {plan.title}", "", line(header), rule, *map(line, rows)]) + "\n"
+    rule = "|" + "|".join("---" if i < left else "---:" for i in range(len(header))) + "|"
+    notes = ["", NEGLIGIBLE] if any(c.negligible for c in cells) else []
+    return "\n".join([f"# {plan.title}", "", line(header), rule, *map(line, rows), *notes]) + "\n"
 
 
-def console(plan: Plan, cells: Sequence[Cell]) -> str:
+def console(plan: Plan, cells: Sequence[Row]) -> str:
     """Return the table for a terminal."""
-    header, rows = _text_rows(plan, cells)
+    header, rows, left = _text_rows(plan, cells)
     shown = [list(row) for row in rows]
     for i in range(len(shown) - 1, 0, -1):
         if rows[i][0] == rows[i - 1][0]:
             shown[i][0] = ""
     widths = [max(len(row[i]) for row in [header, *shown]) for i in range(len(header))]
-    left = len(header) - 4
 
     def line(row: Sequence[str]) -> str:
-        cells = [c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))]
-        return "  ".join(cells).rstrip()
+        padded = [c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))]
+        return "  ".join(padded).rstrip()
 
-    return "\n".join([line(header), "  ".join("─" * w for w in widths), *map(line, shown)]) + "\n"
+    notes = ["", NEGLIGIBLE] if any(c.negligible for c in cells) else []
+    return "\n".join([line(header), "  ".join("─" * w for w in widths), *map(line, shown), *notes]) + "\n"
 
 
-def machine(cells: Sequence[Cell]) -> str:
+def machine(cells: Sequence[Row]) -> str:
     """Return the table as CSV with all digits, empty where there is no value."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -234,6 +243,7 @@ def machine(cells: Sequence[Cell]) -> str:
                 *("" if v is None else repr(v) for v in numbers),
                 c.metric.paper.table if c.metric.paper else "",
                 c.origin,
+                c.status.value if c.status else "",
             ]
         )
     return out.getvalue()

@@ -7,6 +7,7 @@ import stat
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 
 from chassis_fmu import app, results
@@ -62,20 +63,40 @@ def test_outputs_repeat_to_the_byte(
     one = contents(tmp_path / "one")
     assert one == contents(tmp_path / "two")
     assert set(one) == {
+        "index.html",
         "trial/index.html",
+        "trial/page.json",
         "trial/table.csv",
         "trial/table.md",
         "trial/figures/roll.svg",
         "trial/figures/roll.png",
-        *(
-            f"trial/runs/{r}.{s}"
-            for r in ("passive_1", "passive_2", "active_1", "active_2")
-            for s in ("csv", "parquet")
-        ),
+        *(f"trial/runs/{r}.csv" for r in ("passive_1", "passive_2", "active_1", "active_2")),
     }
     assert one["trial/runs/active_1.csv"] == (recorded / "active_1.csv").read_bytes()
-    assert "Roll angle <RMS> (°)" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "Roll angle <RMS> (°)" in out
+    # Values are 1 to 4 rad at the end of the four runs, growing with their number: no reduction by a quarter.
+    assert "Not reproduced  Less <roll>, by 25.0 %" in out
+    assert b'href="trial/index.html"' in one["index.html"]
+    assert b"runs/active_1.csv" in one["trial/index.html"]
     assert cargo.read_text().splitlines()[0].startswith("fmu plan --json ")
+
+
+def test_parquet_is_written_when_asked_for_and_goes_with_the_next_call(
+    cargo: Path, recorded: Path, tmp_path: Path
+) -> None:
+    runs = tmp_path / "out" / "trial" / "runs"
+    options = ["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / "out")]
+    assert app.main([*options, "--parquet"]) == 0
+    assert sorted(p.suffix for p in runs.iterdir()) == [".csv"] * 4 + [".parquet"] * 4
+    schema = pyarrow.parquet.read_schema(runs / "passive_1.parquet")
+    assert schema.names == ["time", "source.count", "body.roll"]
+    assert schema.field("body.roll").metadata == {b"unit": b"rad"}
+    table = pyarrow.parquet.read_table(runs / "passive_1.parquet")
+    assert table["body.roll"].to_pylist() == list(results.read_csv(runs / "passive_1.csv").values["body.roll"])
+    assert app.main(options) == 0
+    assert sorted(p.suffix for p in runs.iterdir()) == [".csv"] * 4
+    assert cargo.exists()
 
 
 def test_options_are_passed_on(cargo: Path, recorded: Path, tmp_path: Path) -> None:
@@ -98,7 +119,7 @@ def test_a_missing_run_is_reported_and_the_others_are_kept(
     (recorded / "active_2.csv").unlink()
     assert app.main(["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / "out")]) == 1
     assert "error: run active#2:" in capsys.readouterr().err
-    assert (tmp_path / "out" / "trial" / "runs" / "active_1.parquet").exists()
+    assert (tmp_path / "out" / "trial" / "runs" / "active_1.csv").exists()
     assert "1 of 4 runs failed" in (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
     assert cargo.exists()
 

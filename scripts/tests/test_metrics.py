@@ -2,13 +2,13 @@
 
 import dataclasses
 import math
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
 from chassis_fmu import metrics
-from chassis_fmu.metrics import Statistic
-from chassis_fmu.plan import Conversion, Metric, Plan, Point, Until
+from chassis_fmu.plan import Conversion, Metric, Plan, Until
 from chassis_fmu.results import Recording
 
 STEP = 0.001
@@ -21,7 +21,7 @@ def metric(
     unit: Conversion | None = None,
     threshold: float | None = None,
 ) -> Metric:
-    return Metric("m", "M", 0, kind, threshold, window, None, None, unit or Conversion("rad"), None, None)
+    return Metric("m", "M", (0,), kind, unit or Conversion("rad"), threshold=threshold, window=window)
 
 
 @pytest.mark.parametrize(
@@ -155,17 +155,8 @@ def test_a_metric_of_a_difference(scenario: Plan) -> None:
     assert metrics.of_recording(difference, scenario, Recording(times, {"source.count": times})) is None
 
 
-def test_origins_are_those_the_scenario_says(scenario: Plan) -> None:
-    first = scenario.metrics[0]
-    assert first.paper is not None
-    assert {c.origin for c in metrics.table(scenario, {})} == {""}
-    paper = dataclasses.replace(first.paper, calibrated=frozenset(["passive"]))
-    said = dataclasses.replace(scenario, metrics=(dataclasses.replace(first, paper=paper), scenario.metrics[1]))
-    assert [c.origin for c in metrics.table(said, {})] == ["calibrated", "predicted", "", ""]
-
-
 @pytest.mark.parametrize(
-    "kind", ["crossing", "magnitude_crossing", "share", "magnitude_share", "rise_time", "settling_time"]
+    "kind", ["crossing", "magnitude_crossing", "share", "share_below", "magnitude_share", "rise_time", "settling_time"]
 )
 def test_a_threshold_that_is_missing_is_an_error(kind: str) -> None:
     with pytest.raises(metrics.MetricError, match="without a threshold"):
@@ -197,73 +188,88 @@ def test_a_short_spectrum_is_an_error() -> None:
         metrics.spectrum(np.arange(17.0), np.arange(17.0))
 
 
-def test_statistics() -> None:
-    assert Statistic.of([]) is None
-    assert Statistic.of([2.0]) == Statistic(2.0, None, 1)
-    # sample standard deviation of 1, 2, 3, 4: sqrt(5/3)
-    four = Statistic.of([1.0, 2.0, 3.0, 4.0])
-    assert four is not None
-    assert four.mean == 2.5
-    assert four.deviation == pytest.approx(math.sqrt(5.0 / 3.0), rel=1e-15)
+def test_the_power_of_a_band_is_that_of_its_sines() -> None:
+    # A sine of amplitude A has the power A^2/2. Hann windows of 2 s hold all of it within three lines of 0.5 Hz; the
+    # lines are sums of squares, and 1e-3 covers what leaks from sines between two lines.
+    times = np.arange(9001) * STEP
+    values = 5.0 + 2.0 * np.sin(2.0 * np.pi * 4.0 * times) + 0.5 * np.sin(2.0 * np.pi * 20.0 * times)
+
+    def power(low: float, high: float) -> float:
+        banded = dataclasses.replace(metric("band_power"), band=(low, high))
+        got = metrics.evaluate(banded, times, values, STEP)
+        assert got is not None
+        return got
+
+    assert power(2.0, 8.0) == pytest.approx(2.0, rel=1e-3)
+    assert power(8.0, 50.0) == pytest.approx(0.125, rel=1e-3)
+    assert power(0.0, 500.1) == pytest.approx(2.125, rel=1e-3)
+    with pytest.raises(metrics.MetricError, match="without a band"):
+        metrics.evaluate(metric("band_power"), times, values, STEP)
 
 
-def test_change() -> None:
-    assert metrics.change(3.0, 4.0) == -25.0
-    assert metrics.change(-3.0, -4.0) == 25.0
-    assert metrics.change(1.0, 0.0) is None
-
-
-def values(scenario: Plan) -> dict[tuple[str, str, str | None, int | None], float]:
-    assert scenario.seeds == (1, 2)
-    return {
-        ("roll_rms", "passive", None, 1): 4.0,
-        ("roll_rms", "passive", None, 2): 8.0,
-        ("roll_rms", "active", None, 1): 3.0,
-        ("roll_rms", "active", None, 2): 7.0,
-        ("count_final", "passive", None, 1): 3.0,
-    }
-
-
-def test_changes_are_paired_by_seed(scenario: Plan) -> None:
-    passive, active, count_passive, count_active = metrics.table(scenario, values(scenario))
-    assert passive.ours is not None
-    assert (passive.ours.mean, passive.ours.count) == (6.0, 2)
-    # sample standard deviation of 4 and 8
-    assert passive.ours.deviation == pytest.approx(math.sqrt(8.0), rel=1e-15)
-    assert passive.change is None
-    assert passive.paper == 4.0
-    assert passive.difference == 50.0
-    # -25 % and -12.5 %, not 5/6 - 1 = -16.7 %
-    assert active.change is not None
-    assert active.change.mean == -18.75
-    assert active.paper_change == -25.0
-    assert count_passive.ours == Statistic(3.0, None, 1)
-    assert count_active.ours is None
-    assert count_active.change is None
-
-
-def test_a_seed_without_its_baseline_has_no_change(scenario: Plan) -> None:
-    some = values(scenario)
-    del some["roll_rms", "passive", None, 2]
-    active = metrics.table(scenario, some)[1]
-    assert active.ours is not None
-    assert active.ours.count == 2
-    assert active.change == Statistic(-25.0, None, 1)
-
-
-def test_the_paper_is_looked_up_by_case_and_point(scenario: Plan) -> None:
-    first = scenario.metrics[0]
-    assert first.paper is not None
-    paper = dataclasses.replace(first.paper, values={"passive@slow": 2.0, "active@slow": 1.0, "active@fast": 5.0})
-    swept = dataclasses.replace(
-        scenario,
-        points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)),
-        metrics=(dataclasses.replace(first, paper=paper),),
+def test_deviation_integral_and_share_below() -> None:
+    values = 3.0 * np.sin(2.0 * np.pi * TIMES) - 1.0
+    # two whole periods without the double end point: 3/sqrt(2), whatever the mean
+    assert metrics.evaluate(metric("deviation", (0.0, 1.999)), TIMES, values, STEP) == pytest.approx(
+        3.0 / math.sqrt(2.0), rel=1e-12
     )
-    cells = metrics.table(swept, {})
-    assert [(c.point, c.case, c.paper, c.paper_change) for c in cells] == [
-        ("slow", "passive", 2.0, None),
-        ("slow", "active", 1.0, -50.0),
-        ("fast", "passive", None, None),
-        ("fast", "active", 5.0, None),
-    ]
+    assert metrics.evaluate(metric("integral", (0.0, 1.999)), TIMES, values, STEP) == pytest.approx(-2.0, rel=1e-12)
+    # every second row only: the distance of the rows counts, not the step of the simulation
+    assert metrics.evaluate(metric("integral", (0.0, 1.998)), TIMES[::2], values[::2], STEP) == pytest.approx(
+        -2.0, rel=1e-12
+    )
+    saw = np.array([0.0, 1.0, 0.5, 2.0])
+    assert metrics.evaluate(metric("share_below", threshold=1.0), np.arange(4) * 0.1, saw, 0.1) == 0.5
+    with pytest.raises(metrics.MetricError, match="no extent in time"):
+        metrics.evaluate(metric("integral", (0.0, 0.0)), TIMES, values, STEP)
+
+
+def test_several_signals_are_combined_row_by_row(scenario: Plan) -> None:
+    # A circle of radius 7 m driven in 2 s: the speed along and across the axis changes, the path is its circumference.
+    speed = 7.0 * math.pi
+    recording = Recording(
+        TIMES, {"source.count": speed * np.cos(3.0 * TIMES), "body.roll": speed * np.sin(3.0 * TIMES)}
+    )
+    two = dataclasses.replace(metric("integral", (0.0, 1.999)), columns=(0, 1), combine="norm")
+    assert metrics.columns_of(two) == {0, 1}
+    assert metrics.of_recording(two, scenario, recording) == pytest.approx(14.0 * math.pi, rel=1e-12)
+    lifted = Recording(
+        TIMES[:4], {"source.count": np.array([5.0, 0.0, 3.0, 0.0]), "body.roll": np.array([0, 2.0, 2, 0])}
+    )
+
+    def of(kind: str, combine: Literal["min", "max", "squares"], **more: Any) -> float | None:
+        return metrics.of_recording(
+            dataclasses.replace(metric(kind), columns=(0, 1), combine=combine, **more), scenario, lifted
+        )
+
+    assert of("share_below", "min", threshold=1.0) == 0.75
+    assert of("share_below", "max", threshold=1.0) == 0.25
+    # 2 x^2 - y^2: 50, -4, 14, 0
+    assert of("mean", "squares", weights=(2.0, -1.0)) == 15.0
+    assert metrics.of_recording(two, scenario, Recording(TIMES, {"body.roll": TIMES})) is None
+
+
+def test_a_metric_of_what_differs_from_the_baseline(scenario: Plan) -> None:
+    shifted = dataclasses.replace(metric("peak", (0.0, 1.0)), from_baseline=True)
+    recording = Recording(TIMES, {"source.count": np.sin(TIMES) - 0.25})
+    baseline = Recording(TIMES, {"source.count": np.sin(TIMES)})
+    assert metrics.of_recording(shifted, scenario, recording, baseline) == pytest.approx(0.25, rel=1e-12)
+    assert metrics.of_recording(shifted, scenario, recording) is None
+
+
+def test_a_metric_over_a_growing_window_ends_at_its_value(scenario: Plan) -> None:
+    recording = Recording(TIMES, {"source.count": 3.0 * np.sin(2.0 * np.pi * TIMES) - 1.0})
+    for kind in ("mean", "rms", "integral"):
+        of = metric(kind, (0.5, 1.5))
+        got = metrics.running(of, scenario, recording)
+        assert got is not None
+        times, values = got
+        assert (times[0], times[-1]) == (0.5, 1.5)
+        assert values[-1] == pytest.approx(metrics.of_recording(of, scenario, recording), rel=1e-12)
+        # half way: the metric of the first half
+        half = metrics.of_recording(metric(kind, (0.5, 1.0)), scenario, recording)
+        assert half is not None
+        # the integral's distance of the rows is that of the whole window, to rounding
+        assert values[500] == pytest.approx(half, rel=1e-9)
+    with pytest.raises(metrics.MetricError, match="no value over a growing window"):
+        metrics.running(metric("peak"), scenario, recording)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from lxml import html
 
-from chassis_fmu import metrics, page, plots
+from chassis_fmu import page, plots
+from chassis_fmu.numbers import Numbers
 from chassis_fmu.plan import Plan, Point
 from chassis_fmu.results import Recording
 
@@ -23,11 +24,12 @@ def text(scenario: Plan) -> str:
     values: dict[tuple[str, str, str | None, int | None], float] = {
         ("roll_rms", c.name, None, s): 2.0 + s for c in scenario.cases for s in (1, 2)
     }
-    cells = metrics.table(scenario, values)
+    numbers = Numbers(scenario, values)
+    cells = numbers.table()
     figures = [*scenario.figures, dataclasses.replace(scenario.figures[0], name="again")]
     drawings = [d for f in figures if (d := plots.draw(scenario, f, recordings, {}, cells)) is not None]
     assert len(drawings) == 2
-    return page.render(scenario, cells, drawings, {"active#2": "unit <plant>: fmi2DoStep"}, CONTEXT)
+    return page.render(numbers, drawings, {"active#2": "unit <plant>: fmi2DoStep"}, CONTEXT)
 
 
 def test_everything_is_escaped(text: str) -> None:
@@ -46,7 +48,7 @@ def test_everything_is_escaped(text: str) -> None:
 def test_a_shortened_run_says_so(scenario: Plan, text: str) -> None:
     assert "about the whole scenario" not in text
     short = dataclasses.replace(CONTEXT, shortened="--stop 3 --seeds 1")
-    tree = html.document_fromstring(page.render(scenario, [], [], {}, short))
+    tree = html.document_fromstring(page.render(Numbers(scenario, {}), [], {}, short))
     assert "--stop 3 --seeds 1" in tree.xpath("string(//header)")
 
 
@@ -56,10 +58,18 @@ def test_warnings_and_unread_outputs_are_shown(text: str) -> None:
     assert "<dt>source <small>active</small></dt><dd>idle</dd>" in text
 
 
+def test_the_recorded_signals_are_linked(scenario: Plan) -> None:
+    context = dataclasses.replace(CONTEXT, files=("runs/a b_1.csv", "runs/a b_1.parquet"))
+    tree = html.document_fromstring(page.render(Numbers(scenario, {}), [], {}, context))
+    assert tree.xpath("//ul[@class='files']//a/@href") == ["runs/a%20b_1.csv", "runs/a%20b_1.parquet"]
+
+
 def test_nothing_is_requested(text: str) -> None:
     tree = html.document_fromstring(text)
     assert not tree.xpath("//script | //link | //img | //iframe | //object | //*[@src]")
-    assert all(str(v).startswith("#") for v in tree.xpath("//@href | //@*[name() = 'xlink:href']"))
+    # what is linked stands beside the page, or is the index above it
+    links = {str(v) for v in tree.xpath("//@href | //@*[name() = 'xlink:href']") if not str(v).startswith("#")}
+    assert links == {"table.csv", "table.md", "../index.html"}
     assert "@import" not in text
     assert all(part.startswith("#") for part in text.split("url(")[1:])
 
@@ -96,7 +106,13 @@ def test_the_parts_are_there(text: str) -> None:
     ]
     assert len(tree.xpath("//table[@class='headline seeds']/tbody")) == 2
     assert len(tree.xpath("//table[@class='headline seeds']/tbody/tr")) == 4
-    assert tree.xpath("string(//article[@class='partly']/span)") == "Partly reproduced"
+    # 3 against 3: no change, the paper has one
+    assert tree.xpath("string(//article[@class='not_reproduced']/span)") == "Not reproduced"
+    assert tree.xpath("string(//article/p[@class='claim'])") == "Less <roll>, by 25.0 %"
+    assert "0.0 %, paper −25.0 %" in tree.xpath("string(//ul[@class='checks'])")
+    badges = tree.xpath("//table[@class='headline seeds']//span[@class='badge']/text()")
+    assert badges == ["Not reproduced", "Not reproduced"]
+    assert "1 not reproduced" in " ".join(tree.xpath("string(//ul[@class='facts'])").split())
     assert len(tree.xpath("//figure//svg")) == 2
     assert tree.xpath("//table[@class='guids']//code/text()") == ["{22}", "{11}"]
     assert "1 of 4 runs failed" in text
@@ -116,7 +132,7 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
         unread=(),
     )
     bare = dataclasses.replace(bare, runs=(dataclasses.replace(bare.runs[0], seed=None),))
-    tree = html.document_fromstring(page.render(bare, [], [], {}, page.Context("native", "scripts/run")))
+    tree = html.document_fromstring(page.render(Numbers(bare, {}), [], {}, page.Context("native", "scripts/run")))
     assert [h.text for h in tree.xpath("//h2")] == ["Units in the order of execution", "How it was run"]
 
 

@@ -31,7 +31,7 @@ def test_outputs_that_nothing_reads_are_grouped(scenario: plan.Plan) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": 2}, "plan format 2, expected 1"),
+        ({"format": 1}, "plan format 1, expected 2"),
         ({"simulation": None}, "unexpected type"),
         ({"cases": [{"name": "a"}]}, "no field 'title'"),
     ],

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from chassis_fmu import metrics, plots
+from chassis_fmu.numbers import Numbers
 from chassis_fmu.plan import Figure, Plan, Point, Sweep
 from chassis_fmu.results import Recording
 
@@ -83,11 +84,11 @@ def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
     swept = dataclasses.replace(
         scenario, points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)), sweep=Sweep("Speed", "km/h")
     )
-    figure = Figure("speeds", "Speeds", "sweep", ("passive", "active"), False, (), None, (0, 1), None, None, (), None)
+    figure = Figure("speeds", "Speeds", "sweep", ("passive", "active"), False, (), None, (0, 1), None, None, (), ())
     values: dict[tuple[str, str, str | None, int | None], float] = {
         ("roll_rms", c.name, p, s): 1.0 + i for c in swept.cases for i, p in enumerate(("slow", "fast")) for s in (1, 2)
     }
-    drawing = plots.draw(swept, figure, {}, {}, metrics.table(swept, values))
+    drawing = plots.draw(swept, figure, {}, {}, Numbers(swept, values).table())
     assert drawing is not None
     assert plots.PALETTE[1] in drawing.svg
 
@@ -130,7 +131,7 @@ def test_a_signal_stands_dashed_beside_others(scenario: Plan) -> None:
         assert "stroke-dasharray" not in plain.svg
         # one of the two cases has that signal; one line is in the legend
         assert beside.svg.count("stroke-dasharray") == 2
-    assert plots.columns_of(dataclasses.replace(bare, against=0)) == {0, 1}
+    assert plots.columns_of(scenario, dataclasses.replace(bare, against=0)) == {0, 1}
 
 
 def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
@@ -158,3 +159,25 @@ def test_units_of_densities() -> None:
     assert plots.density_unit("m/s2") == "(m/s²)²/Hz"
     assert plots.density_unit("deg") == "(deg)²/Hz"
     assert plots.density_unit("1") == "1/Hz"
+
+
+def test_a_metric_is_drawn_over_a_growing_window(scenario: Plan) -> None:
+    figure = dataclasses.replace(scenario.figures[0], kind="running", columns=(), metrics=(0,), levels=(), window=None)
+    assert plots.columns_of(scenario, figure) == {1}
+    drawing = plots.draw(scenario, figure, recordings(), {}, [])
+    assert drawing is not None
+    assert plots.PALETTE[0] in drawing.svg
+    assert plots.PALETTE[1] in drawing.svg
+    assert plots.draw(scenario, figure, {}, {}, []) is None
+
+
+def test_panels_are_titled_in_words(scenario: Plan) -> None:
+    figure = dataclasses.replace(scenario.figures[0], columns=(1,), levels=())
+    long = dataclasses.replace(scenario.columns[1], description="Height of the body over its rest " * 6)
+    for column in (scenario.columns[1], long):
+        named = dataclasses.replace(scenario, columns=(scenario.columns[0], column))
+        drawing = plots.draw(named, figure, recordings(), {}, [])
+        assert drawing is not None
+        # matplotlib leaves the text of a title as a comment before its outlines
+        assert "<!-- body.roll -->" not in drawing.svg
+        assert f"<!-- {column.description[:6]}" in drawing.svg

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 
 from chassis_fmu import results
@@ -28,6 +29,8 @@ def test_csv_gives_the_same_doubles_back(tmp_path: Path, table: tuple[list[str],
     assert bits(back.times) == bits(times)
     for i, name in enumerate(names):
         assert bits(back.values[name]) == bits(rows[:, i])
+    some = results.read_csv(tmp_path / "a.csv", ["plant:body.pitch", "absent"])
+    assert list(some.values) == ["plant:body.pitch"]
 
 
 def test_csv_is_written_as_the_native_master_does(tmp_path: Path) -> None:
@@ -48,12 +51,10 @@ def test_parquet_gives_the_same_doubles_back(
 ) -> None:
     names, times, rows = table
     results.write_parquet(tmp_path / "a.parquet", names, ["rad", "rad"], times, rows)
-    back = results.read_parquet(tmp_path / "a.parquet")
-    assert bits(back.times) == bits(times)
+    back = pyarrow.parquet.read_table(tmp_path / "a.parquet")
+    assert bits(back["time"].to_numpy()) == bits(times)
     for i, name in enumerate(names):
-        assert bits(back.values[name]) == bits(rows[:, i])
-    some = results.read_parquet(tmp_path / "a.parquet", ["plant:body.pitch", "absent"])
-    assert list(some.values) == ["plant:body.pitch"]
+        assert bits(back[name].to_numpy()) == bits(rows[:, i])
 
 
 def test_parquet_is_a_function_of_its_content(

@@ -6,8 +6,8 @@ import io
 
 import pytest
 
-from chassis_fmu import metrics, tables
-from chassis_fmu.metrics import Cell, Statistic
+from chassis_fmu import tables
+from chassis_fmu.numbers import Numbers, Row, Statistic
 from chassis_fmu.plan import Plan
 
 
@@ -22,6 +22,7 @@ from chassis_fmu.plan import Plan
         (0.0, None, "0.000"),
         (2.5e-6, None, "2.5×10⁻⁶"),
         (-0.0001, 2, "0.00"),
+        (8.001e88, 3, "8.001×10⁸⁸"),
     ],
 )
 def test_numbers(value: float | None, digits: int | None, text: str) -> None:
@@ -87,17 +88,21 @@ def test_spreads() -> None:
     ],
 )
 def test_remarks(scenario: Plan, ours: float, paper: float, words: str) -> None:
-    cell = Cell(scenario.metrics[0], "active", None, Statistic(3.3, None, 1), Statistic(ours, None, 1), 3.0, paper)
+    cell = Row(scenario.metrics[0], "active", None, Statistic(3.3, None, 1), Statistic(ours, None, 1), 3.0, paper)
     assert tables.remark(cell) == f"+10.0 % from the paper's value; {words}"
 
 
 def test_a_change_within_the_spread_is_none(scenario: Plan) -> None:
-    cell = Cell(scenario.metrics[0], "active", None, Statistic(3.0, 0.1, 8), Statistic(-2.0, 2.5, 8), None, -30.0)
+    cell = Row(scenario.metrics[0], "active", None, Statistic(3.0, 0.1, 8), Statistic(-2.0, 2.5, 8), None, -30.0)
     assert tables.remark(cell) == "no change here"
 
 
-def cells(scenario: Plan) -> list[Cell]:
-    return metrics.table(scenario, {("roll_rms", "passive", None, 1): 1 / 3, ("roll_rms", "active", None, 1): 0.25})
+def cells(scenario: Plan) -> list[Row]:
+    values: dict[tuple[str, str, str | None, int | None], float] = {
+        ("roll_rms", "passive", None, 1): 1 / 3,
+        ("roll_rms", "active", None, 1): 0.25,
+    }
+    return Numbers(scenario, values).table()
 
 
 def test_the_machine_table_keeps_all_digits(scenario: Plan) -> None:
@@ -111,17 +116,32 @@ def test_the_machine_table_keeps_all_digits(scenario: Plan) -> None:
 
 def test_tables_for_people(scenario: Plan) -> None:
     lines = tables.console(scenario, cells(scenario)).splitlines()
-    assert lines[0].split() == ["Metric", "Case", "Paper", "Ours", "Change,", "paper", "Change,", "ours"]
+    assert lines[0].split() == ["Metric", "Case", "Paper", "Ours", "Change,", "paper", "Change,", "ours", "Badge"]
     assert "Active <fast>" in lines[3]
     assert lines[3].count("−25.0 %") == 2
     markdown = tables.markdown(scenario, cells(scenario))
-    assert "| Roll angle <RMS> (°) | Passive | 4.00 | 0.33 (1 of 2) | – | – |" in markdown
-
-
-def test_origins_have_a_column_where_there_are_some(scenario: Plan) -> None:
-    said = [dataclasses.replace(c, origin="predicted") for c in cells(scenario)[:1]]
-    assert "| Roll angle <RMS> (°) | Passive | predicted | 4.00 | 0.33 (1 of 2) | – | – |" in tables.markdown(
-        scenario, said
+    assert "| Roll angle <RMS> (°) | Passive | 4.00 | 0.33 (1 of 2) | – | – | Not reproduced |" in markdown
+    assert (
+        "| Roll angle <RMS> (°) | Active <fast> | 3.00 | 0.25 (1 of 2) | −25.0 % | −25.0 % | Reproduced |" in markdown
     )
-    assert tables.remark(said[0]).startswith("predicted; ")
-    assert next(csv.DictReader(io.StringIO(tables.machine(said))))["origin"] == "predicted"
+
+
+def test_columns_that_would_be_empty_are_left_out(scenario: Plan) -> None:
+    own = dataclasses.replace(scenario, metrics=tuple(dataclasses.replace(m, paper=None) for m in scenario.metrics))
+    lines = tables.console(own, cells(own)).splitlines()
+    assert lines[0].split() == ["Metric", "Case", "Ours", "Change,", "ours"]
+    alone = [r for r in cells(own) if r.case == "passive"]
+    assert tables.markdown(own, alone).splitlines()[2] == "| Metric | Case | Ours |"
+
+
+def test_a_baseline_next_to_nothing_is_explained(scenario: Plan) -> None:
+    assert tables.NEGLIGIBLE not in tables.console(scenario, cells(scenario))
+    said = [dataclasses.replace(c, negligible=True, change=None) for c in cells(scenario)]
+    assert tables.console(scenario, said).rstrip().endswith(tables.NEGLIGIBLE)
+    assert tables.NEGLIGIBLE in tables.markdown(scenario, said)
+
+
+def test_origins_are_in_the_machine_table(scenario: Plan) -> None:
+    said = [dataclasses.replace(c, origin="predicted") for c in cells(scenario)[:1]]
+    row = next(csv.DictReader(io.StringIO(tables.machine(said))))
+    assert (row["origin"], row["badge"]) == ("predicted", "not_reproduced")

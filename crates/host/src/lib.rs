@@ -49,6 +49,7 @@ pub mod systems;
 pub mod trial;
 
 mod feeds;
+mod findings;
 mod named_values;
 mod scenario;
 mod xml;

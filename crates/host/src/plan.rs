@@ -7,6 +7,7 @@
 use crate::c_api::Reference;
 pub use crate::description::{BaseType, Value};
 use crate::description::{Causality, ModelDescription, Variability, Variable};
+pub use crate::findings::{Cell, Check, Expect, Finding, Format, Part, Text};
 use crate::fmu::{FmuError, Fmus};
 use crate::named_values::listed;
 use serde::{Serialize, Serializer};
@@ -14,7 +15,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Version of the plan's layout.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 /// A resolved scenario.
 #[derive(Debug, Clone, Serialize)]
@@ -313,8 +314,12 @@ pub struct Metric {
     pub name: String,
     /// Title.
     pub title: String,
-    /// Index into [`Plan::columns`].
-    pub column: usize,
+    /// Indices into [`Plan::columns`]; several are combined row by row.
+    pub columns: Vec<usize>,
+    /// How they are combined; `None` for a single one.
+    pub combine: Option<Combine>,
+    /// Weight of each column, for [`Combine::Squares`].
+    pub weights: Vec<f64>,
     /// How it is computed.
     pub kind: MetricKind,
     /// Rows with from <= time <= to, s; `None`: all.
@@ -323,6 +328,10 @@ pub struct Metric {
     pub until: Option<Until>,
     /// Index of the column that is subtracted before.
     pub minus: Option<usize>,
+    /// Whether the signal of the run of the case's baseline is subtracted before; no number for a case without one.
+    pub from_baseline: bool,
+    /// Frequencies of [`MetricKind::BandPower`], Hz.
+    pub band: Option<[f64; 2]>,
     /// Level that the kind refers to, in the unit the signal is converted to.
     pub threshold: Option<f64>,
     /// Unit of measure of the number.
@@ -348,6 +357,20 @@ pub struct Until {
     pub level: f64,
 }
 
+/// How several signals become one, row by row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Combine {
+    /// The smallest.
+    Min,
+    /// The largest.
+    Max,
+    /// Root of the sum of the squares.
+    Norm,
+    /// Weighted sum of the squares.
+    Squares,
+}
+
 /// How a metric is computed over the rows of its window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -366,6 +389,14 @@ pub enum MetricKind {
     Final,
     /// Largest minus smallest value.
     PeakToPeak,
+    /// Standard deviation: root of the mean square of what differs from the mean.
+    Deviation,
+    /// Integral over time (sum of the rows times their distance).
+    Integral,
+    /// Integral of the power spectral density over a band of frequencies.
+    BandPower,
+    /// Share of the rows below the threshold, 0 to 1.
+    ShareBelow,
     /// Time, s, of the first row above the threshold; no number if there is none.
     Crossing,
     /// Time, s, of the first row whose magnitude is above the threshold; no number if there is none.
@@ -395,19 +426,33 @@ impl MetricKind {
             Self::Crossing
                 | Self::MagnitudeCrossing
                 | Self::Share
+                | Self::ShareBelow
                 | Self::MagnitudeShare
                 | Self::RiseTime
                 | Self::SettlingTime
         )
     }
 
-    /// Unit of measure of the number; `None`: that of the signal.
+    /// Whether the number can be drawn over a window that grows.
     #[must_use]
-    pub fn unit(self) -> Option<&'static str> {
+    pub fn can_run(self) -> bool {
+        matches!(self, Self::Rms | Self::Mean | Self::Integral)
+    }
+
+    /// Unit of measure of the number for signals of a unit; `None`: none is known.
+    #[must_use]
+    pub fn unit(self, of_signal: Option<&str>) -> Option<String> {
         match self {
-            Self::Crossing | Self::MagnitudeCrossing | Self::RiseTime | Self::SettlingTime => Some("s"),
-            Self::Share | Self::MagnitudeShare | Self::Changes | Self::Overshoot => Some("1"),
-            _ => None,
+            Self::Crossing | Self::MagnitudeCrossing | Self::RiseTime | Self::SettlingTime => Some("s".into()),
+            Self::Share | Self::ShareBelow | Self::MagnitudeShare | Self::Changes | Self::Overshoot => Some("1".into()),
+            // m/s2 becomes m/s, m/s becomes m, N becomes N.s
+            Self::Integral => of_signal.map(|unit| match (unit.strip_suffix("/s2"), unit.strip_suffix("/s")) {
+                (Some(rest), _) => format!("{rest}/s"),
+                (None, Some(rest)) => rest.to_string(),
+                (None, None) => format!("{unit}.s"),
+            }),
+            Self::BandPower => of_signal.map(|unit| format!("({unit})2")),
+            _ => of_signal.map(str::to_string),
         }
     }
 }
@@ -419,6 +464,8 @@ pub struct Paper {
     pub table: Option<String>,
     /// Value by case, or by `case@point`.
     pub values: BTreeMap<String, f64>,
+    /// Change in percent by `case/case` or `case@point/case@point`, where the paper gives no values.
+    pub changes: BTreeMap<String, f64>,
     /// Keys of the values that something was fitted to, the others being predictions; `None`: not said.
     pub calibrated: Option<Vec<String>>,
 }
@@ -453,7 +500,7 @@ pub struct Figure {
     /// Offset to that unit.
     pub offset: f64,
     /// What one sees.
-    pub caption: Option<String>,
+    pub caption: Option<Text>,
 }
 
 /// What a figure shows.
@@ -466,6 +513,8 @@ pub enum FigureKind {
     Spectrum,
     /// Metrics over the points of the sweep, cases overlaid.
     Sweep,
+    /// Metrics over windows that end at each time, cases overlaid.
+    Running,
 }
 
 /// A level marked in a plot over time.
@@ -476,29 +525,6 @@ pub struct Level {
     pub value: f64,
     /// What it is.
     pub title: String,
-}
-
-/// A statement of the paper and how it was met.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Finding {
-    /// Verdict.
-    pub status: FindingStatus,
-    /// What the paper says.
-    pub claim: String,
-    /// What we see and why.
-    pub explanation: String,
-}
-
-/// Verdict on a statement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FindingStatus {
-    /// As the paper says.
-    Reproduced,
-    /// In part.
-    Partly,
-    /// Not as the paper says.
-    NotReproduced,
 }
 
 /// Why a parameter cannot be set.

@@ -14,6 +14,7 @@ pub use self::fmus::{Descriptions, FmuFolder, Found};
 use self::pattern::{matches, split_pattern};
 use crate::description::{BaseType, Causality, Value, Variable};
 use crate::feeds::Feeds;
+use crate::findings;
 use crate::limits;
 use crate::parameter_set::ParameterSet;
 use crate::plan::{self, Conversion, Plan};
@@ -131,8 +132,9 @@ pub fn resolve_text(
     }
     let columns = resolver.columns(&systems);
     resolver.check_size(&simulation, columns.len());
-    let metrics = resolver.metrics(&systems, &columns);
-    let figures = resolver.figures(&systems, &columns);
+    let metrics = resolver.metrics(&systems, &columns, text);
+    let figures = resolver.figures(&systems, &columns, text);
+    let findings = findings::findings(&scenario, text, &mut resolver.problems);
     let seeds: Vec<i32> = scenario.seeds.as_ref().map_or(Vec::new(), |seeds| {
         let wanted = options.seeds.unwrap_or(usize::MAX);
         let values = seeds.values.get_ref().iter();
@@ -168,11 +170,7 @@ pub fn resolve_text(
         runs,
         metrics,
         figures,
-        findings: scenario
-            .findings
-            .iter()
-            .map(|f| plan::Finding { status: f.status, claim: f.claim.clone(), explanation: f.explanation.clone() })
-            .collect(),
+        findings,
         wiring,
         warnings,
         trials,
@@ -526,38 +524,53 @@ impl<'a> Resolver<'a> {
         found.map(|u| (u.factor, u.offset))
     }
 
-    fn metrics(&mut self, systems: &[System<'_>], columns: &[Column]) -> Vec<plan::Metric> {
+    fn metrics(&mut self, systems: &[System<'_>], columns: &[Column], text: &str) -> Vec<plan::Metric> {
         let mut metrics = Vec::new();
         for metric in &self.scenario.metrics {
-            let Some(column) = self.column_index(&metric.signal, systems, columns) else {
+            let indices: Vec<usize> =
+                metric.all_signals().filter_map(|s| self.column_index(s, systems, columns)).collect();
+            let Some(&first) = indices.first().filter(|_| indices.len() == metric.all_signals().count()) else {
                 continue;
             };
-            let shown = &columns[column].plan;
+            let shown = &columns[first].plan;
             let Some((factor, offset)) = self.conversion(metric.unit.as_ref(), shown) else {
                 continue;
             };
-            let minus = self.beside(metric.minus.as_ref(), &[column], systems, columns);
+            let combine = metric.combine.as_ref().map(|c| *c.get_ref());
+            let is_squares = combine == Some(plan::Combine::Squares);
+            for signal in metric.signals.iter().filter(|_| !is_squares) {
+                self.beside(Some(signal), &indices[..1], systems, columns);
+            }
+            let minus = self.beside(metric.minus.as_ref(), &indices, systems, columns);
             let until = metric.until.as_ref().and_then(|until| self.until(until.get_ref(), systems, columns));
+            let unit = if is_squares {
+                Some("1".to_string())
+            } else {
+                metric.unit.as_ref().map(|u| u.get_ref().clone()).or_else(|| shown.unit.clone())
+            };
+            let changes = findings::paper_changes(metric, self.scenario, text, &mut self.problems);
             metrics.push(plan::Metric {
                 name: metric.name.get_ref().clone(),
                 title: metric.title.clone(),
-                column,
+                columns: indices,
+                combine,
+                weights: metric.weights.as_ref().map_or(Vec::new(), |w| w.get_ref().clone()),
                 kind: metric.kind,
                 window: metric.window.as_ref().map(|w| *w.get_ref()),
                 until,
                 minus,
+                from_baseline: metric.from_baseline,
+                band: metric.band.as_ref().map(|b| *b.get_ref()),
                 threshold: metric.threshold.as_ref().map(|t| *t.get_ref()),
-                unit: match metric.kind.unit() {
-                    Some(unit) => Some(unit.to_string()),
-                    None => metric.unit.as_ref().map(|u| u.get_ref().clone()).or_else(|| shown.unit.clone()),
-                },
+                unit: metric.kind.unit(unit.as_deref()),
                 factor,
                 // A difference has none.
-                offset: if minus.is_some() { 0.0 } else { offset },
+                offset: if minus.is_some() || metric.from_baseline { 0.0 } else { offset },
                 digits: metric.digits.as_ref().map(|d| *d.get_ref()),
                 paper: metric.paper.as_ref().map(|paper| plan::Paper {
                     table: paper.table.clone(),
                     values: paper.values.iter().map(|(key, value)| (key.get_ref().clone(), *value)).collect(),
+                    changes,
                     calibrated: paper
                         .calibrated
                         .as_ref()
@@ -595,7 +608,7 @@ impl<'a> Resolver<'a> {
         Some(plan::Until { column, above: until.above.is_some(), level: (level - offset) / factor })
     }
 
-    fn figures(&mut self, systems: &[System<'_>], columns: &[Column]) -> Vec<plan::Figure> {
+    fn figures(&mut self, systems: &[System<'_>], columns: &[Column], text: &str) -> Vec<plan::Figure> {
         let mut figures = Vec::new();
         for figure in &self.scenario.figures {
             let mut indices = Vec::new();
@@ -630,7 +643,10 @@ impl<'a> Resolver<'a> {
                 factor: scale.0,
                 offset: scale.1,
                 levels: figure.levels.iter().map(|level| level.get_ref().clone()).collect(),
-                caption: figure.caption.clone(),
+                caption: figure
+                    .caption
+                    .as_ref()
+                    .map(|caption| findings::text(caption, self.scenario, text, &mut self.problems)),
             });
         }
         figures

@@ -1,7 +1,8 @@
 //! A scenario file: its layout, and the checks that need no FMU.
 
+use crate::findings::Written as Finding;
 use crate::limits::{RUNS, STEPS};
-use crate::plan::{FigureKind, FindingStatus, Level, MetricKind, Order};
+use crate::plan::{Combine, FigureKind, Level, MetricKind, Order};
 use crate::problem::{Collector, suggestion};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
@@ -167,15 +168,26 @@ pub(crate) struct Record {
 pub(crate) struct Metric {
     pub(crate) name: Spanned<String>,
     pub(crate) title: String,
-    pub(crate) signal: Spanned<String>,
+    pub(crate) signal: Option<Spanned<String>>,
+    /// Several signals that are combined row by row.
+    #[serde(default)]
+    pub(crate) signals: Vec<Spanned<String>>,
+    pub(crate) combine: Option<Spanned<Combine>>,
+    /// Weights of the signals.
+    pub(crate) weights: Option<Spanned<Vec<f64>>>,
     pub(crate) kind: MetricKind,
     /// Level that the kind refers to, in `unit`.
     pub(crate) threshold: Option<Spanned<f64>>,
+    /// Frequencies that the kind refers to, Hz.
+    pub(crate) band: Option<Spanned<[f64; 2]>>,
     pub(crate) window: Option<Spanned<[f64; 2]>>,
     /// What ends the window before its end.
     pub(crate) until: Option<Spanned<Until>>,
     /// Signal that is subtracted before.
     pub(crate) minus: Option<Spanned<String>>,
+    /// Whether the signal of the baseline's run is subtracted before.
+    #[serde(default)]
+    pub(crate) from_baseline: bool,
     pub(crate) unit: Option<Spanned<String>>,
     pub(crate) digits: Option<Spanned<u8>>,
     pub(crate) paper: Option<Paper>,
@@ -194,7 +206,11 @@ pub(crate) struct Until {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Paper {
     pub(crate) table: Option<String>,
+    #[serde(default)]
     pub(crate) values: BTreeMap<Spanned<String>, f64>,
+    /// Changes in percent where the paper gives no values, by cell or by two cells.
+    #[serde(default)]
+    pub(crate) changes: BTreeMap<Spanned<String>, f64>,
     /// Keys of the values that something was fitted to; the others are predictions then.
     pub(crate) calibrated: Option<Vec<Spanned<String>>>,
 }
@@ -218,15 +234,7 @@ pub(crate) struct Figure {
     pub(crate) unit: Option<Spanned<String>>,
     #[serde(default)]
     pub(crate) levels: Vec<Spanned<Level>>,
-    pub(crate) caption: Option<String>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Finding {
-    pub(crate) status: FindingStatus,
-    pub(crate) claim: String,
-    pub(crate) explanation: String,
+    pub(crate) caption: Option<Spanned<String>>,
 }
 
 /// Parses the text; `None` if it does not have the layout of a scenario.
@@ -339,6 +347,7 @@ impl Scenario {
         }
         for metric in &self.metrics {
             self.check_window(metric.window.as_ref(), problems);
+            metric.check_signals(problems);
             if let Some(digits) = &metric.digits
                 && *digits.get_ref() > 15
             {
@@ -367,9 +376,10 @@ impl Scenario {
                 for key in paper.values.keys() {
                     self.check_paper_key(key, &cases, problems);
                 }
-                let values: BTreeSet<&str> = paper.values.keys().map(|key| key.get_ref().as_str()).collect();
+                let numbers = paper.values.keys().chain(paper.changes.keys());
+                let numbers: BTreeSet<&str> = numbers.map(|key| key.get_ref().as_str()).collect();
                 for key in paper.calibrated.iter().flatten() {
-                    known("value of the paper", key, &values, problems);
+                    known("value of the paper", key, &numbers, problems);
                 }
             }
         }
@@ -408,14 +418,26 @@ impl Scenario {
                 FigureKind::Time | FigureKind::Spectrum if figure.signals.is_empty() || !figure.metrics.is_empty() => {
                     problems.add(at, "a figure of kind \"time\" or \"spectrum\" has `signals`, no `metrics`");
                 }
-                FigureKind::Sweep if figure.metrics.is_empty() || !figure.signals.is_empty() => {
-                    problems.add(at, "a figure of kind \"sweep\" has `metrics`, no `signals`");
+                FigureKind::Sweep | FigureKind::Running if figure.metrics.is_empty() || !figure.signals.is_empty() => {
+                    problems.add(at, "a figure of kind \"sweep\" or \"running\" has `metrics`, no `signals`");
                 }
                 FigureKind::Sweep if self.points.is_empty() => {
                     problems.add(at, "a figure of kind \"sweep\" needs [[point]]s");
                 }
-                FigureKind::Sweep if figure.unit.is_some() || figure.window.is_some() => {
-                    problems.add(at, "`unit` and `window` of a figure of kind \"sweep\" are those of its metrics");
+                FigureKind::Sweep | FigureKind::Running if figure.unit.is_some() || figure.window.is_some() => {
+                    problems.add(at, "`unit` and `window` of a figure of metrics are those of the metrics");
+                }
+                FigureKind::Running => {
+                    for name in &figure.metrics {
+                        let metric = self.metrics.iter().find(|m| m.name == *name);
+                        if let Some(metric) = metric
+                            && (!metric.kind.can_run() || metric.until.is_some() || metric.from_baseline)
+                        {
+                            let message =
+                                "only a mean, an RMS or an integral over a plain window can be drawn as it grows";
+                            problems.add(name.span(), message);
+                        }
+                    }
                 }
                 FigureKind::Time | FigureKind::Spectrum | FigureKind::Sweep => (),
             }
@@ -485,6 +507,59 @@ impl Scenario {
             }
             _ => (),
         }
+    }
+}
+
+impl Metric {
+    /// Checks which signals it has, and how they are combined.
+    fn check_signals(&self, problems: &mut Collector) {
+        let at = self.name.span();
+        match (&self.signal, self.signals.len(), &self.combine) {
+            (Some(_), 0, None) => (),
+            (Some(_), 0, Some(combine)) => problems.add(combine.span(), "`combine` needs several `signals`"),
+            (Some(_), _, _) => problems.add(at.clone(), "a metric has either a `signal` or `signals`"),
+            (None, 0, _) => problems.add(at.clone(), "a metric needs a `signal` or `signals`"),
+            (None, _, None) => {
+                problems.add(at.clone(), "several `signals` need a `combine`: min, max, norm or squares")
+            }
+            (None, _, Some(_)) => (),
+        }
+        let is_squares = self.combine.as_ref().is_some_and(|combine| *combine.get_ref() == Combine::Squares);
+        match &self.weights {
+            Some(weights) if !is_squares => problems.add(weights.span(), "only `combine = \"squares\"` has `weights`"),
+            Some(weights) if weights.get_ref().len() != self.signals.len() => {
+                problems.add(weights.span(), format!("expected {} weights, one per signal", self.signals.len()));
+            }
+            Some(weights) if weights.get_ref().iter().any(|w| !w.is_finite()) => {
+                problems.add(weights.span(), "expected finite numbers");
+            }
+            None if is_squares => problems.add(at.clone(), "`combine = \"squares\"` needs `weights`"),
+            _ => (),
+        }
+        if let (true, Some(unit)) = (is_squares, &self.unit) {
+            problems.add(
+                unit.span(),
+                "a weighted sum of squares has no `unit`: the weights belong to the units of the signals",
+            );
+        }
+        match &self.band {
+            Some(band) if self.kind != MetricKind::BandPower => {
+                problems.add(band.span(), "only a metric of kind \"band_power\" has a `band`");
+            }
+            // Written so that a NaN fails as well.
+            Some(band) if !(band.get_ref()[0] >= 0.0 && band.get_ref()[0] < band.get_ref()[1]) => {
+                problems.add(band.span(), "expected a band [from, to] with 0 <= from < to, Hz");
+            }
+            None if self.kind == MetricKind::BandPower => {
+                problems.add(at, "a metric of kind \"band_power\" needs a `band`");
+            }
+            _ => (),
+        }
+    }
+
+    /// All its signals.
+    pub(crate) fn all_signals(&self) -> impl Iterator<Item = &Spanned<String>> {
+        self.signal.iter().chain(&self.signals)
     }
 }
 

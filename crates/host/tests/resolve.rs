@@ -2,7 +2,7 @@
 
 use host::description::{BaseUnit, ModelDescription, Unit};
 use host::parameter_set::{Parameter, ParameterSet};
-use host::plan::{BaseType, FigureKind, MetricKind, Order, Plan, Value};
+use host::plan::{BaseType, Cell, Combine, Expect, FigureKind, MetricKind, Order, Part, Plan, Value};
 use host::resolve::{Options, ResolveError, resolve_text};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -448,7 +448,7 @@ fn options_change_the_plan() {
 fn metrics_and_figures() {
     let plan = plan();
     let metric = &plan.metrics[0];
-    assert_eq!((metric.column, metric.unit.as_deref()), (1, Some("deg")));
+    assert_eq!((&metric.columns[..], metric.unit.as_deref()), (&[1][..], Some("deg")));
     assert_eq!(metric.factor, 57.295_779_513_082_32);
     assert_eq!(metric.paper.as_ref().unwrap().values["passive@slow"], 1.5);
     assert_eq!(plan.metrics[1].unit.as_deref(), Some("rad"), "the variable's own");
@@ -492,6 +492,72 @@ fn metrics_and_figures() {
 }
 
 #[test]
+fn findings_are_checks_and_texts_with_numbers() {
+    let plan = plan();
+    let [finding, own] = &plan.findings[..] else { panic!("{:?}", plan.findings) };
+    assert_eq!((finding.own, own.own), (false, true));
+    let seen: Vec<_> = finding
+        .checks
+        .iter()
+        .map(|c| (c.expect, c.cell.key(), c.against.as_ref().map_or(String::new(), Cell::key)))
+        .collect();
+    let of = |expect, cell: &str, against: &str| (expect, cell.to_string(), against.to_string());
+    assert_eq!(
+        seen,
+        [
+            // A change where the paper has one, from its values or printed; else a value. All points where none is named.
+            of(Expect::PaperChange, "active@slow", "passive@slow"),
+            of(Expect::PaperChange, "active@fast", "active@slow"),
+            of(Expect::PaperValue, "passive@slow", ""),
+            of(Expect::Lower, "active@slow", "passive@slow"),
+            of(Expect::Lower, "active@fast", "passive@fast"),
+        ]
+    );
+    let changes = &plan.metrics[0].paper.as_ref().unwrap().changes;
+    assert_eq!((changes["active@fast/passive@fast"], changes["active@fast/active@slow"]), (-30.0, 10.0));
+    assert_eq!((own.checks[0].expect, own.checks[0].level, &own.checks[0].against), (Expect::Below, Some(0.1), &None));
+    let words = |text: &[Part]| {
+        let shown = |part: &Part| match part {
+            Part::Words(words) => words.clone(),
+            Part::Number { format, cells, against, .. } => {
+                let keys = |cells: &[Cell]| cells.iter().map(Cell::key).collect::<Vec<_>>().join(" ");
+                format!("[{format:?} {}/{}]", keys(cells), keys(against))
+            }
+        };
+        text.iter().map(shown).collect::<String>()
+    };
+    assert_eq!(
+        words(&finding.explanation),
+        "By [By active@slow active@fast/passive@slow passive@fast] from [From /] on, \
+         [Ratio manual@slow/active@fast] times."
+    );
+    let caption = plan.figures[1].caption.as_ref().unwrap();
+    assert_eq!(words(caption), "Up to [Value active@fast/].");
+    assert!(plan.figures[0].caption.is_none());
+}
+
+#[test]
+fn metrics_of_several_signals_and_units_of_kinds() {
+    let of = |change: &str| {
+        let text = SCENARIO.replacen("signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"", change, 1);
+        let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+        plan.metrics[0].clone()
+    };
+    let both = "signals = [\"body.roll\", \"steer.front\"]\n";
+    let metric = of(&format!("{both}combine = \"min\"\nkind = \"share_below\"\nthreshold = 1.0"));
+    assert_eq!((metric.columns.len(), metric.combine, metric.unit.as_deref()), (2, Some(Combine::Min), Some("1")));
+    let metric = of(&format!("{both}combine = \"squares\"\nweights = [1.0, 2.0]\nkind = \"mean\""));
+    assert_eq!((metric.weights, metric.unit.as_deref()), (vec![1.0, 2.0], Some("1")));
+    for (signal, unit) in [("body.roll", "rad.s"), ("body.roll_rate", "rad"), ("vehicle.speed", "m")] {
+        let metric = of(&format!("signal = \"vehicle:{signal}\"\nkind = \"integral\""));
+        assert_eq!(metric.unit.as_deref(), Some(unit), "{signal}");
+    }
+    let metric = of("signal = \"body.roll\"\nkind = \"band_power\"\nband = [1.0, 3.0]\nfrom_baseline = true");
+    assert_eq!((metric.band, metric.unit.as_deref()), (Some([1.0, 3.0]), Some("(rad)2")));
+    assert!(metric.from_baseline);
+}
+
+#[test]
 fn signals_beside_others_and_origins() {
     let text = SCENARIO
         .replacen(
@@ -500,7 +566,7 @@ fn signals_beside_others_and_origins() {
             1,
         )
         .replace("kind = \"peak\"", "kind = \"peak\"\nuntil = { signal = \"body.roll\", below = -0.5 }")
-        .replace("{ \"passive@slow\" = 1.5 }", "{ \"passive@slow\" = 1.5 }\ncalibrated = [\"passive@slow\"]")
+        .replace("\"active@slow\" = 1.2 }", "\"active@slow\" = 1.2 }\ncalibrated = [\"passive@slow\"]")
         .replace("kind = \"time\"", "kind = \"time\"\nagainst = \"steer.front\"");
     let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let steer = plan.columns.iter().position(|c| c.name == "steer.front");
@@ -518,7 +584,7 @@ fn signals_beside_others_and_origins() {
 #[test]
 fn the_json_has_the_agreed_layout() {
     let json = serde_json::to_value(plan()).unwrap();
-    assert_eq!(json["format"], 1);
+    assert_eq!(json["format"], 2);
     assert_eq!(json["simulation"]["order"], "sequential");
     let run = &json["runs"][0];
     assert_eq!(run["seed"], 3);
@@ -531,7 +597,20 @@ fn the_json_has_the_agreed_layout() {
     assert_eq!(json["cases"][0]["baseline"], serde_json::Value::Null);
     assert_eq!(json["figures"][0]["kind"], "time");
     assert_eq!(json["metrics"][0]["window"], serde_json::json!([0.5, 2.0]));
-    assert_eq!(json["findings"][0]["status"], "partly");
+    assert_eq!(json["metrics"][0]["columns"], serde_json::json!([1]));
+    assert_eq!(json["figures"][1]["caption"][0], "Up to ");
+    let claim = &json["findings"][0]["claim"];
+    assert_eq!(claim[0], "Less roll, by ");
+    let active = serde_json::json!({ "metric": 0, "case": "active", "point": "slow" });
+    let passive = serde_json::json!({ "metric": 0, "case": "passive", "point": "slow" });
+    assert_eq!(
+        claim[1],
+        serde_json::json!({ "format": "paper_by", "metric": 0, "cells": [active], "against": [passive] })
+    );
+    assert_eq!(
+        json["findings"][0]["checks"][0],
+        serde_json::json!({ "cell": active, "against": passive, "expect": "paper_change", "level": null })
+    );
 }
 
 /// One change to the scenario, where the mistake is marked, and what is said.
@@ -560,7 +639,7 @@ fn mistakes_are_reported_with_their_place() {
         ("value = 30.0, unit = \"deg\"", "value = 300.0, unit = \"deg\"", "expected at most 1"),
         ("value = 30.0, unit = \"deg\"", "value = 30.0", "expected a value or { value"),
         ("value = 30.0, unit", "value = nan, unit", "expected a finite number"),
-        ("\"tire.mode\" = 0", "\"tire.mode\" = 4", "expected one of 0 (magic), 1 (linear)"),
+        ("\"tire.mode\" = 0", "\"tire.mode\" = 4", "expected one of magic (0), linear (1)"),
         ("label = \"car\"", "label = 1", "`label` must be a string, got 1"),
         ("\"road_friction.*\" = 1.0, ", "", "nobody writes the input `road_friction.r` of `vehicle`"),
         ("\"road_friction.*\" = 1.0", "\"road_friktion.*\" = 1.0", "`vehicle` has no input `road_friktion.*`"),
@@ -643,8 +722,8 @@ fn mistakes_are_reported_with_their_place() {
         ("kind = \"rms\"", "kind = \"rms\"\nminus = \"body.rol\"", "no output `body.rol`"),
         ("kind = \"rms\"", "kind = \"rms\"\nminus = \"vehicle.speed\"", "is in m/s, but `body.roll` is in rad"),
         (
-            "{ \"passive@slow\" = 1.5 }",
-            "{ \"passive@slow\" = 1.5 }\ncalibrated = [\"passive@slo\"]",
+            "\"active@slow\" = 1.2 }",
+            "\"active@slow\" = 1.2 }\ncalibrated = [\"passive@slo\"]",
             "unknown value of the paper `passive@slo`",
         ),
         ("kind = \"time\"", "kind = \"time\"\nagainst = \"vehicle.speed\"", "is in m/s, but `body.roll` is in rad"),
@@ -664,7 +743,82 @@ fn mistakes_are_reported_with_their_place() {
             "only a figure of kind \"time\" has `levels`",
         ),
         ("kind = \"sweep\"", "kind = \"spectrum\"", "a figure of kind \"time\" or \"spectrum\" has `signals`"),
-        ("status = \"partly\"", "status = \"maybe\"", "`status`: unknown word `maybe`"),
+        ("expect = \"lower\"", "expect = \"less\"", "`expect`: unknown word `less`"),
+        ("expect = \"lower\"", "expect = \"below\"", "need a `level`"),
+        ("expect = \"lower\"", "expect = \"lower\", level = 1.0", "only \"below\" and \"above\" have a `level`"),
+        ("level = 0.1", "level = inf", "expected a finite number"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak.activ\"], expect", "105:16: unknown case `activ`"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_pek.active\"], expect", "unknown metric `roll_pek`"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak.active@slw\"], expect", "unknown point `slw`"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak\"], expect", "expected \"metric.case\""),
+        (
+            "[\"roll_peak.active\"], expect",
+            "[\"roll_peak.manual\"], expect",
+            "`manual` has no baseline to compare with",
+        ),
+        (
+            "[\"roll_peak.active\"], expect = \"lower\"",
+            "[\"roll_peak.active\"]",
+            "the paper gives no number for `active@slow`",
+        ),
+        ("[\"roll_peak.active\"], expect", "[], expect", "expected at least one cell"),
+        ("expect = \"below\", level = 0.1", "expect = \"paper_value\"", "no paper makes a claim of one's own"),
+        ("expect = \"below\", level = 0.1", "expect = \"falls_more\"", "`manual` has no baseline to compare with"),
+        (
+            "[{ cells = [\"roll_peak.manual@slow\"], expect = \"below\", level = 0.1 }]",
+            "[]",
+            "a finding needs at least one check",
+        ),
+        ("{roll_peak.active@fast}", "{roll_pek.active@fast}", "99:18: unknown metric `roll_pek`"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:chang}", "99:18: unknown format `chang`"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:paper}", "the paper gives no such number"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast", "a `{` without a `}`"),
+        ("{roll_rms:from}", "{roll_rms:threshold}", "the metric `roll_rms` has no such number"),
+        // In a string over several lines the place is that of the number, too.
+        ("{roll_rms.active:by}", "{roll_rms.activ:by}", "108:4: unknown case `activ`"),
+        ("\"active@fast\" = -30.0", "\"activ@fast\" = -30.0", "unknown case `activ`"),
+        ("\"active@fast\" = -30.0", "\"manual@fast\" = -30.0", "`manual` has no baseline to compare with"),
+        ("signal = \"body.roll\"", "combine = \"min\"", "a metric needs a `signal` or `signals`"),
+        ("signal = \"body.roll\"", "signals = [\"body.roll\"]", "several `signals` need a `combine`"),
+        ("signal = \"body.roll\"", "signal = \"body.roll\"\ncombine = \"min\"", "`combine` needs several `signals`"),
+        (
+            "signal = \"body.roll\"",
+            "signal = \"body.roll\"\nsignals = [\"steer.front\"]",
+            "either a `signal` or `signals`",
+        ),
+        (
+            "signal = \"body.roll\"",
+            "signals = [\"body.roll\", \"vehicle.speed\"]\ncombine = \"max\"",
+            "is in m/s, but `body.roll` is in rad",
+        ),
+        (
+            "signal = \"body.roll\"",
+            "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"norm\"\nweights = [1.0, 2.0]",
+            "only `combine = \"squares\"` has `weights`",
+        ),
+        (
+            "signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"",
+            "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nkind = \"mean\"",
+            "needs `weights`",
+        ),
+        (
+            "signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"",
+            "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nweights = [1.0]\nkind = \"mean\"",
+            "expected 2 weights",
+        ),
+        (
+            "signal = \"body.roll\"",
+            "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nweights = [1.0, 2.0]",
+            "a weighted sum of squares has no `unit`",
+        ),
+        ("kind = \"rms\"", "kind = \"rms\"\nband = [1.0, 2.0]", "only a metric of kind \"band_power\" has a `band`"),
+        ("kind = \"rms\"", "kind = \"band_power\"", "needs a `band`"),
+        ("kind = \"rms\"", "kind = \"band_power\"\nband = [2.0, 1.0]", "expected a band [from, to]"),
+        (
+            "kind = \"sweep\"\nmetrics = [\"roll_rms\"]",
+            "kind = \"running\"\nmetrics = [\"roll_peak\"]",
+            "drawn as it grows",
+        ),
     ];
     for (from, to, expected) in cases {
         assert!(SCENARIO.contains(from), "not in the scenario: {from}");
@@ -692,7 +846,8 @@ fn near_names_are_suggested() {
         ("stop = 2.0", "stop = 2.0\norder = \"sequental\"", "did you mean `sequential`?"),
         ("kind = \"rms\"", "kind = \"rmss\"", "did you mean `rms`?"),
         ("kind = \"time\"", "kind = \"tiem\"", "did you mean `time`?"),
-        ("status = \"partly\"", "status = \"partley\"", "did you mean `partly`?"),
+        ("expect = \"lower\"", "expect = \"lowr\"", "did you mean `lower`?"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:ratoi}", "did you mean `ratio`?"),
     ] {
         let error = plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).unwrap_err();
         let ResolveError::Problems(problems) = error else { panic!("{error}") };

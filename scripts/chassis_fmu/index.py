@@ -1,0 +1,55 @@
+"""The page that links all result pages of a folder, renewed with every one that is written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import jinja2
+
+from . import results
+from .verdict import Status
+
+NOTE = "page.json"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What the index says about a page: its title, where its experiment is from, and its badges with their numbers."""
+
+    title: str
+    reference: str = ""
+    badges: Mapping[str, int] = field(default_factory=dict)
+
+
+def note(folder: Path, entry: Entry) -> None:
+    """Leave beside a page what the index says about it."""
+    results.write_text(folder / NOTE, json.dumps(asdict(entry), ensure_ascii=False, indent=2) + "\n")
+
+
+def _read(folder: Path) -> Entry:
+    """Return what is noted beside a page; its folder's name if nothing is."""
+    try:
+        data = json.loads((folder / NOTE).read_text(encoding="utf-8"))
+        known = {status.value for status in Status}
+        badges = {str(k): int(v) for k, v in data["badges"].items() if k in known}
+        return Entry(str(data["title"]), str(data["reference"]), badges)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return Entry(folder.name)
+
+
+def write(folder: Path) -> None:
+    """Write `index.html` with a link to every page in a folder of this folder, by name."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    pages = sorted(p.parent for p in folder.glob("*/index.html"))
+    entries = [(p.name, _read(p)) for p in pages]
+    template = environment.get_template("index.html.j2")
+    results.write_text(folder / "index.html", template.render(entries=entries, status=Status))

@@ -1,0 +1,241 @@
+"""The table of metrics: values of all runs, statistics over the seeds, changes, the paper's numbers and the badges."""
+
+from __future__ import annotations
+
+import functools
+import statistics
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from . import verdict
+from .plan import Cell, Check, Finding, Metric, Plan
+from .verdict import Status
+
+# A baseline below this share of the largest value of its metric is next to nothing: no percent is taken of it.
+RESOLUTION = 0.005
+
+# Metric, case, point, seed.
+Values = Mapping[tuple[str, str, "str | None", "int | None"], float]
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """Mean over the seeds, and sample standard deviation where there are several."""
+
+    mean: float
+    deviation: float | None
+    count: int
+
+    @staticmethod
+    def of(values: Sequence[float]) -> Statistic | None:
+        """Return the statistic of some values; None if there are none."""
+        if not values:
+            return None
+        deviation = statistics.stdev(values) if len(values) > 1 else None
+        return Statistic(statistics.fmean(values), deviation, len(values))
+
+
+def change(value: float, baseline: float) -> float | None:
+    """Return the change in percent of the magnitude of the baseline; None if that is zero."""
+    return None if baseline == 0.0 else 100.0 * (value - baseline) / abs(baseline)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One metric of one case at one point: ours and the paper's. Changes and differences are in percent.
+
+    `origin` says whether ours was calibrated on the paper's or predicted, where the scenario says so. `status` is the
+    badge, None without a number of the paper. `negligible`: there is a baseline, but next to nothing.
+    """
+
+    metric: Metric
+    case: str
+    point: str | None
+    ours: Statistic | None
+    change: Statistic | None
+    paper: float | None
+    paper_change: float | None
+    origin: str = ""
+    status: Status | None = None
+    negligible: bool = False
+
+    @property
+    def difference(self) -> float | None:
+        """Difference of our mean from the paper's number, in percent of the latter."""
+        return None if self.ours is None or self.paper is None else change(self.ours.mean, self.paper)
+
+
+class Numbers:
+    """The numbers of a scenario: those of its metrics in all runs, and those of the paper.
+
+    `finished` has the ids of the runs that took place; None: all of them did.
+    """
+
+    def __init__(self, plan: Plan, values: Values, finished: Collection[str] | None = None) -> None:
+        self.plan = plan
+        self._values = values
+        self._finished = {(r.case, r.point) for r in plan.runs if finished is None or r.id in finished}
+
+    def metric(self, cell: Cell) -> Metric:
+        """Return the metric of a cell."""
+        return self.plan.metrics[cell.metric]
+
+    def by_seed(self, cell: Cell) -> dict[int | None, float]:
+        """Return the values of the seeds that have one."""
+        name = self.metric(cell).name
+        keys = ((seed, (name, cell.case, cell.point, seed)) for seed in self.plan.seed_values)
+        return {seed: self._values[key] for seed, key in keys if key in self._values}
+
+    def statistic(self, cell: Cell) -> Statistic | None:
+        """Return the mean over the seeds and its deviation; None without a value."""
+        return Statistic.of(list(self.by_seed(cell).values()))
+
+    def pairs(self, cell: Cell, against: Cell) -> list[tuple[float, float]]:
+        """Return the values of two cells seed by seed, where both have one."""
+        ours, theirs = self.by_seed(cell), self.by_seed(against)
+        return [(value, theirs[seed]) for seed, value in ours.items() if seed in theirs]
+
+    @functools.cached_property
+    def _scales(self) -> dict[str, float]:
+        """The largest magnitude of each metric."""
+        scales: dict[str, float] = {}
+        for (name, *_), value in self._values.items():
+            scales[name] = max(scales.get(name, 0.0), abs(value))
+        return scales
+
+    def is_negligible(self, cell: Cell) -> bool:
+        """Tell whether a value is next to nothing beside the largest one of its metric."""
+        found = self.statistic(cell)
+        return found is not None and abs(found.mean) < RESOLUTION * self._scales[self.metric(cell).name]
+
+    def change(self, cell: Cell, against: Cell) -> Statistic | None:
+        """Return the change in percent, seed by seed: the scatter that the two share drops out.
+
+        None also where what it refers to is next to nothing.
+        """
+        if self.is_negligible(against):
+            return None
+        percents = (change(value, base) for value, base in self.pairs(cell, against))
+        return Statistic.of([p for p in percents if p is not None])
+
+    def changes(self, cell: Cell) -> dict[int | None, float]:
+        """Return the changes in percent of the seeds against the baseline; none where that is next to nothing."""
+        against = self.baseline(cell)
+        if against is None or self.is_negligible(against):
+            return {}
+        ours, theirs = self.by_seed(cell), self.by_seed(against)
+        percents = {seed: change(value, theirs[seed]) for seed, value in ours.items() if seed in theirs}
+        return {seed: percent for seed, percent in percents.items() if percent is not None}
+
+    def baseline(self, cell: Cell) -> Cell | None:
+        """Return what the changes of a cell refer to."""
+        case = next(c for c in self.plan.cases if c.name == cell.case)
+        return None if case.baseline is None else Cell(cell.metric, case.baseline, cell.point)
+
+    def paper_value(self, cell: Cell) -> float | None:
+        """Return the paper's value."""
+        paper = self.metric(cell).paper
+        return None if paper is None else paper.values.get(cell.key)
+
+    def paper_change(self, cell: Cell, against: Cell) -> float | None:
+        """Return the paper's change in percent, as it prints it or as its values give it."""
+        paper = self.metric(cell).paper
+        if paper is None or cell.metric != against.metric:
+            return None
+        printed = paper.changes.get(f"{cell.key}/{against.key}")
+        if printed is not None:
+            return printed
+        value, base = self.paper_value(cell), self.paper_value(against)
+        return None if value is None or base is None else change(value, base)
+
+    def is_calibrated(self, cell: Cell, against: Cell | None = None) -> bool:
+        """Tell whether something was fitted to the paper's number."""
+        paper = self.metric(cell).paper
+        fitted = (paper.calibrated if paper else None) or frozenset()
+        return cell.key in fitted or (against is not None and f"{cell.key}/{against.key}" in fitted)
+
+    def status_of(self, cell: Cell) -> Status | None:
+        """Return the badge of a number of the paper: of its change where there is one, else of its value."""
+        against = self.baseline(cell)
+        if against is not None and self.paper_change(cell, against) is not None:
+            return self.status(Check(cell, against, "paper_change", None))
+        if self.paper_value(cell) is not None:
+            return self.status(Check(cell, None, "paper_value", None))
+        return None
+
+    def status(self, check: Check) -> Status:
+        """Return the badge of one check."""
+        cell, against = check.cell, check.against
+        places = {(cell.case, cell.point), *([] if against is None else [(against.case, against.point)])}
+        if not places <= self._finished:
+            return Status.OPEN
+        ours = self.statistic(cell)
+        if check.expect == "never":
+            some = 0 if ours is None else ours.count
+            return Status.REPRODUCED if not some else Status.NOT_REPRODUCED
+        if ours is None:
+            return Status.NOT_REPRODUCED
+        if check.expect == "paper_value":
+            paper = self.paper_value(cell)
+            if paper is None:
+                return Status.OPEN
+            return Status.CALIBRATED if self.is_calibrated(cell) else verdict.of_value(ours.mean, paper)
+        if check.expect in ("below", "above"):
+            level = check.level or 0.0
+            difference = verdict.paired((value, level) for value in self.by_seed(cell).values())
+            return verdict.of_sign(difference, 1 if check.expect == "above" else -1)
+        if check.expect == "falls_more" and against is not None:
+            mine, other = self.changes(cell), self.changes(against)
+            both = [(percent, other[seed]) for seed, percent in mine.items() if seed in other]
+            if not both or sum(mine.values()) >= 0.0:
+                return Status.NOT_REPRODUCED
+            return verdict.of_sign(verdict.paired(both), -1)
+        pairs = [] if against is None else self.pairs(cell, against)
+        if against is None or not pairs:
+            return Status.NOT_REPRODUCED
+        difference = verdict.paired(pairs)
+        if check.expect in ("lower", "higher"):
+            return verdict.of_sign(difference, 1 if check.expect == "higher" else -1)
+        found = self.change(cell, against)
+        if check.expect == "unchanged":
+            if found is None:
+                # In percent of next to nothing nothing can be said: both must be that.
+                return Status.REPRODUCED if self.is_negligible(cell) else Status.NOT_REPRODUCED
+            return verdict.of_no_change(found.mean)
+        paper = self.paper_change(cell, against)
+        if paper is None:
+            return Status.OPEN
+        if self.is_calibrated(cell, against):
+            return Status.CALIBRATED
+        return verdict.of_change(difference, None if found is None else found.mean, paper)
+
+    def finding(self, finding: Finding) -> Status:
+        """Return the badge of a finding: that of its worst check; a claim of one's own holds or does not."""
+        status = verdict.worst(self.status(check) for check in finding.checks)
+        if not finding.own or status is Status.OPEN:
+            return status
+        return Status.OWN_RESULT if status is Status.REPRODUCED else Status.REFUTED
+
+    def table(self) -> list[Row]:
+        """Put the numbers of all metrics beside those of the paper, ordered by metric, point, case."""
+        rows = []
+        for index, metric in enumerate(self.plan.metrics):
+            for point in self.plan.point_names:
+                for case in self.plan.cases:
+                    cell = Cell(index, case.name, point)
+                    against = self.baseline(cell)
+                    rows.append(
+                        Row(
+                            metric=metric,
+                            case=case.name,
+                            point=point,
+                            ours=self.statistic(cell),
+                            change=None if against is None else self.change(cell, against),
+                            paper=self.paper_value(cell),
+                            paper_change=None if against is None else self.paper_change(cell, against),
+                            origin=metric.paper.origin(cell.key) if metric.paper else "",
+                            status=self.status_of(cell),
+                            negligible=against is not None and self.is_negligible(against),
+                        )
+                    )
+        return rows

@@ -1,0 +1,156 @@
+"""Badges: how the numbers of the runs compare with those of a paper, computed and never typed.
+
+The definition is in scenarios/README.md. A change is compared by its sign and its size, and over several seeds the 95 %
+interval of the mean paired difference (Student's t with one degree of freedom less than there are pairs) must not
+contain zero.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+# A change may differ from the paper's by this share of it, or by this many percentage points.
+CHANGE_SHARE = 0.25
+CHANGE_POINTS = 5.0
+# An absolute value may differ from the paper's by this share.
+VALUE_SHARE = 0.05
+CONFIDENCE = 0.95
+# Differences this small against the values themselves are rounding.
+ROUNDING = 1e-12
+
+
+class Status(enum.Enum):
+    """A badge."""
+
+    REPRODUCED = "reproduced"
+    CALIBRATED = "calibrated"
+    PARTLY = "partly"
+    NOT_REPRODUCED = "not_reproduced"
+    OWN_RESULT = "own_result"
+    REFUTED = "refuted"
+    OPEN = "open"
+
+    @property
+    def title(self) -> str:
+        """Return the badge in words."""
+        return TITLES[self]
+
+
+TITLES = {
+    Status.REPRODUCED: "Reproduced",
+    Status.CALIBRATED: "Calibrated",
+    Status.PARTLY: "Partly reproduced",
+    Status.NOT_REPRODUCED: "Not reproduced",
+    Status.OWN_RESULT: "Own result",
+    Status.REFUTED: "Own result, does not hold",
+    Status.OPEN: "Not evaluated",
+}
+
+# From the best to the worst of several checks. What was not evaluated decides before everything else.
+_ORDER = (Status.REPRODUCED, Status.CALIBRATED, Status.PARTLY, Status.NOT_REPRODUCED, Status.OPEN)
+
+
+def t_distribution(t: float, degrees: int) -> float:
+    """Return the probability that Student's t with whole degrees of freedom lies between -t and t.
+
+    The finite series of Abramowitz and Stegun, 26.7.3 and 26.7.4.
+    """
+    angle = math.atan(t / math.sqrt(degrees))
+    sine, square = math.sin(angle), math.cos(angle) ** 2
+    # terms of the powers of the cosine from 0 (even) or 1 (odd) to degrees - 2
+    odd = degrees % 2
+    term, total = 1.0, 0.0
+    for power in range(odd, degrees - 1, 2):
+        total += term
+        term *= square * (power + 1) / (power + 2)
+    if not odd:
+        return sine * total
+    return 2.0 / math.pi * (angle + sine * math.cos(angle) * total)
+
+
+def t_quantile(degrees: int, confidence: float = CONFIDENCE) -> float:
+    """Return t such that Student's t lies between -t and t with this probability."""
+    low, high = 0.0, 1.0
+    while t_distribution(high, degrees) < confidence:
+        high *= 2.0
+    # Bisection to the last bit: the series is monotonous, and this runs a few times per page.
+    while low < (middle := 0.5 * (low + high)) < high:
+        if t_distribution(middle, degrees) < confidence:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Mean of some differences and the half width of its 95 % interval."""
+
+    mean: float
+    half: float
+
+    @property
+    def sign(self) -> int:
+        """Return the sign of the mean, 0 for 0."""
+        return (self.mean > 0.0) - (self.mean < 0.0)
+
+    @property
+    def is_clear(self) -> bool:
+        """Tell whether the interval does not contain zero."""
+        return abs(self.mean) > self.half
+
+    @staticmethod
+    def of(differences: Sequence[float]) -> Interval:
+        """Return mean and interval. A single difference has no scatter: its interval is itself.
+
+        Raises ValueError without any.
+        """
+        count = len(differences)
+        if not count:
+            raise ValueError("no differences")
+        mean = math.fsum(differences) / count
+        if count == 1:
+            return Interval(mean, 0.0)
+        variance = math.fsum((d - mean) ** 2 for d in differences) / (count - 1)
+        return Interval(mean, t_quantile(count - 1) * math.sqrt(variance / count))
+
+
+def paired(pairs: Iterable[tuple[float, float]]) -> Interval:
+    """Return the interval of the differences, first less second; what rounding leaves of equal numbers is zero."""
+    return Interval.of([0.0 if abs(a - b) <= ROUNDING * max(abs(a), abs(b)) else a - b for a, b in pairs])
+
+
+def of_sign(difference: Interval, expected: int) -> Status:
+    """Judge a claim without a number: more (1) or less (-1)."""
+    if difference.sign != expected:
+        return Status.NOT_REPRODUCED
+    return Status.REPRODUCED if difference.is_clear else Status.PARTLY
+
+
+def of_change(difference: Interval, percent: float | None, paper: float) -> Status:
+    """Judge a change in percent (None: in percent of next to nothing) against the paper's."""
+    if paper == 0.0:
+        return Status.NOT_REPRODUCED if percent is None else of_no_change(percent)
+    status = of_sign(difference, 1 if paper > 0.0 else -1)
+    if status is not Status.REPRODUCED:
+        return status
+    near = percent is not None and abs(percent - paper) <= max(CHANGE_SHARE * abs(paper), CHANGE_POINTS)
+    return Status.REPRODUCED if near else Status.PARTLY
+
+
+def of_value(value: float, paper: float) -> Status:
+    """Judge an absolute value. There is no "partly": that a magnitude has the same sign says nothing."""
+    return Status.REPRODUCED if abs(value - paper) <= VALUE_SHARE * abs(paper) else Status.NOT_REPRODUCED
+
+
+def of_no_change(percent: float) -> Status:
+    """Judge the claim that nothing changes: within the percentage points that a change of zero allows."""
+    return Status.REPRODUCED if abs(percent) <= CHANGE_POINTS else Status.NOT_REPRODUCED
+
+
+def worst(statuses: Iterable[Status]) -> Status:
+    """Return the badge of a finding with several checks: that of the worst."""
+    return max(statuses, key=_ORDER.index)
