@@ -19,9 +19,10 @@
 //!
 //! A state is an output of the FMU; with the flag `local` it is a local variable.
 //!
-//! More keys of a variable: `min`, `max`, `nominal`, `display = "deg"`, and the flags `positive` (0 is refused at the
-//! end of initialization) and `tunable` (may change between steps). A switch is a `bool`, a text a `String`, a whole
-//! number an `i32` (with `min` and `max`), a choice an enum with `#[derive(Mode)]` and the flag `mode`.
+//! More keys of a variable: `min`, `max`, `nominal` (usual magnitude; states of a plant should have one),
+//! `display = "deg"`, and the flags `positive` (at least `fmi2::signal::LEAST_POSITIVE`) and `tunable` (may change
+//! between steps). A switch is a `bool`, a text a `String`, a whole number an `i32` (with `min` and `max`), a choice an
+//! enum with `#[derive(Mode)]` and the flag `mode`.
 //! `start` is one number for all places of a family, or an array with one per place.
 
 mod attribute;

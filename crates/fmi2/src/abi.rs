@@ -133,8 +133,10 @@ impl Log {
     fn write(&self, status: c_int, category: &str, message: &str) {
         let is_wanted = LOG_CATEGORIES.iter().zip(self.wanted).any(|((name, _), on)| on && *name == category);
         let Some(logger) = self.callbacks.logger.filter(|_| category == LOG_ERROR || is_wanted) else { return };
-        // The message is a printf format: no zero bytes, every percent sign doubled.
-        let text = CString::new(message.replace('\0', " ").replace('%', "%%")).expect("zeros were replaced");
+        // The message is a printf format (no zero bytes, every percent sign doubled) in which a single # would begin a
+        // value reference, as in #r1# (standard, section 2.1.5).
+        let text = message.replace('\0', " ").replace('%', "%%").replace('#', "##");
+        let text = CString::new(text).expect("zeros were replaced");
         let category = CString::new(category).expect("category names have no zeros");
         // SAFETY: the logger and its environment are the caller's; all strings end with a zero and outlive the call.
         unsafe {

@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Field, Mode, ParameterReader, Parameters, StartValues};
 use crate::scalar::Scalar;
-use crate::signal::{Quantity, Range, Signal};
+use crate::signal::{LEAST_POSITIVE, Quantity, Range, Signal};
 use crate::unit::Unit;
 use crate::variable::{Declaration, Kind, Real};
 
@@ -18,7 +18,6 @@ pub struct Spec {
     min: Option<f64>,
     max: Option<f64>,
     nominal: Option<f64>,
-    positive: bool,
     tunable: bool,
     local: bool,
 }
@@ -41,7 +40,6 @@ impl Spec {
             min: None,
             max: None,
             nominal: None,
-            positive: false,
             tunable: false,
             local: false,
         }
@@ -57,11 +55,12 @@ impl Spec {
             Range::Any => spec,
             Range::NonNegative => spec.min(0.0),
             Range::Positive => spec.positive(),
+            Range::AtLeast(min) => spec.min(min),
         }
     }
     /// A signal of a catalogue.
     pub fn signal(entry: &Signal) -> Self {
-        Self::new(entry.name, entry.description, entry.unit, entry.display)
+        Self::new(entry.name, entry.description, entry.unit, entry.display).nominal(entry.nominal)
     }
     /// The doc comment.
     pub fn doc(self, doc: &'static str) -> Self {
@@ -80,7 +79,7 @@ impl Spec {
     pub fn max(self, max: f64) -> Self {
         Self { max: Some(max), ..self }
     }
-    /// Usual size.
+    /// Usual magnitude.
     pub fn nominal(self, nominal: f64) -> Self {
         Self { nominal: Some(nominal), ..self }
     }
@@ -88,10 +87,9 @@ impl Spec {
     pub fn display(self, display: &'static str) -> Self {
         Self { display: Some(display), ..self }
     }
-    /// Zero is refused at the end of initialization.
+    /// More than zero. A greater least value stays.
     pub fn positive(self) -> Self {
-        // A least value above 0 stays.
-        Self { min: Some(self.min.map_or(0.0, |min| min.max(0.0))), positive: true, ..self }
+        Self { min: Some(self.min.map_or(LEAST_POSITIVE, |min| min.max(LEAST_POSITIVE))), ..self }
     }
     /// May change between steps.
     pub fn tunable(self) -> Self {
@@ -138,7 +136,6 @@ impl Spec {
                     min: self.min,
                     max: self.max,
                     nominal: self.nominal,
-                    positive: self.positive,
                 }),
             });
         }

@@ -104,9 +104,6 @@ fn contradiction(info: &Info, layout: &Layout) -> Option<String> {
                 if !real.start.is_finite() || !(min..=max).contains(&real.start) {
                     return Some(format!("start of '{name}' = {} is not within [{min}, {max}]", real.start));
                 }
-                if real.positive && real.start <= 0.0 {
-                    return Some(format!("start of '{name}' = {} is not above 0", real.start));
-                }
                 if let Some(display) = real.display
                     && real.unit.display_unit(display).is_none()
                 {
@@ -266,7 +263,7 @@ fn unit_definitions(xml: &mut Xml, layout: &Layout) -> Written {
         .variables
         .iter()
         .filter_map(|variable| match &variable.declaration.kind {
-            Kind::Real(real) => Some((real.unit.name, real.unit)),
+            Kind::Real(real) if real.unit.is_declared() => Some((real.unit.name, real.unit)),
             _ => None,
         })
         .collect();
@@ -370,11 +367,16 @@ fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable
     element.write_inner_content(|xml| {
         match &declaration.kind {
             Kind::Real(real) => {
-                let mut element = xml.create_element("Real").with_attribute(("unit", real.unit.name));
+                let mut element = xml.create_element("Real");
+                if real.unit.is_declared() {
+                    element = element.with_attribute(("unit", real.unit.name));
+                }
                 if let Some(display) = real.display {
                     element = element.with_attribute(("displayUnit", display));
                 }
-                for (name, value) in [("min", real.min), ("max", real.max), ("nominal", real.nominal)] {
+                // 1 is the default, which only a state states: solvers look there.
+                let nominal = real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State);
+                for (name, value) in [("min", real.min), ("max", real.max), ("nominal", nominal)] {
                     if let Some(value) = value {
                         element = element.with_attribute((name, number(value).as_str()));
                     }
@@ -495,7 +497,7 @@ mod tests {
     use super::*;
     use crate::block::Choice;
     use crate::declare::{Spec, other};
-    use crate::unit::{M, ONE, S};
+    use crate::unit::{M, ONE, S, UNDECLARED};
     use crate::variable::Declaration;
 
     const INFO: Info = Info { name: "Name", description: "D", version: "1", stop_time: 1.0, step_size: 0.1 };
@@ -528,7 +530,7 @@ mod tests {
         assert_eq!(problem([real(x()), real(x())].concat()), "two variables are named 'x'");
         assert_eq!(problem(real(x().start(2.0).max(1.0))), "start of 'x' = 2 is not within [-inf, 1]");
         assert_eq!(problem(real(x().start(f64::NAN))), "start of 'x' = NaN is not within [-inf, inf]");
-        assert_eq!(problem(real(x().positive())), "start of 'x' = 0 is not above 0");
+        assert_eq!(problem(real(x().positive())), "start of 'x' = 0 is not within [0.000001, inf]");
         assert_eq!(problem(real(x().display("deg"))), "'x': m cannot be displayed in deg");
         for spec in [x().max(f64::INFINITY), x().min(f64::NEG_INFINITY), x().nominal(f64::NAN)] {
             assert_eq!(problem(real(spec)), "'x': a limit or the nominal value is not a finite number");
@@ -571,13 +573,31 @@ mod tests {
     }
 
     #[test]
+    fn an_undeclared_unit_is_left_out() {
+        let layout = Layout::new(real(Spec::named("x", UNDECLARED)), vec![], vec![], vec![], vec![]);
+        let text = String::from_utf8(xml(&INFO, false, &layout, &[]).unwrap()).unwrap();
+        assert!(text.contains("<Real start=\"0.0\"/>") && !text.contains("<UnitDefinitions>"), "{text}");
+    }
+
+    #[test]
+    fn a_nominal_value_of_1_is_written_for_states_only() {
+        let one = || real(Spec::named("x", M).nominal(1.0));
+        let written = |layout: &Layout, is_plant| {
+            let none = [Dependencies::default()];
+            String::from_utf8(xml(&INFO, is_plant, layout, &none).unwrap()).unwrap().matches("nominal=").count()
+        };
+        assert_eq!(written(&Layout::new(vec![], vec![], one(), vec![], vec![]), false), 0);
+        assert_eq!(written(&Layout::new(vec![], vec![], vec![], vec![], one()), true), 1);
+    }
+
+    #[test]
     fn positive_keeps_a_greater_least_value() {
         let least = |spec: Spec| match &real(spec.start(3.0))[0].kind {
             Kind::Real(real) => real.min,
             _ => None,
         };
         assert_eq!(least(Spec::named("x", ONE).min(2.0).positive()), Some(2.0));
-        assert_eq!(least(Spec::named("x", ONE).min(-2.0).positive()), Some(0.0));
-        assert_eq!(least(Spec::named("x", ONE).positive()), Some(0.0));
+        assert_eq!(least(Spec::named("x", ONE).min(-2.0).positive()), Some(1e-6));
+        assert_eq!(least(Spec::named("x", ONE).positive()), Some(1e-6));
     }
 }

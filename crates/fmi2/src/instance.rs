@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::block::{Design as _, Memory as _, ParameterReader, Parameters as _};
 use crate::calls::{Function, Mode};
+use crate::clock::{self, Clock};
 use crate::description::Description;
 use crate::model::{MOST_PARTS, Model, Step, StepError, are_finite};
 use crate::variable::{Kind, Layout, Role, Variable};
@@ -51,23 +52,10 @@ impl Values {
         Self { reals: reals.into(), integers: integers.into(), booleans: booleans.into(), strings: strings.into() }
     }
 
-    fn parameters<M: Model>(&self) -> M::Parameters {
+    pub(crate) fn parameters<M: Model>(&self) -> M::Parameters {
         let mut reader = ParameterReader::new(&self.reals, &self.integers, &self.booleans, &self.strings);
         M::Parameters::read(&mut reader)
     }
-}
-
-/// Where an instance stands in time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Clock {
-    pub(crate) start: f64,
-    pub(crate) stop: Option<f64>,
-    pub(crate) time: f64,
-    pub(crate) sample: u64,
-}
-
-impl Clock {
-    const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
 }
 
 /// The whole state of an instance; what fmi2FMUstate points to.
@@ -186,14 +174,12 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi2ExitInitializationMode: checks the parameters and computes the design.
+    /// fmi2ExitInitializationMode: computes the design, which checks the parameters together.
     ///
     /// # Errors
-    /// When a parameter that must be positive is 0, or the design has no solution; the mode is kept.
+    /// When the design has no solution; the mode is kept.
     pub fn exit_initialization(&mut self) -> Answer {
         self.check(Function::ExitInitializationMode)?;
-        // Again, as a tunable parameter may have been set since the design was computed for an output.
-        self.check_positive()?;
         let design = self.design()?;
         let memory = M::begin(&self.parameters, &design);
         if let Some((name, value)) = memory.not_finite() {
@@ -241,32 +227,11 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Refuses parameters that are 0 but have to be above it.
-    fn check_positive(&self) -> Answer {
-        for variable in &self.layout().variables {
-            if let Kind::Real(real) = &variable.declaration.kind
-                && variable.role == Role::Parameter
-                && real.positive
-                && self.values.reals[variable.index] <= 0.0
-            {
-                return Err(format!(
-                    "{}: parameter '{}' = {}, a number above 0 was expected",
-                    M::INFO.name,
-                    variable.declaration.name,
-                    self.values.reals[variable.index]
-                )
-                .into());
-            }
-        }
-        Ok(())
-    }
-
     /// The design for the present parameters; computed if a fixed parameter has changed.
     fn design(&mut self) -> Answer<Arc<M::Design>> {
         if let Some(design) = &self.design {
             return Ok(design.clone());
         }
-        self.check_positive()?;
         let design = M::load(&self.parameters, &self.resources).map_err(|e| format!("{}: {e}", M::INFO.name))?;
         let layout = self.layout();
         let mut reals = self.values.reals.clone();
@@ -503,15 +468,9 @@ impl<M: Model> Instance<M> {
             let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
             if !(min..=max).contains(&value) {
                 return Err(format!(
-                    "fmi2SetReal: '{}' = {value} {}, a number in [{min}, {max}] was expected",
-                    variable.declaration.name, real.unit.name
-                )
-                .into());
-            }
-            if real.positive && value <= 0.0 && self.mode == Mode::Step {
-                return Err(format!(
-                    "fmi2SetReal: '{}' = {value} {}, a number above 0 was expected",
-                    variable.declaration.name, real.unit.name
+                    "fmi2SetReal: '{}' = {}, a number in [{min}, {max}] was expected",
+                    variable.declaration.name,
+                    real.unit.with(value)
                 )
                 .into());
             }
@@ -626,20 +585,21 @@ impl<M: Model> Instance<M> {
         if !is_length {
             return refused(format!("communicationStepSize = {step} s, a finite number above 0 was expected"));
         }
-        let is_on_time = (time - self.clock.time).abs() <= 1e-6 * step;
+        let is_on_time = (time - self.clock.time).abs() <= clock::tolerance(time, step);
         if !is_on_time {
             return refused(format!(
-                "currentCommunicationPoint = {time} s, the instance is at {} s (difference allowed: 1e-6 of the step)",
+                "currentCommunicationPoint = {time} s, but the instance is at {} s; the difference must not exceed 1e-6 \
+                 of the step or 4 units in the last place of the time",
                 self.clock.time
             ));
         }
         let end = time + step;
-        let advances = end > time && end <= f64::MAX;
+        let advances = end > time.max(self.clock.time) && end <= f64::MAX;
         if !advances {
             return refused(format!("a step of {step} s at {time} s does not advance the time"));
         }
         if let Some(stop) = self.clock.stop
-            && end > stop + 1e-6 * step
+            && end > stop + clock::tolerance(end, step)
         {
             return refused(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
         }

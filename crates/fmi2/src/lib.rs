@@ -52,6 +52,7 @@ extern crate self as fmi2;
 pub mod abi;
 pub mod block;
 pub mod calls;
+mod clock;
 #[doc(hidden)]
 pub mod declare;
 pub mod description;

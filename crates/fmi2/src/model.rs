@@ -4,6 +4,8 @@
 use std::path::Path;
 
 use crate::block::{Block, Design, Memory, Parameters};
+use crate::clock::samples_before;
+pub use crate::clock::slack;
 use crate::scalar::{Dependencies, Dual64, Scalar};
 use crate::variable::Layout;
 
@@ -245,6 +247,8 @@ pub trait Model: 'static {
     fn fingerprint(d: &Self::Design) -> u64;
     /// See [`Sampled::begin`].
     fn begin(p: &Self::Parameters, d: &Self::Design) -> Self::Memory;
+    /// Time from one sample to the next in s; none in a plant.
+    fn sample_time(p: &Self::Parameters) -> Option<f64>;
     /// See [`Plant::begin`].
     fn begin_states(p: &Self::Parameters, layout: &Layout, reals: &mut [f64]);
     /// Into how many substeps or samples the step is divided; more than [`MOST_PARTS`] are refused.
@@ -370,6 +374,10 @@ impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
 
     fn begin(_: &P::Parameters, _: &P::Design) {}
 
+    fn sample_time(_: &P::Parameters) -> Option<f64> {
+        None
+    }
+
     fn begin_states(p: &P::Parameters, layout: &Layout, reals: &mut [f64]) {
         let mut x = P::State::read(&reals[layout.states.start..]);
         P::begin(p, &mut x);
@@ -453,20 +461,6 @@ impl<P: Plant, S: Stepper<P>> Model for PlantModel<P, S> {
     }
 }
 
-/// How far rounding may put the time `t` from the instant it is meant for: a millionth of a `part` (a step, a sample time)
-/// and four units in the last place of `t`; all in s.
-#[must_use]
-pub fn slack(part: f64, t: f64) -> f64 {
-    let t = t.abs();
-    1e-6 * part + 4.0 * (t.next_up() - t)
-}
-
-/// Number of samples due before `end`, a multiple of `sample_time` after `start` counting as not before it.
-fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) -> f64 {
-    let slack = 1e-6 * sample_time.min(step);
-    ((end - slack - start) / sample_time).ceil().max(0.0)
-}
-
 impl<S: Sampled> Model for SampledModel<S> {
     const INFO: Info = S::INFO;
     const IS_PLANT: bool = false;
@@ -495,6 +489,10 @@ impl<S: Sampled> Model for SampledModel<S> {
 
     fn begin(p: &S::Parameters, d: &S::Design) -> S::Memory {
         S::begin(p, d)
+    }
+
+    fn sample_time(p: &S::Parameters) -> Option<f64> {
+        Some(p.sample_time())
     }
 
     fn begin_states(_: &S::Parameters, _: &Layout, _: &mut [f64]) {}

@@ -26,6 +26,8 @@ pub struct Signal {
     pub unit: Unit,
     /// Unit in which it is best shown, one of [`Unit::display`].
     pub display: Option<&'static str>,
+    /// Usual magnitude in the unit, to an order of magnitude.
+    pub nominal: f64,
     /// Who writes it.
     pub role: Role,
     /// One sentence; `{}` stands for the place of a family.
@@ -47,6 +49,10 @@ pub struct Quantity {
     pub description: &'static str,
 }
 
+/// Least value of a parameter that must be more than zero, in its unit: FMI has no limits that are excluded, and
+/// smaller numbers overflow where a model divides by a power of them.
+pub const LEAST_POSITIVE: f64 = 1e-6;
+
 /// The values a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
@@ -54,6 +60,8 @@ pub enum Range {
     Any,
     /// Zero or more.
     NonNegative,
-    /// More than zero; the minimum in the description is 0 and zero itself is refused at the end of initialization.
+    /// More than zero: at least [`LEAST_POSITIVE`].
     Positive,
+    /// This number or more.
+    AtLeast(f64),
 }

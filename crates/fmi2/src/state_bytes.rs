@@ -3,7 +3,8 @@
 
 use crate::block::{Memory as _, Word};
 use crate::calls::Mode;
-use crate::instance::{Clock, Snapshot, Values};
+use crate::clock::Clock;
+use crate::instance::{Snapshot, Values};
 use crate::model::Model;
 use crate::variable::{Kind, Layout, Role};
 
@@ -162,12 +163,7 @@ pub(crate) fn read<M: Model>(guid: &str, layout: &Layout, bytes: &[u8]) -> Resul
                 let value = values.reals[variable.index];
                 let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
                 if !(min..=max).contains(&value) {
-                    return Err(format!("'{name}' = {value} {} is not in [{min}, {max}]", real.unit.name));
-                }
-                // Before the start it may still be 0, but no design is made of that; a tunable one may be set after it.
-                let is_checked = initialized || (has_design && !variable.declaration.tunable);
-                if real.positive && value <= 0.0 && is_checked {
-                    return Err(format!("'{name}' = {value} {}, a number above 0 was expected", real.unit.name));
+                    return Err(format!("'{name}' = {} is not in [{min}, {max}]", real.unit.with(value)));
                 }
             }
             Kind::Integer { min, max, choices, .. } => {
@@ -183,9 +179,7 @@ pub(crate) fn read<M: Model>(guid: &str, layout: &Layout, bytes: &[u8]) -> Resul
             _ => {}
         }
     }
-    if !(clock.start.is_finite() && clock.time.is_finite() && clock.stop.is_none_or(|stop| !stop.is_nan())) {
-        return Err("a time is not a finite number".to_owned());
-    }
+    clock.check(initialized, M::sample_time(&values.parameters::<M>()))?;
     let mut memory = M::Memory::default();
     let mut failure = None;
     memory

@@ -140,7 +140,21 @@ units! {
     N_PER_DEG = scaled("N/deg", DEGREES_PER_RADIAN, 1, 1, -2, -1);
 }
 
+/// For a variable whose unit follows from another one, such as a distance or a time by choice: the description
+/// declares no unit.
+pub const UNDECLARED: Unit = si("", 0, 0, 0, 0, &[]);
+
 impl Unit {
+    /// Whether the description declares it.
+    pub fn is_declared(&self) -> bool {
+        !self.name.is_empty()
+    }
+
+    /// A number with its unit, as messages show it.
+    pub(crate) fn with(&self, value: f64) -> String {
+        if self.is_declared() { format!("{value} {}", self.name) } else { format!("{value}") }
+    }
+
     /// The unit of the time derivative.
     ///
     /// # Panics
@@ -221,6 +235,11 @@ mod tests {
         for unit in ALL {
             assert!(unit.factor > 0.0 && unit.display.iter().all(|d| d.factor > 0.0), "{}", unit.name);
         }
+    }
+
+    #[test]
+    fn a_number_is_shown_with_its_unit_if_it_has_one() {
+        assert_eq!((M.with(0.5), UNDECLARED.with(0.5)), ("0.5 m".to_owned(), "0.5".to_owned()));
     }
 
     #[test]

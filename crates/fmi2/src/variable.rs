@@ -65,10 +65,8 @@ pub struct Real {
     pub min: Option<f64>,
     /// Greatest value, if there is one.
     pub max: Option<f64>,
-    /// Usual size, if it was declared.
+    /// Usual magnitude, if it was declared.
     pub nominal: Option<f64>,
-    /// Zero is refused at the end of initialization.
-    pub positive: bool,
 }
 
 /// What a variable is in the FMU; decides causality, variability and initial.
@@ -257,7 +255,6 @@ fn derivative_of(state: &Declaration) -> Declaration {
             min: None,
             max: None,
             nominal: None,
-            positive: false,
         }),
     }
 }

@@ -173,10 +173,10 @@ pub struct X<T> {
     #[signal(BODY_ROLL)]
     phi: T,
     /// Height of the unsprung mass in the vertical motion
-    #[var("state.wheel_height", unit = M, local)]
+    #[var("state.wheel_height", unit = M, nominal = 0.02, local)]
     z_f: FrontWheels<T>,
     /// Height of the trunnion of the balance beam in the vertical motion
-    #[var("state.beam_height", unit = M, local)]
+    #[var("state.beam_height", unit = M, nominal = 0.02, local)]
     z_b: Sides<T>,
     #[signal(BEAM_PITCH)]
     th_b: Sides<T>,
@@ -187,10 +187,10 @@ pub struct X<T> {
     #[signal(BODY_ROLL_RATE)]
     phid: T,
     /// Rate of the height of the unsprung mass in the vertical motion
-    #[var("state.wheel_velocity", unit = M_PER_S, local)]
+    #[var("state.wheel_velocity", unit = M_PER_S, nominal = 0.5, local)]
     zd_f: FrontWheels<T>,
     /// Rate of the height of the trunnion in the vertical motion
-    #[var("state.beam_velocity", unit = M_PER_S, local)]
+    #[var("state.beam_velocity", unit = M_PER_S, nominal = 0.2, local)]
     zd_b: Sides<T>,
     #[signal(BEAM_PITCH_RATE)]
     thd_b: Sides<T>,

@@ -115,10 +115,10 @@ pub struct P {
     #[par("obstacle.in_time", start = false)]
     obstacle_in_time: bool,
     /// Where the obstacle starts, in m; with obstacle.in_time when, in s
-    #[par("obstacle.start", unit = ONE, start = 20.0)]
+    #[par("obstacle.start", unit = UNDECLARED, start = 20.0)]
     x_0: f64,
     /// Length of a bump or trapezoid in m; with obstacle.in_time its duration in s
-    #[par("obstacle.length", unit = ONE, start = 5.0, min = 0.0)]
+    #[par("obstacle.length", unit = UNDECLARED, start = 5.0, min = 0.0)]
     x_l: f64,
     /// Height of the obstacle on the left, negative for a hole
     #[par("obstacle.height.left", unit = M, start = 0.03, display = "mm")]

@@ -4,8 +4,14 @@ mod catalogue {
     use fmi2::prelude::*;
     use fmi2::{Role, Signal};
 
-    pub const BODY_ROLL: Signal =
-        Signal { name: "body.roll", unit: RAD, display: None, role: Role::Measurement, description: "Roll angle" };
+    pub const BODY_ROLL: Signal = Signal {
+        name: "body.roll",
+        unit: RAD,
+        display: None,
+        nominal: 0.1,
+        role: Role::Measurement,
+        description: "Roll angle",
+    };
 }
 
 #[derive(Inputs, Clone)]

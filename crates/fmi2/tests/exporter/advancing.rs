@@ -172,13 +172,3 @@ fn the_description_tells_which_states_are_calculated() {
     }
     assert!(!initial.contains("index=\"6\""));
 }
-
-#[test]
-fn a_parameter_that_must_be_above_0_is_also_checked_after_an_output_was_read() {
-    // Reading an output computes the design, which checks the parameters; the end of initialization checks them again.
-    let mut unit = Unit::<Lag>::initializing(0.0);
-    unit.get("lag_error");
-    unit.set("lag.time_constant", 0.0).unwrap();
-    let message = refused(unit.0.exit_initialization());
-    assert!(message.contains("'lag.time_constant' = 0, a number above 0 was expected"), "{message}");
-}

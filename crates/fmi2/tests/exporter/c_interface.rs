@@ -190,9 +190,9 @@ fn instantiation_says_why_it_failed() {
     assert_eq!(refused(name, 1, null(), uri), "fmi2Instantiate: fmuGUID is a null pointer");
     // The message is a printf format: the percent sign comes doubled.
     assert_eq!(
-        refused(name, 1, c"{50%n}".as_ptr(), uri),
+        refused(name, 1, c"{50%n#r1#}".as_ptr(), uri),
         format!(
-            "fmi2Instantiate: fmuGUID = {{50%%n}}, {} was expected; the library and modelDescription.xml do not \
+            "fmi2Instantiate: fmuGUID = {{50%%n##r1##}}, {} was expected; the library and modelDescription.xml do not \
              belong together",
             Sampler::description().guid
         )

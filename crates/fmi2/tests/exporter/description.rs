@@ -127,7 +127,7 @@ fn variables_are_written_as_they_are_declared() {
     assert_eq!(
         written("cart.mass"),
         "causality=parameter description=Mass initial=exact name=cart.mass variability=fixed | \
-         Real min=0.0 nominal=2.0 start=2.0 unit=kg"
+         Real min=1e-6 nominal=2.0 start=2.0 unit=kg"
     );
     assert_eq!(
         written("spring.stiffness.r"),
@@ -167,12 +167,12 @@ fn variables_are_written_as_they_are_declared() {
     assert_eq!(
         written("cart_position.l"),
         "causality=output description=Position of the left cart initial=exact name=cart_position.l \
-         variability=continuous | Real displayUnit=mm start=0.1 unit=m"
+         variability=continuous | Real displayUnit=mm nominal=0.5 start=0.1 unit=m"
     );
     assert_eq!(
         written("cart_velocity.l"),
         "causality=local description=Velocity, left cart initial=exact name=cart_velocity.l \
-         variability=continuous | Real start=0.0 unit=m/s"
+         variability=continuous | Real nominal=1.0 start=0.0 unit=m/s"
     );
     let state = CartPair::description().layout.structure_index(crate::models::reference::<CartPair>("cart_velocity.l"));
     assert_eq!(

@@ -22,6 +22,7 @@ const CART_POSITION: Signal = Signal {
     name: "cart_position",
     unit: M,
     display: Some("mm"),
+    nominal: 0.5,
     role: Role::Measurement,
     description: "Position of the {}",
 };
@@ -73,7 +74,7 @@ pub(crate) struct CartState<T> {
     #[signal(CART_POSITION, start = [0.1, 0.0])]
     pub(crate) x: Carts<T>,
     /// Velocity
-    #[var("cart_velocity", unit = M_PER_S, local)]
+    #[var("cart_velocity", unit = M_PER_S, nominal = 1.0, local)]
     pub(crate) v: Carts<T>,
 }
 

@@ -220,24 +220,39 @@ fn a_state_brings_no_parameter_that_could_not_be_set() {
 }
 
 #[test]
-fn a_state_brings_no_mass_of_0_past_the_design() {
-    let massless = |unit: &Unit<CartPair>| {
+fn a_state_brings_no_mass_of_0() {
+    let expected = "fmi2DeSerializeFMUstate: 'cart.mass' = 0 kg is not in [0.000001, inf]";
+    for unit in [Unit::<CartPair>::ready(), Unit::initializing(0.0)] {
         let mut bytes = unit.bytes();
         let at = bytes.windows(8).position(|window| window == 2.0_f64.to_le_bytes()).unwrap();
         bytes[at..at + 8].copy_from_slice(&0.0_f64.to_le_bytes());
-        unit.0.deserialize(&with_checksum(bytes))
-    };
-    let expected = "fmi2DeSerializeFMUstate: 'cart.mass' = 0 kg, a number above 0 was expected";
-    assert_eq!(refused(massless(&Unit::ready()).map(drop)), expected);
-    // Before the start it may be set to 0; then there is no design yet.
-    let mut unit = Unit::initializing(0.0);
-    let state = massless(&unit).unwrap();
-    // The end of initialization took the design of such a state for one of checked parameters. Bytes that were saved
-    // after it were refused, which the fuzzer of the package `tests` met.
-    unit.get("spring.frequency.l");
-    assert_eq!(refused(massless(&unit).map(drop)), expected);
-    unit.0.restore(&state).unwrap();
-    assert!(refused(unit.0.exit_initialization()).contains("'cart.mass' = 0, a number above 0 was expected"));
+        assert_eq!(refused(unit.0.deserialize(&with_checksum(bytes)).map(drop)), expected);
+    }
+}
+
+#[test]
+fn a_state_brings_no_count_of_samples_that_its_time_does_not_have() {
+    // The count stands before the reals, the time before it (see `state_bytes`).
+    let unit = with_a_past();
+    let bytes = unit.bytes();
+    let first = unit.0.time().to_le_bytes();
+    let at = bytes.windows(8).position(|window| window == first).unwrap() + 8;
+    let count = u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+    assert!(count > 2, "{count}");
+    for other in [0, count - 1, count + 1, u64::MAX] {
+        let mut crafted = bytes.clone();
+        crafted[at..at + 8].copy_from_slice(&other.to_le_bytes());
+        let message = refused(unit.0.deserialize(&with_checksum(crafted)).map(drop));
+        let start = format!("fmi2DeSerializeFMUstate: the sample counter is {other}, but from ");
+        assert!(message.starts_with(&start) && message.ends_with(&format!("there are {count} samples")), "{message}");
+    }
+    // A plant takes no samples.
+    let unit = Unit::<CartPair>::starting(3.25, &[]);
+    let mut crafted = unit.bytes();
+    let at = crafted.windows(8).rposition(|window| window == 3.25_f64.to_le_bytes()).unwrap() + 8;
+    crafted[at..at + 8].copy_from_slice(&1_u64.to_le_bytes());
+    let message = refused(unit.0.deserialize(&with_checksum(crafted)).map(drop));
+    assert!(message.ends_with("the sample counter is 1, but from 3.25 s to 3.25 s there are 0 samples"), "{message}");
 }
 
 fn steps() -> impl Strategy<Value = Vec<(f64, f64)>> {

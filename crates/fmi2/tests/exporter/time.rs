@@ -93,6 +93,57 @@ fn one_sample_per_step_over_a_long_run_whose_times_are_sums() {
     }
 }
 
+/// Ten days, and a Unix time of 2023; start + k h is rounded to 2e-9 and 2e-7 s there.
+const LARGE: [f64; 2] = [1e7, 1.7e9];
+
+#[test]
+fn steps_and_samples_are_counted_at_large_times_too() {
+    // Steps and sample times in units of 0.1 ms: equal, shorter, longer, without a common multiple.
+    for (step, sample) in [(10, 10), (10, 100), (30, 100), (7, 10), (100, 10), (13, 7)] {
+        for start in LARGE {
+            let mut unit = Unit::<Sampler>::starting(start, &[("sample_time", f64::from(sample) * 1e-4)]);
+            let h = f64::from(step) * 1e-4;
+            for k in 0..5000_u32 {
+                unit.0.do_step(start + f64::from(k) * h, h).unwrap();
+                let samples = ((k + 1) * step).div_ceil(sample);
+                assert_eq!(unit.get("filter_count"), f64::from(samples), "step {k} of {h} s from {start} s");
+            }
+        }
+    }
+}
+
+#[test]
+fn large_times_are_those_of_the_instance_within_four_units_in_the_last_place() {
+    for start in LARGE {
+        let ulp = start.next_up() - start;
+        for (offset, is_accepted) in [(4.0, true), (-4.0, true), (5.0, false), (-5.0, false)] {
+            let mut unit = Unit::<CartPair>::starting(start, &[]);
+            // 1e-6 of the step is less than a unit in the last place.
+            let result = unit.0.do_step(start + offset * ulp, 1e-4);
+            assert_eq!(result.is_ok(), is_accepted, "{offset} units at {start} s");
+        }
+        // Up to the stop time, whatever the roundings, and no step further.
+        let mut unit = Unit::<Sampler>::new();
+        unit.0.setup_experiment(start, Some(start + 1.0)).unwrap();
+        unit.0.enter_initialization().unwrap();
+        unit.0.exit_initialization().unwrap();
+        for k in 0..1000 {
+            unit.0.do_step(start + f64::from(k) * 1e-3, 1e-3).unwrap();
+        }
+        assert!(refused(unit.0.do_step(start + 1.0, 1e-3)).contains("goes past stopTime"));
+    }
+}
+
+#[test]
+fn time_does_not_go_back_where_steps_are_as_short_as_its_roundings() {
+    let mut unit = Unit::<CartPair>::starting(1.7e9, &[]);
+    let ulp = 2.0_f64.powi(-22);
+    unit.0.do_step(1.7e9, 2.0 * ulp).unwrap();
+    let before = unit.bytes();
+    assert!(refused(unit.0.do_step(1.7e9, ulp)).contains("does not advance the time"));
+    assert_eq!(unit.bytes(), before);
+}
+
 #[test]
 fn outputs_hold_their_start_values_until_the_first_sample() {
     let mut unit = Unit::<Sampler>::initializing(0.0);
@@ -154,7 +205,9 @@ fn the_communication_point_is_that_of_the_instance_within_a_millionth_of_the_ste
     for offset in [0.6e-6, -0.6e-6, 0.5, -0.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
         let message = refused(at(offset).0);
         assert!(message.starts_with("fmi2DoStep: currentCommunicationPoint = "), "{message}");
-        assert!(message.contains("the instance is at 2 s (difference allowed: 1e-6 of the step)"), "{message}");
+        let rule =
+            "the instance is at 2 s; the difference must not exceed 1e-6 of the step or 4 units in the last place";
+        assert!(message.contains(rule), "{message}");
     }
 }
 

@@ -1,0 +1,161 @@
+//! The time of an instance: how far the master's times may be off, and which samples are due.
+
+/// Part of a step or sample time by which two times may differ and still be the same instant.
+const SLACK: f64 = 1e-6;
+
+/// Rounding errors, in units in the last place of the time, that count as the same instant. A master's t0 + k h is
+/// rounded twice, the end of the step once more, and the instant of a sample once.
+const ROUNDINGS: f64 = 4.0;
+
+/// Number of samples above which a counter is no longer exact as a real number.
+const MOST_SAMPLES: u64 = 1 << 53;
+
+/// Where an instance stands in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Clock {
+    pub(crate) start: f64,
+    pub(crate) stop: Option<f64>,
+    pub(crate) time: f64,
+    /// Number of the next sample; 0 in a plant.
+    pub(crate) sample: u64,
+}
+
+/// Distance from `time` to the next number of greater magnitude.
+fn ulp(time: f64) -> f64 {
+    let magnitude = time.abs().min(f64::MAX.next_down());
+    magnitude.next_up() - magnitude
+}
+
+/// By how much a time near `time` may be off that belongs to a step of `step` s.
+pub(crate) fn tolerance(time: f64, step: f64) -> f64 {
+    (SLACK * step).max(ROUNDINGS * ulp(time))
+}
+
+/// How far roundings may put the time `t` from the instant it is meant for: a millionth of a `part` (a step, a sample
+/// time) and four units in the last place of `t`; all in s.
+#[must_use]
+pub fn slack(part: f64, t: f64) -> f64 {
+    SLACK * part + ROUNDINGS * ulp(t)
+}
+
+/// Number of samples due before `end`, the end of a step of `step` s; sample n is due `n sample_time` after `start`.
+/// A sample due at `end` counts as not before it, in spite of roundings.
+pub(crate) fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) -> f64 {
+    ((end - start - slack(sample_time.min(step), end)) / sample_time).ceil().max(0.0)
+}
+
+impl Clock {
+    pub(crate) const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
+
+    /// Checks a clock that did not come from steps but from the bytes of a state.
+    ///
+    /// # Errors
+    /// When no sequence of steps leads to it.
+    pub(crate) fn check(&self, has_stepped: bool, sample_time: Option<f64>) -> Result<(), String> {
+        let Self { start, stop, time, sample } = *self;
+        if !(start.is_finite() && time.is_finite()) {
+            return Err(format!("start = {start} s and time = {time} s must be finite numbers"));
+        }
+        if let Some(stop) = stop.filter(|stop| stop.is_nan() || *stop < start) {
+            return Err(format!("stop time = {stop} s does not agree with the start at {start} s"));
+        }
+        if time < start || (!has_stepped && time > start) {
+            return Err(format!("time = {time} s does not agree with the start at {start} s"));
+        }
+        if let Some(stop) = stop
+            && time > stop + tolerance(time, time - start)
+        {
+            return Err(format!("time = {time} s is past the stop time, {stop} s"));
+        }
+        // A short step leaves less slack to the samples at its end than a long one, which may have been either.
+        let (least, most) = match sample_time {
+            Some(sample_time) if time > start => {
+                (samples_before(time, start, sample_time, sample_time), ((time - start) / sample_time).ceil())
+            }
+            _ => (0.0, 0.0),
+        };
+        if sample > MOST_SAMPLES || !(least..=most).contains(&(sample as f64)) {
+            let samples = if least == most { format!("{least}") } else { format!("{least} to {most}") };
+            return Err(format!(
+                "the sample counter is {sample}, but from {start} s to {time} s there are {samples} samples"
+            ));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tolerance_is_a_millionth_of_the_step_or_four_units_in_the_last_place() {
+        assert_eq!(tolerance(0.0, 1e-3), 1e-9);
+        assert_eq!(tolerance(100.0, 1e-3), 1e-9);
+        // One unit in the last place is 2^-29 s at 1e7 s and 2^-22 s at 1.7e9 s.
+        assert_eq!(tolerance(1e7, 1e-3), 4.0 * 2.0_f64.powi(-29));
+        assert_eq!(tolerance(-1.7e9, 1e-3), 4.0 * 2.0_f64.powi(-22));
+        assert!(tolerance(f64::MAX, 1e-3).is_finite());
+    }
+
+    /// In whole numbers there are ceil(k h / sample_time) samples before the end of step k. Times are rounded as a
+    /// master rounds them: t0 + k h, then the sum with the step.
+    #[test]
+    fn samples_are_counted_as_in_whole_numbers() {
+        // Step and sample time in units of 0.1 ms.
+        for (step, sample) in [(10, 10), (10, 100), (30, 100), (7, 10), (100, 10), (13, 7), (1, 10), (10, 3)] {
+            let (h, sample_time) = (f64::from(step) * 1e-4, f64::from(sample) * 1e-4);
+            for start in [0.0, -7.5, 1e4, 1e7, 1.7e9, -1.7e9] {
+                for k in (0..20_000_u64).chain((1..20_000).map(|i| i * 49_999)) {
+                    let end = start + k as f64 * h + h;
+                    let counted = samples_before(end, start, sample_time, h);
+                    let samples = ((k + 1) * step as u64).div_ceil(sample as u64);
+                    assert_eq!(
+                        counted, samples as f64,
+                        "step {k} of {h} s from {start} s, sample time {sample_time} s"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_clock_agrees_with_its_samples() {
+        let clock = |start: f64, time, sample| Clock { start, stop: None, time, sample };
+        let check = |clock: Clock| clock.check(true, Some(0.01));
+        for start in [0.0, 1e7, 1.7e9] {
+            assert_eq!(check(clock(start, start, 0)), Ok(()));
+            assert_eq!(check(clock(start, start + 0.095, 10)), Ok(()));
+            // At the instant of a sample: not yet taken.
+            assert_eq!(check(clock(start, start + 0.1, 10)), Ok(()));
+            for sample in [0, 9, 12, u64::MAX] {
+                let message = check(clock(start, start + 0.1, sample)).unwrap_err();
+                assert!(message.starts_with(&format!("the sample counter is {sample}, but from ")), "{message}");
+            }
+            assert!(check(clock(start, start, 1)).is_err());
+        }
+        // 2^64 samples of 0.01 s: a time that a counter of 2^64 - 1 would agree with.
+        assert!(check(clock(0.0, 2.0_f64.powi(64) * 0.01, u64::MAX)).is_err());
+        // Without samples, as in a plant.
+        assert_eq!(clock(0.0, 1.0, 0).check(true, None), Ok(()));
+        assert!(clock(0.0, 1.0, 1).check(true, None).is_err());
+    }
+
+    #[test]
+    fn impossible_times_are_refused() {
+        let clock = |start, stop, time| Clock { start, stop, time, sample: 0 };
+        for impossible in [
+            clock(f64::NAN, None, 0.0),
+            clock(0.0, None, f64::INFINITY),
+            clock(1.0, None, 0.5),
+            clock(1.0, Some(0.5), 1.0),
+            clock(0.0, Some(f64::NAN), 0.0),
+            clock(0.0, Some(1.0), 1.1),
+        ] {
+            assert!(impossible.check(true, None).is_err(), "{impossible:?}");
+        }
+        assert!(clock(0.0, None, 1.0).check(false, None).is_err(), "a step before the end of initialization");
+        assert_eq!(clock(0.0, Some(1.0), 1.0 + 0.9e-6).check(true, None), Ok(()));
+        assert_eq!(clock(0.0, Some(f64::INFINITY), 1.0).check(true, None), Ok(()));
+    }
+}
