@@ -79,7 +79,8 @@ KEPT_MESSAGES = 20
 def _logger(_environment: object, instance: bytes | None, status: int, category: bytes, message: bytes) -> None:
     name = (instance or b"").decode("utf-8", "replace")
     label = STATUS[status] if 0 <= status < len(STATUS) else str(status)
-    text = (message or b"").decode("utf-8", "replace")
+    # fmpy has expanded the printf format; FMI 2.0 (section 2.1.5) doubles each "#" too.
+    text = (message or b"").decode("utf-8", "replace").replace("##", "#")
     _log.setdefault(name, deque(maxlen=KEPT_MESSAGES)).append(
         f"[{label}, {(category or b'').decode('utf-8', 'replace')}] {text}"
     )

@@ -331,7 +331,7 @@ def shown_unit(description: ModelDescription, name: str) -> Conversion:
 def _reference(fmu: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]] | None:
     """Return what a reference run with a time column shows: a well-known output, or the first that moves."""
     with zipfile.ZipFile(fmu) as archive:
-        path = "extra/chassis-fmu/reference.csv"
+        path = "extra/io.github.chassis-fmu/reference.csv"
         if path not in archive.namelist():
             return None
         rows = list(csv.reader(io.StringIO(archive.read(path).decode("utf-8"))))

@@ -199,7 +199,7 @@ def test_a_warning_does_not_stop(scenario: Plan, run: Run) -> None:
 def test_an_error_names_unit_function_time_and_log(scenario: Plan, run: Run) -> None:
     def fail(values: dict[int, Any], step: float) -> int:
         if values[30] == 1:
-            master._logger(None, b"source", ERROR, b"logStatusError", b"no more than 1")
+            master._logger(None, b"source", ERROR, b"logStatusError", b"no more than ##1")
             return ERROR
         return count(values, step)
 
@@ -211,7 +211,7 @@ def test_an_error_names_unit_function_time_and_log(scenario: Plan, run: Run) -> 
     with pytest.raises(master.RunError) as caught:
         master.simulate(run, scenario.simulation, system)
     assert str(caught.value) == (
-        "unit source, fmi2DoStep at t = 0.1 s: status 3 (error)\n  log: [error, logStatusError] no more than 1"
+        "unit source, fmi2DoStep at t = 0.1 s: status 3 (error)\n  log: [error, logStatusError] no more than #1"
     )
     assert all(unit.freed for unit in system.units.values())
     assert not any("Terminate" in call for call in system.calls)

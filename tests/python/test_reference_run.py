@@ -1,6 +1,6 @@
 """The reference run inside an FMU, reproduced through fmpy as a stranger would.
 
-`extra/chassis-fmu/reference.csv` was made by an independent implementation of the model. The documentation inside
+`extra/io.github.chassis-fmu/reference.csv` was made by an independent implementation of the model. The documentation inside
 the FMU gives the order of calls: set the inputs of a row, and for a plant read its outputs before the step, for a
 sampled unit after it. Plants are told by providesDirectionalDerivative.
 """
@@ -19,7 +19,7 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or Path(__file__).parents[2] / "target" / "fmu")
-ENTRY = "extra/chassis-fmu/reference.csv"
+ENTRY = "extra/io.github.chassis-fmu/reference.csv"
 
 # Time between rows without a time column (s).
 STEP = 0.001

@@ -33,18 +33,22 @@ pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
     .map(|(causality, title)| table(description, causality, title))
     .collect();
     let guid = escape(&description.guid);
+    let calls = CALLS.replace("REFERENCE_RUN", REFERENCE_RUN);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{name}</title>\n<style>\n{STYLE}</style>\n\
          </head>\n<body>\n<p class=\"summary\"><img src=\"../model.png\" alt=\"\">{summary}</p>\n{body}<h2>Variables</h2>\n{tables}\
-         <h2>Calls</h2>\n{CALLS}<p class=\"guid\">GUID {guid}</p>\n</body>\n</html>\n"
+         <h2>Calls</h2>\n{calls}<p class=\"guid\">GUID {guid}</p>\n</body>\n</html>\n"
     )
 }
+
+/// Entry of the reference run. FMI 2.0 asks for names of folders in `extra` that begin with a reversed domain.
+pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 
 const CALLS: &str = "<p>The communication step may have any length above 0 and may vary; the start time is free. Parameters \
 are set before or in Initialization Mode, tunable ones also between steps. A refused call returns fmi2Error, changes nothing \
 and says in the log what, where and what was expected. A step whose result is not a finite number restores what was before it \
 and returns fmi2Error. The complete state can be saved, serialized and restored in another process.</p>\n\
-<p><code>extra/chassis-fmu/reference.csv</code>, where it exists, holds a reference run made by an independent implementation: \
+<p><code>REFERENCE_RUN</code>, where it exists, holds a reference run made by an independent implementation: \
 set the inputs of a row, and for a plant read its outputs before the step, for a sampled unit after it.</p>\n";
 
 /// The variables of one causality.

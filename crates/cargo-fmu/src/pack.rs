@@ -287,7 +287,7 @@ fn archive(model: &Model, libraries: &[(Platform, PathBuf)], description: &Descr
     for (name, license) in documentation::LICENSES {
         files.insert(format!("documentation/licenses/{name}"), license.as_bytes().to_vec());
     }
-    for (file, entry) in [("model.png", "model.png"), ("reference.csv", "extra/chassis-fmu/reference.csv")] {
+    for (file, entry) in [("model.png", "model.png"), ("reference.csv", documentation::REFERENCE_RUN)] {
         let path = model.folder.join(file);
         if path.exists() {
             files.insert(entry.to_owned(), read(&path)?);

@@ -377,6 +377,12 @@ impl Log {
     }
 }
 
+/// The text of a message: a printf format in which a `#` of the text is doubled too (FMI 2.0, section 2.1.5). References
+/// to variables, as in `#r1#`, stay as they are.
+fn unescaped(format: &str) -> String {
+    format.replace("%%", "%").replace("##", "#").trim_end().to_owned()
+}
+
 /// Receives a message. C passes further arguments behind `format`; they are not read.
 unsafe extern "C" fn log_message(
     environment: *mut c_void,
@@ -399,11 +405,7 @@ unsafe extern "C" fn log_message(
     if messages.len() == KEPT_MESSAGES {
         messages.pop_front();
     }
-    messages.push_back(Message {
-        status: Status::from(status),
-        category,
-        text: text.replace("%%", "%").trim_end().to_string(),
-    });
+    messages.push_back(Message { status: Status::from(status), category, text: unescaped(&text) });
 }
 
 /// A state saved with [`Instance::save_state`]; valid for the instance that made it.
@@ -1021,17 +1023,17 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_kept_with_percent_signs_halved() {
+    fn messages_are_kept_with_escaped_signs_halved() {
         let log = Log::default();
         let environment = ptr::from_ref(&log).cast_mut().cast();
         for i in 0..KEPT_MESSAGES + 5 {
-            let format = CString::new(format!("{i}: 5 %% of x\n")).unwrap();
+            let format = CString::new(format!("{i}: 5 %% of ##x\n")).unwrap();
             // SAFETY: a log and C strings that outlive the call, as the callback expects.
             unsafe { log_message(environment, ptr::null(), 3, ptr::null(), format.as_ptr()) };
         }
         let messages = log.take();
         assert_eq!(messages.len(), KEPT_MESSAGES);
-        assert_eq!(messages[0].text, "5: 5 % of x", "the oldest are dropped");
+        assert_eq!(messages[0].text, "5: 5 % of #x", "the oldest are dropped");
         assert_eq!(messages[0].status, Status::Error);
     }
 }
