@@ -58,7 +58,9 @@ pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMa
     }
     let m_s = p.m - unsprung;
     let least = (m_s * p.h_s).powi(2) / p.m + p.i_xz.powi(2) / p.i_z;
-    if speed.is_some() && p.i_x <= least {
+    // Also where the lateral motion is left out of the model: these are the data of the vehicle, and the plant refuses
+    // the same.
+    if p.i_x <= least {
         return Err(format!(
             "'body.roll_axis_inertia' = {} kg.m2, more than {least:.0} kg.m2 was expected: mass, \
              'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it",

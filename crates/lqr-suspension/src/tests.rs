@@ -187,14 +187,19 @@ fn designs_without_solution_say_what_was_expected() {
         refused(VehicleParameters { m: 3000.0, ..start() }, &integrated(), FORCE),
         "'vehicle.mass' = 3000 kg, more than six times 'wheel.mass' (3600 kg) was expected"
     );
-    // (m_s h_s)^2/m + I_xz^2/I_z; without lateral states any inertia above 0 will do.
-    let light = VehicleParameters { i_x: 20_000.0, ..start() };
-    assert!(Gains::design(&light, &integrated(), FORCE).is_ok());
-    assert_eq!(
-        refused(VehicleParameters { lateral_states: true, ..light }, &integrated(), FORCE),
-        "'body.roll_axis_inertia' = 20000 kg.m2, more than 29292 kg.m2 was expected: mass, \
-         'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
-    );
+    // (m_s h_s)^2/m + I_xz^2/I_z, as in the plant, with and without lateral states.
+    for lateral_states in [false, true] {
+        let light = VehicleParameters { i_x: 20_000.0, lateral_states, ..start() };
+        assert_eq!(
+            refused(light, &integrated(), FORCE),
+            "'body.roll_axis_inertia' = 20000 kg.m2, more than 29292 kg.m2 was expected: mass, \
+             'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
+        );
+        for i_xz in [1e300, -1e300] {
+            let message = refused(VehicleParameters { i_xz, lateral_states, ..start() }, &integrated(), FORCE);
+            assert!(message.contains("'body.product_of_inertia' need it"), "{message}");
+        }
+    }
     // An oversteering vehicle above its critical speed, whose lateral motion no suspension force reaches.
     let unstable = VehicleParameters {
         lateral_states: true,
