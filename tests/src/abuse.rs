@@ -8,10 +8,10 @@
 //! What is not done, because no FMU can notice it: arrays shorter than stated, strings without an end, instances that
 //! were freed, one instance in two threads.
 
+use crate::Fmu;
 use crate::raw::{self, Arguments, DISCARD, ERROR, Element, Entry, OK, Raw, RawInstance, RawState, Text, Truth};
 use crate::signals::Random;
-use crate::state_bytes::checksum;
-use crate::{Fmu, ok};
+use crate::state_bytes::{self, GUID_AT, Place, VERSION_AT, checksum, seal};
 use host::c_api::{RawStatus, Reference};
 use host::description::{BaseType, Causality, Value};
 use std::collections::{BTreeMap, VecDeque};
@@ -124,9 +124,7 @@ struct Abuser<'a> {
 /// When the FMU refuses to save one.
 #[must_use]
 pub fn state(fmu: &Fmu) -> Vec<u8> {
-    let mut instance = fmu.started();
-    let saved = ok(instance.save_state());
-    ok(instance.serialize_state(&saved))
+    state_bytes::state(&mut fmu.started())
 }
 
 /// Calls an FMU as long as `goes_on` says, which gets the number of calls so far. Equal seeds and `foreign` states (of
@@ -185,11 +183,11 @@ fn ensure(holds: bool, what: impl FnOnce() -> String) -> Checked {
     if holds { Ok(()) } else { Err(what()) }
 }
 
-/// The text that printf makes of a format without arguments; `None` if it asks for arguments.
+/// The text of a message without arguments and value references; `None` if it asks for some.
 fn printed(format: &[u8]) -> Option<String> {
     let text = String::from_utf8(format.to_vec()).ok()?;
-    let plain = text.replace("%%", "");
-    (!plain.contains('%')).then(|| text.replace("%%", "%"))
+    let plain = text.replace("%%", "").replace("##", "");
+    (!plain.contains(['%', '#'])).then(|| text.replace("%%", "%").replace("##", "#"))
 }
 
 /// Checks messages that came with a status and returns their texts.
@@ -318,7 +316,7 @@ impl<'a> Abuser<'a> {
             5 if self.chance(20) => "\u{20ac}".repeat(400_000).into_bytes(),
             6 => (1..=255).collect(),
             7 => "logEvents".into(),
-            _ => b"file:///tmp/%zz%e2%82".to_vec(),
+            _ => b"file:///tmp/#r1#%zz%e2%82".to_vec(),
         };
         Some(CString::new(bytes).expect("no zeros"))
     }
@@ -952,24 +950,32 @@ impl<'a> Abuser<'a> {
         replace_guid(bytes, &other);
     }
 
-    /// Other bytes: single ones anywhere, eight anywhere that are a number, or the value of a real variable.
+    /// Other bytes: a time or the number of samples, single bytes anywhere, eight anywhere that are a number, or the
+    /// value of a real variable.
     fn forge(&mut self, bytes: &mut [u8]) {
         let body = bytes.len() - 8;
         let reals: Vec<_> =
             self.specs.iter().filter(|spec| spec.base_type == BaseType::Real).map(|spec| spec.reference).collect();
-        match self.random.below(3) {
+        match self.random.below(4) {
             0 => {
+                let clock = Place::of(self.raw.guid()).clock();
+                let at = self.pick(&clock);
+                let numbers = [self.wild().to_bits(), self.random.bits(), 0, 1, u64::MAX];
+                let number = self.pick(&numbers);
+                bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
+            }
+            1 => {
                 let at = self.index(body);
                 bytes[at] = self.pick(&[0, 1, 2, 3, 4, 5, 0x7f, 0x80, 0xff]);
             }
-            1 => {
+            2 => {
                 let at = self.index(body - 8);
                 let number = if self.chance(2) { self.wild().to_bits() } else { self.random.bits() };
                 bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
             }
             _ => {
                 let reference = self.pick(&reals);
-                let at = GUID_AT + self.raw.guid().len() + BETWEEN_GUID_AND_REALS + 8 * reference as usize;
+                let at = Place::of(self.raw.guid()).real(reference);
                 let number = self.value(reference);
                 bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
             }
@@ -1085,13 +1091,6 @@ impl<'a> Abuser<'a> {
     }
 }
 
-/// Where the format's version stands in the bytes of a state: behind the magic number. The length of the GUID and its
-/// text follow.
-const VERSION_AT: usize = 8;
-const GUID_AT: usize = 16;
-/// Mode (4 bytes), start, whether there is a stop (4), stop, time, number of samples.
-const BETWEEN_GUID_AND_REALS: usize = 4 + 8 + 4 + 3 * 8;
-
 /// The GUID in the bytes of a state.
 fn guid(bytes: &[u8]) -> &[u8] {
     let length: [u8; 4] = bytes[GUID_AT - 4..GUID_AT].try_into().expect("four bytes");
@@ -1104,11 +1103,4 @@ fn replace_guid(bytes: &mut Vec<u8>, other: &[u8]) {
     bytes.splice(GUID_AT..end, other.iter().copied());
     bytes[GUID_AT - 4..GUID_AT].copy_from_slice(&(other.len() as u32).to_le_bytes());
     seal(bytes);
-}
-
-/// Writes the checksum anew.
-fn seal(bytes: &mut [u8]) {
-    let body = bytes.len() - 8;
-    let sum = checksum(&bytes[..body]);
-    bytes[body..].copy_from_slice(&sum.to_le_bytes());
 }

@@ -4,6 +4,7 @@
 //! `*.fmu` of the folder [`folder`] names, so a new model is tested from the day it is packed.
 
 pub mod abuse;
+pub mod life;
 pub mod raw;
 pub mod signals;
 pub mod state_bytes;

@@ -1,37 +1,69 @@
 //! Other values in the bytes of a saved state.
 //!
 //! Some states start by the parameters and cannot be set, but the tests of the model structure have to change them one
-//! by one. The bytes are those of this project's exporter (crate `fmi2`): somewhere in them the real values stand in
-//! the order of their references, little endian, and the last eight bytes are the FNV-1a checksum of all before.
+//! by one, and others craft states that no run leads to. The bytes are those of this project's exporter (crate `fmi2`,
+//! `state_bytes`): a magic number, the version of the format, the GUID with its length, the mode (4 bytes), the start,
+//! whether there is a stop (4 bytes), the stop, the time, the number of samples, then the real values in the order of
+//! their references, little endian. The last eight bytes are the FNV-1a checksum of all before.
 
-use crate::{Fmu, ok};
+use crate::ok;
 use host::c_api::Reference;
-use host::description::Causality;
 use host::loader::Instance;
 
-/// Where the real values lie in the bytes of an FMU's states.
+/// Where the format's version stands: behind the magic number. The length of the GUID and its text follow.
+pub(crate) const VERSION_AT: usize = 8;
+pub(crate) const GUID_AT: usize = 16;
+/// Mode, start, whether there is a stop, stop, time, number of samples.
+const BETWEEN_GUID_AND_REALS: usize = 4 + 8 + 4 + 3 * 8;
+
+/// Where values lie in the bytes of an FMU's states.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     first: usize,
 }
 
 impl Place {
-    /// Finds it by setting an input to a number that stands nowhere else.
+    /// The places in the states of the FMU with this GUID.
+    #[must_use]
+    pub fn of(guid: &str) -> Self {
+        Self { first: GUID_AT + guid.len() + BETWEEN_GUID_AND_REALS }
+    }
+
+    /// Where the value of a real variable begins.
+    pub(crate) fn real(self, reference: Reference) -> usize {
+        self.first + 8 * reference as usize
+    }
+
+    /// Where the number of samples begins.
+    fn samples_at(self) -> usize {
+        self.first - 8
+    }
+
+    /// Where start, stop, time and number of samples begin.
+    pub(crate) fn clock(self) -> [usize; 4] {
+        [self.first - 36, self.first - 24, self.first - 16, self.samples_at()]
+    }
+
+    /// The number of samples that an instance has taken.
     ///
     /// # Panics
-    /// When the FMU has no input or the number is not found once.
+    /// When the FMU refuses to save its state.
     #[must_use]
-    pub fn find(fmu: &Fmu) -> Self {
-        const NUMBER: f64 = 1.234_567_890_123e-3;
-        let input = fmu.references(Causality::Input)[0];
-        let mut instance = fmu.instance();
-        ok(instance.set_real(&[input], &[NUMBER]));
-        let saved = ok(instance.save_state());
-        let bytes = ok(instance.serialize_state(&saved));
-        let mut found = bytes.windows(8).enumerate().filter(|(_, window)| *window == NUMBER.to_le_bytes());
-        let (position, _) = found.next().unwrap_or_else(|| panic!("{}: the number is not in the state", fmu.name));
-        assert!(found.next().is_none(), "{}: the number stands twice in the state", fmu.name);
-        Self { first: position - 8 * input as usize }
+    pub fn samples(self, instance: &mut Instance) -> u64 {
+        let bytes = state(instance);
+        u64::from_le_bytes(bytes[self.samples_at()..self.first].try_into().expect("eight bytes"))
+    }
+
+    /// The bytes of the instance's state with another number of samples.
+    ///
+    /// # Panics
+    /// When the FMU refuses to save its state.
+    #[must_use]
+    pub fn with_samples(self, instance: &mut Instance, samples: u64) -> Vec<u8> {
+        let mut bytes = state(instance);
+        bytes[self.samples_at()..self.first].copy_from_slice(&samples.to_le_bytes());
+        seal(&mut bytes);
+        bytes
     }
 
     /// Lets an instance go on from its own state with other values of some reals.
@@ -39,20 +71,35 @@ impl Place {
     /// # Panics
     /// When the FMU refuses the state.
     pub fn change(self, instance: &mut Instance, references: &[Reference], values: &[f64]) {
-        let saved = ok(instance.save_state());
-        let mut bytes = ok(instance.serialize_state(&saved));
+        let mut bytes = state(instance);
         for (&reference, value) in references.iter().zip(values) {
-            let position = self.first + 8 * reference as usize;
+            let position = self.real(reference);
             bytes[position..position + 8].copy_from_slice(&value.to_le_bytes());
         }
-        let body = bytes.len() - 8;
-        let sum = checksum(&bytes[..body]);
-        bytes[body..].copy_from_slice(&sum.to_le_bytes());
+        seal(&mut bytes);
         let changed = ok(instance.deserialize_state(&bytes));
         ok(instance.restore_state(&changed));
-        ok(instance.free_state(saved));
         ok(instance.free_state(changed));
     }
+}
+
+/// The bytes of an instance's state.
+///
+/// # Panics
+/// When the FMU refuses to save it.
+#[must_use]
+pub fn state(instance: &mut Instance) -> Vec<u8> {
+    let saved = ok(instance.save_state());
+    let bytes = ok(instance.serialize_state(&saved));
+    ok(instance.free_state(saved));
+    bytes
+}
+
+/// Writes the checksum anew.
+pub(crate) fn seal(bytes: &mut [u8]) {
+    let body = bytes.len() - 8;
+    let sum = checksum(&bytes[..body]);
+    bytes[body..].copy_from_slice(&sum.to_le_bytes());
 }
 
 /// FNV-1a with 64 bits.

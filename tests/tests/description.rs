@@ -96,6 +96,9 @@ fn descriptions_are_complete() {
     }
 }
 
+/// Parameters in m or, by choice, in s: they declare no unit, least of all "1".
+const DISTANCE_OR_TIME: [&str; 2] = ["obstacle.start", "obstacle.length"];
+
 /// A name of the convention `structured` as this project uses it: words and places in lower case, joined by points.
 fn is_plain_name(name: &str) -> bool {
     let name = name.strip_prefix("der(").and_then(|name| name.strip_suffix(')')).unwrap_or(name);
@@ -110,13 +113,16 @@ fn check_variable(fmu: &Fmu, variable: &Variable) {
     assert!(is_plain_name(&variable.name), "{place}: the name");
     let text = variable.description.as_deref().unwrap_or_default();
     assert!(text.len() > 3 && text == text.trim(), "{place}: the description '{text}'");
-    if variable.base_type == BaseType::Real {
+    if variable.base_type == BaseType::Real && !DISTANCE_OR_TIME.contains(&variable.name.as_str()) {
         let unit = variable.unit.as_deref().unwrap_or_else(|| panic!("{place} has no unit"));
         let unit = fmu.description.unit(unit).unwrap_or_else(|| panic!("{place}: unit {unit} is not defined"));
         if let Some(display) = &variable.display_unit {
             let is_known = unit.display_units.iter().any(|known| known.name == *display);
             assert!(is_known, "{place}: display unit {display} is not defined");
         }
+    }
+    if DISTANCE_OR_TIME.contains(&variable.name.as_str()) {
+        assert_eq!(variable.unit, None, "{place}: a unit");
     }
     // Every input, parameter and exact value has a start value, nothing calculated has one, inputs have no `initial`.
     let is_set = variable.causality == Causality::Input || variable.initial == Some(Initial::Exact);

@@ -2,10 +2,12 @@
 //! nothing is.
 #![cfg(target_os = "linux")]
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
 const EXERCISE: &str = env!("CARGO_BIN_EXE_exercise");
+const STACK: &str = env!("CARGO_BIN_EXE_stack");
 
 fn exercise(command: &mut Command) -> Output {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
@@ -51,4 +53,40 @@ fn valgrind_finds_nothing() {
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn an_unloaded_library_leaves_nothing_behind() {
     exercise(tests::valgrind().arg(EXERCISE).arg("reload").args(tests::paths()));
+}
+
+/// Stack of each FMU in kB, as the table of docs/robustness.md states it.
+fn documented_stack() -> BTreeMap<String, usize> {
+    let path = tests::workspace().join("docs/robustness.md");
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let row = |line: &str| {
+        let (name, size) = line.strip_prefix("| `")?.split_once("` | ")?;
+        Some((name.to_owned(), size.strip_suffix(" kB |")?.parse().ok()?))
+    };
+    text.lines().filter_map(row).collect()
+}
+
+/// A thread with the documented stack is enough for all calls of an FMU. 8 kB more are for other compilers and C
+/// libraries than those of the measurement.
+#[test]
+fn no_fmu_needs_more_stack_than_documented() {
+    const MARGIN: usize = 8;
+    let documented = documented_stack();
+    for path in tests::paths() {
+        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("names are UTF-8");
+        let size =
+            documented.get(name).unwrap_or_else(|| panic!("docs/robustness.md does not state the stack of {name}"));
+        exercise(Command::new(STACK).args(["--within", &(size + MARGIN).to_string()]).arg(&path));
+    }
+}
+
+/// The test above can fail: a stack that is too small ends the process.
+#[test]
+fn too_small_a_stack_is_noticed() {
+    let path = tests::folder().join("AllWheelSteering.fmu");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut small = Command::new(STACK);
+    small.args(["--within", "48"]).arg(path).env("TMPDIR", folder.path());
+    let output = small.output().expect("the program runs");
+    assert!(!output.status.success(), "a stack of 48 kB was enough");
 }

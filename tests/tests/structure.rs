@@ -41,7 +41,7 @@ impl<'a> Plant<'a> {
         Self {
             fmu,
             base: reals(&mut fmu.started(), &known_references),
-            place: known.iter().any(is_calculated).then(|| Place::find(fmu)),
+            place: known.iter().any(is_calculated).then(|| Place::of(&fmu.description.guid)),
             known_references,
             unknown_references: unknown.iter().map(|(_, variable)| variable.reference).collect(),
             known,

@@ -1,26 +1,28 @@
 //! The catalogue of physical parameters: the same name means the same in every FMU, so one parameter set feeds a plant
 //! and the controllers that carry copies of its data.
 
+use fmi2::Quantity;
+use fmi2::Range::{Any, AtLeast, NonNegative, Positive};
 use fmi2::unit::*;
-use fmi2::{Quantity, Range};
 
 macro_rules! quantities {
-    ($($name:ident, $text:literal, $unit:expr, $display:expr, $range:ident, $description:literal;)*) => {$(
+    ($($name:ident, $text:literal, $unit:expr, $display:expr, $range:expr, $description:literal;)*) => {$(
         #[doc = concat!("`", $text, "`: ", $description, ".")]
         pub const $name: Quantity =
-            Quantity { name: $text, unit: $unit, display: $display, range: Range::$range, description: $description };
+            Quantity { name: $text, unit: $unit, display: $display, range: $range, description: $description };
     )*};
 }
 
+// A least value above that of `Positive` is one for which the regulators still have a numerical solution.
 quantities! {
     // Masses and inertias
-    VEHICLE_MASS, "vehicle.mass", KG, None, Positive, "Mass of the whole vehicle";
+    VEHICLE_MASS, "vehicle.mass", KG, None, AtLeast(1.0), "Mass of the whole vehicle";
     BODY_MASS, "body.mass", KG, None, Positive, "Mass of the sprung mass";
-    WHEEL_MASS, "wheel.mass", KG, None, Positive, "Unsprung mass of one wheel";
+    WHEEL_MASS, "wheel.mass", KG, None, AtLeast(0.01), "Unsprung mass of one wheel";
     WHEEL_MASS_SIDE, "wheel.mass.side", KG, None, Positive, "Unsprung mass of one side, front and rear wheel together";
     VEHICLE_YAW_INERTIA, "vehicle.yaw_inertia", KG_M2, None, Positive, "Yaw inertia of the whole vehicle";
-    BODY_ROLL_AXIS_INERTIA, "body.roll_axis_inertia", KG_M2, None, Positive, "Roll inertia of the sprung mass about the roll axis";
-    BODY_PITCH_AXIS_INERTIA, "body.pitch_axis_inertia", KG_M2, None, Positive, "Pitch inertia of the sprung mass about the pitch axis";
+    BODY_ROLL_AXIS_INERTIA, "body.roll_axis_inertia", KG_M2, None, AtLeast(1.0), "Roll inertia of the sprung mass about the roll axis";
+    BODY_PITCH_AXIS_INERTIA, "body.pitch_axis_inertia", KG_M2, None, AtLeast(1.0), "Pitch inertia of the sprung mass about the pitch axis";
     BODY_YAW_INERTIA, "body.yaw_inertia", KG_M2, None, Positive, "Yaw inertia of the sprung mass about its own center of mass";
     WHEEL_SPIN_INERTIA, "wheel.spin_inertia", KG_M2, None, Positive, "Inertia of one wheel about its axle";
     BODY_PRODUCT_OF_INERTIA, "body.product_of_inertia", KG_M2, None, Any, "Integral of x z dm of the sprung mass";
@@ -50,7 +52,7 @@ quantities! {
     SUSPENSION_DAMPING_SIDE, "suspension.damping.side", N_S_PER_M, Some("kN.s/m"), NonNegative, "Damping of the suspension of one side, front and rear strut together";
     ANTI_ROLL_BAR_STIFFNESS, "anti_roll_bar.stiffness", N_M_PER_RAD, Some("kN.m/rad"), NonNegative, "Moment of the anti-roll bar per roll angle between body and axle";
     BEAM_PITCH_DAMPING, "beam.pitch_damping", N_M_S_PER_RAD, None, NonNegative, "Damping between one balance beam and the body, moment per pitch rate";
-    TIRE_STIFFNESS, "tire.stiffness", N_PER_M, Some("kN/m"), Positive, "Vertical stiffness of one tire";
+    TIRE_STIFFNESS, "tire.stiffness", N_PER_M, Some("kN/m"), AtLeast(1e3), "Vertical stiffness of one tire";
     TIRE_STIFFNESS_SIDE, "tire.stiffness.side", N_PER_M, Some("kN/m"), Positive, "Vertical stiffness of the tires of one side, front and rear tire together";
     TIRE_CORNERING_STIFFNESS, "tire.cornering_stiffness", N_PER_RAD, Some("kN/rad"), Positive, "Cornering stiffness of one tire";
     AXLE_CORNERING_STIFFNESS, "axle.cornering_stiffness", N_PER_RAD, Some("kN/rad"), Positive, "Cornering stiffness of both tires together";

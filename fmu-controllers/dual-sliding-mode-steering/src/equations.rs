@@ -24,9 +24,6 @@ use crate::{D, P, ReferenceModel, SlipAngleModel, U, X, Y};
 
 /// Positions, axle stiffnesses and the load of the front axle.
 pub(crate) fn design(p: &P) -> Result<D, String> {
-    if p.g <= 0.0 {
-        return Err(format!("'gravity' = {} m/s2, a number above 0 was expected", p.g));
-    }
     let (b, c) = (p.l12 - p.a, p.l12 + p.l23 - p.a);
     let [w_f, ..] = statics::three_axle_loads(p.m, p.g, [p.a, -b, -c]);
     if w_f <= 0.0 {

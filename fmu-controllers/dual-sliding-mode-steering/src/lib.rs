@@ -47,7 +47,7 @@ pub struct P {
     l23: f64,
     #[par(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
     c: ThreeAxles<f64>,
-    #[par(GRAVITY, start = data::GRAVITY)]
+    #[par(GRAVITY, start = data::GRAVITY, positive)]
     g: f64,
     #[par(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
     u_min: f64,

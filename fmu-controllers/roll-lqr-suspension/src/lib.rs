@@ -22,13 +22,13 @@ pub struct P {
     #[par("accepted.roll_angle", unit = RAD, start = std::f64::consts::PI / 180.0, positive, display = "deg")]
     phi: f64,
     /// Largest accepted roll acceleration
-    #[par("accepted.roll_acceleration", unit = RAD_PER_S2, start = 0.347, positive)]
+    #[par("accepted.roll_acceleration", unit = RAD_PER_S2, start = 0.347, min = 1e-3)]
     phidd: f64,
     /// Largest accepted suspension deflection (calibrated on Table 4)
-    #[par("accepted.suspension_deflection", unit = M, start = 0.0347, positive, display = "mm")]
+    #[par("accepted.suspension_deflection", unit = M, start = 0.0347, min = 1e-4, display = "mm")]
     d: f64,
     /// Largest accepted tire deflection: the static one
-    #[par("accepted.tire_deflection", unit = M, start = 0.0589, positive, display = "mm")]
+    #[par("accepted.tire_deflection", unit = M, start = 0.0589, min = 1e-4, display = "mm")]
     t: f64,
     /// Largest accepted actuator force
     #[par("accepted.suspension_force", unit = N, start = 20_000.0, positive, display = "kN")]

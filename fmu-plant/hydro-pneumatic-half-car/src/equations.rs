@@ -34,9 +34,6 @@ const DECAY: f64 = 10.0;
 
 /// Mass and loads at rest.
 pub(crate) fn design(p: &P) -> Result<D, String> {
-    if p.g <= 0.0 {
-        return Err(format!("'gravity' = {} m/s2, a number above 0 was expected", p.g));
-    }
     let m = p.m_s + 2.0 * p.m_u;
     let least = p.c * (p.m_s * p.h).powi(2) / m;
     if p.i_x <= least {

@@ -69,7 +69,7 @@ pub struct P {
     #[par("model.geometric_load_transfer", unit = ONE, start = 1.0, min = 0.0, max = 1.0)]
     geometric: f64,
     /// standard value, rounded
-    #[par(GRAVITY, start = data::GRAVITY)]
+    #[par(GRAVITY, start = data::GRAVITY, positive)]
     g: f64,
     /// Runge-Kutta of order 4; relative error 3e-9 in smooth runs, 2e-6 where wheels lift off
     #[par(MAX_STEP, start = 0.00025)]

@@ -3,6 +3,7 @@
 mod esp_car;
 mod heavy_vehicle;
 mod hydro_pneumatic;
+mod nominal;
 mod rescue_vehicle;
 mod table;
 

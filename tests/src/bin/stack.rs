@@ -1,0 +1,79 @@
+//! Measures how much stack the thread needs that calls an FMU.
+//!
+//! - `stack FMU...` prints for each FMU the least stack of a thread, in kB of 1024 bytes and whole pages, in which a
+//!   whole life of the FMU (all functions, refused calls, saved states, a reset) does not overflow;
+//! - `stack --within KB FMU` leads that life in a thread of this stack; the process ends by a signal if it overflows.
+//!
+//! The figure contains the start of the thread and the frames of this caller, about 2 kB.
+
+use std::path::Path;
+use std::process::{Command, ExitCode, Stdio};
+use tests::Fmu;
+
+/// Sizes that are tried: below the first one the system gives a thread more than was asked for.
+const LEAST_KB: usize = 16;
+const MOST_KB: usize = 1024;
+const PAGE_KB: usize = 4;
+
+fn main() -> ExitCode {
+    let arguments: Vec<_> = std::env::args().skip(1).collect();
+    let arguments: Vec<_> = arguments.iter().map(String::as_str).collect();
+    match arguments.as_slice() {
+        ["--within", size, path] => within(size.parse().expect("KB is a number"), path),
+        [first, ..] if !first.starts_with('-') => {
+            for path in &arguments {
+                let name = Path::new(path).file_stem().unwrap_or_default().to_string_lossy();
+                match least(path) {
+                    Some(size) => println!("{name} {size}"),
+                    None => {
+                        eprintln!("{name} fails with a stack of {MOST_KB} kB: run `stack --within {MOST_KB} {path}`");
+                        return ExitCode::FAILURE;
+                    }
+                }
+            }
+        }
+        _ => {
+            eprintln!("usage: stack FMU... | --within KB FMU");
+            return ExitCode::from(2);
+        }
+    }
+    ExitCode::SUCCESS
+}
+
+fn within(size: usize, path: &str) {
+    // Unpacked and loaded by the main thread: that is work of the master.
+    let fmu = Fmu::open(Path::new(path));
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(size * 1024);
+        let thread = thread.spawn_scoped(scope, || tests::life::life(&fmu)).expect("a thread can be made");
+        thread.join().expect("the FMU does what it should");
+    });
+}
+
+/// Whether an FMU's life does not overflow a stack of this many kB.
+fn is_enough(size: usize, path: &str) -> bool {
+    let program = std::env::current_exe().expect("the path of this program");
+    // What a child unpacks and leaves behind when a signal ends it.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut child = Command::new(program);
+    child.env("TMPDIR", folder.path());
+    child.args(["--within", &size.to_string(), path]).stdout(Stdio::null()).stderr(Stdio::null());
+    child.status().expect("this program runs").success()
+}
+
+/// The least stack in kB, by bisection; `None` if the greatest is not enough.
+fn least(path: &str) -> Option<usize> {
+    let (mut low, mut high) = (LEAST_KB / PAGE_KB, MOST_KB / PAGE_KB);
+    if !is_enough(high * PAGE_KB, path) {
+        return None;
+    }
+    while low < high {
+        let middle = (low + high) / 2;
+        if is_enough(middle * PAGE_KB, path) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    Some(high * PAGE_KB)
+}

@@ -1,0 +1,73 @@
+//! Limits that the descriptions declare: every one of them is a value that the FMU takes.
+
+use host::description::{BaseType, Causality, Variable};
+use host::loader::{CallError, Instance};
+use tests::{Fmu, all};
+
+/// Parameters that another one has to suit, and values at which it does, whatever that one is within its limits. Their
+/// relation is that of the message with which the FMU refuses the limit alone: a vehicle is heavier than its wheels, its
+/// center of mass is between its axles, and so on.
+const RELATIONS: &[(&str, &[(&str, f64)])] = &[
+    ("vehicle.mass", &[("wheel.mass", 0.01)]),
+    ("vehicle.yaw_inertia", &[("body.product_of_inertia", 0.0), ("body.roll_yaw_inertia", 0.0)]),
+    ("body.roll_axis_inertia", &[("body.product_of_inertia", 0.0), ("geometry.body_cg_to_roll_axis", 0.0)]),
+    ("geometry.front_to_middle_axle", &[("geometry.cg_to_front_axle", 0.5)]),
+    ("geometry.cg_to_front_axle", &[("geometry.front_to_middle_axle", 1e-6), ("geometry.middle_to_rear_axle", 1e-6)]),
+    ("geometry.cg_to_rear_suspension", &[("geometry.middle_to_rear_axle", 1e-6)]),
+    ("geometry.cg_height", &[("geometry.body_cg_to_roll_axis", 0.0), ("geometry.wheel_center_height", 0.0)]),
+    ("damper.maximum_damping.front", &[("damper.minimum_damping.front", 0.0), ("suspension.damping.front", 0.0)]),
+    ("damper.maximum_damping.rear", &[("damper.minimum_damping.rear", 0.0), ("suspension.damping.rear", 0.0)]),
+];
+
+/// Modes that need a file: the tests of the two models give one.
+const NEEDS_A_FILE: [(&str, &str); 2] = [("Driver", "maneuver"), ("Road", "profile")];
+
+/// Initializes an FMU with these parameters.
+fn initialize(fmu: &Fmu, parameters: &[(&Variable, f64)]) -> Result<Instance, CallError> {
+    let mut instance = fmu.instance();
+    for &(variable, value) in parameters {
+        match variable.base_type {
+            BaseType::Real => instance.set_real(&[variable.reference], &[value])?,
+            _ => instance.set_integer(&[variable.reference], &[value as i32])?,
+        }
+    }
+    instance.enter_initialization_mode()?;
+    instance.exit_initialization_mode()?;
+    Ok(instance)
+}
+
+/// The message with which an FMU refuses a parameter, alone and with those that it has to suit; `None` if it takes it.
+fn refusal(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
+    let text = |error: CallError| error.messages.into_iter().map(|message| message.text).collect::<String>();
+    let alone = text(initialize(fmu, &[(parameter, value)]).err()?);
+    if NEEDS_A_FILE.contains(&(&fmu.name, &parameter.name)) && alone.contains("'table.file' is empty") {
+        return None;
+    }
+    let Some((_, others)) = RELATIONS.iter().find(|(name, _)| *name == parameter.name) else { return Some(alone) };
+    let others = others.iter().filter_map(|(name, value)| Some((fmu.description.variable(name)?, *value)));
+    // A user has to be told which parameters do not go together.
+    let names: Vec<_> = others.clone().map(|(other, _)| other.name.clone()).chain([parameter.name.clone()]).collect();
+    let named = names.iter().filter(|name| alone.contains(&format!("'{name}'"))).count();
+    if named == 0 {
+        return Some(format!("none of {names:?} is named: {alone}"));
+    }
+    initialize(fmu, &others.chain([(parameter, value)]).collect::<Vec<_>>()).err().map(text)
+}
+
+#[test]
+fn every_limit_of_a_parameter_is_accepted() {
+    let mut refused = Vec::new();
+    let mut tried = 0;
+    for fmu in all() {
+        for parameter in fmu.with(Causality::Parameter) {
+            for value in [parameter.min, parameter.max].into_iter().flatten().filter(|limit| limit.is_finite()) {
+                tried += 1;
+                if let Some(message) = refusal(&fmu, parameter, value) {
+                    refused.push(format!("{} {} = {value}: {message}", fmu.name, parameter.name));
+                }
+            }
+        }
+    }
+    assert!(refused.is_empty(), "{} of {tried} limits are refused:\n{}", refused.len(), refused.join("\n"));
+    assert!(tried > 400, "{tried} limits");
+}
