@@ -497,7 +497,7 @@ mod tests {
     use super::*;
     use crate::block::Choice;
     use crate::declare::{Spec, other};
-    use crate::unit::{M, ONE, S, UNDECLARED};
+    use crate::unit::{M, ONE, S};
     use crate::variable::Declaration;
 
     const INFO: Info = Info { name: "Name", description: "D", version: "1", stop_time: 1.0, step_size: 0.1 };
@@ -570,24 +570,6 @@ mod tests {
             assert!(contradiction(&Info { stop_time: value, ..INFO }, &nothing).unwrap().starts_with("stop_time"));
             assert!(contradiction(&Info { step_size: value, ..INFO }, &nothing).unwrap().starts_with("step_size"));
         }
-    }
-
-    #[test]
-    fn an_undeclared_unit_is_left_out() {
-        let layout = Layout::new(real(Spec::named("x", UNDECLARED)), vec![], vec![], vec![], vec![]);
-        let text = String::from_utf8(xml(&INFO, false, &layout, &[]).unwrap()).unwrap();
-        assert!(text.contains("<Real start=\"0.0\"/>") && !text.contains("<UnitDefinitions>"), "{text}");
-    }
-
-    #[test]
-    fn a_nominal_value_of_1_is_written_for_states_only() {
-        let one = || real(Spec::named("x", M).nominal(1.0));
-        let written = |layout: &Layout, is_plant| {
-            let none = [Dependencies::default()];
-            String::from_utf8(xml(&INFO, is_plant, layout, &none).unwrap()).unwrap().matches("nominal=").count()
-        };
-        assert_eq!(written(&Layout::new(vec![], vec![], one(), vec![], vec![]), false), 0);
-        assert_eq!(written(&Layout::new(vec![], vec![], vec![], vec![], one()), true), 1);
     }
 
     #[test]

@@ -114,6 +114,15 @@ fn the_top_of_the_description_says_what_the_fmu_can_do() {
 }
 
 #[test]
+fn a_unit_that_is_not_declared_and_a_nominal_value_of_1_are_left_out() {
+    let root = described::<Fragile>();
+    let variable = *variables(&root).iter().find(|v| v.get("name") == Some("product.scale")).unwrap();
+    assert_eq!(variable.children[0].text(), "Real min=0.0 start=1.0");
+    let units: Vec<_> = root.one("UnitDefinitions").children.iter().filter_map(|unit| unit.get("name")).collect();
+    assert!(units.iter().all(|name| !name.is_empty()), "{units:?}");
+}
+
+#[test]
 fn variables_are_written_as_they_are_declared() {
     let root = described::<CartPair>();
     let written = |name: &str| {
@@ -225,10 +234,10 @@ fn check_rules<E: Export>() {
         let has_start = kind.get("start").is_some();
         assert_eq!(has_start, combination.2 != Some("calculated"), "{name}");
         if kind.name == "Real" {
-            let unit = kind.get("unit").unwrap();
-            used.insert(unit);
+            let unit = kind.get("unit");
+            used.extend(unit);
             if let Some(display) = kind.get("displayUnit") {
-                assert!(units[unit].contains(&display), "{name}: {display}");
+                assert!(units[unit.unwrap()].contains(&display), "{name}: {display}");
             }
         } else {
             assert_eq!(combination.0, "parameter");

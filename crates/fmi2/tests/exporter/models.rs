@@ -288,7 +288,7 @@ pub(crate) struct FragileParameters {
     #[par("product.start", unit = ONE, start = 1.0)]
     pub(crate) product: f64,
     /// Scale of the product
-    #[par("product.scale", unit = ONE, start = 1.0, min = 0.0)]
+    #[par("product.scale", unit = UNDECLARED, start = 1.0, min = 0.0, nominal = 1.0)]
     pub(crate) scale: f64,
     #[par(SAMPLE_TIME, start = 0.1)]
     pub(crate) sample_time: f64,
