@@ -1,18 +1,24 @@
 //! The `.fmu` file: a zip archive with a description, binaries and resources (FMI 2.0.4, section 2.3).
 
 use crate::description::{ModelDescription, XmlError};
+use crate::directory::{self, DirectoryError, Entry};
+use crate::terminal;
 use object::{FileKind, Object as _, ObjectSegment as _, ReadCache};
+use std::collections::HashSet;
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek as _};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use zip::ZipArchive;
-use zip::result::ZipError;
 
-/// Most files an archive may hold.
-const MAX_ENTRIES: usize = 100_000;
-/// Most bytes that are unpacked from one archive.
-const MAX_UNPACKED: u64 = 4 << 30;
+/// Most bytes that one entry may unpack to.
+const MAX_ENTRY: u64 = 1 << 30;
+/// Most bytes that all entries of an archive may unpack to.
+const MAX_UNPACKED: u64 = 2 << 30;
+/// Most bytes out of one byte of the archive. Libraries unpack to 2 to 5, tables of numbers to 20; zeros to 1000.
+const MAX_RATIO: u64 = 200;
+/// Bytes that may come out of any number of bytes.
+const ANY_RATIO: u64 = 64 << 20;
 
 /// Why an archive cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -26,12 +32,12 @@ pub enum ArchiveError {
         cause: io::Error,
     },
     /// The file is not a zip archive, or a damaged one.
-    #[error("{}: not a readable FMU: no zip archive, or one that was cut off or damaged ({cause})", path.display())]
+    #[error("{}: not a readable FMU: no zip archive, or one that was cut off or damaged ({reason})", path.display())]
     Zip {
         /// The archive.
         path: PathBuf,
         /// Why.
-        cause: ZipError,
+        reason: String,
     },
     /// An entry cannot be unpacked.
     #[error("{}: the entry `{entry}` is damaged or not readable: {cause}", path.display())]
@@ -43,8 +49,8 @@ pub enum ArchiveError {
         /// Why.
         cause: io::Error,
     },
-    /// A name leads out of the folder the archive is unpacked to, an entry is not what the archive says, or the archive
-    /// is too large.
+    /// A name leads out of the folder the archive is unpacked to, an entry is not what the archive says, zip readers
+    /// disagree about the archive, or it is too large.
     #[error("{}: refused: {reason}", path.display())]
     Refused {
         /// The archive.
@@ -122,45 +128,25 @@ impl Archive {
     ///
     /// # Errors
     /// The file cannot be read, is not a zip archive, has too many entries, states a size that would not be unpacked,
-    /// has two entries of one name, or has an entry that is encrypted, a link, or whose name is not a path within the
-    /// archive.
+    /// has two entries of one name or in one place, or has an entry that is encrypted, a link, or whose name is not a path
+    /// within the archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
         let io_error = |cause| ArchiveError::Io { path: path.to_path_buf(), cause };
         let refused = |reason| ArchiveError::Refused { path: path.to_path_buf(), reason };
+        let damaged = |reason| ArchiveError::Zip { path: path.to_path_buf(), reason };
         let mut file = File::open(path).map_err(io_error)?;
         if file.metadata().map_err(io_error)?.is_dir() {
             return Err(refused("it is a folder, an FMU is a zip archive".to_owned()));
         }
-        let stated = stated_entries(&mut file).map_err(io_error)?;
-        let mut zip = ZipArchive::new(BufReader::new(file))
-            .map_err(|cause| ArchiveError::Zip { path: path.to_path_buf(), cause })?;
-        if zip.len() > MAX_ENTRIES {
-            return Err(refused(format!("{} entries, at most {MAX_ENTRIES} are accepted", zip.len())));
-        }
-        // Of two entries with one name the reader keeps one; which, is another one's choice.
-        if stated.is_some_and(|stated| stated != zip.len()) {
-            return Err(refused("a name is there twice, or the list of its entries is damaged".to_owned()));
-        }
-        let mut size = 0_u64;
-        for i in 0..zip.len() {
-            // As it lies in the file: nothing is unpacked yet.
-            let entry = zip.by_index_raw(i).map_err(|cause| ArchiveError::Zip { path: path.to_path_buf(), cause })?;
-            let name = String::from_utf8_lossy(entry.name_raw()).into_owned();
-            if entry.encrypted() {
-                return Err(refused(format!("the entry `{name}` is encrypted")));
-            }
-            size = size.saturating_add(entry.size());
-            // Zip names use slashes; a backslash or a drive letter has a meaning on Windows only.
-            if entry.enclosed_name().is_none() || name.starts_with('/') || name.contains(['\\', ':']) {
-                return Err(refused(format!("the entry `{name}` is not a path within the archive")));
-            }
-            if entry.is_symlink() {
-                return Err(refused(format!("the entry `{name}` is a link")));
-            }
-        }
-        if size > MAX_UNPACKED {
-            return Err(refused(format!("it would unpack to {size} bytes, at most {MAX_UNPACKED} are unpacked")));
-        }
+        let entries = directory::read(&mut file).map_err(|error| match error {
+            DirectoryError::Io(cause) => io_error(cause),
+            DirectoryError::Damaged(reason) => damaged(reason),
+            DirectoryError::Refused(reason) => refused(reason),
+        })?;
+        check_sizes(&entries).map_err(refused)?;
+        file.rewind().map_err(io_error)?;
+        let zip = ZipArchive::new(BufReader::new(file)).map_err(|cause| damaged(cause.to_string()))?;
+        check_entries(&entries, &zip).map_err(refused)?;
         Ok(Self { path: path.to_path_buf(), zip })
     }
 
@@ -233,8 +219,7 @@ impl Archive {
     /// `model_identifier` is the file stem of the binary.
     ///
     /// # Errors
-    /// The archive has no binary for this platform, is damaged, unpacks to more than 4 GiB, or the
-    /// temporary folder cannot be written.
+    /// The archive has no binary for this platform, is damaged, or the temporary folder cannot be written.
     pub fn unpack(&mut self, model_identifier: &str) -> Result<Unpacked, ArchiveError> {
         let file = format!("{model_identifier}{}", std::env::consts::DLL_SUFFIX);
         let folder_name = format!("binaries/{}/", platform());
@@ -333,20 +318,78 @@ impl<R: Read> Read for Source<R> {
     }
 }
 
-/// Number of entries that a zip archive states at its end; `None` where it says that it stands elsewhere (zip64), or
-/// where no end is found.
-fn stated_entries(file: &mut File) -> io::Result<Option<usize>> {
-    // 22 bytes and a comment; the number of entries stands at 10.
-    const END: u64 = 22 + 0xffff;
-    const SIGNATURE: &[u8] = b"PK\x05\x06";
-    let length = file.seek(SeekFrom::End(0))?;
-    file.seek(SeekFrom::Start(length.saturating_sub(END)))?;
-    let mut bytes = Vec::new();
-    file.take(END).read_to_end(&mut bytes)?;
-    file.rewind()?;
-    let found = bytes.windows(SIGNATURE.len()).rposition(|window| window == SIGNATURE);
-    let stated = found.and_then(|at| bytes.get(at + 10..at + 12)).map(|two| u16::from_le_bytes([two[0], two[1]]));
-    Ok(stated.filter(|stated| *stated != u16::MAX).map(usize::from))
+/// No entry, nor all of them, unpack to more than is accepted; `Err`: what exceeds which limit.
+///
+/// The sizes are those that the archive states. [`Archive::unpack`] writes no more than stated.
+fn check_sizes(entries: &[Entry]) -> Result<(), String> {
+    let is_bomb = |size: u64, compressed: u64| size > ANY_RATIO && size / MAX_RATIO > compressed;
+    let (mut size, mut compressed) = (0_u64, 0_u64);
+    for entry in entries {
+        let name = || String::from_utf8_lossy(&entry.name);
+        if entry.size > MAX_ENTRY {
+            let message = format!("the entry `{}` unpacks to {} bytes, at most {MAX_ENTRY} are", name(), entry.size);
+            return Err(format!("{message} accepted"));
+        }
+        if is_bomb(entry.size, entry.compressed) {
+            return Err(format!(
+                "the entry `{}` unpacks from {} to {} bytes; above {ANY_RATIO} bytes, at most {MAX_RATIO} times as many are accepted",
+                name(),
+                entry.compressed,
+                entry.size
+            ));
+        }
+        size = size.saturating_add(entry.size);
+        compressed = compressed.saturating_add(entry.compressed);
+    }
+    if size > MAX_UNPACKED {
+        return Err(format!("its entries unpack to {size} bytes, at most {MAX_UNPACKED} are accepted"));
+    }
+    if is_bomb(size, compressed) {
+        return Err(format!(
+            "its entries unpack from {compressed} to {size} bytes; above {ANY_RATIO} bytes, at most {MAX_RATIO} times as many are accepted"
+        ));
+    }
+    Ok(())
+}
+
+/// The `zip` crate sees the same entries, and each is a file or folder within the archive; `Err`: which is not.
+fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> Result<(), String> {
+    if zip.len() != entries.len() {
+        return Err(format!("the list of its entries has {}, of which {} can be read", entries.len(), zip.len()));
+    }
+    let mut paths = HashSet::new();
+    for (i, listed) in entries.iter().enumerate() {
+        let name = String::from_utf8_lossy(&listed.name);
+        let entry = zip.by_index_data(i).map_err(|cause| format!("the entry `{name}`: {cause}"))?;
+        let read = Entry {
+            name: entry.name_raw().to_vec(),
+            compressed: entry.compressed_size(),
+            size: entry.size(),
+            header: entry.header_start(),
+        };
+        if read != *listed {
+            return Err(format!("two zip readers see different entries: `{name}` is {listed:?} and {read:?}"));
+        }
+        if entry.encrypted() {
+            return Err(format!("the entry `{name}` is encrypted"));
+        }
+        if entry.is_symlink() {
+            return Err(format!("the entry `{name}` is a link"));
+        }
+        // Zip names use slashes; a backslash or a drive letter has a meaning on Windows only.
+        let path = entry.enclosed_name().filter(|_| !name.starts_with('/') && !name.contains(['\\', ':']));
+        let Some(path) = path else {
+            return Err(format!("the entry `{name}` is not a path within the archive"));
+        };
+        if terminal::is_unsafe(&name) {
+            return Err(format!("the entry `{name}` has control characters in its name"));
+        }
+        // Also `a/b` and `a/./b`, or a name in another encoding: they are one file.
+        if !paths.insert(path) {
+            return Err(format!("the entry `{name}` is there twice"));
+        }
+    }
+    Ok(())
 }
 
 /// Reads the description of an FMU without unpacking the rest.
@@ -426,6 +469,38 @@ mod tests {
             let path = fmu(&folder, &[("modelDescription.xml", VEHICLE), (name, "x")]);
             let error = Archive::open(&path).err().expect(name).to_string();
             assert!(error.contains("not a path within"), "{name}: {error}");
+        }
+    }
+
+    #[test]
+    fn more_than_the_limits_is_refused() {
+        let entry = |compressed: u64, size: u64| Entry { name: b"x".to_vec(), compressed, size, header: 0 };
+        let refused = |entries: &[Entry]| check_sizes(entries).unwrap_err();
+        assert_eq!(
+            refused(&[entry(1 << 30, (1 << 30) + 1)]),
+            "the entry `x` unpacks to 1073741825 bytes, at most 1073741824 are accepted"
+        );
+        let message = refused(&[entry(1 << 30, 1 << 30), entry(1 << 30, 1 << 30), entry(1, 1)]);
+        assert_eq!(message, "its entries unpack to 2147483649 bytes, at most 2147483648 are accepted");
+        let message = refused(&[entry(1_000_000, 300_000_000)]);
+        let ratio = "; above 67108864 bytes, at most 200 times as many are accepted";
+        assert_eq!(message, format!("the entry `x` unpacks from 1000000 to 300000000 bytes{ratio}"));
+        let message = refused(&[entry(100_000, 60_000_000), entry(100_000, 60_000_000)]);
+        assert_eq!(message, format!("its entries unpack from 200000 to 120000000 bytes{ratio}"));
+        assert_eq!(check_sizes(&[entry(1 << 29, 1 << 30), entry(10, 60_000_000)]), Ok(()));
+    }
+
+    #[test]
+    fn one_file_by_two_names_and_control_characters_are_refused() {
+        for (name, expected) in [
+            ("resources/./table.csv", "the entry `resources/./table.csv` is there twice"),
+            ("resources/a\u{1b}[2Jb", "has control characters in its name"),
+            ("resources/gpj.\u{202e}exe", "has control characters in its name"),
+        ] {
+            let folder = TempDir::new().unwrap();
+            let path = fmu(&folder, &[("modelDescription.xml", VEHICLE), ("resources/table.csv", "1"), (name, "2")]);
+            let error = Archive::open(&path).err().expect(name).to_string();
+            assert!(error.contains(expected), "{name}: {error}");
         }
     }
 

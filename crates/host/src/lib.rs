@@ -9,7 +9,8 @@
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
 //!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
 //!   [`problem`] shows mistakes with their place; [`systems`] tells which FMUs fit which plants by their signals,
-//! - [`master`] executes the runs of a plan, [`results`] writes them, [`export`] writes a run for other masters.
+//! - [`master`] executes the runs of a plan, [`results`] writes them, [`export`] writes a run for other masters,
+//! - [`terminal`] makes text of an FMU safe to print.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
 //! once and then executes changed copies of a run in memory:
@@ -46,8 +47,10 @@ pub mod problem;
 pub mod resolve;
 pub mod results;
 pub mod systems;
+pub mod terminal;
 pub mod trial;
 
+mod directory;
 mod feeds;
 mod findings;
 mod named_values;

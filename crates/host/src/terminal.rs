@@ -1,0 +1,103 @@
+//! Text of an FMU on a terminal: names, descriptions and messages must not control it.
+//!
+//! An escape sequence can hide or forge lines, set the title or answer as if the user had typed. Marks for the direction
+//! of writing show names in another order than they are compared in. Both are shown as `\u001b`, the notation of JSON, so
+//! that JSON remains what it is.
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+
+/// Whether a terminal may act on this character instead of showing it, or shows others elsewhere because of it.
+fn is_control(c: char) -> bool {
+    c.is_control()
+        || matches!(
+            c,
+            // Marks, embeddings, overrides and isolates of bidirectional text; separators of lines and paragraphs.
+            '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{2028}' | '\u{2029}'
+        )
+}
+
+fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&is_replaced) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match c {
+            '\n' if is_replaced(c) => shown.push_str("\\n"),
+            '\t' if is_replaced(c) => shown.push_str("\\t"),
+            _ if is_replaced(c) => drop(write!(shown, "\\u{:04x}", u32::from(c))),
+            _ => shown.push(c),
+        }
+    }
+    Cow::Owned(shown)
+}
+
+/// The text with all control characters but line feeds and tabs made visible.
+#[must_use]
+pub fn escaped(text: &str) -> Cow<'_, str> {
+    replaced(text, |c| is_control(c) && !matches!(c, '\n' | '\t'))
+}
+
+/// The text as one line: line feeds and tabs are made visible, too.
+#[must_use]
+pub fn line(text: &str) -> Cow<'_, str> {
+    replaced(text, is_control)
+}
+
+/// The text of several lines, those after the first indented: none of them passes for a line of this program.
+#[must_use]
+pub fn indented<'a>(text: &'a str, by: &str) -> Cow<'a, str> {
+    match escaped(text) {
+        Cow::Borrowed(text) if !text.contains('\n') => Cow::Borrowed(text),
+        text => Cow::Owned(text.replace('\n', &format!("\n{by}"))),
+    }
+}
+
+/// Whether the text has control characters.
+#[must_use]
+pub fn is_unsafe(text: &str) -> bool {
+    text.contains(is_control)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// ECMA-48 (C0, C1 and sequences that begin with ESC or CSI), Unicode Standard Annex 9 (bidirectional text).
+    #[test]
+    fn nothing_that_controls_a_terminal_is_left() {
+        for (text, expected) in [
+            ("a\u{1b}[2Jb", "a\\u001b[2Jb"),
+            ("\u{9b}31m", "\\u009b31m"),
+            ("a\rb\u{8}\u{7f}\0", "a\\u000db\\u0008\\u007f\\u0000"),
+            ("\u{202e}fdp.\u{202c}", "\\u202efdp.\\u202c"),
+            ("a\u{2028}b", "a\\u2028b"),
+        ] {
+            assert_eq!(escaped(text), expected);
+            assert_eq!(line(text), expected);
+            assert!(is_unsafe(text));
+            assert_eq!(escaped(expected), expected, "escaping twice changes nothing");
+        }
+        for c in (0..0x300).chain(0x2000..0x2100).filter_map(char::from_u32) {
+            let shown = line(&c.to_string()).into_owned();
+            assert!(!shown.chars().any(is_control), "{shown:?}");
+        }
+    }
+
+    #[test]
+    fn ordinary_text_is_unchanged() {
+        for text in ["body.roll (rad/s²)", "Fahrzeug, größer", "車", "שלום", "a\u{200d}b", ""] {
+            assert!(matches!(escaped(text), Cow::Borrowed(shown) if shown == text));
+            assert!(!is_unsafe(text));
+        }
+    }
+
+    #[test]
+    fn lines_stay_where_they_are() {
+        assert_eq!(escaped("a\n\tb"), "a\n\tb");
+        assert_eq!(line("a\n\tb"), "a\\n\\tb");
+        assert_eq!(indented("a\nerror: \u{1b}", "  "), "a\n  error: \\u001b");
+        assert!(matches!(indented("one line", "  "), Cow::Borrowed("one line")));
+    }
+}
