@@ -7,6 +7,14 @@ use crate::c_api::Reference;
 pub use crate::xml::XmlError;
 use crate::xml::{self, Element};
 use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Longest name of a variable, unit, type or item, bytes.
+const MAX_NAME: usize = 4096;
+/// Longest unit, display unit or quantity of a variable, bytes: every variable of a type has a copy.
+const MAX_INHERITED: usize = 200;
+/// Most display units of a unit: every recorded signal has a copy.
+const MAX_DISPLAY_UNITS: usize = 100;
 
 /// What an FMU says of itself.
 #[derive(Debug, Clone)]
@@ -52,6 +60,7 @@ pub struct ModelDescription {
     /// Initial unknowns of the model structure.
     pub initial_unknowns: Vec<Unknown>,
     by_name: HashMap<String, usize>,
+    units_by_name: HashMap<String, usize>,
 }
 
 /// Identifier and capabilities of the co-simulation interface (FMI 2.0.4, section 4.3.1).
@@ -128,7 +137,7 @@ pub struct DisplayUnit {
 }
 
 /// Role of a variable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Causality {
     /// Set by the environment, constant during the simulation.
     Parameter,
@@ -262,8 +271,8 @@ pub struct Variable {
     pub relative_quantity: bool,
     /// Name of the declared type.
     pub declared_type: Option<String>,
-    /// Items of an enumeration; empty otherwise.
-    pub items: Vec<Item>,
+    /// Items of an enumeration, which all variables of its type share; empty otherwise.
+    pub items: Arc<[Item]>,
     /// Index of the variable whose derivative this is.
     pub derivative_of: Option<usize>,
 }
@@ -349,10 +358,13 @@ impl ModelDescription {
         let co_simulation = root.child("CoSimulation").map(co_simulation).transpose()?;
         let model_exchange = root.child("ModelExchange").map(identifier).transpose()?;
         let units = children(&root, "UnitDefinitions", "Unit").map(unit).collect::<Result<Vec<_>, _>>()?;
+        let mut units_by_name = HashMap::new();
+        for (i, unit) in units.iter().enumerate() {
+            units_by_name.entry(unit.name.clone()).or_insert(i);
+        }
         let mut types = HashMap::new();
         for simple_type in children(&root, "TypeDefinitions", "SimpleType") {
-            let (definition, kind) = typed_child(simple_type)?;
-            types.insert(simple_type.required("name")?, (definition, kind));
+            types.insert(bounded(simple_type, "name", MAX_NAME)?, SimpleType::new(simple_type)?);
         }
         let mut variables = Vec::new();
         let mut by_name = HashMap::new();
@@ -400,7 +412,7 @@ impl ModelDescription {
             co_simulation,
             model_exchange,
             log_categories: children(&root, "LogCategories", "Category")
-                .map(|c| c.required("name").map(str::to_string))
+                .map(|c| bounded(c, "name", MAX_NAME).map(str::to_string))
                 .collect::<Result<_, _>>()?,
             default_experiment: DefaultExperiment {
                 start_time: time("startTime")?,
@@ -414,6 +426,7 @@ impl ModelDescription {
             units,
             variables,
             by_name,
+            units_by_name,
         })
     }
 
@@ -432,7 +445,7 @@ impl ModelDescription {
     /// The unit definition of that name.
     #[must_use]
     pub fn unit(&self, name: &str) -> Option<&Unit> {
-        self.units.iter().find(|u| u.name == name)
+        self.units_by_name.get(name).map(|&i| &self.units[i])
     }
 
     /// The units a variable can be shown in; the offset is 0 for a relative quantity.
@@ -487,6 +500,21 @@ fn co_simulation(element: &Element) -> Result<CoSimulation, XmlError> {
     })
 }
 
+/// An attribute that must be there and must not be longer than so many bytes.
+fn bounded<'a>(element: &'a Element, attribute: &str, most: usize) -> Result<&'a str, XmlError> {
+    let text = element.required(attribute)?;
+    check_length(element, attribute, text, most)?;
+    Ok(text)
+}
+
+fn check_length(element: &Element, attribute: &str, text: &str, most: usize) -> Result<(), XmlError> {
+    if text.len() <= most {
+        return Ok(());
+    }
+    let message = format!("`{attribute}` of <{}> has {} bytes, at most {most} are read", element.name, text.len());
+    Err(element.place.error(message))
+}
+
 fn unit(element: &Element) -> Result<Unit, XmlError> {
     let base = element
         .child("BaseUnit")
@@ -515,13 +543,17 @@ fn unit(element: &Element) -> Result<Unit, XmlError> {
                 )));
             }
             Ok(DisplayUnit {
-                name: display.required("name")?.to_string(),
+                name: bounded(display, "name", MAX_INHERITED)?.to_string(),
                 factor,
                 offset,
             })
         })
-        .collect::<Result<_, _>>()?;
-    Ok(Unit { name: element.required("name")?.to_string(), base, display_units })
+        .collect::<Result<Vec<_>, _>>()?;
+    if display_units.len() > MAX_DISPLAY_UNITS {
+        let message = format!("{} display units, at most {MAX_DISPLAY_UNITS} are read", display_units.len());
+        return Err(element.place.error(message));
+    }
+    Ok(Unit { name: bounded(element, "name", MAX_INHERITED)?.to_string(), base, display_units })
 }
 
 /// The five elements that say the type of a variable.
@@ -558,13 +590,37 @@ fn typed_child(element: &Element) -> Result<(&Element, Kind), XmlError> {
         })
 }
 
-fn variable(element: &Element, types: &HashMap<&str, (&Element, Kind)>) -> Result<Variable, XmlError> {
-    let name = element.required("name")?.to_string();
+/// A type definition: what its variables inherit.
+struct SimpleType<'a> {
+    element: &'a Element,
+    kind: Kind,
+    items: Arc<[Item]>,
+}
+
+impl<'a> SimpleType<'a> {
+    fn new(definition: &'a Element) -> Result<Self, XmlError> {
+        let (element, kind) = typed_child(definition)?;
+        let items = element.children.iter().filter(|child| kind == Kind::Enumeration && child.name == "Item");
+        let items = items.map(|item| {
+            Ok(Item {
+                name: bounded(item, "name", MAX_NAME)?.to_string(),
+                value: item
+                    .parsed("value", "a whole number")?
+                    .ok_or_else(|| item.place.error("<Item> lacks the attribute `value`"))?,
+                description: item.attribute("description").map(str::to_string),
+            })
+        });
+        Ok(Self { element, kind, items: items.collect::<Result<_, XmlError>>()? })
+    }
+}
+
+fn variable(element: &Element, types: &HashMap<&str, SimpleType<'_>>) -> Result<Variable, XmlError> {
+    let name = bounded(element, "name", MAX_NAME)?.to_string();
     let (own, kind) = typed_child(element)?;
     let declared = match own.attribute("declaredType") {
         None => None,
         Some(type_name) => match types.get(type_name) {
-            Some(&(definition, of)) if of == kind => Some(definition),
+            Some(definition) if definition.kind == kind => Some(definition),
             Some(_) => {
                 return Err(own.place.error(format!("variable `{name}`: type `{type_name}` is of another base type")));
             }
@@ -575,10 +631,14 @@ fn variable(element: &Element, types: &HashMap<&str, (&Element, Kind)>) -> Resul
     };
     // An attribute of the variable stands above that of its type.
     let source = |attribute: &str| match (own.attribute(attribute), declared) {
-        (None, Some(definition)) => definition,
+        (None, Some(definition)) => definition.element,
         _ => own,
     };
-    let text = |attribute| source(attribute).attribute(attribute).map(str::to_string);
+    let text = |attribute| {
+        let text = source(attribute).attribute(attribute);
+        text.map(|text| check_length(source(attribute), attribute, text, MAX_INHERITED).map(|()| text.to_string()))
+            .transpose()
+    };
     let number = |attribute| source(attribute).real(attribute);
     let base_type = match kind {
         Kind::Real => BaseType::Real,
@@ -592,21 +652,6 @@ fn variable(element: &Element, types: &HashMap<&str, (&Element, Kind)>) -> Resul
         BaseType::Boolean => own.boolean("start")?.map(Value::Boolean),
         BaseType::String => own.attribute("start").map(|s| Value::String(s.to_string())),
     };
-    let items = declared
-        .filter(|_| kind == Kind::Enumeration)
-        .into_iter()
-        .flat_map(|definition| &definition.children)
-        .filter(|c| c.name == "Item")
-        .map(|item| {
-            Ok(Item {
-                name: item.required("name")?.to_string(),
-                value: item
-                    .parsed("value", "a whole number")?
-                    .ok_or_else(|| item.place.error("<Item> lacks the attribute `value`"))?,
-                description: item.attribute("description").map(str::to_string),
-            })
-        })
-        .collect::<Result<Vec<_>, XmlError>>()?;
     let causality = match element.attribute("causality") {
         None | Some("local") => Causality::Local,
         Some("parameter") => Causality::Parameter,
@@ -650,12 +695,12 @@ fn variable(element: &Element, types: &HashMap<&str, (&Element, Kind)>) -> Resul
         min: number("min")?,
         max: number("max")?,
         nominal: number("nominal")?,
-        quantity: text("quantity"),
-        unit: text("unit"),
-        display_unit: text("displayUnit"),
+        quantity: text("quantity")?,
+        unit: text("unit")?,
+        display_unit: text("displayUnit")?,
         relative_quantity: source("relativeQuantity").boolean("relativeQuantity")?.unwrap_or(false),
         declared_type: own.attribute("declaredType").map(str::to_string),
-        items,
+        items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
         derivative_of,
         name,
     })
@@ -763,6 +808,7 @@ mod tests {
 
     #[test]
     fn faults_are_reported_with_their_place() {
+        let long = |name: &str, bytes| format!("{name}=\"{}\"", "x".repeat(bytes));
         for (from, to, expected) in [
             ("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\"", "FMI version 3.0"),
             ("guid=\"{vehicle}\"", "", "lacks the attribute `guid`"),
@@ -776,6 +822,8 @@ mod tests {
             ("derivative=\"3\"", "derivative=\"0\"", "numbered from 1"),
             ("derivative=\"3\"", "derivative=\"77\"", "derivative of variable 77"),
             ("factor=\"57.29577951308232\"", "factor=\"0\"", "other than 0"),
+            ("name=\"body.roll\"", &long("name", 4097), "`name` of <ScalarVariable> has 4097 bytes, at most 4096 are"),
+            ("unit=\"rad\"", &long("unit", 201), "`unit` of <Real> has 201 bytes, at most 200 are"),
         ] {
             assert!(VEHICLE.contains(from), "{from}");
             let error = ModelDescription::parse(&VEHICLE.replacen(from, to, 1)).expect_err(to).to_string();

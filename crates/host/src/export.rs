@@ -19,7 +19,7 @@ use crate::c_api::Reference;
 use crate::description::{BaseType, Causality, ModelDescription, Unit, Variable};
 use crate::parameter_set::{Parameter, ParameterSet};
 use crate::plan::{self, Plan, Run, Wire};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -173,12 +173,13 @@ impl System {
                 connectors: Vec::new(),
                 values: Vec::new(),
             };
+            let wirable = wirable(&description);
             for wire in &unit.inputs {
-                let variable = wired(&description, unit, wire, Causality::Input)?;
+                let variable = wired(&wirable, unit, wire, Causality::Input)?;
                 component.connectors.push(connector(variable, false, &description, &unit.name)?);
             }
             for wire in unit.outputs.iter().filter(|wire| read.contains(&wire.slot) || recorded.contains(&wire.slot)) {
-                let variable = wired(&description, unit, wire, Causality::Output)?;
+                let variable = wired(&wirable, unit, wire, Causality::Output)?;
                 component.connectors.push(connector(variable, true, &description, &unit.name)?);
                 writers.insert(wire.slot, [unit.name.clone(), variable.name.clone()]);
             }
@@ -286,18 +287,27 @@ impl Definitions {
 
 /// The definition of a unit of measure in terms of SI units; SSP has no others.
 fn defined<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Unit> {
-    description.units.iter().find(|unit| unit.name == name && unit.base.is_some())
+    description.unit(name).filter(|unit| unit.base.is_some())
+}
+
+type Wirable<'a> = HashMap<(Causality, BaseType, Reference), &'a Variable>;
+
+/// The variables by what a wire says of them; of aliases the first.
+fn wirable(description: &ModelDescription) -> Wirable<'_> {
+    let mut wirable = HashMap::new();
+    for variable in &description.variables {
+        wirable.entry((variable.causality, variable.base_type, variable.reference)).or_insert(variable);
+    }
+    wirable
 }
 
 fn wired<'a>(
-    description: &'a ModelDescription,
+    wirable: &Wirable<'a>,
     unit: &plan::Unit,
     wire: &Wire,
     causality: Causality,
 ) -> Result<&'a Variable, ExportError> {
-    let fits =
-        |v: &&Variable| v.causality == causality && v.base_type == wire.base_type && v.reference == wire.reference;
-    description.variables.iter().find(fits).ok_or_else(|| ExportError::Changed {
+    wirable.get(&(causality, wire.base_type, wire.reference)).copied().ok_or_else(|| ExportError::Changed {
         fmu: unit.fmu.clone(),
         what: if causality == Causality::Input { "input" } else { "output" },
         base_type: wire.base_type,

@@ -1,8 +1,8 @@
 //! A small element tree for XML from strangers: attributes and structure, no text.
 //!
 //! Model descriptions and parameter sets hold all they say in attributes, so text is skipped. Document type
-//! declarations are refused, which rules out entity expansion; size, depth and the number of
-//! attributes are limited, so that memory and time stay proportional to the file.
+//! declarations are refused, which rules out entity expansion; size, depth, the number of elements and
+//! of their attributes are limited, so that memory and time stay proportional to the file.
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
@@ -11,6 +11,8 @@ use quick_xml::{Reader, XmlVersion};
 pub(crate) const MAX_BYTES: usize = 64 << 20;
 /// Deepest accepted nesting. The FMI schema needs 6; annotations of tools may need more.
 const MAX_DEPTH: usize = 100;
+/// Most elements. An element without attributes takes 4 bytes in the file and 130 in memory.
+const MAX_ELEMENTS: usize = 2_000_000;
 /// Most attributes of one element. The FMI schema has at most 17; the duplicate check is quadratic.
 const MAX_ATTRIBUTES: usize = 64;
 
@@ -131,9 +133,14 @@ pub(crate) fn parse(text: &str) -> Result<Element, XmlError> {
     // The open elements, outermost first.
     let mut open: Vec<Element> = Vec::new();
     let mut root = None;
+    let mut elements = 0;
     loop {
         let place = places.at(usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX));
         let event = reader.read_event().map_err(|error| place.error(error.to_string()))?;
+        elements += usize::from(matches!(event, Event::Start(_) | Event::Empty(_)));
+        if elements > MAX_ELEMENTS {
+            return Err(place.error(format!("more than {MAX_ELEMENTS} elements")));
+        }
         match event {
             Event::Start(start) => {
                 if open.len() == MAX_DEPTH {
@@ -214,6 +221,7 @@ mod tests {
     #[test]
     fn hostile_documents_are_refused_with_a_place() {
         let deep = "<a>".repeat(200);
+        let many = format!("<a>{}</a>", "<b/>".repeat(MAX_ELEMENTS));
         let wide = format!("<a {}/>", (0..100).map(|i| format!("a{i}='' ")).collect::<String>());
         for (text, expected) in [
             ("<!DOCTYPE a [<!ENTITY b \"c\">]><a x='&b;'/>", "document type"),
@@ -226,10 +234,11 @@ mod tests {
             ("", "no element"),
             ("</a>", "a"),
             (deep.as_str(), "nested deeper"),
+            (many.as_str(), "more than 2000000 elements"),
             (wide.as_str(), "more than 64"),
         ] {
-            let error = parse(text).expect_err(text).to_string();
-            assert!(error.contains(expected), "{text}: {error}");
+            let error = parse(text).expect_err(expected).to_string();
+            assert!(error.contains(expected), "{expected}: {error}");
         }
     }
 }

@@ -1,20 +1,22 @@
 //! The rules of a description.
 
-use super::Finding;
+use super::{Finding, Findings};
 use crate::description::{BaseType, Causality, Initial, ModelDescription, Unknown, Value, Variability, Variable};
 use crate::xml::{self, Element};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// All findings about a description that could be read.
-pub(super) fn check(text: &str, description: &ModelDescription) -> Vec<Finding> {
-    let mut findings = Vec::new();
+pub(super) fn check(text: &str, description: &ModelDescription) -> Findings {
+    let mut findings = Findings::default();
     if let Ok(root) = xml::parse(text) {
         schema(&root, &mut findings);
         written_initial(&root, &mut findings);
     }
     general(description, &mut findings);
+    definitions(description, &mut findings);
+    let known = Known::new(description);
     for variable in &description.variables {
-        rules_of_variable(description, variable, &mut findings);
+        rules_of_variable(description, variable, &known, &mut findings);
     }
     aliases(description, &mut findings);
     structure(description, &mut findings);
@@ -78,7 +80,7 @@ fn known(element: &str) -> Option<(&'static str, &'static str)> {
 }
 
 /// Elements and attributes that are not in the schema.
-fn schema(element: &Element, findings: &mut Vec<Finding>) {
+fn schema(element: &Element, findings: &mut Findings) {
     // What a tool writes for itself has a schema of its own.
     let Some((attributes, children)) = known(&element.name).filter(|_| element.name != "Tool") else { return };
     let is_among = |list: &str, name: &str| list.split(' ').any(|known| known == name);
@@ -99,7 +101,7 @@ fn schema(element: &Element, findings: &mut Vec<Finding>) {
 }
 
 /// `initial` where it may not be written.
-fn written_initial(root: &Element, findings: &mut Vec<Finding>) {
+fn written_initial(root: &Element, findings: &mut Findings) {
     let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
     for element in variables {
         let name = element.attribute("name").unwrap_or_default();
@@ -116,7 +118,7 @@ fn variable_named(name: &str) -> String {
     format!("variable `{name}`")
 }
 
-fn general(description: &ModelDescription, findings: &mut Vec<Finding>) {
+fn general(description: &ModelDescription, findings: &mut Findings) {
     if let Some(time) = &description.generation_date_and_time
         && !is_date_time(time)
     {
@@ -126,6 +128,13 @@ fn general(description: &ModelDescription, findings: &mut Vec<Finding>) {
     if !matches!(description.variable_naming_convention.as_str(), "flat" | "structured") {
         let message = format!("\"{}\", expected flat or structured", description.variable_naming_convention);
         findings.push(Finding::error("variableNamingConvention", message));
+    }
+    if let Some(unit) = &description.co_simulation
+        && unit.can_serialize_fmu_state
+        && !unit.can_get_and_set_fmu_state
+    {
+        let message = "is true, which needs canGetAndSetFMUstate to be true as well";
+        findings.push(Finding::error("canSerializeFMUstate", message));
     }
     let experiment = description.default_experiment;
     let mut error = |message: String| findings.push(Finding::error("DefaultExperiment", message));
@@ -163,7 +172,37 @@ fn is_date_time(text: &str) -> bool {
     numbers(date, '-', &[4, 2, 2]) && numbers(time, ':', &[2, 2, 2]) && is_fraction && is_zone
 }
 
-fn rules_of_variable(description: &ModelDescription, variable: &Variable, findings: &mut Vec<Finding>) {
+/// What variables refer to, for look-ups that do not take longer the more there is.
+struct Known<'a> {
+    /// Unit and display unit.
+    display_units: HashSet<(&'a str, &'a str)>,
+    /// Values of the items of each enumeration.
+    items: HashMap<&'a str, HashSet<i32>>,
+}
+
+impl<'a> Known<'a> {
+    fn new(description: &'a ModelDescription) -> Self {
+        let units = description.units.iter();
+        let pairs = units.flat_map(|unit| unit.display_units.iter().map(|shown| (&*unit.name, &*shown.name)));
+        let mut items: HashMap<&str, HashSet<i32>> = HashMap::new();
+        for variable in description.variables.iter().filter(|variable| !variable.items.is_empty()) {
+            if let Some(name) = variable.declared_type.as_deref() {
+                items.entry(name).or_insert_with(|| variable.items.iter().map(|item| item.value).collect());
+            }
+        }
+        Self { display_units: pairs.collect(), items }
+    }
+}
+
+/// Units are defined once each.
+fn definitions(description: &ModelDescription, findings: &mut Findings) {
+    let mut names = HashSet::new();
+    for unit in description.units.iter().filter(|unit| !names.insert(&unit.name)) {
+        findings.push(Finding::error(format!("unit `{}`", unit.name), "is defined twice"));
+    }
+}
+
+fn rules_of_variable(description: &ModelDescription, variable: &Variable, known: &Known<'_>, findings: &mut Findings) {
     let mut error = |message: String| findings.push(Finding::error(variable_named(&variable.name), message));
     let Variable { causality, variability, initial, .. } = *variable;
     if description.variable_naming_convention == "structured" && !is_structured(&variable.name) {
@@ -210,20 +249,20 @@ fn rules_of_variable(description: &ModelDescription, variable: &Variable, findin
     if let Some(unit) = &variable.unit {
         match description.unit(unit) {
             None => error(format!("its unit `{unit}` is not defined in UnitDefinitions")),
-            Some(definition) => {
+            Some(_) => {
                 if let Some(display) = &variable.display_unit
                     && display != unit
-                    && !definition.display_units.iter().any(|known| known.name == *display)
+                    && !known.display_units.contains(&(&**unit, &**display))
                 {
                     error(format!("its display unit `{display}` is not one of the unit `{unit}`"));
                 }
             }
         }
     }
-    limits(variable, &mut error);
+    limits(variable, known, &mut error);
 }
 
-fn limits(variable: &Variable, error: &mut dyn FnMut(String)) {
+fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String)) {
     let (min, max) = (variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY));
     if min.is_nan() || max.is_nan() || min > max {
         return error(format!("min {min} is above max {max}"));
@@ -239,7 +278,10 @@ fn limits(variable: &Variable, error: &mut dyn FnMut(String)) {
         } else if !(min..=max).contains(&start) {
             error(format!("its start value {start} is outside of its limits, {min} to {max}"));
         }
-        if !variable.items.is_empty() && !variable.items.iter().any(|item| f64::from(item.value) == start) {
+        let items = variable.declared_type.as_deref().and_then(|name| known.items.get(name));
+        if let (Some(items), Some(Value::Integer(value))) = (items, &variable.start)
+            && !items.contains(value)
+        {
             error(format!("its start value {start} is none of its items"));
         }
     }
@@ -252,10 +294,17 @@ fn limits(variable: &Variable, error: &mut dyn FnMut(String)) {
 /// `der()` or not.
 fn is_structured(name: &str) -> bool {
     let inner = name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')'));
-    if let Some(inner) = inner {
-        let (inner, order) = inner.rsplit_once(',').unwrap_or((inner, "1"));
-        return is_structured(inner) && !order.is_empty() && order.bytes().all(|byte| byte.is_ascii_digit());
-    }
+    let Some(inner) = inner else { return is_identifier(name) };
+    // A derivative of an array element has a comma in its index, that of a higher order one behind it.
+    let (variable, order) = match inner.rsplit_once(',') {
+        Some((variable, order)) if !order.ends_with(']') => (variable, order),
+        _ => (inner, "1"),
+    };
+    is_identifier(variable) && !order.is_empty() && order.bytes().all(|byte| byte.is_ascii_digit())
+}
+
+/// Names with indices, joined by dots.
+fn is_identifier(name: &str) -> bool {
     let mut rest = name;
     loop {
         let Some(after) = after_identifier(rest) else { return false };
@@ -294,7 +343,7 @@ fn after_identifier(text: &str) -> Option<&str> {
 }
 
 /// Variables of one base type with one value reference are one quantity.
-fn aliases(description: &ModelDescription, findings: &mut Vec<Finding>) {
+fn aliases(description: &ModelDescription, findings: &mut Findings) {
     let mut sets: BTreeMap<_, Vec<&Variable>> = BTreeMap::new();
     for variable in &description.variables {
         sets.entry((variable.base_type, variable.reference)).or_default().push(variable);
@@ -311,7 +360,7 @@ fn aliases(description: &ModelDescription, findings: &mut Vec<Finding>) {
     }
 }
 
-fn structure(description: &ModelDescription, findings: &mut Vec<Finding>) {
+fn structure(description: &ModelDescription, findings: &mut Findings) {
     let variables = &description.variables;
     let states: BTreeSet<usize> =
         description.derivatives.iter().filter_map(|unknown| variables[unknown.variable].derivative_of).collect();
@@ -352,7 +401,7 @@ fn list(
     name: &str,
     unknowns: &[Unknown],
     expected: Option<&BTreeSet<usize>>,
-    findings: &mut Vec<Finding>,
+    findings: &mut Findings,
 ) {
     let variables = &description.variables;
     let mut error =
@@ -395,10 +444,12 @@ mod tests {
 
     #[test]
     fn structured_names() {
-        for name in ["x", "body.roll", "a[3].b", "a[1, 2]", "der(x)", "der(a.b[2], 2)", "'a b'.c", "'it\\'s'"] {
+        for name in
+            ["x", "body.roll", "a[3].b", "a[1, 2]", "der(x)", "der(a.b[2], 2)", "der(a[1,2])", "'a b'.c", "'it\\'s'"]
+        {
             assert!(is_structured(&name.replace(", 2)", ",2)")), "{name}");
         }
-        for name in ["", "1x", "a.", ".a", "a b", "a[x]", "a[1", "der(x", "der(x,)", "''", "'a", "a-b"] {
+        for name in ["", "der(der(x))", "1x", "a.", ".a", "a b", "a[x]", "a[1", "der(x", "der(x,)", "''", "'a", "a-b"] {
             assert!(!is_structured(name), "{name}");
         }
     }
