@@ -8,6 +8,8 @@
 
 use crate::archive::Unpacked;
 use crate::c_api::{self, CallbackFunctions, Component, RawStatus, Reference};
+use crate::terminal;
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::PathBuf;
@@ -155,7 +157,8 @@ impl std::fmt::Display for CallError {
             CallProblem::Dead => write!(f, "`{instance}`: {function} is not possible after fmi2Fatal"),
         }?;
         for message in &self.messages {
-            write!(f, "\n  {}: {}", message.status, message.text)?;
+            // Further lines of a message are not taken for messages.
+            write!(f, "\n  {}: {}", message.status, terminal::indented(&message.text, "    "))?;
         }
         Ok(())
     }
@@ -408,6 +411,27 @@ unsafe extern "C" fn log_message(
     messages.push_back(Message { status: Status::from(status), category, text: unescaped(&text) });
 }
 
+thread_local! {
+    static MEMORY_CALLBACKS: Cell<usize> = const { Cell::new(0) };
+}
+
+/// Calls of `allocateMemory` and `freeMemory` by FMUs in this thread.
+pub(crate) fn memory_callbacks() -> usize {
+    MEMORY_CALLBACKS.get()
+}
+
+unsafe extern "C" fn allocate_memory(count: usize, size: usize) -> *mut c_void {
+    MEMORY_CALLBACKS.set(MEMORY_CALLBACKS.get() + 1);
+    // SAFETY: `calloc` has no conditions.
+    unsafe { libc::calloc(count, size) }
+}
+
+unsafe extern "C" fn free_memory(memory: *mut c_void) {
+    MEMORY_CALLBACKS.set(MEMORY_CALLBACKS.get() + 1);
+    // SAFETY: FMI 2.0.4, section 2.1.5: the FMU passes what `allocateMemory` returned, or null.
+    unsafe { libc::free(memory) }
+}
+
 /// A state saved with [`Instance::save_state`]; valid for the instance that made it.
 #[derive(Debug)]
 pub struct SavedState {
@@ -457,8 +481,8 @@ impl Instance {
             // where those of an ordinary call stand, and the caller removes them, so a callee may
             // ignore the rest.
             logger: unsafe { std::mem::transmute::<Fixed, c_api::Logger>(log_message as Fixed) },
-            allocate_memory: libc::calloc,
-            free_memory: libc::free,
+            allocate_memory,
+            free_memory,
             step_finished: None,
             environment: ptr::from_ref::<Log>(&log).cast_mut().cast(),
         });

@@ -11,6 +11,7 @@ mod rules;
 use crate::archive::Archive;
 use crate::description::ModelDescription;
 use crate::loader::{Library, LoadError};
+use crate::terminal;
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
@@ -36,9 +37,23 @@ pub struct Finding {
     pub message: String,
 }
 
+/// Longest subject and message of a finding, bytes: a name may have thousands, and an FMU may say more.
+const MAX_TEXT: usize = 2000;
+
+/// Text that is cut where it gets too long.
+fn cut(text: impl Into<String>) -> String {
+    let mut text = text.into();
+    if text.len() > MAX_TEXT {
+        let end = (0..=MAX_TEXT).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
+        text.truncate(end);
+        text.push_str(" ...");
+    }
+    text
+}
+
 impl Finding {
     fn error(subject: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { severity: Severity::Error, subject: subject.into(), message: message.into() }
+        Self { severity: Severity::Error, subject: cut(subject), message: cut(message) }
     }
 
     fn warning(subject: impl Into<String>, message: impl Into<String>) -> Self {
@@ -52,7 +67,37 @@ impl fmt::Display for Finding {
             Severity::Warning => "warning",
             Severity::Error => "error",
         };
-        write!(f, "{severity}: {}: {}", self.subject, self.message)
+        // Both may hold text of the FMU: no line of it passes for another finding.
+        let (subject, message) = (terminal::line(&self.subject), terminal::indented(&self.message, "    "));
+        write!(f, "{severity}: {subject}: {message}")
+    }
+}
+
+/// Findings about a description, of which only so many are kept.
+#[derive(Default)]
+struct Findings {
+    kept: Vec<Finding>,
+    /// Number of those that are not.
+    more: usize,
+}
+
+impl Findings {
+    const MOST: usize = 1000;
+
+    fn push(&mut self, finding: Finding) {
+        if self.kept.len() < Self::MOST {
+            self.kept.push(finding);
+        } else {
+            self.more += 1;
+        }
+    }
+
+    fn all(mut self) -> Vec<Finding> {
+        if self.more > 0 {
+            let message = format!("{} further findings are left out", self.more);
+            self.kept.push(Finding::error("modelDescription.xml", message));
+        }
+        self.kept
     }
 }
 
@@ -80,7 +125,7 @@ pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
         Ok(description) => description,
         Err(error) => return found(Finding::error("modelDescription.xml", error.to_string())),
     };
-    rules::check(&text, &description).into_iter().for_each(&mut found);
+    rules::check(&text, &description).all().into_iter().for_each(&mut found);
     let Some(co_simulation) = &description.co_simulation else {
         return found(Finding::error("CoSimulation", "is missing: the FMU cannot be stepped by a master"));
     };

@@ -1,6 +1,7 @@
 /* A small FMU 2.0 for co-simulation, written by hand: x' = gain * u by the explicit Euler method.
    MODEL and GUID are given by the compiler's command line.
-   Real: 0 u, 1 x, 2 gain, 3 start; Integer: 0 failure, 1 count; Boolean: 0 inverted, 1 moved; String: 0 label. */
+   Real: 0 u, 1 x, 2 gain, 3 start; Integer: 0 failure, 1 count; Boolean: 0 inverted, 1 moved; String: 0 label.
+   Further macros make one defect each. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,6 +26,11 @@ typedef struct {
     const Callbacks *callbacks;
 } Instance;
 
+#if defined SHARED || defined SINGLE
+static Instance shared;
+static int living;
+#endif
+
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return VERSION; }
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
@@ -34,15 +40,34 @@ EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const
         callbacks->logger(callbacks->environment, name, 3, "error", "wrong GUID");
         return NULL;
     }
+#ifdef SINGLE
+    if (living) return NULL;
+    living = 1;
+#endif
+#ifdef SHARED
+    Instance *i = &shared;
+    if (!living) shared.v = (Values){{0}, {0}, {0}};
+    living++;
+#else
     Instance *i = callbacks->allocate(1, sizeof *i);
     if (!i) return NULL;
+#endif
     i->v.real[2] = 1;
     i->name = name;
     i->callbacks = callbacks;
     snprintf(i->resources, sizeof i->resources, "%s", resources);
     return i;
 }
-EXPORT void fmi2FreeInstance(void *c) { ((Instance *)c)->callbacks->release(c); }
+EXPORT void fmi2FreeInstance(void *c) {
+#if defined SHARED || defined SINGLE
+    living--;
+#endif
+#ifdef SHARED
+    (void)c;
+#else
+    ((Instance *)c)->callbacks->release(c);
+#endif
+}
 EXPORT int fmi2SetupExperiment(void *c, int td, double tol, double t0, int sd, double t1) {
     (void)c, (void)td, (void)tol, (void)t0, (void)sd, (void)t1;
     return 0;
@@ -60,7 +85,17 @@ EXPORT int fmi2Terminate(void *c) {
 }
 EXPORT int fmi2Reset(void *c) {
     Values zero = {{0, 0, 1, 0}, {0, 0}, {0, 0}};
-    ((Instance *)c)->v = zero;
+    Instance *i = c;
+#ifdef RESET_NOTHING
+    (void)zero, (void)i;
+#elif defined RESET_STATES
+    i->v.real[1] = i->v.integer[1] = i->v.boolean[1] = 0;
+#else
+    i->v = zero;
+#ifndef RESET_NUMBERS
+    i->label[0] = 0;
+#endif
+#endif
     return 0;
 }
 
@@ -103,6 +138,12 @@ EXPORT int fmi2DoStep(void *c, double t, double h, int final) {
 #ifdef ENDS
     if (t > ENDS) return 2;
 #endif
+#ifdef FIXED_STEP
+    if (h < 0.0099 || h > 0.0101) return 3;
+#endif
+#ifdef PENDING
+    return 5;
+#endif
     Instance *i = c;
     int failure = i->v.integer[0];
     if (failure && failure < 9 && t >= 0.5) {
@@ -120,34 +161,71 @@ EXPORT int fmi2GetBooleanStatus(void *c, int kind, int *v) { (void)c; *v = TERMI
 #endif
 #ifdef STATES
 EXPORT int fmi2GetFMUstate(void *c, void **s) {
+#ifdef NO_STATE
+    return 3;
+#endif
     if (!*s) *s = malloc(sizeof(Values));
     memcpy(*s, &((Instance *)c)->v, sizeof(Values));
     return 0;
 }
 EXPORT int fmi2SetFMUstate(void *c, void *s) {
     if (!s) return 3;
+#ifdef STATE_NOTHING
+    return 0;
+#endif
+#ifdef STATE_WITHOUT_INPUTS
+    ((Values *)s)->real[0] = ((Instance *)c)->v.real[0];
+#endif
     memcpy(&((Instance *)c)->v, s, sizeof(Values));
     return 0;
 }
 EXPORT int fmi2FreeFMUstate(void *c, void **s) { (void)c; free(*s); *s = NULL; return 0; }
-EXPORT int fmi2SerializedFMUstateSize(void *c, void *s, size_t *n) { (void)c, (void)s; *n = sizeof(Values); return 0; }
+EXPORT int fmi2SerializedFMUstateSize(void *c, void *s, size_t *n) {
+    (void)c, (void)s;
+    *n = sizeof(Values);
+#ifdef NO_BYTES
+    return 3;
+#endif
+    return 0;
+}
 EXPORT int fmi2SerializeFMUstate(void *c, void *s, char *b, size_t n) { (void)c; memcpy(b, s, n); return 0; }
 EXPORT int fmi2DeSerializeFMUstate(void *c, const char *b, size_t n, void **s) {
     (void)c;
     if (n != sizeof(Values)) return 3;
     *s = malloc(n);
     memcpy(*s, b, n);
+#ifdef BYTES_WITHOUT_PARAMETERS
+    ((Values *)*s)->real[2] = 1;
+#endif
+#ifdef BYTES_WITHOUT_STATES
+    ((Values *)*s)->real[1] = 0;
+#endif
     return 0;
 }
 /* d(x')/d(u) and d(x')/d(gain); the unknown is 1 */
 EXPORT int fmi2GetDirectionalDerivative(void *c, const unsigned *u, size_t nu, const unsigned *k, size_t nk,
                                         const double *dk, double *du) {
     const double *r = ((Instance *)c)->v.real;
+#ifdef NO_DERIVATIVE
+    return 3;
+#endif
     for (size_t i = 0; i < nu; i++) {
         if (u[i] != 1) return 3;
         du[i] = 0;
         for (size_t j = 0; j < nk; j++) du[i] += dk[j] * (k[j] == 0 ? r[2] : k[j] == 2 ? r[0] : 0);
     }
     return 0;
+}
+#endif
+#ifdef SLOPES
+/* Up to the order SLOPES */
+EXPORT int fmi2SetRealInputDerivatives(void *c, const unsigned *r, size_t n, const int *order, const double *v) {
+    (void)c, (void)r, (void)n, (void)v;
+    return order[0] > SLOPES ? 3 : 0;
+}
+EXPORT int fmi2GetRealOutputDerivatives(void *c, const unsigned *r, size_t n, const int *order, double *v) {
+    (void)c, (void)r, (void)n;
+    v[0] = 0;
+    return order[0] > SLOPES ? 3 : 0;
 }
 #endif

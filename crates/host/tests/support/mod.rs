@@ -28,12 +28,28 @@ pub(crate) struct Build<'a> {
     pub(crate) ends: Option<(f64, bool)>,
     /// GUID of the description; that of the binary is `{name}`.
     pub(crate) guid: &'a str,
+    /// Defects, as macros of `stranger.c`.
+    pub(crate) defects: &'a [&'a str],
+    /// Parts of the description to replace, and by what.
+    pub(crate) edits: &'a [(&'a str, &'a str)],
 }
 
 impl<'a> Build<'a> {
     /// An integrator from `input` to `output`.
     pub(crate) fn new(name: &'a str, input: &'a str, output: &'a str) -> Self {
-        Self { name, input, output, flags: "", version: "2.0", states: true, crash: false, ends: None, guid: name }
+        Self {
+            name,
+            input,
+            output,
+            flags: "",
+            version: "2.0",
+            states: true,
+            crash: false,
+            ends: None,
+            guid: name,
+            defects: &[],
+            edits: &[],
+        }
     }
 
     /// Compiles and packs the FMU into a folder. The linker of Rust programs is the C compiler, so
@@ -53,6 +69,7 @@ impl<'a> Build<'a> {
                 cc.arg(define);
             }
         }
+        cc.args(self.defects.iter().map(|defect| format!("-D{defect}")));
         if let Some((time, terminated)) = self.ends {
             cc.arg(format!("-DENDS={time}")).arg(format!("-DTERMINATED={}", u8::from(terminated)));
         }
@@ -97,11 +114,15 @@ impl<'a> Build<'a> {
                 "<ScalarVariable name=\"{variable}\" valueReference=\"{reference}\" causality=\"{causality}\"{variability}>{typed}</ScalarVariable>\n"
             );
         }
-        format!(
+        let text = format!(
             "<?xml version=\"1.0\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"{name}\" guid=\"{guid}\">\n\
              <CoSimulation modelIdentifier=\"{name}\" {flags}/>\n\
              <UnitDefinitions><Unit name=\"m\"><BaseUnit m=\"1\"/></Unit></UnitDefinitions>\n\
              <ModelVariables>\n{variables}</ModelVariables>\n<ModelStructure/></fmiModelDescription>\n"
-        )
+        );
+        self.edits.iter().fold(text, |text, (from, to)| {
+            assert!(text.contains(from), "not in the description: {from}");
+            text.replacen(from, to, 1)
+        })
     }
 }

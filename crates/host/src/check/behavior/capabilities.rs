@@ -1,0 +1,110 @@
+//! Capabilities: what the description promises is tried once each.
+
+use super::{Answer, Tell, Trial, found, words};
+use crate::check::Finding;
+use crate::description::{BaseType, Causality, Unknown};
+
+impl Trial<'_> {
+    /// What the description says the FMU can do. States have a trial of their own.
+    pub(super) fn capabilities(&self, tell: Tell<'_>) -> Answer<()> {
+        let unit = self.description.co_simulation.clone().unwrap_or_default();
+        let mut promise = |attribute: &str, result: Answer<()>| {
+            if let Err(error) = result {
+                let message = format!("is promised, but {}", words(&error));
+                found(tell, Finding::error(attribute, message));
+            }
+        };
+        if unit.can_handle_variable_communication_step_size {
+            let result = self.started("parts").and_then(|mut instance| {
+                self.go(&mut instance, 0..2, 1)?;
+                self.go(&mut instance, 2..4, 2).map(drop)
+            });
+            promise("canHandleVariableCommunicationStepSize", result);
+        }
+        if unit.can_interpolate_inputs && !self.inputs.is_empty() {
+            let reference = self.references(&self.inputs[..1]);
+            let result = self.started("slope").and_then(|mut i| i.set_real_input_derivatives(&reference, &[1], &[0.0]));
+            promise("canInterpolateInputs", result);
+        }
+        if unit.max_output_derivative_order > 0 && !self.outputs.is_empty() {
+            let reference = self.references(&self.outputs[..1]);
+            let highest = i32::try_from(unit.max_output_derivative_order).unwrap_or(i32::MAX);
+            let result = self.started("slope").and_then(|mut instance| {
+                self.go(&mut instance, 0..2, 1)?;
+                instance.get_real_output_derivatives(&reference, &[1], &mut [0.0])?;
+                instance.get_real_output_derivatives(&reference, &[highest], &mut [0.0])
+            });
+            promise("maxOutputDerivativeOrder", result);
+        }
+        if unit.provides_directional_derivative
+            && let Some(question) = self.question()
+        {
+            let (unknown, known) = (self.references(&[question.unknown]), self.references(&[question.known]));
+            let mut slope = [f64::NAN];
+            let result = if question.is_initial {
+                self.initializing("derivative")
+                    .and_then(|mut instance| instance.get_directional_derivative(&unknown, &known, &[1.0], &mut slope))
+            } else {
+                self.started("derivative").and_then(|mut instance| {
+                    self.go(&mut instance, 0..2, 1)?;
+                    instance.get_directional_derivative(&unknown, &known, &[1.0], &mut slope)
+                })
+            };
+            let is_well = result.is_ok();
+            promise("providesDirectionalDerivative", result);
+            if is_well && !slope[0].is_finite() {
+                found(tell, Finding::error("fmi2GetDirectionalDerivative", format!("gives {}", slope[0])));
+            }
+        }
+        if unit.can_not_use_memory_management_functions {
+            let before = crate::loader::memory_callbacks();
+            drop(self.started("memory").and_then(|mut instance| self.go(&mut instance, 0..2, 1)));
+            if crate::loader::memory_callbacks() != before {
+                let message =
+                    "is set, but the FMU calls allocateMemory or freeMemory of the master, which may be missing";
+                found(tell, Finding::error("canNotUseMemoryManagementFunctions", message));
+            }
+        }
+        Ok(())
+    }
+
+    /// A directional derivative to ask for, the likeliest to be nonzero first. One that is 0 by the model structure has to be
+    /// given as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and continuous states.
+    fn question(&self) -> Option<Question> {
+        let is_real = |i: &usize| self.variable(*i).base_type == BaseType::Real;
+        let real = |list: &[Unknown]| -> Vec<Unknown> {
+            list.iter().filter(|unknown| is_real(&unknown.variable)).cloned().collect()
+        };
+        let listed = |unknown: &Unknown| {
+            unknown.dependencies.iter().flatten().copied().find(|i| is_real(i) && *i != unknown.variable)
+        };
+        let unknowns = [real(&self.description.outputs), real(&self.description.derivatives)].concat();
+        let between_steps = |unknown: usize, known: usize| Question { unknown, known, is_initial: false };
+        let named = unknowns.iter().find_map(|unknown| Some(between_steps(unknown.variable, listed(unknown)?)));
+        named
+            .or_else(|| {
+                let states =
+                    self.description.derivatives.iter().filter_map(|state| self.variable(state.variable).derivative_of);
+                let known = self.inputs.iter().copied().chain(states.filter(is_real)).collect::<Vec<_>>();
+                unknowns.iter().find_map(|unknown| {
+                    let known = known.iter().find(|known| **known != unknown.variable)?;
+                    Some(between_steps(unknown.variable, *known))
+                })
+            })
+            .or_else(|| {
+                let is_known =
+                    |i: &usize| matches!(self.variable(*i).causality, Causality::Parameter | Causality::Input);
+                real(&self.description.initial_unknowns).iter().find_map(|unknown| {
+                    let known = listed(unknown).filter(is_known)?;
+                    Some(Question { unknown: unknown.variable, known, is_initial: true })
+                })
+            })
+    }
+}
+
+/// An unknown and a known, in Initialization Mode or between two steps.
+struct Question {
+    unknown: usize,
+    known: usize,
+    is_initial: bool,
+}

@@ -1,0 +1,201 @@
+//! Dependencies of the model structure: what an unknown follows is compared with what it names.
+
+use super::{Answer, Tell, Trial, found, size};
+use crate::check::Finding;
+use crate::description::{BaseType, Causality, Unknown, Value, Variable};
+use crate::loader::Instance;
+use std::collections::{BTreeSet, HashSet};
+
+/// Points at which dependencies between steps are looked for.
+const POINTS: usize = 6;
+/// Largest range of a parameter whose values are all tried.
+const MOST_CHOICES: f64 = 8.0;
+/// Most values that are read in search of the dependencies of one list: some seconds.
+const MOST_READ: usize = 50_000_000;
+
+/// Another value of a parameter that is a Boolean (0 or 1) or a whole number.
+#[derive(Clone, Copy)]
+struct Choice {
+    parameter: usize,
+    value: i32,
+}
+
+impl Trial<'_> {
+    /// The same, with another value of one parameter.
+    fn configured(&self, name: &str, choice: Option<Choice>) -> Answer<Instance> {
+        let mut instance = self.instance(name)?;
+        if let Some(Choice { parameter, value }) = choice {
+            let reference = [self.variable(parameter).reference];
+            match self.variable(parameter).base_type {
+                BaseType::Boolean => instance.set_boolean(&reference, &[value])?,
+                _ => instance.set_integer(&reference, &[value])?,
+            }
+        }
+        instance.setup_experiment(self.start, None)?;
+        instance.enter_initialization_mode()?;
+        Ok(instance)
+    }
+
+    /// Other values of the parameters that choose between equations: switches, and whole numbers with few values.
+    fn choices(&self) -> Vec<Choice> {
+        let values = |variable: &Variable| match (&variable.start, variable.min, variable.max) {
+            (Some(Value::Boolean(start)), ..) => vec![i32::from(!start)],
+            (Some(Value::Integer(start)), Some(min), Some(max)) if max - min <= MOST_CHOICES => {
+                (min as i32..=max as i32).filter(|value| value != start).collect()
+            }
+            _ => Vec::new(),
+        };
+        let parameters = self.description.variables.iter().enumerate();
+        parameters
+            .filter(|(_, variable)| variable.causality == Causality::Parameter)
+            .flat_map(|(parameter, variable)| {
+                values(variable).into_iter().map(move |value| Choice { parameter, value })
+            })
+            .collect()
+    }
+
+    /// InitialUnknowns: what follows inputs and real parameters in Initialization Mode.
+    pub(super) fn initial_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
+        let is_known = |variable: &Variable| {
+            variable.base_type == BaseType::Real
+                && matches!(variable.causality, Causality::Parameter | Causality::Input)
+        };
+        let known = self.filtered(is_known);
+        let mut search = self.search("InitialUnknowns", &self.description.initial_unknowns);
+        for choice in self.all_choices() {
+            // A value that is refused, or with which nothing can be read before the end of initialization, shows nothing.
+            let Ok(mut instance) = self.configured("dependencies", choice) else { continue };
+            if search.variables.iter().any(|unknown| self.reals(&mut instance, &[*unknown]).is_err()) {
+                continue;
+            }
+            search.look(self, &known, &mut instance, tell)?;
+        }
+        search.end(tell);
+        Ok(())
+    }
+
+    /// The parameters as they start, then every choice.
+    fn all_choices(&self) -> impl Iterator<Item = Option<Choice>> {
+        std::iter::once(None).chain(self.choices().into_iter().map(Some))
+    }
+
+    /// Outputs: what follows inputs between two steps, if the FMU answers for inputs that were just set.
+    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
+        let mut search = self.search("Outputs", &self.description.outputs);
+        if search.unknowns.is_empty() || self.inputs.is_empty() {
+            return Ok(());
+        }
+        for choice in self.all_choices() {
+            let started = self.configured("dependencies", choice).and_then(|mut instance| {
+                instance.exit_initialization_mode()?;
+                Ok(instance)
+            });
+            let Ok(mut instance) = started else { continue };
+            for point in 0..POINTS {
+                if self.go(&mut instance, point * 5..point * 5 + 5, 1).is_err() {
+                    break;
+                }
+                search.look(self, &self.inputs, &mut instance, tell)?;
+            }
+        }
+        search.end(tell);
+        // An FMU that computes its outputs in fmi2DoStep only follows no input between steps.
+        if search.followed.is_empty() || search.is_cut() {
+            return Ok(());
+        }
+        let inputs: HashSet<usize> = self.inputs.iter().copied().collect();
+        for unknown in search.unknowns.iter().filter(|unknown| !search.followed.contains(&unknown.variable)) {
+            let names_inputs = unknown.dependencies.iter().flatten().any(|i| inputs.contains(i));
+            if names_inputs {
+                let name = &self.variable(unknown.variable).name;
+                let message = "names inputs among its dependencies in Outputs, but followed none of them in any trial: \
+                               masters may solve an algebraic loop that is not there";
+                found(tell, Finding::warning(format!("variable `{name}`"), message));
+            }
+        }
+        Ok(())
+    }
+
+    fn search<'a>(&'a self, list: &'static str, unknowns: &'a [Unknown]) -> Search<'a> {
+        let is_real = |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real;
+        let unknowns: Vec<&Unknown> = unknowns.iter().filter(is_real).collect();
+        let named = |unknown: &&Unknown| Some(unknown.dependencies.as_ref()?.iter().copied().collect());
+        Search {
+            list,
+            variables: unknowns.iter().map(|unknown| unknown.variable).collect(),
+            named: unknowns.iter().map(named).collect(),
+            unknowns,
+            followed: BTreeSet::new(),
+            told: HashSet::new(),
+            read: 0,
+        }
+    }
+}
+
+/// A search for unknowns that follow what they do not name.
+struct Search<'a> {
+    /// List of the model structure.
+    list: &'static str,
+    unknowns: Vec<&'a Unknown>,
+    /// Their variables.
+    variables: Vec<usize>,
+    /// Their dependencies; `None`: all knowns.
+    named: Vec<Option<HashSet<usize>>>,
+    /// Variables that follow something.
+    followed: BTreeSet<usize>,
+    /// Unknown and known that were told of: several points show the same.
+    told: HashSet<(usize, usize)>,
+    /// Values read.
+    read: usize,
+}
+
+impl Search<'_> {
+    /// Changes one known after the other and sees which unknowns follow. Ends early if the FMU refuses to be read: between
+    /// steps a master may not ask after setting inputs (FMI 2.0.4, section 4.2.4), so that nothing is promised.
+    fn look(&mut self, trial: &Trial<'_>, known: &[usize], instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
+        for &j in known {
+            if self.is_cut() {
+                return Ok(());
+            }
+            let before = trial.reals(instance, &self.variables)?;
+            let kept = trial.reals(instance, &[j])?[0];
+            for sign in [1.0, -1.0] {
+                // Refused: outside of the limits, perhaps; nothing is learned.
+                if trial.set(instance, &[j], &[kept + sign * 1e-3 * size(kept)]).is_err() {
+                    continue;
+                }
+                self.read += before.len();
+                let Ok(after) = trial.reals(instance, &self.variables) else { return Ok(()) };
+                for (i, (a, b)) in before.iter().zip(&after).enumerate() {
+                    let unknown = self.variables[i];
+                    if a.to_bits() == b.to_bits() || unknown == j {
+                        continue;
+                    }
+                    self.followed.insert(unknown);
+                    let is_missing = self.named[i].as_ref().is_some_and(|named| !named.contains(&j));
+                    if is_missing && self.told.insert((unknown, j)) {
+                        let (name, known) = (&trial.variable(unknown).name, &trial.variable(j).name);
+                        let message =
+                            format!("changes with `{known}`, which its dependencies in {} do not name", self.list);
+                        found(tell, Finding::error(format!("variable `{name}`"), message));
+                    }
+                }
+            }
+            trial.set(instance, &[j], &[kept])?;
+        }
+        Ok(())
+    }
+
+    /// Whether the search ends early.
+    fn is_cut(&self) -> bool {
+        self.read > MOST_READ
+    }
+
+    /// Tells if the search ended early.
+    fn end(&self, tell: Tell<'_>) {
+        if self.is_cut() {
+            let message = format!("were tried in part: they are too many, {MOST_READ} values were read");
+            found(tell, Finding::warning(format!("dependencies in {}", self.list), message));
+        }
+    }
+}

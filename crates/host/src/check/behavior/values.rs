@@ -1,0 +1,154 @@
+//! Values of all types: what an FMU has, and others to set.
+
+use super::{Answer, Trial, size};
+use crate::description::{BaseType, Causality, Initial, Value, Variability, Variable};
+use crate::loader::Instance;
+
+impl Trial<'_> {
+    /// Variables whose value at the start is the start value of the description.
+    pub(super) fn exact(&self) -> Vec<usize> {
+        self.filtered(|variable| {
+            variable.start.is_some()
+                && (matches!(variable.causality, Causality::Parameter | Causality::Input)
+                    || variable.initial == Some(Initial::Exact))
+        })
+    }
+
+    /// Variables that can be set before initialization (FMI 2.0.4, section 4.2.4).
+    pub(super) fn settable(&self) -> Vec<usize> {
+        self.filtered(|variable| {
+            variable.start.is_some()
+                && variable.variability != Variability::Constant
+                && (matches!(variable.causality, Causality::Parameter | Causality::Input)
+                    || matches!(variable.initial, Some(Initial::Exact | Initial::Approx)))
+        })
+    }
+
+    /// Variables that can be set between two steps.
+    pub(super) fn settable_between_steps(&self) -> Vec<usize> {
+        self.filtered(|variable| match variable.causality {
+            Causality::Parameter => variable.variability == Variability::Tunable,
+            causality => causality == Causality::Input,
+        })
+    }
+
+    /// Parameters and inputs: a master can ask for what it has set.
+    pub(super) fn given(&self) -> Vec<usize> {
+        self.filtered(|variable| matches!(variable.causality, Causality::Parameter | Causality::Input))
+    }
+
+    pub(super) fn filtered(&self, is_wanted: impl Fn(&Variable) -> bool) -> Vec<usize> {
+        let variables = self.description.variables.iter().enumerate();
+        variables.filter(|(_, variable)| is_wanted(variable)).map(|(i, _)| i).collect()
+    }
+
+    pub(super) fn values(&self, instance: &mut Instance, variables: &[usize]) -> Answer<Vec<Value>> {
+        variables.iter().map(|&i| read(instance, self.variable(i))).collect()
+    }
+
+    /// Sets variables to other values than those of the description. Returns those that the FMU refused.
+    pub(super) fn change(&self, instance: &mut Instance, variables: &[usize]) -> Vec<usize> {
+        let is_refused = |i: &usize| {
+            let variable = self.variable(*i);
+            let others = others(variable);
+            !others.is_empty() && !others.iter().any(|value| write(instance, variable, value).is_ok())
+        };
+        variables.iter().copied().filter(is_refused).collect()
+    }
+
+    /// The first variable whose values differ, with both, and the number of them.
+    pub(super) fn difference(&self, variables: &[usize], before: &[Value], after: &[Value]) -> Option<Difference<'_>> {
+        let mut differing = variables.iter().zip(before.iter().zip(after)).filter(|(_, (a, b))| !is_same(a, b));
+        let (&i, (before, after)) = differing.next()?;
+        Some(Difference {
+            name: &self.variable(i).name,
+            before: before.clone(),
+            after: after.clone(),
+            others: differing.count(),
+        })
+    }
+}
+
+/// A variable that has another value than before.
+pub(super) struct Difference<'a> {
+    pub(super) name: &'a str,
+    pub(super) before: Value,
+    pub(super) after: Value,
+    /// Number of further variables.
+    others: usize,
+}
+
+impl Difference<'_> {
+    /// ` (and 3 other variables)`, or nothing.
+    pub(super) fn others(&self) -> String {
+        match self.others {
+            0 => String::new(),
+            1 => " (and 1 other variable)".to_owned(),
+            n => format!(" (and {n} other variables)"),
+        }
+    }
+}
+
+/// Real numbers are compared bit by bit.
+fn is_same(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Real(a), Value::Real(b)) => a.to_bits() == b.to_bits(),
+        _ => a == b,
+    }
+}
+
+/// Other values than the start value, within the limits; the first that is accepted will do.
+fn others(variable: &Variable) -> Vec<Value> {
+    let (min, max) = (variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY));
+    match &variable.start {
+        None => Vec::new(),
+        Some(Value::Boolean(start)) => vec![Value::Boolean(!start)],
+        Some(Value::String(start)) => vec![Value::String(format!("{start}x"))],
+        Some(Value::Real(start)) => {
+            let change = 1e-3 * size(*start);
+            let candidates = [start + change, start - change, 0.5 * (start + max), 0.5 * (start + min)];
+            let is_other = |value: &f64| value.is_finite() && (min..=max).contains(value) && value != start;
+            candidates.into_iter().filter(is_other).map(Value::Real).collect()
+        }
+        Some(Value::Integer(start)) if variable.items.is_empty() => {
+            let candidates = [start.checked_add(1), start.checked_sub(1)].into_iter().flatten();
+            candidates.filter(|value| (min..=max).contains(&f64::from(*value))).map(Value::Integer).collect()
+        }
+        Some(Value::Integer(start)) => {
+            let items = variable.items.iter().map(|item| item.value).filter(|value| value != start);
+            items.take(2).map(Value::Integer).collect()
+        }
+    }
+}
+
+pub(super) fn read(instance: &mut Instance, variable: &Variable) -> Answer<Value> {
+    let reference = [variable.reference];
+    Ok(match variable.base_type {
+        BaseType::Real => {
+            let mut value = [0.0];
+            instance.get_real(&reference, &mut value)?;
+            Value::Real(value[0])
+        }
+        BaseType::Integer => {
+            let mut value = [0];
+            instance.get_integer(&reference, &mut value)?;
+            Value::Integer(value[0])
+        }
+        BaseType::Boolean => {
+            let mut value = [0];
+            instance.get_boolean(&reference, &mut value)?;
+            Value::Boolean(value[0] != 0)
+        }
+        BaseType::String => Value::String(instance.get_string(&reference)?.remove(0)),
+    })
+}
+
+pub(super) fn write(instance: &mut Instance, variable: &Variable, value: &Value) -> Answer<()> {
+    let reference = [variable.reference];
+    match value {
+        Value::Real(value) => instance.set_real(&reference, &[*value]),
+        Value::Integer(value) => instance.set_integer(&reference, &[*value]),
+        Value::Boolean(value) => instance.set_boolean(&reference, &[i32::from(*value)]),
+        Value::String(value) => instance.set_string(&reference, &[value]),
+    }
+}
