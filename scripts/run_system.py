@@ -20,6 +20,7 @@ import numpy as np
 from chassis_fmu import systems
 from chassis_fmu.master import RunError
 from chassis_fmu.results import write_csv
+from chassis_fmu.terminal import escaped
 
 # What libcosim makes its execution from.
 LIBCOSIM: dict[str, Literal["osp", "ssp", "calls"]] = {
@@ -64,10 +65,10 @@ def main() -> int:
         else:
             recording = systems.with_libcosim(folder, LIBCOSIM[arguments.tool])
     except systems.NotLoadedError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {escaped(error)}", file=sys.stderr)
         return 3
     except (systems.StructureError, RunError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     signals = recording.values
     write_csv(out, list(signals), recording.times, np.column_stack(list(signals.values())))

@@ -17,6 +17,7 @@ from . import batch, index, metrics, page, plan, plots, results, shell, tables, 
 from .numbers import Numbers, Values
 from .plan import Metric, Plan, Run
 from .results import Recording
+from .terminal import escaped
 
 PURPOSE = "plan and run scenarios"
 
@@ -172,7 +173,7 @@ def _run(options: argparse.Namespace) -> int:
         outcome = batch.execute(scenario, runs, options.jobs or _processors())
         failures = outcome.failures
         for name, warnings in outcome.warnings.items():
-            print(f"warning: run {name}:", *warnings, sep="\n  ", file=sys.stderr)
+            print(f"warning: run {name}:", *map(escaped, warnings), sep="\n  ", file=sys.stderr)
     if options.parquet:
         batch.convert(scenario, runs, failures)
         repeat.append("--parquet")
@@ -186,11 +187,11 @@ def _run(options: argparse.Namespace) -> int:
         inputs=None if options.inputs is None else options.inputs.name,
         shortened=" ".join(cut) or None,
     )
-    print(report(scenario, folder, failures, context))
+    print(escaped(report(scenario, folder, failures, context)))
     if cut:
         print(f"Run with {' '.join(cut)}: the paper's numbers and the findings are about the whole scenario.\n")
     for name, error in failures.items():
-        print(f"error: run {name}: {error}\n", file=sys.stderr)
+        print(f"error: run {name}: {escaped(error)}\n", file=sys.stderr)
     if failures:
         print(f"{len(failures)} of {len(scenario.runs)} runs failed", file=sys.stderr)
     print(f"\n{folder / 'index.html'}")
@@ -210,10 +211,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _run(arguments(argv))
     except (AppError, shell.NoCargoError) as error:
         if str(error):
-            print(f"error: {error}", file=sys.stderr)
+            print(f"error: {escaped(error)}", file=sys.stderr)
         return error.code
     except (plan.PlanError, metrics.MetricError, results.ResultsError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -28,6 +28,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from . import plots, results, shell, tables
+from .terminal import escaped
 
 FORMAT = 2
 
@@ -462,10 +463,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return _run(arguments(argv))
     except shell.NoCargoError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {escaped(error)}", file=sys.stderr)
         return error.code
     except (TuningError, results.ResultsError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("interrupted; --resume goes on", file=sys.stderr)

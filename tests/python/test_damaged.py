@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -44,6 +45,12 @@ def _way_out(entries: Entries) -> None:
     entries["../evil"] = b"x"
 
 
+def _wild_guid(entries: Entries) -> None:
+    # The FMU quotes the GUID that it does not know. U+009B begins a sequence that a terminal obeys.
+    xml = entries["modelDescription.xml"].decode()
+    entries["modelDescription.xml"] = xml.replace('guid="{', 'guid="{\x9b5m', 1).encode()
+
+
 ENTRIES: list[tuple[Callable[[Entries], None], str]] = [
     (_other_platform, "loading: RescueVehicle.fmu: Cannot find shared library"),
     (_text, "loading: RescueVehicle.fmu: Failed to load shared library"),
@@ -51,6 +58,7 @@ ENTRIES: list[tuple[Callable[[Entries], None], str]] = [
     (_half, "the process of the run died"),
     (_entities, "document type declaration"),
     (_way_out, "not a path within the archive"),
+    (_wild_guid, "{\\u009b5m"),
 ]
 
 
@@ -82,6 +90,7 @@ def _cosim(fmu: bytes, folder: Path) -> tuple[int, str]:
     assert list(temporary.iterdir()) == [], "temporary files are left"
     assert not list(folder.rglob("evil")), "a file was written outside"
     assert not list((folder / "out").rglob("runs/*")), "a run with a damaged FMU has results"
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", done.stdout + done.stderr), "a terminal would obey"
     # Lines end anywhere.
     return done.returncode, " ".join((done.stdout + done.stderr).replace("\u2502", " ").split())
 

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use host::archive::Archive;
 use host::description::{Causality, ModelDescription, Value};
+use host::terminal::{indented, line};
 use miette::{IntoDiagnostic, Result};
 
-use crate::output::{out, outln};
+use crate::output::{outln, write_file};
 use crate::workspace::Workspace;
 
 /// Which FMU.
@@ -45,16 +46,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let mut archive = Archive::open(&path).into_diagnostic()?;
     if arguments.xml {
-        out!("{}", archive.description_text().into_diagnostic()?);
+        write_file(&archive.description_text().into_diagnostic()?);
         return Ok(());
     }
     let description = archive.description().into_diagnostic()?;
-    outln!("{} {}", description.model_name, description.version.as_deref().unwrap_or_default());
+    let version = description.version.as_deref().unwrap_or_default();
+    outln!("{} {}", line(&description.model_name), line(version));
     if let Some(text) = &description.description {
-        outln!("{text}");
+        outln!("{}", indented(text, "  "));
     }
-    outln!("GUID       {}", description.guid);
-    outln!("made with  {}", description.generation_tool.as_deref().unwrap_or("unknown"));
+    outln!("GUID       {}", line(&description.guid));
+    outln!("made with  {}", line(description.generation_tool.as_deref().unwrap_or("unknown")));
     outln!("platforms  {}", archive.platforms().join(", "));
     outln!("can        {}", capabilities(&description).join(", "));
     for (causality, title) in [
@@ -96,6 +98,7 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) {
                 variable.unit.clone().unwrap_or_default(),
                 variable.description.clone().unwrap_or_default(),
             ]
+            .map(|cell| line(&cell).into_owned())
         })
         .collect();
     if rows.is_empty() {

@@ -3,6 +3,7 @@
 
 mod check;
 mod documentation;
+mod errors;
 mod inspect;
 mod linearize;
 mod new;
@@ -67,6 +68,7 @@ enum Cli {
 }
 
 fn main() -> miette::Result<()> {
+    errors::install()?;
     // As a subcommand of cargo the program gets its own name as the first argument.
     let arguments = std::env::args_os().enumerate().filter(|(i, argument)| *i != 1 || argument != "fmu");
     match Cli::parse_from(arguments.map(|(_, argument)| argument)) {

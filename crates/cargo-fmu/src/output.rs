@@ -1,7 +1,10 @@
-//! Printing for people and pipes: a reader that has seen enough, such as `head`, is no failure.
+//! Printing for people and pipes: text of an FMU cannot control the terminal, and a reader that has seen enough, such as
+//! `head`, is not a failure.
 
 use std::fmt::Arguments;
-use std::io::{ErrorKind, Write as _};
+use std::io::{ErrorKind, IsTerminal as _, Write as _};
+
+use host::terminal::escaped;
 
 /// Prints to the standard output; [`outln`] adds the end of the line.
 macro_rules! out {
@@ -13,11 +16,26 @@ macro_rules! outln {
     ($($text:tt)*) => { $crate::output::write(format_args!("{}\n", format_args!($($text)*))) };
 }
 
-pub(crate) use {out, outln};
+/// Prints a line to the standard error.
+macro_rules! errln {
+    ($($text:tt)*) => { eprintln!("{}", host::terminal::escaped(&format!($($text)*))) };
+}
+
+pub(crate) use {errln, out, outln};
 
 /// Ends the program if nobody reads any more.
 pub(crate) fn write(text: Arguments<'_>) {
-    if let Err(error) = std::io::stdout().lock().write_fmt(text) {
+    write_raw(escaped(&text.to_string()).as_bytes());
+}
+
+/// Prints a file as it is, unless it goes to a terminal.
+pub(crate) fn write_file(text: &str) {
+    let shown = if std::io::stdout().is_terminal() { escaped(text) } else { text.into() };
+    write_raw(shown.as_bytes());
+}
+
+fn write_raw(bytes: &[u8]) {
+    if let Err(error) = std::io::stdout().lock().write_all(bytes) {
         if error.kind() == ErrorKind::BrokenPipe {
             std::process::exit(0);
         }

@@ -1,13 +1,13 @@
 //! `cargo fmu plan`: checks a scenario and shows what it is made of.
 
-use crate::output::out;
+use crate::output::{errln, out, outln};
 use crate::selection::Selection;
 use crate::trials;
 use clap::Args;
 use host::plan::{Connected, Order, Origin, Plan, Signal, Value, Wiring};
+use host::terminal::{indented, line};
 use miette::IntoDiagnostic;
 use std::collections::BTreeMap;
-use std::io::{self, BufWriter, Write};
 
 /// Outputs of a component that are listed by name; of more, only their number is told.
 const LISTED_OUTPUTS: usize = 6;
@@ -39,22 +39,14 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         out!("{}", summary(&plan));
         return Ok(());
     }
-    let mut out = BufWriter::new(io::stdout().lock());
-    let printed = serde_json::to_writer(&mut out, &plan)
-        .map_err(io::Error::from)
-        .and_then(|()| writeln!(out))
-        .and_then(|()| out.flush());
-    match printed {
-        // A reader that has seen enough is no error.
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        other => other.into_diagnostic(),
-    }
+    outln!("{}", serde_json::to_string(&plan).into_diagnostic()?);
+    Ok(())
 }
 
 /// Prints the warnings of a plan.
 pub(crate) fn print_warnings(plan: &Plan) {
     for warning in &plan.warnings {
-        eprintln!("warning: {warning}");
+        errln!("warning: {}", indented(warning, "  "));
     }
 }
 
@@ -184,6 +176,7 @@ fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
 
 /// Rows with aligned columns.
 fn table(rows: &[[String; 3]]) -> Vec<String> {
+    let rows: Vec<_> = rows.iter().map(|row| row.each_ref().map(|cell| line(cell))).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let (first, second) = (width(0), width(1));
     rows.iter().map(|row| format!("  {:first$}  {:second$}  {}", row[0], row[1], row[2])).collect()
@@ -195,10 +188,10 @@ fn unread(wiring: &Wiring) -> String {
     for signal in &wiring.unread {
         components.entry(&signal.component).or_default().push(&signal.variable);
     }
-    let line = |(component, outputs): (&str, Vec<&str>)| {
+    let of_component = |(component, outputs): (&str, Vec<&str>)| {
         let outputs =
             if outputs.len() > LISTED_OUTPUTS { format!("{} of them", outputs.len()) } else { outputs.join(", ") };
-        format!("  {component}: {outputs}")
+        format!("  {component}: {}", line(&outputs))
     };
-    components.into_iter().map(line).collect::<Vec<_>>().join("\n")
+    components.into_iter().map(of_component).collect::<Vec<_>>().join("\n")
 }

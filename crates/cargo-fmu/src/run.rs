@@ -1,6 +1,6 @@
 //! `cargo fmu run`: executes a scenario.
 
-use crate::output::outln;
+use crate::output::{errln, outln};
 use crate::plan::print_warnings;
 use crate::selection::Selection;
 use clap::Args;
@@ -8,6 +8,7 @@ use host::fmu::Fmus;
 use host::master::{self, Recording};
 use host::plan::{Plan, Run};
 use host::results;
+use host::terminal::indented;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use std::collections::BTreeMap;
@@ -134,9 +135,9 @@ fn print_summary(plan: &Plan, done: &[(&Run, Done)], folder: &Path, elapsed: Dur
         *messages.entry(message).or_default() += 1;
     }
     for (message, count) in messages.iter().take(SHOWN_MESSAGES) {
-        eprintln!("{message} ({count} times)");
+        errln!("{} ({count} times)", indented(message, "  "));
     }
     if messages.len() > SHOWN_MESSAGES {
-        eprintln!("and {} other messages", messages.len() - SHOWN_MESSAGES);
+        errln!("and {} other messages", messages.len() - SHOWN_MESSAGES);
     }
 }

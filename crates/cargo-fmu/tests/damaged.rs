@@ -284,9 +284,10 @@ fn bombs_are_refused() {
         header(sound.bytes(), name, [22, 24], |field| field[..4].copy_from_slice(&size.to_le_bytes()))
     };
     for name in ["modelDescription.xml", "resources/note.txt"] {
-        refused(name, &stated(name, 0xffff_fff0), Archive, "it would unpack to 42949");
+        refused(name, &stated(name, 0xffff_fff0), Archive, "unpacks to 4294967280 bytes, at most 1073741824 are");
     }
-    refused("a large description", &stated("modelDescription.xml", 1 << 30), Archive, "at most 67108864 are read");
+    refused("a large description", &stated("modelDescription.xml", 1 << 30), Archive, "at most 200 times as many are");
+    refused("a long description", &sound.described(vec![b' '; 67_108_865]), Archive, "at most 67108864 are read");
     for (size, expected) in [(0, "larger than its declared"), (100_000, "does not have the 100000 bytes")] {
         refused("a description", &stated("modelDescription.xml", size), Archive, expected);
         refused("a resource", &stated("resources/note.txt", size), Binary, expected);
@@ -295,12 +296,146 @@ fn bombs_are_refused() {
     let mut zip = ZipWriter::new(std::io::Cursor::new(Vec::new()));
     zip.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
     zip.write_all(&vec![b' '; 200_000_000]).unwrap();
-    refused("a long description", &zip.finish().unwrap().into_inner(), Archive, "at most");
+    refused("a dense description", &zip.finish().unwrap().into_inner(), Archive, "at most 200 times as many are");
     let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
     for number in 0..100_000 {
         zip.start_file(format!("resources/{number}"), SimpleFileOptions::default()).unwrap();
     }
-    refused("many entries", &zip.finish().unwrap().into_inner(), Archive, "entries");
+    refused("many entries", &zip.finish().unwrap().into_inner(), Archive, "100003 entries, at most 100000 are");
+    // Zeros that fill the disk, a thousand from a byte.
+    let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
+    zip.start_file("binaries/zeros.bin", SimpleFileOptions::default()).unwrap();
+    let zeros = vec![0; 100_000_000];
+    zip.write_all(&zeros).unwrap();
+    refused("zeros", &zip.finish().unwrap().into_inner(), Archive, "at most 200 times as many are accepted");
+}
+
+/// Programs that read zip files disagree about these: what one of them checks another one does not unpack.
+#[test]
+fn ambiguous_archives_are_refused() {
+    let sound = Sound::new();
+    // Another archive as the comment of this one; the length of the comment stands in the last two bytes.
+    let mut bytes = sound.bytes();
+    let other = zipped(&sound.entries()[..1]);
+    let length = u16::try_from(other.len()).unwrap().to_le_bytes();
+    let at = bytes.len() - 2;
+    bytes[at..].copy_from_slice(&length);
+    bytes.extend(&other);
+    refused("an archive in the comment", &bytes, Archive, "it has several end records");
+    // An end record of zip64 that states an entry less.
+    let (bytes, end) = (sound.bytes(), 22);
+    let (front, end) = bytes.split_at(bytes.len() - end);
+    let [size, start] = [12, 16].map(|at| u64::from(u32::from_le_bytes(end[at..at + 4].try_into().unwrap())));
+    let mut wide = b"PK\x06\x06".to_vec();
+    wide.extend(44_u64.to_le_bytes());
+    wide.extend([0; 12]);
+    wide.extend([2, 2, size, start].map(u64::to_le_bytes).concat());
+    wide.extend(b"PK\x06\x07\0\0\0\0");
+    wide.extend((front.len() as u64).to_le_bytes());
+    wide.extend(1_u32.to_le_bytes());
+    let bytes = [front, &wide, end].concat();
+    refused("an end record of zip64", &bytes, Archive, "its end record states 3 entries, that of zip64 2");
+    // Two names of one content.
+    let bytes = header(sound.bytes(), "resources/note.txt", [30, 30], |_| ());
+    let last = *places(&bytes, b"resources/note.txt").last().unwrap();
+    let mut bytes = bytes;
+    bytes[last] = b'R';
+    refused("two names", &bytes, Archive, "has another name, `resources/note.txt`, at its content");
+}
+
+/// Look-ups by name take no longer the more there is: 100,000 units of measure, each of one variable, and as many
+/// dependencies.
+#[test]
+fn many_units_and_dependencies_are_read_in_time() {
+    let sound = Sound::new();
+    let count = 100_000;
+    let units: String = (0..count).map(|i| format!("<Unit name=\"u{i}\"/>")).collect();
+    let variables: String = (0..count)
+        .map(|i| format!("<ScalarVariable name=\"p{i}\" valueReference=\"1\" causality=\"output\"><Real unit=\"u{i}\"/></ScalarVariable>\n"))
+        .collect();
+    let unknowns: String =
+        (0..count).map(|i| format!("<Unknown index=\"{}\" dependencies=\"1 2 3\"/>", i + 10)).collect();
+    let text = sound.description.replace("</UnitDefinitions>", &format!("{units}</UnitDefinitions>"));
+    let text = text.replace("</ModelVariables>", &format!("{variables}</ModelVariables>"));
+    let text =
+        text.replace("<ModelStructure/>", &format!("<ModelStructure><Outputs>{unknowns}</Outputs></ModelStructure>"));
+    let folder = folder();
+    std::fs::write(folder.path().join("Ramp.fmu"), sound.described(text)).unwrap();
+    for line in ["inspect Ramp.fmu", "check Ramp.fmu", "plan ramp.toml --fmus .", "run ramp.toml --fmus ."] {
+        let output = command(folder.path(), line);
+        let said = message(&output);
+        assert!(
+            output.status.code().is_some() && !said.contains("panicked"),
+            "{line}: {}",
+            &said[..said.len().min(2000)]
+        );
+        assert_eq!(output.status.success(), !line.starts_with("check"), "{line}: {}", &said[..said.len().min(2000)]);
+    }
+}
+
+/// An enumeration of 50,000 items that 50,000 variables have, and a unit whose name is 1 MB long.
+#[test]
+fn what_many_variables_inherit_takes_no_memory_of_each() {
+    let sound = Sound::new();
+    let items: String = (0..50_000).map(|i| format!("<Item name=\"i{i}\" value=\"{i}\"/>")).collect();
+    let of_type = |typed: &str, definition: &str| {
+        let variables: String = (0..50_000)
+            .map(|i| format!("<ScalarVariable name=\"p{i}\" valueReference=\"0\" causality=\"parameter\" variability=\"fixed\">{typed}</ScalarVariable>\n"))
+            .collect();
+        let text = sound.description.replace(
+            "<ModelVariables>",
+            &format!(
+                "<TypeDefinitions><SimpleType name=\"T\">{definition}</SimpleType></TypeDefinitions><ModelVariables>"
+            ),
+        );
+        sound.described(text.replace("</ModelVariables>", &format!("{variables}</ModelVariables>")))
+    };
+    let folder = folder();
+    let items =
+        of_type("<Enumeration declaredType=\"T\" start=\"49999\"/>", &format!("<Enumeration>{items}</Enumeration>"));
+    std::fs::write(folder.path().join("Ramp.fmu"), items).unwrap();
+    for line in ["inspect Ramp.fmu", "check Ramp.fmu", "plan ramp.toml --fmus ."] {
+        let output = command(folder.path(), line);
+        assert!(output.status.code().is_some(), "{line}: {}", output.status);
+    }
+    let long = format!("<Real unit=\"{}\"/>", "m".repeat(1_000_000));
+    let long = of_type("<Real declaredType=\"T\" start=\"1\"/>", &long);
+    refused("a long unit", &long, Description, "`unit` of <Real> has 1000000 bytes, at most 200 are read");
+}
+
+/// ESC begins a sequence that a terminal obeys, U+009B is the same in one character, U+202E turns the line round.
+#[test]
+fn text_of_an_fmu_does_not_control_the_terminal() {
+    let sound = Sound::new();
+    let wild = |text: &str| text.chars().any(|c| (c.is_control() && c != '\n') || c == '\u{202e}');
+    let name = "gain\u{9b}31m\u{202e}nig\n  error: none";
+    let described = sound
+        .description
+        .replace(
+            "name=\"gain\"",
+            &format!("name=\"{}\" description=\"\u{9b}2J&#10;forged\"", name.replace('\n', "&#10;")),
+        )
+        .replace("modelName=\"Ramp\"", "modelName=\"Ramp\u{202e}pmaR\"")
+        .replace("unit=\"m\"/>", "unit=\"\u{9b}m\"/>");
+    let folder = folder();
+    let mut shown = String::new();
+    // A GUID that the binary does not know: the message of the FMU quotes it.
+    for guid in ["guid=\"Ramp\"", "guid=\"Ra\u{9b}5mmp\""] {
+        let text = described.replace("guid=\"Ramp\"", guid);
+        std::fs::write(folder.path().join("Ramp.fmu"), sound.described(text)).unwrap();
+        for (line, _) in COMMANDS.iter().filter(|(line, _)| !line.contains("--xml")) {
+            let output = command(folder.path(), line);
+            for text in [String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr)] {
+                assert!(!wild(&text), "{line}: {text:?}");
+                shown += &text;
+            }
+        }
+    }
+    assert!(shown.contains("gain\\u009b31m\\u202enig\\n  error: none"), "{shown}");
+    assert!(shown.contains("\\u009b2J\\nforged") && shown.contains("Ramp\\u202epmaR"), "{shown}");
+    // Into a pipe the description goes as it is.
+    let output = command(folder.path(), "inspect --xml Ramp.fmu");
+    assert!(wild(&String::from_utf8_lossy(&output.stdout)));
 }
 
 #[test]
