@@ -290,13 +290,17 @@ impl Copy {
         }
     }
 
-    /// A command in the copy.
+    /// A command in the copy that succeeds.
     fn command(&self, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> Output {
+        successful(&mut self.prepared(program, arguments))
+    }
+
+    fn prepared(&self, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> Command {
         let mut command = Command::new(program);
         command.args(arguments).current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target).env("NO_COLOR", "1");
         // Nobody debugs these packages: less to compile and to keep.
         command.env("CARGO_PROFILE_DEV_DEBUG", "none").env("CARGO_INCREMENTAL", "0");
-        successful(&mut command)
+        command
     }
 
     fn fmu(&self, name: &str) -> PathBuf {
@@ -410,4 +414,47 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     let bound = height / (1.0 - damping * damping).sqrt() * (-c / (2.0 * m) * f64::from(steps) * step).exp();
     let heave = real(&plant, &mut instance, "body.heave");
     assert!((heave - height).abs() <= bound, "heave {heave}, expected {height} within {bound:e}");
+}
+
+/// `cargo fmu pack --for SCENARIO`, as `scripts/run` calls it: a package that does not compile is no obstacle for scenarios
+/// that do without it, and what is up to date is not told.
+#[test]
+fn a_broken_package_blocks_only_what_needs_it() {
+    let cargo_fmu = cargo_fmu();
+    let copy = Copy::new();
+    std::fs::write(copy.root.join("fmu-plant/road/src/lib.rs"), "this is not Rust").expect("it can be written");
+    let scenario = |name: &str, fmus: [&str; 2]| {
+        let units: Vec<String> =
+            fmus.iter().enumerate().map(|(i, fmu)| format!("[[unit]]\nname = \"u{i}\"\nfmu = \"{fmu}\"\n")).collect();
+        let text = format!(
+            "title = \"T\"\n[simulation]\nstop = 1.0\nstep = 0.1\n{}[[case]]\nname = \"a\"\ntitle = \"A\"\n[record]\nsignals = [\"*\"]\n",
+            units.join("")
+        );
+        std::fs::write(copy.root.join(name), text).expect("it can be written");
+    };
+    // One of the FMUs is not of this workspace.
+    scenario("fine.toml", ["FuzzyCoordination", "FromElsewhere"]);
+    scenario("elsewhere.toml", ["FromElsewhere", "FromThere"]);
+    scenario("broken.toml", ["FuzzyCoordination", "Road"]);
+    std::fs::write(copy.root.join("study.toml"), "scenario = \"fine.toml\"\n").expect("it can be written");
+    if copy.fmu("FuzzyCoordination").exists() {
+        std::fs::remove_file(copy.fmu("FuzzyCoordination")).expect("it can be removed");
+    }
+    let pack = |file: &str| {
+        let mut command = copy.prepared(&cargo_fmu, &["fmu", "pack", "--for", file]);
+        let output = command.env("CARGO_TERM_QUIET", "true").output().expect("it starts");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.success(), text(&output.stdout), text(&output.stderr))
+    };
+    let (is_fine, packed, messages) = pack("fine.toml");
+    assert!(is_fine, "{messages}");
+    assert!(packed.lines().count() == 1 && packed.contains("FuzzyCoordination.fmu"), "{packed}");
+    assert!(messages.starts_with("Building FuzzyCoordination; "), "{messages}");
+    assert_eq!(pack("fine.toml"), (true, String::new(), String::new()), "nothing to do, nothing to tell");
+    assert_eq!(pack("elsewhere.toml"), (true, String::new(), String::new()));
+    let (is_fine, _, messages) = pack("broken.toml");
+    assert!(!is_fine && messages.contains("fmu-plant/road/src/lib.rs"), "{messages}");
+    // A study that is not complete is told as `cargo fmu tune` tells it.
+    let (is_fine, _, messages) = pack("study.toml");
+    assert!(!is_fine && messages.contains("study.toml") && messages.contains("missing key `title`"), "{messages}");
 }

@@ -6,6 +6,7 @@ mod documentation;
 mod errors;
 mod inspect;
 mod linearize;
+mod needed;
 mod new;
 mod output;
 mod pack;

@@ -14,6 +14,7 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use crate::documentation;
+use crate::needed;
 use crate::output::outln;
 use crate::platform::Platform;
 use crate::win64;
@@ -27,6 +28,9 @@ pub(crate) struct Arguments {
     /// All models of the workspace's default members
     #[arg(long, conflicts_with = "names")]
     all: bool,
+    /// The models that this scenario or study needs; tells only what it had to pack
+    #[arg(long = "for", value_name = "FILE", conflicts_with_all = ["names", "all"])]
+    needed_by: Option<PathBuf>,
     /// Platforms the FMUs get binaries for; win64 elsewhere needs mingw-w64 and a Rust with the sources of its library
     /// [default: that of this machine]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
@@ -53,7 +57,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     // First, because the user should not wait for a build to hear what is missing.
     let builders = builders(&arguments.platforms, arguments.portable)?;
     let workspace = Workspace::find()?;
-    let models = workspace.select(&arguments.names, arguments.all)?;
+    let folder = arguments.out.clone().unwrap_or_else(|| workspace.fmus());
+    let models = match &arguments.needed_by {
+        None => workspace.select(&arguments.names, arguments.all)?,
+        Some(file) => {
+            let models = workspace.models_of(&needed::fmus(file)?);
+            if models.is_empty() {
+                // All its FMUs come from elsewhere.
+                return Ok(());
+            }
+            let is_missing = |model: &&Model| !folder.join(format!("{}.fmu", model.name)).exists();
+            let missing: Vec<&str> = models.iter().filter(is_missing).map(|model| model.name.as_str()).collect();
+            if !missing.is_empty() {
+                eprintln!("Building {}; this takes some minutes the first time", missing.join(", "));
+            }
+            models
+        }
+    };
     if models.is_empty() {
         return Err(miette!("this workspace has no package with the crate type cdylib that depends on fmi2"));
     }
@@ -67,7 +87,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let bar = ProgressBar::new(models.len() as u64).with_style(
         ProgressStyle::with_template("packing [{bar:30}] {pos}/{len} {msg}").expect("a constant template is valid"),
     );
-    let folder = arguments.out.clone().unwrap_or_else(|| workspace.fmus());
     let mut changed = Vec::new();
     let mut report = Vec::new();
     for ((model, description), libraries) in models.iter().zip(&descriptions).zip(&libraries) {
@@ -80,13 +99,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
         let bytes = archive(model, libraries, description)?;
         let path = folder.join(format!("{}.fmu", model.name));
+        bar.inc(1);
+        if arguments.needed_by.is_some() && std::fs::read(&path).is_ok_and(|old| old == bytes) {
+            continue;
+        }
         write_whole(&path, &bytes)?;
         report.push(format!(
             "{} ({} kB)",
             path.strip_prefix(&workspace.root).unwrap_or(&path).display(),
             bytes.len() / 1000
         ));
-        bar.inc(1);
     }
     bar.finish_and_clear();
     for line in report {

@@ -7,7 +7,7 @@ use clap::Args;
 use host::plan::{Connected, Order, Origin, Plan, Signal, Value, Wiring};
 use host::terminal::{indented, line};
 use miette::IntoDiagnostic;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// Outputs of a component that are listed by name; of more, only their number is told.
 const LISTED_OUTPUTS: usize = 6;
@@ -89,7 +89,7 @@ fn summary(plan: &Plan) -> String {
     ));
     lines.push("\nComponents in order of execution".to_string());
     lines.extend(components(plan));
-    let mut known: Vec<[String; 3]> = Vec::new();
+    let mut known: HashSet<[String; 3]> = HashSet::new();
     for wiring in &plan.wiring {
         let rows = rows(wiring);
         let new: Vec<[String; 3]> = rows.into_iter().filter(|row| !known.contains(row)).collect();
@@ -133,6 +133,7 @@ fn components(plan: &Plan) -> Vec<String> {
 /// same way, share a row.
 fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
     let mut rows: Vec<([String; 3], Vec<String>)> = Vec::new();
+    let mut indices: HashMap<[String; 3], usize> = HashMap::new();
     for Connected { input, source } in &wiring.inputs {
         let (stem, place) = input.variable.rsplit_once('.').unwrap_or((&input.variable, ""));
         let source = match source {
@@ -153,7 +154,8 @@ fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
             }
         };
         let row = [input.component.clone(), stem.to_string(), source];
-        match rows.iter_mut().find(|(known, _)| *known == row) {
+        let index = *indices.entry(row.clone()).or_insert(rows.len());
+        match rows.get_mut(index) {
             Some((_, places)) => places.push(place.to_string()),
             None => rows.push((row, vec![place.to_string()])),
         }

@@ -1,5 +1,6 @@
 //! Which packages of the workspace are models.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -117,6 +118,11 @@ impl Workspace {
                 })
             })
             .collect()
+    }
+
+    /// The models among FMUs; others come from elsewhere.
+    pub(crate) fn models_of(&self, fmus: &BTreeSet<String>) -> Vec<Model> {
+        self.models.iter().filter(|model| fmus.contains(&model.name)).cloned().collect()
     }
 
     /// Folder of the packed FMUs.

@@ -400,8 +400,13 @@ impl<'a> Resolver<'a> {
             }
             self.check_pattern(systems, pattern, unit, text);
         }
-        let owners = outputs(systems, None);
+        let mut owners: HashMap<&str, usize> = HashMap::new();
+        for (_, name) in outputs(systems, None) {
+            *owners.entry(name).or_default() += 1;
+        }
         let mut columns: Vec<Column> = Vec::new();
+        // (unit, variable) -> index; an FMU may have very many outputs.
+        let mut indices: HashMap<(&str, &str), usize> = HashMap::new();
         for unit in &self.scenario.units {
             for system in systems {
                 let Some(m) = system.member(unit.name.get_ref()) else {
@@ -413,9 +418,9 @@ impl<'a> Resolver<'a> {
                     if !self.is_recorded(member.name(), &variable.name) {
                         continue;
                     }
-                    let shared = owners.iter().filter(|(_, name)| *name == variable.name).count() > 1;
-                    let known = columns.iter_mut().find(|c| c.unit == member.name() && c.variable == variable.name);
-                    let Some(known) = known else {
+                    let shared = owners.get(variable.name.as_str()).is_some_and(|count| *count > 1);
+                    let index = *indices.entry((member.name(), variable.name.as_str())).or_insert(columns.len());
+                    let Some(known) = columns.get_mut(index) else {
                         columns.push(column(member, variable, shared));
                         continue;
                     };

@@ -227,6 +227,13 @@ struct CompareEntry {
     values: BTreeMap<Spanned<String>, Spanned<f64>>,
 }
 
+/// Whether a file is a study, not a scenario: it names one. False if it cannot be read or is no TOML.
+#[must_use]
+pub fn is_study(path: &Path) -> bool {
+    let table = text(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
+    table.is_some_and(|table| table.contains_key("scenario"))
+}
+
 /// Path of the scenario that a study names.
 ///
 /// # Errors
