@@ -6,12 +6,12 @@ use crate::selection::Selection;
 use clap::Args;
 use host::fmu::Fmus;
 use host::master::{self, Recording};
-use host::plan::{Plan, Run};
+use host::plan::{Plan, Run, Signal};
 use host::results;
 use host::terminal::indented;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -51,6 +51,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     } else {
         let plan = arguments.selection.plan_with_warnings()?;
         print_warnings(&plan);
+        let unread: BTreeSet<&Signal> = plan.wiring.iter().flat_map(|wiring| &wiring.unread).collect();
+        if !unread.is_empty() {
+            eprintln!("note: {} outputs are neither read nor recorded; `cargo fmu plan` lists them", unread.len());
+        }
         plan
     };
     let folder = arguments.out.join(&plan.name).join("runs");

@@ -73,7 +73,7 @@ pub struct Wiring {
 }
 
 /// A variable of a component.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Signal {
     /// Name of the component.
     pub component: String,
