@@ -218,7 +218,7 @@ fn mistakes_name_their_case() {
         ),
         (
             "without = [\"driver\"]",
-            "nobody writes the inputs `driver.steer`, `vehicle.speed` of `steering`, in case `other`",
+            "nobody writes the input `driver.steer` of `steering`, in case `other`",
         ),
         (
             "fmu.steering = \"OtherSteering\"\nparameters.steering = { strategy = 1 }",
