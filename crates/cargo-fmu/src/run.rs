@@ -53,7 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         print_warnings(&plan);
         let unread: BTreeSet<&Signal> = plan.wiring.iter().flat_map(|wiring| &wiring.unread).collect();
         if !unread.is_empty() {
-            eprintln!("note: {} outputs are neither read nor recorded; `cargo fmu plan` lists them", unread.len());
+            errln!("note: {} outputs are neither read nor recorded; `cargo fmu plan` lists them", unread.len());
         }
         plan
     };

@@ -216,10 +216,7 @@ fn mistakes_name_their_case() {
             "fmu.driver = \"Vehicle\"",
             "`driver.speed` of `driver` is an input, expected an output, in case `other` (fmu.driver = \"Vehicle\")",
         ),
-        (
-            "without = [\"driver\"]",
-            "nobody writes the input `driver.steer` of `steering`, in case `other`",
-        ),
+        ("without = [\"driver\"]", "nobody writes the input `driver.steer` of `steering`, in case `other`"),
         (
             "fmu.steering = \"OtherSteering\"\nparameters.steering = { strategy = 1 }",
             "OtherSteering has no parameter `strategy`, in case `other` (fmu.steering = \"OtherSteering\")",
