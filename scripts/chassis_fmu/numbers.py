@@ -201,7 +201,7 @@ class Numbers:
             if found is None:
                 # In percent of next to nothing nothing can be said: both must be that.
                 return Status.REPRODUCED if self.is_negligible(cell) else Status.NOT_REPRODUCED
-            return verdict.of_no_change(found.mean)
+            return verdict.of_no_change(difference, found.mean)
         paper = self.paper_change(cell, against)
         if paper is None:
             return Status.OPEN

@@ -151,7 +151,7 @@ def check(item: Check, numbers: Numbers) -> str:
         "unchanged": "expected unchanged",
     }[item.expect]
     doubt = ""
-    if len(pairs) > 1 and item.expect != "unchanged" and not paired(pairs).is_clear:
+    if len(pairs) > 1 and not paired(pairs).is_clear:
         doubt = "; within the scatter of the seeds"
     return f"{head} against {place(item.against, item.cell)}: {found}, {wanted}{doubt}"
 

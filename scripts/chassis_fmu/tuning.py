@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from . import plots, results, shell, tables
+from . import index, plots, results, shell, tables
 from .terminal import escaped
 
 FORMAT = 2
@@ -411,6 +411,8 @@ def report(folder: Path, command: str) -> None:
         with results.replacing(folder / "figures" / "convergence.png") as temporary:
             temporary.write_bytes(drawing[1])
     results.write_text(folder / "index.html", render(study, None if drawing is None else drawing[0], command))
+    index.note(folder, index.Entry(study.raw["title"], study.raw["reference"] or ""))
+    index.write(folder.parent)
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:

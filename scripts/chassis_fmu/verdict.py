@@ -133,7 +133,7 @@ def of_sign(difference: Interval, expected: int) -> Status:
 def of_change(difference: Interval, percent: float | None, paper: float) -> Status:
     """Judge a change in percent (None: in percent of next to nothing) against the paper's."""
     if paper == 0.0:
-        return Status.NOT_REPRODUCED if percent is None else of_no_change(percent)
+        return Status.NOT_REPRODUCED if percent is None else of_no_change(difference, percent)
     status = of_sign(difference, 1 if paper > 0.0 else -1)
     if status is not Status.REPRODUCED:
         return status
@@ -146,9 +146,14 @@ def of_value(value: float, paper: float) -> Status:
     return Status.REPRODUCED if abs(value - paper) <= VALUE_SHARE * abs(paper) else Status.NOT_REPRODUCED
 
 
-def of_no_change(percent: float) -> Status:
-    """Judge the claim that nothing changes: within the percentage points that a change of zero allows."""
-    return Status.REPRODUCED if abs(percent) <= CHANGE_POINTS else Status.NOT_REPRODUCED
+def of_no_change(difference: Interval, percent: float) -> Status:
+    """Judge the claim that nothing changes: within the percentage points that a change of zero allows.
+
+    A larger change that cannot be told from the scatter refutes nothing.
+    """
+    if abs(percent) <= CHANGE_POINTS:
+        return Status.REPRODUCED
+    return Status.NOT_REPRODUCED if difference.is_clear else Status.PARTLY
 
 
 def worst(statuses: Iterable[Status]) -> Status:

@@ -133,6 +133,7 @@ def test_seeds_of_a_method_stand_together(folder: Path) -> None:
     assert study.groups[0].best == study.methods[2].best
     assert study.groups[1].best is None
     tuning.report(folder, "c")
+    assert f'href="{folder.name}/index.html"' in (folder.parent / "index.html").read_text()
     page = (folder / "index.html").read_text()
     for text in ("thick lines: their median", "PACSA, best to worst", "Of several seeds the best one."):
         assert text in page, text

@@ -65,6 +65,7 @@ def test_an_interval_by_hand() -> None:
         # the paper says that nothing changes
         (1.0, 0.5, 4.9, 0.0, Status.REPRODUCED),
         (1.0, 0.5, 5.1, 0.0, Status.NOT_REPRODUCED),
+        (1.0, 1.5, 5.1, 0.0, Status.PARTLY),
     ],
 )
 def test_changes(mean: float, half: float, percent: float | None, paper: float, status: Status) -> None:
