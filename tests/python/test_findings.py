@@ -130,7 +130,7 @@ PINS: dict[str, list[Pin]] = {
         *pins("yaw_acceleration_rms.coordination 0.05", 0.02, 8, CHANGE),
         *pins("heave_acceleration_rms.coordination 23", 1.0, 8, CHANGE),
     ],
-    # Variants of section 7: one road.
+    # Variants of section 7: one road; those that depend on it by more than they differ are left out.
     "rescue_vehicle_step_steer_variants": [
         *pins(
             """
@@ -138,7 +138,6 @@ PINS: dict[str, list[Pin]] = {
             roll_rms.accepted_roll_0_5 -32
             roll_rms.accepted_roll_acceleration_0_7 -13
             roll_rms.accepted_roll_acceleration_0_5 12
-            roll_acceleration_rms.accepted_roll_acceleration_0_5 -12
             roll_acceleration_rms.no_suspension_control 51
             roll_rms.roll_only -14
             roll_rms.lateral_coordination -13
@@ -152,7 +151,6 @@ PINS: dict[str, list[Pin]] = {
             roll_rms.accepted_roll_2_0 -3.6
             roll_rms.accepted_roll_3_0 -1.7
             roll_rms.as_printed -2.4
-            roll_rms.no_suspension_control 3.9
             yaw_acceleration_rms.no_suspension_control 0.1
             roll_rms.half_half -7.7
             roll_rms.smooth_coordination -12.5
