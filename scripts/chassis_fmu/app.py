@@ -78,7 +78,7 @@ def _of_baseline(scenario: Plan, run: Run, runs: Path, failures: dict[str, str])
 
 
 def _value(metric: Metric, scenario: Plan, recording: Recording, baseline: Recording | None) -> float | None:
-    if metric.window is not None and metric.window[0] > scenario.simulation.stop:
+    if metric.window is not None and metric.window[0] >= scenario.simulation.stop:
         # The run was cut short.
         return None
     return metrics.of_recording(metric, scenario, recording, baseline)

@@ -163,11 +163,20 @@ class Numbers:
             return self.status(Check(cell, None, "paper_value", None))
         return None
 
+    def _is_cut_off(self, cell: Cell) -> bool:
+        """Tell whether the runs were cut short before the window of a metric."""
+        window = self.metric(cell).window
+        return window is not None and window[0] >= self.plan.simulation.stop
+
     def status(self, check: Check) -> Status:
         """Return the badge of one check."""
         cell, against = check.cell, check.against
         places = {(cell.case, cell.point), *([] if against is None else [(against.case, against.point)])}
-        if not places <= self._finished:
+        if (
+            not places <= self._finished
+            or self._is_cut_off(cell)
+            or (against is not None and self._is_cut_off(against))
+        ):
             return Status.OPEN
         ours = self.statistic(cell)
         if check.expect == "never":

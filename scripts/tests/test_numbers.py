@@ -220,3 +220,7 @@ def test_a_finding_has_the_badge_of_its_worst_check(scenario: Plan) -> None:
     failed = Numbers(of.plan, {}, finished=set())
     assert failed.finding(Finding((), (), own=False, checks=(good,))) is Status.OPEN
     assert failed.finding(Finding((), (), own=True, checks=(Check(ACTIVE, None, "never", None),))) is Status.OPEN
+    # So does one that was cut short before the window of the metric.
+    later = dataclasses.replace(scenario.metrics[0], window=(0.3, 0.5))
+    cut = seeded(dataclasses.replace(scenario, metrics=(later, scenario.metrics[1])), [4.0], [3.0])
+    assert cut.status_of(ACTIVE) is Status.OPEN
