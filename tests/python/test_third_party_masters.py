@@ -63,6 +63,14 @@ LOOPS = (
 )
 
 
+# What `cargo fmu check` reports of a container.
+CONTAINER = (
+    "is listed in ModelStructure/InitialUnknowns, where it does not belong",
+    "a wrong GUID is accepted",
+    ", but the binary starts with 0.0",
+)
+
+
 @dataclass(frozen=True)
 class Written:
     """What the command wrote, and the native results by order."""
@@ -138,6 +146,11 @@ def test_the_files_follow_the_schemas_of_ssp(written: Written) -> None:
 def test_fmpy_gives_the_same_bits(written: Written, order: systems.Order) -> None:
     found = systems.with_fmpy(written.folder, order)
     assert set(differences(found, written.native[order]).values()) == {0.0}
+    # What docs/masters.md says of the file, and nothing else.
+    checked = call("cargo", "fmu", "check", str(path))
+    findings = [line for line in checked.stdout.splitlines() if line.startswith(("  error: ", "  warning: "))]
+    assert any(CONTAINER[0] in finding for finding in findings), checked.stdout
+    assert [finding for finding in findings if not any(words in finding for words in CONTAINER)] == []
 
 
 def test_the_orders_differ(written: Written) -> None:

@@ -183,8 +183,11 @@ pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>)
     // A third of the letters may be wrong: enough for slips, too little for chance hits.
     let limit = (name.chars().count() / 3).max(1);
     let name = name.to_lowercase();
+    // At least as many letters differ as the lengths do. This spares the long ones.
+    let length = name.chars().count();
     candidates
         .into_iter()
+        .filter(|c| c.to_lowercase().chars().count().abs_diff(length) <= limit)
         .map(|c| (strsim::damerau_levenshtein(&name, &c.to_lowercase()), c))
         .filter(|(distance, _)| *distance <= limit)
         .min()

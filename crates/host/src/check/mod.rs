@@ -73,31 +73,12 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Findings about a description, of which only so many are kept.
-#[derive(Default)]
-struct Findings {
-    kept: Vec<Finding>,
-    /// Number of those that are not.
-    more: usize,
-}
+/// Where findings about a description go.
+struct Findings<'a>(&'a mut dyn FnMut(Finding));
 
-impl Findings {
-    const MOST: usize = 1000;
-
+impl Findings<'_> {
     fn push(&mut self, finding: Finding) {
-        if self.kept.len() < Self::MOST {
-            self.kept.push(finding);
-        } else {
-            self.more += 1;
-        }
-    }
-
-    fn all(mut self) -> Vec<Finding> {
-        if self.more > 0 {
-            let message = format!("{} further findings are left out", self.more);
-            self.kept.push(Finding::error("modelDescription.xml", message));
-        }
-        self.kept
+        (self.0)(finding);
     }
 }
 
@@ -111,10 +92,36 @@ pub enum Event {
     Found(Finding),
 }
 
+/// Most findings that are told; of further ones only their number. A fault may be one of every variable.
+const MAX_FINDINGS: usize = 1000;
+
 /// Checks a `.fmu` file.
 ///
 /// The binary is loaded and runs in this process, so call it in a process of its own where a crash matters.
 pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
+    let (mut told, mut errors, mut warnings) = (0, 0, 0);
+    examine(path, &mut |event| {
+        if let Event::Found(finding) = &event {
+            if told == MAX_FINDINGS {
+                match finding.severity {
+                    Severity::Error => errors += 1,
+                    Severity::Warning => warnings += 1,
+                }
+                return;
+            }
+            told += 1;
+        }
+        tell(event);
+    });
+    let message = format!("{errors} further errors and {warnings} further warnings are left out");
+    if errors > 0 {
+        tell(Event::Found(Finding::error("findings", message)));
+    } else if warnings > 0 {
+        tell(Event::Found(Finding::warning("findings", message)));
+    }
+}
+
+fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
     let mut found = |finding| tell(Event::Found(finding));
     let opened = Archive::open(path).and_then(|mut archive| Ok((archive.description_text()?, archive)));
     let (text, mut archive) = match opened {
@@ -125,7 +132,7 @@ pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
         Ok(description) => description,
         Err(error) => return found(Finding::error("modelDescription.xml", error.to_string())),
     };
-    rules::check(&text, &description).all().into_iter().for_each(&mut found);
+    rules::check(&text, &description, &mut found);
     let Some(co_simulation) = &description.co_simulation else {
         return found(Finding::error("CoSimulation", "is missing: the FMU cannot be stepped by a master"));
     };

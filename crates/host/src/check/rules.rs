@@ -5,9 +5,9 @@ use crate::description::{BaseType, Causality, Initial, ModelDescription, Unknown
 use crate::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-/// All findings about a description that could be read.
-pub(super) fn check(text: &str, description: &ModelDescription) -> Findings {
-    let mut findings = Findings::default();
+/// Tells all findings about a description that could be read.
+pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn FnMut(Finding)) {
+    let mut findings = Findings(tell);
     if let Ok(root) = xml::parse(text) {
         schema(&root, &mut findings);
         written_initial(&root, &mut findings);
@@ -20,7 +20,6 @@ pub(super) fn check(text: &str, description: &ModelDescription) -> Findings {
     }
     aliases(description, &mut findings);
     structure(description, &mut findings);
-    findings
 }
 
 /// Attributes and children that the schema knows; `None`: not an element of FMI 2.0.
@@ -80,7 +79,7 @@ fn known(element: &str) -> Option<(&'static str, &'static str)> {
 }
 
 /// Elements and attributes that are not in the schema.
-fn schema(element: &Element, findings: &mut Findings) {
+fn schema(element: &Element, findings: &mut Findings<'_>) {
     // What a tool writes for itself has a schema of its own.
     let Some((attributes, children)) = known(&element.name).filter(|_| element.name != "Tool") else { return };
     let is_among = |list: &str, name: &str| list.split(' ').any(|known| known == name);
@@ -101,7 +100,7 @@ fn schema(element: &Element, findings: &mut Findings) {
 }
 
 /// `initial` where it may not be written.
-fn written_initial(root: &Element, findings: &mut Findings) {
+fn written_initial(root: &Element, findings: &mut Findings<'_>) {
     let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
     for element in variables {
         let name = element.attribute("name").unwrap_or_default();
@@ -118,7 +117,7 @@ fn variable_named(name: &str) -> String {
     format!("variable `{name}`")
 }
 
-fn general(description: &ModelDescription, findings: &mut Findings) {
+fn general(description: &ModelDescription, findings: &mut Findings<'_>) {
     if let Some(time) = &description.generation_date_and_time
         && !is_date_time(time)
     {
@@ -195,14 +194,19 @@ impl<'a> Known<'a> {
 }
 
 /// Units are defined once each.
-fn definitions(description: &ModelDescription, findings: &mut Findings) {
+fn definitions(description: &ModelDescription, findings: &mut Findings<'_>) {
     let mut names = HashSet::new();
     for unit in description.units.iter().filter(|unit| !names.insert(&unit.name)) {
         findings.push(Finding::error(format!("unit `{}`", unit.name), "is defined twice"));
     }
 }
 
-fn rules_of_variable(description: &ModelDescription, variable: &Variable, known: &Known<'_>, findings: &mut Findings) {
+fn rules_of_variable(
+    description: &ModelDescription,
+    variable: &Variable,
+    known: &Known<'_>,
+    findings: &mut Findings<'_>,
+) {
     let mut error = |message: String| findings.push(Finding::error(variable_named(&variable.name), message));
     let Variable { causality, variability, initial, .. } = *variable;
     if description.variable_naming_convention == "structured" && !is_structured(&variable.name) {
@@ -343,7 +347,7 @@ fn after_identifier(text: &str) -> Option<&str> {
 }
 
 /// Variables of one base type with one value reference are one quantity.
-fn aliases(description: &ModelDescription, findings: &mut Findings) {
+fn aliases(description: &ModelDescription, findings: &mut Findings<'_>) {
     let mut sets: BTreeMap<_, Vec<&Variable>> = BTreeMap::new();
     for variable in &description.variables {
         sets.entry((variable.base_type, variable.reference)).or_default().push(variable);
@@ -360,7 +364,7 @@ fn aliases(description: &ModelDescription, findings: &mut Findings) {
     }
 }
 
-fn structure(description: &ModelDescription, findings: &mut Findings) {
+fn structure(description: &ModelDescription, findings: &mut Findings<'_>) {
     let variables = &description.variables;
     let states: BTreeSet<usize> =
         description.derivatives.iter().filter_map(|unknown| variables[unknown.variable].derivative_of).collect();
@@ -401,7 +405,7 @@ fn list(
     name: &str,
     unknowns: &[Unknown],
     expected: Option<&BTreeSet<usize>>,
-    findings: &mut Findings,
+    findings: &mut Findings<'_>,
 ) {
     let variables = &description.variables;
     let mut error =
