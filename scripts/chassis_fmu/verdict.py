@@ -134,6 +134,9 @@ def of_change(difference: Interval, percent: float | None, paper: float) -> Stat
     """Judge a change in percent (None: in percent of next to nothing) against the paper's."""
     if paper == 0.0:
         return Status.NOT_REPRODUCED if percent is None else of_no_change(difference, percent)
+    if percent is not None and percent * paper <= 0.0:
+        # The mean of the changes and the mean difference may disagree where both are lost in the scatter.
+        return Status.NOT_REPRODUCED
     status = of_sign(difference, 1 if paper > 0.0 else -1)
     if status is not Status.REPRODUCED:
         return status

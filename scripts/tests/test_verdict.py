@@ -61,6 +61,7 @@ def test_an_interval_by_hand() -> None:
         (-1.0, 1.0, -30.0, -40.0, Status.PARTLY),
         (1.0, 0.5, 1.0, -2.0, Status.NOT_REPRODUCED),
         (0.0, 0.0, 0.0, -2.0, Status.NOT_REPRODUCED),
+        (-1.0, 1.5, 0.1, -2.0, Status.NOT_REPRODUCED),
         (-1.0, 0.5, None, -2.0, Status.PARTLY),
         # the paper says that nothing changes
         (1.0, 0.5, 4.9, 0.0, Status.REPRODUCED),
