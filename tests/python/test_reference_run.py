@@ -1,8 +1,8 @@
 """The reference run inside an FMU, reproduced through fmpy as a stranger would.
 
 `extra/io.github.chassis-fmu/reference.csv` was made by an independent implementation of the model. The documentation
-inside the FMU gives the order of calls: set the inputs of a row, and for a plant read its outputs before the step, for a
-sampled unit after it. Plants are told by providesDirectionalDerivative.
+inside the FMU gives the order of calls: set the inputs of a row, and for a plant read its outputs before the step, for
+a sampled unit after it. Plants are told by providesDirectionalDerivative.
 """
 
 from __future__ import annotations
