@@ -83,9 +83,13 @@ pub trait Export: 'static {
                 Some(guid) => Description::packed::<Self::Model>(guid),
                 None => Description::of::<Self::Model>(),
             });
+            // On Linux the library lists the function itself, see `export!`.
             // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
             // ends. If it cannot be registered, the description is lost at the end, nothing else.
-            unsafe { libc::atexit(forget::<Self>) };
+            #[cfg(not(target_os = "linux"))]
+            unsafe {
+                libc::atexit(forget::<Self>)
+            };
             description
         });
         Arc::clone(description)
@@ -118,7 +122,7 @@ impl Library {
 
 /// Frees what the library keeps: a master that loads and unloads it again and again must not lose memory. Instances
 /// that are still there have their own share.
-extern "C" fn forget<E: Export + ?Sized>() {
+pub extern "C" fn forget<E: Export + ?Sized>() {
     let _ = catch_unwind(|| std::mem::take(&mut *E::library().lock()));
 }
 
@@ -900,6 +904,13 @@ macro_rules! export {
             use super::*;
             use $crate::abi::*;
             use $crate::abi::c::*;
+
+            // Called when the library is unloaded, or when the process ends. `atexit` would not do: the start-up code of
+            // zig does not connect it with the library, so the function is called when the library is gone.
+            #[cfg(target_os = "linux")]
+            #[used]
+            #[unsafe(link_section = ".fini_array")]
+            static FORGET: extern "C" fn() = forget::<$model>;
 
             #[unsafe(no_mangle)]
             pub extern "C" fn fmi2_rs_model_description() -> *const c_char {
