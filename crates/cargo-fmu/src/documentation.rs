@@ -3,12 +3,6 @@
 use host::description::{Causality, ModelDescription, Value, Variability, Variable};
 use pulldown_cmark::{Options, Parser, html};
 
-/// The licenses that every FMU carries.
-pub(crate) const LICENSES: [(&str, &str); 2] = [
-    ("LICENSE-MIT.txt", include_str!("../../../LICENSE-MIT")),
-    ("LICENSE-APACHE.txt", include_str!("../../../LICENSE-APACHE")),
-];
-
 const STYLE: &str = include_str!("documentation.css");
 
 /// Text in HTML.

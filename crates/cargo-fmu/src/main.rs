@@ -1,10 +1,12 @@
 //! `cargo fmu`: packs models into FMUs, inspects, compares and linearizes them, writes new ones from a template, plans and
 //! runs scenarios, writes them for other masters, and tunes parameters.
 
+mod build;
 mod check;
 mod documentation;
 mod errors;
 mod inspect;
+mod licenses;
 mod linearize;
 mod needed;
 mod new;
@@ -20,6 +22,7 @@ mod trials;
 mod tune;
 mod win64;
 mod workspace;
+mod zigbuild;
 
 use clap::Parser;
 

@@ -1,10 +1,8 @@
 //! `cargo fmu pack`: builds models and zips them to FMUs.
 
 use std::collections::BTreeMap;
-use std::ffi::OsString;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use host::description::ModelDescription;
 use host::loader::LoadError;
@@ -13,11 +11,12 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
+use crate::build::{self, Asked, Linux};
 use crate::documentation;
+use crate::licenses::Licenses;
 use crate::needed;
 use crate::output::outln;
 use crate::platform::Platform;
-use crate::win64;
 use crate::workspace::{Model, Workspace};
 
 /// Which models, and for whom.
@@ -35,9 +34,13 @@ pub(crate) struct Arguments {
     /// [default: that of this machine]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     platforms: Vec<Platform>,
-    /// A linux64 binary that loads on distributions from glibc 2.17 on (needs cargo-zigbuild)
-    #[arg(long)]
+    /// A linux64 binary that loads on distributions from glibc 2.17 on (needs cargo-zigbuild, see scripts/setup)
+    /// [default: `portable` in [workspace.metadata.fmu] of Cargo.toml]
+    #[arg(long, overrides_with = "no_portable")]
     portable: bool,
+    /// A linux64 binary that needs a glibc as new as the one of this machine, without cargo-zigbuild
+    #[arg(long)]
+    no_portable: bool,
     /// Folder the FMUs are written to [default: target/fmu]
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
@@ -46,16 +49,24 @@ pub(crate) struct Arguments {
     update_descriptions: bool,
 }
 
-/// Oldest glibc that the portable binary needs.
-const PORTABLE_TARGET: &str = "x86_64-unknown-linux-gnu.2.17";
+impl Arguments {
+    /// Which linux64 binary: the command line decides, then the workspace.
+    fn linux(&self, workspace: &Workspace) -> Linux {
+        if self.portable {
+            Linux::Portable(Asked::Option)
+        } else if workspace.settings.portable && !self.no_portable {
+            Linux::Portable(Asked::Workspace)
+        } else {
+            Linux::Native
+        }
+    }
+}
 
 /// Builds, checks against the committed descriptions, and zips.
 ///
 /// # Errors
 /// When a model does not build, its library has no description, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    // First, because the user should not wait for a build to hear what is missing.
-    let builders = builders(&arguments.platforms, arguments.portable)?;
     let workspace = Workspace::find()?;
     let folder = arguments.out.clone().unwrap_or_else(|| workspace.fmus());
     let models = match &arguments.needed_by {
@@ -74,22 +85,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             models
         }
     };
+    // Before any build, because the user should not wait for one to hear what is missing.
+    let builders = build::builders(&workspace, &arguments.platforms, arguments.linux(&workspace))?;
     if models.is_empty() {
         return Err(miette!("this workspace has no package with the crate type cdylib that depends on fmi2"));
     }
     let descriptions = describe(&workspace, &models)?;
+    let guids: Vec<_> = descriptions.iter().map(|description| description.parsed.guid.as_str()).collect();
     let mut libraries = vec![Vec::new(); models.len()];
+    let mut licenses = vec![Licenses::default(); models.len()];
     for builder in &builders {
-        let built = build(&workspace, &models, &descriptions, builder)?;
-        let platform = builder.platform()?;
-        libraries.iter_mut().zip(built).for_each(|(libraries, path)| libraries.push((platform, path)));
+        let built = builder.build(&workspace, &models, &guids)?;
+        for (i, library) in built.into_iter().enumerate() {
+            licenses[i].add(library.components);
+            libraries[i].push((builder.platform(), library.path));
+        }
     }
     let bar = ProgressBar::new(models.len() as u64).with_style(
         ProgressStyle::with_template("packing [{bar:30}] {pos}/{len} {msg}").expect("a constant template is valid"),
     );
     let mut changed = Vec::new();
     let mut report = Vec::new();
-    for ((model, description), libraries) in models.iter().zip(&descriptions).zip(&libraries) {
+    for (i, (model, description)) in models.iter().zip(&descriptions).enumerate() {
         bar.set_message(model.name.clone());
         // The descriptions of examples are not committed.
         if model.is_default
@@ -97,7 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         {
             changed.push(model.name.as_str());
         }
-        let bytes = archive(model, libraries, description)?;
+        let bytes = archive(model, &libraries[i], &licenses[i], description)?;
         let path = folder.join(format!("{}.fmu", model.name));
         bar.inc(1);
         if arguments.needed_by.is_some() && std::fs::read(&path).is_ok_and(|old| old == bytes) {
@@ -130,15 +147,9 @@ struct Description {
     parsed: ModelDescription,
 }
 
-fn cargo() -> Command {
-    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-}
-
 /// Builds the models as the tests do and asks them for their descriptions.
 fn describe(workspace: &Workspace, models: &[Model]) -> Result<Vec<Description>> {
-    let mut command = cargo();
-    command.args(["build", "--locked", "--target-dir"]).arg(&workspace.target);
-    carry_out(command, workspace, models)?;
+    build::for_description(workspace, models)?;
     let describe = |model: &Model| -> Result<Description> {
         let library = workspace.target.join("debug").join(Platform::this()?.library_file(&model.library));
         let xml = host::loader::exported_description(&library).map_err(|error| match error {
@@ -157,135 +168,6 @@ fn describe(workspace: &Workspace, models: &[Model]) -> Result<Vec<Description>>
     models.iter().map(describe).collect()
 }
 
-/// Lets cargo build the models.
-fn carry_out(mut command: Command, workspace: &Workspace, models: &[Model]) -> Result<()> {
-    for model in models {
-        command.args(["--package", &model.package]);
-    }
-    let status = command.current_dir(&workspace.root).status().into_diagnostic().wrap_err("cargo cannot be run")?;
-    if !status.success() {
-        return Err(miette!("the models do not build; see the messages above"));
-    }
-    Ok(())
-}
-
-/// How the libraries of one platform are built.
-#[derive(Debug)]
-enum Builder {
-    /// By the cargo in use, for this machine.
-    Native,
-    /// By cargo-zigbuild, for old distributions of Linux.
-    Portable,
-    /// By another toolchain, for Windows.
-    Win64(win64::Toolchain),
-}
-
-impl Builder {
-    fn platform(&self) -> Result<Platform> {
-        match self {
-            Self::Native => Platform::this(),
-            Self::Portable => Ok(Platform::Linux64),
-            Self::Win64(_) => Ok(Platform::Win64),
-        }
-    }
-}
-
-/// One builder for each platform, in the order of the platforms; all they need is there.
-fn builders(wanted: &[Platform], portable: bool) -> Result<Vec<Builder>> {
-    let this = Platform::this()?;
-    let mut wanted = if wanted.is_empty() { vec![this] } else { wanted.to_vec() };
-    wanted.sort();
-    wanted.dedup();
-    if portable && !wanted.contains(&Platform::Linux64) {
-        return Err(miette!(
-            "--portable is about the binary for linux64, which is not among the platforms to build for"
-        ));
-    }
-    let builder = |platform| match platform {
-        Platform::Linux64 if portable => require_zigbuild().map(|()| Builder::Portable),
-        platform if platform == this => Ok(Builder::Native),
-        Platform::Win64 => win64::Toolchain::find().map(Builder::Win64),
-        platform => Err(miette!(
-            "a binary for {} cannot be built on {}; from another machine that is possible for win64 only",
-            platform.name(),
-            this.name()
-        )),
-    };
-    wanted.into_iter().map(builder).collect()
-}
-
-/// Builds all models in one call of cargo and returns their libraries.
-///
-/// The flags: `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; the paths
-/// of the machine are taken out of the messages, and the time out of the libraries for Windows, so that two machines build
-/// the same bytes. The build has a folder of its own because these flags would make cargo build everything else anew, too;
-/// that for Windows another one, because its compiler may be another. The GUIDs are built in, so that the libraries need not
-/// write their descriptions to know them.
-fn build(
-    workspace: &Workspace,
-    models: &[Model],
-    descriptions: &[Description],
-    builder: &Builder,
-) -> Result<Vec<PathBuf>> {
-    let platform = builder.platform()?;
-    let mut target = workspace.target.join("fmu-build");
-    let mut sources = None;
-    let (mut command, folder) = match builder {
-        Builder::Native => {
-            let mut command = cargo();
-            command.arg("build");
-            (command, target.clone())
-        }
-        Builder::Portable => {
-            let mut command = cargo();
-            command.args(["zigbuild", "--target", PORTABLE_TARGET]);
-            (command, target.join("x86_64-unknown-linux-gnu"))
-        }
-        Builder::Win64(toolchain) => {
-            target = workspace.target.join("fmu-build-win64");
-            sources = Some(toolchain.sources());
-            (toolchain.cargo_build(), target.join(win64::TARGET))
-        }
-    };
-    command.args(["--profile", "fmu", "--locked", "--target-dir"]).arg(&target);
-    for (model, description) in models.iter().zip(descriptions) {
-        command.env(format!("FMI2_RS_GUID_{}", model.library), &description.parsed.guid);
-    }
-    let mut flags: Vec<OsString> = Vec::new();
-    match builder {
-        Builder::Win64(_) => flags.push("-Clink-arg=-Wl,--no-insert-timestamp".into()),
-        _ if platform == Platform::Linux64 => flags.push("-Clink-arg=-Wl,-Bsymbolic".into()),
-        _ => {}
-    }
-    let home = std::env::var_os("CARGO_HOME")
-        .map(PathBuf::from)
-        .or_else(|| std::env::home_dir().map(|home| home.join(".cargo")));
-    for (from, to) in [(home, "/cargo"), (Some(workspace.root.clone()), "/chassis-fmu"), (sources, "/rust")] {
-        if let Some(from) = from {
-            let mut flag = OsString::from("--remap-path-prefix=");
-            flag.push(from);
-            flag.push(format!("={to}"));
-            flags.push(flag);
-        }
-    }
-    command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
-    carry_out(command, workspace, models).wrap_err_with(|| format!("building for {}", platform.name()))?;
-    Ok(models.iter().map(|model| folder.join("fmu").join(platform.library_file(&model.library))).collect())
-}
-
-/// Says what to install when the cross linker is missing.
-fn require_zigbuild() -> Result<()> {
-    let found = Command::new("cargo-zigbuild").arg("--version").output().is_ok_and(|o| o.status.success());
-    if found {
-        return Ok(());
-    }
-    Err(miette!(
-        help = "Install it with `pip install ziglang cargo-zigbuild` (in a Python environment on the PATH), then call \
-                this command again; without --portable the FMU needs a glibc as new as this machine's.",
-        "--portable needs cargo-zigbuild, which was not found"
-    ))
-}
-
 /// Compares with, or writes, `modelDescription/NAME.xml`. False if they differ.
 fn description_is_committed(workspace: &Workspace, model: &Model, xml: &str, update: bool) -> Result<bool> {
     let path = workspace.root.join("modelDescription").join(format!("{}.xml", model.name));
@@ -296,7 +178,12 @@ fn description_is_committed(workspace: &Workspace, model: &Model, xml: &str, upd
 }
 
 /// The bytes of the FMU: the same for the same files, on every machine.
-fn archive(model: &Model, libraries: &[(Platform, PathBuf)], description: &Description) -> Result<Vec<u8>> {
+fn archive(
+    model: &Model,
+    libraries: &[(Platform, PathBuf)],
+    licenses: &Licenses,
+    description: &Description,
+) -> Result<Vec<u8>> {
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     let read =
         |path: &Path| std::fs::read(path).into_diagnostic().wrap_err_with(|| format!("reading {}", path.display()));
@@ -306,8 +193,8 @@ fn archive(model: &Model, libraries: &[(Platform, PathBuf)], description: &Descr
     let readme = model.folder.join("README.md");
     let text = if readme.exists() { String::from_utf8_lossy(&read(&readme)?).into_owned() } else { String::new() };
     files.insert("documentation/index.html".to_owned(), documentation::page(&description.parsed, &text).into_bytes());
-    for (name, license) in documentation::LICENSES {
-        files.insert(format!("documentation/licenses/{name}"), license.as_bytes().to_vec());
+    for (name, text) in licenses.files(model) {
+        files.insert(format!("documentation/licenses/{name}"), text.into_bytes());
     }
     for (file, entry) in [("model.png", "model.png"), ("reference.csv", documentation::REFERENCE_RUN)] {
         let path = model.folder.join(file);

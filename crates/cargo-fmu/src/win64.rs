@@ -65,10 +65,16 @@ impl Toolchain {
 
     /// A call of this toolchain's cargo that builds for Windows, without packages and profile.
     pub(crate) fn cargo_build(&self) -> Command {
-        let mut command = Command::new(self.program("cargo"));
-        command.args(["build", "--target", TARGET, "-Z", "build-std=std,panic_unwind"]);
-        command.env("RUSTC", self.program("rustc")).env("RUSTC_BOOTSTRAP", "1");
+        let mut command = self.cargo();
+        command.args(["build", "--target", TARGET, "-Z", "build-std=std,panic_unwind"]).env("RUSTC_BOOTSTRAP", "1");
         command.env(format!("CARGO_TARGET_{}_LINKER", TARGET.to_uppercase().replace('-', "_")), LINKER);
+        command
+    }
+
+    /// A call of this toolchain's cargo.
+    pub(crate) fn cargo(&self) -> Command {
+        let mut command = Command::new(self.program("cargo"));
+        command.env("RUSTC", self.program("rustc"));
         // They belong to the cargo that runs this program.
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("LD_LIBRARY_PATH");
         command

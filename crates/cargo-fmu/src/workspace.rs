@@ -31,6 +31,16 @@ pub(crate) struct Workspace {
     pub(crate) target: PathBuf,
     /// All models, by name.
     pub(crate) models: Vec<Model>,
+    /// What the workspace sets for `cargo fmu`.
+    pub(crate) settings: Settings,
+}
+
+/// `[workspace.metadata.fmu]` in the Cargo.toml at the top.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct Settings {
+    /// Whether linux64 binaries load with an old glibc, unless the command line decides.
+    pub(crate) portable: bool,
 }
 
 #[derive(Deserialize)]
@@ -39,6 +49,7 @@ struct Metadata {
     workspace_default_members: Vec<String>,
     workspace_root: PathBuf,
     target_directory: PathBuf,
+    metadata: serde_json::Value,
 }
 
 #[derive(Deserialize)]
@@ -78,6 +89,8 @@ impl Workspace {
         }
         let metadata: Metadata =
             serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")?;
+        let settings = settings(&metadata.metadata)
+            .wrap_err_with(|| format!("reading {}", metadata.workspace_root.join("Cargo.toml").display()))?;
         let mut models: Vec<_> = metadata
             .packages
             .into_iter()
@@ -94,7 +107,7 @@ impl Workspace {
             })
             .collect();
         models.sort_by(|a, b| a.name.cmp(&b.name));
-        Ok(Self { root: metadata.workspace_root, target: metadata.target_directory, models })
+        Ok(Self { root: metadata.workspace_root, target: metadata.target_directory, models, settings })
     }
 
     /// The models of these names (FMU or package), or all of the default members.
@@ -131,6 +144,12 @@ impl Workspace {
     }
 }
 
+/// The part of `[workspace.metadata]` that is for `cargo fmu`; absent means defaults.
+fn settings(metadata: &serde_json::Value) -> Result<Settings> {
+    let Some(table) = metadata.get("fmu") else { return Ok(Settings::default()) };
+    Settings::deserialize(table).map_err(|error| miette!("[workspace.metadata.fmu]: {error}"))
+}
+
 /// `rescue-vehicle` to `RescueVehicle`.
 pub(crate) fn pascal_case(kebab: &str) -> String {
     kebab
@@ -150,5 +169,20 @@ mod tests {
     fn package_names_become_fmu_names() {
         assert_eq!(pascal_case("rescue-vehicle"), "RescueVehicle");
         assert_eq!(pascal_case("road"), "Road");
+    }
+
+    #[test]
+    fn settings_are_read_and_mistakes_named() {
+        let portable = |metadata: serde_json::Value| settings(&metadata).map(|settings| settings.portable);
+        assert!(!portable(serde_json::Value::Null).unwrap());
+        assert!(!portable(serde_json::json!({ "release": {} })).unwrap());
+        assert!(portable(serde_json::json!({ "fmu": { "portable": true } })).unwrap());
+        for (table, part) in [
+            (serde_json::json!({ "portabel": true }), "unknown field `portabel`, expected `portable`"),
+            (serde_json::json!({ "portable": "yes" }), "invalid type: string \"yes\", expected a boolean"),
+        ] {
+            let error = portable(serde_json::json!({ "fmu": table })).unwrap_err().to_string();
+            assert!(error.starts_with("[workspace.metadata.fmu]: ") && error.contains(part), "{error}");
+        }
     }
 }

@@ -145,8 +145,8 @@ fn an_fmu_is_judged() {
 #[cfg(target_os = "linux")]
 #[test]
 fn what_other_platforms_lack_is_said_before_anything_is_built() {
-    // No workspace is here: looking for one would be another mistake, building takes one.
-    let folder = TempDir::new().unwrap();
+    // There is nothing to build in this workspace, which would be another mistake.
+    let folder = workspace("");
     let pack = |arguments: &[&str], path: &str| {
         let output = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
             .args([&["pack"], arguments].concat())
@@ -173,6 +173,59 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     contains(&error, "a binary for darwin64 cannot be built on linux64");
     let error = pack(&["--platforms", "win64", "--portable"], "");
     contains(&error, "--portable is about the binary for linux64");
+}
+
+/// An empty workspace with a table `[workspace.metadata.fmu]`.
+fn workspace(settings: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let manifest = format!("[workspace]\nresolver = \"3\"\n[workspace.metadata.fmu]\n{settings}\n");
+    std::fs::write(folder.path().join("Cargo.toml"), manifest).unwrap();
+    std::fs::write(folder.path().join("Cargo.lock"), "version = 4\n").unwrap();
+    folder
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_portable_binary_is_a_setting_that_needs_a_linker() {
+    const NO_MODEL: &str = "this workspace has no package";
+    let pack = |folder: &TempDir, arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+            .args([&["pack"], arguments].concat())
+            .current_dir(folder.path())
+            // Neither cargo-zigbuild nor zig.
+            .envs([("NO_COLOR", "1"), ("PATH", "")])
+            .output()
+            .unwrap();
+        assert!(!output.status.success());
+        message(&output.stderr)
+    };
+    let portable = workspace("portable = true");
+    let error = pack(&portable, &[]);
+    assert!(error.contains("`portable = true` in [workspace.metadata.fmu] of Cargo.toml asks for"), "{error}");
+    assert!(error.contains("there is no cargo-zigbuild in"), "{error}");
+    assert!(error.contains("Run `scripts/setup`") && error.contains("pass --no-portable"), "{error}");
+    // It concerns linux64 alone, and the command line has the last word.
+    assert!(pack(&portable, &["--no-portable"]).contains(NO_MODEL));
+    assert!(pack(&portable, &["--portable", "--no-portable"]).contains(NO_MODEL));
+    assert!(pack(&portable, &["--no-portable", "--portable"]).contains("--portable asks for linux64 binaries"));
+    assert!(pack(&portable, &["--platforms", "darwin64"]).contains("cannot be built on linux64"));
+
+    let native = workspace("");
+    assert!(pack(&native, &[]).contains(NO_MODEL));
+    assert!(pack(&native, &["--portable"]).contains("--portable asks for linux64 binaries"));
+    let error = pack(&workspace("portabel = true"), &[]);
+    assert!(error.contains("[workspace.metadata.fmu]: unknown field `portabel`, expected `portable`"), "{error}");
+
+    // A cargo-zigbuild without zig is not enough.
+    let bin = portable.path().join(".venv/bin");
+    std::fs::create_dir_all(&bin).unwrap();
+    let program = bin.join("cargo-zigbuild");
+    std::fs::write(&program, "#!/bin/sh\n").unwrap();
+    std::fs::set_permissions(&program, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let error = pack(&portable, &[]);
+    assert!(error.contains("is installed, but finds no zig"), "{error}");
+    std::fs::copy(&program, bin.join("python3")).unwrap();
+    assert!(pack(&portable, &[]).contains(NO_MODEL), "a Python beside it has the package");
 }
 
 const STUDY: &str = r#"title = "Ramp"
