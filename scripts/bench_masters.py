@@ -1,0 +1,67 @@
+"""Times a scenario with the native master and with the fmpy master: `scripts/bench masters`, see `--help`.
+
+The commands run turn by turn, so that both see the same machine. The medians count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from chassis_fmu.shell import ROOT, positive
+
+SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
+
+
+def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[str]]:
+    """Return what is timed: the native master alone, and each master with tables, figures and page."""
+    cosim = [sys.executable, str(ROOT / "scripts" / "cosim.py"), str(scenario), *more]
+    native = ["cargo", "fmu", "run", str(scenario), *more]
+    return {
+        "native master": [*native, "--out", str(out / "native")],
+        "native master and page": [*cosim, "--native", "--out", str(out / "native-page")],
+        "fmpy master and page": [*cosim, "--out", str(out / "fmpy-page")],
+    }
+
+
+def table(times: dict[str, list[float]]) -> str:
+    """Return one line for each command: median, fastest and slowest time, ratio to the first command."""
+    first = statistics.median(next(iter(times.values())))
+    lines = [f"{'':24}{'median':>10}{'fastest':>10}{'slowest':>10}{'ratio':>8}"]
+    for name, seconds in times.items():
+        median = statistics.median(seconds)
+        cells = "".join(f"{value:>8.1f} s" for value in (median, min(seconds), max(seconds)))
+        lines.append(f"{name:24}{cells}{median / first:>8.1f}")
+    return "\n".join(lines)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="scripts/bench masters", description=__doc__.splitlines()[0])
+    parser.add_argument("scenario", nargs="?", type=Path, default=SCENARIO, metavar="SCENARIO")
+    parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="times each command runs (default: 3)")
+    parser.add_argument("--stop", metavar="T", help="stop at this time (s)")
+    parser.add_argument("--seeds", metavar="N", help="the first N seeds only")
+    options = parser.parse_args(argv)
+    more = [text for key in ("stop", "seeds") if (value := getattr(options, key)) for text in (f"--{key}", value)]
+    timed = commands(options.scenario.resolve(), ROOT / "target" / "bench", more)
+    times: dict[str, list[float]] = {name: [] for name in timed}
+    for _ in range(options.rounds):
+        for name, command in timed.items():
+            begin = time.perf_counter()
+            done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
+            times[name].append(time.perf_counter() - begin)
+            if done.returncode != 0:
+                print(f"{done.stderr}error: {name}: exit code {done.returncode}", file=sys.stderr)
+                return 1
+    print(table(times))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
