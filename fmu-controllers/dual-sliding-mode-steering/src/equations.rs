@@ -16,63 +16,31 @@
 //! | T | sample time |
 
 use chassis::positions::{RearAxles, ThreeAxles};
-use chassis::statics;
 use control::limit;
 use control::sliding_mode::{integral_surface, reaching_law};
+use front_steering::{Limits, ReferenceModel, Sample, Vehicle};
 
-use crate::{D, P, ReferenceModel, SlipAngleModel, U, X, Y};
+use crate::{D, P, SlipAngleModel, U, X, Y};
 
 /// Positions, axle stiffnesses and the load of the front axle.
 pub(crate) fn design(p: &P) -> Result<D, String> {
-    let (b, c) = (p.l12 - p.a, p.l12 + p.l23 - p.a);
-    let [w_f, ..] = statics::three_axle_loads(p.m, p.g, [p.a, -b, -c]);
-    if w_f <= 0.0 {
-        return Err(format!(
-            "'geometry.cg_to_front_axle' = {} m, a center of mass nearer to the front axle was expected: the load of the \
-             front axle at rest would be {w_f:.0} N",
-            p.a
-        ));
-    }
-    Ok(D { b, c, c_axle: p.c.map(|tire| 2.0 * tire), w_f })
+    let vehicle = Vehicle::new(p.m, p.g, [p.a, p.l12, p.l23], *p.c)?;
+    Ok(D { vehicle, w_f: vehicle.w_f })
 }
 
-/// Yaw rate of a steady turn per angle of the front axle (with zero sideslip: per its tangent), 1/s.
-pub(crate) fn yaw_rate_gain(p: &P, d: &D, u: f64) -> f64 {
-    let (a, b, c) = (p.a, d.b, d.c);
-    let [c_f, c_m, c_r] = d.c_axle;
-    match p.reference_model {
-        ReferenceModel::ZeroSideslip => u / (a + d.w_f / p.g * u * u / c_f),
-        ReferenceModel::TwoDegreesOfFreedom => {
-            let a1 = c_f + c_m + c_r;
-            let a2 = a * c_f - b * c_m - c * c_r;
-            let a3 = a * a * c_f + b * b * c_m + c * c * c_r;
-            // An oversteering vehicle has a critical speed; the gain stays finite beyond it.
-            let den = (a1 * a3 - a2 * a2 - a2 * p.m * u * u).max(0.05 * a1 * a3);
-            c_f * (a * a1 - a2) * u / den
-        }
-    }
-}
-
-/// Largest angle of the front axle: its own limit, or where the steady turn reaches the yaw rate `r_max`, rad.
-pub(crate) fn front_limit(p: &P, gain: f64, r_max: f64) -> f64 {
-    let f_lim = match p.reference_model {
-        ReferenceModel::ZeroSideslip => (r_max / gain).atan(),
-        ReferenceModel::TwoDegreesOfFreedom => r_max / gain,
-    };
-    f_lim.min(p.front_limit)
+/// Limits of the front axle.
+pub(crate) fn front_limits(p: &P) -> Limits {
+    Limits { model: p.reference_model, ay_limit: p.ay_limit, angle: p.front_limit, rate: p.front_rate }
 }
 
 pub(crate) fn sample(p: &P, d: &D, x: &mut X, inputs: &U) -> Y {
     let t = p.sample_time;
-    let (a, b, c) = (p.a, d.b, d.c);
-    let [c_f, c_m, c_r] = d.c_axle;
+    let Vehicle { a, b, c, c_axle: [c_f, c_m, c_r], .. } = d.vehicle;
     let U { beta, r, .. } = *inputs;
     let u = inputs.u.max(p.u_min);
 
     // Front axle and reference.
-    let gain = yaw_rate_gain(p, d, u);
-    let r_max = p.ay_limit / u;
-    let df = limit::rate(limit::magnitude(inputs.steer, front_limit(p, gain, r_max)), x.df, p.front_rate, t);
+    let Sample { gain, r_max, df } = front_limits(p).sample(&d.vehicle, inputs.steer, u, x.df, t);
     let steady = match p.reference_model {
         ReferenceModel::ZeroSideslip => gain * df.tan(),
         ReferenceModel::TwoDegreesOfFreedom => gain * df,

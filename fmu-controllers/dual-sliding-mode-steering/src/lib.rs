@@ -10,18 +10,10 @@ mod tests;
 use chassis::data::rescue_vehicle as data;
 use chassis::prelude::*;
 use fmi2::prelude::*;
+use front_steering::{ReferenceModel, Vehicle};
 
 /// The controller.
 pub struct DualSlidingModeSteering;
-
-/// Which steady turn the yaw rate reference belongs to.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ReferenceModel {
-    /// rear axles straight: the ordinary two-degree-of-freedom model
-    TwoDegreesOfFreedom = 0,
-    /// all axles steer so that there is no sideslip
-    ZeroSideslip = 1,
-}
 
 /// How the slip angles of the axles are computed.
 #[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
@@ -152,11 +144,8 @@ pub struct X {
 /// What follows from geometry, masses and tires.
 #[derive(Design, Clone, Debug)]
 pub struct D {
-    /// Positions of the middle and rear axle behind the center of mass, m.
-    b: f64,
-    c: f64,
-    /// Cornering stiffness of the axles, N/rad.
-    c_axle: [f64; 3],
+    /// The vehicle in a steady turn.
+    vehicle: Vehicle,
     /// Load of the front axle at rest
     #[calculated("axle.static_load.front", unit = N, display = "kN")]
     w_f: f64,

@@ -19,10 +19,6 @@ fn sample(p: &P, x: &mut X, u: &U) -> Y {
     equations::sample(p, &design(p), x, u)
 }
 
-fn ordinary() -> P {
-    P { reference_model: ReferenceModel::TwoDegreesOfFreedom, ..P::default() }
-}
-
 /// Inputs of the check numbers.
 const TURN: U = U { steer: 0.05, u: 10.0, beta: 0.01, r: 0.1, k3: 1.0 };
 
@@ -62,7 +58,7 @@ fn small_slip_angles_solve_the_equations_of_the_paper() {
     // solved by hand. Roundings of forces of 1e5 N over 6e5 N/rad.
     let p = P { slip_angle_model: SlipAngleModel::SmallAngle, ..P::default() };
     let d = design(&p);
-    let (a, b, c, [c_f, c_m, c_r]) = (p.a, d.b, d.c, d.c_axle);
+    let Vehicle { a, b, c, c_axle: [c_f, c_m, c_r], .. } = d.vehicle;
     let (a1, a2, a3) = (c_f + c_m + c_r, a * c_f - b * c_m - c * c_r, a * a * c_f + b * b * c_m + c * c * c_r);
     let U { u, beta, r, .. } = TURN;
     let memory = X { i_b: 0.001, i_r: -0.002, r_d: 0.09, df: 0.04, ..X::default() };
@@ -73,50 +69,13 @@ fn small_slip_angles_solve_the_equations_of_the_paper() {
     let s_r = e_r + p.zeta[1] * memory.i_r;
     assert_eq!((y.s_b, y.s_r), (s_b, s_r));
     let reach_b = -p.zeta[0] * beta - p.k[0] * s_b - p.eps_b * (s_b / p.width_b).clamp(-1.0, 1.0);
-    let gain = equations::yaw_rate_gain(&p, &d, u);
+    let gain = d.vehicle.yaw_rate_gain(p.reference_model, u);
     let rdd = (gain * x.df.tan() - memory.r_d) / p.tau;
     let reach_r = rdd - p.zeta[1] * e_r - p.k[1] * s_r - p.eps_r * (s_r / p.width_r).clamp(-1.0, 1.0);
     let n_b = a1 * beta + (a2 / u + p.m * u) * r - c_f * x.df + p.m * u * reach_b;
     let n_r = a2 * beta + a3 * r / u - a * c_f * x.df + p.i_z * reach_r;
     assert_abs_diff_eq!(c_m * y.request[0] + c_r * y.request[1], n_b, epsilon = 1e-9);
     assert_abs_diff_eq!(-b * c_m * y.request[0] - c * c_r * y.request[1], n_r, epsilon = 1e-9);
-}
-
-#[test]
-fn yaw_rate_gains_and_front_limits_have_the_check_numbers() {
-    // 6 decimals of the gains in 1/s, 4 of the limits in degrees.
-    let expected = [
-        (5.0, 0.543544, 0.321808, 32.0),
-        (15.0, 1.454898, 0.965424, 31.6931),
-        (25.0, 1.994858, 1.609040, 15.1198),
-        (35.0, 2.206037, 2.252655, 9.8995),
-    ];
-    for (speed, zero_sideslip, two_degrees_of_freedom, limit) in expected {
-        let (p, u) = (P::default(), speed * KM_H);
-        let gain = equations::yaw_rate_gain(&p, &design(&p), u);
-        assert_abs_diff_eq!(gain, zero_sideslip, epsilon = 1e-6);
-        assert_abs_diff_eq!(equations::front_limit(&p, gain, p.ay_limit / u).to_degrees(), limit, epsilon = 1e-4);
-        let p = ordinary();
-        assert_abs_diff_eq!(equations::yaw_rate_gain(&p, &design(&p), u), two_degrees_of_freedom, epsilon = 1e-6);
-    }
-}
-
-#[test]
-fn the_ordinary_gain_is_that_of_a_single_track_model() {
-    // Neutral vehicle: u a/(a^2 + b^2 + c^2) (closed form of eqs. 14, 15 with A2 = 0); roundings.
-    let p = ordinary();
-    let D { b, c, .. } = design(&p);
-    let u = 35.0 * KM_H;
-    let closed = u * p.a / (p.a * p.a + b * b + c * c);
-    assert_abs_diff_eq!(equations::yaw_rate_gain(&p, &design(&p), u) / closed, 1.0, epsilon = 1e-14);
-    // An oversteering vehicle beyond its critical speed: A1 A3 - A2^2 - A2 m u^2 is held at 5 % of A1 A3.
-    let p = P { c: ThreeAxles([6e5, 3e5, 1e5]), ..ordinary() };
-    let D { b, c, c_axle: [c_f, c_m, c_r], .. } = design(&p);
-    let (a1, a2) = (c_f + c_m + c_r, p.a * c_f - b * c_m - c * c_r);
-    let a3 = p.a * p.a * c_f + b * b * c_m + c * c * c_r;
-    assert!(a1 * a3 - a2 * a2 - a2 * p.m * 400.0 < 0.0);
-    let floor = c_f * (p.a * a1 - a2) * 20.0 / (0.05 * a1 * a3);
-    assert_abs_diff_eq!(equations::yaw_rate_gain(&p, &design(&p), 20.0) / floor, 1.0, epsilon = 1e-14);
 }
 
 #[test]
@@ -127,15 +86,15 @@ fn the_steady_turn_needs_the_angles_of_equal_slip() {
     let p = P::default();
     let d = design(&p);
     let u = 35.0 * KM_H;
-    let r = equations::yaw_rate_gain(&p, &d, u) * 0.05_f64.tan();
+    let r = d.vehicle.yaw_rate_gain(p.reference_model, u) * 0.05_f64.tan();
     assert_abs_diff_eq!(r, 0.110394, epsilon = 1e-6); // check number
     let mut x = X { r_d: r, df: 0.05, ..X::default() };
     let y = sample(&p, &mut x, &U { steer: 0.05, u, beta: 0.0, r, k3: 1.0 });
-    let alpha = p.m * u * r / d.c_axle.iter().sum::<f64>();
-    assert_abs_diff_eq!(alpha - d.b * r / u, 0.01655, epsilon = 1e-5); // check number
-    assert_abs_diff_eq!(alpha - d.c * r / u, -0.00219, epsilon = 1e-5); // check number
-    assert_abs_diff_eq!(y.request[0], alpha - d.b * r / u, epsilon = 1e-4);
-    assert_abs_diff_eq!(y.request[1], alpha - d.c * r / u, epsilon = 1e-4);
+    let alpha = p.m * u * r / d.vehicle.c_axle.iter().sum::<f64>();
+    assert_abs_diff_eq!(alpha - d.vehicle.b * r / u, 0.01655, epsilon = 1e-5); // check number
+    assert_abs_diff_eq!(alpha - d.vehicle.c * r / u, -0.00219, epsilon = 1e-5); // check number
+    assert_abs_diff_eq!(y.request[0], alpha - d.vehicle.b * r / u, epsilon = 1e-4);
+    assert_abs_diff_eq!(y.request[1], alpha - d.vehicle.c * r / u, epsilon = 1e-4);
     assert_eq!((y.s_b, y.s_r), (0.0, 0.0));
 }
 
@@ -190,18 +149,6 @@ fn without_rate_limits_the_axles_follow_at_once() {
     let y = sample(&p, &mut X::default(), &TURN);
     assert_eq!(y.delta[0], 0.05);
     assert_eq!((y.delta[1], y.delta[2]), (y.request[0], y.request[1]));
-}
-
-#[test]
-fn data_without_a_steady_turn_are_refused() {
-    let message = |p: P| equations::design(&p).unwrap_err();
-    assert_eq!(
-        message(P { a: 6.0, ..P::default() }),
-        "'geometry.cg_to_front_axle' = 6 m, a center of mass nearer to the front axle was expected: the load of the \
-         front axle at rest would be -167313 N"
-    );
-    // m g/3 (closed form for equal loads); roundings.
-    assert_abs_diff_eq!(design(&P::default()).w_f, 117_720.0, epsilon = 1e-9);
 }
 
 fn any_memory() -> impl Strategy<Value = X> {

@@ -41,6 +41,16 @@ const STEERING: Case = Case {
     ..NOTHING
 };
 
+/// The front axle alone, from the same run: its limits do not depend on the other axles.
+const FRONT_AXLE: Case = Case {
+    inputs: &["driver.steer", "vehicle.speed"],
+    program: &[Run("FrontSteeringActuator")],
+    renamed: &[("steer.front", "steer.front")],
+    // Printed with 8 digits.
+    limits: &[within(1e-6)],
+    ..NOTHING
+};
+
 const COORDINATION: Case = Case {
     inputs: &["driver.steer", "vehicle.speed"],
     program: &[Run("FuzzyCoordination")],
@@ -175,4 +185,37 @@ fn the_plant_starts_at_rest() {
     // 36 t on six wheels: 36000 * 9.81 / 6 N, rounded differently at most in the last digits.
     let load = real(&fmu, &mut instance, "tire_load.mr");
     assert!((load - 58_860.0).abs() < 1e-9 * 58_860.0, "tire_load.mr = {load}");
+}
+
+#[test]
+fn front_axle_within_its_limits() {
+    compare(&Case { file: "rescue_vehicle/dsm", ..FRONT_AXLE });
+}
+
+#[test]
+fn front_axle_is_that_of_the_steering_law() {
+    // One implementation, so the same bits: at all speeds, in both steady turns, with sideslip that only the law sees.
+    let fmus = [Fmu::named("DualSlidingModeSteering"), Fmu::named("FrontSteeringActuator")];
+    for model in [0, 1] {
+        let mut instances = fmus.each_ref().map(|fmu| {
+            let mut instance = fmu.instance();
+            ok(instance.set_integer(&[fmu.reference("reference.model")], &[model]));
+            ok(instance.enter_initialization_mode());
+            ok(instance.exit_initialization_mode());
+            instance
+        });
+        let law = ["vehicle.sideslip", "vehicle.yaw_rate", "weight.steering"].map(|name| fmus[0].reference(name));
+        for k in 0..5000 {
+            let time = f64::from(k) * STEP;
+            let (steer, speed) = (0.6 * (1.3 * time).sin(), 12.0 * (0.4 * time).sin().abs());
+            ok(instances[0].set_real(&law, &[0.02 * time.cos(), 0.2 * time.sin(), 1.0]));
+            let angles = [0, 1].map(|i| {
+                let inputs = ["driver.steer", "vehicle.speed"].map(|name| fmus[i].reference(name));
+                ok(instances[i].set_real(&inputs, &[steer, speed]));
+                ok(instances[i].do_step(time, STEP));
+                real(&fmus[i], &mut instances[i], "steer.front")
+            });
+            assert_eq!(angles[0].to_bits(), angles[1].to_bits(), "reference.model {model}, {time} s");
+        }
+    }
 }

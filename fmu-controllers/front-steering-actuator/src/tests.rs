@@ -1,0 +1,55 @@
+//! The front axle against the equations of its README, written out here.
+
+use approx::assert_abs_diff_eq;
+
+use super::*;
+
+/// One sample, with the start values but for the model.
+fn sample(p: &P, x: &mut X, steer: f64, u: f64) -> f64 {
+    equations::sample(p, &equations::design(p).unwrap(), x, &U { steer, u }).delta[0]
+}
+
+/// The equations in the order of the README, with numbers of the rescue vehicle: its axles carry equal loads, so W_F/g is
+/// a third of the mass. 1e-15 rad is a few roundings of angles below 1.
+#[test]
+fn the_axle_follows_the_equations() {
+    let p = P::default();
+    let (a, w_f, c_f, t) = (p.a, 12_000.0, 600_000.0, 0.001);
+    let mut x = X::default();
+    let mut last = 0.0;
+    for k in 0..20_000 {
+        let time = f64::from(k) * t;
+        let (steer, speed) = (0.5 * (0.8 * time).sin(), 12.0 * (0.3 * time).sin().abs());
+        let u = speed.max(0.5);
+        let gain = u / (a + w_f * u * u / c_f);
+        let limit = (3.743 / u / gain).atan().min(32.0_f64.to_radians());
+        let step = 10.0_f64.to_radians() * t;
+        let expected = last + (steer.clamp(-limit, limit) - last).clamp(-step, step);
+        let found = sample(&p, &mut x, steer, speed);
+        assert_abs_diff_eq!(found, expected, epsilon = 1e-15);
+        last = found;
+    }
+}
+
+/// pi/6 at 35 km/h: 10 deg/s up to 9.8995 deg (check number of an independent implementation, 4 decimals).
+#[test]
+fn a_step_slews_to_the_angle_of_the_largest_lateral_acceleration() {
+    let p = P::default();
+    let mut x = X::default();
+    for n in 1..=2000 {
+        let angle = sample(&p, &mut x, std::f64::consts::FRAC_PI_6, 35.0 / 3.6).to_degrees();
+        assert_abs_diff_eq!(angle, (0.01 * f64::from(n)).min(9.8995), epsilon = 1e-4);
+    }
+}
+
+/// Without a rate limit the axle is at its angle at once; left and right are mirror images.
+#[test]
+fn without_a_rate_limit_only_the_angle_is_limited() {
+    for reference_model in [ReferenceModel::TwoDegreesOfFreedom, ReferenceModel::ZeroSideslip] {
+        let p = P { front_rate: 0.0, reference_model, ..P::default() };
+        let at = |steer| sample(&p, &mut X::default(), steer, 10.0);
+        assert_eq!(at(0.05), 0.05);
+        assert!(at(0.4) < 0.2);
+        assert_eq!(at(-0.4), -at(0.4));
+    }
+}
