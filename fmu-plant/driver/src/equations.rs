@@ -313,6 +313,29 @@ mod tests {
         }
     }
 
+    /// Before its start the sweep does not steer, although its phase, a parabola in time, is positive again long before.
+    #[test]
+    fn sweep_does_not_steer_before_its_start() {
+        let p = P { maneuver: Maneuver::SineSweep, t_0: 10.0, ..P::default() };
+        for n in 0..=10_000 {
+            assert_eq!(steer(&p, f64::from(n) * 0.001), 0.0, "{n}");
+        }
+        assert!(steer(&p, 10.1) > 0.0);
+    }
+
+    /// At Unix times a unit in the last place is 0.24 us: a step still is on in the sample meant for it, and not before.
+    #[test]
+    fn steps_are_meant_for_their_sample_at_large_times() {
+        for begin in [1e7, 1e9, 1.7e9] {
+            for n in 1..3000_i32 {
+                let start: f64 = format!("{}.{:03}", begin as i64 + i64::from(n / 1000), n % 1000).parse().unwrap();
+                let p = P { t_0: start, d: 0.0, ..P::default() };
+                assert_eq!(steer(&p, begin + f64::from(n) * 0.001), p.a, "{start}");
+                assert_eq!(steer(&p, begin + f64::from(n - 1) * 0.001), 0.0, "{start}");
+            }
+        }
+    }
+
     /// After the duration the last frequency runs on to the next zero crossing. Phase after 20 s from 0.2 to 5.02 Hz:
     /// 52.2 periods, so 0.3 periods of 5.02 Hz remain.
     #[test]

@@ -38,6 +38,10 @@ const FIRST: f64 = 2.0 - HISTORY as f64;
 /// Most grid points of shaped noise that one sample may pass over (50 ms of work): beyond, the speed is a mistake.
 const MOST_POINTS: f64 = 1e6;
 
+/// Largest standard deviation of stationary shaped noise in m. Class H (the worst of ISO 8608) with the cutoff of the
+/// standard has 0.61 m; beyond 1 m the heights, three times that, are no road.
+const HIGHEST: f64 = 1.0;
+
 /// Share of a cell that rounding may be off.
 const SLACK: f64 = 1e-6;
 
@@ -155,6 +159,19 @@ pub(crate) fn design(p: &P, table: Option<Table>) -> Result<D, String> {
 
 fn noise(p: &P, coefficient: f64, pair: Pair) -> Result<Noise, String> {
     let changed = class_coefficient(p.class_change).unwrap_or(coefficient);
+    let process = ShapedNoise::new(coefficient, p.n_00, p.ds);
+    let changed = ShapedNoise::new(changed, p.n_00, p.ds);
+    let changes = p.t_change > 0.0;
+    let deviation = if changes { process.deviation.max(changed.deviation) } else { process.deviation };
+    if deviation > HIGHEST {
+        let reason = if changes { " ('roughness.change_class' included)" } else { "" };
+        return Err(format!(
+            "'roughness.cutoff' = {} 1/m: the heights of this roughness{reason} would have a standard deviation of \
+             {deviation:.3} m, at most {HIGHEST} m is allowed; use a cutoff of {:.3e} 1/m or more",
+            p.n_00,
+            p.n_00 * (deviation / HIGHEST).powi(2)
+        ));
+    }
     // one cell less than the points span: the front axle may stand just before its far end
     let longest = (HISTORY - 3) as f64 * p.ds;
     for (place, offset) in RearAxles::<f64>::PLACES.iter().zip(*p.l) {
@@ -168,8 +185,8 @@ fn noise(p: &P, coefficient: f64, pair: Pair) -> Result<Noise, String> {
     }
     Ok(Noise {
         pair,
-        process: ShapedNoise::new(coefficient, p.n_00, p.ds),
-        changed: ShapedNoise::new(changed, p.n_00, p.ds),
+        process,
+        changed,
         last_zero: match p.start {
             RoughnessStart::Stationary => None,
             RoughnessStart::ZeroUpToFrontAxle => Some(-FIRST),
@@ -955,9 +972,22 @@ mod tests {
                 P { l: RearAxles([0.0, 10.3]), ..p() },
                 "'geometry.axle_offset.rear' = 10.3 m: shaped noise is kept over 10.21 m with 'roughness.spacing' = 0.01 m, a larger spacing was expected",
             ),
+            (
+                // sigma^2 = pi 0.01 256e-6/(2e-6) m2 = (2.005 m)^2
+                P { n_00: 1e-6, ..p() },
+                "'roughness.cutoff' = 0.000001 1/m: the heights of this roughness would have a standard deviation of 2.005 m, at most 1 m is allowed; use a cutoff of 4.021e-6 1/m or more",
+            ),
+            (
+                // class 6 has 64 times the density of class 3
+                P { n_00: 1e-4, t_change: 3.0, ..p() },
+                "'roughness.cutoff' = 0.0001 1/m: the heights of this roughness ('roughness.change_class' included) would have a standard deviation of 1.604 m, at most 1 m is allowed; use a cutoff of 2.574e-4 1/m or more",
+            ),
         ] {
             assert_eq!(design(&parameters, None).unwrap_err(), message);
         }
+        // the worst class with the cutoff of the standard, and the cutoff that the message names
+        assert!(design(&P { class: 8, ..p() }, None).is_ok());
+        assert!(design(&P { n_00: 4.022e-6, ..p() }, None).is_ok());
         assert_eq!(
             parse_table("distance,height_left\n0,0\n", "a.csv").unwrap_err(),
             "a.csv: column `height_right` is missing, expected distance, height_left, height_right"
