@@ -5,6 +5,7 @@ mod heavy_vehicle;
 mod hydro_pneumatic;
 mod nominal;
 mod rescue_vehicle;
+mod sources;
 mod table;
 
 use host::c_api::Reference;
@@ -51,6 +52,8 @@ struct Case {
     /// Columns whose signal has another name; only these are compared if there are any.
     renamed: &'static [(&'static str, &'static str)],
     parameters: &'static [(&'static str, &'static str, f64)],
+    /// String parameters that name a file beside the reference data.
+    files: &'static [(&'static str, &'static str, &'static str)],
     program: &'static [Call],
     /// What every column is held to; the first that names it counts if several have the same [`Rule`] and time.
     limits: &'static [Limit],
@@ -64,6 +67,7 @@ const NOTHING: Case = Case {
     ignored: &[],
     renamed: &[],
     parameters: &[],
+    files: &[],
     program: &[],
     limits: &[],
 };
@@ -235,6 +239,10 @@ impl System {
             }
             for (_, name, value) in case.parameters.iter().filter(|parameter| parameter.0 == fmu.name) {
                 set_parameter(fmu, &mut unit.instance, name, *value);
+            }
+            for (_, name, file) in case.files.iter().filter(|parameter| parameter.0 == fmu.name) {
+                let path = tests::workspace().join("tests/references").join(file);
+                ok(unit.instance.set_string(&[fmu.reference(name)], &[path.to_str().expect("the path is UTF-8")]));
             }
             units.insert(fmu.name.clone(), unit);
         }
