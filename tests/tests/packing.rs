@@ -423,6 +423,9 @@ fn a_broken_package_blocks_only_what_needs_it() {
     let cargo_fmu = cargo_fmu();
     let copy = Copy::new();
     std::fs::write(copy.root.join("fmu-plant/road/src/lib.rs"), "this is not Rust").expect("it can be written");
+    // Interfaces that are not committed would be told.
+    let descriptions = "modelDescription";
+    copy_times(&workspace().join(descriptions), &copy.root.join(descriptions)).expect("it can be copied");
     let scenario = |name: &str, fmus: [&str; 2]| {
         let units: Vec<String> =
             fmus.iter().enumerate().map(|(i, fmu)| format!("[[unit]]\nname = \"u{i}\"\nfmu = \"{fmu}\"\n")).collect();
