@@ -38,6 +38,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="scenario file (scenarios/*.toml)")
     parser.add_argument("--jobs", type=shell.positive, metavar="N", help="runs at a time (default: all processors)")
+    shell.add_timeout(parser)
     shell.add_out(parser)
     parser.add_argument("--inputs", type=Path, metavar="CSV", help="signals from a file instead of the units' outputs")
     parser.add_argument("--stop", type=float, metavar="T", help="stop at this time (s)")
@@ -163,14 +164,15 @@ def _run(options: argparse.Namespace) -> int:
         repeat.append("--native")
         out = ["--out", str(options.out.resolve())]
         jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
-        code, _ = shell.cargo_fmu(["run", "--no-warnings", *shared, *out, *jobs], PURPOSE)
+        arguments = [*shared, *out, *jobs, *shell.workers(options)]
+        code, _ = shell.cargo_fmu(["run", "--no-warnings", *arguments], PURPOSE)
         # Runs that failed have left no file, the others are reported.
         failures = batch.take(scenario, runs, runs)
         if code != 0 and not failures:
             raise AppError("", code)
     else:
         master = f"fmpy {importlib.metadata.version('fmpy')}"
-        outcome = batch.execute(scenario, runs, options.jobs or _processors())
+        outcome = batch.execute(scenario, runs, options.jobs or _processors(), options.timeout)
         failures = outcome.failures
         for name, warnings in outcome.warnings.items():
             print(f"warning: run {name}:", *map(escaped, warnings), sep="\n  ", file=sys.stderr)

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import signal
-import tempfile
+import threading
 import time
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import fmpy
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from . import master, results
+from . import calls, master, results, temporary
+from .calls import Board
 from .plan import Plan, Run, Simulation
 
 # Seconds between two messages of a run about its progress.
 REPORT_INTERVAL = 0.2
+# Seconds between two looks at what the processes are doing.
+LOOK_INTERVAL = 0.1
+# Seconds that a process has until its run begins, whatever the timeout of a step.
+START_TIMEOUT = 60.0
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,7 @@ class _Task:
     names: tuple[str, ...]
     folders: Mapping[Path, Path]
     out: Path
+    board: Board
 
 
 @dataclass(frozen=True)
@@ -50,8 +57,43 @@ class Outcome:
     warnings: dict[str, tuple[str, ...]]
 
 
+@dataclass
+class _Running:
+    """A run in execution: its process, the steps it has reported, and since when its board has not changed."""
+
+    run: Run
+    process: Any
+    board: Board
+    done: int = 0
+    pulse: int = 0
+    since: float = field(default_factory=time.monotonic)
+
+    def is_late(self, timeout: float) -> bool:
+        """Whether a step takes longer than the timeout (s), or the start of the process too long."""
+        if self.board.pulse != self.pulse:
+            self.pulse, self.since = self.board.pulse, time.monotonic()
+        return time.monotonic() - self.since > (timeout if self.pulse > 0 else max(timeout, START_TIMEOUT))
+
+    def ended(self, how: str) -> _Verdict:
+        """Say how the process ended, and in which call."""
+        where = self.board.where()
+        if where is None:
+            return _Verdict(f"{how} outside of the FMUs")
+        unit, function, at = where
+        return _Verdict(str(master.RunError(self.run.units[unit].name, function, at, how)))
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it does, whatever an FMU is doing."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+
 def _execute(task: _Task, pipe: Connection) -> None:
     """Body of a process: simulates one run, writes its files, sends numbers of steps and in the end a verdict."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     # An interrupt from the keyboard reaches all processes; the first one ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pending = 0
@@ -70,6 +112,7 @@ def _execute(task: _Task, pipe: Connection) -> None:
             task.simulation,
             lambda unit: master.FmpyInstance(unit, task.folders[unit.fmu]),
             progress,
+            board=task.board,
         )
         present = [i for i, slot in enumerate(task.run.columns) if slot is not None]
         names = [task.names[i] for i in present]
@@ -100,10 +143,11 @@ def _extract(plan: Plan, folder: Path) -> tuple[dict[Path, Path], dict[Path, str
     return folders, broken
 
 
-def execute(plan: Plan, out: Path, jobs: int) -> Outcome:
+def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
     """Execute all runs of the plan, at most `jobs` at a time; their files go to `out`.
 
-    Every run has a process of its own: an FMU that crashes takes only its run with it. Files of an earlier
+    Every run has a process of its own: an FMU that crashes takes only its run with it, and so does one of whose steps
+    takes longer than the timeout (s). Files of an earlier
     execution of the same runs are removed first. A run that fails does not stop the others.
     """
     # A method that does not copy the threads of this process; the server imports the modules only once.
@@ -116,12 +160,12 @@ def execute(plan: Plan, out: Path, jobs: int) -> Outcome:
     names = tuple(c.name for c in plan.columns)
     for run in plan.runs:
         (out / f"{run.stem}.csv").unlink(missing_ok=True)
-    running: dict[Connection, tuple[Run, Any, int]] = {}
+    running: dict[Connection, _Running] = {}
     with (
-        tempfile.TemporaryDirectory(prefix="chassis-fmu-") as folder,
+        temporary.folder() as folder,
         tqdm(total=plan.simulation.steps * len(plan.runs), unit="step", unit_scale=True, disable=None) as bar,
     ):
-        folders, broken = _extract(plan, Path(folder))
+        folders, broken = _extract(plan, folder)
         waiting = []
         for run in plan.runs:
             bad = next((u for u in run.units if u.fmu in broken), None)
@@ -135,35 +179,41 @@ def execute(plan: Plan, out: Path, jobs: int) -> Outcome:
                 while waiting and len(running) < max(jobs, 1):
                     run = waiting.pop()
                     ours, theirs = context.Pipe(duplex=False)
-                    task = _Task(run, plan.simulation, names, folders, out)
+                    board: Board = context.RawValue(Board, calls.NONE)
+                    task = _Task(run, plan.simulation, names, folders, out, board)
                     process = context.Process(target=_execute, args=(task, theirs), daemon=True)
                     process.start()
                     theirs.close()
-                    running[ours] = (run, process, 0)
-                for ready in wait(list(running)):
-                    pipe = cast(Connection, ready)
-                    run, process, done = running[pipe]
-                    try:
-                        message = pipe.recv()
-                    except EOFError:
-                        process.join()
-                        message = _Verdict(f"the process of the run died ({_exit(process.exitcode)})")
+                    running[ours] = _Running(run, process, board)
+                ready = wait(list(running), LOOK_INTERVAL)
+                for pipe, one in list(running.items()):
+                    if pipe in ready:
+                        try:
+                            message = pipe.recv()
+                        except EOFError:
+                            one.process.join()
+                            message = one.ended(f"the process ended ({_exit(one.process.exitcode)})")
+                    elif one.is_late(timeout):
+                        one.process.kill()
+                        message = one.ended(f"not done after {timeout:g} s (--timeout), stopped")
+                    else:
+                        continue
                     if isinstance(message, int):
                         bar.update(message)
-                        running[pipe] = (run, process, done + message)
+                        one.done += message
                         continue
                     if message.error is not None:
-                        failures[run.id] = message.error
+                        failures[one.run.id] = message.error
                     elif message.warnings:
-                        warnings[run.id] = message.warnings
-                    bar.update(plan.simulation.steps - done)
+                        warnings[one.run.id] = message.warnings
+                    bar.update(plan.simulation.steps - one.done)
                     pipe.close()
-                    process.join()
+                    one.process.join()
                     del running[pipe]
         finally:
-            for pipe, (_run, process, _done) in running.items():
-                process.terminate()
-                process.join()
+            for pipe, one in running.items():
+                one.process.kill()
+                one.process.join()
                 pipe.close()
             with contextlib.suppress(OSError):
                 for part in out.glob(".*.part"):
@@ -174,7 +224,7 @@ def execute(plan: Plan, out: Path, jobs: int) -> Outcome:
 def _exit(code: int | None) -> str:
     if code is not None and code < 0:
         with contextlib.suppress(ValueError):
-            return f"signal {signal.Signals(-code).name}"
+            return f"signal {-code}, {signal.Signals(-code).name}"
     return f"exit code {code}"
 
 

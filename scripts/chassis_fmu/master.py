@@ -26,6 +26,8 @@ from fmpy.fmi2 import (
 )
 from numpy.typing import NDArray
 
+from . import calls
+from .calls import Board
 from .plan import Feed, Kind, Run, Setting, Simulation, Unit, Wire
 
 WARNING = 1
@@ -226,9 +228,12 @@ def _of(wires: Iterable[Wire], kind: Kind) -> list[Wire]:
 class Slave:
     """A unit in execution: its instance and its connection to the bus."""
 
-    def __init__(self, unit: Unit, instance: Instance, bus: Array) -> None:
+    def __init__(self, unit: Unit, instance: Instance, bus: Array, board: Board, index: int) -> None:
         self.unit = unit
         self.instance = instance
+        self._board = board
+        self._index = index
+        self._calls = tuple(calls.code(index, name) for name in ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal"))
         self._functions = instance.functions
         self._component = instance.component
         self._do_step = self._functions.fmi2DoStep
@@ -263,8 +268,12 @@ class Slave:
             messages = _log.get(self.unit.name, ())
             raise RunError(self.unit.name, function, time, detail, messages, status == FATAL)
 
+    def _enter(self, function: str) -> None:
+        self._board.call = calls.code(self._index, function)
+
     def setup(self, simulation: Simulation) -> None:
         """Announce the experiment."""
+        self._enter("fmi2SetupExperiment")
         status = self._functions.fmi2SetupExperiment(self._component, 0, 0.0, simulation.start, 1, simulation.stop)
         self.check(status, "fmi2SetupExperiment", simulation.start)
 
@@ -283,16 +292,19 @@ class Slave:
                 call, value = f.fmi2SetBoolean, (ctypes.c_int * 1)(int(bool(s.value)))
             else:
                 call, value = f.fmi2SetString, (ctypes.c_char_p * 1)(str(s.value).encode())
+            self._enter(f"fmi2Set{s.kind}")
             status = call(self._component, reference, 1, value)
             self.check(status, f"fmi2Set{s.kind}", time, f"{s.name} = {s.value!r}")
 
     def enter(self, time: float) -> None:
         """Enter the initialization mode."""
+        self._enter("fmi2EnterInitializationMode")
         status = self._functions.fmi2EnterInitializationMode(self._component)
         self.check(status, "fmi2EnterInitializationMode", time)
 
     def leave(self, time: float) -> None:
         """Leave the initialization mode."""
+        self._enter("fmi2ExitInitializationMode")
         status = self._functions.fmi2ExitInitializationMode(self._component)
         self.check(status, "fmi2ExitInitializationMode", time)
 
@@ -301,15 +313,18 @@ class Slave:
         group = self._inputs
         if group.count:
             group.load()
+            self._board.call = self._calls[0]
             status = self._set_real(self._component, group.references, group.count, group.values)
             if status > WARNING:
                 self.check(status, "fmi2SetReal", time)
         for whole, name, call in self._whole_inputs:
             whole.load()
+            self._enter(name)
             self.check(call(self._component, whole.references, whole.count, whole.values), name, time)
 
     def step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`."""
+        self._board.call = self._calls[1]
         status = self._do_step(self._component, time, step, 1)
         if status > WARNING:
             self.check(status, "fmi2DoStep", time)
@@ -318,17 +333,25 @@ class Slave:
         """Read the wired and recorded outputs onto the bus."""
         group = self._outputs
         if group.count:
+            self._board.call = self._calls[2]
             status = self._get_real(self._component, group.references, group.count, group.values)
             if status > WARNING:
                 self.check(status, "fmi2GetReal", time)
             group.store()
         for whole, name, call in self._whole_outputs:
+            self._enter(name)
             self.check(call(self._component, whole.references, whole.count, whole.values), name, time)
             whole.store()
 
     def terminate(self, time: float) -> None:
         """End the simulation."""
+        self._enter("fmi2Terminate")
         self.check(self._functions.fmi2Terminate(self._component), "fmi2Terminate", time)
+
+    def free(self) -> None:
+        """Free the instance."""
+        self._enter("fmi2FreeInstance")
+        self.instance.free()
 
 
 class _Player:
@@ -365,6 +388,7 @@ def simulate(
     instantiate: Callable[[Unit], Instance],
     progress: Callable[[int], None] = lambda _steps: None,
     fresh: bool = False,
+    board: Board | None = None,
 ) -> tuple[Array, Array]:
     """Execute a run.
 
@@ -372,6 +396,7 @@ def simulate(
     `instantiate` makes the instance of a unit, `progress` hears of finished steps.
     With `fresh` the rows hold the outputs read again after the inputs were passed on, as Ecos does, and not those that
     are passed on. The standard leaves open what an FMU answers then; those of this project answer for the new inputs.
+    Every call is announced on the `board`.
     Raises RunError if an FMU cannot be loaded, a call returns more than a warning, or a value is not finite.
     """
     _log.clear()
@@ -383,6 +408,8 @@ def simulate(
     players = [_Player(f, FEED_SLACK * step) for f in run.feeds]
     slaves: list[Slave] = []
     time = start
+    board = board or Board()
+    board.begin()
 
     def feed(t: float) -> None:
         for player in players:
@@ -410,8 +437,10 @@ def simulate(
                 raise RunError(bad[0], function, t, bad[1], _log.get(bad[0], ()))
 
     try:
-        for unit in run.units:
-            slaves.append(Slave(unit, instantiate(unit), bus))
+        for index, unit in enumerate(run.units):
+            board.begin()
+            board.call = calls.code(index, calls.LOADING)
+            slaves.append(Slave(unit, instantiate(unit), bus, board, index))
         for slave in slaves:
             slave.setup(simulation)
         for slave in slaves:
@@ -436,6 +465,7 @@ def simulate(
         reported = 0
         for k in range(steps):
             time = start + k * step
+            board.step(time)
             feed(time)
             if sequential:
                 for slave in slaves:
@@ -471,5 +501,6 @@ def simulate(
         raise
     finally:
         for slave in slaves:
-            slave.instance.free()
+            slave.free()
+        board.begin()
     return times, rows

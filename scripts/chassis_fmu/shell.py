@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+from . import libpython
 
 ROOT = Path(__file__).resolve().parents[2]
 """The top folder of the repository."""
@@ -30,6 +34,25 @@ def positive(text: str) -> int:
     return value
 
 
+def seconds(text: str) -> float:
+    """Read a time above 0 (s)."""
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
+    return value
+
+
+def add_timeout(parser: argparse.ArgumentParser) -> None:
+    """Add the longest time for a step."""
+    parser.add_argument(
+        "--timeout",
+        type=seconds,
+        default=60.0,
+        metavar="SECONDS",
+        help="longest time for a step; an FMU that takes longer is stopped (default: 60)",
+    )
+
+
 def add_out(parser: argparse.ArgumentParser) -> None:
     """Add the folder of the results."""
     parser.add_argument(
@@ -49,12 +72,26 @@ def from_root(arguments: Sequence[str]) -> list[str]:
     return [a.removeprefix(prefix) for a in arguments]
 
 
+def workers(options: argparse.Namespace) -> list[str]:
+    """Return the arguments about the processes that execute FMUs."""
+    library = libpython.find()
+    python = [] if library is None else ["--libpython", str(library)]
+    return ["--timeout", f"{options.timeout:g}", *python]
+
+
 def cargo_fmu(arguments: Sequence[str], purpose: str, capture: bool = False) -> tuple[int, str]:
-    """Run a subcommand of `cargo fmu`; its messages go to the terminal. Returns its exit code and captured output."""
+    """Run a subcommand of `cargo fmu`; its messages go to the terminal. Returns its exit code and captured output.
+
+    FMUs made with Python use the Python that this is.
+    """
     cargo = shutil.which("cargo")
     if cargo is None:
         raise NoCargoError(purpose)
     done = subprocess.run(
-        [cargo, "fmu", *arguments], cwd=ROOT, stdout=subprocess.PIPE if capture else None, check=False
+        [cargo, "fmu", *arguments],
+        cwd=ROOT,
+        env={"PYTHONHOME": sys.base_prefix, **os.environ},
+        stdout=subprocess.PIPE if capture else None,
+        check=False,
     )
     return done.returncode, done.stdout.decode() if capture else ""

@@ -422,7 +422,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         description="Tunes parameters of FMUs as a study says, and shows how the methods converged.",
     )
     parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
-    parser.add_argument("--jobs", type=shell.positive, metavar="N", help="number of threads (default: all processors)")
+    parser.add_argument(
+        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: all processors)"
+    )
+    shell.add_timeout(parser)
     shell.add_out(parser)
     parser.add_argument("--fmus", type=Path, metavar="DIR", help="folder of the FMUs (default: target/fmu)")
     parser.add_argument(
@@ -449,7 +452,7 @@ def _run(options: argparse.Namespace) -> int:
     shared = _options(options)
     folder = options.out.resolve() / options.study.stem
     if not options.report_only:
-        code, _ = shell.cargo_fmu(["tune", *shared], "carry out studies")
+        code, _ = shell.cargo_fmu(["tune", *shared, *shell.workers(options)], "carry out studies")
         if code != 0:
             # cargo fmu has said why
             return code

@@ -127,7 +127,9 @@ def test_a_missing_run_is_reported_and_the_others_are_kept(
 def test_native_runs_are_reported(cargo: Path, recorded: Path, tmp_path: Path) -> None:
     options = ["trial.toml", "--native", "--jobs", "2", "--out", str(tmp_path / "out")]
     assert app.main(options) == 0
-    assert cargo.read_text().splitlines()[1].endswith(f"--out {tmp_path / 'out'} --jobs 2")
+    assert (
+        cargo.read_text().splitlines()[1].partition(" --timeout 60")[0].endswith(f"--out {tmp_path / 'out'} --jobs 2")
+    )
     page = (tmp_path / "out" / "trial" / "index.html").read_text(encoding="utf-8")
     assert "native (cargo fmu run)" in page
     # a run that fails there has no file

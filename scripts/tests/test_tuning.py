@@ -288,7 +288,8 @@ def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_command_tunes_and_reports(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study, out = shell.ROOT / "studies" / "trial.toml", folder.parent
     assert tuning.main([str(study), "--out", str(out), "--jobs", "2", "--budget", "9", "--resume"]) == 0
-    assert cargo.read_text() == f"fmu tune studies/trial.toml --out {out} --jobs 2 --budget 9 --resume\n"
+    expected = f"fmu tune studies/trial.toml --out {out} --jobs 2 --budget 9 --resume --timeout 60"
+    assert cargo.read_text().partition(" --libpython")[0].strip() == expected
     assert capsys.readouterr().out.strip() == str(folder / "index.html")
     page = (folder / "index.html").read_text()
     assert f"scripts/tune studies/trial.toml --out {out} --jobs 2 --budget 9</code>" in page

@@ -1,7 +1,7 @@
 """An FMU written in Python takes the place of the car's yaw control, in both masters.
 
 It is made by PythonFMU from python_yaw_control.py. Such an FMU needs the Python library in the process that loads it:
-fmpy has it, the native master gets it by LD_PRELOAD.
+fmpy has it, the native master is given it.
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ import csv
 import os
 import subprocess
 import sys
-import sysconfig
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from chassis_fmu import libpython
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -36,19 +37,10 @@ SETTLED = 1.5
 STEER, WHEELBASE, STABILITY_FACTOR = 0.046, 2.34, 7.99903e-4
 
 
-def library() -> Path | None:
-    """Return the shared library of this Python, if it has one."""
-    name = sysconfig.get_config_var("INSTSONAME") or ""
-    folder = Path(sysconfig.get_config_var("LIBDIR") or "/")
-    candidates = [folder / name, folder / (sysconfig.get_config_var("MULTIARCH") or "") / name]
-    return next((c for c in candidates if ".so" in name and c.is_file()), None)
-
-
-def call(*command: str, code: int = 0, **environment: str) -> str:
+def call(*command: str, code: int = 0) -> str:
     done = subprocess.run(
         command,
         cwd=ROOT,
-        env={**os.environ, **environment},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         encoding="utf-8",
@@ -102,29 +94,34 @@ def test_it_is_another_law(folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def python() -> dict[str, str]:
-    """Return the environment in which a program that is not Python can load FMUs in Python."""
-    path = library()
+def python() -> list[str]:
+    """Return the arguments that give a program that is not Python the library for FMUs in Python."""
+    path = libpython.find()
     if path is None:
         pytest.skip("this Python has no shared library, which a master that is not Python needs for FMUs in Python")
-    return {"LD_PRELOAD": str(path), "PYTHONHOME": sys.base_prefix}
+    return ["--libpython", str(path)]
 
 
-def test_the_check_judges_description_and_binary(folder: Path, python: dict[str, str]) -> None:
+def test_the_check_judges_description_and_binary(folder: Path, python: list[str]) -> None:
     """References: FMI 2.0.4, section 2.2.8 (initial unknowns), and what PythonFMU does: it compares no GUID."""
     check = ("cargo", "fmu", "check", str(folder / "PythonYawControl.fmu"))
-    judged = call(*check, code=1, **python)
+    judged = call(*check, *python, code=1)
     errors = [line for line in judged.splitlines() if line.startswith("  error: ")]
     assert len(errors) == 7
     assert all("is not listed in ModelStructure/InitialUnknowns" in line for line in errors), judged
     assert "a wrong GUID is accepted" in judged
-    # Without the library of Python the binary is a finding too.
-    assert "error: binary: cannot load" in call(*check, code=1)
+    # Without the library of Python the binary is a finding too, which says what to do.
+    without = call(*check, code=1)
+    assert "needs the Python library" in without
+    assert "--libpython FILE" in without
 
 
-def test_both_masters_agree_to_the_last_bit(folder: Path, python: dict[str, str]) -> None:
+def test_both_masters_agree_to_the_last_bit(folder: Path, python: list[str]) -> None:
     out = folder / "native"
-    call("cargo", "fmu", "run", *options(folder), "--out", str(out), **python)
+    # It finds the library by itself.
+    cosim = str(ROOT / "scripts" / "cosim.py")
+    call(sys.executable, cosim, "--native", *options(folder), "--out", str(out))
+    assert python
     names = sorted(p.name for p in (out / "swapped" / "runs").glob("*.csv"))
     assert names == ["coordination.csv", "left_out.csv", "python.csv", "sign.csv"]
     for name in names:

@@ -8,7 +8,7 @@
 use host::description::Causality;
 use host::fmu::Fmus;
 use host::loader::Instance;
-use host::master::{Recording, execute, execute_all};
+use host::master::{Recording, execute};
 use host::plan::{Order, Plan};
 use host::resolve::{FmuFolder, Options, Problem, ResolveError, resolve, resolve_text};
 use std::collections::HashMap;
@@ -101,8 +101,8 @@ impl Results {
     #[track_caller]
     fn of(plan: Plan) -> Self {
         let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
-        let recordings = execute_all(&plan, &fmus, 2, &|_| (), &|_, recording| recording);
-        let recordings = recordings.into_iter().map(|r| r.unwrap_or_else(|error| panic!("{error}"))).collect();
+        let one = |run| execute(&plan.simulation, run, &fmus).unwrap_or_else(|error| panic!("{error}"));
+        let recordings = plan.runs.iter().map(one).collect();
         Self { plan, recordings }
     }
 
@@ -448,26 +448,15 @@ fn results_do_not_depend_on_threads() {
     let plan = plan(&rough(), &Options::default());
     assert_eq!(plan.runs.len(), 4);
     let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
-    let all = |jobs| -> Vec<_> {
-        let results = execute_all(&plan, &fmus, jobs, &|_| (), &|run, recording| (run.id.clone(), recording));
-        results.into_iter().map(|result| result.unwrap_or_else(|error| panic!("{error}"))).collect()
-    };
-    let one = all(1);
-    for jobs in [2, 4] {
-        for (run, ((id, recording), (expected_id, expected))) in plan.runs.iter().zip(all(jobs).iter().zip(&one)) {
-            assert_eq!((id, expected_id), (&run.id, &run.id), "results come in the order of the runs");
-            assert_same(recording, expected, &format!("{id}, {jobs} threads"));
-        }
-    }
-    // One by one, too.
-    for (run, (id, expected)) in plan.runs.iter().zip(&one) {
-        let alone = execute(&plan.simulation, run, &fmus, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"));
-        assert_same(&alone, expected, id);
-    }
-    let roll = plan.columns.iter().position(|column| column.name == "body.roll").expect("it is recorded");
-    let rolls: Vec<_> = one.iter().map(|(_, recording)| bits(recording.column(roll).expect("all have it"))).collect();
-    for i in 0..rolls.len() {
-        assert!(!rolls[..i].contains(&rolls[i]), "runs of different settings differ");
+    let one = |run| execute(&plan.simulation, run, &fmus).unwrap_or_else(|error| panic!("{error}"));
+    let alone: Vec<_> = plan.runs.iter().map(one).collect();
+    // All at once, by libraries that are loaded once.
+    let together: Vec<_> = std::thread::scope(|scope| {
+        let threads: Vec<_> = plan.runs.iter().map(|run| scope.spawn(move || one(run))).collect();
+        threads.into_iter().map(|thread| thread.join().expect("it does not panic")).collect()
+    });
+    for (run, (recording, expected)) in plan.runs.iter().zip(together.iter().zip(&alone)) {
+        assert_same(recording, expected, &run.id);
     }
 }
 

@@ -4,8 +4,13 @@
 //! `crates/host/tests/resolve.rs` and `crates/tuning/tests/studies.rs`.
 
 use host::resolve::{FmuFolder, Options, resolve_text};
+use host::worker::{Launch, Settings};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
 use tests::signals::Random;
+use tuning::study::Workers;
 
 /// Changes of each file.
 const CHANGES: u64 = 120;
@@ -129,6 +134,13 @@ fn spoiled_scenarios_are_refused_with_a_message() {
     assert!(refused > 1000 && accepted > 100, "{refused} refused, {accepted} accepted: what is changed tests little");
 }
 
+/// Reading a study starts none of them.
+fn workers() -> Workers {
+    let launch = Launch { program: PathBuf::from("none"), arguments: Vec::new() };
+    let settings = Settings { launch, timeout: Duration::from_secs(1), libpython: None, printed: Arc::new(|_| ()) };
+    Workers { settings, jobs: NonZeroUsize::MIN }
+}
+
 #[test]
 fn spoiled_studies_are_refused_with_a_message() {
     let source = FmuFolder::new([tests::folder()]);
@@ -144,7 +156,7 @@ fn spoiled_studies_are_refused_with_a_message() {
     let (refused, accepted) = read_spoiled("studies", 1000, |file, spoiled| {
         let path = studies.join(file.file_name().expect("a name"));
         std::fs::write(&path, spoiled).expect("it can be written");
-        tuning::study::read(&path, &source, 1).map(drop)
+        tuning::study::read(&path, &source, workers()).map(drop)
     });
     assert!(refused > 100 && accepted > 10, "{refused} refused, {accepted} accepted: what is changed tests little");
 }
@@ -157,7 +169,7 @@ fn files_that_are_no_text_are_refused() {
     let refuses = |path: &Path| {
         let error = host::resolve::resolve(path, &source, &Options::default()).map(drop).expect_err("no scenario");
         assert!(!error.to_string().is_empty());
-        let error = tuning::study::read(path, &source, 1).map(drop).expect_err("no study");
+        let error = tuning::study::read(path, &source, workers()).map(drop).expect_err("no study");
         assert!(!error.to_string().is_empty());
     };
     let deep = format!("a = {}1{}", "[".repeat(100_000), "]".repeat(100_000));

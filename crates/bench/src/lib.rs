@@ -80,7 +80,7 @@ impl Evaluation {
     #[must_use]
     pub fn run(&self) -> Vec<Vec<f64>> {
         let run = self.plan.runs.first().expect("a run");
-        let recording = master::execute(&self.plan.simulation, run, &self.fmus, &mut |_| ());
+        let recording = master::execute(&self.plan.simulation, run, &self.fmus);
         let recording = recording.unwrap_or_else(|error| panic!("{error}"));
         recording.columns.into_iter().flatten().collect()
     }

@@ -21,10 +21,12 @@ mod systems;
 mod trials;
 mod tune;
 mod win64;
+mod worker;
 mod workspace;
 mod zigbuild;
 
 use clap::Parser;
+use miette::IntoDiagnostic as _;
 
 /// Exports models as FMUs and runs systems of them
 #[derive(Parser, Debug)]
@@ -36,7 +38,7 @@ enum Cli {
     Inspect(inspect::Arguments),
     /// Judges FMUs of any origin: the description by the rules of FMI 2.0, the binary by what it does
     ///
-    /// The binary is loaded and run in a process of its own: start values, repeated runs, two instances, reset, saved states,
+    /// The binary is loaded and run in a process of its own, so a crash is one more finding: start values, repeated runs, two instances, reset, saved states,
     /// dependencies, and whatever else the description promises. Ends with 1 if there are errors.
     Check(check::Arguments),
     /// Shows which FMUs fit which plants by their signals
@@ -69,13 +71,21 @@ enum Cli {
     System(system::Arguments),
     /// Tunes parameters of a scenario as a study says
     Tune(tune::Arguments),
+    /// Executes FMUs for another command
+    #[command(hide = true)]
+    Worker(worker::Arguments),
 }
 
 fn main() -> miette::Result<()> {
     errors::install()?;
     // As a subcommand of cargo the program gets its own name as the first argument.
     let arguments = std::env::args_os().enumerate().filter(|(i, argument)| *i != 1 || argument != "fmu");
-    match Cli::parse_from(arguments.map(|(_, argument)| argument)) {
+    let command = Cli::parse_from(arguments.map(|(_, argument)| argument));
+    // The temporary folders of a worker are those of the process that started it.
+    if !matches!(command, Cli::Worker(_)) {
+        host::temporary::remove_on_signals().into_diagnostic()?;
+    }
+    match command {
         Cli::Pack(arguments) => pack::run(&arguments),
         Cli::Inspect(arguments) => inspect::run(&arguments),
         Cli::Check(arguments) => check::run(&arguments),
@@ -86,6 +96,7 @@ fn main() -> miette::Result<()> {
         Cli::Run(arguments) => run::run(&arguments),
         Cli::System(arguments) => system::run(&arguments),
         Cli::Tune(arguments) => tune::run(&arguments),
+        Cli::Worker(arguments) => worker::run(&arguments),
     }
 }
 

@@ -36,6 +36,7 @@ pub(crate) fn write_file(text: &str) {
 
 fn write_raw(bytes: &[u8]) {
     if let Err(error) = std::io::stdout().lock().write_all(bytes) {
+        host::temporary::remove();
         if error.kind() == ErrorKind::BrokenPipe {
             std::process::exit(0);
         }

@@ -3,17 +3,20 @@
 use crate::output::{errln, outln};
 use crate::plan::print_warnings;
 use crate::selection::Selection;
+use crate::worker;
 use clap::Args;
 use host::fmu::Fmus;
-use host::master::{self, Recording};
+use host::master::Recording;
 use host::plan::{Plan, Run, Signal};
 use host::results;
 use host::terminal::indented;
+use host::worker::{Failure, Pool, Task};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Different messages shown after all runs.
@@ -33,15 +36,25 @@ pub(crate) struct Arguments {
     #[arg(long)]
     no_warnings: bool,
 
-    /// Number of threads [default: that of the processors]
+    /// Number of processes [default: that of the processors]
     #[arg(long, short, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+
+    #[command(flatten)]
+    workers: worker::Options,
 }
 
 /// What is left of a run once its file is written.
 struct Done {
     seconds: f64,
     messages: Vec<String>,
+}
+
+impl From<Recording> for Done {
+    fn from(recording: Recording) -> Self {
+        let messages = recording.messages.iter().map(|(unit, message)| format!("{unit}: {}", message.text));
+        Self { seconds: recording.seconds, messages: messages.collect() }
+    }
 }
 
 /// Executes the scenario.
@@ -59,26 +72,33 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     };
     let folder = arguments.out.join(&plan.name).join("runs");
     remove_old(&plan, &folder)?;
-    let fmus = Fmus::load(&plan).into_diagnostic()?;
-    let jobs = arguments.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
-
+    let fmus = Fmus::unpack(&plan).into_diagnostic()?;
     let bar = progress_bar(&plan)?;
+    let printing = bar.clone();
+    let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
+    let pool = Pool::new(arguments.workers.settings(printed)?, worker::jobs(arguments.jobs), &fmus);
+
     let began = Instant::now();
-    let finish = |run: &Run, recording: Recording| -> Result<Done, std::io::Error> {
-        let path = folder.join(results::file_name(run));
-        results::write_csv(&path, &plan.columns, &recording)?;
-        let messages = recording.messages.iter().map(|(unit, message)| format!("{unit}: {}", message.text));
-        Ok(Done { seconds: recording.seconds, messages: messages.collect() })
+    let names: Vec<String> = plan.columns.iter().map(|column| column.name.clone()).collect();
+    // An FMU may change the folder of its process.
+    let target = std::path::absolute(&folder).into_diagnostic()?;
+    let task = |index: usize| {
+        let run = plan.runs[index].clone();
+        let path = target.join(results::file_name(&run));
+        Ok(Task { run, csv: Some((names.clone(), path)) })
     };
-    let outcomes = master::execute_all(&plan, &fmus, jobs, &|n| bar.inc(n), &finish);
+    let outcomes: Mutex<BTreeMap<usize, Result<Done, Failure>>> = Mutex::default();
+    pool.execute(&plan.simulation, plan.runs.len(), &task, &|n| bar.inc(n), &|index, outcome| {
+        outcomes.lock().unwrap_or_else(PoisonError::into_inner).insert(index, outcome.map(Done::from));
+    });
+    drop(pool);
     bar.finish_and_clear();
 
     let mut done = Vec::new();
     let mut failures = Vec::new();
-    for (run, outcome) in plan.runs.iter().zip(outcomes) {
+    for (index, outcome) in outcomes.into_inner().unwrap_or_else(PoisonError::into_inner) {
         match outcome {
-            Ok(Ok(result)) => done.push((run, result)),
-            Ok(Err(error)) => failures.push(format!("run {}: {error}", run.id)),
+            Ok(result) => done.push((&plan.runs[index], result)),
             Err(error) => failures.push(error.to_string()),
         }
     }
@@ -94,6 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
 fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
     for run in &plan.runs {
         let path = folder.join(results::file_name(run));
+        results::remove_parts(&path);
         match std::fs::remove_file(&path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 return Err(error).into_diagnostic().wrap_err_with(|| format!("cannot remove {}", path.display()));

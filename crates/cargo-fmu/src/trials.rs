@@ -26,7 +26,7 @@ pub(crate) fn warnings(plan: &Plan, selection: &Selection) -> Vec<String> {
 
 fn run(selection: &Selection) -> Option<Vec<String>> {
     // What the process unpacks is removed even if it is killed.
-    let temporary = tempfile::tempdir().ok()?;
+    let temporary = host::temporary::Folder::new().ok()?;
     let mut child = Command::new(std::env::current_exe().ok()?)
         .args(["plan", "--trials"])
         .args(selection.arguments())

@@ -6,13 +6,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
 use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tuning::journal::Progress;
-use tuning::study::{self, Method, Study};
+use tuning::study::{self, Method, Study, Workers};
 use tuning::tune::{End, Existing, Summary, tune};
 
 use crate::output::outln;
+use crate::worker;
 
 /// Which study, and where the results go. An interrupted study goes on with `--resume`, to the same results.
 #[derive(Debug, Args)]
@@ -28,9 +29,12 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "OUT", default_value = "results")]
     out: PathBuf,
 
-    /// Number of threads [default: that of the processors]
+    /// Number of processes [default: that of the processors]
     #[arg(long, short, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+
+    #[command(flatten)]
+    workers: worker::Options,
 
     /// Evaluations per method, instead of the study's
     #[arg(long, value_name = "N")]
@@ -77,8 +81,11 @@ impl Bars {
 
 /// Carries out the study.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
-    let jobs = arguments.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
-    let mut study = study::read(&arguments.study, &FmuFolder::new(arguments.fmus.iter().cloned()), jobs)?;
+    let bar = ProgressBar::no_length();
+    let printing = bar.clone();
+    let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
+    let workers = Workers { settings: arguments.workers.settings(printed)?, jobs: worker::jobs(arguments.jobs) };
+    let mut study = study::read(&arguments.study, &FmuFolder::new(arguments.fmus.iter().cloned()), workers)?;
     if let Some(budget) = arguments.budget {
         study.evaluations = budget.get();
     }
@@ -90,7 +97,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let style = ProgressStyle::with_template("{msg} [{bar:40}] {pos}/{len} {elapsed} (ready in {eta})")
         .into_diagnostic()?
         .progress_chars("=> ");
-    let bar = ProgressBar::new(study.evaluations).with_style(style);
+    bar.set_style(style);
+    bar.set_length(study.evaluations);
     bar.enable_steady_tick(Duration::from_millis(200));
     let bars = Mutex::new(Bars { bar, method: String::new(), began: Instant::now(), seconds: Vec::new() });
     let report = |method: &Method, progress: &Progress| {

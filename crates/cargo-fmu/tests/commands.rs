@@ -42,6 +42,8 @@ fn wrong_usage_ends_with_2() {
         &["run"],
         &["run", "ramp.toml", "--seeds", "0"],
         &["run", "ramp.toml", "--jobs", "0"],
+        &["run", "ramp.toml", "--timeout", "0"],
+        &["check", "Ramp.fmu", "--timeout", "soon"],
         &["plan", "ramp.toml", "--order", "random"],
         &["pack", "--platforms", "amiga68k"],
         &["tune", "study.toml", "--budget", "0"],
@@ -134,11 +136,11 @@ fn an_fmu_is_judged() {
     // What it does is well.
     assert!(!findings.contains("fmi2Reset:") && !findings.contains("two instances"), "{findings}");
 
-    support::Build { crash: true, ..support::Build::new("Crash", "u", "x") }.pack(folder.path());
+    support::Build { step: "abort()", ..support::Build::new("Crash", "u", "x") }.pack(folder.path());
     let output = command(folder.path(), &["check", "Crash.fmu", "Ramp.fmu"]);
     assert_eq!(output.status.code(), Some(1));
     let findings = text(&output.stdout);
-    assert!(findings.contains("error: runs: the process did not survive it: signal: 6"), "{findings}");
+    assert!(findings.contains("error: runs: the process ended (signal 6, SIGABRT) during fmi2DoStep"), "{findings}");
     assert!(findings.contains("Ramp.fmu: "), "the next one is checked all the same: {findings}");
 }
 

@@ -169,8 +169,6 @@ fn command(folder: &Path, command: &str) -> Output {
         .current_dir(folder)
         .env("TMPDIR", folder.join("temporary"))
         .env("NO_COLOR", "1")
-        // Threads reserve address space each.
-        .env("RAYON_NUM_THREADS", "2")
         .output()
         .unwrap();
     assert!(begin.elapsed() < LONGEST, "{command} took {:?}", begin.elapsed());

@@ -2,13 +2,13 @@
 
 use crate::description::{ModelDescription, XmlError};
 use crate::directory::{self, DirectoryError, Entry};
+use crate::temporary::Folder;
 use crate::terminal;
 use object::{FileKind, Object as _, ObjectSegment as _, ReadCache};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek as _};
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 use zip::ZipArchive;
 
 /// Most bytes that one entry may unpack to.
@@ -120,7 +120,14 @@ pub struct Unpacked {
     pub binary: PathBuf,
     /// Folder of the resources; empty where the FMU has none.
     pub resources: PathBuf,
-    _folder: TempDir,
+    _folder: Option<Folder>,
+}
+
+impl Unpacked {
+    /// What another process has unpacked, which also removes it.
+    pub(crate) fn elsewhere(binary: PathBuf, resources: PathBuf) -> Self {
+        Self { binary, resources, _folder: None }
+    }
 }
 
 impl Archive {
@@ -236,7 +243,7 @@ impl Archive {
             let path = path.to_path_buf();
             move |cause| ArchiveError::Io { path, cause }
         };
-        let folder = tempfile::Builder::new().prefix("fmu-").tempdir().map_err(io_error(&std::env::temp_dir()))?;
+        let folder = Folder::new().map_err(io_error(&std::env::temp_dir()))?;
         let resources = folder.path().join("resources");
         std::fs::create_dir_all(&resources).map_err(io_error(&resources))?;
         for i in 0..self.zip.len() {
@@ -281,7 +288,7 @@ impl Archive {
                 reason: format!("the library `{library}` is damaged or cut off"),
             });
         }
-        Ok(Unpacked { binary, resources, _folder: folder })
+        Ok(Unpacked { binary, resources, _folder: Some(folder) })
     }
 }
 
@@ -404,6 +411,7 @@ pub fn read_description(path: &Path) -> Result<ModelDescription, ArchiveError> {
 mod tests {
     use super::*;
     use std::io::Write;
+    use tempfile::TempDir;
     use zip::write::{SimpleFileOptions, ZipWriter};
 
     const VEHICLE: &str = include_str!("../tests/data/Vehicle.xml");

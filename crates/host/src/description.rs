@@ -180,7 +180,7 @@ pub enum Initial {
 }
 
 /// Base type as the C interface tells them apart; an enumeration travels as an integer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub enum BaseType {
     /// `fmi2Real`.
     Real,
@@ -199,13 +199,15 @@ impl std::fmt::Display for BaseType {
 }
 
 /// A value of a base type.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+///
+/// In JSON it is only the value. A Real has a decimal point or an exponent there, so the first variant that fits is right.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(untagged)]
 pub enum Value {
-    /// `fmi2Real`.
-    Real(f64),
     /// `fmi2Integer`, also of an enumeration.
     Integer(i32),
+    /// `fmi2Real`.
+    Real(f64),
     /// `fmi2Boolean`.
     Boolean(bool),
     /// `fmi2String`.

@@ -9,7 +9,8 @@
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
 //!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
 //!   [`problem`] shows mistakes with their place; [`systems`] tells which FMUs fit which plants by their signals,
-//! - [`master`] executes the runs of a plan, [`results`] writes them, [`export`] writes a run for other masters,
+//! - [`master`] executes the runs of a plan in this process, [`worker`] in others, which may crash; [`results`] writes them,
+//!   [`export`] writes a run for other masters, [`temporary`] keeps files that are not to stay,
 //! - [`terminal`] makes text of an FMU safe to print.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
@@ -25,7 +26,7 @@
 //! for gain in [1.0, 2.0, 4.0] {
 //!     let mut run = plan.runs[0].clone();
 //!     run.set_parameter(&fmus, "steering", "switching.gain", Value::Real(gain))?;
-//!     let recording = master::execute(&plan.simulation, &run, &fmus, &mut |_| ())?;
+//!     let recording = master::execute(&plan.simulation, &run, &fmus)?;
 //!     println!("{gain}: {:?}", recording.column(0).and_then(|c| c.last()));
 //! }
 //! # Ok(())
@@ -47,12 +48,15 @@ pub mod problem;
 pub mod resolve;
 pub mod results;
 pub mod systems;
+pub mod temporary;
 pub mod terminal;
 pub mod trial;
+pub mod worker;
 
 mod directory;
 mod feeds;
 mod findings;
 mod named_values;
+mod python;
 mod scenario;
 mod xml;

@@ -6,9 +6,13 @@
 
 #![allow(unsafe_code)]
 
+pub(crate) mod calls;
+
 use crate::archive::Unpacked;
 use crate::c_api::{self, CallbackFunctions, Component, RawStatus, Reference};
+use crate::python;
 use crate::terminal;
+use calls::{Board, Function};
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -53,10 +57,22 @@ pub enum LoadError {
         /// Answer of an FMU that can be used.
         expected: &'static str,
     },
+    /// It calls Python, and the process has no Python.
+    #[error(
+        "{} needs the Python library, which this process lacks: it uses `{symbol}` without linking to it; give the library \
+         to `cargo fmu run`, `tune` or `check` with `--libpython FILE`, or run `scripts/cosim.py --native`, which finds it",
+        path.display()
+    )]
+    Python {
+        /// The library.
+        path: PathBuf,
+        /// A function of Python that it uses.
+        symbol: String,
+    },
 }
 
 /// `fmi2Status`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Status {
     /// All well.
     Ok,
@@ -103,7 +119,7 @@ impl std::fmt::Display for Status {
 }
 
 /// A message that an instance logged.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Message {
     /// Severity.
     pub status: Status,
@@ -244,7 +260,7 @@ pub struct Library {
     _library: libloading::Library,
     resources: CString,
     instances: AtomicUsize,
-    _unpacked: Unpacked,
+    _unpacked: Arc<Unpacked>,
 }
 
 impl std::fmt::Debug for Library {
@@ -257,11 +273,29 @@ impl Library {
     /// Loads the library of an unpacked FMU.
     ///
     /// # Errors
-    /// The system cannot load it, a function is missing, or it is not one of FMI 2.0 with the types
-    /// platform `default`.
-    pub fn load(unpacked: Unpacked) -> Result<Arc<Self>, LoadError> {
+    /// The system cannot load it, it needs a Python library that is not there, a function is missing, or it is not one of
+    /// FMI 2.0 with the types platform `default`.
+    pub fn load(unpacked: impl Into<Arc<Unpacked>>) -> Result<Arc<Self>, LoadError> {
+        let board = calls::board();
+        if let Some(board) = board {
+            board.load();
+        }
+        let library = Self::load_unpacked(unpacked.into());
+        if let Some(board) = board {
+            board.leave();
+        }
+        library
+    }
+
+    fn load_unpacked(unpacked: Arc<Unpacked>) -> Result<Arc<Self>, LoadError> {
         let path = &unpacked.binary;
-        let library = open(path).map_err(|error| LoadError::Library { path: path.clone(), reason: reason(&error) })?;
+        let opened = open(path);
+        // Functions are looked up when they are called first, and ending the process is how the system reports a missing one.
+        if let Some(symbol) = python::undefined_symbol(path).filter(|symbol| !has_symbol(opened.as_ref().ok(), symbol))
+        {
+            return Err(LoadError::Python { path: path.clone(), symbol });
+        }
+        let library = opened.map_err(|error| LoadError::Library { path: path.clone(), reason: reason(&error) })?;
         // SAFETY: the signatures are those of the FMI 2.0 headers; the table is stored beside the
         // library and its pointers are called through `Library` and `Instance` only.
         let functions = unsafe { Functions::load(&library) }
@@ -329,6 +363,22 @@ fn open(path: &std::path::Path) -> Result<libloading::Library, libloading::Error
         // SAFETY: as above.
         unsafe { libloading::Library::new(path) }
     }
+}
+
+/// Whether a library, those it brings along or the program itself have a symbol.
+fn has_symbol(library: Option<&libloading::Library>, symbol: &str) -> bool {
+    // SAFETY: the symbol is only looked up, not used.
+    let found = library.is_some_and(|library| unsafe { library.get::<*const c_void>(symbol) }.is_ok());
+    #[cfg(unix)]
+    // SAFETY: as above.
+    let found = found || unsafe { libloading::os::unix::Library::this().get::<*const c_void>(symbol) }.is_ok();
+    found
+}
+
+/// Writes out what FMUs have printed and the C library still holds.
+pub(crate) fn flush_prints() {
+    // SAFETY: a null stream stands for all streams; there are no other conditions.
+    unsafe { libc::fflush(ptr::null_mut()) };
 }
 
 /// What the system says, such as which symbol or library is missing, stands in the sources of the error.
@@ -447,6 +497,9 @@ pub struct SavedState {
 /// allocate unless they fail.
 pub struct Instance {
     component: Component,
+    // Where calls are announced, and as which component.
+    board: Option<&'static Board>,
+    index: u64,
     dead: bool,
     states: Vec<c_api::State>,
     name: CString,
@@ -466,7 +519,7 @@ impl Instance {
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
         let failed = |problem, messages| CallError {
             instance: name.to_string(),
-            function: "fmi2Instantiate",
+            function: Function::Instantiate.name(),
             problem,
             messages,
         };
@@ -486,6 +539,11 @@ impl Instance {
             step_finished: None,
             environment: ptr::from_ref::<Log>(&log).cast_mut().cast(),
         });
+        let board = calls::board();
+        let index = board.map_or(0, Board::current);
+        if let Some(board) = board {
+            board.enter(index, Function::Instantiate);
+        }
         // SAFETY: all pointers are valid for the call; callbacks and log live as long as the
         // instance, in the struct below.
         let component = unsafe {
@@ -499,12 +557,17 @@ impl Instance {
                 c_api::Boolean::from(logging),
             )
         };
+        if let Some(board) = board {
+            board.leave();
+        }
         if component.is_null() {
             return Err(failed(CallProblem::NoInstance, log.take()));
         }
         library.instances.fetch_add(1, Ordering::AcqRel);
         Ok(Self {
             component,
+            board,
+            index,
             dead: false,
             states: Vec::new(),
             name: c_name,
@@ -527,23 +590,38 @@ impl Instance {
     }
 
     #[cold]
-    fn failure(&mut self, function: &'static str, problem: CallProblem) -> CallError {
+    fn failure(&mut self, function: Function, problem: CallProblem) -> CallError {
         if problem == CallProblem::Status(Status::Fatal) {
             self.dead = true;
         }
-        CallError { instance: self.name().to_string(), function, problem, messages: self.log.take() }
+        CallError { instance: self.name().to_string(), function: function.name(), problem, messages: self.log.take() }
+    }
+
+    fn enter(&self, function: Function) {
+        if let Some(board) = self.board {
+            board.enter(self.index, function);
+        }
+    }
+
+    fn leave(&self) {
+        if let Some(board) = self.board {
+            board.leave();
+        }
     }
 
     /// Calls the FMU unless it is dead, and checks the status.
     fn call(
         &mut self,
-        function: &'static str,
+        function: Function,
         call: impl FnOnce(&Functions, Component) -> RawStatus,
     ) -> Result<(), CallError> {
         if self.dead {
             return Err(self.failure(function, CallProblem::Dead));
         }
-        match call(&self.library.functions, self.component) {
+        self.enter(function);
+        let status = call(&self.library.functions, self.component);
+        self.leave();
+        match status {
             0 | 1 => Ok(()),
             status => Err(self.failure(function, CallProblem::Status(Status::from(status)))),
         }
@@ -552,7 +630,7 @@ impl Instance {
     /// As [`Self::call`] for a function the FMU may lack.
     fn call_optional<F: Copy>(
         &mut self,
-        function: &'static str,
+        function: Function,
         select: impl FnOnce(&Functions) -> Option<F>,
         call: impl FnOnce(F, Component) -> RawStatus,
     ) -> Result<(), CallError> {
@@ -562,7 +640,7 @@ impl Instance {
         }
     }
 
-    fn same_length(&mut self, function: &'static str, references: usize, values: usize) -> Result<(), CallError> {
+    fn same_length(&mut self, function: Function, references: usize, values: usize) -> Result<(), CallError> {
         if references == values {
             Ok(())
         } else {
@@ -575,7 +653,7 @@ impl Instance {
     /// # Errors
     /// The FMU refuses, lacks the function, or a category holds a zero byte.
     pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), CallError> {
-        const NAME: &str = "fmi2SetDebugLogging";
+        const NAME: Function = Function::SetDebugLogging;
         let (_owned, pointers) = self.c_strings(NAME, categories)?;
         self.call_optional(
             NAME,
@@ -591,7 +669,7 @@ impl Instance {
     /// The FMU refuses.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call("fmi2SetupExperiment", |f, c| unsafe {
+        self.call(Function::SetupExperiment, |f, c| unsafe {
             (f.setup_experiment)(c, c_api::FALSE, 0.0, start, c_api::Boolean::from(stop.is_some()), stop.unwrap_or(0.0))
         })
     }
@@ -602,7 +680,7 @@ impl Instance {
     /// The FMU refuses.
     pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call("fmi2EnterInitializationMode", |f, c| unsafe { (f.enter_initialization_mode)(c) })
+        self.call(Function::EnterInitializationMode, |f, c| unsafe { (f.enter_initialization_mode)(c) })
     }
 
     /// `fmi2ExitInitializationMode`.
@@ -611,7 +689,7 @@ impl Instance {
     /// The FMU refuses.
     pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call("fmi2ExitInitializationMode", |f, c| unsafe { (f.exit_initialization_mode)(c) })
+        self.call(Function::ExitInitializationMode, |f, c| unsafe { (f.exit_initialization_mode)(c) })
     }
 
     /// `fmi2Terminate`.
@@ -620,7 +698,7 @@ impl Instance {
     /// The FMU refuses.
     pub fn terminate(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call("fmi2Terminate", |f, c| unsafe { (f.terminate)(c) })
+        self.call(Function::Terminate, |f, c| unsafe { (f.terminate)(c) })
     }
 
     /// `fmi2Reset`.
@@ -629,7 +707,7 @@ impl Instance {
     /// The FMU refuses.
     pub fn reset(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call("fmi2Reset", |f, c| unsafe { (f.reset)(c) })
+        self.call(Function::Reset, |f, c| unsafe { (f.reset)(c) })
     }
 
     /// `fmi2DoStep` from `time` over `step`, both in seconds; no earlier state will be restored.
@@ -638,7 +716,7 @@ impl Instance {
     /// The FMU refuses, fails, or has not finished the step.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call("fmi2DoStep", |f, c| unsafe { (f.do_step)(c, time, step, c_api::TRUE) })
+        self.call(Function::DoStep, |f, c| unsafe { (f.do_step)(c, time, step, c_api::TRUE) })
     }
 
     /// `fmi2GetReal`.
@@ -646,9 +724,9 @@ impl Instance {
     /// # Errors
     /// The lengths differ or the FMU refuses.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
-        self.same_length("fmi2GetReal", refs.len(), values.len())?;
+        self.same_length(Function::GetReal, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call("fmi2GetReal", |f, c| unsafe { (f.get_real)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()) })
+        self.call(Function::GetReal, |f, c| unsafe { (f.get_real)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()) })
     }
 
     /// `fmi2GetInteger`, also for enumerations.
@@ -656,9 +734,9 @@ impl Instance {
     /// # Errors
     /// The lengths differ or the FMU refuses.
     pub fn get_integer(&mut self, refs: &[Reference], values: &mut [i32]) -> Result<(), CallError> {
-        self.same_length("fmi2GetInteger", refs.len(), values.len())?;
+        self.same_length(Function::GetInteger, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call("fmi2GetInteger", |f, c| unsafe {
+        self.call(Function::GetInteger, |f, c| unsafe {
             (f.get_integer)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr())
         })
     }
@@ -668,9 +746,9 @@ impl Instance {
     /// # Errors
     /// The lengths differ or the FMU refuses.
     pub fn get_boolean(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
-        self.same_length("fmi2GetBoolean", refs.len(), values.len())?;
+        self.same_length(Function::GetBoolean, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call("fmi2GetBoolean", |f, c| unsafe {
+        self.call(Function::GetBoolean, |f, c| unsafe {
             (f.get_boolean)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr())
         })
     }
@@ -682,7 +760,7 @@ impl Instance {
     pub fn get_string(&mut self, refs: &[Reference]) -> Result<Vec<String>, CallError> {
         let mut pointers = vec![ptr::null(); refs.len()];
         // SAFETY: live instance; both arrays have the stated length.
-        self.call("fmi2GetString", |f, c| unsafe {
+        self.call(Function::GetString, |f, c| unsafe {
             (f.get_string)(c, refs.as_ptr(), refs.len(), pointers.as_mut_ptr())
         })?;
         // SAFETY: the FMU filled in C strings that stay valid until its next function is called.
@@ -694,9 +772,9 @@ impl Instance {
     /// # Errors
     /// The lengths differ or the FMU refuses.
     pub fn set_real(&mut self, refs: &[Reference], values: &[f64]) -> Result<(), CallError> {
-        self.same_length("fmi2SetReal", refs.len(), values.len())?;
+        self.same_length(Function::SetReal, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call("fmi2SetReal", |f, c| unsafe { (f.set_real)(c, refs.as_ptr(), refs.len(), values.as_ptr()) })
+        self.call(Function::SetReal, |f, c| unsafe { (f.set_real)(c, refs.as_ptr(), refs.len(), values.as_ptr()) })
     }
 
     /// `fmi2SetInteger`, also for enumerations.
@@ -704,9 +782,11 @@ impl Instance {
     /// # Errors
     /// The lengths differ or the FMU refuses.
     pub fn set_integer(&mut self, refs: &[Reference], values: &[i32]) -> Result<(), CallError> {
-        self.same_length("fmi2SetInteger", refs.len(), values.len())?;
+        self.same_length(Function::SetInteger, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call("fmi2SetInteger", |f, c| unsafe { (f.set_integer)(c, refs.as_ptr(), refs.len(), values.as_ptr()) })
+        self.call(Function::SetInteger, |f, c| unsafe {
+            (f.set_integer)(c, refs.as_ptr(), refs.len(), values.as_ptr())
+        })
     }
 
     /// `fmi2SetBoolean`; values are 0 or 1.
@@ -714,9 +794,11 @@ impl Instance {
     /// # Errors
     /// The lengths differ or the FMU refuses.
     pub fn set_boolean(&mut self, refs: &[Reference], values: &[c_api::Boolean]) -> Result<(), CallError> {
-        self.same_length("fmi2SetBoolean", refs.len(), values.len())?;
+        self.same_length(Function::SetBoolean, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call("fmi2SetBoolean", |f, c| unsafe { (f.set_boolean)(c, refs.as_ptr(), refs.len(), values.as_ptr()) })
+        self.call(Function::SetBoolean, |f, c| unsafe {
+            (f.set_boolean)(c, refs.as_ptr(), refs.len(), values.as_ptr())
+        })
     }
 
     /// `fmi2SetString`.
@@ -724,16 +806,18 @@ impl Instance {
     /// # Errors
     /// The lengths differ, a value holds a zero byte, or the FMU refuses.
     pub fn set_string(&mut self, refs: &[Reference], values: &[&str]) -> Result<(), CallError> {
-        self.same_length("fmi2SetString", refs.len(), values.len())?;
-        let (_owned, pointers) = self.c_strings("fmi2SetString", values)?;
+        self.same_length(Function::SetString, refs.len(), values.len())?;
+        let (_owned, pointers) = self.c_strings(Function::SetString, values)?;
         // SAFETY: live instance; both arrays have the stated length, the strings live on.
-        self.call("fmi2SetString", |f, c| unsafe { (f.set_string)(c, refs.as_ptr(), refs.len(), pointers.as_ptr()) })
+        self.call(Function::SetString, |f, c| unsafe {
+            (f.set_string)(c, refs.as_ptr(), refs.len(), pointers.as_ptr())
+        })
     }
 
     /// C strings and the pointers to them.
     fn c_strings(
         &mut self,
-        function: &'static str,
+        function: Function,
         texts: &[&str],
     ) -> Result<(Vec<CString>, Vec<*const c_char>), CallError> {
         let owned: Result<Vec<CString>, _> = texts.iter().map(|t| CString::new(*t)).collect();
@@ -757,7 +841,7 @@ impl Instance {
         seed: &[f64],
         result: &mut [f64],
     ) -> Result<(), CallError> {
-        const NAME: &str = "fmi2GetDirectionalDerivative";
+        const NAME: Function = Function::GetDirectionalDerivative;
         self.same_length(NAME, knowns.len(), seed.len())?;
         self.same_length(NAME, unknowns.len(), result.len())?;
         self.call_optional(
@@ -788,7 +872,7 @@ impl Instance {
         orders: &[i32],
         values: &[f64],
     ) -> Result<(), CallError> {
-        const NAME: &str = "fmi2SetRealInputDerivatives";
+        const NAME: Function = Function::SetRealInputDerivatives;
         self.same_length(NAME, refs.len(), values.len())?;
         self.same_length(NAME, refs.len(), orders.len())?;
         self.call_optional(
@@ -809,7 +893,7 @@ impl Instance {
         orders: &[i32],
         values: &mut [f64],
     ) -> Result<(), CallError> {
-        const NAME: &str = "fmi2GetRealOutputDerivatives";
+        const NAME: Function = Function::GetRealOutputDerivatives;
         self.same_length(NAME, refs.len(), values.len())?;
         self.same_length(NAME, refs.len(), orders.len())?;
         self.call_optional(
@@ -826,7 +910,7 @@ impl Instance {
     /// The FMU refuses or lacks the function.
     pub fn cancel_step(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call_optional("fmi2CancelStep", |f| f.cancel_step, |f, c| unsafe { f(c) })
+        self.call_optional(Function::CancelStep, |f| f.cancel_step, |f, c| unsafe { f(c) })
     }
 
     /// `fmi2GetStatus(fmi2DoStepStatus)`: status of a pending step.
@@ -837,7 +921,7 @@ impl Instance {
         let mut value = 0;
         // SAFETY: live instance; the value is written through a valid pointer. 0: fmi2DoStepStatus.
         let get = |f: c_api::GetStatus<RawStatus>, c| unsafe { f(c, 0, &raw mut value) };
-        self.call_optional("fmi2GetStatus", |f| f.get_status, get)?;
+        self.call_optional(Function::GetStatus, |f| f.get_status, get)?;
         Ok(Status::from(value))
     }
 
@@ -849,7 +933,7 @@ impl Instance {
         let mut value = 0.0;
         // SAFETY: as above. 2: fmi2LastSuccessfulTime.
         let get = |f: c_api::GetStatus<f64>, c| unsafe { f(c, 2, &raw mut value) };
-        self.call_optional("fmi2GetRealStatus", |f| f.get_real_status, get)?;
+        self.call_optional(Function::GetRealStatus, |f| f.get_real_status, get)?;
         Ok(value)
     }
 
@@ -861,7 +945,7 @@ impl Instance {
         let mut value = 0;
         // SAFETY: as above.
         let get = |f: c_api::GetStatus<i32>, c| unsafe { f(c, kind, &raw mut value) };
-        self.call_optional("fmi2GetIntegerStatus", |f| f.get_integer_status, get)?;
+        self.call_optional(Function::GetIntegerStatus, |f| f.get_integer_status, get)?;
         Ok(value)
     }
 
@@ -873,7 +957,7 @@ impl Instance {
         let mut value = 0;
         // SAFETY: as above. 3: fmi2Terminated.
         let get = |f: c_api::GetStatus<c_api::Boolean>, c| unsafe { f(c, 3, &raw mut value) };
-        self.call_optional("fmi2GetBooleanStatus", |f| f.get_boolean_status, get)?;
+        self.call_optional(Function::GetBooleanStatus, |f| f.get_boolean_status, get)?;
         Ok(value != 0)
     }
 
@@ -885,7 +969,7 @@ impl Instance {
         let mut value = ptr::null();
         // SAFETY: as above. 1: fmi2PendingStatus.
         let get = |f: c_api::GetStatus<*const c_char>, c| unsafe { f(c, 1, &raw mut value) };
-        self.call_optional("fmi2GetStringStatus", |f| f.get_string_status, get)?;
+        self.call_optional(Function::GetStringStatus, |f| f.get_string_status, get)?;
         // SAFETY: a C string of the FMU, valid until its next function is called.
         Ok(unsafe { text(value) })
     }
@@ -895,7 +979,7 @@ impl Instance {
     }
 
     /// The pointer behind a saved state of this instance.
-    fn state(&mut self, function: &'static str, saved: &SavedState) -> Result<c_api::State, CallError> {
+    fn state(&mut self, function: Function, saved: &SavedState) -> Result<c_api::State, CallError> {
         if saved.owner == self.owner()
             && let Some(state) = self.states.get(saved.slot)
         {
@@ -917,7 +1001,7 @@ impl Instance {
     pub fn save_state(&mut self) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
         self.call_optional(
-            "fmi2GetFMUstate",
+            Function::GetFMUstate,
             |f| f.get_state,
             // SAFETY: live instance; a null state asks for a new one.
             |f, c| unsafe { f(c, &raw mut state) },
@@ -930,7 +1014,7 @@ impl Instance {
     /// # Errors
     /// The state is of another instance, or the FMU refuses or lacks the function.
     pub fn save_state_again(&mut self, saved: &SavedState) -> Result<(), CallError> {
-        const NAME: &str = "fmi2GetFMUstate";
+        const NAME: Function = Function::GetFMUstate;
         let mut state = self.state(NAME, saved)?;
         // SAFETY: live instance; the state is null or one that this instance returned.
         let get = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
@@ -945,7 +1029,7 @@ impl Instance {
     /// # Errors
     /// The state is of another instance, or the FMU refuses or lacks the function.
     pub fn restore_state(&mut self, saved: &SavedState) -> Result<(), CallError> {
-        const NAME: &str = "fmi2SetFMUstate";
+        const NAME: Function = Function::SetFMUstate;
         let state = self.state(NAME, saved)?;
         self.call_optional(
             NAME,
@@ -960,7 +1044,7 @@ impl Instance {
     /// # Errors
     /// The state is of another instance, or the FMU refuses or lacks the function.
     pub fn free_state(&mut self, saved: SavedState) -> Result<(), CallError> {
-        const NAME: &str = "fmi2FreeFMUstate";
+        const NAME: Function = Function::FreeFMUstate;
         let mut state = self.state(NAME, &saved)?;
         // SAFETY: live instance; the state is null or one that this instance returned.
         let free = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
@@ -975,11 +1059,11 @@ impl Instance {
     /// # Errors
     /// The state is of another instance, or the FMU refuses or lacks the functions.
     pub fn serialize_state(&mut self, saved: &SavedState) -> Result<Vec<u8>, CallError> {
-        const NAME: &str = "fmi2SerializeFMUstate";
+        const NAME: Function = Function::SerializeFMUstate;
         let state = self.state(NAME, saved)?;
         let mut size = 0;
         self.call_optional(
-            "fmi2SerializedFMUstateSize",
+            Function::SerializedFMUstateSize,
             |f| f.serialized_state_size,
             // SAFETY: live instance and state; the size is written through a valid pointer.
             |f, c| unsafe { f(c, state, &raw mut size) },
@@ -1001,7 +1085,7 @@ impl Instance {
     pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
         self.call_optional(
-            "fmi2DeSerializeFMUstate",
+            Function::DeSerializeFMUstate,
             |f| f.deserialize_state,
             // SAFETY: live instance; the bytes have the stated length; null asks for a new state.
             |f, c| unsafe { f(c, bytes.as_ptr().cast(), bytes.len(), &raw mut state) },
@@ -1021,6 +1105,7 @@ impl Drop for Instance {
         // After fmi2Fatal no function may be called, not even to free.
         if !self.dead {
             if let Some(free) = self.library.functions.free_state {
+                self.enter(Function::FreeFMUstate);
                 for state in &mut self.states {
                     if !state.is_null() {
                         // SAFETY: live instance; the state is one that it returned. Nothing can be
@@ -1029,8 +1114,10 @@ impl Drop for Instance {
                     }
                 }
             }
+            self.enter(Function::FreeInstance);
             // SAFETY: the instance is freed once, here.
             unsafe { (self.library.functions.free_instance)(self.component) };
+            self.leave();
         }
         self.library.instances.fetch_sub(1, Ordering::AcqRel);
     }

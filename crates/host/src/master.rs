@@ -17,14 +17,10 @@
 //! Inputs and outputs of a unit are set and read by one call per base type: Real, Integer, Boolean.
 
 use crate::c_api::Reference;
-use crate::fmu::{FmuError, Fmus};
-use crate::loader::{CallError, Instance, Message};
-use crate::plan::{self, BaseType, Order, Plan, Run, Setting, Simulation, Value, Wire};
-use rayon::prelude::*;
+use crate::fmu::{FmuError, Instances};
+use crate::loader::{CallError, Instance, Message, calls};
+use crate::plan::{self, BaseType, Order, Run, Setting, Simulation, Value, Wire};
 use std::time::Instant;
-
-/// Steps between two reports of progress.
-const REPORT_EVERY: u64 = 1000;
 
 /// A run that failed. It has no results.
 #[derive(Debug, thiserror::Error)]
@@ -193,20 +189,17 @@ impl Feeder<'_> {
     }
 }
 
-/// Executes a run and returns its signals in memory.
-///
-/// `progress` is called now and then with the number of steps done since the call before.
+/// Executes a run in this process and returns its signals in memory.
 ///
 /// # Errors
-/// An FMU is not loaded or cannot be instantiated, or a call returns more than `fmi2Warning`.
-pub fn execute(
-    simulation: &Simulation,
-    run: &Run,
-    fmus: &Fmus,
-    progress: &mut dyn FnMut(u64),
-) -> Result<Recording, RunError> {
+/// An FMU cannot be loaded or instantiated, or a call returns more than `fmi2Warning`.
+pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, RunError> {
     let failed = |time, cause: FmuError| RunError { run: run.id.clone(), time, cause: Box::new(cause) };
     let began = Instant::now();
+    let board = calls::board();
+    if let Some(board) = board {
+        board.begin();
+    }
     let mut members = instantiate(run, fmus).map_err(|error| failed(None, error))?;
     let mut bus = vec![0.0; run.slots];
     let mut feeder = Feeder { feeds: run.feeds.iter().map(|feed| (feed, 0)).collect(), slack: 1e-9 * simulation.step };
@@ -224,16 +217,18 @@ pub fn execute(
     recording.push(simulation.start, run, &bus);
     for k in 0..simulation.steps {
         let time = time_of(k);
+        if let Some(board) = board {
+            board.step(time, k);
+        }
         feeder.feed(time, &mut bus);
         step(simulation, time, &mut members, &mut bus).map_err(|error| failed(Some(time), error.into()))?;
         if (k + 1) % simulation.every == 0 {
             recording.push(time_of(k + 1), run, &bus);
         }
-        if (k + 1) % REPORT_EVERY == 0 {
-            progress(REPORT_EVERY);
-        }
     }
-    progress(simulation.steps % REPORT_EVERY);
+    if let Some(board) = board {
+        board.step(simulation.stop, simulation.steps);
+    }
     for member in &mut members {
         member.instance.terminate().map_err(|error| failed(Some(simulation.stop), error.into()))?;
         let messages = member.instance.take_messages();
@@ -244,15 +239,15 @@ pub fn execute(
     Ok(recording)
 }
 
-fn instantiate(run: &Run, fmus: &Fmus) -> Result<Vec<Member>, FmuError> {
+fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Member>, FmuError> {
     run.units
         .iter()
-        .map(|unit| {
-            Ok(Member {
-                instance: fmus.get(&unit.fmu)?.instantiate(&unit.name)?,
-                inputs: Port::new(&unit.inputs),
-                outputs: Port::new(&unit.outputs),
-            })
+        .enumerate()
+        .map(|(index, unit)| {
+            if let Some(board) = calls::board() {
+                board.component(index);
+            }
+            Ok(Member { instance: fmus.of(unit)?, inputs: Port::new(&unit.inputs), outputs: Port::new(&unit.outputs) })
         })
         .collect()
 }
@@ -318,32 +313,4 @@ fn step(simulation: &Simulation, time: f64, members: &mut [Member], bus: &mut [f
         }
     }
     Ok(())
-}
-
-/// Executes all runs of a plan on several threads and hands each recording to `finish`.
-///
-/// The answers come in the order of the runs; a failed run does not stop the others. Every run has
-/// instances of its own, so nothing depends on the number of threads. If an FMU allows only one
-/// instance at a time, one thread is used.
-///
-/// # Errors
-/// Per run: as [`execute`].
-pub fn execute_all<T: Send>(
-    plan: &Plan,
-    fmus: &Fmus,
-    jobs: usize,
-    progress: &(dyn Fn(u64) + Sync),
-    finish: &(dyn Fn(&Run, Recording) -> T + Sync),
-) -> Vec<Result<T, RunError>> {
-    let one = |run: &Run| {
-        let recording = execute(&plan.simulation, run, fmus, &mut |steps| progress(steps))?;
-        Ok(finish(run, recording))
-    };
-    let jobs = if fmus.any_only_once() { 1 } else { jobs.max(1) };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
-    match pool {
-        Ok(pool) if jobs > 1 => pool.install(|| plan.runs.par_iter().map(one).collect()),
-        // Without threads, for want of them or of a need, the result is the same.
-        _ => plan.runs.iter().map(one).collect(),
-    }
 }

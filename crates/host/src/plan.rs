@@ -10,7 +10,7 @@ use crate::description::{Causality, ModelDescription, Variability, Variable};
 pub use crate::findings::{Cell, Check, Expect, Finding, Format, Part, Text};
 use crate::fmu::{FmuError, Fmus};
 use crate::named_values::listed;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -135,7 +135,7 @@ pub(crate) struct Suspect {
 }
 
 /// Times, s, and order of execution.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Simulation {
     /// Start, s.
     pub start: f64,
@@ -223,7 +223,7 @@ pub struct Conversion {
 }
 
 /// A run of one case at one point with one seed.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// `case`, `case@point`, `case#seed` or `case@point#seed`.
     pub id: String,
@@ -244,7 +244,7 @@ pub struct Run {
 }
 
 /// An instance of an FMU and its wires.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unit {
     /// Name, also of the instance.
     pub name: String,
@@ -265,7 +265,7 @@ pub struct Unit {
 }
 
 /// A variable and its value.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
     /// Name of the variable.
     pub name: String,
@@ -279,7 +279,7 @@ pub struct Setting {
 }
 
 /// A variable and its place on the bus.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wire {
     /// Value reference.
     pub reference: Reference,
@@ -291,20 +291,24 @@ pub struct Wire {
 }
 
 /// A signal from a file, held between its times.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Feed {
     /// Slot of the bus, written by nothing else.
     pub slot: usize,
     /// Times, s, rising; the first is not after the start. Shared by the feeds of a file.
-    #[serde(serialize_with = "as_sequence")]
+    #[serde(serialize_with = "as_sequence", deserialize_with = "from_sequence")]
     pub times: Arc<[f64]>,
     /// Value from each time on.
-    #[serde(serialize_with = "as_sequence")]
+    #[serde(serialize_with = "as_sequence", deserialize_with = "from_sequence")]
     pub values: Arc<[f64]>,
 }
 
 fn as_sequence<S: Serializer>(values: &Arc<[f64]>, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(values.iter())
+}
+
+fn from_sequence<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[f64]>, D::Error> {
+    Ok(Vec::deserialize(deserializer)?.into())
 }
 
 /// A number computed from a column, each of whose values is factor * recorded value + offset.

@@ -1,7 +1,7 @@
 //! Writes recordings as CSV.
 
 use crate::master::Recording;
-use crate::plan::{Column, Run};
+use crate::plan::Run;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -12,14 +12,14 @@ pub fn file_name(run: &Run) -> String {
     format!("{}.csv", run.id.replace(['@', '#'], "_"))
 }
 
-/// Writes `time` and the columns that the run has, numbers in the shortest form that reads back
+/// Writes `time` and the columns that the run has, with all their names given, numbers in the shortest form that reads back
 /// as the same double. The file appears complete or not at all.
 ///
 /// # Errors
 /// The folder cannot be made or the file cannot be written; the path is in the text.
-pub fn write_csv(path: &Path, columns: &[Column], recording: &Recording) -> io::Result<()> {
+pub fn write_csv(path: &Path, names: &[String], recording: &Recording) -> io::Result<()> {
     let part = part_of(path);
-    let written = write_part(&part, columns, recording)
+    let written = write_part(&part, names, recording)
         .and_then(|()| std::fs::rename(&part, path))
         .map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", path.display())));
     if written.is_err() {
@@ -35,15 +35,29 @@ fn part_of(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{name}.{}.part", std::process::id()))
 }
 
-fn write_part(path: &Path, columns: &[Column], recording: &Recording) -> io::Result<()> {
+/// Removes what writers of a file have left that did not come to their end.
+pub fn remove_parts(path: &Path) {
+    let start = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
+    let entries = path.parent().and_then(|folder| std::fs::read_dir(folder).ok());
+    for entry in entries.into_iter().flatten().filter_map(Result::ok) {
+        let name = entry.file_name();
+        let number = name.to_str().and_then(|name| name.strip_prefix(&start)?.strip_suffix(".part"));
+        if number.is_some_and(|number| number.parse::<u32>().is_ok()) {
+            // What is left is hidden and small.
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+fn write_part(path: &Path, names: &[String], recording: &Recording) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;
     }
     let mut out = BufWriter::with_capacity(1 << 16, File::create(path)?);
-    let present: Vec<(&str, &[f64])> = columns
+    let present: Vec<(&str, &[f64])> = names
         .iter()
         .zip(&recording.columns)
-        .filter_map(|(column, values)| Some((column.name.as_str(), values.as_deref()?)))
+        .filter_map(|(name, values)| Some((name.as_str(), values.as_deref()?)))
         .collect();
     write!(out, "time")?;
     for (name, _) in &present {
@@ -69,18 +83,6 @@ fn write_part(path: &Path, columns: &[Column], recording: &Recording) -> io::Res
 mod tests {
     use super::*;
 
-    fn column(name: &str) -> Column {
-        Column {
-            name: name.to_string(),
-            unit: None,
-            display_unit: None,
-            factor: 1.0,
-            offset: 0.0,
-            description: String::new(),
-            units: Vec::new(),
-        }
-    }
-
     #[test]
     fn numbers_read_back_exactly_and_absent_columns_are_left_out() {
         let folder = tempfile::tempdir().unwrap();
@@ -92,7 +94,7 @@ mod tests {
             messages: Vec::new(),
             seconds: 0.0,
         };
-        let columns = [column("body.roll"), column("absent"), column("a,\"b\"")];
+        let columns = ["body.roll", "absent", "a,\"b\""].map(String::from);
         write_csv(&path, &columns, &recording).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text, "time,body.roll,\"a,\"\"b\"\"\"\n0.0,0.30000000000000004,1.0\n0.001,-1e-300,5e300\n");

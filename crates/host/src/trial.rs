@@ -119,7 +119,7 @@ fn execute(mut unit: Unit, outputs: &[&Variable], simulation: &Simulation, fmus:
         columns: (0..outputs.len()).map(Some).collect(),
     };
     let simulation = Simulation { every: 1, order: Order::Sequential, ..*simulation };
-    master::execute(&simulation, &run, fmus, &mut |_| ()).ok()
+    master::execute(&simulation, &run, fmus).ok()
 }
 
 /// Values a parameter may have instead of the one it has, each within its limits.

@@ -4,9 +4,10 @@ use crate::expression::Inequality;
 use crate::journal::{Objective, Outcome};
 use crate::space::Parameter;
 use host::fmu::Fmus;
-use host::master::{self, Recording};
+use host::master::Recording;
 use host::plan::{self, Run, Value};
-use rayon::prelude::*;
+use host::worker::{Failure, Pool, Task};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Rows this share of a step outside a window belong to it: times are rounded.
 const WINDOW_SLACK: f64 = 1e-6;
@@ -108,8 +109,10 @@ pub struct Constraint {
 pub struct Simulation {
     /// Times and order.
     pub times: plan::Simulation,
-    /// The FMUs, opened.
+    /// The FMUs, unpacked.
     pub fmus: Fmus,
+    /// Runs them.
+    pub pool: Pool,
     /// The runs whose mean is the objective.
     pub runs: Vec<Run>,
     /// What is tuned.
@@ -124,23 +127,60 @@ pub struct Simulation {
     pub constants: Vec<f64>,
     /// Objective of what is not feasible.
     pub penalty: f64,
-    /// Number of threads.
-    pub jobs: usize,
 }
 
 impl Simulation {
     /// What comes of some values of the parameters (index, value) in some runs; constraints are not looked at.
     #[must_use]
     pub fn outcome(&self, runs: &[Run], values: &[(usize, f64)]) -> Outcome {
+        let outcome = Mutex::new(None);
+        self.outcomes(runs, &[values.to_vec()], &|_, found| *lock(&outcome) = Some(found));
+        let found = lock(&outcome).take();
+        found.unwrap_or_else(|| self.infeasible("there are no runs".to_owned()))
+    }
+
+    fn infeasible(&self, reason: String) -> Outcome {
+        Outcome { objective: self.penalty, reason: Some(reason) }
+    }
+
+    /// What comes of several sets of values, each in all of the runs.
+    fn outcomes(&self, runs: &[Run], sets: &[Vec<(usize, f64)>], done: &(dyn Fn(usize, Outcome) + Sync)) {
         // Every run is done even if one fails, and the first failure in their order is reported: nothing depends on the
-        // threads.
-        let objectives: Vec<Result<f64, String>> = runs.par_iter().map(|run| self.run(run, values)).collect();
-        let sum: Result<f64, String> = objectives.into_iter().try_fold(0.0, |sum, objective| Ok(sum + objective?));
-        let infeasible = |reason| Outcome { objective: self.penalty, reason: Some(reason) };
-        match sum.map(|sum| sum / runs.len() as f64) {
+        // number of processes.
+        type Objectives = Vec<Option<Result<f64, String>>>;
+        let objectives: Vec<Mutex<Objectives>> = sets.iter().map(|_| Mutex::new(vec![None; runs.len()])).collect();
+        let place = |index: usize| (index / runs.len(), index % runs.len());
+        let task = |index: usize| {
+            let (set, run) = place(index);
+            let mut run = runs[run].clone();
+            for (parameter, value) in &sets[set] {
+                let (unit, name) = self.parameters[*parameter].unit_and_name();
+                let changed = run.set_parameter(&self.fmus, unit, name, Value::Real(*value));
+                changed.map_err(|e| Failure { run: run.id.clone(), time: None, message: e.to_string() })?;
+            }
+            Ok(Task { run, csv: None })
+        };
+        let finish = |index: usize, recorded: Result<Recording, Failure>| {
+            let (set, run) = place(index);
+            let objective = recorded
+                .map_err(|failure| failure.to_string())
+                .and_then(|recording| self.objective(&runs[run].id, &recording));
+            let mut of_set = lock(&objectives[set]);
+            of_set[run] = Some(objective);
+            if of_set.iter().all(Option::is_some) {
+                let sum = of_set.drain(..).flatten().try_fold(0.0, |sum, objective| Ok::<_, String>(sum + objective?));
+                drop(of_set);
+                done(set, self.mean(sum.map(|sum| sum / runs.len() as f64)));
+            }
+        };
+        self.pool.execute(&self.times, sets.len() * runs.len(), &task, &|_| (), &finish);
+    }
+
+    fn mean(&self, objective: Result<f64, String>) -> Outcome {
+        match objective {
             Ok(objective) if objective <= self.penalty => Outcome { objective, reason: None },
-            Ok(objective) => infeasible(format!("the objective is {objective:?}, beyond the penalty")),
-            Err(reason) => infeasible(reason),
+            Ok(objective) => self.infeasible(format!("the objective is {objective:?}, beyond the penalty")),
+            Err(reason) => self.infeasible(reason),
         }
     }
 
@@ -162,57 +202,53 @@ impl Simulation {
     }
 
     /// The objective of one run.
-    fn run(&self, run: &Run, values: &[(usize, f64)]) -> Result<f64, String> {
-        let mut run = run.clone();
-        for (index, value) in values {
-            let (unit, name) = self.parameters[*index].unit_and_name();
-            run.set_parameter(&self.fmus, unit, name, Value::Real(*value)).map_err(|error| error.to_string())?;
-        }
-        let recording =
-            master::execute(&self.times, &run, &self.fmus, &mut |_| ()).map_err(|error| error.to_string())?;
+    fn objective(&self, run: &str, recording: &Recording) -> Result<f64, String> {
         for Limit { signal, magnitude, column } in &self.limits {
             let beyond = |v: &&f64| v.abs() > *magnitude || v.is_nan();
             if let Some(value) = recording.column(*column).and_then(|values| values.iter().find(beyond)) {
-                return Err(format!("run {}: `{signal}` is {value:?}, the limit is {magnitude:?}", run.id));
+                return Err(format!("run {run}: `{signal}` is {value:?}, the limit is {magnitude:?}"));
             }
         }
         let mut objective = 0.0;
         for term in &self.terms {
-            let values = window(&recording, term.column, term.window, self.times.step);
+            let values = window(recording, term.column, term.window, self.times.step);
             let value = term.factor() * term.kind.of(values);
             if !value.is_finite() {
-                return Err(format!("run {}: the term of `{}` is {value:?}", run.id, term.signal));
+                return Err(format!("run {run}: the term of `{}` is {value:?}", term.signal));
             }
             objective += value;
         }
         Ok(objective)
     }
 
-    fn candidate(&self, values: &[f64]) -> Outcome {
+    /// Why a candidate need not be run.
+    fn violated(&self, values: &[f64]) -> Option<Outcome> {
         let symbols = self.parameters.iter().zip(values).filter(|(p, _)| p.symbol.is_some()).map(|(_, v)| *v);
         let variables: Vec<f64> = symbols.chain(self.constants.iter().copied()).collect();
-        if let Some(violated) = self.constraints.iter().find(|c| !c.inequality.holds(&variables)) {
-            let reason = Some(format!("constraint {}", violated.name));
-            return Outcome { objective: self.penalty, reason };
-        }
-        let values: Vec<(usize, f64)> = values.iter().copied().enumerate().collect();
-        self.outcome(&self.runs, &values)
+        let violated = self.constraints.iter().find(|c| !c.inequality.holds(&variables))?;
+        Some(self.infeasible(format!("constraint {}", violated.name)))
     }
 }
 
 impl Objective for Simulation {
     fn evaluate(&self, candidates: &[Vec<f64>], done: &(dyn Fn(usize, Outcome) + Sync)) {
-        // Limits of FMUs to one instance hold for the whole process.
-        let jobs = if self.fmus.any_only_once() { 1 } else { self.jobs };
-        let all = || {
-            candidates.par_iter().enumerate().for_each(|(index, values)| done(index, self.candidate(values)));
-        };
-        match rayon::ThreadPoolBuilder::new().num_threads(jobs).build() {
-            Ok(pool) => pool.install(all),
-            // Threads beyond those that run are not to be had: rayon's own ones do, with the same result.
-            Err(_) => all(),
+        let mut indices = Vec::new();
+        let mut sets = Vec::new();
+        for (index, values) in candidates.iter().enumerate() {
+            match self.violated(values) {
+                Some(outcome) => done(index, outcome),
+                None => {
+                    indices.push(index);
+                    sets.push(values.iter().copied().enumerate().collect());
+                }
+            }
         }
+        self.outcomes(&self.runs, &sets, &|set, outcome| done(indices[set], outcome));
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The values of a column in a window; none if the run does not have it.

@@ -10,10 +10,12 @@ use host::fmu::{FmuError, Fmus};
 use host::plan::{Plan, Run, Value};
 use host::problem::{Collector, Problems, suggestion};
 use host::resolve::{Descriptions, Options, ResolveError, resolve};
+use host::worker::{Pool, Settings as WorkerSettings};
 use miette::Diagnostic;
 use serde::Deserialize;
 use serde_spanned::Spanned;
 use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -46,6 +48,15 @@ pub enum StudyError {
     /// An FMU cannot be opened.
     #[error(transparent)]
     Fmu(#[from] FmuError),
+}
+
+/// The processes that run the FMUs of a study.
+#[derive(Debug, Clone)]
+pub struct Workers {
+    /// What they are like.
+    pub settings: WorkerSettings,
+    /// How many there are.
+    pub jobs: NonZeroUsize,
 }
 
 /// A study with nothing left to look up.
@@ -255,11 +266,11 @@ fn text(path: &Path) -> Result<String, StudyError> {
     read.map_err(|cause| StudyError::Read { path: path.to_path_buf(), cause })
 }
 
-/// Reads a study and everything it needs. `jobs` is the number of threads.
+/// Reads a study and everything it needs.
 ///
 /// # Errors
 /// A file cannot be read, the study or its scenario has mistakes, an FMU cannot be opened.
-pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study, StudyError> {
+pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<Study, StudyError> {
     let text = text(path)?;
     let mut problems = Collector::new(path, &text, "toml");
     let file: File = match toml::from_str(&text) {
@@ -308,7 +319,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study
         let message = format!("seeds is {}, the scenario has {}", wanted.get_ref(), plan.seeds.len());
         problems.add(wanted.span(), message);
     }
-    let fmus = Fmus::load(&plan)?;
+    let fmus = Fmus::unpack(&plan)?;
     let runs = chosen_runs(&file, &plan, &mut problems);
     let parameters = parameters(&file, &runs, &fmus, &mut problems);
     let columns = Columns { plan: &plan, runs: &runs };
@@ -326,6 +337,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study
         .collect();
     let mut comparisons = comparisons(&file, &plan, &runs, &fmus, &mut problems);
     problems.finish()?;
+    let pool = Pool::new(workers.settings, workers.jobs, &fmus);
     // A comparison with the scenario's own values only names them: they are evaluated anyway.
     let own = comparisons.iter().position(|c| c.values.is_empty() && c.runs == runs);
     let baseline = own.map_or(BASELINE.to_string(), |at| comparisons.remove(at).title);
@@ -352,6 +364,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study
         simulation: Simulation {
             times: plan.simulation,
             fmus,
+            pool,
             runs: slim(runs),
             parameters,
             terms,
@@ -359,7 +372,6 @@ pub fn read(path: &Path, source: &dyn Descriptions, jobs: usize) -> Result<Study
             constraints,
             constants: file.constants.values().map(|v| *v.get_ref()).collect(),
             penalty,
-            jobs,
         },
     })
 }

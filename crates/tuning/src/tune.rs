@@ -66,6 +66,9 @@ pub enum TuneError {
         /// The budget.
         budget: u64,
     },
+    /// An FMU cannot be loaded.
+    #[error("{0}")]
+    Load(String),
     /// A file cannot be read or written.
     #[error("{}: {cause}", path.display())]
     Io {
@@ -190,13 +193,16 @@ struct State<P> {
 /// evaluation.
 ///
 /// # Errors
-/// There are results that must not be touched or are those of another study, or a file cannot be read or written.
+/// An FMU cannot be loaded, there are results that must not be touched or are those of another study, or a file cannot be
+/// read or written.
 pub fn tune(
     study: &Study,
     out: &Path,
     existing: Existing,
     report: &(dyn Fn(&Method, &Progress) + Sync),
 ) -> Result<Summary, TuneError> {
+    // A study whose runs all fail would find nothing.
+    study.simulation.pool.load().map_err(TuneError::Load)?;
     let folder = out.join(&study.name);
     let names = ["history.csv", "state.json", "best.ssv"];
     for method in &study.methods {
@@ -287,6 +293,9 @@ fn search(
             TuneError::Journal(error) => error,
             TuneError::Exists(path) | TuneError::Changed(path) | TuneError::Budget { path, .. } => {
                 JournalError::Io { path, cause: io::ErrorKind::AlreadyExists.into() }
+            }
+            TuneError::Load(message) => {
+                JournalError::Io { path: folder.to_path_buf(), cause: io::Error::other(message) }
             }
         };
         if let Some(best) = progress.best.as_ref().filter(|best| best.evaluation != written.get()) {

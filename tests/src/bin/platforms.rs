@@ -6,7 +6,7 @@
 
 use host::description::{BaseType, Causality};
 use host::fmu::Fmus;
-use host::master::execute_all;
+use host::master;
 use host::resolve::{FmuFolder, Options, resolve};
 use host::results;
 use std::collections::BTreeSet;
@@ -64,11 +64,11 @@ fn record(out: &Path) {
         let options = Options { stop: Some(stop), seeds: Some(1), ..Options::default() };
         let plan = resolve(&scenario, &FmuFolder::new([folder()]), &options).unwrap_or_else(|error| panic!("{error}"));
         let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
-        let finish = |run: &_, recording| {
-            results::write_csv(&out.join(format!("{name}_{}", results::file_name(run))), &plan.columns, &recording)
-        };
-        for outcome in execute_all(&plan, &fmus, 1, &|_| (), &finish) {
-            outcome.unwrap_or_else(|error| panic!("{error}")).unwrap_or_else(|error| panic!("{error}"));
+        let names: Vec<_> = plan.columns.iter().map(|column| column.name.clone()).collect();
+        for run in &plan.runs {
+            let recording = master::execute(&plan.simulation, run, &fmus).unwrap_or_else(|error| panic!("{error}"));
+            let file = out.join(format!("{name}_{}", results::file_name(run)));
+            results::write_csv(&file, &names, &recording).unwrap_or_else(|error| panic!("{error}"));
         }
     }
 }

@@ -1,10 +1,11 @@
 /* A small FMU 2.0 for co-simulation, written by hand: x' = gain * u by the explicit Euler method.
-   MODEL and GUID are given by the compiler's command line.
+   VERSION, GUID and the statement STEP are given by the compiler's command line.
    Real: 0 u, 1 x, 2 gain, 3 start; Integer: 0 failure, 1 count; Boolean: 0 inverted, 1 moved; String: 0 label.
    Further macros make one defect each. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 #define EXPORT __attribute__((visibility("default")))
 
 typedef void (*Logger)(void *, const char *, int, const char *, const char *, ...);
@@ -132,9 +133,8 @@ EXPORT int fmi2SetString(void *c, const unsigned *r, size_t n, const char *const
 /* failure 1: error at t = 0.5 with a message; 2: fatal; 3: discard; 5: pending */
 EXPORT int fmi2DoStep(void *c, double t, double h, int final) {
     (void)final;
-#ifdef CRASH
-    abort();
-#endif
+    Instance *i = c;
+    STEP;
 #ifdef ENDS
     if (t > ENDS) return 2;
 #endif
@@ -144,7 +144,6 @@ EXPORT int fmi2DoStep(void *c, double t, double h, int final) {
 #ifdef PENDING
     return 5;
 #endif
-    Instance *i = c;
     int failure = i->v.integer[0];
     if (failure && failure < 9 && t >= 0.5) {
         i->callbacks->logger(i->callbacks->environment, i->name, 3, "error", "x left 90%% of its range");

@@ -22,8 +22,10 @@ pub(crate) struct Build<'a> {
     pub(crate) version: &'a str,
     /// Export state and derivative functions.
     pub(crate) states: bool,
-    /// End the process at the first step.
-    pub(crate) crash: bool,
+    /// Statement in C that every step begins with; `i` is the instance.
+    pub(crate) step: &'a str,
+    /// Declarations in C at the end of the file.
+    pub(crate) declarations: &'a str,
     /// Time after which all steps are discarded, s, and whether the FMU then says that it wants to terminate.
     pub(crate) ends: Option<(f64, bool)>,
     /// GUID of the description; that of the binary is `{name}`.
@@ -44,7 +46,8 @@ impl<'a> Build<'a> {
             flags: "",
             version: "2.0",
             states: true,
-            crash: false,
+            step: "",
+            declarations: "",
             ends: None,
             guid: name,
             defects: &[],
@@ -57,18 +60,17 @@ impl<'a> Build<'a> {
     pub(crate) fn pack(&self, folder: &Path) -> PathBuf {
         let source = folder.join(format!("{}.c", self.name));
         let binary = source.with_extension("so");
-        std::fs::write(&source, SOURCE).unwrap();
+        std::fs::write(&source, format!("{SOURCE}\n{}\n", self.declarations)).unwrap();
         let mut cc = Command::new("cc");
         cc.args(["-O1", "-fPIC", "-shared", "-fvisibility=hidden"])
             // The same roundings as the comparison in Rust: no fused multiply and add.
             .arg("-ffp-contract=off")
             .arg(format!("-DVERSION=\"{}\"", self.version))
             .arg(format!("-DGUID=\"{}\"", self.name));
-        for (define, is_wanted) in [("-DSTATES", self.states), ("-DCRASH", self.crash)] {
-            if is_wanted {
-                cc.arg(define);
-            }
+        if self.states {
+            cc.arg("-DSTATES");
         }
+        cc.arg(format!("-DSTEP={}", self.step));
         cc.args(self.defects.iter().map(|defect| format!("-D{defect}")));
         if let Some((time, terminated)) = self.ends {
             cc.arg(format!("-DENDS={time}")).arg(format!("-DTERMINATED={}", u8::from(terminated)));

@@ -7,11 +7,15 @@ mod support;
 use host::fmu::Fmus;
 use host::master;
 use host::resolve::{FmuFolder, Options, resolve};
+use host::worker::{Launch, Settings};
 use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
 use support::Build;
 use tempfile::TempDir;
-use tuning::study::{self, Study, StudyError};
+use tuning::study::{self, Study, StudyError, Workers};
 use tuning::tune::{Existing, Summary, TuneError, tune};
 
 /// Two integrators in a ring, x' = g y and y' = -g' x.
@@ -135,7 +139,7 @@ impl Place {
     fn read(&self, text: &str, jobs: usize) -> Result<Study, StudyError> {
         let path = self.path("study.toml");
         std::fs::write(&path, text).unwrap();
-        study::read(&path, &FmuFolder::new([self.folder.path()]), jobs)
+        study::read(&path, &FmuFolder::new([self.folder.path()]), workers(jobs))
     }
 
     fn tune(&self, text: &str, jobs: usize, out: &str, existing: Existing) -> Result<Summary, TuneError> {
@@ -162,6 +166,13 @@ impl Place {
     }
 }
 
+fn workers(jobs: usize) -> Workers {
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_cargo-fmu"));
+    let launch = Launch { program, arguments: vec!["worker".into()] };
+    let settings = Settings { launch, timeout: Duration::from_secs(60), libpython: None, printed: Arc::new(|_| ()) };
+    Workers { settings, jobs: NonZeroUsize::new(jobs).unwrap() }
+}
+
 /// All mistakes, one per line.
 fn lines(error: &StudyError) -> String {
     match error {
@@ -181,7 +192,7 @@ fn objective(place: &Place, scenario: &str, gains: Option<[f64; 2]>) -> f64 {
         for (unit, gain) in ["position", "velocity"].into_iter().zip(gains.into_iter().flatten()) {
             run.set_parameter(&fmus, unit, "gain", host::plan::Value::Real(gain)).unwrap();
         }
-        let recording = master::execute(&plan.simulation, &run, &fmus, &mut |_| ()).unwrap();
+        let recording = master::execute(&plan.simulation, &run, &fmus).unwrap();
         let (x, y) = (&recording.column(0).unwrap()[20..=80], recording.column(1).unwrap());
         let mean_square = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>() / v.len() as f64;
         sum += 4.0 * mean_square(x).sqrt() + 0.75 * mean_square(y);
@@ -226,7 +237,7 @@ fn a_study_from_the_file_to_the_results() {
 }
 
 #[test]
-fn results_do_not_depend_on_the_number_of_threads() {
+fn results_do_not_depend_on_the_number_of_processes() {
     let place = Place::new();
     for jobs in [1, 2, 5] {
         place.tune(STUDY, jobs, &format!("out{jobs}"), Existing::Refuse).unwrap();
@@ -439,7 +450,7 @@ fn mistakes_are_reported_with_their_place() {
         ("\"free\", \"inverted\"", "\"fre\"", "3:10: unknown case `fre`"),
         ("cases = [\"free\", \"inverted\"]", "cases = []", "cases is empty"),
         ("cases = [\"free\", \"inverted\"]", "cases = [\"alone\"]", "case `alone`: the run has no unit `velocity`"),
-        ("stop = 0.8", "stop = 0.805", "4:8: stop 0.805 s is not a whole number of steps"),
+        ("stop = 0.8", "stop = 0.805", "4:8: stop 0.805 s, start 0 s, step 0.01 s: (stop - start)/step is 80.5"),
         ("stop = 0.8", "seeds = 0", "4:9: seeds is 0, expected at least 1"),
         ("stop = 0.8", "seeds = 2", "4:9: seeds is 2, the scenario has 0"),
         ("seed = 3", "seed = -3", "5:8: seed is -3, expected 0 or more"),
@@ -532,7 +543,7 @@ fn mistakes_are_reported_with_their_place() {
 fn what_the_study_needs_must_be_there() {
     let place = Place::new();
     let source = FmuFolder::new([place.folder.path()]);
-    let error = study::read(Path::new("nowhere.toml"), &source, 1).unwrap_err().to_string();
+    let error = study::read(Path::new("nowhere.toml"), &source, workers(1)).unwrap_err().to_string();
     assert!(error.starts_with("cannot read nowhere.toml: "), "{error}");
     std::fs::write(place.path("ring.toml"), SCENARIO.replacen("Velocity", "Velocety", 1)).unwrap();
     assert!(matches!(place.read(STUDY, 1), Err(StudyError::Scenario(_))));

@@ -1,0 +1,58 @@
+//! `cargo fmu worker`: the processes that execute FMUs for the other commands, and the options of these about them.
+
+use std::ffi::OsString;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use host::worker::{self, Launch, Printed, Settings};
+use miette::{IntoDiagnostic, Result, WrapErr};
+
+/// The file in which calls of FMUs are announced.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Arguments {
+    board: PathBuf,
+}
+
+/// Works for the process that started this one.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    worker::serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
+}
+
+/// What the commands say that start workers.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Options {
+    /// Longest time for a step of a run or a trial of a check; an FMU that takes longer is stopped
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = timeout)]
+    timeout: Duration,
+
+    /// Library of Python (libpython3.*.so), for FMUs made with Python that do not bring it along
+    #[arg(long, value_name = "FILE")]
+    libpython: Option<PathBuf>,
+}
+
+fn timeout(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0);
+    seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()).ok_or("must be a number above 0".to_owned())
+}
+
+impl Options {
+    /// Settings of workers that start this program. `printed` takes what FMUs print.
+    pub(crate) fn settings(&self, printed: Printed) -> Result<Settings> {
+        let program = std::env::current_exe().into_diagnostic().wrap_err("finding this program")?;
+        if let Some(library) = self.libpython.as_ref().filter(|library| !library.is_file()) {
+            return Err(miette::miette!("there is no file {}, the library of Python", library.display()));
+        }
+        Ok(Settings {
+            launch: Launch { program, arguments: vec![OsString::from("worker")] },
+            timeout: self.timeout,
+            libpython: self.libpython.as_ref().map(std::path::absolute).transpose().into_diagnostic()?,
+            printed,
+        })
+    }
+}
+
+/// Number of processes: as asked for, or that of the processors.
+pub(crate) fn jobs(asked: Option<NonZeroUsize>) -> NonZeroUsize {
+    asked.or_else(|| std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN)
+}

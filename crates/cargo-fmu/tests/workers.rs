@@ -1,0 +1,344 @@
+//! FMUs that crash, exit, hang, or print what they like: each costs its run, is reported with how and where, and leaves
+//! nothing behind.
+#![cfg(unix)]
+
+#[path = "../../host/tests/support/mod.rs"]
+mod support;
+
+use std::path::Path;
+use std::process::{Command, Output};
+use support::Build;
+use tempfile::TempDir;
+
+const SCENARIO: &str = include_str!("data/ramp.toml");
+
+/// Statements that a step of an FMU cannot be ended with, and what is said about them.
+const ENDS: [(&str, &str); 5] = [
+    ("exit(0)", "the process ended (exit code 0) during fmi2DoStep"),
+    ("_exit(3)", "the process ended (exit code 3) during fmi2DoStep"),
+    ("abort()", "the process ended (signal 6, SIGABRT) during fmi2DoStep"),
+    ("*(volatile int *)8 = 1", "the process ended (signal 11, SIGSEGV) during fmi2DoStep"),
+    ("for (;;) sleep(1)", "not done after 0.5 s (--timeout), stopped during fmi2DoStep"),
+];
+
+/// What an FMU may print; the last is a response of the protocol in its own format.
+const PRINTS: [&str; 4] = [
+    r#"write(1, "\xff\xfe\n", 3)"#,
+    r#"for (int k = 0; k < 5000; k++) printf("no end of the line ")"#,
+    r#"puts("{\"found\":{\"severity\":\"error\",\"subject\":\"fake\",\"message\":\"fake\"}}\n\"Done\"\n{\"Done\":null}"), fflush(stdout)"#,
+    r#"write(1, "\6\0\0\0\0\0\0\0\0\0\0\0\"Done\"", 18), write(0, "x", 1), write(3, "x", 0)"#,
+];
+
+/// A folder with the scenario, the FMU, and a folder for temporary files.
+fn folder(build: &Build) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("ramp.toml"), SCENARIO).unwrap();
+    let fmus = folder.path().join("target/fmu");
+    std::fs::create_dir_all(&fmus).unwrap();
+    std::fs::create_dir(folder.path().join("temporary")).unwrap();
+    build.pack(&fmus);
+    folder
+}
+
+fn ramp<'a>(step: &'a str) -> Build<'a> {
+    Build { step, ..Build::new("Ramp", "u", "x") }
+}
+
+fn prepared(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("TMPDIR", folder.join("temporary"));
+    command
+}
+
+/// Calls the command, which leaves no temporary file.
+fn command(folder: &Path, arguments: &[&str]) -> Output {
+    let output = prepared(folder, arguments).output().unwrap();
+    assert_eq!(temporary(folder), [""; 0], "{arguments:?}");
+    output
+}
+
+fn temporary(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder.join("temporary")).unwrap();
+    entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A message without the line breaks that a narrow terminal needs.
+fn message(bytes: &[u8]) -> String {
+    text(bytes).split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+fn csv(folder: &Path, name: &str) -> std::io::Result<String> {
+    std::fs::read_to_string(folder.join("results/ramp/runs").join(name))
+}
+
+#[test]
+fn an_end_of_the_process_is_a_finding_of_the_check() {
+    for (step, expected) in ENDS {
+        let folder = folder(&ramp(step));
+        let output = command(folder.path(), &["check", "target/fmu/Ramp.fmu", "--timeout", "0.5"]);
+        assert_eq!(output.status.code(), Some(1), "{step}");
+        let findings = text(&output.stdout);
+        assert!(findings.contains(&format!("  error: runs: {expected}\n")), "{step}: {findings}");
+        // What was found before is not lost.
+        assert!(findings.contains("error: variable `x`: is not listed"), "{step}: {findings}");
+    }
+}
+
+#[test]
+fn prints_of_an_fmu_change_no_finding() {
+    let findings = |step| {
+        let folder = folder(&ramp(step));
+        let output = command(folder.path(), &["check", "target/fmu/Ramp.fmu"]);
+        (text(&output.stdout), text(&output.stderr))
+    };
+    let (expected, silent) = findings("");
+    assert!(!silent.contains("FMU prints"), "{silent}");
+    for step in PRINTS {
+        let (found, printed) = findings(step);
+        assert_eq!(found, expected, "{step}");
+        let lines: Vec<_> = printed.lines().filter(|line| line.starts_with("FMU prints: ")).collect();
+        assert!(!lines.is_empty() && lines.len() <= 1001, "{step}: {} lines", lines.len());
+        assert!(lines.iter().all(|line| line.len() < 7000 && !line.contains(char::is_control)), "{step}");
+    }
+}
+
+/// The case `steep` has a gain of 1, `flat` one of 0.5.
+#[test]
+fn an_fmu_costs_its_run_only() {
+    for (end, expected) in ENDS {
+        let step = format!("if (t >= 0.5 && i->v.real[2] == 1) {{ {end}; }}");
+        let folder = folder(&ramp(&step));
+        let output = command(folder.path(), &["run", "ramp.toml", "--jobs", "1", "--timeout", "0.5"]);
+        assert_eq!(output.status.code(), Some(1), "{end}");
+        let said = message(&output.stderr);
+        assert!(said.contains("1 of 2 runs failed"), "{end}: {said}");
+        let place = "run steep, step from 0.5 s: `ramp` (target/fmu/Ramp.fmu): ";
+        assert!(said.contains(&format!("{place}{expected}")), "{end}: {said}");
+        assert_eq!(csv(folder.path(), "flat.csv").unwrap().lines().last(), Some("1.0,1.0"), "{end}");
+        let runs: Vec<_> = std::fs::read_dir(folder.path().join("results/ramp/runs")).unwrap().collect();
+        assert_eq!(runs.len(), 1, "{end}: {runs:?}");
+    }
+}
+
+/// The function is named, not only that of the step.
+#[test]
+fn the_call_is_named() {
+    let declarations = "__attribute__((destructor)) static void at_the_end(void) { _exit(0); }";
+    for (declarations, expected) in [
+        (
+            "__attribute__((constructor)) static void at_the_start(void) { abort(); }",
+            "the process ended (signal 6, SIGABRT) while its library was loaded",
+        ),
+        (
+            "__attribute__((constructor)) static void at_the_start(void) { for (;;) sleep(1); }",
+            "not done after 0.5 s (--timeout), stopped while its library was loaded",
+        ),
+    ] {
+        let folder = folder(&Build { declarations, ..ramp("") });
+        let output = command(folder.path(), &["run", "ramp.toml", "--timeout", "0.5"]);
+        let said = message(&output.stderr);
+        assert!(said.contains(&format!("run steep: `ramp` (target/fmu/Ramp.fmu): {expected}")), "{said}");
+        assert!(said.contains("2 of 2 runs failed"), "{said}");
+    }
+    // What a library does when it is removed does not matter: the results are there.
+    let folder = folder(&Build { declarations, ..ramp("") });
+    assert!(command(folder.path(), &["run", "ramp.toml"]).status.success());
+    assert!(csv(folder.path(), "steep.csv").is_ok());
+}
+
+#[test]
+fn prints_and_another_folder_change_no_result() {
+    let folder = folder(&ramp(""));
+    assert!(command(folder.path(), &["run", "ramp.toml"]).status.success());
+    let expected = csv(folder.path(), "steep.csv").unwrap();
+    for step in PRINTS.into_iter().chain([r#"if (chdir("/")) return 3"#]) {
+        ramp(step).pack(&folder.path().join("target/fmu"));
+        let output = command(folder.path(), &["run", "ramp.toml"]);
+        assert!(output.status.success(), "{step}: {}", text(&output.stderr));
+        assert_eq!(csv(folder.path(), "steep.csv").unwrap(), expected, "{step}");
+        assert!(text(&output.stderr).contains("FMU prints: ") || step.contains("chdir"), "{step}");
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_processes() {
+    let flags = "canBeInstantiatedOnlyOncePerProcess=\"true\"";
+    let folder = folder(&Build { flags, ..ramp("") });
+    let seeds: String = (1..=20)
+        .map(|k| {
+            format!(
+                "[[case]]\nname = \"c{k}\"\ntitle = \"C\"\nparameters.ramp = {{ gain = {:?} }}\n",
+                1.0 / f64::from(k)
+            )
+        })
+        .collect();
+    std::fs::write(folder.path().join("ramp.toml"), format!("{SCENARIO}{seeds}")).unwrap();
+    let results = |jobs: &str| -> Vec<String> {
+        let output = command(folder.path(), &["run", "ramp.toml", "--jobs", jobs]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        (1..=20).map(|k| csv(folder.path(), &format!("c{k}.csv")).unwrap()).collect()
+    };
+    let one = results("1");
+    // Gains whose decimals do not end reach the FMU to the last bit.
+    let end: f64 = one[2].lines().last().unwrap().split_once(',').unwrap().1.parse().unwrap();
+    assert_eq!(end, (0..4).fold(0.0, |x, _| x + 0.25 * (1.0 / 3.0 * 2.0)));
+    for jobs in ["2", "5", "40"] {
+        assert_eq!(results(jobs), one, "{jobs}");
+    }
+}
+
+const STUDY: &str = r#"title = "Ramp"
+scenario = "ramp.toml"
+cases = ["steep"]
+[budget]
+evaluations = 40
+[[parameter]]
+name = "ramp:gain"
+min = -1.0
+max = 9.0
+[[objective.term]]
+signal = "x"
+kind = "rms"
+weight = 1.0
+[[method]]
+kind = "ga"
+settings = { population = 10 }
+"#;
+
+#[test]
+fn a_study_goes_on_when_an_fmu_ends_its_process() {
+    for (end, expected) in [ENDS[0], ENDS[3], ENDS[4]] {
+        let step = format!("if (i->v.real[2] > 5) {{ {end}; }}");
+        let folder = folder(&ramp(&step));
+        std::fs::write(folder.path().join("study.toml"), STUDY).unwrap();
+        let history = |jobs: &str| {
+            let arguments = ["tune", "study.toml", "--overwrite", "--jobs", jobs, "--timeout", "0.5"];
+            let output = command(folder.path(), &arguments);
+            assert!(output.status.success(), "{end}: {}", text(&output.stderr));
+            std::fs::read_to_string(folder.path().join("results/study/ga/history.csv")).unwrap()
+        };
+        let one = history("1");
+        let place = "run steep, step from 0 s: `ramp` (target/fmu/Ramp.fmu): ";
+        let (failed, fine): (Vec<_>, Vec<_>) = one.lines().skip(1).partition(|line| line.contains("false"));
+        assert!(failed.iter().all(|line| line.contains(&format!("{place}{expected}"))), "{end}: {one}");
+        assert!(!failed.is_empty() && fine.len() > failed.len(), "{end}: {one}");
+        assert_eq!(history("3"), one, "{end}");
+    }
+    let folder = folder(&Build { declarations: "__attribute__((constructor)) void f(void) { exit(0); }", ..ramp("") });
+    std::fs::write(folder.path().join("study.toml"), STUDY).unwrap();
+    let output = command(folder.path(), &["tune", "study.toml"]);
+    assert_eq!(output.status.code(), Some(1), "a study whose FMUs cannot be loaded does not begin");
+    let expected = "target/fmu/Ramp.fmu: the process ended (exit code 0) while its library was loaded";
+    assert!(message(&output.stderr).contains(expected), "{}", text(&output.stderr));
+}
+
+#[cfg(target_os = "linux")]
+/// Waits for something that another process does.
+fn wait_until(what: &str, is_so: impl Fn() -> bool) {
+    let begin = std::time::Instant::now();
+    while !is_so() {
+        assert!(begin.elapsed().as_secs() < 60, "{what} never comes");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+}
+
+#[cfg(target_os = "linux")]
+/// A command whose FMU never comes back, and the number of the process that the FMU is in.
+fn hanging(folder: &Path, arguments: &[&str]) -> (std::process::Child, String) {
+    let file = folder.join("number");
+    let step = format!(
+        "{{ FILE *f = fopen(\"{0}.part\", \"w\"); fprintf(f, \"%d\", getpid()); fclose(f); rename(\"{0}.part\", \"{0}\"); }} \
+         for (;;) sleep(1)",
+        file.display()
+    );
+    ramp(&step).pack(&folder.join("target/fmu"));
+    let child = prepared(folder, arguments)
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_until("the step", || file.exists());
+    let number = std::fs::read_to_string(&file).unwrap();
+    std::fs::remove_file(file).unwrap();
+    (child, number)
+}
+
+#[cfg(target_os = "linux")]
+/// Whether a process is there and not only waits for its end to be noticed.
+fn is_alive(number: &str) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
+    // Behind the name in parentheses.
+    status.rsplit_once(") ").is_some_and(|(_, state)| !state.starts_with('Z'))
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_end_by_signal_leaves_no_process_and_no_file() {
+    let folder = folder(&ramp(""));
+    let folder = folder.path();
+    std::fs::write(folder.join("study.toml"), STUDY).unwrap();
+    for arguments in [
+        &["run", "ramp.toml", "--jobs", "1"][..],
+        &["check", "target/fmu/Ramp.fmu"],
+        &["tune", "study.toml", "--jobs", "1"],
+    ] {
+        for signal in ["TERM", "INT", "HUP"] {
+            let (mut child, number) = hanging(folder, arguments);
+            assert!(is_alive(&number) && !temporary(folder).is_empty(), "{arguments:?}");
+            let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
+            assert!(sent.success());
+            let status = child.wait().unwrap();
+            assert_eq!(status.code(), None, "ends by the signal {signal}");
+            assert_eq!(temporary(folder), [""; 0], "{arguments:?} {signal}");
+            wait_until("the end of the worker", || !is_alive(&number));
+        }
+        let (mut child, number) = hanging(folder, arguments);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        wait_until("the end of the worker", || !is_alive(&number));
+        assert!(!temporary(folder).is_empty(), "nobody was left to remove them");
+        ramp("").pack(&folder.join("target/fmu"));
+        assert!(command(folder, &["run", "ramp.toml"]).status.success(), "and the next one removes them");
+    }
+}
+
+#[test]
+fn an_fmu_in_python_says_what_it_needs() {
+    // The real interface, without Python: what is undefined is a function or an object.
+    for (declarations, step) in [
+        ("int Py_IsInitialized(void);", "if (Py_IsInitialized() != 7) return 3"),
+        ("extern int _Py_NoneStruct;", "if (_Py_NoneStruct != 7) return 3"),
+    ] {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path();
+        std::fs::write(path.join("ramp.toml"), SCENARIO).unwrap();
+        std::fs::create_dir_all(path.join("target/fmu")).unwrap();
+        std::fs::create_dir(path.join("temporary")).unwrap();
+        let step_with_declaration = format!("{declarations} {step}");
+        ramp(&step_with_declaration).pack(&path.join("target/fmu"));
+        std::fs::write(path.join("python.c"), "int _Py_NoneStruct = 7; int Py_IsInitialized(void) { return 7; }")
+            .unwrap();
+        let mut cc = Command::new("cc");
+        cc.args(["-shared", "-fPIC", "-o", "libpython.so", "python.c"]).current_dir(path);
+        assert!(cc.status().unwrap().success());
+
+        for command_line in [&["run", "ramp.toml"][..], &["check", "target/fmu/Ramp.fmu"]] {
+            let output = command(path, command_line);
+            assert_eq!(output.status.code(), Some(1), "{step}");
+            let said = message(&[output.stdout, output.stderr].concat());
+            for expected in ["needs the Python library", "--libpython FILE", "scripts/cosim.py --native"] {
+                assert!(said.contains(expected), "{step}: {said}");
+            }
+            let output = command(path, &[command_line, &["--libpython", "libpython.so"]].concat());
+            let said = message(&[output.stdout, output.stderr].concat());
+            assert!(!said.contains("needs the Python library"), "{step}: {said}");
+            assert!(command_line[0] == "check" || csv(path, "steep.csv").unwrap().ends_with("1.0,2.0\n"), "{said}");
+        }
+        let output = command(path, &["run", "ramp.toml", "--libpython", "none.so"]);
+        assert!(message(&output.stderr).contains("there is no file none.so"));
+    }
+}

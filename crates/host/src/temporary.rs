@@ -1,0 +1,226 @@
+//! Folders for temporary files: private to their user, and removed even if the process is killed.
+//!
+//! All folders of a process are in one, `cargo-fmu-ID` in the system's folder for temporary files, beside the file
+//! `cargo-fmu-ID.lock` that the process keeps locked. They are removed when the last of them is dropped, by [`remove`], and
+//! on SIGINT, SIGTERM and SIGHUP after [`remove_on_signals`]. What a killed process leaves is removed by the next one that
+//! makes a folder: the system has given up its lock. `scripts/chassis_fmu/temporary.py` keeps to the same rules.
+
+use std::fs::{DirBuilder, File, Metadata, OpenOptions};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+/// What the names begin with.
+const PREFIX: &str = "cargo-fmu-";
+/// What the name of the locked file ends with.
+const LOCK: &str = ".lock";
+
+/// A folder, removed when dropped.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+    // Goes with the last of its folders.
+    _root: Arc<Root>,
+}
+
+/// The folder of the process.
+#[derive(Debug)]
+struct Root {
+    path: PathBuf,
+    lock: PathBuf,
+    _locked: File,
+}
+
+static ROOT: Mutex<Weak<Root>> = Mutex::new(Weak::new());
+
+fn root() -> MutexGuard<'static, Weak<Root>> {
+    ROOT.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Folder {
+    /// A new folder that only its user may enter.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub fn new() -> io::Result<Self> {
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        let mut current = root();
+        let root = match current.upgrade() {
+            Some(root) => root,
+            None => {
+                let root = Arc::new(Root::new(&std::path::absolute(std::env::temp_dir())?)?);
+                *current = Arc::downgrade(&root);
+                root
+            }
+        };
+        let path = root.path.join(COUNT.fetch_add(1, Ordering::Relaxed).to_string());
+        make_private(&path)?;
+        Ok(Self { path, _root: root })
+    }
+
+    /// Its absolute path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // Nothing can be done about a failure here; the root tries again.
+        let _ = std::fs::remove_dir_all(&self.path);
+    }
+}
+
+impl Root {
+    fn new(parent: &Path) -> io::Result<Self> {
+        loop {
+            let (locked, lock) = tempfile::Builder::new().prefix(PREFIX).suffix(LOCK).tempfile_in(parent)?.keep()?;
+            // Another process may have met it before it was locked, and have taken it for one that was left.
+            if locked.try_lock().is_err() || !lock.exists() {
+                continue;
+            }
+            remove_stale(parent, &locked.metadata()?);
+            let path = folder_of(&lock);
+            make_private(&path)?;
+            return Ok(Self { path, lock, _locked: locked });
+        }
+    }
+
+    fn remove(&self) {
+        // The lock goes last, and only if nothing is left that a later process would have to remove.
+        if std::fs::remove_dir_all(&self.path).is_ok() {
+            let _ = std::fs::remove_file(&self.lock);
+        }
+    }
+}
+
+impl Drop for Root {
+    fn drop(&mut self) {
+        self.remove();
+    }
+}
+
+/// The folder that belongs to a lock.
+fn folder_of(lock: &Path) -> PathBuf {
+    let name = lock.file_name().unwrap_or_default().to_string_lossy();
+    lock.with_file_name(name.strip_suffix(LOCK).unwrap_or(&name))
+}
+
+/// Removes what processes of the same user have left that are no more.
+fn remove_stale(parent: &Path, own: &Metadata) {
+    for entry in std::fs::read_dir(parent).into_iter().flatten().filter_map(Result::ok) {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        // No link and no pipe, which opening would wait for.
+        let is_ours = || entry.metadata().is_ok_and(|found| found.is_file() && is_same_owner(&found, own));
+        if !(name.starts_with(PREFIX) && name.ends_with(LOCK) && is_ours()) {
+            continue;
+        }
+        let lock = entry.path();
+        let Ok(file) = OpenOptions::new().write(true).open(&lock) else { continue };
+        if file.try_lock().is_ok() {
+            let folder = folder_of(&lock);
+            if std::fs::remove_dir_all(&folder).is_ok() || !folder.exists() {
+                let _ = std::fs::remove_file(&lock);
+            }
+        }
+    }
+}
+
+#[cfg(unix)]
+fn is_same_owner(found: &Metadata, own: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    found.uid() == own.uid()
+}
+
+/// Elsewhere every user has a folder for temporary files.
+#[cfg(not(unix))]
+fn is_same_owner(_: &Metadata, _: &Metadata) -> bool {
+    true
+}
+
+fn make_private(path: &Path) -> io::Result<()> {
+    let mut builder = DirBuilder::new();
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(path)
+}
+
+/// Removes the folders of this process at once, for a process that is about to end.
+pub fn remove() {
+    if let Some(root) = root().upgrade() {
+        root.remove();
+    }
+}
+
+/// Removes the folders of this process when a signal asks it to end, and lets it end by that signal. Elsewhere than on Unix
+/// the next process removes them.
+///
+/// # Errors
+/// The system has no thread for it.
+pub fn remove_on_signals() -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+        let mut signals = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM])?;
+        std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+            for signal in signals.forever() {
+                remove();
+                // It does not return for these signals.
+                let _ = signal_hook::low_level::emulate_default_handler(signal);
+            }
+        })?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+    use tempfile::TempDir;
+
+    fn names(folder: &Path) -> BTreeSet<String> {
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn only_what_no_process_holds_is_stale() {
+        let parent = TempDir::new().unwrap();
+        let alive = Root::new(parent.path()).unwrap();
+        std::fs::write(alive.path.join("used"), "").unwrap();
+        // As a killed process leaves it, and things that only look like it.
+        for name in ["cargo-fmu-dead", "cargo-fmu-mine", "other"] {
+            std::fs::create_dir(parent.path().join(name)).unwrap();
+            std::fs::write(parent.path().join(name).join("file"), "").unwrap();
+        }
+        for name in ["cargo-fmu-dead.lock", "cargo-fmu-empty.lock", "other.lock"] {
+            std::fs::write(parent.path().join(name), "").unwrap();
+        }
+        let next = Root::new(parent.path()).unwrap();
+        let mut expected: BTreeSet<String> = ["cargo-fmu-mine", "other", "other.lock"].map(String::from).into();
+        for root in [&alive, &next] {
+            let name = root.path.file_name().unwrap().to_string_lossy().into_owned();
+            expected.extend([format!("{name}.lock"), name]);
+        }
+        assert_eq!(names(parent.path()), expected);
+        assert!(alive.path.join("used").exists());
+        drop((alive, next));
+        assert_eq!(names(parent.path()), ["cargo-fmu-mine", "other", "other.lock"].map(String::from).into());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn nobody_else_may_enter() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = Folder::new().unwrap();
+        for path in [folder.path(), folder.path().parent().unwrap()] {
+            assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o700, "{}", path.display());
+        }
+        let path = folder.path().to_path_buf();
+        drop(folder);
+        assert!(!path.exists());
+    }
+}

@@ -1,0 +1,122 @@
+//! The connection between a worker and the process that started it.
+//!
+//! On Unix it is a pair of sockets. The worker finds its end as the standard input, moves it to a descriptor that is closed
+//! in programs it starts, and puts `/dev/null` in its place, so that an FMU that reads or writes its standard streams meets
+//! nothing of the protocol. Elsewhere the worker calls back on the loopback interface with a word that only it was told.
+
+use std::io::{self, Read, Write};
+use std::process::{Child, Command};
+use std::time::Duration;
+
+#[cfg(unix)]
+type Stream = std::os::unix::net::UnixStream;
+#[cfg(not(unix))]
+type Stream = std::net::TcpStream;
+
+/// An end of the connection.
+#[derive(Debug)]
+pub(super) struct Connection(Stream);
+
+impl Connection {
+    /// How long to wait for something to read. `None`: until it comes.
+    pub(super) fn set_patience(&self, patience: Option<Duration>) -> io::Result<()> {
+        self.0.set_read_timeout(patience)
+    }
+
+    /// Another handle to the same end.
+    pub(super) fn try_clone(&self) -> io::Result<Self> {
+        self.0.try_clone().map(Self)
+    }
+}
+
+impl Read for Connection {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.0.read(bytes)
+    }
+}
+
+impl Write for Connection {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
+/// Whether nothing has come in time.
+pub(super) fn is_patience_over(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut)
+}
+
+/// Starts a worker and connects to it.
+#[cfg(unix)]
+pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
+    let (ours, theirs) = Stream::pair()?;
+    command.stdin(std::os::fd::OwnedFd::from(theirs));
+    let child = command.spawn()?;
+    Ok((child, Connection(ours)))
+}
+
+/// Connects to the process that started this one.
+///
+/// # Errors
+/// It was not started as a worker.
+#[cfg(unix)]
+pub(super) fn accept() -> io::Result<Connection> {
+    use std::os::fd::AsFd as _;
+    let stream = Stream::from(io::stdin().as_fd().try_clone_to_owned()?);
+    stream.peer_addr()?;
+    rustix::stdio::dup2_stdin(std::fs::File::open("/dev/null")?)?;
+    Ok(Connection(stream))
+}
+
+/// Where a worker calls back to, and the word it says.
+#[cfg(not(unix))]
+const CALLBACK: &str = "CHASSIS_FMU_WORKER";
+
+/// Starts a worker and waits for its call.
+#[cfg(not(unix))]
+pub(super) fn spawn(mut command: Command) -> io::Result<(Child, Connection)> {
+    use std::hash::{BuildHasher as _, RandomState};
+    let listener = std::net::TcpListener::bind((std::net::Ipv4Addr::LOCALHOST, 0))?;
+    listener.set_nonblocking(true)?;
+    // Two states of hashing are 128 random bits each.
+    let word = format!("{:016x}{:016x}", RandomState::new().hash_one(1), RandomState::new().hash_one(2));
+    command.env(CALLBACK, format!("{} {word}", listener.local_addr()?.port())).stdin(std::process::Stdio::null());
+    let mut child = command.spawn()?;
+    loop {
+        match listener.accept() {
+            Ok((mut stream, _)) => {
+                stream.set_nonblocking(false)?;
+                stream.set_read_timeout(Some(Duration::from_secs(1)))?;
+                let mut said = vec![0; word.len()];
+                if stream.read_exact(&mut said).is_ok() && said == word.as_bytes() {
+                    stream.set_nodelay(true)?;
+                    return Ok((child, Connection(stream)));
+                }
+            }
+            Err(error) if is_patience_over(&error) => std::thread::sleep(Duration::from_millis(5)),
+            Err(error) => return Err(error),
+        }
+        if let Some(status) = child.try_wait()? {
+            return Err(io::Error::other(format!("it ended at once ({status})")));
+        }
+    }
+}
+
+/// Calls the process that started this one.
+///
+/// # Errors
+/// It was not started as a worker.
+#[cfg(not(unix))]
+pub(super) fn accept() -> io::Result<Connection> {
+    let callback = std::env::var(CALLBACK).map_err(io::Error::other)?;
+    let (port, word) = callback.split_once(' ').ok_or(io::ErrorKind::InvalidInput)?;
+    let port: u16 = port.parse().map_err(io::Error::other)?;
+    let mut stream = Stream::connect((std::net::Ipv4Addr::LOCALHOST, port))?;
+    stream.set_nodelay(true)?;
+    stream.write_all(word.as_bytes())?;
+    Ok(Connection(stream))
+}

@@ -1,0 +1,63 @@
+"""The call board: which function of which unit a process is in, in memory that another process can read.
+
+It outlives the process, so whoever started it can tell what it was doing when it crashed, exited or hung.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+LOADING = "loading or fmi2Instantiate"
+FUNCTIONS = (
+    LOADING,
+    "fmi2SetupExperiment",
+    "fmi2EnterInitializationMode",
+    "fmi2ExitInitializationMode",
+    "fmi2Terminate",
+    "fmi2FreeInstance",
+    "fmi2DoStep",
+    "fmi2GetReal",
+    "fmi2GetInteger",
+    "fmi2GetBoolean",
+    "fmi2SetReal",
+    "fmi2SetInteger",
+    "fmi2SetBoolean",
+    "fmi2SetString",
+)
+
+# No call.
+NONE = -1
+
+
+class Board(ctypes.Structure):
+    """The call that a process is in, the start of its step (s), and a number that changes with progress."""
+
+    _fields_ = (("call", ctypes.c_int64), ("time", ctypes.c_double), ("pulse", ctypes.c_int64))
+
+    call: int
+    time: float
+    pulse: int
+
+    def begin(self) -> None:
+        """Begin a run."""
+        self.call = NONE
+        self.time = math.nan
+        self.pulse += 1
+
+    def step(self, time: float) -> None:
+        """Begin a step."""
+        self.time = time
+        self.pulse += 1
+
+    def where(self) -> tuple[int, str, float | None] | None:
+        """Return the index of the unit, the function and the start of the step; None outside of all units."""
+        if self.call < 0:
+            return None
+        unit, function = divmod(self.call, len(FUNCTIONS))
+        return unit, FUNCTIONS[function], None if math.isnan(self.time) else self.time
+
+
+def code(unit: int, function: str) -> int:
+    """Return the number of a call on the board."""
+    return unit * len(FUNCTIONS) + FUNCTIONS.index(function)

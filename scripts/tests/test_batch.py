@@ -1,0 +1,151 @@
+"""Runs in processes of their own, of an FMU built from C that crashes, exits or hangs in one of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from chassis_fmu import batch, results, temporary
+from chassis_fmu.plan import Plan, Setting, Unit, Wire
+
+SOURCE = Path(__file__).parents[2] / "crates" / "host" / "tests" / "data" / "stranger.c"
+
+DESCRIPTION = """<?xml version="1.0"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Ramp" guid="Ramp"><CoSimulation modelIdentifier="Ramp"/>
+<ModelVariables><ScalarVariable name="x" valueReference="1" causality="output"><Real/></ScalarVariable></ModelVariables>
+<ModelStructure/></fmiModelDescription>
+"""
+
+
+# Functions that fmpy looks for and this FMU lacks.
+MISSING = (
+    "SetDebugLogging CancelStep GetStatus GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus "
+    "SetRealInputDerivatives GetRealOutputDerivatives"
+)
+
+
+def build(folder: Path, step: str, declarations: str = "") -> Path:
+    """Build the integrator whose steps begin with a statement in C."""
+    library, source = folder / "Ramp.so", folder / "ramp.c"
+    stubs = "\n".join(f"EXPORT int fmi2{name}(void) {{ return 3; }}" for name in MISSING.split())
+    source.write_text(f"{SOURCE.read_text()}\n{stubs}\n{declarations}\n")
+    options = ["-shared", "-fPIC", "-DSTATES", '-DVERSION="2.0"', '-DGUID="Ramp"', f"-DSTEP={step}"]
+    subprocess.run(["cc", *options, "-o", str(library), str(source)], check=True)
+    path = folder / "Ramp.fmu"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("modelDescription.xml", DESCRIPTION)
+        file.write(library, f"binaries/{fmpy.platform}/Ramp.so")
+    return path
+
+
+def planned(scenario: Plan, fmu: Path) -> Plan:
+    """Return a plan with a run `good` (gain 0.5) and a run `bad` (gain 1)."""
+    runs = []
+    for name, gain in (("bad", 1.0), ("good", 0.5)):
+        gains = (Setting("gain", "Real", 2, gain),)
+        inputs = (Setting("u", "Real", 0, 2.0),)
+        unit = Unit("ramp", fmu, "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0),))
+        runs.append(dataclasses.replace(scenario.runs[0], id=name, units=(unit,), feeds=(), slots=1, columns=(0, None)))
+    return dataclasses.replace(scenario, runs=tuple(runs))
+
+
+@pytest.mark.parametrize(
+    ("end", "expected"),
+    [
+        ("exit(0)", "the process ended (exit code 0)"),
+        ("abort()", "the process ended (signal 6, SIGABRT)"),
+        ("*(volatile int *)8 = 1", "the process ended (signal 11, SIGSEGV)"),
+        ("for (;;) sleep(1)", "not done after 2 s (--timeout), stopped"),
+    ],
+)
+def test_an_fmu_costs_its_run_only(scenario: Plan, tmp_path: Path, end: str, expected: str) -> None:
+    plan = planned(scenario, build(tmp_path, f"if (t > 0.05 && i->v.real[2] == 1) {{ {end}; }}"))
+    outcome = batch.execute(plan, tmp_path / "runs", 2, 2.0)
+    assert outcome.failures == {"bad": f"unit ramp, fmi2DoStep at t = 0.1 s: {expected}"}
+    # exact but for the rounding of three sums
+    recording = results.read_csv(tmp_path / "runs" / "good.csv")
+    assert recording.values[scenario.columns[0].name][-1] == pytest.approx(0.3, abs=1e-15)
+    assert [p.name for p in (tmp_path / "runs").glob("*.csv")] == ["good.csv"]
+
+
+def test_a_library_that_does_not_load_in_time_is_named(scenario: Plan, tmp_path: Path) -> None:
+    fmu = build(tmp_path, "", "__attribute__((constructor)) static void begin(void) { for (;;) sleep(1); }")
+    expected = "unit ramp, loading or fmi2Instantiate: not done after 2 s (--timeout), stopped"
+    outcome = batch.execute(planned(scenario, fmu), tmp_path / "runs", 2, 2.0)
+    assert outcome.failures == {"bad": expected, "good": expected}
+
+
+def test_a_folder_is_private_and_stale_ones_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "cargo-fmu-dead").mkdir()
+    (tmp_path / "cargo-fmu-dead.lock").touch()
+    (tmp_path / "other.lock").touch()
+    with temporary.folder() as folder:
+        assert folder.stat().st_mode & 0o777 == 0o700
+        with temporary.folder() as second:
+            assert second != folder
+            assert folder.exists()
+        assert sorted(p.name for p in tmp_path.iterdir()) == [folder.name, f"{folder.name}.lock", "other.lock"]
+    assert [p.name for p in tmp_path.iterdir()] == ["other.lock"]
+
+
+def until(is_so: Callable[[], bool]) -> None:
+    """Wait for something that another process does."""
+    begin = time.monotonic()
+    while not is_so():
+        assert time.monotonic() - begin < 60.0
+        time.sleep(0.01)
+
+
+def is_alive(process: str) -> bool:
+    """Whether a process is there and not only waits for its end to be noticed."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2][0] != "Z"
+    except OSError:
+        return False
+
+
+PROGRAM = """
+import dataclasses, sys
+from pathlib import Path
+sys.path[:0] = {paths!r}
+from chassis_fmu import batch, plan
+from test_batch import planned
+if __name__ == "__main__":
+    scenario = plan.parse(Path({plan!r}).read_text(), Path("."))
+    batch.execute(planned(scenario, Path({fmu!r})), Path({out!r}), 1, 600.0)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
+def test_an_end_by_signal_leaves_no_process_and_no_folder(tmp_path: Path, number: int) -> None:
+    note, folder = tmp_path / "number", tmp_path / "temporary"
+    folder.mkdir()
+    writing = f'{{ FILE *f = fopen("{note}.part", "w"); fprintf(f, "%d", getpid()); fclose(f);'
+    fmu = build(tmp_path, f'{writing} rename("{note}.part", "{note}"); }} for (;;) sleep(1)')
+    here = Path(__file__).parent
+    values = {"paths": [str(here.parent), str(here)], "plan": str(here / "plan.json"), "fmu": str(fmu)}
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM.format(**values, out=str(tmp_path / "runs")))
+    environment = {**os.environ, "TMPDIR": str(folder)}
+    with subprocess.Popen([sys.executable, str(program)], env=environment, stderr=subprocess.DEVNULL) as process:
+        until(note.exists)
+        worker = note.read_text()
+        assert is_alive(worker)
+        process.send_signal(number)
+        process.wait()
+    until(lambda: not is_alive(worker))
+    left = [p.name for p in folder.iterdir() if p.name.startswith("cargo-fmu-")]
+    assert bool(left) == (number == signal.SIGKILL)
