@@ -208,23 +208,18 @@ fn libraries_for_windows_need_the_system_only() {
     }
 }
 
-/// Whether the FMUs were packed with `--portable`: whoever did so sets `CHASSIS_FMU_PORTABLE=1`.
-fn portable() -> bool {
-    std::env::var_os("CHASSIS_FMU_PORTABLE").is_some_and(|value| value == "1")
-}
-
-/// Portable FMUs have to load on distributions from glibc 2.17 on, the oldest that Rust supports. For others the version
-/// is only printed.
+/// FMUs have to load on distributions from glibc 2.17 on, the oldest that Rust supports.
 #[cfg(target_os = "linux")]
 #[test]
 fn libraries_need_an_old_c_library_only() {
-    let portable = portable();
     for path in paths() {
         let name = name_of(&path);
         let contents = Contents::read(&path);
         let newest = symbols::newest_glibc(contents.file(&binary(&name))).expect("a 64-bit ELF library");
         println!("{name}: needs glibc {newest:?}");
-        assert!(!portable || newest <= Some((2, 17)), "{name} needs glibc {newest:?}, packed with `--portable`");
+        // Without any version it would not be linked with glibc at all.
+        let fits = newest.is_some_and(|version| version <= (2, 17));
+        assert!(fits, "{name} needs glibc {newest:?}: pack it without `--no-portable`");
     }
 }
 
@@ -298,6 +293,10 @@ impl Copy {
     fn prepared(&self, program: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> Command {
         let mut command = Command::new(program);
         command.args(arguments).current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target).env("NO_COLOR", "1");
+        // The linker is in the environment of the workspace itself, which the copy has not.
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let folders = std::iter::once(workspace().join(".venv/bin")).chain(std::env::split_paths(&path));
+        command.env("PATH", std::env::join_paths(folders).expect("folders of the PATH have no separators"));
         // Nobody debugs these packages: less to compile and to keep.
         command.env("CARGO_PROFILE_DEV_DEBUG", "none").env("CARGO_INCREMENTAL", "0");
         command
@@ -384,8 +383,8 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     let hint = String::from_utf8_lossy(&output.stderr);
     assert!(!hint.contains("--update-descriptions"), "now they are: {hint}");
     // The place of the sources does not matter either: what was packed from the workspace itself has the same bytes.
-    // FMUs of another folder or for old systems come from another machine or linker, unless their platforms are named.
-    if (std::env::var_os("CHASSIS_FMU_DIR").is_none() || platforms.is_some()) && !portable() {
+    // FMUs of another folder come from another machine, unless their platforms are named.
+    if std::env::var_os("CHASSIS_FMU_DIR").is_none() || platforms.is_some() {
         let other = std::fs::read(folder().join("SuspensionMixer.fmu")).expect("it was packed");
         assert!(second[2] == other, "SuspensionMixer.fmu differs from a new one: run `cargo fmu pack --all`");
     }
