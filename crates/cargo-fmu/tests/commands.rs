@@ -93,7 +93,8 @@ fn a_scenario_is_planned_and_run() {
         "Ramp\nramp.toml: 2 cases = 2 runs, each from 0 s to 0.5 s in 2 steps of 0.25 s, sequential\n\
          1 signal recorded every step, 0 metrics, 0 figures\n\n\
          Components in order of execution\n  ramp  Ramp  0 parameters set\n\n\
-         Wiring, case steep\n  ramp  u  <- constant 2\n"
+         Wiring, case steep\n  ramp  u  <- constant 2\n\n\
+         Outputs that nothing reads, case steep\n  ramp: count, moved\n"
     );
     let output = command(folder.path(), &["plan", "ramp.toml", "--stop", "0.5", "--json"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
