@@ -15,8 +15,6 @@ from pathlib import Path
 
 from chassis_fmu.shell import ROOT, positive
 
-SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
-
 
 def commands(scenario: Path, out: Path, more: Sequence[str]) -> dict[str, list[str]]:
     """Return what is timed: the native master alone, and each master with tables, figures and page."""
@@ -43,7 +41,9 @@ def table(times: dict[str, list[float]]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     parser = argparse.ArgumentParser(prog="scripts/bench masters", description=__doc__.splitlines()[0])
-    parser.add_argument("scenario", nargs="?", type=Path, default=SCENARIO, metavar="SCENARIO")
+    parser.add_argument(
+        "scenario", type=Path, metavar="SCENARIO", help="scenario file (default: the step steer of the rescue vehicle)"
+    )
     parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="times each command runs (default: 3)")
     parser.add_argument("--stop", metavar="T", help="stop at this time (s)")
     parser.add_argument("--seeds", metavar="N", help="the first N seeds only")
