@@ -431,7 +431,10 @@ fn a_system_is_written_for_other_masters() {
         (&["--case", "quick"], "it has steep, flat"),
         (&["--point", "fast"], "has no point `fast`; it has none"),
         (&["--seed", "-1"], "has no seed `-1`"),
-        (&["--stop", "0.3"], "stop 0.3 s is not a whole number of steps"),
+        (
+            &["--stop", "0.3"],
+            "from start 0 s to stop 0.3 s are 1.2 steps of 0.25 s, which must be a whole number above 0",
+        ),
     ] {
         let output = system(arguments);
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");

@@ -450,7 +450,7 @@ fn mistakes_are_reported_with_their_place() {
         ("\"free\", \"inverted\"", "\"fre\"", "3:10: unknown case `fre`"),
         ("cases = [\"free\", \"inverted\"]", "cases = []", "cases is empty"),
         ("cases = [\"free\", \"inverted\"]", "cases = [\"alone\"]", "case `alone`: the run has no unit `velocity`"),
-        ("stop = 0.8", "stop = 0.805", "4:8: stop 0.805 s, start 0 s, step 0.01 s: (stop - start)/step is 80.5"),
+        ("stop = 0.8", "stop = 0.805", "4:8: from start 0 s to stop 0.805 s are 80.5 steps of 0.01 s"),
         ("stop = 0.8", "seeds = 0", "4:9: seeds is 0, expected at least 1"),
         ("stop = 0.8", "seeds = 2", "4:9: seeds is 2, the scenario has 0"),
         ("seed = 3", "seed = -3", "5:8: seed is -3, expected 0 or more"),

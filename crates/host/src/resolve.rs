@@ -197,8 +197,7 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<plan::Simulation
     let start = scenario.start();
     let step = *scenario.simulation.step.get_ref();
     let stop = options.stop.unwrap_or(*scenario.simulation.stop.get_ref());
-    let steps = whole_steps(start, stop, step)
-        .map_err(|why| ResolveError::Option(format!("stop {stop} s, start {start} s, step {step} s: {why}")))?;
+    let steps = whole_steps(start, stop, step).map_err(ResolveError::Option)?;
     Ok(plan::Simulation {
         start,
         stop,

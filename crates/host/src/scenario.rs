@@ -256,13 +256,17 @@ pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, Strin
     let ratio = (stop - start) / step;
     let steps = ratio.round();
     if steps > STEPS as f64 {
-        return Err(format!("(stop - start)/step is {ratio:.3e} steps, the limit is {STEPS}"));
+        return Err(format!(
+            "from start {start} s to stop {stop} s are {ratio:.3e} steps of {step} s, the limit is {STEPS}"
+        ));
     }
     if steps >= 1.0 && (ratio - steps).abs() <= 1e-9 * steps {
         // Whole and below 2^53.
         Ok(steps as u64)
     } else {
-        Err(format!("(stop - start)/step is {ratio}, expected a whole number of at least 1"))
+        Err(format!(
+            "from start {start} s to stop {stop} s are {ratio} steps of {step} s, which must be a whole number above 0"
+        ))
     }
 }
 
