@@ -105,8 +105,8 @@ fn an_unchanged_copy_is_clean() {
 const DEFECTS: &[(&str, &str, &str)] = &[
     // No start on an input.
     (
-        "causality=\"input\" variability=\"continuous\">\n      <Real unit=\"rad\" displayUnit=\"deg\" start=\"0.0\"/>",
-        "causality=\"input\" variability=\"continuous\">\n      <Real unit=\"rad\" displayUnit=\"deg\"/>",
+        "causality=\"input\" variability=\"continuous\">\n      <Real unit=\"rad\" displayUnit=\"deg\" nominal=\"0.1\" start=\"0.0\"/>",
+        "causality=\"input\" variability=\"continuous\">\n      <Real unit=\"rad\" displayUnit=\"deg\" nominal=\"0.1\"/>",
         "has no start value",
     ),
     ("name=\"vehicle.speed\"", "name=\"driver.steer\"", "is declared twice"),
@@ -153,13 +153,13 @@ fn defects_of_a_description() {
 
 #[test]
 fn limits_and_start_values() {
-    // The friction limit of the reference is a number in known limits; the binary starts with another one.
+    // The mass of the vehicle is at least 1 kg.
     let text = String::from_utf8(patient().files.swap_remove(0).1).expect("UTF-8");
     let limited = text
         .lines()
-        .find(|line| line.contains(" min=\"0.0\"") && line.contains("start="))
+        .find(|line| line.contains(" min=\"1.0\"") && line.contains("start="))
         .expect("a limited parameter");
-    let with = |to: &str| limited.replace(" min=\"0.0\"", to);
+    let with = |to: &str| limited.replace(" min=\"1.0\"", to);
     patient().describe(limited, &with(" min=\"1e9\"")).has(Severity::Error, "outside of its limits");
     patient().describe(limited, &with(" min=\"5.0\" max=\"4.0\"")).has(Severity::Error, "is above max");
     patient()
