@@ -516,7 +516,7 @@ fn a_wrong_study_leaves_nothing_behind() {
         ("study.toml", "kind = \"ga\"", "kind = \"genetic\"", "expected pacsa, ga or cmaes"),
         ("study.toml", "kind = \"ga\"", "kind = \"ga\"\nseeds = [1, 1]", "is there twice"),
         ("study.toml", "title", "\u{0}", "study.toml"),
-        ("ramp.toml", "stop = 1.0", "stop = 1.1", "expected a whole number"),
+        ("ramp.toml", "stop = 1.0", "stop = 1.1", "4.4 steps of 0.25 s, which must be a whole number above 0"),
         ("ramp.toml", "signals = [\"x\"]", "signals = [\"y\"]", "no output matches `y`"),
     ] {
         let folder = folder();

@@ -257,7 +257,7 @@ pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, Strin
     let steps = ratio.round();
     if steps > STEPS as f64 {
         return Err(format!(
-            "from start {start} s to stop {stop} s are {ratio:.3e} steps of {step} s, the limit is {STEPS}"
+            "from start {start} s to stop {stop} s are {ratio:.3e} steps of {step:?} s, the limit is {STEPS}"
         ));
     }
     if steps >= 1.0 && (ratio - steps).abs() <= 1e-9 * steps {
@@ -265,7 +265,7 @@ pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, Strin
         Ok(steps as u64)
     } else {
         Err(format!(
-            "from start {start} s to stop {stop} s are {ratio} steps of {step} s, which must be a whole number above 0"
+            "from start {start} s to stop {stop} s are {ratio} steps of {step:?} s, which must be a whole number above 0"
         ))
     }
 }

@@ -347,7 +347,7 @@ fn what_is_too_large_is_refused_at_once() {
     let error = with("values = [3, 7]", &format!("values = [{}]", seeds.join(", ")));
     assert!(error.contains("3 cases, 2 points and 2000 seeds are 12000 runs, the limit is 10000"), "{error}");
     let error = plan_of(SCENARIO, &Options { stop: Some(1e6), ..Options::default() }).unwrap_err().to_string();
-    assert!(error.contains("1.000e9 steps, the limit is 100000000"), "{error}");
+    assert!(error.contains("1.000e9 steps of 0.001 s, the limit is 100000000"), "{error}");
 
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("step.toml");
