@@ -58,6 +58,8 @@ def _ended_by_signals() -> Iterator[None]:
     """Let signals that ask the process to end go through its `finally` blocks."""
     names = ("SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    # `nohup` starts a command that shall outlive its terminal with SIGHUP ignored.
+    numbers = [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, _end) for number in numbers}
     try:
         yield

@@ -117,12 +117,15 @@ def is_alive(process: str) -> bool:
 
 
 PROGRAM = """
-import dataclasses, sys
+import dataclasses, signal, sys
 from pathlib import Path
 sys.path[:0] = {paths!r}
 from chassis_fmu import batch, plan
 from test_batch import planned
 if __name__ == "__main__":
+    # Whoever runs the tests may have asked to ignore these, as nohup and background jobs of a shell do.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     scenario = plan.parse(Path({plan!r}).read_text(), Path("."))
     batch.execute(planned(scenario, Path({fmu!r})), Path({out!r}), 1, 600.0)
 """

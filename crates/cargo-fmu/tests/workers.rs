@@ -247,8 +247,8 @@ fn wait_until(what: &str, is_so: impl Fn() -> bool) {
 }
 
 #[cfg(target_os = "linux")]
-/// A command whose FMU never comes back, and the number of the process that the FMU is in.
-fn hanging(folder: &Path, arguments: &[&str]) -> (std::process::Child, String) {
+/// A command whose FMU never comes back, started with options of `env` about signals, and the number of the process that the FMU is in.
+fn hanging(folder: &Path, arguments: &[&str], signals: &[&str]) -> (std::process::Child, String) {
     let file = folder.join("number");
     let step = format!(
         "{{ FILE *f = fopen(\"{0}.part\", \"w\"); fprintf(f, \"%d\", getpid()); fclose(f); rename(\"{0}.part\", \"{0}\"); }} \
@@ -256,7 +256,15 @@ fn hanging(folder: &Path, arguments: &[&str]) -> (std::process::Child, String) {
         file.display()
     );
     ramp(&step).pack(&folder.join("target/fmu"));
-    let child = prepared(folder, arguments)
+    let command = prepared(folder, arguments);
+    let environment: Vec<_> = command.get_envs().filter_map(|(name, value)| Some((name, value?))).collect();
+    // Whoever runs the tests may have asked to ignore signals, as `nohup` and background jobs of a shell do.
+    let child = Command::new("env")
+        .args(signals)
+        .arg(command.get_program())
+        .args(command.get_args())
+        .envs(environment)
+        .current_dir(folder)
         .stdout(std::process::Stdio::null())
         .stderr(std::process::Stdio::null())
         .spawn()
@@ -287,7 +295,7 @@ fn an_end_by_signal_leaves_no_process_and_no_file() {
         &["tune", "study.toml", "--jobs", "1"],
     ] {
         for signal in ["TERM", "INT", "HUP"] {
-            let (mut child, number) = hanging(folder, arguments);
+            let (mut child, number) = hanging(folder, arguments, &["--default-signal=HUP,INT"]);
             assert!(is_alive(&number) && !temporary(folder).is_empty(), "{arguments:?}");
             let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
             assert!(sent.success());
@@ -296,7 +304,7 @@ fn an_end_by_signal_leaves_no_process_and_no_file() {
             assert_eq!(temporary(folder), [""; 0], "{arguments:?} {signal}");
             wait_until("the end of the worker", || !is_alive(&number));
         }
-        let (mut child, number) = hanging(folder, arguments);
+        let (mut child, number) = hanging(folder, arguments, &[]);
         child.kill().unwrap();
         child.wait().unwrap();
         wait_until("the end of the worker", || !is_alive(&number));
@@ -304,6 +312,22 @@ fn an_end_by_signal_leaves_no_process_and_no_file() {
         ramp("").pack(&folder.join("target/fmu"));
         assert!(command(folder, &["run", "ramp.toml"]).status.success(), "and the next one removes them");
     }
+}
+
+/// As under `nohup`: the end of the terminal does not end the command.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_ignored_hangup_stays_ignored() {
+    let folder = folder(&ramp(""));
+    let (mut child, number) = hanging(folder.path(), &["run", "ramp.toml", "--jobs", "1"], &["--ignore-signal=HUP"]);
+    // The system discards an ignored signal at once, so that the first one has passed when the second one ends the command.
+    for signal in ["HUP", "TERM"] {
+        let sent = Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+    }
+    let status = child.wait().unwrap();
+    assert_eq!(std::os::unix::process::ExitStatusExt::signal(&status), Some(15), "SIGTERM ends it, SIGHUP does not");
+    wait_until("the end of the worker", || !is_alive(&number));
 }
 
 #[test]
