@@ -55,7 +55,7 @@ ENTRIES: list[tuple[Callable[[Entries], None], str]] = [
     (_other_platform, "loading: RescueVehicle.fmu: Cannot find shared library"),
     (_text, "loading: RescueVehicle.fmu: Failed to load shared library"),
     # fmpy loads it unseen, in a process of its own
-    (_half, "the process of the run died"),
+    (_half, "loading or fmi2Instantiate: the process ended (signal "),
     (_entities, "document type declaration"),
     (_way_out, "not a path within the archive"),
     (_wild_guid, "{\\u009b5m"),

@@ -39,7 +39,7 @@ pub struct RunError {
 pub struct Recording {
     /// Time of each row, s.
     pub time: Vec<f64>,
-    /// Values of each of [`Plan::columns`]; `None` where the case leaves the unit out.
+    /// Values of each of [`plan::Plan::columns`]; `None` where the case leaves the unit out.
     pub columns: Vec<Option<Vec<f64>>>,
     /// What the units logged although all went well, with the name of the unit: warnings.
     pub messages: Vec<(String, Message)>,

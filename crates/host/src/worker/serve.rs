@@ -20,7 +20,7 @@ use std::sync::mpsc::channel;
 /// `board` is the file in which the calls are announced.
 ///
 /// # Errors
-/// The process was not started by [`super::process`], or the connection is broken.
+/// The process was not started by `super::process`, or the connection is broken.
 pub fn serve(board: &Path) -> io::Result<()> {
     let mut connection = connection::accept()?;
     calls::publish(&OpenOptions::new().read(true).write(true).open(board)?)?;
