@@ -118,7 +118,8 @@ def _collect(
 def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> str:
     """Write tables, figures and page of finished runs. Returns table and findings for the terminal."""
     values, recordings, spectra = _collect(scenario, folder / "runs", failures)
-    numbers = Numbers(scenario, values, {r.id for r in scenario.runs} - set(failures))
+    finished = {r.id for r in scenario.runs} - set(failures)
+    numbers = Numbers(scenario, values, finished, is_cut=context.is_cut)
     cells = numbers.table()
     results.write_text(folder / "table.csv", tables.machine(cells))
     results.write_text(folder / "table.md", tables.markdown(scenario, cells))
@@ -188,6 +189,7 @@ def _run(options: argparse.Namespace) -> int:
         command=shlex.join(repeat),
         inputs=None if options.inputs is None else options.inputs.name,
         shortened=" ".join(cut) or None,
+        is_cut=options.stop is not None,
     )
     print(escaped(report(scenario, folder, failures, context)))
     if cut:

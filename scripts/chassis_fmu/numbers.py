@@ -68,11 +68,15 @@ class Row:
 class Numbers:
     """The numbers of a scenario: those of its metrics in all runs, and those of the paper.
 
-    `finished` has the ids of the runs that took place; None: all of them did.
+    `finished` has the ids of the runs that took place; None: all of them did. `is_cut`: they end before the scenario
+    does.
     """
 
-    def __init__(self, plan: Plan, values: Values, finished: Collection[str] | None = None) -> None:
+    def __init__(
+        self, plan: Plan, values: Values, finished: Collection[str] | None = None, *, is_cut: bool = False
+    ) -> None:
         self.plan = plan
+        self._is_cut = is_cut
         self._values = values
         self._finished = {(r.case, r.point) for r in plan.runs if finished is None or r.id in finished}
 
@@ -164,9 +168,9 @@ class Numbers:
         return None
 
     def _is_cut_off(self, cell: Cell) -> bool:
-        """Tell whether the runs were cut short before the window of a metric."""
+        """Tell whether the runs were cut short before the end of what a metric is computed from."""
         window = self.metric(cell).window
-        return window is not None and window[0] >= self.plan.simulation.stop
+        return self._is_cut and (window is None or window[1] > self.plan.simulation.stop)
 
     def status(self, check: Check) -> Status:
         """Return the badge of one check."""

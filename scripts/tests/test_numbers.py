@@ -220,7 +220,21 @@ def test_a_finding_has_the_badge_of_its_worst_check(scenario: Plan) -> None:
     failed = Numbers(of.plan, {}, finished=set())
     assert failed.finding(Finding((), (), own=False, checks=(good,))) is Status.OPEN
     assert failed.finding(Finding((), (), own=True, checks=(Check(ACTIVE, None, "never", None),))) is Status.OPEN
-    # So does one that was cut short before the window of the metric.
-    later = dataclasses.replace(scenario.metrics[0], window=(0.3, 0.5))
-    cut = seeded(dataclasses.replace(scenario, metrics=(later, scenario.metrics[1])), [4.0], [3.0])
-    assert cut.status_of(ACTIVE) is Status.OPEN
+
+
+def test_a_run_that_was_cut_short_decides_only_on_what_it_covers(scenario: Plan) -> None:
+    values = seeded(scenario, [4.0, 4.0], [3.0, 3.0])
+    stop = scenario.simulation.stop
+    check = Check(ACTIVE, PASSIVE, "lower", None)
+    for window, decided in [
+        (None, False),
+        ((0.0, stop), True),
+        ((0.0, 2.0 * stop), False),
+        ((stop, 2.0 * stop), False),
+    ]:
+        changed = tuple(dataclasses.replace(m, window=window) for m in values.plan.metrics)
+        plan = dataclasses.replace(values.plan, metrics=changed)
+        cut = Numbers(plan, values._values, is_cut=True)
+        assert cut.status(check) is (Status.REPRODUCED if decided else Status.OPEN), window
+        whole = Numbers(plan, values._values)
+        assert whole.status(check) is Status.REPRODUCED, window
