@@ -27,7 +27,7 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model]) -> Result
     carry_out(command, workspace, models).map(drop)
 }
 
-/// Which binary linux64 gets.
+/// Kind of the linux64 binary.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Linux {
     /// For this machine and those with a glibc as new.
@@ -45,7 +45,7 @@ pub(crate) enum Asked {
     Workspace,
 }
 
-/// How the libraries of one platform are built.
+/// Build of the libraries of one platform.
 #[derive(Debug)]
 pub(crate) enum Builder {
     /// By the cargo in use, for this machine.
@@ -97,7 +97,7 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux)
 }
 
 impl Builder {
-    /// What it builds for.
+    /// Target platform.
     pub(crate) const fn platform(&self) -> Platform {
         match self {
             Self::Native(platform) => *platform,

@@ -31,9 +31,9 @@ pub(crate) struct Component {
     version: String,
     /// An SPDX expression; empty if none is declared.
     license: String,
-    /// Where the sources are published.
+    /// Address of the published sources.
     source: String,
-    /// Whether it is a member of the workspace.
+    /// True for a member of the workspace.
     is_member: bool,
     /// File names and contents.
     texts: Vec<(String, String)>,
@@ -69,7 +69,7 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
     );
     match builder {
         Builder::Native(Platform::Linux64) => parts.push(gcc),
-        // What they link by themselves is the system's.
+        // Other libraries they link belong to the system.
         Builder::Native(Platform::Win64 | Platform::Darwin64) => {}
         Builder::Portable(_) => parts.push(part(
             "zig: compiler_rt, libunwind, start-up code of glibc",
@@ -90,7 +90,7 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
     parts
 }
 
-/// What is linked into the library of each model, the model itself first.
+/// Packages linked into the library of each model, the model itself first.
 ///
 /// `messages` are those of the build in JSON.
 ///
@@ -262,7 +262,7 @@ fn is_license(name: &str) -> bool {
         && !extension.is_some_and(|extension| ["rs", "toml", "json", "py", "sh"].contains(&extension))
 }
 
-/// What the folder holds: for all platforms of an FMU together.
+/// Content of the folder, for all platforms of an FMU together.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Licenses {
     components: BTreeSet<Component>,
@@ -376,7 +376,7 @@ mod tests {
             source: "https://github.com/rust-lang/compiler-builtins",
         };
         assert_eq!(registry, Some(expected));
-        let local = Package::parse("0road v0.1.0 (/home/me/project/road)\tMIT OR Apache-2.0\t").unwrap();
+        let local = Package::parse("0road v0.1.0 (project/road)\tMIT OR Apache-2.0\t").unwrap();
         assert_eq!((local.depth, local.name, local.version, local.source), (0, "road", "0.1.0", ""));
         assert_eq!(Package::parse("road v0.1.0\t\t"), None);
         assert_eq!(Package::parse(""), None);

@@ -1,4 +1,4 @@
-//! Which FMUs a scenario or a study needs.
+//! FMUs that a scenario or a study needs.
 
 use std::collections::BTreeSet;
 use std::path::Path;
