@@ -241,7 +241,9 @@ impl System {
                 set_parameter(fmu, &mut unit.instance, name, *value);
             }
             for (_, name, file) in case.files.iter().filter(|parameter| parameter.0 == fmu.name) {
-                let path = tests::workspace().join("tests/references").join(file);
+                // Under Wine the workspace's path has no drive; the FMU would look for it on the drive of its resources.
+                let path = std::path::absolute(tests::workspace().join("tests/references").join(file));
+                let path = path.expect("the workspace has a path");
                 ok(unit.instance.set_string(&[fmu.reference(name)], &[path.to_str().expect("the path is UTF-8")]));
             }
             units.insert(fmu.name.clone(), unit);
