@@ -1,9 +1,10 @@
 //! Arguments that say which scenario is meant and what is changed about it.
 
 use crate::trials;
+use crate::workspace::folders;
 use clap::{Args, ValueEnum};
 use host::plan::{self, Plan};
-use host::resolve::{FmuFolder, Options, resolve};
+use host::resolve::{Options, resolve};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -23,7 +24,7 @@ pub(crate) struct Selection {
     inputs: Option<PathBuf>,
 
     /// Stop at this time instead, s
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
     stop: Option<f64>,
 
     /// Use the first N seeds only
@@ -89,6 +90,6 @@ impl Selection {
             seeds: self.seeds.and_then(|n| usize::try_from(n).ok()),
             inputs: self.inputs.clone(),
         };
-        Ok(resolve(&self.scenario, &FmuFolder::new(self.fmus.iter().cloned()), &options)?)
+        Ok(resolve(&self.scenario, &folders(&self.fmus), &options)?)
     }
 }

@@ -4,11 +4,12 @@ use clap::Args;
 use host::export::System;
 use host::plan::{Plan, Run};
 use host::problem::suggestion;
-use host::resolve::{FmuFolder, Options, resolve};
+use host::resolve::{Options, resolve};
 use miette::{IntoDiagnostic, miette};
 use std::path::PathBuf;
 
 use crate::output::outln;
+use crate::workspace::folders;
 
 /// Which run of which scenario, and where it goes.
 #[derive(Debug, Args)]
@@ -33,7 +34,7 @@ pub(crate) struct Arguments {
     seed: Option<i32>,
 
     /// Stop at this time instead, s
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
     stop: Option<f64>,
 
     /// Folder for the files; it must be empty or not there
@@ -48,7 +49,7 @@ pub(crate) struct Arguments {
 /// Writes the files.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let options = Options { stop: arguments.stop, ..Options::default() };
-    let plan = resolve(&arguments.scenario, &FmuFolder::new(arguments.fmus.iter().cloned()), &options)?;
+    let plan = resolve(&arguments.scenario, &folders(&arguments.fmus), &options)?;
     let run = chosen(&plan, arguments)?;
     let system = System::new(&plan, run).into_diagnostic()?;
     let files = system.write(&arguments.out, arguments.overwrite).into_diagnostic()?;

@@ -1,7 +1,6 @@
 //! `cargo fmu tune`: carries out a study.
 
 use clap::Args;
-use host::resolve::FmuFolder;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
 use std::num::{NonZeroU64, NonZeroUsize};
@@ -14,6 +13,7 @@ use tuning::tune::{End, Existing, Summary, tune};
 
 use crate::output::outln;
 use crate::worker;
+use crate::workspace::folders;
 
 /// Which study, and where the results go. An interrupted study goes on with `--resume`, to the same results.
 #[derive(Debug, Args)]
@@ -85,7 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let printing = bar.clone();
     let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
     let workers = Workers { settings: arguments.workers.settings(printed)?, jobs: worker::jobs(arguments.jobs) };
-    let mut study = study::read(&arguments.study, &FmuFolder::new(arguments.fmus.iter().cloned()), workers)?;
+    let mut study = study::read(&arguments.study, &folders(&arguments.fmus), workers)?;
     if let Some(budget) = arguments.budget {
         study.evaluations = budget.get();
     }

@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use host::problem::suggestion;
+use host::resolve::FmuFolder;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
@@ -123,10 +125,8 @@ impl Workspace {
             .map(|name| {
                 let found = self.models.iter().find(|model| model.name == *name || model.package == *name);
                 found.cloned().ok_or_else(|| {
-                    let nearest = self.models.iter().max_by(|a, b| {
-                        strsim::jaro_winkler(&a.name, name).total_cmp(&strsim::jaro_winkler(&b.name, name))
-                    });
-                    let hint = nearest.map_or_else(String::new, |model| format!("; did you mean {}?", model.name));
+                    let near = suggestion(name, self.models.iter().map(|model| model.name.as_str()));
+                    let hint = near.map_or_else(String::new, |near| format!("; {near}"));
                     miette!("there is no model named '{name}' in this workspace{hint}")
                 })
             })
@@ -142,6 +142,12 @@ impl Workspace {
     pub(crate) fn fmus(&self) -> PathBuf {
         self.target.join("fmu")
     }
+}
+
+/// FMUs in folders; that of this workspace, if there is one, can build some of those that are not there.
+pub(crate) fn folders(folders: &[PathBuf]) -> FmuFolder {
+    let buildable = || Workspace::find().map_or(Vec::new(), |w| w.models.into_iter().map(|model| model.name).collect());
+    FmuFolder::new(folders).with_buildable(buildable)
 }
 
 /// The part of `[workspace.metadata]` that is for `cargo fmu`; absent means defaults.

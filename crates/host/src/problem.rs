@@ -3,6 +3,7 @@
 mod layout;
 
 use miette::{Diagnostic, NamedSource, SourceSpan};
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -16,6 +17,9 @@ pub struct Problem {
     source_code: Arc<NamedSource<String>>,
     #[label]
     span: SourceSpan,
+    /// Other places that belong to it.
+    #[label(collection)]
+    others: Vec<SourceSpan>,
     #[help]
     help: Option<String>,
 }
@@ -106,21 +110,35 @@ impl Collector {
 
     /// As [`Self::add`] with a hint.
     pub fn add_with_help(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
-        let problem = self.problem(span, message.into(), help);
+        self.add_at(&[span], message, help);
+    }
+
+    /// As [`Self::add_with_help`] for a mistake with several places. The first one is where messages in one line put it.
+    pub(crate) fn add_at(&mut self, spans: &[Range<usize>], message: impl Into<String>, help: Option<String>) {
+        let problem = self.problem(spans, message.into(), help);
         note(&mut self.problems, problem, self.context.as_ref());
     }
 
     /// Notes something that is allowed but probably not meant.
     pub(crate) fn warn(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
-        let problem = self.problem(span, message.into(), help);
+        let problem = self.problem(&[span], message.into(), help);
         note(&mut self.warnings, problem, self.context.as_ref());
     }
 
-    fn problem(&self, span: Range<usize>, message: String, help: Option<String>) -> Problem {
+    fn problem(&self, spans: &[Range<usize>], message: String, help: Option<String>) -> Problem {
         let length = self.source_code.inner().len();
-        let start = span.start.min(length);
-        let span = SourceSpan::from(start..span.end.clamp(start, length));
-        Problem { message, source_code: Arc::clone(&self.source_code), span, help }
+        let inside = |span: &Range<usize>| {
+            let start = span.start.min(length);
+            SourceSpan::from(start..span.end.clamp(start, length))
+        };
+        let mut spans = spans.iter().map(inside);
+        let span = spans.next().unwrap_or_else(|| inside(&(0..0)));
+        Problem { message, source_code: Arc::clone(&self.source_code), span, others: spans.collect(), help }
+    }
+
+    /// Name of the file.
+    pub(crate) fn file(&self) -> &str {
+        self.source_code.name()
     }
 
     /// Notes why a text does not have the layout of its file. For an unknown key or word, the nearest known one is the hint.
@@ -131,7 +149,7 @@ impl Collector {
 
     /// `file:line:column` of a place.
     pub(crate) fn place(&self, span: Range<usize>) -> String {
-        let line = self.problem(span, String::new(), None).line();
+        let line = self.problem(&[span], String::new(), None).line();
         line.trim_end_matches(": ").to_string()
     }
 
@@ -194,9 +212,41 @@ pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>)
         .map(|(_, nearest)| format!("did you mean `{nearest}`?"))
 }
 
+/// As [`suggestion`]; without a near name, the names that share most words with it.
+#[must_use]
+pub(crate) fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + Clone) -> Option<String> {
+    const SHOWN: usize = 4;
+    // Two letters are shared by chance.
+    let words = |name: &str| -> BTreeSet<String> {
+        name.to_lowercase().split(['.', '_', ':', '*']).filter(|word| word.len() > 2).map(str::to_owned).collect()
+    };
+    let wanted = words(name);
+    suggestion(name, candidates.clone()).or_else(|| {
+        let shared = |other: &str| words(other).intersection(&wanted).count();
+        let mut names: Vec<(usize, &str)> =
+            candidates.into_iter().map(|other| (shared(other), other)).filter(|(count, _)| *count > 0).collect();
+        names.sort_by_key(|(count, other)| (std::cmp::Reverse(*count), *other));
+        names.dedup();
+        let names: Vec<String> = names.iter().take(SHOWN).map(|(_, name)| format!("`{name}`")).collect();
+        (!names.is_empty()).then(|| format!("similar names: {}", names.join(", ")))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_with_the_same_words_are_similar() {
+        let names = ["body.roll", "body.roll_rate", "vehicle.speed", "body.roll"];
+        assert_eq!(similar("body.rol", names).unwrap(), "did you mean `body.roll`?");
+        assert_eq!(similar("roll_rate", names).unwrap(), "similar names: `body.roll_rate`, `body.roll`");
+        assert_eq!(
+            similar("vehicle:roll", names).unwrap(),
+            "similar names: `body.roll`, `body.roll_rate`, `vehicle.speed`"
+        );
+        assert_eq!(similar("tire.slip", names), None);
+    }
 
     #[test]
     fn near_names_are_suggested_and_far_ones_not() {

@@ -18,7 +18,7 @@ use crate::findings;
 use crate::limits;
 use crate::parameter_set::ParameterSet;
 use crate::plan::{self, Conversion, Plan};
-use crate::problem::{Collector, Context, suggestion};
+use crate::problem::{Collector, Context, similar, suggestion};
 pub use crate::problem::{Problem, Problems};
 use crate::scenario::{self, Case, Replacement, Scenario, Unit, unknown, whole_steps};
 use miette::Diagnostic;
@@ -56,7 +56,15 @@ pub enum ResolveError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Problems(#[from] Problems),
-    /// An option does not fit the scenario.
+    /// The stop that the options give does not fit the scenario.
+    #[error("--stop {stop}: {message}")]
+    Stop {
+        /// The stop, s.
+        stop: f64,
+        /// What does not fit.
+        message: String,
+    },
+    /// Another option does not fit the scenario.
     #[error("{0}")]
     Option(String),
 }
@@ -131,7 +139,7 @@ pub fn resolve_text(
         resolver.wire(system);
     }
     let columns = resolver.columns(&systems);
-    resolver.check_size(&simulation, columns.len());
+    resolver.check_size(&simulation, columns.len(), options)?;
     let metrics = resolver.metrics(&systems, &columns, text);
     let figures = resolver.figures(&systems, &columns, text);
     let findings = findings::findings(&scenario, text, &mut resolver.problems);
@@ -197,7 +205,13 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<plan::Simulation
     let start = scenario.start();
     let step = *scenario.simulation.step.get_ref();
     let stop = options.stop.unwrap_or(*scenario.simulation.stop.get_ref());
-    let steps = whole_steps(start, stop, step).map_err(ResolveError::Option)?;
+    let steps = whole_steps(start, stop, step).map_err(|message| match options.stop {
+        Some(stop) if stop <= start => {
+            ResolveError::Stop { stop, message: format!("the stop must be later than the start, {start} s") }
+        }
+        Some(stop) => ResolveError::Stop { stop, message },
+        None => ResolveError::Option(message),
+    })?;
     Ok(plan::Simulation {
         start,
         stop,
@@ -294,6 +308,7 @@ impl<'a> Resolver<'a> {
     /// The units of every case; `None` if an FMU is missing or unreadable.
     fn systems(&mut self, source: &dyn Descriptions) -> Option<Vec<System<'a>>> {
         let mut systems = Vec::new();
+        let mut missing = Vec::new();
         for case in &self.scenario.cases {
             let mut members = Vec::new();
             for unit in &self.scenario.units {
@@ -304,14 +319,14 @@ impl<'a> Resolver<'a> {
                 self.problems.set_context(Some(context(case, Some(unit))));
                 let other = replacement(case, unit);
                 let found = match other {
-                    Some(other) => self.find(&other.get_ref().fmu, other.span(), source),
-                    None => self.find(unit.fmu.get_ref(), unit.fmu.span(), source),
+                    Some(other) => self.find(&other.get_ref().fmu, other.span(), source, &mut missing),
+                    None => self.find(unit.fmu.get_ref(), unit.fmu.span(), source, &mut missing),
                 };
                 let Some(found) = found else { continue };
                 let replaced = other.map(|other| {
                     let keep_parameters = other.get_ref().keep_parameters;
                     let original = if keep_parameters {
-                        self.find(unit.fmu.get_ref(), unit.fmu.span(), source)
+                        self.find(unit.fmu.get_ref(), unit.fmu.span(), source, &mut missing)
                     } else {
                         source.find(unit.fmu.get_ref()).ok().flatten()
                     };
@@ -322,10 +337,18 @@ impl<'a> Resolver<'a> {
             systems.push(System { case, members });
         }
         self.problems.set_context(None);
+        self.report_missing_fmus(&missing, source);
         self.problems.is_empty().then_some(systems)
     }
 
-    fn find(&mut self, name: &str, span: Range<usize>, source: &dyn Descriptions) -> Option<Found> {
+    /// The FMU of that name, which stands at `span`; adds it to `missing` if it is not there.
+    fn find<'s>(
+        &mut self,
+        name: &'s str,
+        span: Range<usize>,
+        source: &dyn Descriptions,
+        missing: &mut Vec<(&'s str, Range<usize>)>,
+    ) -> Option<Found> {
         match source.find(name) {
             Ok(Some(found)) if found.description.co_simulation.is_none() => {
                 let message = format!("{} has no co-simulation interface", found.path);
@@ -334,14 +357,9 @@ impl<'a> Resolver<'a> {
             }
             Ok(Some(found)) => Some(found),
             Ok(None) => {
-                let names = source.names();
-                let help = suggestion(name, names.iter().map(String::as_str))
-                    .map_or(String::new(), |s| format!("{s} Otherwise "));
-                self.problems.add_with_help(
-                    span,
-                    format!("there is no {name}.fmu in {}", source.place()),
-                    Some(format!("{help}name its folder with --fmus, or run `cargo fmu pack {name}` if it is a model of this workspace")),
-                );
+                if !missing.contains(&(name, span.clone())) {
+                    missing.push((name, span));
+                }
                 None
             }
             Err(message) => {
@@ -351,21 +369,70 @@ impl<'a> Resolver<'a> {
         }
     }
 
+    /// Reports all FMUs that are not there as one mistake: most often none has been packed.
+    fn report_missing_fmus(&mut self, missing: &[(&str, Range<usize>)], source: &dyn Descriptions) {
+        let mut names: Vec<&str> = Vec::new();
+        for (name, _) in missing {
+            if !names.contains(name) {
+                names.push(name);
+            }
+        }
+        let message = match names[..] {
+            [] => return,
+            [name] => format!("there is no {name}.fmu in {}", source.place()),
+            _ => format!("{} FMUs are not in {}: {}", names.len(), source.place(), names.join(", ")),
+        };
+        let (packed, buildable) = (source.names(), source.buildable());
+        let (ours, unknown): (Vec<&str>, Vec<&str>) =
+            names.iter().partition(|name| buildable.iter().any(|known| known == *name));
+        let all = || packed.iter().chain(&buildable).map(String::as_str);
+        let mut hints = Vec::new();
+        let mut elsewhere = false;
+        for name in &unknown {
+            match suggestion(name, all()) {
+                Some(hint) if names.len() == 1 => hints.push(hint),
+                Some(hint) => hints.push(format!("`{name}`: {hint}")),
+                None => elsewhere = true,
+            }
+        }
+        if !ours.is_empty() {
+            hints.push(format!("`cargo fmu pack --for {}` builds all that this scenario needs", self.problems.file()));
+        }
+        if elsewhere {
+            hints.push("name the folder of FMUs that are not built in this workspace with --fmus".to_string());
+        }
+        // Names that may be wrong are marked; of those that are right, the first stands for all.
+        let wrong = missing.iter().filter(|(name, _)| unknown.contains(name));
+        let mut places: Vec<Range<usize>> = wrong.map(|(_, place)| place.clone()).collect();
+        if places.is_empty() {
+            places.extend(missing.first().map(|(_, place)| place.clone()));
+        }
+        self.problems.add_at(&places, message, Some(hints.join("\n")));
+    }
+
     /// Refuses a run whose recording does not fit into memory.
-    fn check_size(&mut self, simulation: &plan::Simulation, columns: usize) {
+    fn check_size(
+        &mut self,
+        simulation: &plan::Simulation,
+        columns: usize,
+        options: &Options,
+    ) -> Result<(), ResolveError> {
         let rows = simulation.steps / simulation.every + 1;
         let values = rows.saturating_mul(columns as u64 + 1);
         if values > limits::RECORDED {
-            let place = self.scenario.record.every.as_ref().map_or(self.scenario.simulation.step.span(), Spanned::span);
-            self.problems.add_with_help(
-                place,
-                format!(
-                    "{rows} rows of {columns} signals and the time are {values} numbers per run, the limit is {}",
-                    limits::RECORDED
-                ),
-                Some("record every n-th step only (`every` in [record]) or fewer signals".to_string()),
+            let limit = limits::RECORDED;
+            let message = format!(
+                "{rows} rows of {columns} signals and the time are {values} numbers per run, the limit is {limit}"
             );
+            let help = "record every n-th step only (`every` in [record]) or fewer signals";
+            if let Some(stop) = options.stop {
+                return Err(ResolveError::Stop { stop, message: format!("{message}; {help}") });
+            }
+            let scenario::Simulation { stop, step, .. } = &self.scenario.simulation;
+            let step = self.scenario.record.every.as_ref().map_or(step.span(), Spanned::span);
+            self.problems.add_at(&[stop.span(), step], message, Some(help.to_string()));
         }
+        Ok(())
     }
 
     /// Splits `unit:name` and checks the unit; also returns where the name stands.
@@ -453,8 +520,7 @@ impl<'a> Resolver<'a> {
             let member = unit.and_then(|unit| system.member(unit)).map(|m| &system.members[m]);
             self.problems.set_context(Some(context(system.case, member.map(|m| m.unit))));
             if !is_known && (unit.is_none() || member.is_some()) {
-                let help = suggestion(text, all.iter().map(|(_, name)| *name));
-                self.problems.add_with_help(pattern.span(), message.clone(), help);
+                self.problems.add_with_help(pattern.span(), message.clone(), Some(near_outputs(systems, unit, text)));
             } else if member.is_some_and(|m| m.replaced.is_some())
                 && !matches_any(&outputs(std::slice::from_ref(system), unit))
             {
@@ -478,11 +544,10 @@ impl<'a> Resolver<'a> {
             candidates.iter().filter(|(_, output)| *output == name).map(|(owner, _)| *owner).collect();
         match owners[..] {
             [] => {
-                let help = suggestion(name, candidates.iter().map(|(_, output)| *output));
                 self.problems.add_with_help(
                     written.span(),
                     format!("there is no output `{}`", written.get_ref()),
-                    help,
+                    Some(near_outputs(systems, unit, name)),
                 );
                 None
             }
@@ -754,6 +819,25 @@ fn outputs<'s>(systems: &'s [System<'_>], unit: Option<&str>) -> BTreeSet<(&'s s
         .filter(|member| unit.is_none_or(|unit| unit == member.name()))
         .flat_map(|member| member.wirable(Causality::Output).map(|(_, v)| (member.name(), v.name.as_str())))
         .collect()
+}
+
+/// A hint for a name that is not an output of a unit, or of any: near names, or else what there is.
+fn near_outputs(systems: &[System<'_>], unit: Option<&str>, name: &str) -> String {
+    const SHOWN: usize = 6;
+    if let Some((other, _)) = outputs(systems, None).into_iter().find(|(_, output)| *output == name) {
+        return format!("did you mean `{other}:{name}`?");
+    }
+    let names: BTreeSet<&str> = outputs(systems, unit).into_iter().map(|(_, output)| output).collect();
+    similar(name, names.iter().copied()).unwrap_or_else(|| {
+        let of = unit.map_or("all components".to_string(), |unit| format!("`{unit}`"));
+        let mut list: Vec<String> = names.iter().take(SHOWN).map(|name| format!("`{name}`")).collect();
+        match names.len().saturating_sub(SHOWN) {
+            _ if names.is_empty() => list.push("none".to_string()),
+            0 => (),
+            more => list.push(format!("{more} more (`cargo fmu inspect FMU` lists those of an FMU)")),
+        }
+        format!("the outputs of {of}: {}", list.join(", "))
+    })
 }
 
 /// Names of all inputs and of the outputs they may be fed in place of.

@@ -475,7 +475,7 @@ impl Scenario {
         } else if *stop.get_ref() <= start {
             problems.add(stop.span(), format!("stop is {}, expected more than start {start}", stop.get_ref()));
         } else if let Err(message) = whole_steps(start, *stop.get_ref(), *step.get_ref()) {
-            problems.add(step.span(), message);
+            problems.add_at(&[stop.span(), step.span()], message, None);
         }
     }
 

@@ -3,7 +3,7 @@
 use host::description::{BaseUnit, ModelDescription, Unit};
 use host::parameter_set::{Parameter, ParameterSet};
 use host::plan::{BaseType, Cell, Combine, Expect, FigureKind, MetricKind, Order, Part, Plan, Value};
-use host::resolve::{Options, ResolveError, resolve_text};
+use host::resolve::{Descriptions, Found, Options, ResolveError, resolve_text};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -207,10 +207,11 @@ fn points_and_seeds_reach_another_fmu() {
 #[test]
 fn mistakes_name_their_case() {
     for (line, expected) in [
-        ("fmu.driver = \"Drver\"", "there is no Drver.fmu in memory, in case `other` (fmu.driver = \"Drver\")"),
+        ("fmu.driver = \"Drver\"", "there is no Drver.fmu in memory"),
         (
             "fmu.driver = \"Steering\"",
-            "nobody writes the input `driver.steer` of `driver`, in case `other` (fmu.driver = \"Steering\")",
+            "Steering has the input `driver.steer`, which Driver does not have; nobody writes the input `driver.steer` of \
+             `driver`, in case `other` (fmu.driver = \"Steering\")",
         ),
         (
             "fmu.driver = \"Vehicle\"",
@@ -619,7 +620,7 @@ fn mistakes_are_reported_with_their_place() {
     let cases: &[(&str, &str, &str)] = &[
         ("stop = 2.0", "stopp = 2.0", "5:1: unknown key `stopp`"),
         ("title = \"Step\"", "titel = \"Step\"", "1:1: unknown key `titel`"),
-        ("step = 0.001", "step = 0.0011", "6:8: from start 0 s to stop"),
+        ("step = 0.001", "step = 0.0011", "5:8: from start 0 s to stop"),
         ("step = 0.001", "step = -1.0", "6:8: step is -1"),
         ("stop = 2.0", "stop = -2", "5:8: stop is -2"),
         ("stop = 2.0", "stop = \"a\"", "5:8: `stop` must be a number, got the string \"a\""),
@@ -833,13 +834,19 @@ fn mistakes_are_reported_with_their_place() {
 #[test]
 fn near_names_are_suggested() {
     for (from, to, expected) in [
-        (
-            "fmu = \"Driver\"",
-            "fmu = \"Drivr\"",
-            "did you mean `Driver`? Otherwise name its folder with --fmus, or run `cargo fmu pack Drivr` if it is a model of this workspace",
-        ),
+        ("fmu = \"Driver\"", "fmu = \"Drivr\"", "did you mean `Driver`?"),
         ("maneuver = 1", "manuver = 1", "did you mean `maneuver`?"),
         ("signal = \"body.roll\"", "signal = \"body.rol\"", "did you mean `body.roll`?"),
+        ("signal = \"body.roll\"", "signal = \"driver:body.roll\"", "did you mean `vehicle:body.roll`?"),
+        ("signal = \"body.roll\"", "signal = \"roll_angle\"", "similar names: `body.roll`, `body.roll_rate`"),
+        (
+            "signal = \"body.roll\"",
+            "signal = \"driver:slip\"",
+            "the outputs of `driver`: `driver.speed`, `driver.steer`",
+        ),
+        ("\"vehicle:*\"", "\"vehicle:roll*\"", "similar names: `body.roll`, `body.roll_rate`"),
+        ("unit = \"km/h\" } }", "unit = \"kmh\" } }", "did you mean `km/h`?"),
+        ("unit = \"deg\"\nwindow", "unit = \"degs\"\nwindow", "did you mean `deg`?"),
         // Keys and words of the layout.
         ("kind = \"rms\"", "kind = \"RMS\"", "did you mean `rms`?"),
         ("stop = 2.0", "stopp = 2.0", "did you mean `stop`?"),
@@ -854,6 +861,115 @@ fn near_names_are_suggested() {
         let help = miette::Diagnostic::help(&problems.problems[0]).unwrap().to_string();
         assert_eq!(help, expected);
     }
+}
+
+/// FMUs in memory, and others that can be built.
+struct Workspace(BTreeMap<String, Arc<ModelDescription>>, &'static [&'static str]);
+
+impl Descriptions for Workspace {
+    fn find(&self, name: &str) -> Result<Option<Found>, String> {
+        self.0.find(name)
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.0.names()
+    }
+
+    fn buildable(&self) -> Vec<String> {
+        self.1.iter().map(|name| (*name).to_string()).collect()
+    }
+
+    fn place(&self) -> String {
+        self.0.place()
+    }
+}
+
+#[test]
+fn missing_fmus_are_one_mistake() {
+    let mistake = |text: &str, packed: &[&str]| {
+        let mut found = fmus();
+        found.retain(|name, _| packed.contains(&name.as_str()));
+        let workspace = Workspace(found, &["Driver", "Steering", "Vehicle"]);
+        let error = resolve_text(Path::new("scenarios/step.toml"), text, &workspace, &Options::default()).unwrap_err();
+        let ResolveError::Problems(problems) = error else { panic!("{error}") };
+        let [problem] = &problems.problems[..] else { panic!("{problems:?}") };
+        let help = miette::Diagnostic::help(problem).unwrap().to_string();
+        (problem.line(), help, miette::Diagnostic::labels(problem).unwrap().count())
+    };
+    let pack = "`cargo fmu pack --for scenarios/step.toml` builds all that this scenario needs";
+    let (line, help, marks) = mistake(SCENARIO, &[]);
+    assert_eq!(line, "scenarios/step.toml:11:7: 3 FMUs are not in memory: Driver, Steering, Vehicle");
+    assert_eq!((help.as_str(), marks), (pack, 1));
+    let (line, help, _) = mistake(SCENARIO, &["Driver", "Vehicle"]);
+    assert_eq!(line, "scenarios/step.toml:16:7: there is no Steering.fmu in memory");
+    assert_eq!(help, pack);
+    // A slip is corrected, whether or not the right one is packed; what comes from elsewhere is not to be built.
+    let slip = SCENARIO.replace("fmu = \"Vehicle\"", "fmu = \"Vehicl\"");
+    assert_eq!(mistake(&slip, &["Driver", "Steering"]).1, "did you mean `Vehicle`?");
+    assert_eq!(mistake(&slip, &["Driver"]).1, format!("`Vehicl`: did you mean `Vehicle`?\n{pack}"));
+    let other = SCENARIO.replace("fmu = \"Vehicle\"", "fmu = \"Somebodys\"");
+    let elsewhere = "name the folder of FMUs that are not built in this workspace with --fmus";
+    assert_eq!(mistake(&other, &["Driver", "Steering"]).1, elsewhere);
+}
+
+/// An input that has no writer, or several, because of the FMU that a case names.
+#[test]
+fn a_swap_that_breaks_the_wiring_is_named() {
+    let mistakes = |text: &str, name: &str, description: &str| {
+        let mut fmus = fmus();
+        fmus.insert(name.to_string(), Arc::new(ModelDescription::parse(description).unwrap()));
+        lines(&resolve_text(Path::new("scenarios/step.toml"), text, &fmus, &Options::default()).unwrap_err())
+    };
+    let driver = include_str!("data/Driver.xml");
+    let text = with_case("fmu.driver = \"Mute\"");
+    let error = mistakes(&text, "Mute", &driver.replace("name=\"driver.steer\"", "name=\"steer\""));
+    assert_eq!(
+        error,
+        "scenarios/step.toml:36:14: Mute has no output `driver.steer`, which Driver has; nobody writes the input \
+         `driver.steer` of `steering`, in case `other` (fmu.driver = \"Mute\")"
+    );
+    // The connection names it; that its input has no writer follows.
+    let error = mistakes(&text, "Mute", &driver.replace("name=\"driver.speed\"", "name=\"speed\""));
+    let connection =
+        "scenarios/step.toml:26:8: `driver` has no output `driver.speed`, which Driver has, in case `other`";
+    assert!(error.contains(connection), "{error}");
+    assert!(!error.contains("of `steering`"), "{error}");
+
+    let vehicle = include_str!("data/Vehicle.xml");
+    let text = with_case("fmu.vehicle = \"Loud\"");
+    let error = mistakes(&text, "Loud", &vehicle.replace("name=\"body.roll_rate\"", "name=\"driver.steer\""));
+    let several = "Loud has the output `driver.steer`, which Vehicle does not have; the input `driver.steer` of \
+                   `steering` has several writers: `driver` and `vehicle`, in case `other` (fmu.vehicle = \"Loud\")";
+    assert!(error.contains(several), "{error}");
+}
+
+#[test]
+fn a_stop_on_the_command_line_is_named() {
+    let error = |stop| plan_of(SCENARIO, &Options { stop: Some(stop), ..Options::default() }).unwrap_err().to_string();
+    assert_eq!(error(-3.0), "--stop -3: the stop must be later than the start, 0 s");
+    assert_eq!(
+        error(1e9),
+        "--stop 1000000000: from start 0 s to stop 1000000000 s are 1.000e12 steps of 0.001 s, the limit is 100000000"
+    );
+    assert!(
+        error(0.0005).starts_with("--stop 0.0005: from start 0 s to stop 0.0005 s are 0.5 steps"),
+        "{}",
+        error(0.0005)
+    );
+    assert!(error(9e4).starts_with("--stop 90000: 45000001 rows of 4 signals"), "{}", error(9e4));
+}
+
+#[test]
+fn a_stop_that_is_too_late_is_marked() {
+    let marked = |stop: &str| {
+        let text = SCENARIO.replace("stop = 2.0", &format!("stop = {stop}"));
+        let error = plan_of(&text, &Options::default()).unwrap_err();
+        let ResolveError::Problems(problems) = error else { panic!("{error}") };
+        let labels = miette::Diagnostic::labels(&problems.problems[0]).unwrap();
+        labels.map(|label| text[label.offset()..][..label.len()].to_string()).collect::<Vec<_>>()
+    };
+    assert_eq!(marked("1e6"), ["1e6", "0.001"]);
+    assert_eq!(marked("9e4"), ["9e4", "2"], "stop and every");
 }
 
 /// Feeds stand in for outputs; what nothing needs any more is dropped.

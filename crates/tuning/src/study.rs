@@ -306,7 +306,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
         ..Options::default()
     };
     let plan = match resolve(&scenario, source, &options) {
-        Err(ResolveError::Option(message)) => {
+        Err(ResolveError::Option(message) | ResolveError::Stop { message, .. }) => {
             let span = file.stop.as_ref().map_or(file.scenario.span(), Spanned::span);
             problems.add(span, message);
             return Err(problems.fail().into());

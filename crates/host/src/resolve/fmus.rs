@@ -27,6 +27,11 @@ pub trait Descriptions {
     /// File stems of all FMUs.
     fn names(&self) -> Vec<String>;
 
+    /// Names of the FMUs that `cargo fmu pack` can build, whether or not they are there.
+    fn buildable(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Where was looked, for messages.
     fn place(&self) -> String;
 }
@@ -35,6 +40,7 @@ pub trait Descriptions {
 #[derive(Debug)]
 pub struct FmuFolder {
     folders: Vec<PathBuf>,
+    buildable: fn() -> Vec<String>,
     read: RefCell<HashMap<String, Found>>,
 }
 
@@ -42,7 +48,13 @@ impl FmuFolder {
     /// Looks into these folders. They are read when something is looked up.
     #[must_use]
     pub fn new<P: Into<PathBuf>>(folders: impl IntoIterator<Item = P>) -> Self {
-        Self { folders: folders.into_iter().map(Into::into).collect(), read: RefCell::default() }
+        Self { folders: folders.into_iter().map(Into::into).collect(), buildable: Vec::new, read: RefCell::default() }
+    }
+
+    /// Names the FMUs that `cargo fmu pack` can build. It is asked only when one is missing.
+    #[must_use]
+    pub fn with_buildable(self, buildable: fn() -> Vec<String>) -> Self {
+        Self { buildable, ..self }
     }
 }
 
@@ -72,6 +84,10 @@ impl Descriptions for FmuFolder {
             .collect();
         names.sort();
         names
+    }
+
+    fn buildable(&self) -> Vec<String> {
+        (self.buildable)()
     }
 
     fn place(&self) -> String {

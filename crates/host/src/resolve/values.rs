@@ -406,7 +406,8 @@ fn convert_unit(
         None => {
             let mut all = vec![own.as_str()];
             all.extend(display_units.iter().map(|u| u.name.as_str()));
-            Err((format!("`{name}` cannot be given in `{unit}`, expected one of: {}", all.join(", ")), None))
+            let message = format!("`{name}` cannot be given in `{unit}`, expected one of: {}", all.join(", "));
+            Err((message, suggestion(unit, all)))
         }
     }
 }

@@ -1,13 +1,68 @@
 //! The wires of a case: what writes each input.
 
 use super::values::{is_implausible, setting};
-use super::{Column, Member, Resolver, Source, System, context};
-use crate::description::{BaseType, Causality, Variable};
+use super::{Column, Member, Resolver, Source, System, context, replacement};
+use crate::description::{BaseType, Causality, ModelDescription, Variable};
 use crate::plan::{self, Connected, Origin, Signal, Wire};
-use crate::problem::suggestion;
+use crate::problem::{similar, suggestion};
 use serde_spanned::Spanned;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::ops::Range;
 use std::sync::Arc;
+
+/// An end of a connection: member and variable; `None` if the case has none. `Err`: a mistake was noted.
+type End = Result<Option<(usize, usize)>, ()>;
+/// Outputs that connections name, by the input that they write. `Err`: a mistake was noted.
+type Connections = HashMap<(usize, usize), Result<(usize, usize), ()>>;
+
+/// How the FMU that a case names for a component changes what writes an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Change {
+    /// The component's own FMU has no such input.
+    NewInput,
+    /// The component's own FMU has no such output.
+    NewOutput,
+    /// Only the component's own FMU has this output.
+    LostOutput,
+}
+
+/// The member whose FMU makes one of these changes for an input of the reader.
+fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -> Option<(usize, Change)> {
+    let has = |description: &ModelDescription, causality| {
+        description.variable(input).is_some_and(|variable| variable.causality == causality)
+    };
+    let change = |(m, member): (usize, &Member<'_>)| {
+        let own = &member.replaced.as_ref()?.original.as_ref()?.description;
+        let other = &member.found.description;
+        let change = match [own, other].map(|description| has(description, Causality::Output)) {
+            _ if m == reader => (!has(own, Causality::Input)).then_some(Change::NewInput),
+            [false, true] => Some(Change::NewOutput),
+            [true, false] => Some(Change::LostOutput),
+            _ => None,
+        };
+        change.filter(|change| changes.contains(change)).map(|change| (m, change))
+    };
+    system.members.iter().enumerate().find_map(change)
+}
+
+/// Place and words of a change that a swap makes for some inputs.
+fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> (Range<usize>, String) {
+    let unit = system.members[m].unit;
+    let (own, written) = (unit.fmu.get_ref(), replacement(system.case, unit));
+    let other = written.map_or(own, |other| &other.get_ref().fmu);
+    let s = if inputs.len() == 1 { "" } else { "s" };
+    let names = quoted(inputs);
+    let words = match change {
+        Change::NewInput => format!("{other} has the input{s} {names}, which {own} does not have"),
+        Change::NewOutput => format!("{other} has the output{s} {names}, which {own} does not have"),
+        Change::LostOutput => format!("{other} has no output{s} {names}, which {own} has"),
+    };
+    (written.map_or(unit.fmu.span(), Spanned::span), words)
+}
+
+fn quoted(names: &[&str]) -> String {
+    names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}
 
 impl<'a> Resolver<'a> {
     /// Finds out what writes each input of a case.
@@ -48,7 +103,7 @@ impl<'a> Resolver<'a> {
                 }
             }
             if !missing.is_empty() {
-                self.report_missing(member, &missing, &outputs);
+                self.report_missing(system, m, &missing, &outputs);
             }
             wired.push(inputs);
         }
@@ -61,22 +116,57 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn report_missing(&mut self, member: &Member<'_>, missing: &[&str], outputs: &HashMap<&str, Vec<(usize, usize)>>) {
-        let list: Vec<String> = missing.iter().map(|name| format!("`{name}`")).collect();
-        let near = missing
-            .iter()
-            .find_map(|name| suggestion(name, outputs.keys().copied()))
-            .map_or(String::new(), |s| format!("; there is an output of similar name: {s}"));
-        self.problems.add_with_help(
-            member.unit.name.span(),
-            format!(
-                "nobody writes {} {} of `{}`",
-                if missing.len() == 1 { "the input" } else { "the inputs" },
-                list.join(", "),
-                member.name()
-            ),
-            Some(format!("give the unit a constant in `inputs` or add a [[connection]]{near}")),
-        );
+    /// Reports inputs of a member without a writer, those that a swap has left so apart.
+    fn report_missing(
+        &mut self,
+        system: &System<'_>,
+        m: usize,
+        missing: &[&str],
+        outputs: &HashMap<&str, Vec<(usize, usize)>>,
+    ) {
+        let member = &system.members[m];
+        let name = member.name();
+        let mut by_swap: BTreeMap<Option<(usize, Change)>, Vec<&str>> = BTreeMap::new();
+        for input in missing {
+            by_swap.entry(swap(system, m, input, [Change::NewInput, Change::LostOutput])).or_default().push(input);
+        }
+        for (swap, inputs) in by_swap {
+            let near = inputs
+                .iter()
+                .find_map(|name| suggestion(name, outputs.keys().copied()))
+                .map_or(String::new(), |s| format!("; there is an output of similar name: {s}"));
+            let help = format!("give the unit a constant in `inputs` or add a [[connection]]{near}");
+            let which = match inputs[..] {
+                [input] => format!("the input `{input}`"),
+                _ if swap.is_some() => "these inputs".to_string(),
+                _ => format!("the inputs {}", quoted(&inputs)),
+            };
+            let of = swap.map_or(member.unit, |(changed, _)| system.members[changed].unit);
+            self.problems.set_context(Some(context(system.case, Some(of))));
+            let (place, message) = match swap.map(|swap| cause(system, swap, &inputs)) {
+                Some((place, cause)) => (place, format!("{cause}; nobody writes {which} of `{name}`")),
+                None => (member.unit.name.span(), format!("nobody writes {which} of `{name}`")),
+            };
+            self.problems.add_with_help(place, message, Some(help));
+        }
+        self.problems.set_context(Some(context(system.case, Some(member.unit))));
+    }
+
+    /// Reports an input that several members write.
+    fn report_writers(&mut self, system: &System<'_>, (m, v): (usize, usize), writers: &[(usize, usize)]) {
+        let member = &system.members[m];
+        let input = member.variable(v).name.as_str();
+        let names: Vec<String> = writers.iter().map(|(w, _)| format!("`{}`", system.members[*w].name())).collect();
+        let mut message =
+            format!("the input `{input}` of `{}` has several writers: {}", member.name(), names.join(" and "));
+        let mut place = member.unit.name.span();
+        if let Some(swap) = swap(system, m, input, [Change::NewInput, Change::NewOutput]) {
+            let (at, cause) = cause(system, swap, &[input]);
+            (place, message) = (at, format!("{cause}; {message}"));
+            self.problems.set_context(Some(context(system.case, Some(system.members[swap.0].unit))));
+        }
+        self.problems.add_with_help(place, message, Some("choose one with a [[connection]]".to_string()));
+        self.problems.set_context(Some(context(system.case, Some(member.unit))));
     }
 
     /// What writes an input, constants aside. `Err`: a mistake was noted.
@@ -84,7 +174,7 @@ impl<'a> Resolver<'a> {
         &mut self,
         system: &System<'_>,
         (m, v): (usize, usize),
-        explicit: Option<(usize, usize)>,
+        explicit: Option<Result<(usize, usize), ()>>,
         outputs: &HashMap<&str, Vec<(usize, usize)>>,
     ) -> Result<Option<Source>, ()> {
         let member = &system.members[m];
@@ -97,7 +187,7 @@ impl<'a> Resolver<'a> {
             return Ok(Some(self.use_feed(feed, member, input)));
         }
         let from = match explicit {
-            Some(from) => Some(from),
+            Some(from) => Some(from?),
             None => {
                 if let Some(feed) = self.feed(None, name) {
                     return Ok(Some(self.use_feed(feed, member, input)));
@@ -105,17 +195,7 @@ impl<'a> Resolver<'a> {
                 let others: Vec<(usize, usize)> =
                     outputs.get(name).into_iter().flatten().filter(|(other, _)| *other != m).copied().collect();
                 if others.len() > 1 {
-                    let units: Vec<String> =
-                        others.iter().map(|(other, _)| format!("`{}`", system.members[*other].name())).collect();
-                    self.problems.add_with_help(
-                        member.unit.name.span(),
-                        format!(
-                            "the input `{name}` of `{}` has several writers: {}",
-                            member.name(),
-                            units.join(" and ")
-                        ),
-                        Some("choose one with a [[connection]]".to_string()),
-                    );
+                    self.report_writers(system, (m, v), &others);
                     return Err(());
                 }
                 others.first().copied()
@@ -223,15 +303,20 @@ impl<'a> Resolver<'a> {
         plan::Wiring { case: system.case.name.get_ref().clone(), inputs, unread }
     }
 
-    /// Explicit connections of a case: (member, input) -> (member, output).
-    fn connections(&mut self, system: &System<'_>) -> HashMap<(usize, usize), (usize, usize)> {
-        let mut connections = HashMap::new();
+    /// Explicit connections of a case.
+    fn connections(&mut self, system: &System<'_>) -> Connections {
+        let mut connections = Connections::new();
         for connection in &self.scenario.connections {
             let from = self.end(system, &connection.from, Causality::Output);
             let to = self.end(system, &connection.to, Causality::Input);
             self.problems.set_context(Some(context(system.case, None)));
-            let (Some(from), Some(to)) = (from, to) else {
-                continue;
+            let (from, to) = match (from, to) {
+                (Ok(Some(from)), Ok(Some(to))) => (from, to),
+                (Err(()), Ok(Some(to))) => {
+                    connections.insert(to, Err(()));
+                    continue;
+                }
+                _ => continue,
             };
             let ends = |(m, v): (usize, usize)| {
                 let member = &system.members[m];
@@ -240,7 +325,7 @@ impl<'a> Resolver<'a> {
             if let Err(message) = compatible(ends(from), ends(to)) {
                 self.problems.add(connection.to.span(), message);
             }
-            if connections.insert(to, from).is_some() {
+            if connections.insert(to, Ok(from)).is_some() {
                 self.problems
                     .add(connection.to.span(), format!("a second connection writes `{}`", connection.to.get_ref()));
             }
@@ -249,10 +334,11 @@ impl<'a> Resolver<'a> {
         connections
     }
 
-    /// One end of a connection; `None` if it is wrong or the case leaves its unit out.
-    fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> Option<(usize, usize)> {
-        let (unit, name, name_span) = self.unit_and_name(written)?;
-        let m = system.member(unit)?;
+    /// One end of a connection.
+    fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> End {
+        let (unit, name, name_span) = self.unit_and_name(written).ok_or(())?;
+        // The case leaves the unit out.
+        let Some(m) = system.member(unit) else { return Ok(None) };
         let member = &system.members[m];
         self.problems.set_context(Some(context(system.case, Some(member.unit))));
         let wanted = if causality == Causality::Output { "output" } else { "input" };
@@ -262,20 +348,23 @@ impl<'a> Resolver<'a> {
                     name_span,
                     format!("`{name}` of `{unit}` is {}, expected an {wanted}", plan::role(member.variable(v))),
                 );
-                None
+                Err(())
             }
             Some(v) if member.variable(v).base_type == BaseType::String => {
                 self.problems.add(name_span, "a String cannot be connected".to_string());
-                None
+                Err(())
             }
-            Some(v) => Some((m, v)),
+            Some(v) => Ok(Some((m, v))),
             // Another FMU need not have all inputs of the unit's own.
-            None if causality == Causality::Input && member.replaced.is_some() => None,
+            None if causality == Causality::Input && member.replaced.is_some() => Ok(None),
             None => {
-                let names = member.wirable(causality).map(|(_, v)| v.name.as_str());
-                let help = suggestion(name, names);
-                self.problems.add_with_help(name_span, format!("`{unit}` has no {wanted} `{name}`"), help);
-                None
+                let names: Vec<&str> = member.wirable(causality).map(|(_, v)| v.name.as_str()).collect();
+                let own = member.replaced.as_ref().and_then(|replaced| replaced.original.as_ref());
+                let had = own.filter(|own| own.description.variable(name).is_some());
+                let had = had.map_or(String::new(), |_| format!(", which {} has", member.unit.fmu.get_ref()));
+                let message = format!("`{unit}` has no {wanted} `{name}`{had}");
+                self.problems.add_with_help(name_span, message, similar(name, names));
+                Err(())
             }
         }
     }
