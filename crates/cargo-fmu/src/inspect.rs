@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use host::archive::Archive;
 use host::description::{Causality, ModelDescription, Value};
 use host::terminal::{indented, line};
-use miette::{IntoDiagnostic, Result};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::output::{outln, write_file};
 use crate::workspace::Workspace;
@@ -26,14 +26,15 @@ pub(crate) struct Arguments {
 /// On a name that is no model, or an FMU that was not packed yet.
 pub(crate) fn locate(fmu: &str) -> Result<PathBuf> {
     let path = PathBuf::from(fmu);
-    if path.extension().is_some_and(|extension| extension == "fmu") {
-        return Ok(path);
+    // A name has neither extension nor folder.
+    if path.extension().is_some() || path.components().count() > 1 {
+        return if path.exists() { Ok(path) } else { Err(miette!("there is no file {fmu}")) };
     }
-    let workspace = Workspace::find()?;
+    let workspace = Workspace::find().wrap_err_with(|| format!("looking for the model {fmu}"))?;
     let model = workspace.select(&[fmu.to_owned()], false)?.remove(0);
     let path = workspace.fmus().join(format!("{}.fmu", model.name));
     if !path.exists() {
-        return Err(miette::miette!("{} is not packed; run `cargo fmu pack {}`", model.name, model.name));
+        return Err(miette!("{} is not packed; run `cargo fmu pack {}`", model.name, model.name));
     }
     Ok(path)
 }

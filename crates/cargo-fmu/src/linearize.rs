@@ -5,6 +5,7 @@ use std::path::Path;
 use host::description::{Causality, Initial, ModelDescription, Value, Variable};
 use host::fmu::Fmu;
 use host::loader::Instance;
+use host::problem::suggestion;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use nalgebra::DMatrix;
 
@@ -163,11 +164,8 @@ pub(crate) fn linearize(path: &Path, settings: &[(String, f64)]) -> Result<Linea
 
 fn set(instance: &mut Instance, description: &ModelDescription, name: &str, value: f64) -> Result<()> {
     let variable = description.variable(name).ok_or_else(|| {
-        let nearest = description
-            .variables
-            .iter()
-            .max_by(|a, b| strsim::jaro_winkler(&a.name, name).total_cmp(&strsim::jaro_winkler(&b.name, name)));
-        let hint = nearest.map_or_else(String::new, |v| format!("; did you mean '{}'?", v.name));
+        let near = suggestion(name, description.variables.iter().map(|variable| variable.name.as_str()));
+        let hint = near.map_or_else(String::new, |near| format!("; {near}"));
         miette!("{} has no variable '{name}'{hint}", description.model_name)
     })?;
     let is_settable = matches!(variable.causality, Causality::Parameter | Causality::Input)

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use host::description::ModelDescription;
+use host::problem::suggestion;
 use host::resolve::{Descriptions, FmuFolder};
 use host::systems::{Fit, Systems, systems};
 use miette::{Result, miette};
@@ -38,14 +39,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     for name in &arguments.names {
         let mut known = systems.plants.iter().chain(&systems.units);
         if !known.any(|other| other == name) {
-            let similarity = |other: &&String| strsim::jaro_winkler(other, name);
-            let nearest = systems
-                .plants
-                .iter()
-                .chain(&systems.units)
-                .max_by(|a, b| similarity(a).total_cmp(&similarity(b)))
-                .map_or_else(String::new, |nearest| format!("; did you mean {nearest}?"));
-            return Err(miette!("there is no FMU named '{name}'{nearest}"));
+            let near = suggestion(name, systems.plants.iter().chain(&systems.units).map(String::as_str));
+            let hint = near.map_or_else(String::new, |near| format!("; {near}"));
+            return Err(miette!("there is no FMU named '{name}'{hint}"));
         }
     }
     let shown = |all: &[String]| -> Vec<usize> {

@@ -75,7 +75,7 @@ fn a_missing_fmu_says_what_to_do() {
     assert_eq!(output.status.code(), Some(1));
     let error = text(&output.stderr);
     assert!(error.contains("there is no Ramp.fmu in target/fmu"), "{error}");
-    assert!(error.contains("cargo fmu pack Ramp"), "{error}");
+    assert!(error.contains("name the folder of FMUs that are not built in this workspace with"), "{error}");
 }
 
 #[cfg(unix)]
@@ -176,6 +176,77 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     contains(&error, "a binary for darwin64 cannot be built on linux64");
     let error = pack(&["--platforms", "win64", "--portable"], "");
     contains(&error, "--portable is about the binary for linux64");
+}
+
+/// A workspace with a package of this name that becomes an FMU; nothing of it is built.
+fn workspace_with_model(package: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let library = folder.path().join(package).join("src");
+    std::fs::create_dir_all(&library).unwrap();
+    std::fs::write(library.join("lib.rs"), "").unwrap();
+    let manifest = format!(
+        "[package]\nname = \"{package}\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[lib]\ncrate-type = [\"cdylib\"]\n\
+         [dependencies]\nfmi2 = \"1\"\n"
+    );
+    std::fs::write(folder.path().join(package).join("Cargo.toml"), manifest).unwrap();
+    let workspace = format!("[workspace]\nresolver = \"3\"\nmembers = [\"{package}\"]\n");
+    std::fs::write(folder.path().join("Cargo.toml"), workspace).unwrap();
+    std::fs::write(folder.path().join("Cargo.lock"), "version = 4\n").unwrap();
+    folder
+}
+
+#[test]
+fn only_near_names_are_suggested() {
+    let folder = workspace_with_model("suspension-mixer");
+    let error = |arguments: &[&str]| {
+        let output = command(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        message(&output.stderr)
+    };
+    for name in ["check", "inspect", "linearize"] {
+        let far = error(&[name, "Nope"]);
+        assert!(far.contains("there is no model named 'Nope' in this workspace"), "{far}");
+        assert!(!far.contains("did you mean"), "{far}");
+        let near = error(&[name, "SuspensionMixr"]);
+        assert!(near.contains("; did you mean `SuspensionMixer`?"), "{near}");
+        let packed = error(&[name, "SuspensionMixer"]);
+        assert!(packed.contains("run `cargo fmu pack SuspensionMixer`"), "{packed}");
+        for path in ["Nope.fmu", "some/Nope", "./Nope"] {
+            let missing = error(&[name, path]);
+            assert!(missing.contains(&format!("there is no file {path}")), "{missing}");
+        }
+    }
+}
+
+#[test]
+fn fmus_that_are_not_packed_are_one_mistake() {
+    let folder = workspace_with_model("suspension-mixer");
+    let scenario = |fmu: &str| SCENARIO.replace("\"Ramp\"", &format!("\"{fmu}\""));
+    let plan = |fmu: &str| {
+        std::fs::write(folder.path().join("ramp.toml"), scenario(fmu)).unwrap();
+        message(&command(folder.path(), &["plan", "ramp.toml"]).stderr)
+    };
+    let error = plan("SuspensionMixer");
+    assert!(error.contains("there is no SuspensionMixer.fmu in target/fmu"), "{error}");
+    assert!(error.contains("`cargo fmu pack --for ramp.toml` builds all that this scenario needs"), "{error}");
+    let error = plan("SuspensionMixr");
+    assert!(error.contains("did you mean `SuspensionMixer`?") && !error.contains("pack"), "{error}");
+}
+
+#[test]
+fn a_stop_that_does_not_fit_is_named() {
+    let folder = folder(SCENARIO);
+    for (stop, expected) in [
+        ("-3", "--stop -3: the stop must be later than the start, 0 s"),
+        ("1e12", "--stop 1000000000000: from start 0 s"),
+    ] {
+        for arguments in [&["plan", "ramp.toml"][..], &["run", "ramp.toml"], &["system", "ramp.toml", "--out", "out"]] {
+            let output = command(folder.path(), &[arguments, &["--stop", stop]].concat());
+            assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+            let error = message(&output.stderr);
+            assert!(error.contains(expected), "{error}");
+        }
+    }
 }
 
 /// An empty workspace with a table `[workspace.metadata.fmu]`.
@@ -413,7 +484,7 @@ fn systems_are_shown_as_a_matrix() {
     assert_eq!(matrix, "          Car\nSteering  idle\n");
 
     let (is_fine, _, error) = systems(&["Stering"]);
-    assert!(!is_fine && error.contains("there is no FMU named 'Stering'; did you mean Steering?"), "{error}");
+    assert!(!is_fine && error.contains("there is no FMU named 'Stering'; did you mean `Steering`?"), "{error}");
 }
 
 #[cfg(unix)]
