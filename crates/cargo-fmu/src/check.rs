@@ -1,9 +1,9 @@
 //! `cargo fmu check`: judges FMUs by their description and by what they do.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use host::check::Severity;
+use host::check::{Checked, Severity};
+use host::terminal::indented;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::inspect::locate;
@@ -25,14 +25,18 @@ pub(crate) struct Arguments {
 /// # Errors
 /// When an FMU has errors, is not there, or the process cannot be started.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let settings = arguments.workers.settings(Arc::new(|line| eprintln!("FMU prints: {line}")))?;
+    let settings = arguments.workers.settings(worker::printed())?;
     let paths = arguments.fmus.iter().map(|fmu| locate(fmu)).collect::<Result<Vec<PathBuf>>>()?;
     let mut faulty = Vec::new();
     for path in paths {
-        let findings = host::worker::check(&settings, &path).into_diagnostic().wrap_err("starting a worker process")?;
+        let (findings, checked) =
+            host::worker::check(&settings, &path).into_diagnostic().wrap_err("starting a worker process")?;
         let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
         let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
         outln!("{}: {}, {}", path.display(), counted(errors, "error"), counted(warnings, "warning"));
+        if checked != Checked::default() {
+            outln!("  {}", indented(&checked.to_string(), "  "));
+        }
         for finding in &findings {
             outln!("  {finding}");
         }

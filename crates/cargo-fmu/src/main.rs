@@ -18,7 +18,6 @@ mod run;
 mod selection;
 mod system;
 mod systems;
-mod trials;
 mod tune;
 mod win64;
 mod worker;

@@ -2,7 +2,7 @@
 
 use crate::output::{errln, out, outln};
 use crate::selection::Selection;
-use crate::trials;
+use crate::worker;
 use clap::Args;
 use host::plan::{Connected, Order, Origin, Plan, Signal, Value, Wiring};
 use host::terminal::{indented, line};
@@ -21,19 +21,11 @@ pub(crate) struct Arguments {
     /// Prints the plan as JSON: every run with its units, parameters, wires and recorded columns
     #[arg(long)]
     json: bool,
-
-    /// Makes the trial runs in this process and prints their warnings
-    #[arg(long, hide = true)]
-    trials: bool,
 }
 
 /// Prints the plan, and what is probably not meant as warnings.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
-    if arguments.trials {
-        trials::print(&arguments.selection.plan()?);
-        return Ok(());
-    }
-    let plan = arguments.selection.plan_with_warnings()?;
+    let plan = arguments.selection.plan_with_warnings(&worker::Options::default())?;
     print_warnings(&plan);
     if !arguments.json {
         out!("{}", summary(&plan));

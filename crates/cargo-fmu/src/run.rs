@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let plan = if arguments.no_warnings {
         arguments.selection.plan()?
     } else {
-        let plan = arguments.selection.plan_with_warnings()?;
+        let plan = arguments.selection.plan_with_warnings(&arguments.workers)?;
         print_warnings(&plan);
         let unread: BTreeSet<&Signal> = plan.wiring.iter().flat_map(|wiring| &wiring.unread).collect();
         if !unread.is_empty() {

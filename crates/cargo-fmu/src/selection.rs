@@ -1,12 +1,12 @@
 //! Arguments that say which scenario is meant and what is changed about it.
 
-use crate::trials;
+use crate::worker;
 use crate::workspace::folders;
 use clap::{Args, ValueEnum};
 use host::plan::{self, Plan};
 use host::resolve::{Options, resolve};
-use std::ffi::OsString;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A scenario and changes to it.
 #[derive(Debug, Args)]
@@ -47,36 +47,11 @@ enum Order {
 
 impl Selection {
     /// Resolves the scenario and adds the warnings that only trial runs give.
-    pub(crate) fn plan_with_warnings(&self) -> miette::Result<Plan> {
+    pub(crate) fn plan_with_warnings(&self, workers: &worker::Options) -> miette::Result<Plan> {
         let mut plan = self.plan()?;
-        let more = trials::warnings(&plan, self);
+        let more = host::worker::trials(&workers.settings(Arc::new(|_| ()))?, &plan);
         plan.warnings.extend(more);
         Ok(plan)
-    }
-
-    /// The arguments that select the same.
-    pub(crate) fn arguments(&self) -> Vec<OsString> {
-        let mut arguments = vec![self.scenario.clone().into_os_string()];
-        let mut option = |name: &str, value: OsString| {
-            // One word, so that a value may start with a dash.
-            let mut word = OsString::from(format!("--{name}="));
-            word.push(value);
-            arguments.push(word);
-        };
-        self.fmus.iter().for_each(|folder| option("fmus", folder.clone().into_os_string()));
-        if let Some(file) = &self.inputs {
-            option("inputs", file.clone().into_os_string());
-        }
-        if let Some(stop) = self.stop {
-            option("stop", format!("{stop:?}").into());
-        }
-        if let Some(seeds) = self.seeds {
-            option("seeds", seeds.to_string().into());
-        }
-        if let Some(order) = self.order.and_then(|order| order.to_possible_value()) {
-            option("order", order.get_name().into());
-        }
-        arguments
     }
 
     /// Resolves the scenario.

@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use host::worker::{self, Launch, Printed, Settings};
@@ -22,7 +23,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 /// What the commands say that start workers.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Options {
-    /// Longest time for a step of a run or a trial of a check; an FMU that takes longer is stopped
+    /// Longest time for a step of a run, a trial of a check or a linearization; an FMU that takes longer is stopped
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = timeout)]
     timeout: Duration,
 
@@ -34,6 +35,18 @@ pub(crate) struct Options {
 fn timeout(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0);
     seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()).ok_or("must be a number above 0".to_owned())
+}
+
+/// What other commands use: those of no FMU made with Python.
+impl Default for Options {
+    fn default() -> Self {
+        Self { timeout: Duration::from_secs(60), libpython: None }
+    }
+}
+
+/// Prints what FMUs print.
+pub(crate) fn printed() -> Printed {
+    Arc::new(|line| eprintln!("FMU prints: {line}"))
 }
 
 impl Options {

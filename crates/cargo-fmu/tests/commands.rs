@@ -135,7 +135,16 @@ fn an_fmu_is_judged() {
     assert!(findings.contains("error: fmi2CancelStep: is not exported"), "{findings}");
     assert!(findings.contains("error: variable `x`: is not listed in ModelStructure/Outputs"), "{findings}");
     // What it does is well.
-    assert!(!findings.contains("fmi2Reset:") && !findings.contains("two instances"), "{findings}");
+    assert!(!findings.contains("fmi2Reset:") && !findings.contains("error: two instances"), "{findings}");
+    // What was looked at: its nine variables, and what it promises to do.
+    assert!(findings.contains("\n  description: 25 elements against the schema, 9 variables, 0 entries"), "{findings}");
+    let binary = findings.lines().find(|line| line.starts_with("  binary: ")).unwrap();
+    assert!(
+        binary.ends_with("start values, runs, resets, two instances, dependencies at the start, the end of a run"),
+        "{binary}"
+    );
+    let steps: usize = binary.split(", ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(steps > 100, "{binary}");
 
     support::Build { step: "abort()", ..support::Build::new("Crash", "u", "x") }.pack(folder.path());
     let output = command(folder.path(), &["check", "Crash.fmu", "Ramp.fmu"]);

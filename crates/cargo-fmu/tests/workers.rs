@@ -106,6 +106,44 @@ fn prints_of_an_fmu_change_no_finding() {
     }
 }
 
+/// A source, of which only an output is read that `start` does not change.
+#[test]
+fn trials_of_a_plan_survive_the_fmu() {
+    let source = |step| {
+        let edits = &[("causality=\"input\"", "causality=\"local\"")];
+        let folder = folder(&Build { edits, ..ramp(step) });
+        let scenario = SCENARIO
+            .replace("inputs = { u = 2.0 }", "parameters = { start = 1.0 }")
+            .replace("signals = [\"x\"]", "signals = [\"count\"]");
+        std::fs::write(folder.path().join("ramp.toml"), scenario).unwrap();
+        let output = command(folder.path(), &["plan", "ramp.toml"]);
+        assert!(output.status.success(), "{step}: {}", text(&output.stderr));
+        message(&output.stderr)
+    };
+    assert!(source("").contains("`start` of `ramp` has no effect: it changes `x`"), "{}", source(""));
+    for step in ["exit(0)", "abort()"] {
+        assert_eq!(source(step), "", "{step}");
+    }
+    let printed = source(PRINTS[2]);
+    assert!(printed.contains("has no effect") && !printed.contains("fake"), "{printed}");
+}
+
+#[test]
+fn an_fmu_that_ends_the_process_cannot_be_linearized() {
+    for (statement, expected) in [
+        ("_exit(3)", "the process ended (exit code 3)"),
+        ("abort()", "the process ended (signal 6, SIGABRT)"),
+        ("for (;;) sleep(1)", "not done after 0.5 s (--timeout), stopped"),
+    ] {
+        let declarations = format!("__attribute__((constructor)) static void loaded(void) {{ {statement}; }}");
+        let folder = folder(&Build { declarations: &declarations, ..ramp("") });
+        let output = command(folder.path(), &["linearize", "target/fmu/Ramp.fmu", "--timeout", "0.5"]);
+        assert_eq!(output.status.code(), Some(1), "{statement}");
+        let error = message(&output.stderr);
+        assert!(error.contains(&format!("target/fmu/Ramp.fmu: {expected}")), "{statement}: {error}");
+    }
+}
+
 /// The case `steep` has a gain of 1, `flat` one of 0.5.
 #[test]
 fn an_fmu_costs_its_run_only() {

@@ -197,8 +197,13 @@ impl Fmus {
     /// # Errors
     /// As [`Fmu::unpack`]; also if a GUID is not that of the plan.
     pub fn unpack(plan: &Plan) -> Result<Self, FmuError> {
+        Self::of_units(plan.runs.iter().flat_map(|run| &run.units))
+    }
+
+    /// Opens the FMUs of these units, as [`Self::unpack`] does.
+    pub(crate) fn of_units<'a>(units: impl IntoIterator<Item = &'a Unit>) -> Result<Self, FmuError> {
         let mut fmus = BTreeMap::new();
-        for unit in plan.runs.iter().flat_map(|run| &run.units) {
+        for unit in units {
             if fmus.contains_key(&unit.fmu) {
                 continue;
             }

@@ -10,7 +10,7 @@
 //!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
 //!   [`problem`] shows mistakes with their place; [`systems`] tells which FMUs fit which plants by their signals,
 //! - [`master`] executes the runs of a plan in this process, [`worker`] in others, which may crash; [`results`] writes them,
-//!   [`export`] writes a run for other masters, [`temporary`] keeps files that are not to stay,
+//!   [`export`] writes a run for other masters, [`linearize`](mod@linearize) makes linear models, [`temporary`] keeps files that are not to stay,
 //! - [`terminal`] makes text of an FMU safe to print.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
@@ -40,6 +40,7 @@ pub mod description;
 pub mod export;
 pub mod fmu;
 pub mod limits;
+pub mod linearize;
 pub mod loader;
 pub mod master;
 pub mod parameter_set;

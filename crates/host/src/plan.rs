@@ -108,7 +108,7 @@ pub enum Origin {
 }
 
 /// Parameters that a scenario sets for a component without inputs, none of whose cases reads all outputs.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// Name of the component.
     pub(crate) component: String,
@@ -119,7 +119,7 @@ pub struct Trial {
 }
 
 /// A component of some run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Variant {
     pub(crate) unit: Unit,
     /// Names of the outputs that are read in the case of the run.
@@ -127,7 +127,7 @@ pub(crate) struct Variant {
 }
 
 /// A parameter, and where it is set.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Suspect {
     pub(crate) name: String,
     /// `file:line:column`.

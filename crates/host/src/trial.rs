@@ -17,13 +17,15 @@ const MAX_RECORDED: u64 = 20_000_000;
 /// The warnings of all trials of a plan. Their FMUs are loaded into this process, which one of them may take down.
 #[must_use]
 pub fn warnings(plan: &Plan) -> Vec<String> {
+    of_trials(&plan.simulation, &plan.trials)
+}
+
+/// As [`warnings`].
+pub(crate) fn of_trials(simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     let mut warnings = Vec::new();
-    for trial in &plan.trials {
-        let Some(run) = plan.runs.first() else { continue };
-        let units = trial.variants.iter().map(|variant| variant.unit.clone()).collect();
-        let needed = Plan { runs: vec![Run { units, ..run.clone() }], ..plan.clone() };
-        if let Ok(fmus) = Fmus::load(&needed) {
-            warnings.extend(trial.warnings(&plan.simulation, &fmus));
+    for trial in trials {
+        if let Ok(fmus) = Fmus::of_units(trial.variants.iter().map(|variant| &variant.unit)) {
+            warnings.extend(trial.warnings(simulation, &fmus));
         }
     }
     warnings

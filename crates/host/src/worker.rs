@@ -17,5 +17,5 @@ mod serve;
 
 pub use output::Printed;
 pub use pool::{Failure, Finish, Pool, Task};
-pub use process::{Launch, Settings, check};
+pub use process::{Launch, Settings, check, linearize, trials};
 pub use serve::serve;

@@ -8,10 +8,11 @@ mod reset;
 mod states;
 mod values;
 
-use super::{Event, Finding};
+use super::{Checked, Event, Finding};
 use crate::c_api::Reference;
 use crate::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use crate::loader::{CallError, CallProblem, Instance, Library, Status};
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// Steps of a trial run.
@@ -37,13 +38,17 @@ struct Trial<'a> {
     outputs: Vec<usize>,
     /// Outputs that runs are compared by: those that are real, integer or Boolean.
     observed: Vec<usize>,
+    /// Instances that were made.
+    instances: Cell<usize>,
+    /// Steps that were made, of all instances.
+    made: Cell<usize>,
 }
 
 type Answer<T> = Result<T, CallError>;
 type Part<'t> = fn(&Trial<'t>, Tell<'_>) -> Answer<()>;
 
-/// Tries everything the description promises.
-pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, tell: Tell<'_>) {
+/// Tries everything the description promises, and counts it in `checked`.
+pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, checked: &mut Checked, tell: Tell<'_>) {
     let experiment = description.default_experiment;
     let start = experiment.start_time.filter(|time| time.is_finite()).unwrap_or(0.0);
     let duration = experiment.stop_time.map(|stop| stop - start).filter(|d| d.is_finite() && *d > 0.0);
@@ -64,23 +69,11 @@ pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, tell
         inputs: reals(Causality::Input),
         outputs: reals(Causality::Output),
         observed: filtered(&is_observed),
+        instances: Cell::new(0),
+        made: Cell::new(0),
     };
-    if !trial.instantiation(tell) {
-        return;
-    }
-    tell(Event::Trying("runs".to_owned()));
-    if trial.is_asynchronous() {
-        let message = "is set, and fmi2DoStep returns fmi2Pending: only FMUs that finish their steps are tried further";
-        return found(tell, Finding::warning("canRunAsynchronuously", message));
-    }
-    trial.steps = trial.length();
-    if trial.steps >= FEWEST_STEPS {
-        trial.run_all(tell);
-    } else {
-        let (steps, step) = (2 * FEWEST_STEPS, trial.step);
-        let message = format!("ends the simulation within {steps} steps of {step} s, too early to be tried");
-        found(tell, Finding::warning("fmi2DoStep", message));
-    }
+    checked.trials = trial.all(tell);
+    (checked.instances, checked.steps) = (trial.instances.get(), trial.made.get());
 }
 
 /// The reason of a refusal: the call, and what the FMU said about it.
@@ -98,7 +91,30 @@ fn found(tell: Tell<'_>, finding: Finding) {
 }
 
 impl Trial<'_> {
+    /// Tries everything; the names of the parts that made an instance.
+    fn all(&mut self, tell: Tell<'_>) -> Vec<String> {
+        if !self.instantiation(tell) {
+            return Vec::new();
+        }
+        tell(Event::Trying("runs".to_owned()));
+        if self.is_asynchronous() {
+            let message =
+                "is set, and fmi2DoStep returns fmi2Pending: only FMUs that finish their steps are tried further";
+            found(tell, Finding::warning("canRunAsynchronuously", message));
+            return Vec::new();
+        }
+        self.steps = self.length();
+        if self.steps >= FEWEST_STEPS {
+            return self.run_all(tell);
+        }
+        let (steps, step) = (2 * FEWEST_STEPS, self.step);
+        let message = format!("ends the simulation within {steps} steps of {step} s, too early to be tried");
+        found(tell, Finding::warning("fmi2DoStep", message));
+        Vec::new()
+    }
+
     fn instance(&self, name: &str) -> Answer<Instance> {
+        self.instances.set(self.instances.get() + 1);
         Instance::instantiate(self.library, name, &self.description.guid, false)
     }
 
@@ -145,7 +161,7 @@ impl Trial<'_> {
         true
     }
 
-    fn run_all(&self, tell: Tell<'_>) {
+    fn run_all(&self, tell: Tell<'_>) -> Vec<String> {
         let parts: [(&str, Part<'_>); 9] = [
             ("start values", Self::start_values),
             ("runs", Self::runs),
@@ -157,12 +173,19 @@ impl Trial<'_> {
             ("dependencies between steps", Self::step_dependencies),
             ("the end of a run", Self::end),
         ];
+        let mut tried = Vec::new();
         for (name, part) in parts {
             tell(Event::Trying(name.to_owned()));
+            let before = self.instances.get();
             if let Err(error) = part(self, tell) {
                 found(tell, Finding::error(name, words(&error)));
             }
+            // Without an instance there is nothing that the description promises.
+            if self.instances.get() > before {
+                tried.push(name.to_owned());
+            }
         }
+        tried
     }
 
     /// Steps of a run such that one instance can take twice as many: fewer if the FMU ends the simulation by itself.
@@ -234,6 +257,7 @@ impl Trial<'_> {
             self.set(instance, &self.inputs, &self.input(k))?;
             let h = self.step / parts as f64;
             for part in 0..parts {
+                self.made.set(self.made.get() + 1);
                 instance.do_step(self.start + self.step * k as f64 + h * part as f64, h)?;
             }
             for value in self.values(instance, &self.observed)? {

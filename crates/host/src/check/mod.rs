@@ -90,6 +90,40 @@ pub enum Event {
     Trying(String),
     /// What was found.
     Found(Finding),
+    /// What has been looked at so far.
+    Checked(Checked),
+}
+
+/// What a check has looked at.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Checked {
+    /// XML elements of the description that were compared with the schema.
+    pub elements: usize,
+    /// Variables of the description.
+    pub variables: usize,
+    /// Entries of the model structure.
+    pub unknowns: usize,
+    /// Trials of the binary that made an instance.
+    pub trials: Vec<String>,
+    /// Instances that were made.
+    pub instances: usize,
+    /// Steps that were made, of all instances.
+    pub steps: usize,
+}
+
+impl fmt::Display for Checked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { elements, variables, unknowns, trials, instances, steps } = self;
+        write!(
+            f,
+            "description: {elements} elements against the schema, {variables} variables, {unknowns} entries of the model \
+             structure"
+        )?;
+        if *instances > 0 {
+            write!(f, "\nbinary: {instances} instances, {steps} steps: {}", trials.join(", "))?;
+        }
+        Ok(())
+    }
 }
 
 /// Most findings that are told; of further ones only their number. A fault may be one of every variable.
@@ -132,9 +166,15 @@ fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
         Ok(description) => description,
         Err(error) => return found(Finding::error("modelDescription.xml", error.to_string())),
     };
-    rules::check(&text, &description, &mut found);
+    let mut checked = Checked {
+        elements: rules::check(&text, &description, &mut found),
+        variables: description.variables.len(),
+        unknowns: description.outputs.len() + description.derivatives.len() + description.initial_unknowns.len(),
+        ..Checked::default()
+    };
+    tell(Event::Checked(checked.clone()));
     let Some(co_simulation) = &description.co_simulation else {
-        return found(Finding::error("CoSimulation", "is missing: the FMU cannot be stepped by a master"));
+        return tell(Event::Found(Finding::error("CoSimulation", "is missing: the FMU cannot be stepped by a master")));
     };
     tell(Event::Trying("loading the binary".to_owned()));
     let unpacked = match archive.unpack(&co_simulation.model_identifier) {
@@ -142,17 +182,23 @@ fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
         Err(error) => return tell(Event::Found(Finding::error("binary", error.to_string()))),
     };
     match Library::load(unpacked) {
-        Ok(library) => functions_and_behavior(&library, &description, tell),
+        Ok(library) => functions_and_behavior(&library, &description, &mut checked, tell),
         Err(LoadError::Missing { function, .. }) => tell(Event::Found(missing(function))),
         Err(error) => tell(Event::Found(Finding::error("binary", error.to_string()))),
     }
 }
 
-fn functions_and_behavior(library: &Arc<Library>, description: &ModelDescription, tell: &mut dyn FnMut(Event)) {
+fn functions_and_behavior(
+    library: &Arc<Library>,
+    description: &ModelDescription,
+    checked: &mut Checked,
+    tell: &mut dyn FnMut(Event),
+) {
     for function in library.missing_functions() {
         tell(Event::Found(missing(function)));
     }
-    behavior::check(library, description, tell);
+    behavior::check(library, description, checked, tell);
+    tell(Event::Checked(checked.clone()));
 }
 
 fn missing(function: &str) -> Finding {

@@ -5,11 +5,12 @@ use crate::description::{BaseType, Causality, Initial, ModelDescription, Unknown
 use crate::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-/// Tells all findings about a description that could be read.
-pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn FnMut(Finding)) {
+/// Tells all findings about a description that could be read. Returns the number of elements compared with the schema.
+pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn FnMut(Finding)) -> usize {
     let mut findings = Findings(tell);
+    let mut elements = 0;
     if let Ok(root) = xml::parse(text) {
-        schema(&root, &mut findings);
+        elements = schema(&root, &mut findings);
         written_initial(&root, &mut findings);
     }
     general(description, &mut findings);
@@ -20,6 +21,7 @@ pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn F
     }
     aliases(description, &mut findings);
     structure(description, &mut findings);
+    elements
 }
 
 /// Attributes and children that the schema knows; `None`: not an element of FMI 2.0.
@@ -78,10 +80,11 @@ fn known(element: &str) -> Option<(&'static str, &'static str)> {
     })
 }
 
-/// Elements and attributes that are not in the schema.
-fn schema(element: &Element, findings: &mut Findings<'_>) {
+/// Elements and attributes that are not in the schema. Returns the number of elements that were compared with it.
+fn schema(element: &Element, findings: &mut Findings<'_>) -> usize {
     // What a tool writes for itself has a schema of its own.
-    let Some((attributes, children)) = known(&element.name).filter(|_| element.name != "Tool") else { return };
+    let Some((attributes, children)) = known(&element.name).filter(|_| element.name != "Tool") else { return 0 };
+    let mut compared = 1;
     let is_among = |list: &str, name: &str| list.split(' ').any(|known| known == name);
     let subject = || format!("<{}>, line {}", element.name, element.place.line);
     for name in element.attribute_names() {
@@ -92,11 +95,12 @@ fn schema(element: &Element, findings: &mut Findings<'_>) {
     }
     for child in &element.children {
         if is_among(children, &child.name) {
-            schema(child, findings);
+            compared += schema(child, findings);
         } else {
             findings.push(Finding::error(subject(), format!("FMI 2.0 knows no element <{}> here", child.name)));
         }
     }
+    compared
 }
 
 /// `initial` where it may not be written.

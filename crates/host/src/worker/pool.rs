@@ -165,7 +165,7 @@ impl Pool {
                 }
                 Err(failed(time, message))
             }
-            Response::Event(_) | Response::Done => Err(unexpected(slot)),
+            Response::Event(_) | Response::Done | Response::Warnings(_) | Response::Linear(_) => Err(unexpected(slot)),
         }
     }
 }

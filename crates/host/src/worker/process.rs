@@ -3,8 +3,10 @@
 use super::connection::{self, Connection};
 use super::output::{Output, Printed};
 use super::protocol::{self, Reader, Request, Response};
-use crate::check::{Event, Finding, Severity};
+use crate::check::{Checked, Event, Finding, Severity};
+use crate::linearize::Linear;
 use crate::loader::calls::{self, Snapshot};
+use crate::plan::Plan;
 use crate::temporary::Folder;
 use std::ffi::OsString;
 use std::fs::File;
@@ -76,11 +78,18 @@ pub(super) struct Watch {
     timeout: Duration,
     since: Instant,
     pulse: Option<u64>,
+    /// Whether progress starts it anew.
+    is_per_step: bool,
 }
 
 impl Watch {
     pub(super) fn new(timeout: Duration) -> Self {
-        Self { timeout, since: Instant::now(), pulse: None }
+        Self { timeout, since: Instant::now(), pulse: None, is_per_step: true }
+    }
+
+    /// For all steps together.
+    fn of_all(timeout: Duration) -> Self {
+        Self { is_per_step: false, ..Self::new(timeout) }
     }
 
     pub(super) fn restart(&mut self) {
@@ -89,7 +98,7 @@ impl Watch {
 
     /// Whether there was no progress for too long.
     fn is_over(&mut self, pulse: u64) -> bool {
-        if self.pulse.replace(pulse) != Some(pulse) {
+        if self.pulse.replace(pulse) != Some(pulse) && self.is_per_step {
             self.restart();
         }
         let limit = if pulse == 0 { self.timeout.max(START) } else { self.timeout };
@@ -228,15 +237,16 @@ fn words(status: ExitStatus) -> String {
     }
 }
 
-/// Checks a `.fmu` file in a worker and returns what was found. An FMU that ends the worker is one more finding.
+/// Checks a `.fmu` file in a worker and returns what was found, and what was looked at. An FMU that ends the worker is one more finding.
 ///
 /// # Errors
 /// The worker cannot be started.
-pub fn check(settings: &Settings, path: &Path) -> io::Result<Vec<Finding>> {
+pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Checked)> {
     let mut process = Process::start(settings, true)?;
     process.send(&Request::Check(path.to_path_buf()), &[]);
     let mut watch = Watch::new(settings.timeout);
     let mut findings = Vec::new();
+    let mut checked = Checked::default();
     let mut trial = String::from("opening the file");
     loop {
         match process.receive(&mut watch, &mut |_| ()) {
@@ -245,11 +255,53 @@ pub fn check(settings: &Settings, path: &Path) -> io::Result<Vec<Finding>> {
                 watch.restart();
             }
             Ok((Response::Event(Event::Found(finding)), _)) => findings.push(finding),
-            Ok(_) => return Ok(findings),
+            Ok((Response::Event(Event::Checked(so_far)), _)) => checked = so_far,
+            Ok(_) => return Ok((findings, checked)),
             Err(Ended { message, .. }) => {
                 findings.push(Finding { severity: Severity::Error, subject: trial, message });
-                return Ok(findings);
+                return Ok((findings, checked));
             }
         }
+    }
+}
+
+/// How long all trials of a scenario may take. Those of ours take a fraction of a second.
+const TRIALS: Duration = Duration::from_secs(20);
+
+/// The warnings that the trial runs of a plan give, made in a worker. Trials that fail or take too long give none: nothing
+/// depends on them.
+#[must_use]
+pub fn trials(settings: &Settings, plan: &Plan) -> Vec<String> {
+    if plan.trials.is_empty() {
+        return Vec::new();
+    }
+    let Ok(mut process) = Process::start(settings, true) else { return Vec::new() };
+    process.send(&Request::Trials { simulation: plan.simulation, trials: plan.trials.clone() }, &[]);
+    match process.receive(&mut Watch::of_all(TRIALS), &mut |_| ()) {
+        Ok((Response::Warnings(warnings), _)) => warnings,
+        _ => Vec::new(),
+    }
+}
+
+/// Linearizes a `.fmu` file in a worker, at the start values with these changes.
+///
+/// # Errors
+/// Why that does not work: the worker cannot be started, the FMU ends it, has no states with directional derivatives, or
+/// does not take a value.
+pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, f64)]) -> Result<Linear, String> {
+    let mut process =
+        Process::start(settings, true).map_err(|error| format!("cannot start a worker process: {error}"))?;
+    let (names, values): (Vec<String>, Vec<f64>) = changes.iter().cloned().unzip();
+    process.send(&Request::Linearize { path: path.to_path_buf(), names }, &values);
+    match process.receive(&mut Watch::of_all(settings.timeout), &mut |_| ()) {
+        Ok((Response::Linear(linear), jacobian)) => {
+            let [n, m, p] = [&linear.states, &linear.inputs, &linear.outputs].map(Vec::len);
+            let is_complete = jacobian.len() == (n + p) * (n + m);
+            let linear = Linear { jacobian, ..linear };
+            is_complete.then_some(linear).ok_or_else(|| "the worker process sent an incomplete response".to_owned())
+        }
+        Ok((Response::Failed { message, .. }, _)) => Err(message),
+        Ok(_) => Err("the worker process sent an unexpected response".to_owned()),
+        Err(Ended { message, .. }) => Err(format!("{}: {message}", path.display())),
     }
 }

@@ -3,9 +3,10 @@
 use super::connection::Connection;
 use crate::check::Event;
 use crate::fmu::Binary;
+use crate::linearize::Linear;
 use crate::loader::Message;
 use crate::master::Recording;
-use crate::plan::{Feed, Run, Simulation};
+use crate::plan::{Feed, Run, Simulation, Trial};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
@@ -38,6 +39,10 @@ pub(super) enum Request {
     },
     /// To check a `.fmu` file.
     Check(PathBuf),
+    /// To find parameters without an effect.
+    Trials { simulation: Simulation, trials: Vec<Trial> },
+    /// To linearize a `.fmu` file with other values of these variables, which are in the body.
+    Linearize { path: PathBuf, names: Vec<String> },
 }
 
 /// What a worker responds.
@@ -47,6 +52,10 @@ pub(super) enum Response {
     Event(Event),
     /// All is done.
     Done,
+    /// What the trials have shown.
+    Warnings(Vec<String>),
+    /// The linear model; its matrix is in the body.
+    Linear(Linear),
     /// The run is done. Time and columns are in the body.
     Recorded { rows: usize, columns: Vec<bool>, messages: Vec<(String, Message)>, seconds: f64 },
     /// It could not be done.

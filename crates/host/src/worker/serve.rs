@@ -6,7 +6,7 @@ use crate::fmu::{Binary, FmuError, Instances};
 use crate::loader::{CallProblem, Instance, Library, Status, calls, flush_prints};
 use crate::master::{self, RunError};
 use crate::plan::Unit;
-use crate::{check, results};
+use crate::{check, linearize, results, trial};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
@@ -101,6 +101,19 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, connection
             });
             sent?;
             send(&Response::Done, &[])
+        }
+        Request::Trials { simulation, trials } => {
+            send(&Response::Warnings(trial::of_trials(&simulation, &trials)), &[])
+        }
+        Request::Linearize { path, names } => {
+            let settings: Vec<(String, f64)> = names.into_iter().zip(body.iter().copied()).collect();
+            match linearize::linearize(&path, &settings) {
+                Ok(mut linear) => {
+                    let jacobian = std::mem::take(&mut linear.jacobian);
+                    send(&Response::Linear(linear), &jacobian)
+                }
+                Err(message) => send(&failed(message), &[]),
+            }
         }
     }
 }
