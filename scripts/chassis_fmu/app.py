@@ -36,7 +36,14 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         prog="cosim.py",
         description="Runs a scenario with the FMUs of this repository and reports the results beside the paper's.",
     )
-    parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="scenario file (scenarios/*.toml)")
+    parser.add_argument(
+        "scenario",
+        type=Path,
+        nargs="?",
+        default=shell.ROOT / "scenarios/rescue_vehicle_step_steer.toml",
+        metavar="SCENARIO",
+        help="scenario file (scenarios/*.toml; default: the step steer of the rescue vehicle)",
+    )
     parser.add_argument("--jobs", type=shell.positive, metavar="N", help="runs at a time (default: all processors)")
     shell.add_timeout(parser)
     shell.add_out(parser)

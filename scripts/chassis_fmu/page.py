@@ -18,7 +18,7 @@ from . import plots, tables, texts
 from .describe import Description, Variable, describe
 from .numbers import Numbers, Row
 from .plan import Plan, Run, Setting, Unit
-from .verdict import TITLES, Status
+from .verdict import MEANINGS, TITLES, Status
 
 
 @dataclass(frozen=True)
@@ -274,6 +274,12 @@ def counts(numbers: Numbers) -> dict[Status, int]:
     return {status: found.count(status) for status in TITLES if status in found}
 
 
+def legend(cells: Sequence[Row], articles: Sequence[Article]) -> list[tuple[Status, str]]:
+    """Define the badges of the page, best first."""
+    shown = {c.status for c in cells} | {a.status for a in articles} | {s for a in articles for s, _ in a.checks}
+    return [(status, meaning) for status, meaning in MEANINGS.items() if status in shown]
+
+
 def render(
     numbers: Numbers,
     drawings: Sequence[plots.Drawing],
@@ -293,6 +299,15 @@ def render(
     paragraphs = [" ".join(p.split()) for p in re.split(r"\n\s*\n", plan.description) if p.strip()]
     s = plan.simulation
     groups = headline(plan, cells)
+    findings = [
+        Article(
+            numbers.finding(f),
+            texts.fill(f.claim, numbers),
+            texts.fill(f.explanation, numbers),
+            texts.checks(f.checks, numbers),
+        )
+        for f in plan.findings
+    ]
     return environment.get_template("page.html.j2").render(
         plan=plan,
         paragraphs=paragraphs,
@@ -302,15 +317,8 @@ def render(
         has_status=any(c.status for c in cells),
         negligible=tables.NEGLIGIBLE if any(c.negligible for c in cells) else "",
         counts=counts(numbers),
-        findings=[
-            Article(
-                numbers.finding(f),
-                texts.fill(f.claim, numbers),
-                texts.fill(f.explanation, numbers),
-                texts.checks(f.checks, numbers),
-            )
-            for f in plan.findings
-        ],
+        findings=findings,
+        legend=legend(cells, findings),
         figures=[(d.figure, texts.fill(d.figure.caption, numbers), inline_svg(d)) for d in drawings],
         units=units(plan),
         failures=failures,

@@ -49,6 +49,18 @@ TITLES = {
     Status.OPEN: "Not evaluated",
 }
 
+MEANINGS = {
+    Status.REPRODUCED: f"a change has the same sign as the paper's and is within {100 * CHANGE_SHARE:g} % of it or "
+    f"{CHANGE_POINTS:g} percentage points, and over several seeds the {100 * CONFIDENCE:g} % interval of the paired "
+    f"difference excludes zero; an absolute value is within {100 * VALUE_SHARE:g} %",
+    Status.CALIBRATED: "something was fitted to the paper's number, whatever came of it",
+    Status.PARTLY: "a change has the same sign as the paper's, but is further away or lost in the scatter",
+    Status.NOT_REPRODUCED: "a change has the other sign or none; an absolute value is further away",
+    Status.OWN_RESULT: "no paper makes the claim; the runs confirm it",
+    Status.REFUTED: "no paper makes the claim; the runs do not confirm it",
+    Status.OPEN: "a run that it needs failed, or was cut short",
+}
+
 # From the best to the worst of several checks. What was not evaluated decides before everything else.
 _ORDER = (Status.REPRODUCED, Status.CALIBRATED, Status.PARTLY, Status.NOT_REPRODUCED, Status.OPEN)
 

@@ -55,6 +55,18 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
+def test_the_scenario_is_optional(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.arguments(["--stop", "8"]).scenario.name == "rescue_vehicle_step_steer.toml"
+    with pytest.raises(SystemExit):
+        app.arguments(["--help"])
+    assert "[SCENARIO]" in capsys.readouterr().out
+
+
+def test_a_stop_before_the_start_reaches_the_command_that_reports_it(cargo: Path, tmp_path: Path) -> None:
+    app.main(["broken.toml", "--stop", "-3", "--out", str(tmp_path)])
+    assert cargo.read_text().rstrip().endswith("--stop -3.0")
+
+
 def test_outputs_repeat_to_the_byte(
     cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -112,6 +112,10 @@ def test_the_parts_are_there(text: str) -> None:
     assert "0.0 %, paper −25.0 %" in tree.xpath("string(//ul[@class='checks'])")
     badges = tree.xpath("//table[@class='headline seeds']//span[@class='badge']/text()")
     assert badges == ["Not reproduced", "Not reproduced"]
+    # Defined before the first of them.
+    assert tree.xpath("//dl[@class='legend']/dt/span/text()") == ["Not reproduced"]
+    assert "the other sign" in tree.xpath("string(//dl[@class='legend']/dd)")
+    assert text.index('<dl class="legend">') < text.index("<table")
     assert "1 not reproduced" in " ".join(tree.xpath("string(//ul[@class='facts'])").split())
     assert len(tree.xpath("//figure//svg")) == 2
     assert tree.xpath("//table[@class='guids']//code/text()") == ["{22}", "{11}"]
