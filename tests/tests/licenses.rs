@@ -151,7 +151,7 @@ fn crates_that_binaries_mention_are_listed() {
                 assert!(listed, "{name}: {file} mentions {folder}, the notices do not");
                 of_rust += 1;
             }
-            // Others in `/cargo/registry/src/INDEX/NAME-VERSION/`.
+            // Others, and those of a standard library that is built along, in `/cargo/registry/src/INDEX/NAME-VERSION/`.
             for (at, _) in binary.match_indices("/cargo/registry/src/") {
                 let folder = binary[at..].split('/').nth(5).expect("there is a name");
                 let (krate, version) = folder.rsplit_once('-').expect("there is a version");
@@ -160,6 +160,7 @@ fn crates_that_binaries_mention_are_listed() {
                     entry.lines().any(|line| line.starts_with(&format!("{title} "))),
                     "{name}: {file} mentions {title}, the entry point does not"
                 );
+                assert!(notices.contains(&format!("\n{title}: ")), "{name}: the notices have no text of {title}");
             }
         }
     }

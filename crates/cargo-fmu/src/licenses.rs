@@ -3,6 +3,8 @@
 //! FMI 2.0.1 added the folder; `license.txt` is its entry point (FMI 2.0.4, section 2.3). Which crates are linked comes
 //! from `cargo tree`, with the features of this build, and the texts come from their sources, which are on the disk because
 //! they have just been compiled. So nothing has to be installed or downloaded, and the versions are those of Cargo.lock.
+//! `cargo tree` leaves out the crates that `-Z build-std` compiles into the standard library; the messages of the build
+//! list those.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -102,7 +104,9 @@ pub(crate) fn components(
     models: &[Model],
     messages: &str,
 ) -> Result<Vec<Vec<Component>>> {
-    let folders = folders(messages)?;
+    let messages = read(messages)?;
+    let folders = folders(&messages);
+    let of_std = standard_library(&messages)?;
     let mut known: BTreeMap<String, Component> = BTreeMap::new();
     let mut trees: BTreeMap<String, Vec<Component>> = BTreeMap::new();
     let mut model = String::new();
@@ -125,7 +129,8 @@ pub(crate) fn components(
             components.push(component);
         }
     }
-    for component in known.values().filter(|component| component.texts.is_empty() && !component.is_member) {
+    let all = known.values().chain(&of_std);
+    for component in all.filter(|component| component.texts.is_empty() && !component.is_member) {
         eprintln!(
             "warning: {} has no license file in its sources; the FMUs only name its license: {}",
             component.title(),
@@ -137,6 +142,7 @@ pub(crate) fn components(
         if components.is_empty() {
             return Err(miette!("`cargo tree` does not list {}", model.package));
         }
+        components.extend(of_std.iter().cloned());
         components.extend(toolchain(builder));
         Ok(components)
     };
@@ -201,27 +207,94 @@ impl<'a> Package<'a> {
     }
 }
 
-/// Folders of packages by name and version, and whether they are local, that is, neither from a registry nor from git.
+/// A message of cargo, as far as it is used.
+#[derive(Deserialize)]
+struct Message {
+    package_id: Option<String>,
+    manifest_path: Option<PathBuf>,
+    #[serde(default)]
+    features: Vec<String>,
+    target: Option<Target>,
+}
+
+#[derive(Deserialize)]
+struct Target {
+    kind: Vec<String>,
+}
+
+impl Message {
+    /// Name, version and folder of the package that was compiled.
+    fn package(&self) -> Option<((String, String), &Path)> {
+        Some((name_and_version(self.package_id.as_ref()?)?, self.manifest_path.as_ref()?.parent()?))
+    }
+
+    /// True for sources in the workspace or the toolchain, that is, neither from a registry nor from git.
+    fn is_local(&self) -> bool {
+        self.package_id.as_ref().is_some_and(|id| id.starts_with("path+"))
+    }
+}
+
+/// The messages of a build, one per line.
+fn read(messages: &str) -> Result<Vec<Message>> {
+    let read = |line| serde_json::from_str(line).into_diagnostic().wrap_err("reading the messages of cargo");
+    messages.lines().map(read).collect()
+}
+
+/// Folders of packages by name and version, and whether they are local.
 type Folders = BTreeMap<(String, String), (PathBuf, bool)>;
 
 /// Folders of the packages that a build compiled.
-fn folders(messages: &str) -> Result<Folders> {
+fn folders(messages: &[Message]) -> Folders {
+    let folder = |message: &Message| {
+        let (package, folder) = message.package()?;
+        Some((package, (folder.to_owned(), message.is_local())))
+    };
+    messages.iter().filter_map(folder).collect()
+}
+
+/// Crates from a registry that `-Z build-std` compiled into the standard library; none in other builds.
+///
+/// Each of them has the feature `rustc-dep-of-std`, which nothing else may use. The standard library's own crates are a
+/// part of the toolchain.
+fn standard_library(messages: &[Message]) -> Result<Vec<Component>> {
     #[derive(Deserialize)]
-    struct Message {
-        package_id: Option<String>,
-        manifest_path: Option<PathBuf>,
+    struct Manifest {
+        package: Declared,
     }
-    let mut folders = BTreeMap::new();
-    for line in messages.lines() {
-        let message: Message =
-            serde_json::from_str(line).into_diagnostic().wrap_err("reading the messages of cargo")?;
-        if let (Some(id), Some(manifest)) = (message.package_id, message.manifest_path)
-            && let (Some(package), Some(folder)) = (name_and_version(&id), manifest.parent())
-        {
-            folders.insert(package, (folder.to_owned(), id.starts_with("path+")));
+    #[derive(Deserialize)]
+    struct Declared {
+        #[serde(default)]
+        license: String,
+        #[serde(default)]
+        repository: String,
+    }
+    let mut components = Vec::new();
+    for message in messages {
+        let is_library = message.target.as_ref().is_some_and(|target| target.kind.iter().any(|kind| kind == "lib"));
+        let is_of_std = message.features.iter().any(|feature| feature == "rustc-dep-of-std");
+        let Some(((name, version), folder)) = message.package() else { continue };
+        if !is_library || !is_of_std || message.is_local() {
+            continue;
         }
+        let manifest = folder.join("Cargo.toml");
+        let text = std::fs::read_to_string(&manifest)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("reading {}", manifest.display()))?;
+        let declared = toml::from_str::<Manifest>(&text)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("reading {}", manifest.display()))?
+            .package;
+        let texts = texts(folder, false).wrap_err_with(|| format!("reading the licenses of {name}"))?;
+        components.push(Component {
+            name,
+            version,
+            license: declared.license.replace('/', " OR "),
+            source: declared.repository,
+            is_member: false,
+            texts,
+        });
     }
-    Ok(folders)
+    Ok(components)
 }
 
 /// From `registry+https://…#libm@0.2.16`, or `path+file:///…/road#0.1.0` if the folder is named like the package.
@@ -391,6 +464,48 @@ mod tests {
         assert_eq!(read("path+file:///home/me/project/road#0.1.0"), pair("road", "0.1.0"));
         assert_eq!(read("path+file:///home/me/project/road#my-road@0.1.0"), pair("my-road", "0.1.0"));
         assert_eq!(read("git+https://example.org/fmi2?branch=main#fmi2@0.2.0"), pair("fmi2", "0.2.0"));
+    }
+
+    /// Messages as cargo 1.96 prints them for `-Z build-std`, shortened.
+    #[test]
+    fn crates_of_a_standard_library_that_is_built_along_are_listed() {
+        let folder = tempfile::tempdir().unwrap();
+        let manifest = folder.path().join("Cargo.toml");
+        std::fs::write(
+            &manifest,
+            "[package]\nname = \"gimli\"\nlicense = \"MIT/Apache-2.0\"\nrepository = \"https://x\"\n",
+        )
+        .unwrap();
+        std::fs::write(folder.path().join("LICENSE-MIT"), "Permission is granted.").unwrap();
+        let artifact = |id: &str, kind: &str, features: &[&str]| {
+            serde_json::json!({
+                "reason": "compiler-artifact",
+                "package_id": id,
+                "manifest_path": manifest,
+                "target": { "kind": [kind] },
+                "features": features,
+            })
+            .to_string()
+        };
+        let registry = "registry+https://github.com/rust-lang/crates.io-index";
+        let messages = [
+            artifact(&format!("{registry}#gimli@0.32.3"), "lib", &["read", "rustc-dep-of-std"]),
+            // A build script is not linked, a model's crate is in `cargo tree`, core is a part of the toolchain.
+            artifact(&format!("{registry}#object@0.37.3"), "custom-build", &["rustc-dep-of-std"]),
+            artifact(&format!("{registry}#libm@0.2.16"), "lib", &["default"]),
+            artifact("path+file:///usr/library/proc_macro#0.0.0", "lib", &["rustc-dep-of-std"]),
+            r#"{"reason":"build-finished","success":true}"#.to_owned(),
+        ];
+        let components = standard_library(&read(&messages.join("\n")).unwrap()).unwrap();
+        let expected = Component {
+            name: "gimli".to_owned(),
+            version: "0.32.3".to_owned(),
+            license: "MIT OR Apache-2.0".to_owned(),
+            source: "https://x".to_owned(),
+            is_member: false,
+            texts: vec![("LICENSE-MIT".to_owned(), "Permission is granted.".to_owned())],
+        };
+        assert_eq!(components, [expected]);
     }
 
     #[test]
