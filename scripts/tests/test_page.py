@@ -118,6 +118,9 @@ def test_the_parts_are_there(text: str) -> None:
     assert text.index('<dl class="legend">') < text.index("<table")
     assert "1 not reproduced" in " ".join(tree.xpath("string(//ul[@class='facts'])").split())
     assert len(tree.xpath("//figure//svg")) == 2
+    # A narrow window hides the head of the table.
+    assert {*tree.xpath("//table[@class='units']//td[contains(@class, 'number')]/@data-label")} == {"Default", "Here"}
+    assert not tree.xpath("//table[@class='units']//td[contains(@class, 'number')][not(@data-label)]")
     assert tree.xpath("//table[@class='guids']//code/text()") == ["{22}", "{11}"]
     assert "1 of 4 runs failed" in text
 
@@ -137,7 +140,7 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
     )
     bare = dataclasses.replace(bare, runs=(dataclasses.replace(bare.runs[0], seed=None),))
     tree = html.document_fromstring(page.render(Numbers(bare, {}), [], {}, page.Context("native", "scripts/run")))
-    assert [h.text for h in tree.xpath("//h2")] == ["Units in the order of execution", "How it was run"]
+    assert [h.text for h in tree.xpath("//h2")] == ["Components in the order of execution", "How it was run"]
 
 
 def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None:
