@@ -5,7 +5,7 @@
 //! on SIGINT, SIGTERM and SIGHUP after [`remove_on_signals`]. What a killed process leaves is removed by the next one that
 //! makes a folder: the system has given up its lock. `scripts/chassis_fmu/temporary.py` keeps to the same rules.
 
-use std::fs::{DirBuilder, File, Metadata, OpenOptions};
+use std::fs::{File, Metadata, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -141,11 +141,16 @@ fn is_same_owner(_: &Metadata, _: &Metadata) -> bool {
     true
 }
 
+#[cfg(unix)]
 fn make_private(path: &Path) -> io::Result<()> {
-    let mut builder = DirBuilder::new();
-    #[cfg(unix)]
-    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
-    builder.create(path)
+    use std::os::unix::fs::DirBuilderExt as _;
+    std::fs::DirBuilder::new().mode(0o700).create(path)
+}
+
+/// Elsewhere the folder for temporary files is private.
+#[cfg(not(unix))]
+fn make_private(path: &Path) -> io::Result<()> {
+    std::fs::create_dir(path)
 }
 
 /// Removes the folders of this process at once, for a process that is about to end.
