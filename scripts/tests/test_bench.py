@@ -1,10 +1,14 @@
-"""What `scripts/bench masters` runs and prints; nothing is timed here."""
+"""What `scripts/bench masters` and `workers` run and print; nothing is timed here."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
+import pytest
+
 import bench_masters
+import bench_workers
 
 
 def test_commands_differ_in_the_master_only() -> None:
@@ -20,3 +24,36 @@ def test_table_has_the_ratio_of_medians() -> None:
     assert lines[0].split() == ["median", "fastest", "slowest", "ratio"]
     assert lines[1].split() == ["native", "2.0", "s", "1.0", "s", "9.0", "s", "1.0"]
     assert lines[2].split() == ["fmpy", "20.0", "s", "19.0", "s", "30.0", "s", "10.0"]
+
+
+def test_programs_get_the_same_commands() -> None:
+    first, second = (bench_workers.commands(Path(p), Path("out")) for p in ("first", "second"))
+    assert first.keys() == second.keys()
+    for name in first:
+        assert [word for word in first[name] if word != "first"] == [word for word in second[name] if word != "second"]
+
+
+def test_ratio_is_the_median_of_the_pairs() -> None:
+    # Ratios 1.1, 0.9, 1.0, of which no two means have the ratio.
+    cells = bench_workers.line("run", [(10.0, 11.0), (20.0, 18.0), (1.0, 1.0)]).split()
+    assert cells == ["run", "3", "10.00", "s", "11.00", "s", "1.000", "(0.950", "to", "1.050)"]
+
+
+def test_files_that_differ_are_listed(tmp_path: Path) -> None:
+    for folder, files in {"a": {"x": "1", "y": "1", "z/z": "1"}, "b": {"x": "1", "y": "2"}}.items():
+        for name, text in files.items():
+            path = tmp_path / folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+    assert bench_workers.differing(tmp_path / "a", tmp_path / "b") == ["y", "z/z"]
+
+
+def test_processes_of_a_process_count() -> None:
+    spin = f"{sys.executable} -c 'import time\nwhile time.process_time() < 0.3: pass'; exit 0"
+    assert bench_workers.cpu_time(["sh", "-c", spin]) >= 0.3
+
+
+def test_a_command_that_fails_ends_the_benchmark() -> None:
+    assert bench_workers.cpu_time(["true"]) >= 0.0
+    with pytest.raises(SystemExit, match=r"mine\nerror: sh -c .*: exit code 3"):
+        bench_workers.cpu_time(["sh", "-c", "echo mine >&2; exit 3"])

@@ -1,0 +1,90 @@
+"""Compares the CPU time of another `cargo-fmu` with that of this one: `scripts/bench workers`, see `--help`.
+
+Both run the same scenario and the same study with the same FMUs, turn by turn, so that both see the same machine. CPU
+time is user and system time of all processes. The result files have to be identical.
+"""
+
+from __future__ import annotations
+
+import argparse
+import filecmp
+import os
+import statistics
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from chassis_fmu.shell import ROOT, positive
+
+SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
+STUDY = ROOT / "studies" / "hydro_pneumatic_ride.toml"
+OURS = ROOT / "target" / "release" / "cargo-fmu"
+
+
+def commands(program: Path, out: Path) -> dict[str, list[str]]:
+    """Return what is timed of a program: a scenario and a study."""
+    more = ["--jobs", "2", "--fmus", str(ROOT / "target" / "fmu"), "--out", str(out)]
+    return {
+        "run": [str(program), "fmu", "run", str(SCENARIO), *more],
+        "tune": [str(program), "fmu", "tune", str(STUDY), "--budget", "30", "--overwrite", *more],
+    }
+
+
+def cpu_time(command: Sequence[str]) -> float:
+    """Run a command; returns the CPU time of its processes, s."""
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        message = process.stderr.read()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise SystemExit(
+            f"{message.decode(errors='replace')}error: {' '.join(command)}: exit code {process.returncode}"
+        )
+    return usage.ru_utime + usage.ru_stime
+
+
+def differing(first: Path, second: Path) -> list[str]:
+    """Return the files below the two folders that are not the same in both."""
+    names = {p.relative_to(folder) for folder in (first, second) for p in folder.rglob("*") if p.is_file()}
+    same = [n for n in names if (first / n).is_file() and (second / n).is_file()]
+    equal = {n for n in same if filecmp.cmp(first / n, second / n, shallow=False)}
+    return sorted(str(n) for n in names - equal)
+
+
+def line(name: str, pairs: Sequence[tuple[float, float]]) -> str:
+    """Return a line: number of pairs, median of each program, median and quartiles of the ratios of the pairs."""
+    other, ours = zip(*pairs, strict=True)
+    ratios = [b / a for a, b in pairs]
+    low, middle, high = statistics.quantiles(ratios, n=4, method="inclusive")
+    medians = f"{statistics.median(other):>8.2f} s{statistics.median(ours):>8.2f} s"
+    return f"{name:6}{len(pairs):>6}{medians}{middle:>8.3f}   ({low:.3f} to {high:.3f})"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="scripts/bench workers", description=__doc__.splitlines()[0])
+    parser.add_argument("other", type=Path, metavar="PROGRAM", help="a cargo-fmu of another commit")
+    parser.add_argument("--rounds", type=positive, default=20, metavar="N", help="pairs of each command (default: 20)")
+    options = parser.parse_args(argv)
+    out = ROOT / "target" / "bench"
+    other, ours = (commands(p, out / f) for p, f in ((options.other.resolve(), "other"), (OURS, "ours")))
+    print(f"{'':6}{'pairs':>6}{'other':>10}{'ours':>10}{'ratio':>8}   (quartiles)")
+    for name in ours:
+        pairs: list[tuple[float, float]] = []
+        # The first pair warms up. Who begins changes.
+        for turn in range(options.rounds + 1):
+            order = [other[name], ours[name]] if turn % 2 else [ours[name], other[name]]
+            times = {command[0]: cpu_time(command) for command in order}
+            if turn:
+                pairs.append((times[other[name][0]], times[ours[name][0]]))
+        print(line(name, pairs), flush=True)
+    if files := differing(out / "other", out / "ours"):
+        print(f"error: results differ: {', '.join(files)}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
