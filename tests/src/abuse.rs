@@ -935,7 +935,7 @@ impl<'a> Abuser<'a> {
         let mut other = guid(bytes).to_vec();
         match self.random.below(5) {
             0 => {
-                let version = self.pick(&[0, 2, 255]);
+                let version = self.pick(&[0, 1, 255]);
                 bytes[VERSION_AT] = version;
                 return seal(bytes);
             }

@@ -15,7 +15,7 @@ use host::c_api::Reference;
 use host::description::{BaseType, Causality, ModelDescription, Variability, Variable};
 use host::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 use std::sync::Arc;
 
 /// Top folder of the workspace.
@@ -25,6 +25,40 @@ use std::sync::Arc;
 #[must_use]
 pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package has a parent folder").to_path_buf()
+}
+
+/// The output of a command that has to succeed.
+///
+/// # Panics
+/// If it fails, with what it printed.
+#[track_caller]
+pub fn successful(command: &mut Command) -> Output {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(output.status.success(), "{command:?}\n{}\n{}", text(&output.stdout), text(&output.stderr));
+    output
+}
+
+/// The cargo in use.
+#[must_use]
+pub fn cargo() -> std::ffi::OsString {
+    std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
+}
+
+/// Builds the command of this workspace and returns its path.
+///
+/// # Panics
+/// If it does not build.
+#[must_use]
+pub fn cargo_fmu() -> PathBuf {
+    let arguments = ["build", "--locked", "--offline", "--quiet", "--package", "cargo-fmu", "--message-format", "json"];
+    let output = successful(Command::new(cargo()).args(arguments).current_dir(workspace()));
+    let messages = String::from_utf8(output.stdout).expect("messages are UTF-8");
+    let mut executables = messages.lines().filter_map(|line| {
+        let message: serde_json::Value = serde_json::from_str(line).expect("messages are JSON");
+        message["executable"].as_str().map(PathBuf::from)
+    });
+    executables.next_back().expect("cargo names the executable")
 }
 
 /// Folder of the packed FMUs: `$CHASSIS_FMU_DIR`, or `target/fmu`.

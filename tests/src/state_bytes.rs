@@ -1,7 +1,7 @@
 //! Other values in the bytes of a saved state.
 //!
 //! Some states start by the parameters and cannot be set, but the tests of the model structure have to change them one
-//! by one, and others craft states that no run leads to. The bytes are those of this project's exporter (crate `fmi2`,
+//! by one, and others craft states that no run leads to. The bytes are those of this project's exporter (crate `fmu`,
 //! `state_bytes`): a magic number, the version of the format, the GUID with its length, the mode (4 bytes), the start,
 //! whether there is a stop (4 bytes), the stop, the time, the number of samples, then the real values in the order of
 //! their references, little endian. The last eight bytes are the FNV-1a checksum of all before.

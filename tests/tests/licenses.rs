@@ -102,7 +102,7 @@ fn every_linked_crate_is_listed_with_its_license_texts() {
         let notices = text(&contents, "documentation/licenses/third-party-notices.txt");
         let notices_words = words(notices);
         let linked = linked(&name);
-        assert!(linked.iter().any(|title| title.starts_with("fmi2 ")), "{name}: {linked:?}");
+        assert!(linked.iter().any(|title| title.starts_with("fmu ")), "{name}: {linked:?}");
         for title in &linked {
             let folder = folders.get(title).unwrap_or_else(|| panic!("cargo metadata lists no {title}"));
             if folder.starts_with(&root) {

@@ -6,10 +6,12 @@ use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fmi2::abi::Export;
-use fmi2::block::{ParameterReader, Parameters};
-use fmi2::model::{Model, Step};
-use fmi2::variable::{Kind, Layout, Role};
+use fmu::Variables as _;
+use fmu::abi::Export;
+use fmu::instance::ValueStore;
+use fmu::runner::{Kind as ModelKind, Model, Step};
+use fmu::variable::{Kind, Layout, Role};
+use fmu::variables::Counts;
 use host::fmu::{Fmu, Fmus};
 use host::loader::Instance;
 use host::master;
@@ -135,32 +137,26 @@ fn excite(inputs: &mut [f64], start: &[f64], step: u32) {
 }
 
 fn time_direct<M: Model>(layout: &Layout) -> f64 {
-    let mut reals = vec![0.0; layout.reals()];
-    let (mut integers, mut booleans, mut strings) = (Vec::new(), Vec::new(), Vec::new());
-    for variable in &layout.variables {
-        match &variable.declaration.kind {
-            Kind::Real(real) => reals[variable.index] = real.start,
-            Kind::Integer { start, .. } => integers.push(*start),
-            Kind::Boolean { start } => booleans.push(*start),
-            Kind::String { start } => strings.push(start.clone()),
-        }
-    }
-    let p = M::Parameters::read(&mut ParameterReader::new(&reals, &integers, &booleans, &strings));
-    let d = M::load(&p, std::path::Path::new("")).expect("the start values are a valid design");
-    let mut x = M::begin(&p, &d);
-    let start = reals[layout.inputs.clone()].to_vec();
-    let mut step = Step { start: 0.0, time: 0.0, step: STEP, sample: 0 };
+    let mut values = ValueStore::start(layout);
+    let p = M::Parameters::read(values.view(), Counts::ZERO);
+    let no_resources = Path::new("");
+    let derived = M::load(&p, no_resources).expect("the start values suit each other");
+    let mut memory = M::begin(&p, &derived, no_resources).expect("the start values suit each other");
+    let inputs = layout.inputs.reals();
+    let start = values.reals[inputs.clone()].to_vec();
+    let mut step = Step { start: 0.0, reached: 0.0, time: 0.0, step: STEP, sample: 0 };
     let begin = Instant::now();
     for k in 0..STEPS {
-        excite(&mut reals[layout.inputs.clone()], &start, k);
+        excite(&mut values.reals[inputs.clone()], &start, k);
         step.time = f64::from(k) * STEP;
-        let parts = M::parts(&p, step) as u64;
-        M::step(&p, &d, &mut x, layout, &mut reals, step, parts).expect("the run stays finite");
+        step.reached = step.time;
+        let parts = M::parts(layout, &values, step) as u64;
+        M::step(&p, &derived, &mut memory, layout, &mut values, step, parts).expect("the run stays finite");
         step.sample += parts;
-        if M::IS_PLANT {
-            M::outputs(&p, &d, layout, &mut reals, 0.0);
+        if M::KIND == ModelKind::Continuous {
+            M::outputs(&p, &derived, &memory, layout, &mut values, step.time + STEP);
         }
-        black_box(&reals);
+        black_box(&values);
     }
     begin.elapsed().as_secs_f64() / f64::from(STEPS) * 1e9
 }

@@ -1,10 +1,12 @@
 //! Builds the libraries of models: one builder for each platform.
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use serde::Deserialize;
 
 use crate::licenses::{self, Component};
 use crate::platform::Platform;
@@ -17,14 +19,186 @@ pub(crate) fn cargo() -> Command {
     Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
-/// Builds the models as the tests do: these libraries write their descriptions.
+/// What the user passes on to cargo.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub(crate) struct Options {
+    /// Features of the packages to build, as for cargo
+    #[arg(long, value_name = "FEATURES")]
+    features: Option<String>,
+    /// Leaves out the default features
+    #[arg(long)]
+    no_default_features: bool,
+    /// Requires that Cargo.lock is up to date
+    #[arg(long)]
+    locked: bool,
+    /// Folder for what cargo builds [default: the workspace's target]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) target_dir: Option<PathBuf>,
+}
+
+impl Options {
+    /// Adds the options that `cargo build` and `cargo tree` share.
+    pub(crate) fn apply(&self, command: &mut Command) {
+        if let Some(features) = &self.features {
+            command.args(["--features", features]);
+        }
+        if self.no_default_features {
+            command.arg("--no-default-features");
+        }
+        if self.locked {
+            command.arg("--locked");
+        }
+    }
+}
+
+/// Environment variable that asks the macro `fmu::model` for symbols, without the name of the library.
+const EXPORT: &str = "FMU_EXPORT_";
+
+/// The profile of the binaries: small self-contained libraries. Panics unwind so that the C interface can turn them into an
+/// error status. Link-time optimization is not to be had: cargo leaves it out for packages that are also an ordinary library.
+const PROFILE: [&str; 4] = [
+    "profile.fmu.inherits=\"release\"",
+    "profile.fmu.codegen-units=1",
+    "profile.fmu.strip=true",
+    "profile.fmu.panic=\"unwind\"",
+];
+
+/// Builds libraries that describe their models, and returns them in the order of the models.
 ///
 /// # Errors
 /// A model does not build.
-pub(crate) fn for_description(workspace: &Workspace, models: &[Model]) -> Result<()> {
-    let mut command = cargo();
-    command.args(["build", "--locked", "--target-dir"]).arg(&workspace.target);
-    carry_out(command, workspace, models).map(drop)
+pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: &Options) -> Result<Vec<PathBuf>> {
+    let mut libraries = BTreeMap::new();
+    for round in rounds(models) {
+        let mut command = cargo();
+        command.arg("build").arg("--target-dir").arg(workspace.target.join("fmu-build"));
+        // The description is made on this machine, whatever the build is for otherwise.
+        command.env_remove("CARGO_BUILD_TARGET").args(["--target", &host()?]);
+        options.apply(&mut command);
+        for &model in &round {
+            command.env(format!("{EXPORT}{}", model.library), "describe");
+        }
+        let built = artifacts(&carry_out(command, workspace, &round)?)?;
+        libraries.extend(kept(built, &round, &workspace.target.join("fmu-build/described"))?);
+    }
+    models.iter().map(|model| artifact(&libraries, model)).collect()
+}
+
+/// The models in groups of which no member depends on another: a library that exports its model cannot be linked into
+/// another that does.
+fn rounds(models: &[Model]) -> Vec<Vec<&Model>> {
+    let mut rounds: Vec<Vec<&Model>> = Vec::new();
+    let mut left: Vec<&Model> = models.iter().collect();
+    while !left.is_empty() {
+        let needs = |model: &Model| left.iter().any(|other| model.dependencies.contains(&other.package));
+        let (later, now): (Vec<&Model>, Vec<&Model>) = left.iter().partition(|model| needs(model));
+        // Packages cannot depend on each other in a circle, so there is always one that needs no other.
+        rounds.push(now);
+        left = later;
+    }
+    rounds
+}
+
+/// The target of this machine's compiler.
+fn host() -> Result<String> {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = Command::new(rustc).arg("-vV").output().into_diagnostic().wrap_err("rustc cannot be run")?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let host = text.lines().find_map(|line| line.strip_prefix("host: "));
+    host.map(str::to_owned).ok_or_else(|| miette!("`rustc -vV` does not name its host"))
+}
+
+/// The dynamic libraries that a build reports, by package.
+fn artifacts(messages: &str) -> Result<BTreeMap<String, PathBuf>> {
+    #[derive(Deserialize)]
+    struct Message {
+        package_id: Option<String>,
+        target: Option<Target>,
+        #[serde(default)]
+        filenames: Vec<PathBuf>,
+    }
+    #[derive(Deserialize)]
+    struct Target {
+        #[serde(default)]
+        crate_types: Vec<String>,
+    }
+    let mut libraries = BTreeMap::new();
+    for line in messages.lines() {
+        let message: Message =
+            serde_json::from_str(line).into_diagnostic().wrap_err("reading the messages of cargo")?;
+        let (Some(id), Some(target)) = (message.package_id, message.target) else { continue };
+        let is_library = |path: &PathBuf| {
+            path.extension().is_some_and(|extension| ["so", "dll", "dylib"].iter().any(|known| extension == *known))
+        };
+        if let Some((package, _)) = licenses::name_and_version(&id)
+            && target.crate_types.iter().any(|kind| kind == "cdylib")
+            && let Some(path) = message.filenames.into_iter().find(is_library)
+        {
+            libraries.insert(package, path);
+        }
+    }
+    Ok(libraries)
+}
+
+/// Copies of the libraries of a round: a later round builds those that it contains anew, without their exports.
+fn kept(built: BTreeMap<String, PathBuf>, round: &[&Model], folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
+    std::fs::create_dir_all(folder).into_diagnostic().wrap_err_with(|| format!("making {}", folder.display()))?;
+    let copy = |model: &&Model| {
+        let library = artifact(&built, model)?;
+        let path = folder.join(library.file_name().unwrap_or_default());
+        // A loaded library must not be overwritten.
+        let _ = std::fs::remove_file(&path);
+        std::fs::copy(&library, &path)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("copying {} to {}", library.display(), path.display()))?;
+        Ok((model.package.clone(), path))
+    };
+    round.iter().map(copy).collect()
+}
+
+fn artifact(libraries: &BTreeMap<String, PathBuf>, model: &Model) -> Result<PathBuf> {
+    libraries.get(&model.package).cloned().ok_or_else(|| miette!("cargo built no library of {}", model.package))
+}
+
+/// Flags for the compiler that the user has set: by the environment, else in the configuration of cargo, where those of the
+/// target come before those of every build.
+fn user_flags(root: &Path, target: &str) -> Vec<OsString> {
+    let split = |flags: &std::ffi::OsStr, separator: char| -> Vec<OsString> {
+        flags.to_string_lossy().split(separator).filter(|flag| !flag.is_empty()).map(OsString::from).collect()
+    };
+    if let Some(flags) = std::env::var_os("CARGO_ENCODED_RUSTFLAGS") {
+        return split(&flags, '\u{1f}');
+    }
+    if let Some(flags) = std::env::var_os("RUSTFLAGS") {
+        return split(&flags, ' ');
+    }
+    let home = cargo_home().map(|home| home.join("config.toml"));
+    let files = root.ancestors().map(|folder| folder.join(".cargo/config.toml")).chain(home);
+    let tables: Vec<toml::Table> =
+        files.filter_map(|file| std::fs::read_to_string(file).ok()).filter_map(|text| text.parse().ok()).collect();
+    let read = |path: &[&str]| -> Vec<OsString> {
+        let mut all = Vec::new();
+        for table in &tables {
+            let found = path.iter().try_fold(None::<&toml::Value>, |value, key| match value {
+                None => table.get(*key).map(Some),
+                Some(value) => value.get(*key).map(Some),
+            });
+            match found.flatten() {
+                Some(toml::Value::String(text)) => all.extend(split(text.as_ref(), ' ')),
+                Some(toml::Value::Array(flags)) => {
+                    all.extend(flags.iter().filter_map(toml::Value::as_str).map(OsString::from));
+                }
+                _ => {}
+            }
+        }
+        all
+    };
+    let of_target = read(&["target", target, "rustflags"]);
+    if of_target.is_empty() { read(&["build", "rustflags"]) } else { of_target }
+}
+
+fn cargo_home() -> Option<PathBuf> {
+    std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| std::env::home_dir().map(|home| home.join(".cargo")))
 }
 
 /// Kind of the linux64 binary.
@@ -106,7 +280,7 @@ impl Builder {
         }
     }
 
-    /// Builds all models in one call of cargo, each with its GUID.
+    /// Builds all models, each with its GUID.
     ///
     /// The flags: `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; the paths
     /// of the machine are taken out of the messages, and the time out of the libraries for Windows, so that two machines
@@ -116,28 +290,60 @@ impl Builder {
     ///
     /// # Errors
     /// A model does not build.
-    pub(crate) fn build(&self, workspace: &Workspace, models: &[Model], guids: &[&str]) -> Result<Vec<Library>> {
-        let platform = self.platform();
-        let mut target = workspace.target.join("fmu-build");
-        let mut sources = None;
-        let (mut command, folder) = match self {
-            Self::Native(_) => {
-                let mut command = cargo();
-                command.arg("build");
-                (command, target.clone())
+    pub(crate) fn build(
+        &self,
+        workspace: &Workspace,
+        models: &[Model],
+        guids: &[(String, String)],
+        options: &Options,
+    ) -> Result<Vec<Library>> {
+        let mut messages = String::new();
+        let mut libraries = BTreeMap::new();
+        for round in rounds(models) {
+            let mut command = self.command(workspace, options)?;
+            for &model in &round {
+                // `TYPE=GUID`: which model of the crate the library is for.
+                let at = models.iter().position(|other| other.package == model.package);
+                if let Some((name, guid)) = at.and_then(|at| guids.get(at)) {
+                    command.env(format!("{EXPORT}{}", model.library), format!("{name}={guid}"));
+                }
             }
-            Self::Portable(zigbuild) => (zigbuild.cargo_build(), target.join(zigbuild::TARGET)),
+            let platform = self.platform().name();
+            let built = carry_out(command, workspace, &round).wrap_err_with(|| format!("building for {platform}"))?;
+            let folder = workspace.target.join("fmu-build").join(platform);
+            libraries.extend(kept(artifacts(&built)?, &round, &folder)?);
+            messages.push_str(&built);
+        }
+        let components = licenses::components(self, workspace, models, options, &messages)
+            .wrap_err("collecting the licenses of what is linked")?;
+        let library = |(model, components): (&Model, _)| Ok(Library { path: artifact(&libraries, model)?, components });
+        models.iter().zip(components).map(library).collect()
+    }
+
+    /// A call of cargo, without packages.
+    fn command(&self, workspace: &Workspace, options: &Options) -> Result<Command> {
+        let platform = self.platform();
+        let mut folder = workspace.target.join("fmu-build");
+        let mut sources = None;
+        let (mut command, target) = match self {
+            Self::Native(_) => {
+                let (mut command, target) = (cargo(), host()?);
+                command.args(["build", "--target", &target]).env_remove("CARGO_BUILD_TARGET");
+                (command, target)
+            }
+            Self::Portable(zigbuild) => (zigbuild.cargo_build(), zigbuild::TARGET.to_owned()),
             Self::Win64(toolchain) => {
-                target = workspace.target.join("fmu-build-win64");
+                folder = workspace.target.join("fmu-build-win64");
                 sources = Some(toolchain.sources());
-                (toolchain.cargo_build(), target.join(win64::TARGET))
+                (toolchain.cargo_build(), win64::TARGET.to_owned())
             }
         };
-        command.args(["--profile", "fmu", "--locked", "--target-dir"]).arg(&target);
-        for (model, guid) in models.iter().zip(guids) {
-            command.env(format!("FMI2_RS_GUID_{}", model.library), guid);
+        command.args(["--profile", "fmu", "--target-dir"]).arg(&folder);
+        for setting in PROFILE {
+            command.args(["--config", setting]);
         }
-        let mut flags: Vec<OsString> = Vec::new();
+        options.apply(&mut command);
+        let mut flags = user_flags(&workspace.root, &target);
         match platform {
             Platform::Linux64 => flags.push("-Clink-arg=-Wl,-Bsymbolic".into()),
             Platform::Win64 if matches!(self, Self::Win64(_)) => {
@@ -145,10 +351,7 @@ impl Builder {
             }
             Platform::Win64 | Platform::Darwin64 => {}
         }
-        let home = std::env::var_os("CARGO_HOME")
-            .map(PathBuf::from)
-            .or_else(|| std::env::home_dir().map(|home| home.join(".cargo")));
-        for (from, to) in [(home, "/cargo"), (Some(workspace.root.clone()), "/chassis-fmu"), (sources, "/rust")] {
+        for (from, to) in [(cargo_home(), "/cargo"), (Some(workspace.root.clone()), "/workspace"), (sources, "/rust")] {
             if let Some(from) = from {
                 let mut flag = OsString::from("--remap-path-prefix=");
                 flag.push(from);
@@ -157,20 +360,12 @@ impl Builder {
             }
         }
         command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
-        let messages =
-            carry_out(command, workspace, models).wrap_err_with(|| format!("building for {}", platform.name()))?;
-        let components = licenses::components(self, workspace, models, &messages)
-            .wrap_err("collecting the licenses of what is linked")?;
-        let libraries = models.iter().zip(components).map(|(model, components)| Library {
-            path: folder.join("fmu").join(platform.library_file(&model.library)),
-            components,
-        });
-        Ok(libraries.collect())
+        Ok(command)
     }
 }
 
 /// Lets cargo build the models. Returns its messages, which are lines of JSON; diagnostics go to the terminal.
-fn carry_out(mut command: Command, workspace: &Workspace, models: &[Model]) -> Result<String> {
+fn carry_out(mut command: Command, workspace: &Workspace, models: &[&Model]) -> Result<String> {
     command.args(["--message-format", "json-render-diagnostics"]);
     for model in models {
         command.args(["--package", &model.package]);
@@ -185,4 +380,37 @@ fn carry_out(mut command: Command, workspace: &Workspace, models: &[Model]) -> R
         return Err(miette!("the models do not build; see the messages above"));
     }
     String::from_utf8(output.stdout).into_diagnostic().wrap_err("reading the messages of cargo")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn a_model_is_built_after_those_it_contains() {
+        let model = |package: &str, dependencies: &[&str]| Model {
+            package: package.to_owned(),
+            name: package.to_owned(),
+            folder: PathBuf::new(),
+            library: package.to_owned(),
+            is_default: true,
+            dependencies: dependencies.iter().map(|name| (*name).to_owned()).collect::<BTreeSet<_>>(),
+        };
+        let models = [model("loop", &["motor", "controller"]), model("motor", &["shared"]), model("controller", &[])];
+        let names: Vec<Vec<&str>> =
+            rounds(&models).iter().map(|round| round.iter().map(|model| model.package.as_str()).collect()).collect();
+        assert_eq!(names, [vec!["motor", "controller"], vec!["loop"]]);
+    }
+
+    /// Reference: the messages of cargo 1.95, shortened.
+    #[test]
+    fn libraries_are_taken_from_the_messages_of_cargo() {
+        let messages = r#"{"reason":"compiler-artifact","package_id":"path+file:///w/motor#0.1.0","target":{"crate_types":["cdylib","rlib"]},"filenames":["/w/target/x/libmotor.so","/w/target/x/libmotor.rlib"]}
+{"reason":"compiler-artifact","package_id":"registry+https://x#libc@0.2.1","target":{"crate_types":["lib"]},"filenames":["/w/target/x/liblibc.rlib"]}
+{"reason":"build-finished","success":true}"#;
+        let libraries = artifacts(messages).unwrap();
+        assert_eq!(libraries.into_iter().collect::<Vec<_>>(), [("motor".into(), "/w/target/x/libmotor.so".into())]);
+    }
 }

@@ -14,7 +14,7 @@ use std::process::Command;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
-use crate::build::{Builder, cargo};
+use crate::build::{Builder, Options, cargo};
 use crate::platform::Platform;
 use crate::workspace::{Model, Workspace};
 use crate::{win64, zigbuild};
@@ -102,6 +102,7 @@ pub(crate) fn components(
     builder: &Builder,
     workspace: &Workspace,
     models: &[Model],
+    options: &Options,
     messages: &str,
 ) -> Result<Vec<Vec<Component>>> {
     let messages = read(messages)?;
@@ -110,7 +111,7 @@ pub(crate) fn components(
     let mut known: BTreeMap<String, Component> = BTreeMap::new();
     let mut trees: BTreeMap<String, Vec<Component>> = BTreeMap::new();
     let mut model = String::new();
-    for line in tree(builder, workspace, models)?.lines().filter(|line| !line.is_empty()) {
+    for line in tree(builder, workspace, models, options)?.lines().filter(|line| !line.is_empty()) {
         let package = Package::parse(line).ok_or_else(|| miette!("`cargo tree` printed an unknown line: {line}"))?;
         let component = match known.get(line.trim_start_matches(|c: char| c.is_ascii_digit())) {
             Some(component) => component.clone(),
@@ -150,17 +151,18 @@ pub(crate) fn components(
 }
 
 /// The packages that are linked, one per line with the depth in front, a tree for each model.
-fn tree(builder: &Builder, workspace: &Workspace, models: &[Model]) -> Result<String> {
+fn tree(builder: &Builder, workspace: &Workspace, models: &[Model], options: &Options) -> Result<String> {
     let (mut command, target): (Command, _) = match builder {
         Builder::Native(_) => (cargo(), None),
         Builder::Portable(_) => (cargo(), Some(zigbuild::TARGET)),
         Builder::Win64(toolchain) => (toolchain.cargo(), Some(win64::TARGET)),
     };
-    command.args(["tree", "--locked", "--prefix", "depth", "--no-dedupe", "--edges", "normal,no-proc-macro"]);
+    command.args(["tree", "--prefix", "depth", "--no-dedupe", "--edges", "normal,no-proc-macro"]);
     command.args(["--format", "{p}\t{l}\t{r}"]);
     if let Some(target) = target {
         command.args(["--target", target]);
     }
+    options.apply(&mut command);
     for model in models {
         command.args(["--package", &model.package]);
     }
@@ -298,7 +300,7 @@ fn standard_library(messages: &[Message]) -> Result<Vec<Component>> {
 }
 
 /// From `registry+https://…#libm@0.2.16`, or `path+file:///…/road#0.1.0` if the folder is named like the package.
-fn name_and_version(id: &str) -> Option<(String, String)> {
+pub(crate) fn name_and_version(id: &str) -> Option<(String, String)> {
     let (url, fragment) = id.rsplit_once('#')?;
     let (name, version) = fragment.split_once('@').unwrap_or((url.rsplit('/').next()?, fragment));
     Some((name.to_owned(), version.to_owned()))
@@ -463,7 +465,7 @@ mod tests {
         assert_eq!(read("registry+https://github.com/rust-lang/crates.io-index#libm@0.2.16"), pair("libm", "0.2.16"));
         assert_eq!(read("path+file:///home/me/project/road#0.1.0"), pair("road", "0.1.0"));
         assert_eq!(read("path+file:///home/me/project/road#my-road@0.1.0"), pair("my-road", "0.1.0"));
-        assert_eq!(read("git+https://example.org/fmi2?branch=main#fmi2@0.2.0"), pair("fmi2", "0.2.0"));
+        assert_eq!(read("git+https://example.org/fmu?branch=main#fmu@0.2.0"), pair("fmu", "0.2.0"));
     }
 
     /// Messages as cargo 1.96 prints them for `-Z build-std`, shortened.
@@ -538,6 +540,7 @@ mod tests {
             folder: PathBuf::new(),
             library: package.to_owned(),
             is_default: true,
+            dependencies: BTreeSet::new(),
         }
     }
 

@@ -5,7 +5,6 @@ use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
 use host::description::ModelDescription;
-use host::loader::LoadError;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
@@ -44,9 +43,12 @@ pub(crate) struct Arguments {
     /// Folder the FMUs are written to [default: target/fmu]
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
-    /// Writes the generated model descriptions to modelDescription/, after an intended change of an interface
+    /// Writes the generated model descriptions to the folder `descriptions` in [workspace.metadata.fmu], after an intended
+    /// change of an interface
     #[arg(long)]
     update_descriptions: bool,
+    #[command(flatten)]
+    cargo: build::Options,
 }
 
 impl Arguments {
@@ -67,7 +69,10 @@ impl Arguments {
 /// # Errors
 /// When a model does not build, its library has no description, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let workspace = Workspace::find()?;
+    let mut workspace = Workspace::find()?;
+    if let Some(target) = &arguments.cargo.target_dir {
+        workspace.target = std::path::absolute(target).into_diagnostic()?;
+    }
     let folder = arguments.out.clone().unwrap_or_else(|| workspace.fmus());
     let models = match &arguments.needed_by {
         None => workspace.select(&arguments.names, arguments.all)?,
@@ -88,14 +93,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     // Before any build, because the user should not wait for one to hear what is missing.
     let builders = build::builders(&workspace, &arguments.platforms, arguments.linux(&workspace))?;
     if models.is_empty() {
-        return Err(miette!("this workspace has no package with the crate type cdylib that depends on fmi2"));
+        return Err(miette!(
+            help = "Set `crate-type = [\"cdylib\", \"rlib\"]` in the section [lib] of its Cargo.toml.",
+            "this workspace has no package with the crate type cdylib that depends on fmu"
+        ));
     }
-    let descriptions = describe(&workspace, &models)?;
-    let guids: Vec<_> = descriptions.iter().map(|description| description.parsed.guid.as_str()).collect();
+    let (models, descriptions) = describe(&workspace, models, &arguments.cargo)?;
+    let guids: Vec<_> = descriptions.iter().map(|d| (d.model.clone(), d.parsed.guid.clone())).collect();
     let mut libraries = vec![Vec::new(); models.len()];
     let mut licenses = vec![Licenses::default(); models.len()];
     for builder in &builders {
-        let built = builder.build(&workspace, &models, &guids)?;
+        let built = builder.build(&workspace, &models, &guids, &arguments.cargo)?;
         for (i, library) in built.into_iter().enumerate() {
             licenses[i].add(library.components);
             libraries[i].push((builder.platform(), library.path));
@@ -109,10 +117,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     for (i, (model, description)) in models.iter().zip(&descriptions).enumerate() {
         bar.set_message(model.name.clone());
         // The descriptions of examples are not committed.
-        if model.is_default
-            && !description_is_committed(&workspace, model, &description.xml, arguments.update_descriptions)?
+        if let Some(folder) = workspace.settings.descriptions.as_ref().filter(|_| model.is_default)
+            && !description_is_committed(
+                &workspace.root.join(folder),
+                model,
+                &description.xml,
+                arguments.update_descriptions,
+            )?
         {
             changed.push(model.name.as_str());
+        }
+        let binaries: Vec<&Path> = libraries[i].iter().map(|(_, path)| path.as_path()).collect();
+        let findings = host::check::without_running(&description.xml, &binaries);
+        if !findings.is_empty() {
+            let findings: Vec<_> = findings.iter().map(ToString::to_string).collect();
+            return Err(miette!("{} does not follow FMI 2.0:\n{}", model.name, findings.join("\n")));
         }
         let bytes = archive(model, &libraries[i], &licenses[i], description)?;
         let path = folder.join(format!("{}.fmu", model.name));
@@ -133,9 +152,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     if !changed.is_empty() {
         eprintln!(
-            "The interface of {} is not the one in modelDescription/, or not there yet; if that is intended, run `cargo fmu \
+            "The interface of {} differs from the description in {}, or there is none yet; if that is intended, run `cargo fmu \
              pack --update-descriptions` and commit the change.",
-            changed.join(", ")
+            changed.join(", "),
+            workspace.settings.descriptions.as_deref().unwrap_or(Path::new("")).display()
         );
     }
     Ok(())
@@ -143,34 +163,49 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
 /// The description of a model.
 struct Description {
+    /// Name of its type.
+    model: String,
     xml: String,
     parsed: ModelDescription,
 }
 
-/// Builds the models as the tests do and asks them for their descriptions.
-fn describe(workspace: &Workspace, models: &[Model]) -> Result<Vec<Description>> {
-    build::for_description(workspace, models)?;
-    let describe = |model: &Model| -> Result<Description> {
-        let library = workspace.target.join("debug").join(Platform::this()?.library_file(&model.library));
-        let xml = host::loader::exported_description(&library).map_err(|error| match error {
-            LoadError::Missing { .. } => miette!(
-                help = "The last item of src/lib.rs is `fmi2::export!(plant NAME);`, or `sampled` or `advancing`.",
-                "{error}"
-            ),
-            error => miette!("{error}"),
-        })?;
-        if xml.is_empty() {
-            return Err(miette!("the declarations contradict each other; see the message above"));
-        }
-        Ok(Description { parsed: ModelDescription::parse(&xml).into_diagnostic()?, xml })
-    };
-    let describe = |model| describe(model).wrap_err_with(|| format!("reading the description of {}", model.name));
-    models.iter().map(describe).collect()
+/// Asks the models for their descriptions, which also say how the models are called.
+fn describe(
+    workspace: &Workspace,
+    mut models: Vec<Model>,
+    options: &build::Options,
+) -> Result<(Vec<Model>, Vec<Description>)> {
+    let libraries = build::for_description(workspace, &models, options)?;
+    let mut descriptions = Vec::new();
+    for (model, library) in models.iter_mut().zip(libraries) {
+        let describe = || -> Result<Description> {
+            let mut exported = host::loader::exported_descriptions(&library).into_diagnostic()?;
+            match (exported.pop(), exported.len()) {
+                (Some((name, xml)), 0) => {
+                    Ok(Description { model: name, parsed: ModelDescription::parse(&xml).into_diagnostic()?, xml })
+                }
+                (None, _) => Err(miette!(
+                    help = "Put `#[fmu::model(stop_time = …, step_size = …)]` on the implementation of `Continuous`, \
+                            `Discrete` or `Stateful`.",
+                    "the package exports no model"
+                )),
+                (Some((last, _)), _) => Err(miette!(
+                    help = "Move each model into a package of its own.",
+                    "the package exports several models: {}, {last}",
+                    exported.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
+                )),
+            }
+        };
+        let description = describe().wrap_err_with(|| format!("reading the description of {}", model.package))?;
+        model.name.clone_from(&description.parsed.model_name);
+        descriptions.push(description);
+    }
+    Ok((models, descriptions))
 }
 
-/// Compares with, or writes, `modelDescription/NAME.xml`. False if they differ.
-fn description_is_committed(workspace: &Workspace, model: &Model, xml: &str, update: bool) -> Result<bool> {
-    let path = workspace.root.join("modelDescription").join(format!("{}.xml", model.name));
+/// Compares with, or writes, `NAME.xml` in the folder of committed descriptions. False if they differ.
+fn description_is_committed(folder: &Path, model: &Model, xml: &str, update: bool) -> Result<bool> {
+    let path = folder.join(format!("{}.xml", model.name));
     if update {
         write_whole(&path, xml.as_bytes())?;
     }
@@ -204,14 +239,7 @@ fn archive(
     }
     let resources = model.folder.join("resources");
     if resources.exists() {
-        for entry in std::fs::read_dir(&resources).into_diagnostic()? {
-            let path = entry.into_diagnostic()?.path();
-            if let Some(name) = path.file_name().and_then(|name| name.to_str())
-                && path.is_file()
-            {
-                files.insert(format!("resources/{name}"), read(&path)?);
-            }
-        }
+        add_folder(&resources, "resources", &mut files)?;
     }
 
     let options = SimpleFileOptions::default()
@@ -227,6 +255,24 @@ fn archive(
         zip.write_all(&bytes).into_diagnostic()?;
     }
     Ok(zip.finish().into_diagnostic()?.into_inner())
+}
+
+/// Adds the files of a folder and the folders in it.
+fn add_folder(folder: &Path, entry: &str, files: &mut BTreeMap<String, Vec<u8>>) -> Result<()> {
+    let reading = || format!("reading {}", folder.display());
+    for item in std::fs::read_dir(folder).into_diagnostic().wrap_err_with(reading)? {
+        let path = item.into_diagnostic()?.path();
+        let name = path.file_name().and_then(|name| name.to_str());
+        let name = name.ok_or_else(|| miette!("the name of {} is not UTF-8, rename it", path.display()))?;
+        let entry = format!("{entry}/{name}");
+        if path.is_dir() {
+            add_folder(&path, &entry, files)?;
+        } else {
+            let bytes = std::fs::read(&path).into_diagnostic();
+            files.insert(entry, bytes.wrap_err_with(|| format!("reading {}", path.display()))?);
+        }
+    }
+    Ok(())
 }
 
 /// Writes a file so that it is there whole or not at all.

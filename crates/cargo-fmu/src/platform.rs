@@ -40,12 +40,6 @@ impl Platform {
         }
     }
 
-    /// File name of the library that cargo builds of a crate.
-    pub(crate) fn library_file(self, library: &str) -> String {
-        let prefix = if self == Self::Win64 { "" } else { "lib" };
-        format!("{prefix}{library}.{}", self.extension())
-    }
-
     /// Path of the library in the archive.
     pub(crate) fn entry(self, model: &str) -> String {
         format!("binaries/{}/{model}.{}", self.name(), self.extension())
@@ -66,9 +60,7 @@ mod tests {
 
     #[test]
     fn this_platform_is_called_as_the_compiler_calls_it() {
-        use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
         let this = Platform::this().expect("the tests run where FMUs do");
-        assert_eq!(this.library_file("road"), format!("{DLL_PREFIX}road{DLL_SUFFIX}"));
         assert_eq!(this.name(), host::archive::platform());
         let value = this.to_possible_value().expect("all platforms can be named");
         assert_eq!(value.get_name(), this.name());
@@ -79,6 +71,5 @@ mod tests {
     fn a_library_stands_in_the_folder_of_its_platform() {
         assert_eq!(Platform::Win64.entry("Road"), "binaries/win64/Road.dll");
         assert_eq!(Platform::Linux64.entry("Road"), "binaries/linux64/Road.so");
-        assert_eq!(Platform::Win64.library_file("road"), "road.dll");
     }
 }

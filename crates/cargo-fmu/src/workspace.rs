@@ -1,6 +1,6 @@
 //! Which packages of the workspace are models.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -9,12 +9,12 @@ use host::resolve::FmuFolder;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
-/// A package that becomes an FMU: a `cdylib` that depends on `fmi2`.
+/// A package that becomes an FMU: a `cdylib` that depends on `fmu`.
 #[derive(Clone, Debug)]
 pub(crate) struct Model {
     /// Name of the package, in kebab case.
     pub(crate) package: String,
-    /// Name of the FMU, in Pascal case.
+    /// Name of the FMU: that of the package in Pascal case, until the model itself says how it is called.
     pub(crate) name: String,
     /// Folder of the package.
     pub(crate) folder: PathBuf,
@@ -22,6 +22,8 @@ pub(crate) struct Model {
     pub(crate) library: String,
     /// Whether the package is a default member of the workspace; examples are not.
     pub(crate) is_default: bool,
+    /// Packages of the workspace that it depends on, directly or not.
+    pub(crate) dependencies: BTreeSet<String>,
 }
 
 /// The workspace that the command was called in.
@@ -43,6 +45,10 @@ pub(crate) struct Workspace {
 pub(crate) struct Settings {
     /// Whether linux64 binaries load with an old glibc, unless the command line decides.
     pub(crate) portable: bool,
+    /// Folder of committed model descriptions, from the top; without it they are not compared.
+    pub(crate) descriptions: Option<PathBuf>,
+    /// Folders of new models by kind: `continuous`, `discrete`, `stateful`.
+    pub(crate) new: BTreeMap<String, PathBuf>,
 }
 
 #[derive(Deserialize)]
@@ -66,6 +72,8 @@ struct Package {
 #[derive(Deserialize)]
 struct Dependency {
     name: String,
+    /// `dev` or `build`; none for a dependency of the library.
+    kind: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -82,7 +90,7 @@ impl Workspace {
     pub(crate) fn find() -> Result<Self> {
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let output = Command::new(cargo)
-            .args(["metadata", "--no-deps", "--format-version", "1", "--locked"])
+            .args(["metadata", "--no-deps", "--format-version", "1"])
             .output()
             .into_diagnostic()
             .wrap_err("cargo cannot be run; is it on the PATH?")?;
@@ -93,16 +101,25 @@ impl Workspace {
             serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")?;
         let settings = settings(&metadata.metadata)
             .wrap_err_with(|| format!("reading {}", metadata.workspace_root.join("Cargo.toml").display()))?;
+        let direct: BTreeMap<String, BTreeSet<String>> = metadata
+            .packages
+            .iter()
+            .map(|package| {
+                let of_library = package.dependencies.iter().filter(|dependency| dependency.kind.is_none());
+                (package.name.clone(), of_library.map(|dependency| dependency.name.clone()).collect())
+            })
+            .collect();
         let mut models: Vec<_> = metadata
             .packages
             .into_iter()
-            .filter(|package| package.dependencies.iter().any(|dependency| dependency.name == "fmi2"))
+            .filter(|package| direct[&package.name].contains("fmu"))
             .filter_map(|package| {
                 let target = package.targets.iter().find(|t| t.crate_types.iter().any(|kind| kind == "cdylib"))?;
                 Some(Model {
                     name: pascal_case(&package.name),
                     library: target.name.replace('-', "_"),
                     folder: package.manifest_path.parent().map(Path::to_owned)?,
+                    dependencies: reachable(&direct, &package.name),
                     package: package.name,
                     is_default: metadata.workspace_default_members.contains(&package.id),
                 })
@@ -150,6 +167,20 @@ pub(crate) fn folders(folders: &[PathBuf]) -> FmuFolder {
     FmuFolder::new(folders).with_buildable(buildable)
 }
 
+/// The packages of the workspace that a package depends on, directly or not.
+fn reachable(direct: &BTreeMap<String, BTreeSet<String>>, package: &str) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    let mut open = vec![package];
+    while let Some(package) = open.pop() {
+        for name in direct.get(package).into_iter().flatten().filter(|name| direct.contains_key(*name)) {
+            if found.insert(name.clone()) {
+                open.push(name);
+            }
+        }
+    }
+    found
+}
+
 /// The part of `[workspace.metadata]` that is for `cargo fmu`; absent means defaults.
 fn settings(metadata: &serde_json::Value) -> Result<Settings> {
     let Some(table) = metadata.get("fmu") else { return Ok(Settings::default()) };
@@ -178,13 +209,25 @@ mod tests {
     }
 
     #[test]
+    fn dependencies_are_followed() {
+        let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<BTreeSet<_>>();
+        let direct = [("loop", set(&["motor", "fmu"])), ("motor", set(&["shared"])), ("shared", set(&["serde"]))];
+        let direct = direct.into_iter().map(|(name, on)| (name.to_owned(), on)).collect();
+        assert_eq!(reachable(&direct, "loop"), set(&["motor", "shared"]));
+        assert_eq!(reachable(&direct, "shared"), set(&[]));
+    }
+
+    #[test]
     fn settings_are_read_and_mistakes_named() {
         let portable = |metadata: serde_json::Value| settings(&metadata).map(|settings| settings.portable);
         assert!(!portable(serde_json::Value::Null).unwrap());
         assert!(!portable(serde_json::json!({ "release": {} })).unwrap());
         assert!(portable(serde_json::json!({ "fmu": { "portable": true } })).unwrap());
         for (table, part) in [
-            (serde_json::json!({ "portabel": true }), "unknown field `portabel`, expected `portable`"),
+            (
+                serde_json::json!({ "portabel": true }),
+                "unknown field `portabel`, expected one of `portable`, `descriptions`, `new`",
+            ),
             (serde_json::json!({ "portable": "yes" }), "invalid type: string \"yes\", expected a boolean"),
         ] {
             let error = portable(serde_json::json!({ "fmu": table })).unwrap_err().to_string();

@@ -195,7 +195,7 @@ fn workspace_with_model(package: &str) -> TempDir {
     std::fs::write(library.join("lib.rs"), "").unwrap();
     let manifest = format!(
         "[package]\nname = \"{package}\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[lib]\ncrate-type = [\"cdylib\"]\n\
-         [dependencies]\nfmi2 = \"1\"\n"
+         [dependencies]\nfmu = \"1\"\n"
     );
     std::fs::write(folder.path().join(package).join("Cargo.toml"), manifest).unwrap();
     let workspace = format!("[workspace]\nresolver = \"3\"\nmembers = [\"{package}\"]\n");
@@ -297,7 +297,10 @@ fn a_portable_binary_is_a_setting_that_needs_a_linker() {
     assert!(pack(&native, &[]).contains(NO_MODEL));
     assert!(pack(&native, &["--portable"]).contains("--portable asks for linux64 binaries"));
     let error = pack(&workspace("portabel = true"), &[]);
-    assert!(error.contains("[workspace.metadata.fmu]: unknown field `portabel`, expected `portable`"), "{error}");
+    assert!(
+        error.contains("[workspace.metadata.fmu]: unknown field `portabel`, expected one of `portable`"),
+        "{error}"
+    );
 
     // A cargo-zigbuild without zig is not enough.
     let bin = portable.path().join(".venv/bin");

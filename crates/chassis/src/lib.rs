@@ -17,7 +17,7 @@ pub mod suspension;
 pub mod table;
 pub mod tire;
 
-/// What a model file needs besides `fmi2::prelude`.
+/// What a model file needs besides `fmu::prelude`.
 pub mod prelude {
     pub use crate::positions::*;
     pub use crate::quantities::*;

@@ -1,7 +1,7 @@
 //! The vehicle seen in a mirror along its track: what a symmetric vehicle does in a turn to the left, it does mirrored in
 //! the turn to the right.
 
-use fmi2::Block;
+use fmu::Variables;
 
 /// Beginnings of the names of signals that change their sign: they point to a side, or turn about the axes x or z.
 const ODD: [&str; 9] = [
@@ -22,9 +22,9 @@ const ODD: [&str; 9] = [
 /// # Panics
 /// When a variable of one side has no counterpart on the other.
 #[must_use]
-pub fn mirrored<B: Block<f64>>(block: &B) -> B {
-    let names: Vec<_> = B::declare().into_iter().map(|declaration| declaration.name).collect();
-    let values = block.numbers();
+pub fn mirrored<B: Variables<f64>>(block: &B) -> B {
+    let names: Vec<_> = B::declarations().into_iter().map(|declaration| declaration.name).collect();
+    let values = block.reals();
     let reflected: Vec<_> = names
         .iter()
         .map(|name| {
@@ -34,7 +34,7 @@ pub fn mirrored<B: Block<f64>>(block: &B) -> B {
             if ODD.iter().any(|odd| name.starts_with(odd)) { -value } else { value }
         })
         .collect();
-    B::read(&reflected)
+    B::from_reals(&reflected)
 }
 
 /// `tire_load.fl` to `tire_load.fr`, `beam_height.l` to `beam_height.r`, and back; other names stay.

@@ -1,6 +1,6 @@
 //! Positions of wheels and axles as families of values.
 
-fmi2::family! {
+fmu::named_array! {
     /// The wheels of a three-axle vehicle; left ones have even numbers.
     pub SixWheels[6] {
         fl: "front left wheel",
@@ -12,7 +12,7 @@ fmi2::family! {
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The wheels of a two-axle vehicle; left ones have even numbers.
     pub FourWheels[4] {
         fl: "front left wheel",
@@ -22,7 +22,7 @@ fmi2::family! {
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The sides of a half car seen from the front, or the beams of a balanced suspension.
     pub Sides[2] {
         l: "left side",
@@ -30,14 +30,14 @@ fmi2::family! {
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The left side alone, for a law that looks at one side only.
     pub LeftSide[1] {
         l: "left side",
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The wheels of the front axle.
     pub FrontWheels[2] {
         fl: "front left wheel",
@@ -45,7 +45,7 @@ fmi2::family! {
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The suspension struts of a three-axle vehicle whose rear axles hang on balance beams; left ones have even
     /// numbers.
     pub Struts[4] {
@@ -56,7 +56,7 @@ fmi2::family! {
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The axles of a two-axle vehicle.
     pub TwoAxles[2] {
         front: "front axle",
@@ -64,14 +64,14 @@ fmi2::family! {
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The front axle alone, for a vehicle that steers with it only.
     pub FrontAxle[1] {
         front: "front axle",
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The axles of a three-axle vehicle.
     pub ThreeAxles[3] {
         front: "front axle",
@@ -80,7 +80,7 @@ fmi2::family! {
     }
 }
 
-fmi2::family! {
+fmu::named_array! {
     /// The axles behind the front axle of a three-axle vehicle.
     pub RearAxles[2] {
         middle: "middle axle",

@@ -1,6 +1,6 @@
 //! Springs, dampers and tire springs. Deflections are negative in compression (see the crate's documentation).
 
-use fmi2::Scalar;
+use fmu::Scalar;
 
 /// Force of a linear spring and damper in parallel, pushing the body up and the wheel down: F = -k d - c dd, N.
 ///

@@ -1,7 +1,7 @@
 //! Tire laws. A positive slip angle gives a force to the right, so the lateral forces have the sign of -alpha
 //! (ISO 8855); a positive longitudinal slip drives.
 
-use fmi2::Scalar;
+use fmu::Scalar;
 
 /// F_y = -C alpha: Chen et al., Mathematics 2022, 10, 3562, eq. 7.
 ///
@@ -93,7 +93,7 @@ pub fn dugoff<T: Scalar>(c: [T; 2], mu_n: T, s: T, t: T) -> [T; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fmi2::Dual64;
+    use fmu::Dual64;
 
     #[test]
     fn the_saturating_law_has_the_linear_slope_and_the_friction_limit() {

@@ -23,7 +23,7 @@
 //! Z.-Y. Zhao, M. Tomizuka, S. Isaka, "Fuzzy gain scheduling of PID controllers", IEEE Transactions on Systems, Man, and
 //! Cybernetics 23(5), 1993, 1392-1398, doi:10.1109/21.260670 (gains by fuzzy rules on error and rate).
 
-use fmi2::derive::Mode;
+use fmu::derive::Enumeration;
 
 use crate::fuzzy::{Conjunction, FuzzyError, Membership, Output, Partition, RuleTable};
 
@@ -59,7 +59,7 @@ pub struct Gains {
 /// The tables that are printed in many places are made for steps in one direction: the changes of the proportional and the
 /// integral gain turn their sign with the error. With the mirrored ones, whose rows of a negative error are the same, the
 /// law is odd.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rules {
     /// point symmetric: an error and its opposite change the gains alike
     Mirrored = 0,

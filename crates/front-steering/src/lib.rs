@@ -14,10 +14,10 @@
 
 use chassis::statics;
 use control::limit;
-use fmi2::prelude::*;
+use fmu::prelude::*;
 
 /// Which steady turn the yaw rate reference belongs to.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReferenceModel {
     /// rear axles straight: the ordinary two-degree-of-freedom model
     TwoDegreesOfFreedom = 0,

@@ -13,6 +13,7 @@ use crate::c_api::{self, CallbackFunctions, Component, RawStatus, Reference};
 use crate::python;
 use crate::terminal;
 use calls::{Board, Function};
+use object::Object as _;
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -44,6 +45,12 @@ pub enum LoadError {
         path: PathBuf,
         /// Name of the function.
         function: &'static str,
+    },
+    /// A model in it contradicts itself.
+    #[error("{message}")]
+    Declaration {
+        /// What is wrong with its declarations.
+        message: String,
     },
     /// It was built for other types or another version.
     #[error("{}: {function} says \"{found}\", expected \"{expected}\"", path.display())]
@@ -200,6 +207,9 @@ macro_rules! functions {
                 }
             }
 
+            /// Names of all functions.
+            const NAMES: &[&str] = &[$($name,)* $($other_name,)*];
+
             /// Names of the optional functions that are not there.
             fn missing(&self) -> Vec<&'static str> {
                 let mut names = Vec::new();
@@ -333,20 +343,58 @@ impl Library {
     }
 }
 
-/// The model description inside a library that the exporter of this project made; empty in one from a packed FMU.
+/// Functions of FMI 2.0 for co-simulation that a library, for any platform, does not export.
 ///
 /// # Errors
-/// The system cannot load it, or it was made by something else.
-pub fn exported_description(path: &std::path::Path) -> Result<String, LoadError> {
-    const FUNCTION: &str = "fmi2_rs_model_description";
-    let library =
-        open(path).map_err(|error| LoadError::Library { path: path.to_path_buf(), reason: reason(&error) })?;
-    // SAFETY: the exporter defines this function without arguments; it returns a string that lives as long as the
-    // library is loaded, or null.
-    let description = unsafe {
-        library.get::<unsafe extern "C" fn() -> *const c_char>(FUNCTION.as_bytes()).map(|function| text(function()))
+/// The file cannot be read or is not a library.
+pub fn not_exported(library: &std::path::Path) -> Result<Vec<&'static str>, LoadError> {
+    let failed = |reason: String| LoadError::Library { path: library.to_path_buf(), reason };
+    let bytes = std::fs::read(library).map_err(|error| failed(error.to_string()))?;
+    let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
+    let exports = file.exports().map_err(|error| failed(error.to_string()))?;
+    // macOS puts an underscore in front of every name.
+    let is_there = |name: &str| {
+        exports
+            .iter()
+            .any(|export| export.name() == name.as_bytes() || export.name().strip_prefix(b"_") == Some(name.as_bytes()))
     };
-    description.map_err(|_| LoadError::Missing { path: path.to_path_buf(), function: FUNCTION })
+    Ok(Functions::NAMES.iter().copied().filter(|name| !is_there(name)).collect())
+}
+
+/// The model descriptions in a library that the exporter of this project made to describe its models, by the name of the
+/// model's type. Empty for other libraries.
+///
+/// # Errors
+/// The system cannot load it, or a model has no description because its declarations contradict each other.
+pub fn exported_descriptions(path: &std::path::Path) -> Result<Vec<(String, String)>, LoadError> {
+    const PREFIX: &str = "fmu_model_description_";
+    let failed = |reason: String| LoadError::Library { path: path.to_path_buf(), reason };
+    let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
+    let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
+    let exports = file.exports().map_err(|error| failed(error.to_string()))?;
+    // macOS puts an underscore in front of every name.
+    let names = exports.iter().filter_map(|export| std::str::from_utf8(export.name()).ok());
+    let names = names.map(|name| name.strip_prefix('_').unwrap_or(name)).filter(|name| name.starts_with(PREFIX));
+    let library = open(path).map_err(|error| failed(reason(&error)))?;
+    let mut descriptions = Vec::new();
+    for name in names {
+        // SAFETY: the exporter defines these functions without arguments; they return a string that lives as long as the
+        // library is loaded, or null.
+        let description = unsafe {
+            library.get::<unsafe extern "C" fn() -> *const c_char>(name.as_bytes()).map(|function| text(function()))
+        };
+        let description = description.map_err(|error| failed(reason(&error)))?;
+        let model = name[PREFIX.len()..].to_owned();
+        if description.is_empty() {
+            return Err(failed(format!("{model} cannot be described; its message is above")));
+        }
+        if let Some(problem) = description.strip_prefix('!') {
+            return Err(LoadError::Declaration { message: problem.to_owned() });
+        }
+        descriptions.push((model, description));
+    }
+    descriptions.sort();
+    Ok(descriptions)
 }
 
 /// Loads a library. Those that it brings along in its folder are found under Windows only if that is asked for; elsewhere the

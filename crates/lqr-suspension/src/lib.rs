@@ -12,7 +12,7 @@ mod tests;
 use chassis::data::rescue_vehicle as data;
 use chassis::prelude::*;
 use control::riccati::{Regulator, lqr_output_weighted};
-use fmi2::prelude::*;
+use fmu::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 pub use model::{LATERAL_STATES, STATES, Vehicle, output_rows, state_space};
@@ -20,46 +20,46 @@ pub use model::{LATERAL_STATES, STATES, Vehicle, output_rows, state_space};
 /// Copies of the plant's parameters; a parameter set by name feeds both.
 #[derive(Parameters, Clone, Debug)]
 pub struct VehicleParameters {
-    #[par(VEHICLE_MASS, start = data::MASS)]
+    #[var(VEHICLE_MASS, start = data::MASS)]
     m: f64,
-    #[par(WHEEL_MASS, start = data::WHEEL_MASS)]
+    #[var(WHEEL_MASS, start = data::WHEEL_MASS)]
     m_w: f64,
-    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     a: f64,
-    #[par(FRONT_TO_MIDDLE_AXLE, start = data::FRONT_TO_MIDDLE)]
+    #[var(FRONT_TO_MIDDLE_AXLE, start = data::FRONT_TO_MIDDLE)]
     l12: f64,
-    #[par(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
+    #[var(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
     l23: f64,
-    #[par(TRACK, start = data::TRACK)]
+    #[var(TRACK, start = data::TRACK)]
     b_t: f64,
-    #[par(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
+    #[var(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
     h_s: f64,
-    #[par(BODY_ROLL_AXIS_INERTIA, start = data::ROLL_AXIS_INERTIA)]
+    #[var(BODY_ROLL_AXIS_INERTIA, start = data::ROLL_AXIS_INERTIA)]
     i_x: f64,
-    #[par(BODY_PITCH_AXIS_INERTIA, start = data::PITCH_AXIS_INERTIA)]
+    #[var(BODY_PITCH_AXIS_INERTIA, start = data::PITCH_AXIS_INERTIA)]
     i_y: f64,
-    #[par(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
+    #[var(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
     k_s: f64,
-    #[par(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
+    #[var(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
     c_s: f64,
-    #[par(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
+    #[var(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
     k_t: f64,
-    #[par(GRAVITY, start = data::GRAVITY)]
+    #[var(GRAVITY, start = data::GRAVITY)]
     g: f64,
     /// used with `design.lateral_states`
-    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    #[var(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
     i_z: f64,
     /// used with `design.lateral_states`
-    #[par(BODY_PRODUCT_OF_INERTIA, start = data::PRODUCT_OF_INERTIA)]
+    #[var(BODY_PRODUCT_OF_INERTIA, start = data::PRODUCT_OF_INERTIA)]
     i_xz: f64,
     /// used with `design.lateral_states`
-    #[par(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
+    #[var(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
     c: ThreeAxles<f64>,
     /// Sideslip and yaw rate are states of the design model and fed back, as eq. 9 of the paper suggests
-    #[par("design.lateral_states", start = false)]
+    #[var("design.lateral_states", start = false)]
     lateral_states: bool,
     /// Speed of the design model with lateral states
-    #[par("design.speed", unit = M_PER_S, start = data::SPEED, positive, display = "km/h")]
+    #[var("design.speed", unit = "m/s", start = data::SPEED, positive, display = "km/h")]
     speed: f64,
 }
 
@@ -89,62 +89,62 @@ impl VehicleParameters {
 /// The measured state.
 #[derive(Inputs, Clone, Debug)]
 pub struct Feedback {
-    #[signal(BODY_HEAVE)]
+    #[var(BODY_HEAVE)]
     z: f64,
-    #[signal(BODY_PITCH)]
+    #[var(BODY_PITCH)]
     theta: f64,
-    #[signal(BODY_ROLL)]
+    #[var(BODY_ROLL)]
     phi: f64,
-    #[signal(WHEEL_HEIGHT)]
+    #[var(WHEEL_HEIGHT)]
     z_w: SixWheels<f64>,
-    #[signal(BODY_HEAVE_RATE)]
+    #[var(BODY_HEAVE_RATE)]
     zd: f64,
-    #[signal(BODY_PITCH_RATE)]
+    #[var(BODY_PITCH_RATE)]
     thetad: f64,
-    #[signal(BODY_ROLL_RATE)]
+    #[var(BODY_ROLL_RATE)]
     phid: f64,
-    #[signal(WHEEL_VELOCITY)]
+    #[var(WHEEL_VELOCITY)]
     zd_w: SixWheels<f64>,
     /// used with `design.lateral_states`
-    #[signal(VEHICLE_SIDESLIP)]
+    #[var(VEHICLE_SIDESLIP)]
     beta: f64,
     /// used with `design.lateral_states`
-    #[signal(VEHICLE_YAW_RATE)]
+    #[var(VEHICLE_YAW_RATE)]
     r: f64,
 }
 
 /// The gain matrix K of U = -K X, by column: force of the wheel per unit of the state.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct Gains {
     /// Force per heave
-    #[calculated("gain.heave", unit = N_PER_M)]
+    #[var("gain.heave", unit = "N/m")]
     z: SixWheels<f64>,
     /// Force per pitch
-    #[calculated("gain.pitch", unit = N_PER_RAD)]
+    #[var("gain.pitch", unit = "N/rad")]
     theta: SixWheels<f64>,
     /// Force per roll
-    #[calculated("gain.roll", unit = N_PER_RAD)]
+    #[var("gain.roll", unit = "N/rad")]
     phi: SixWheels<f64>,
     /// Force per wheel height
-    #[calculated("gain.wheel_height", unit = N_PER_M)]
+    #[var("gain.wheel_height", unit = "N/m")]
     z_w: SixWheels<SixWheels<f64>>,
     /// Force per heave rate
-    #[calculated("gain.heave_rate", unit = N_S_PER_M)]
+    #[var("gain.heave_rate", unit = "N.s/m")]
     zd: SixWheels<f64>,
     /// Force per pitch rate
-    #[calculated("gain.pitch_rate", unit = N_S_PER_RAD)]
+    #[var("gain.pitch_rate", unit = "N.s/rad")]
     thetad: SixWheels<f64>,
     /// Force per roll rate
-    #[calculated("gain.roll_rate", unit = N_S_PER_RAD)]
+    #[var("gain.roll_rate", unit = "N.s/rad")]
     phid: SixWheels<f64>,
     /// Force per wheel velocity
-    #[calculated("gain.wheel_velocity", unit = N_S_PER_M)]
+    #[var("gain.wheel_velocity", unit = "N.s/m")]
     zd_w: SixWheels<SixWheels<f64>>,
     /// Force per sideslip angle
-    #[calculated("gain.sideslip", unit = N_PER_RAD)]
+    #[var("gain.sideslip", unit = "N/rad")]
     beta: SixWheels<f64>,
     /// Force per yaw rate
-    #[calculated("gain.yaw_rate", unit = N_S_PER_RAD)]
+    #[var("gain.yaw_rate", unit = "N.s/rad")]
     r: SixWheels<f64>,
 }
 
@@ -194,7 +194,7 @@ impl Gains {
     /// # Errors
     /// When an accepted value is out of range, the mass matrix is not positive definite or there is no stabilizing
     /// solution; the message names the parameter or the property and what was expected.
-    pub fn design(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Self, String> {
+    pub fn derived(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Self, String> {
         let regulator = regulator(p, outputs, force)?;
         let k = &regulator.gain;
         let column = |j: usize| SixWheels::from_fn(|i| k[(i, j)]);
@@ -237,7 +237,7 @@ impl Gains {
 /// The regulator of the design model.
 ///
 /// # Errors
-/// As [`Gains::design`].
+/// As [`Gains::derived`].
 pub fn regulator(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Regulator, String> {
     for &Accepted { quantity, value } in outputs {
         check_weight(quantity.parameter(), value)?;

@@ -169,19 +169,19 @@ fn lateral_states_are_fed_back_on_demand() {
     let with = regulator(&p, &integrated(), FORCE).unwrap();
     assert_eq!(with.gain.shape(), (6, LATERAL_STATES));
     assert!(with.poles.iter().all(|pole| pole.re < 0.0));
-    let gains = Gains::design(&p, &integrated(), FORCE).unwrap();
+    let gains = Gains::derived(&p, &integrated(), FORCE).unwrap();
     for (i, beta) in gains.beta.iter().enumerate() {
         // The right side pushes up where the left one pulls down.
         assert_abs_diff_eq!(*beta * left_is_positive(i), -1.9e5, epsilon = 0.05e5);
     }
-    let without = Gains::design(&VehicleParameters::default(), &integrated(), FORCE).unwrap();
+    let without = Gains::derived(&VehicleParameters::default(), &integrated(), FORCE).unwrap();
     assert_eq!((*without.beta, *without.r), ([0.0; 6], [0.0; 6]));
 }
 
 #[test]
 fn designs_without_solution_say_what_was_expected() {
     let refused =
-        |p: VehicleParameters, outputs: &[Accepted], force: f64| Gains::design(&p, outputs, force).unwrap_err();
+        |p: VehicleParameters, outputs: &[Accepted], force: f64| Gains::derived(&p, outputs, force).unwrap_err();
     let start = VehicleParameters::default;
     assert_eq!(
         refused(VehicleParameters { m: 3000.0, ..start() }, &integrated(), FORCE),
@@ -220,7 +220,7 @@ fn designs_without_solution_say_what_was_expected() {
 #[test]
 fn accepted_values_whose_weight_is_no_number_are_refused() {
     let refused =
-        |outputs: &[Accepted], force| Gains::design(&VehicleParameters::default(), outputs, force).unwrap_err();
+        |outputs: &[Accepted], force| Gains::derived(&VehicleParameters::default(), outputs, force).unwrap_err();
     assert_eq!(
         refused(&integrated(), 1e-200),
         "'accepted.suspension_force' = 1e-200, a number in [1e-150, 1e150] was expected"
@@ -248,7 +248,7 @@ proptest! {
     #[test]
     fn the_forces_are_symmetric(values in prop::collection::vec(-1.0..1.0_f64, 20), lateral_states: bool) {
         let p = VehicleParameters { lateral_states, ..VehicleParameters::default() };
-        let x: Feedback = fmi2::Block::read(&values);
+        let x: Feedback = fmu::Variables::from_reals(&values);
         let other_side = |family: &SixWheels<f64>| SixWheels::from_fn(|i| family[i ^ 1]);
         let mirror = Feedback {
             phi: -x.phi,
@@ -259,7 +259,7 @@ proptest! {
             r: -x.r,
             ..x
         };
-        for gains in [Gains::design(&p, &integrated(), FORCE), Gains::design(&p, &roll(), FORCE)] {
+        for gains in [Gains::derived(&p, &integrated(), FORCE), Gains::derived(&p, &roll(), FORCE)] {
             let gains = gains.unwrap();
             let (forces, mirrored) = (gains.force(&x), other_side(&gains.force(&mirror)));
             for i in 0..6 {

@@ -1,9 +1,13 @@
-//! `QuarterCar`: the smallest complete plant, as an example. Its README has the equations.
+//! `QuarterCar`: the smallest complete vehicle. Its README has the equations.
 
-use fmi2::prelude::*;
+use fmu::prelude::*;
 
-/// What acts on the car.
-#[derive(Inputs, Clone)]
+/// Quarter car without parameters of its own.
+#[derive(Parameters)]
+pub struct QuarterCar;
+
+/// Inputs.
+#[derive(Inputs)]
 pub struct U<T> {
     /// Height of the road (m)
     pub z_r: T,
@@ -12,7 +16,7 @@ pub struct U<T> {
 }
 
 /// Body and wheel.
-#[derive(State, Clone)]
+#[derive(State)]
 pub struct X<T> {
     /// Height of the body (m)
     pub z_s: T,
@@ -24,29 +28,23 @@ pub struct X<T> {
     pub v_u: T,
 }
 
-/// What is felt.
-#[derive(Outputs, Clone)]
+/// Outputs that are not states.
+#[derive(Outputs)]
 pub struct Y<T> {
     /// Acceleration of the body (m/s2)
     pub a_s: T,
 }
 
-/// The plant.
-pub struct QuarterCar;
-
 /// Quarter car: body, suspension with an actuator, wheel, tire
-#[model(stop_time = 10.0, step_size = 0.001)]
-impl Plant for QuarterCar {
+#[fmu::model(stop_time = 10.0, step_size = 0.001)]
+impl Continuous for QuarterCar {
     type State<T: Scalar> = X<T>;
     type Inputs<T: Scalar> = U<T>;
     type Outputs<T: Scalar> = Y<T>;
-    fn derivatives<T: Scalar>(_: &MaxStep, (): &(), x: &X<T>, u: &U<T>) -> X<T> {
+    fn evaluate<T: Scalar>(&self, at: At<T, Self>) -> (X<T>, Y<T>) {
+        let (x, u) = (at.state, at.inputs);
         let f = (x.z_s - x.z_u) * 20_000.0 + (x.v_s - x.v_u) * 1_500.0 - u.f_a;
-        X { z_s: x.v_s, v_s: -f / 400.0, z_u: x.v_u, v_u: (f - (x.z_u - u.z_r) * 180_000.0) / 40.0 }
-    }
-    fn outputs<T: Scalar>(p: &MaxStep, (): &(), x: &X<T>, u: &U<T>) -> Y<T> {
-        Y { a_s: Self::derivatives(p, &(), x, u).v_s }
+        let a_s = -f / 400.0;
+        (X { z_s: x.v_s, v_s: a_s, z_u: x.v_u, v_u: (f - (x.z_u - u.z_r) * 180_000.0) / 40.0 }, Y { a_s })
     }
 }
-
-fmi2::export!(plant QuarterCar);

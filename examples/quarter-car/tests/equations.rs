@@ -1,13 +1,8 @@
 //! The equations against what is known of a quarter car in closed form, a run against the integrator written out.
 
-use std::path::PathBuf;
-use std::sync::Arc;
-
 use approx::assert_relative_eq;
-use fmi2::abi::Export;
-use fmi2::instance::Instance;
-use fmi2::parameters::MaxStep;
-use fmi2::{Block, Plant};
+use fmu::simulation::ContinuousSimulation;
+use fmu::{At, Continuous as _, Variables as _};
 use quarter_car::{QuarterCar, U, X};
 
 const M_S: f64 = 400.0;
@@ -17,10 +12,9 @@ const C_S: f64 = 1_500.0;
 const K_T: f64 = 180_000.0;
 
 fn derivatives(x: [f64; 4], u: [f64; 2]) -> [f64; 4] {
-    let mut values = [0.0; 4];
-    let slope: X<f64> = QuarterCar::derivatives(&MaxStep::default(), &(), &X::read(&x), &U::read(&u));
-    slope.write(&mut values);
-    values
+    let (state, inputs) = (&X::from_reals(&x), &U::from_reals(&u));
+    let slope = QuarterCar.derivatives(At { time: 0.0, state, inputs, derived: &(), discrete: &() });
+    slope.reals().try_into().expect("four states")
 }
 
 /// Reference: equilibrium. The actuator opens the suspension by its force over the stiffness; its force is inside the
@@ -68,33 +62,21 @@ fn the_modes_are_those_of_two_masses_on_springs() {
 #[test]
 fn a_run_is_the_classical_runge_kutta_method() {
     const STEP: f64 = 0.001;
-    let description = <QuarterCar as Export>::description();
-    let reference = |name: &str| {
-        let variables = &description.layout.variables;
-        variables.iter().find(|variable| variable.declaration.name == name).expect("a variable of the model").reference
-    };
-    let (inputs, states) = (["z_r", "f_a"].map(reference), ["z_s", "v_s", "z_u", "v_u"].map(reference));
-    let acceleration = [reference("a_s")];
-    let mut instance = Instance::<<QuarterCar as Export>::Model>::new(Arc::clone(&description), PathBuf::new());
-    instance.setup_experiment(0.0, None).expect("it starts");
-    instance.enter_initialization().expect("it starts");
-    instance.exit_initialization().expect("it starts");
+    let mut run = ContinuousSimulation::new(QuarterCar).expect("it starts");
     let mut x = [0.0; 4];
     for k in 0..2000 {
         let time = f64::from(k) * STEP;
         let u = [0.05 * (20.0 * time).sin(), 100.0 * (50.0 * time).sin()];
-        instance.set_real(&inputs, &u).expect("finite inputs");
-        instance.do_step(time, STEP).expect("a step");
+        run.step(&U::from_reals(&u), STEP).expect("a step");
         let along = |k: [f64; 4], h: f64| std::array::from_fn(|i| x[i] + h * k[i]);
         let k1 = derivatives(x, u);
         let k2 = derivatives(along(k1, 0.5 * STEP), u);
         let k3 = derivatives(along(k2, 0.5 * STEP), u);
         let k4 = derivatives(along(k3, STEP), u);
         x = std::array::from_fn(|i| x[i] + STEP / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
-        let (mut found, mut found_acceleration) = ([0.0; 4], [0.0]);
-        instance.get_real(&states, &mut found).expect("the states");
-        instance.get_real(&acceleration, &mut found_acceleration).expect("the output");
+        let found: [f64; 4] = run.state().reals().try_into().expect("four states");
+        let acceleration = run.outputs(&U::from_reals(&u)).a_s;
         assert_eq!(found.map(f64::to_bits), x.map(f64::to_bits), "at {time} s");
-        assert_eq!(found_acceleration[0].to_bits(), derivatives(x, u)[1].to_bits(), "at {time} s");
+        assert_eq!(acceleration.to_bits(), derivatives(x, u)[1].to_bits(), "at {time} s");
     }
 }

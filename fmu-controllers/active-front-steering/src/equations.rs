@@ -10,14 +10,14 @@
 use chassis::positions::FrontAxle;
 use control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
 
-use crate::{D, P, U, X, Y};
+use crate::{ActiveFrontSteering, D, U, X, Y};
 
 /// Tabulates the rules.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &ActiveFrontSteering) -> Result<D, String> {
     Ok(D { pid: FuzzyPid::new(p.rule_table).map_err(|error| error.to_string())? })
 }
 
-pub(crate) fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {
+pub(crate) fn sample(p: &ActiveFrontSteering, d: &D, x: &mut X, u: &U) -> Y {
     let e = u.w_d - u.w;
     let previous = if x.has_previous { x.e } else { e };
     let ec = filtered_rate(x.ec, e, previous, p.t_f, p.sample_time);

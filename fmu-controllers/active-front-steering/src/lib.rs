@@ -10,89 +10,86 @@ mod tests;
 
 use chassis::prelude::*;
 use control::fuzzy_pid::{FuzzyPid, Rules};
-use fmi2::prelude::*;
-
-/// The controller.
-pub struct ActiveFrontSteering;
+use fmu::prelude::*;
 
 /// Parameters; all values are assumed, the paper prints none.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct ActiveFrontSteering {
     /// T_f: time constant of the filter that makes the rate of the error; 0 for none
-    #[par("filter.time_constant", unit = S, start = 0.02, min = 0.0, tunable, display = "ms")]
+    #[var("filter.time_constant", unit = "s", start = 0.02, min = 0.0, tunable, display = "ms")]
     t_f: f64,
     /// Rules for the gains
-    #[par("fuzzy.rule_table", mode, start = Rules::Mirrored)]
+    #[var("fuzzy.rule_table", start = Rules::Mirrored)]
     rule_table: Rules,
     /// Error at the edge of the rules' domain; lower it to let the gains change with smaller errors
-    #[par("fuzzy.error_range", unit = RAD_PER_S, start = 0.1, positive, tunable, display = "deg/s")]
+    #[var("fuzzy.error_range", unit = "rad/s", start = 0.1, positive, tunable, display = "deg/s")]
     error_range: f64,
     /// Rate of the error at the edge of the rules' domain
-    #[par("fuzzy.rate_range", unit = RAD_PER_S2, start = 0.5, positive, tunable, display = "deg/s2")]
+    #[var("fuzzy.rate_range", unit = "rad/s2", start = 0.5, positive, tunable, display = "deg/s2")]
     rate_range: f64,
     /// kp: proportional gain before the fuzzy correction
-    #[par("pid.proportional_gain", unit = S, start = 0.4, min = 0.0, tunable)]
+    #[var("pid.proportional_gain", unit = "s", start = 0.4, min = 0.0, tunable)]
     kp: f64,
     /// ki: integral gain before the fuzzy correction; raise it against a lasting error
-    #[par("pid.integral_gain", unit = ONE, start = 2.0, min = 0.0, tunable)]
+    #[var("pid.integral_gain", unit = "1", start = 2.0, min = 0.0, tunable)]
     ki: f64,
     /// kd: derivative gain before the fuzzy correction
-    #[par("pid.derivative_gain", unit = S2, start = 0.02, min = 0.0, tunable)]
+    #[var("pid.derivative_gain", unit = "s2", start = 0.02, min = 0.0, tunable)]
     kd: f64,
     /// Change of the proportional gain per unit of the rules' output, which is within -3 and 3
-    #[par("fuzzy.proportional_scale", unit = S, start = 0.1, min = 0.0, tunable)]
+    #[var("fuzzy.proportional_scale", unit = "s", start = 0.1, min = 0.0, tunable)]
     kp_scale: f64,
     /// Change of the integral gain per unit of the rules' output
-    #[par("fuzzy.integral_scale", unit = ONE, start = 0.5, min = 0.0, tunable)]
+    #[var("fuzzy.integral_scale", unit = "1", start = 0.5, min = 0.0, tunable)]
     ki_scale: f64,
     /// Change of the derivative gain per unit of the rules' output
-    #[par("fuzzy.derivative_scale", unit = S2, start = 0.005, min = 0.0, tunable)]
+    #[var("fuzzy.derivative_scale", unit = "s2", start = 0.005, min = 0.0, tunable)]
     kd_scale: f64,
     /// Least angle that is added
-    #[par("pid.output_minimum", unit = RAD, start = -0.06, max = 0.0, tunable, display = "deg")]
+    #[var("pid.output_minimum", unit = "rad", start = -0.06, max = 0.0, tunable, display = "deg")]
     output_minimum: f64,
     /// Greatest angle that is added
-    #[par("pid.output_maximum", unit = RAD, start = 0.06, min = 0.0, tunable, display = "deg")]
+    #[var("pid.output_maximum", unit = "rad", start = 0.06, min = 0.0, tunable, display = "deg")]
     output_maximum: f64,
     /// Greatest magnitude of the integral part of the angle
-    #[par("pid.integral_limit", unit = RAD, start = 0.06, min = 0.0, tunable, display = "deg")]
+    #[var("pid.integral_limit", unit = "rad", start = 0.06, min = 0.0, tunable, display = "deg")]
     integral_limit: f64,
     /// Rate at which the integral part decays
-    #[par("pid.leak_rate", unit = PER_S, start = 0.0, min = 0.0, tunable)]
+    #[var("pid.leak_rate", unit = "1/s", start = 0.0, min = 0.0, tunable)]
     leak_rate: f64,
     /// T
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
 /// What the driver asks for, reference and measurement.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(DRIVER_STEER)]
+    #[var(DRIVER_STEER)]
     delta: f64,
-    #[signal(REFERENCE_YAW_RATE)]
+    #[var(REFERENCE_YAW_RATE)]
     w_d: f64,
-    #[signal(VEHICLE_YAW_RATE)]
+    #[var(VEHICLE_YAW_RATE)]
     w: f64,
 }
 
 /// The angle of the front axle, and what it is made of.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
-    #[signal(STEER)]
+    #[var(STEER)]
     delta: FrontAxle<f64>,
-    #[signal(STEER_CORRECTION)]
+    #[var(STEER_CORRECTION)]
     dd: FrontAxle<f64>,
-    #[signal(FRONT_STEERING_PROPORTIONAL_GAIN)]
+    #[var(FRONT_STEERING_PROPORTIONAL_GAIN)]
     kp: f64,
-    #[signal(FRONT_STEERING_INTEGRAL_GAIN)]
+    #[var(FRONT_STEERING_INTEGRAL_GAIN)]
     ki: f64,
-    #[signal(FRONT_STEERING_DERIVATIVE_GAIN)]
+    #[var(FRONT_STEERING_DERIVATIVE_GAIN)]
     kd: f64,
 }
 
 /// Integral part, error of the last sample if there was one, and filtered rate.
-#[derive(Memory, Clone, Debug, Default)]
+#[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     i: f64,
     e: f64,
@@ -101,26 +98,23 @@ pub struct X {
 }
 
 /// The rules, tabulated.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     pid: FuzzyPid,
 }
 
 /// Front steering angle that lets the yaw rate follow its reference, by a fuzzy PID
-#[model(stop_time = 13.0, step_size = 0.001)]
-impl Sampled for ActiveFrontSteering {
-    type Parameters = P;
-    type Design = D;
-    type Memory = X;
+#[fmu::model(stop_time = 13.0, step_size = 0.001)]
+impl Discrete for ActiveFrontSteering {
+    type Derived = D;
+    type State = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(p: &P) -> Result<D, String> {
-        equations::design(p)
+    fn derived(&self) -> Result<D, String> {
+        equations::derived(self)
     }
-    fn update(p: &P, d: &D, x: &mut X, u: &U, _t: f64) -> Y {
-        equations::sample(p, d, x, u)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::sample(self, sample.derived, sample.state, sample.inputs)
     }
 }
-
-fmi2::export!(sampled ActiveFrontSteering);

@@ -7,12 +7,12 @@ use super::*;
 
 const REST: U = U { delta: 0.0, w_d: 0.0, w: 0.0 };
 
-fn design(p: &P) -> D {
-    ActiveFrontSteering::design(p).unwrap()
+fn derived(p: &ActiveFrontSteering) -> D {
+    p.derived().unwrap()
 }
 
-fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {
-    ActiveFrontSteering::update(p, d, x, u, 0.0)
+fn sample(p: &ActiveFrontSteering, d: &D, x: &mut X, u: &U) -> Y {
+    p.update(Sample { time: 0.0, state: x, inputs: u, derived: d })
 }
 
 #[test]
@@ -23,8 +23,8 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
         (Rules::Standard, [0.129705217, 0.0, -0.999967787]),
     ];
     for (rule_table, dk) in cases {
-        let p = P { rule_table, ..P::default() };
-        let y = sample(&p, &design(&p), &mut X::default(), &U { delta: 0.07, ..REST });
+        let p = ActiveFrontSteering { rule_table, ..ActiveFrontSteering::default() };
+        let y = sample(&p, &derived(&p), &mut X::default(), &U { delta: 0.07, ..REST });
         assert_eq!((y.delta[0], y.dd[0]), (0.07, 0.0));
         assert_abs_diff_eq!(y.kp, 0.4 + 0.1 * dk[0], epsilon = 1e-9);
         assert_abs_diff_eq!(y.ki, 2.0 + 0.5 * dk[1], epsilon = 5e-9);
@@ -36,9 +36,9 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
 fn the_first_sample_has_the_rules_of_its_error_and_no_kick() {
     // A third of the range is E = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent implementation, 8 digits),
     // and the rate of the error is 0 as there was no sample before.
-    let p = P::default();
+    let p = ActiveFrontSteering::default();
     let e = 0.1 / 3.0;
-    let y = sample(&p, &design(&p), &mut X::default(), &U { w_d: 0.12 + e, w: 0.12, ..REST });
+    let y = sample(&p, &derived(&p), &mut X::default(), &U { w_d: 0.12 + e, w: 0.12, ..REST });
     let expected = (0.4 + 0.099996779) * e + (2.0 - 0.499983895) * e * 0.001;
     assert_abs_diff_eq!(y.dd[0], expected, epsilon = 1e-10);
     assert_abs_diff_eq!(y.delta[0], expected, epsilon = 1e-10);
@@ -47,8 +47,8 @@ fn the_first_sample_has_the_rules_of_its_error_and_no_kick() {
 #[test]
 fn without_rules_it_is_a_pid_on_the_yaw_rate() {
     // The law by hand over some samples: K_p e + sum K_i e T + K_d d, with the filtered difference d. Roundings.
-    let p = P { kp_scale: 0.0, ki_scale: 0.0, kd_scale: 0.0, ..P::default() };
-    let d = design(&p);
+    let p = ActiveFrontSteering { kp_scale: 0.0, ki_scale: 0.0, kd_scale: 0.0, ..ActiveFrontSteering::default() };
+    let d = derived(&p);
     let a = (-0.05_f64).exp();
     let (mut x, mut integral, mut rate, mut last) = (X::default(), 0.0, 0.0, None);
     for n in 0..50 {
@@ -64,8 +64,8 @@ fn without_rules_it_is_a_pid_on_the_yaw_rate() {
 
 #[test]
 fn a_lasting_error_leads_to_the_limit_and_no_further() {
-    let p = P::default();
-    let (d, mut x) = (design(&p), X::default());
+    let p = ActiveFrontSteering::default();
+    let (d, mut x) = (derived(&p), X::default());
     let y = (0..5000).map(|_| sample(&p, &d, &mut x, &U { w_d: 0.02, ..REST })).last().unwrap();
     assert_eq!(y.dd[0], 0.06);
     // The integral stopped at the sample before the output reached its limit: when the error goes, it is what remains.
@@ -83,8 +83,8 @@ proptest! {
         inputs in prop::collection::vec((-0.3..0.3_f64, -0.5..0.5_f64, -0.5..0.5_f64), 1..50), standard: bool,
     ) {
         let rule_table = if standard { Rules::Standard } else { Rules::Mirrored };
-        let p = P { rule_table, ..P::default() };
-        let d = design(&p);
+        let p = ActiveFrontSteering { rule_table, ..ActiveFrontSteering::default() };
+        let d = derived(&p);
         let (mut left, mut right) = (X::default(), X::default());
         for (delta, w_d, w) in inputs {
             let y = sample(&p, &d, &mut left, &U { delta, w_d, w });

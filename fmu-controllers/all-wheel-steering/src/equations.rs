@@ -14,7 +14,7 @@ use control::fuzzy::{FuzzyError, LabelMap, Membership, Output, Partition};
 use control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
 use control::sliding_mode::saturation;
 
-use crate::{D, P, U, X, Y};
+use crate::{AllWheelSteering, D, U, X, Y};
 
 /// Table 2 of the paper: label of k1 for the labels NB, NM, NS, ZO, PS, PM, PB of k2.
 const K1_OF_K2: [usize; 7] = {
@@ -51,12 +51,12 @@ impl MiddleRatio {
 }
 
 /// Tabulates the rules.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &AllWheelSteering) -> Result<D, String> {
     let make = || Ok::<_, FuzzyError>(D { pid: FuzzyPid::new(p.rule_table)?, middle: MiddleRatio::new()? });
     make().map_err(|error| error.to_string())
 }
 
-pub(crate) fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {
+pub(crate) fn sample(p: &AllWheelSteering, d: &D, x: &mut X, u: &U) -> Y {
     // k2 multiplies the driver's angle, so the error carries its sign; without an angle there is nothing to correct.
     let s = saturation(u.delta, p.sign_width);
     let e = (u.beta_d - u.beta) * s;

@@ -5,18 +5,18 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn design(p: &P) -> D {
-    AllWheelSteering::design(p).unwrap()
+fn derived(p: &AllWheelSteering) -> D {
+    p.derived().unwrap()
 }
 
-fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {
-    AllWheelSteering::update(p, d, x, u, 0.0)
+fn sample(p: &AllWheelSteering, d: &D, x: &mut X, u: &U) -> Y {
+    p.update(Sample { time: 0.0, state: x, inputs: u, derived: d })
 }
 
 #[test]
 fn the_middle_ratio_has_the_check_numbers() {
     // Computed by an independent implementation, 8 decimals printed. Beyond -1 and 1 it stays.
-    let middle = design(&P::default()).middle;
+    let middle = derived(&AllWheelSteering::default()).middle;
     let numbers =
         [(-1.0, -0.66663366), (-0.5, -0.3334), (0.0, 0.0), (0.1, 0.23939586), (0.5, 0.70883073), (1.0, 0.89217822)];
     for (k2, k1) in numbers {
@@ -30,14 +30,14 @@ fn the_middle_ratio_has_the_check_numbers() {
 fn the_first_sample_has_the_rules_of_its_error() {
     // A third of the range is E = 1, EC = 0: dKp = 0.99996779, dKi = -0.99996779 (independent implementation, 8 digits).
     // The rear of the vehicle slides out of a left turn: it has to steer with the front.
-    let p = P::default();
+    let p = AllWheelSteering::default();
     let e = 0.2 / 3.0;
-    let y = sample(&p, &design(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: -e });
+    let y = sample(&p, &derived(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: -e });
     let k2 = (6.0 + 0.99996779) * e + (30.0 - 5.0 * 0.99996779) * e * 0.001;
     assert_abs_diff_eq!(y.ratio[1], k2, epsilon = 1e-8);
     assert_abs_diff_eq!(y.delta[1], 0.1 * k2, epsilon = 1e-9);
     assert_eq!(y.delta[0], 0.1 * y.ratio[0]);
-    assert_eq!(y.ratio[0], design(&p).middle.of(y.ratio[1]));
+    assert_eq!(y.ratio[0], derived(&p).middle.of(y.ratio[1]));
 }
 
 #[test]
@@ -48,8 +48,8 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
         (Rules::Standard, [0.129705217, 0.0, -0.999967787]),
     ];
     for (rule_table, dk) in cases {
-        let p = P { rule_table, ..P::default() };
-        let y = sample(&p, &design(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: 0.0 });
+        let p = AllWheelSteering { rule_table, ..AllWheelSteering::default() };
+        let y = sample(&p, &derived(&p), &mut X::default(), &U { delta: 0.1, beta_d: 0.0, beta: 0.0 });
         assert_eq!((y.delta[1], y.ratio[1]), (0.0, 0.0));
         assert_abs_diff_eq!(y.ratio[0], 0.0, epsilon = 1e-15); // a sum over a symmetric set
         assert_abs_diff_eq!(y.kp, 6.0 + dk[0], epsilon = 1e-8);
@@ -61,8 +61,8 @@ fn without_error_the_gains_are_those_of_the_rules_at_zero() {
 #[test]
 fn straight_ahead_the_integral_rests() {
     // Without an angle of the driver the error is 0; at half the width of the sign it counts by half.
-    let p = P::default();
-    let (d, mut x) = (design(&p), X::default());
+    let p = AllWheelSteering::default();
+    let (d, mut x) = (derived(&p), X::default());
     for _ in 0..100 {
         let y = sample(&p, &d, &mut x, &U { delta: 0.0, beta_d: 0.0, beta: 0.05 });
         assert_eq!((*y.delta, y.ratio[1], x.i), ([0.0; 2], 0.0, 0.0));
@@ -75,8 +75,8 @@ fn straight_ahead_the_integral_rests() {
 #[test]
 fn the_sideslip_reference_is_followed_from_either_side() {
     // The integral grows while the sideslip angle is below its reference and falls above it.
-    let p = P::default();
-    let d = design(&p);
+    let p = AllWheelSteering::default();
+    let d = derived(&p);
     for (beta_d, beta, sign) in [(0.02, 0.0, 1.0), (-0.02, 0.0, -1.0), (0.01, 0.03, -1.0)] {
         let mut x = X::default();
         sample(&p, &d, &mut x, &U { delta: 0.1, beta_d, beta });
@@ -94,8 +94,8 @@ proptest! {
         inputs in prop::collection::vec((-0.3..0.3_f64, -0.1..0.1_f64, -0.3..0.3_f64), 1..50), standard: bool,
     ) {
         let rule_table = if standard { Rules::Standard } else { Rules::Mirrored };
-        let p = P { rule_table, ..P::default() };
-        let d = design(&p);
+        let p = AllWheelSteering { rule_table, ..AllWheelSteering::default() };
+        let d = derived(&p);
         let (mut left, mut right) = (X::default(), X::default());
         for (delta, beta_d, beta) in inputs {
             let y = sample(&p, &d, &mut left, &U { delta, beta_d, beta });

@@ -10,12 +10,12 @@
 
 use chassis::positions::FourWheels;
 
-use crate::{P, U, X, Y};
+use crate::{AntilockBraking, U, X, Y};
 
 /// Floor of the speed in the slip, m/s.
 const LEAST_SPEED: f64 = 0.5;
 
-pub(crate) fn sample(p: &P, x: &mut X, inputs: &U) -> Y {
+pub(crate) fn sample(p: &AntilockBraking, x: &mut X, inputs: &U) -> Y {
     let t = p.sample_time;
     let u = inputs.u;
     let is_on = inputs.enable > 0.5 && u >= p.speed_min;

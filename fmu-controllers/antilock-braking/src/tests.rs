@@ -16,8 +16,8 @@ fn braking(slip: f64) -> U {
     }
 }
 
-fn sample(p: &P, x: &mut X, u: &U) -> (f64, f64) {
-    let y = AntilockBraking::update(p, &(), x, u, 0.0);
+fn sample(p: &AntilockBraking, x: &mut X, u: &U) -> (f64, f64) {
+    let y = p.update(Sample { time: 0.0, state: x, inputs: u, derived: &() });
     (y.cmd[0], y.active[0])
 }
 
@@ -29,7 +29,7 @@ fn assert_command(actual: (f64, f64), expected: (f64, f64)) {
 
 #[test]
 fn a_wheel_that_slips_too_much_is_released_held_and_braked_again() {
-    let (p, mut x) = (P::default(), X::default());
+    let (p, mut x) = (AntilockBraking::default(), X::default());
     // Below the band: the driver's pressure. In the band nothing starts.
     assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, 0.0));
     assert_command(sample(&p, &mut x, &braking(0.2199)), (10.0, 0.0));
@@ -52,7 +52,7 @@ fn a_wheel_that_slips_too_much_is_released_held_and_braked_again() {
 
 #[test]
 fn a_driver_who_lets_go_ends_the_modulation() {
-    let (p, mut x) = (P::default(), X::default());
+    let (p, mut x) = (AntilockBraking::default(), X::default());
     sample(&p, &mut x, &braking(0.1));
     sample(&p, &mut x, &braking(0.4));
     assert_command(sample(&p, &mut x, &U { master: 3.0, ..braking(0.4) }), (3.0, 0.0));
@@ -61,26 +61,29 @@ fn a_driver_who_lets_go_ends_the_modulation() {
 
 #[test]
 fn switched_off_or_slow_the_request_passes() {
-    let p = P::default();
+    let p = AntilockBraking::default();
     for u in [U { enable: 0.5, ..braking(1.0) }, U { u: 1.4, ..braking(1.0) }] {
         let mut x = X { active: [true; 4], cmd: [1.0; 4], ..X::default() };
         assert_command(sample(&p, &mut x, &u), (10.0, 0.0));
     }
     // The request: pedal and yaw control together, within 0 and the limit.
     let off = U { enable: 0.0, p_dyc: FourWheels([1.0, 5.0, 0.0, -20.0]), ..braking(0.0) };
-    let y = AntilockBraking::update(&p, &(), &mut X::default(), &off, 0.0);
+    let y = p.update(Sample { time: 0.0, state: &mut X::default(), inputs: &off, derived: &() });
     assert_eq!(*y.cmd, [11.0, 12.0, 10.0, 0.0]);
 }
 
 #[test]
 fn the_lead_time_looks_ahead() {
     // The slip starts from 0. 0.05, then 0.11 within 5 ms: 10 ms later it would be 0.23.
-    let p = P { lead: 0.01, ..P::default() };
+    let p = AntilockBraking { lead: 0.01, ..AntilockBraking::default() };
     let mut x = X::default();
     assert_command(sample(&p, &mut x, &braking(0.05)), (10.0, 0.0));
     assert_command(sample(&p, &mut x, &braking(0.11)), (9.7, 1.0));
     // A wheel that is modulated from the first sample on has no pressure yet.
-    assert_command(sample(&P { lead: 0.005, ..P::default() }, &mut X::default(), &braking(0.12)), (0.0, 1.0));
+    assert_command(
+        sample(&AntilockBraking { lead: 0.005, ..AntilockBraking::default() }, &mut X::default(), &braking(0.12)),
+        (0.0, 1.0),
+    );
 }
 
 proptest! {
@@ -94,12 +97,12 @@ proptest! {
             (0.0..20.0_f64, 0.0..14.0_f64, prop::array::uniform4(0.0..3.0_f64), prop::array::uniform4(0.0..70.0_f64)), 1..30,
         ),
     ) {
-        let p = P::default();
+        let p = AntilockBraking::default();
         let (mut x, mut mirrored) = (X::default(), X::default());
         for (u, master, p_dyc, omega) in samples {
             let before = x.clone();
             let inputs = U { u, master, p_dyc: FourWheels(p_dyc), omega: FourWheels(omega), ..braking(0.0) };
-            let y = AntilockBraking::update(&p, &(), &mut x, &inputs, 0.0);
+            let y = p.update(Sample { time: 0.0, state: &mut x, inputs: &inputs, derived: &() });
             for (i, p_dyc) in p_dyc.iter().enumerate() {
                 let req = (master + p_dyc).min(p.p_max);
                 prop_assert!((0.0..=req).contains(&y.cmd[i]));
@@ -114,7 +117,7 @@ proptest! {
             }
             let swap = |family: [f64; 4]| FourWheels([1, 0, 3, 2].map(|i| family[i]));
             let other = U { p_dyc: swap(p_dyc), omega: swap(omega), ..inputs };
-            let z = AntilockBraking::update(&p, &(), &mut mirrored, &other, 0.0);
+            let z = p.update(Sample { time: 0.0, state: &mut mirrored, inputs: &other, derived: &() });
             prop_assert_eq!((*y.cmd, *y.active), (*swap(*z.cmd), *swap(*z.active)));
         }
     }

@@ -15,15 +15,15 @@ use chassis::suspension::spring_damper;
 use control::limit;
 use control::sliding_mode::reaching_law;
 
-use crate::{P, U, Y};
+use crate::{ComfortSlidingMode, U, Y};
 
 /// Rate of the surface per force of the left actuator, 1/kg.
-fn surface_rate_per_force(p: &P) -> f64 {
+fn surface_rate_per_force(p: &ComfortSlidingMode) -> f64 {
     1.0 / p.m_s - p.n3 / p.m_u
 }
 
 /// The force has to move the surface. The weight is tunable, so every sample looks at it.
-pub(crate) fn check(p: &P) -> Result<(), String> {
+pub(crate) fn check(p: &ComfortSlidingMode) -> Result<(), String> {
     let singular = p.m_u / p.m_s;
     // Within a few roundings of the weight at which body and wheel motion cancel in the surface.
     if (surface_rate_per_force(p) * p.m_s).abs() > 1e-9 {
@@ -36,7 +36,7 @@ pub(crate) fn check(p: &P) -> Result<(), String> {
     ))
 }
 
-pub(crate) fn forces(p: &P, u: &U) -> Y {
+pub(crate) fn forces(p: &ComfortSlidingMode, u: &U) -> Y {
     let ([x1], x2, [x3], x4) = (*u.x1, u.x2, *u.x3, u.x4);
     let s = p.n1 * x1 + p.n2 * x2 + p.n3 * x3 + x4;
     let e = spring_damper(p.k_s, p.c_s, x2 - x1, x4 - x3);

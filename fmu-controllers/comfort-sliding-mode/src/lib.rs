@@ -9,90 +9,84 @@ mod tests;
 
 use chassis::data::hydro_pneumatic_half_car as data;
 use chassis::prelude::*;
-use fmi2::prelude::*;
-
-/// The controller.
-pub struct ComfortSlidingMode;
+use fmu::prelude::*;
 
 /// Symbols as in the paper.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
-    #[par(BODY_MASS, start = data::BODY_MASS)]
+pub struct ComfortSlidingMode {
+    #[var(BODY_MASS, start = data::BODY_MASS)]
     m_s: f64,
-    #[par(WHEEL_MASS_SIDE, start = data::WHEEL_MASS)]
+    #[var(WHEEL_MASS_SIDE, start = data::WHEEL_MASS)]
     m_u: f64,
-    #[par(SUSPENSION_STIFFNESS_SIDE, start = data::SUSPENSION_STIFFNESS)]
+    #[var(SUSPENSION_STIFFNESS_SIDE, start = data::SUSPENSION_STIFFNESS)]
     k_s: f64,
-    #[par(SUSPENSION_DAMPING_SIDE, start = data::SUSPENSION_DAMPING)]
+    #[var(SUSPENSION_DAMPING_SIDE, start = data::SUSPENSION_DAMPING)]
     c_s: f64,
-    #[par(TIRE_STIFFNESS_SIDE, start = data::TIRE_STIFFNESS)]
+    #[var(TIRE_STIFFNESS_SIDE, start = data::TIRE_STIFFNESS)]
     k_t: f64,
     /// n1: weight of the wheel height in the surface, below n2 n3 for a stable one; a lower value damps the wheel more
     /// (Table 5)
-    #[par("surface.weight.wheel_height", unit = PER_S, start = -0.575, tunable)]
+    #[var("surface.weight.wheel_height", unit = "1/s", start = -0.575, tunable)]
     n1: f64,
     /// n2: weight of heave in the surface, above 0 for a stable one; the rate at which heave returns (Table 5)
-    #[par("surface.weight.heave", unit = PER_S, start = 0.6559, tunable)]
+    #[var("surface.weight.heave", unit = "1/s", start = 0.6559, tunable)]
     n2: f64,
     /// n3: weight of the wheel velocity in the surface, below the ratio of wheel to body mass for a stable one (Table 5)
-    #[par("surface.weight.wheel_velocity", unit = ONE, start = 0.0, tunable)]
+    #[var("surface.weight.wheel_velocity", unit = "1", start = 0.0, tunable)]
     n3: f64,
     /// eta: linear reaching rate; raise it for a stiffer hold of the body (Table 5)
-    #[par("reaching.rate", unit = PER_S, start = 11.0, min = 0.0, tunable)]
+    #[var("reaching.rate", unit = "1/s", start = 11.0, min = 0.0, tunable)]
     eta: f64,
     /// mu: switching gain (Table 5)
-    #[par("switching.gain", unit = M_PER_S2, start = 0.0005, min = 0.0, tunable)]
+    #[var("switching.gain", unit = "m/s2", start = 0.0005, min = 0.0, tunable)]
     mu: f64,
     /// Boundary layer; widen it if the force chatters (0: a pure sign, as in the paper)
-    #[par("switching.boundary_layer", unit = M_PER_S, start = 0.0, min = 0.0, tunable)]
+    #[var("switching.boundary_layer", unit = "m/s", start = 0.0, min = 0.0, tunable)]
     width: f64,
     /// zeta: right force over left force (Table 5)
-    #[par("allocation.right_to_left_ratio", unit = ONE, start = 0.444, tunable)]
+    #[var("allocation.right_to_left_ratio", unit = "1", start = 0.444, tunable)]
     zeta: f64,
     /// Limit of the left force; 0 for none, as in the paper
-    #[par("actuator.force_limit", unit = N, start = 0.0, min = 0.0, tunable, display = "kN")]
+    #[var("actuator.force_limit", unit = "N", start = 0.0, min = 0.0, tunable, display = "kN")]
     limit: f64,
     /// assumed
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
 /// The state of the quarter car.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(WHEEL_HEIGHT)]
+    #[var(WHEEL_HEIGHT)]
     x1: LeftSide<f64>,
-    #[signal(BODY_HEAVE)]
+    #[var(BODY_HEAVE)]
     x2: f64,
-    #[signal(WHEEL_VELOCITY)]
+    #[var(WHEEL_VELOCITY)]
     x3: LeftSide<f64>,
-    #[signal(BODY_HEAVE_RATE)]
+    #[var(BODY_HEAVE_RATE)]
     x4: f64,
 }
 
 /// Forces, and the surface for inspection.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
-    #[signal(COMFORT_FORCE)]
+    #[var(COMFORT_FORCE)]
     f: Sides<f64>,
-    #[signal(SLIDING_SURFACE_COMFORT)]
+    #[var(SLIDING_SURFACE_COMFORT)]
     s: f64,
 }
 
 /// Ride comfort of a half car by a sliding mode of its left quarter; the right force is a constant share of the left
 /// one
-#[model(stop_time = 10.0, step_size = 0.001)]
-impl Sampled for ComfortSlidingMode {
-    type Parameters = P;
+#[fmu::model(stop_time = 10.0, step_size = 0.001)]
+impl Discrete for ComfortSlidingMode {
     type Inputs = U;
     type Outputs = Y;
 
-    fn check(p: &P, (): &(), (): &(), _: &U, _t: f64) -> Result<(), String> {
-        equations::check(p)
+    fn check(&self, _: &Sample<Self>) -> Result<(), String> {
+        equations::check(self)
     }
-    fn update(p: &P, (): &(), (): &mut (), u: &U, _t: f64) -> Y {
-        equations::forces(p, u)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::forces(self, sample.inputs)
     }
 }
-
-fmi2::export!(sampled ComfortSlidingMode);

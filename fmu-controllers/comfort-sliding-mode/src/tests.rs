@@ -10,8 +10,16 @@ use proptest::prelude::*;
 use super::*;
 
 /// The paper's second parameter set, Table 5, found by a genetic algorithm.
-fn genetic() -> P {
-    P { n1: -2.55, n2: 9.7, n3: -0.063, eta: 14.939, mu: 0.15, zeta: 0.39, ..P::default() }
+fn genetic() -> ComfortSlidingMode {
+    ComfortSlidingMode {
+        n1: -2.55,
+        n2: 9.7,
+        n3: -0.063,
+        eta: 14.939,
+        mu: 0.15,
+        zeta: 0.39,
+        ..ComfortSlidingMode::default()
+    }
 }
 
 fn inputs(x1: f64, x2: f64, x3: f64, x4: f64) -> U {
@@ -20,7 +28,7 @@ fn inputs(x1: f64, x2: f64, x3: f64, x4: f64) -> U {
 
 /// Coefficients of the motion on the surface S = 0, highest power first. The force drops out of the sum of the two
 /// balances, m_u x3' + m_s x4' = -k_t x1; with x4 = -(n1 x1 + n2 x2 + n3 x3) that is a system of third order in x1, x2.
-fn sliding_polynomial(p: &P) -> [f64; 4] {
+fn sliding_polynomial(p: &ComfortSlidingMode) -> [f64; 4] {
     let d = p.m_u - p.m_s * p.n3;
     [d, p.m_u * p.n2 - p.m_s * p.n1, p.k_t, p.k_t * p.n2]
 }
@@ -34,7 +42,7 @@ fn is_stable([a3, a2, a1, a0]: [f64; 4]) -> bool {
 #[test]
 fn the_forces_have_the_check_numbers() {
     let u = inputs(0.01, 0.02, -0.1, 0.05);
-    let y = equations::forces(&P::default(), &u);
+    let y = equations::forces(&ComfortSlidingMode::default(), &u);
     assert_abs_diff_eq!(y.f[0], -603.8105750, epsilon = 5e-8);
     assert_abs_diff_eq!(y.f[1], -268.0918953, epsilon = 5e-8);
     assert_abs_diff_eq!(y.s, 0.057368, epsilon = 1e-15);
@@ -46,13 +54,13 @@ fn the_forces_have_the_check_numbers() {
 
 #[test]
 fn at_rest_there_is_no_force() {
-    let y = equations::forces(&P::default(), &U::default());
+    let y = equations::forces(&ComfortSlidingMode::default(), &U::default());
     assert_eq!((y.f.0, y.s), ([0.0; 2], 0.0));
 }
 
 #[test]
 fn the_limit_holds_for_the_left_force_and_its_share() {
-    let p = P { limit: 500.0, ..P::default() };
+    let p = ComfortSlidingMode { limit: 500.0, ..ComfortSlidingMode::default() };
     let y = equations::forces(&p, &inputs(0.01, 0.02, -0.1, 0.05));
     assert_eq!(y.f.0, [-500.0, p.zeta * -500.0]);
 }
@@ -60,7 +68,7 @@ fn the_limit_holds_for_the_left_force_and_its_share() {
 #[test]
 fn both_parameter_sets_slide_stably() {
     // Coefficients and roots: check numbers.
-    let [d, a2, a1, a0] = sliding_polynomial(&P::default());
+    let [d, a2, a1, a0] = sliding_polynomial(&ComfortSlidingMode::default());
     assert_abs_diff_eq!(d, 50.0, epsilon = 1e-12);
     assert_abs_diff_eq!(a2, 909.67, epsilon = 1e-9);
     assert_abs_diff_eq!(a2 / d, 18.19, epsilon = 5e-3);
@@ -69,7 +77,7 @@ fn both_parameter_sets_slide_stably() {
     let [d, a2, ..] = sliding_polynomial(&genetic());
     assert_abs_diff_eq!(d, 146.08, epsilon = 0.006);
     assert_abs_diff_eq!(a2, 4373.75, epsilon = 1e-9);
-    for p in [P::default(), genetic()] {
+    for p in [ComfortSlidingMode::default(), genetic()] {
         assert!(is_stable(sliding_polynomial(&p)));
         // Without it the wheel would not be damped: it is negative in both sets.
         assert!(p.n1 < 0.0);
@@ -79,7 +87,7 @@ fn both_parameter_sets_slide_stably() {
 #[test]
 fn the_conditions_of_the_paper_accept_an_unstable_surface() {
     // Eq. 22 asks for D > 0, m_u n2 - m_s n1 > 0 and n2 > 0. With n1 = 0.01 1/s it is satisfied, but n2 n3 - n1 < 0.
-    let p = P { n1: 0.01, ..P::default() };
+    let p = ComfortSlidingMode { n1: 0.01, ..ComfortSlidingMode::default() };
     let [d, a2, a1, a0] = sliding_polynomial(&p);
     assert!(d > 0.0 && a2 > 0.0 && a1 > 0.0 && a0 > 0.0);
     assert!(!is_stable(sliding_polynomial(&p)));
@@ -87,14 +95,14 @@ fn the_conditions_of_the_paper_accept_an_unstable_surface() {
 
 #[test]
 fn a_surface_that_no_force_moves_is_refused() {
-    let p = P { n3: 50.0 / 1525.0, ..P::default() };
+    let p = ComfortSlidingMode { n3: 50.0 / 1525.0, ..ComfortSlidingMode::default() };
     assert_eq!(
         equations::check(&p).unwrap_err(),
         "'surface.weight.wheel_velocity' = 0.03278688524590164, a number other than 'wheel.mass.side'/'body.mass' = \
          0.03278688524590164 was expected: no force moves the surface"
     );
-    assert!(equations::check(&P { n3: 0.033, ..P::default() }).is_ok());
-    assert!(equations::check(&P::default()).is_ok());
+    assert!(equations::check(&ComfortSlidingMode { n3: 0.033, ..ComfortSlidingMode::default() }).is_ok());
+    assert!(equations::check(&ComfortSlidingMode::default()).is_ok());
 }
 
 proptest! {
@@ -106,7 +114,7 @@ proptest! {
     fn the_surface_is_reached_as_demanded(
         x in prop::array::uniform4(-1.0..1.0f64), n3 in -0.1..0.02, width in 0.0..0.5, genetic_set: bool,
     ) {
-        let p = P { n3, width, ..if genetic_set { genetic() } else { P::default() } };
+        let p = ComfortSlidingMode { n3, width, ..if genetic_set { genetic() } else { ComfortSlidingMode::default() } };
         let [x1, x2, x3, x4] = x;
         let y = equations::forces(&p, &inputs(x1, x2, x3, x4));
         let strut = p.k_s * (x1 - x2) + p.c_s * (x3 - x4) + y.f[0];
@@ -120,7 +128,7 @@ proptest! {
     /// Every function of the law is odd, to the bit.
     #[test]
     fn the_law_is_odd(x in prop::array::uniform4(-1.0..1.0f64), limit in 0.0..2000.0) {
-        let p = P { limit, ..P::default() };
+        let p = ComfortSlidingMode { limit, ..ComfortSlidingMode::default() };
         let y = equations::forces(&p, &inputs(x[0], x[1], x[2], x[3]));
         let mirror = equations::forces(&p, &inputs(-x[0], -x[1], -x[2], -x[3]));
         prop_assert_eq!((y.f.0, y.s), (mirror.f.map(|f| -f), -mirror.s));
@@ -129,7 +137,7 @@ proptest! {
     /// The motion on the surface decays if, and only if, eq. 22 holds with the term that it lacks: n2 n3 - n1 > 0.
     #[test]
     fn four_inequalities_are_necessary_and_sufficient(n1 in -3.0..0.5, n2 in -1.0..10.0, n3 in -0.1..0.1) {
-        let p = P { n1, n2, n3, ..P::default() };
+        let p = ComfortSlidingMode { n1, n2, n3, ..ComfortSlidingMode::default() };
         let [d, a2, a1, a0] = sliding_polynomial(&p);
         // Near the border the eigenvalues decide by roundings.
         prop_assume!(d.abs() > 1e-3 && n2.abs() > 1e-3 && (n2 * n3 - n1).abs() > 1e-3);

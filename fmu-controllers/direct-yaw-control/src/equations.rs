@@ -18,10 +18,10 @@ use chassis::positions::{FourWheels, axle_of, left_is_positive};
 use control::limit::{lag, magnitude};
 use control::sliding_mode::reaching_law;
 
-use crate::{D, P, U, X, Y};
+use crate::{D, DirectYawControl, U, X, Y};
 
 /// Stability factor and slope of the sliding surface.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &DirectYawControl) -> Result<D, String> {
     if p.s2 == 0.0 {
         return Err(
             "'surface.weight.yaw_rate' = 0, another number was expected: the yaw moment acts on the yaw rate, so \
@@ -34,7 +34,7 @@ pub(crate) fn design(p: &P) -> Result<D, String> {
     Ok(D { stability: p.m * (p.b * k_r - p.a * k_f) / (wheelbase * wheelbase * k_f * k_r), c: p.s1 / p.s2 })
 }
 
-pub(crate) fn sample(p: &P, d: &D, x: &mut X, inputs: &U) -> Y {
+pub(crate) fn sample(p: &DirectYawControl, d: &D, x: &mut X, inputs: &U) -> Y {
     let U { delta, u, beta, r, .. } = *inputs;
     let (m, i_z, a, b, t) = (p.m, p.i_z, p.a, p.b, p.sample_time);
     let [k_f, k_r] = *p.k;

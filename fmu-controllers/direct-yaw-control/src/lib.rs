@@ -10,135 +10,129 @@ mod tests;
 
 use chassis::data::esp_car as data;
 use chassis::prelude::*;
-use fmi2::prelude::*;
-
-/// The controller.
-pub struct DirectYawControl;
+use fmu::prelude::*;
 
 /// Symbols as in the paper; K_f, K_r > 0.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct DirectYawControl {
     /// m
-    #[par(VEHICLE_MASS, start = data::MASS)]
+    #[var(VEHICLE_MASS, start = data::MASS)]
     m: f64,
     /// I_z
-    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    #[var(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
     i_z: f64,
-    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     a: f64,
-    #[par(CG_TO_REAR_AXLE, start = data::CG_TO_REAR)]
+    #[var(CG_TO_REAR_AXLE, start = data::CG_TO_REAR)]
     b: f64,
-    #[par(TRACK, start = data::TRACK)]
+    #[var(TRACK, start = data::TRACK)]
     track: f64,
     /// R
-    #[par(WHEEL_RADIUS, start = data::RADIUS)]
+    #[var(WHEEL_RADIUS, start = data::RADIUS)]
     radius: f64,
     /// K_f, K_r: twice the stiffness of a tire
-    #[par(AXLE_CORNERING_STIFFNESS, start = [2.0 * data::CORNERING_STIFFNESS[0], 2.0 * data::CORNERING_STIFFNESS[1]])]
+    #[var(AXLE_CORNERING_STIFFNESS, start = [2.0 * data::CORNERING_STIFFNESS[0], 2.0 * data::CORNERING_STIFFNESS[1]])]
     k: TwoAxles<f64>,
     /// S1 of the sliding surface (paper, after eq. 20)
-    #[par("surface.weight.sideslip", unit = ONE, start = -0.0107)]
+    #[var("surface.weight.sideslip", unit = "1", start = -0.0107)]
     s1: f64,
     /// S2 of the sliding surface, not 0 (paper, after eq. 20)
-    #[par("surface.weight.yaw_rate", unit = ONE, start = 0.0124)]
+    #[var("surface.weight.yaw_rate", unit = "1", start = 0.0124)]
     s2: f64,
     /// k_s: linear reaching rate (assumed)
-    #[par("reaching.rate", unit = PER_S, start = 5.0, min = 0.0, tunable)]
+    #[var("reaching.rate", unit = "1/s", start = 5.0, min = 0.0, tunable)]
     k_s: f64,
     /// eta: size of the switching term (assumed)
-    #[par("switching.gain", unit = RAD_PER_S2, start = 1.0, min = 0.0, tunable)]
+    #[var("switching.gain", unit = "rad/s2", start = 1.0, min = 0.0, tunable)]
     eta: f64,
     /// Width of the switching term's saturation; 0 is the paper's sign function, which chatters (assumed)
-    #[par("switching.boundary_layer", unit = RAD_PER_S, start = 0.05, min = 0.0, tunable)]
+    #[var("switching.boundary_layer", unit = "rad/s", start = 0.05, min = 0.0, tunable)]
     layer: f64,
     /// tau: first-order lag of the references (assumed)
-    #[par("reference.time_constant", unit = S, start = 0.1, positive, tunable)]
+    #[var("reference.time_constant", unit = "s", start = 0.1, positive, tunable)]
     tau: f64,
     /// mu
-    #[par(TIRE_FRICTION, start = data::FRICTION, tunable)]
+    #[var(TIRE_FRICTION, start = data::FRICTION, tunable)]
     mu: f64,
-    #[par(GRAVITY, start = data::GRAVITY)]
+    #[var(GRAVITY, start = data::GRAVITY)]
     g: f64,
     /// Speed up to which there is no yaw moment (assumed)
-    #[par("activation.minimum_speed", unit = M_PER_S, start = 3.0, positive, tunable, display = "km/h")]
+    #[var("activation.minimum_speed", unit = "m/s", start = 3.0, positive, tunable, display = "km/h")]
     speed_min: f64,
     /// Yaw moment up to which no wheel is braked (assumed)
-    #[par("moment.deadband", unit = N_M, start = 100.0, min = 0.0, tunable)]
+    #[var("moment.deadband", unit = "N.m", start = 100.0, min = 0.0, tunable)]
     deadband: f64,
     /// Greatest yaw moment (assumed)
-    #[par("moment.limit", unit = N_M, start = 6000.0, min = 0.0, tunable, display = "kN.m")]
+    #[var("moment.limit", unit = "N.m", start = 6000.0, min = 0.0, tunable, display = "kN.m")]
     moment_max: f64,
     /// Greatest brake pressure (assumed)
-    #[par("pressure.limit", unit = MPA, start = 8.0, min = 0.0, tunable, display = "bar")]
+    #[var("pressure.limit", unit = "MPa", start = 8.0, min = 0.0, tunable, display = "bar")]
     pressure_max: f64,
     /// C, as in BrakeAndDriveActuators
-    #[par(BRAKE_GAIN, start = data::BRAKE_GAIN)]
+    #[var(BRAKE_GAIN, start = data::BRAKE_GAIN)]
     c: TwoAxles<f64>,
     /// T (assumed)
-    #[par(SAMPLE_TIME, start = 0.005)]
+    #[var(SAMPLE_TIME, start = 0.005)]
     sample_time: f64,
 }
 
 /// What the driver asks for and what is measured.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(ENABLE_YAW_CONTROL)]
+    #[var(ENABLE_YAW_CONTROL)]
     enable: f64,
-    #[signal(DRIVER_STEER)]
+    #[var(DRIVER_STEER)]
     delta: f64,
-    #[signal(VEHICLE_SPEED)]
+    #[var(VEHICLE_SPEED)]
     u: f64,
-    #[signal(VEHICLE_SIDESLIP)]
+    #[var(VEHICLE_SIDESLIP)]
     beta: f64,
-    #[signal(VEHICLE_YAW_RATE)]
+    #[var(VEHICLE_YAW_RATE)]
     r: f64,
 }
 
 /// Moment, pressures, and what is followed.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
-    #[signal(DEMAND_YAW_MOMENT)]
+    #[var(DEMAND_YAW_MOMENT)]
     dm: f64,
-    #[signal(YAW_CONTROL_PRESSURE)]
+    #[var(YAW_CONTROL_PRESSURE)]
     pressure: FourWheels<f64>,
-    #[signal(REFERENCE_YAW_RATE)]
+    #[var(REFERENCE_YAW_RATE)]
     r_d: f64,
-    #[signal(REFERENCE_SIDESLIP)]
+    #[var(REFERENCE_SIDESLIP)]
     beta_d: f64,
 }
 
 /// References.
-#[derive(Memory, Clone, Debug, Default)]
+#[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     r_d: f64,
     beta_d: f64,
 }
 
 /// The linear model with two degrees of freedom and the slope of the surface.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     /// Stability factor of the linear model: positive for an understeering vehicle
-    #[calculated("vehicle.stability_factor", unit = S2_PER_M2)]
+    #[var("vehicle.stability_factor", unit = "s2/m2")]
     stability: f64,
     /// S1/S2, 1/s.
     c: f64,
 }
 
 /// Yaw moment of a car by a sliding mode of sideslip and yaw rate, and the brake pressures of one side that make it
-#[model(stop_time = 6.0, step_size = 0.001)]
-impl Sampled for DirectYawControl {
-    type Parameters = P;
-    type Design = D;
-    type Memory = X;
+#[fmu::model(stop_time = 6.0, step_size = 0.001)]
+impl Discrete for DirectYawControl {
+    type Derived = D;
+    type State = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(p: &P) -> Result<D, String> {
-        equations::design(p)
+    fn derived(&self) -> Result<D, String> {
+        equations::derived(self)
     }
-    fn update(p: &P, d: &D, x: &mut X, u: &U, _t: f64) -> Y {
-        equations::sample(p, d, x, u)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::sample(self, sample.derived, sample.state, sample.inputs)
     }
 }
-
-fmi2::export!(sampled DirectYawControl);

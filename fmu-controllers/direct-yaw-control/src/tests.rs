@@ -4,12 +4,12 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn design(p: &P) -> D {
-    equations::design(p).unwrap()
+fn derived(p: &DirectYawControl) -> D {
+    equations::derived(p).unwrap()
 }
 
-fn sample(p: &P, x: &mut X, u: &U) -> Y {
-    DirectYawControl::update(p, &design(p), x, u, 0.0)
+fn sample(p: &DirectYawControl, x: &mut X, u: &U) -> Y {
+    p.update(Sample { time: 0.0, state: x, inputs: u, derived: &derived(p) })
 }
 
 /// Straight ahead at 60 km/h, enabled.
@@ -19,14 +19,14 @@ fn driving() -> U {
 
 #[test]
 fn the_linear_model_has_the_check_numbers() {
-    let stability = design(&P::default()).stability;
+    let stability = derived(&DirectYawControl::default()).stability;
     assert!((stability - 7.999_03e-4).abs() < 5e-10);
     assert!((stability.sqrt().recip() - 35.357).abs() < 5e-4); // characteristic speed, m/s
 }
 
 #[test]
 fn the_references_reach_the_steady_turn_and_its_limits() {
-    let p = P::default();
+    let p = DirectYawControl::default();
     let settled = |delta: f64| {
         let mut x = X::default();
         for _ in 0..1000 {
@@ -46,7 +46,7 @@ fn the_references_reach_the_steady_turn_and_its_limits() {
 #[test]
 fn the_reference_is_a_first_order_lag() {
     // 1 - exp(-T/tau) of the way in the first sample; also while switched off.
-    let p = P::default();
+    let p = DirectYawControl::default();
     let mut x = X::default();
     let y = sample(&p, &mut x, &U { delta: 0.01, enable: 0.0, ..driving() });
     assert!((y.r_d - 0.058_276_3 * (1.0 - (-0.05_f64).exp())).abs() < 1e-8);
@@ -57,8 +57,8 @@ fn the_reference_is_a_first_order_lag() {
 fn the_moment_makes_the_surface_fall_as_the_reaching_law_says() {
     // In the linear model with this moment: d(sigma)/dt = -k_s sigma - eta sat(sigma/layer). Closed form by the model's
     // own rates, written out once more with numbers; a few roundings.
-    let p = P { layer: 0.5, ..P::default() };
-    let d = design(&p);
+    let p = DirectYawControl { layer: 0.5, ..DirectYawControl::default() };
+    let d = derived(&p);
     let mut x = X { r_d: 0.1, beta_d: -0.01 };
     let u = U { delta: 0.02, beta: 0.005, r: 0.05, ..driving() };
     let y = sample(&p, &mut x, &u);
@@ -78,8 +78,8 @@ fn the_moment_makes_the_surface_fall_as_the_reaching_law_says() {
 
 #[test]
 fn brakes_of_one_side_make_the_moment() {
-    // dM = 2 wheels of one side, each F_d = P C/R, at half the track: 2 F_d track/2. Exact but for roundings.
-    let p = P::default();
+    // dM = 2 wheels of one side, each F_d = DirectYawControl C/R, at half the track: 2 F_d track/2. Exact but for roundings.
+    let p = DirectYawControl::default();
     let y = sample(&p, &mut X::default(), &U { r: -0.02, ..driving() });
     assert!(y.dm > p.deadband && y.dm < p.moment_max);
     assert_eq!((y.pressure[1], y.pressure[3]), (0.0, 0.0));
@@ -88,7 +88,11 @@ fn brakes_of_one_side_make_the_moment() {
         assert!((force * data::TRACK / y.dm - 1.0).abs() < 1e-14);
     }
     // Small moments brake no wheel, great ones are limited, and the rear brakes by their pressure.
-    let small = sample(&P { deadband: 1e5, ..P::default() }, &mut X::default(), &U { r: -0.02, ..driving() });
+    let small = sample(
+        &DirectYawControl { deadband: 1e5, ..DirectYawControl::default() },
+        &mut X::default(),
+        &U { r: -0.02, ..driving() },
+    );
     assert_eq!((small.dm, *small.pressure), (y.dm, [0.0; 4]));
     let great = sample(&p, &mut X::default(), &U { delta: -0.5, ..driving() });
     assert_eq!((great.dm, great.pressure[1], great.pressure[2], great.pressure[3]), (6000.0, 0.0, 8.0, 0.0));
@@ -97,7 +101,7 @@ fn brakes_of_one_side_make_the_moment() {
 
 #[test]
 fn a_slow_car_is_left_alone() {
-    let p = P::default();
+    let p = DirectYawControl::default();
     for u in [3.0, 0.0, -5.0] {
         let y = sample(&p, &mut X::default(), &U { r: 0.5, delta: 0.3, u, ..driving() });
         assert_eq!((y.dm, *y.pressure), (0.0, [0.0; 4]));
@@ -108,8 +112,8 @@ fn a_slow_car_is_left_alone() {
 #[test]
 fn an_oversteering_car_has_finite_references() {
     // K < 0: beyond the critical speed 1 + K u^2 would change its sign; it stays at 0.05.
-    let p = P { k: TwoAxles([120_000.0, 60_000.0]), ..P::default() };
-    assert!(design(&p).stability < 0.0);
+    let p = DirectYawControl { k: TwoAxles([120_000.0, 60_000.0]), ..DirectYawControl::default() };
+    assert!(derived(&p).stability < 0.0);
     let mut x = X::default();
     for u in [10.0, 20.0, 40.0] {
         let y = sample(&p, &mut x, &U { u, delta: 0.01, ..driving() });
@@ -119,7 +123,7 @@ fn an_oversteering_car_has_finite_references() {
 
 #[test]
 fn a_surface_without_yaw_rate_is_refused() {
-    let message = equations::design(&P { s2: 0.0, ..P::default() }).unwrap_err();
+    let message = equations::derived(&DirectYawControl { s2: 0.0, ..DirectYawControl::default() }).unwrap_err();
     assert!(message.starts_with("'surface.weight.yaw_rate' = 0, another number was expected"), "{message}");
 }
 
@@ -131,7 +135,7 @@ proptest! {
     fn control_is_odd_and_limited(
         r_d in -1.0..1.0, beta_d in -0.2..0.2, delta in -0.5..0.5, u in 0.0..50.0, beta in -0.5..0.5, r in -2.0..2.0,
     ) {
-        let p = P::default();
+        let p = DirectYawControl::default();
         let (mut left, mut right) = (X { r_d, beta_d }, X { r_d: -r_d, beta_d: -beta_d });
         let y = sample(&p, &mut left, &U { enable: 1.0, delta, u, beta, r });
         let mirror = sample(&p, &mut right, &U { enable: 1.0, delta: -delta, u, beta: -beta, r: -r });

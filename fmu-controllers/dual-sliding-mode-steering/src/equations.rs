@@ -20,20 +20,20 @@ use control::limit;
 use control::sliding_mode::{integral_surface, reaching_law};
 use front_steering::{Limits, ReferenceModel, Sample, Vehicle};
 
-use crate::{D, P, SlipAngleModel, U, X, Y};
+use crate::{D, DualSlidingModeSteering, SlipAngleModel, U, X, Y};
 
 /// Positions, axle stiffnesses and the load of the front axle.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &DualSlidingModeSteering) -> Result<D, String> {
     let vehicle = Vehicle::new(p.m, p.g, [p.a, p.l12, p.l23], *p.c)?;
     Ok(D { vehicle, w_f: vehicle.w_f })
 }
 
 /// Limits of the front axle.
-pub(crate) fn front_limits(p: &P) -> Limits {
+pub(crate) fn front_limits(p: &DualSlidingModeSteering) -> Limits {
     Limits { model: p.reference_model, ay_limit: p.ay_limit, angle: p.front_limit, rate: p.front_rate }
 }
 
-pub(crate) fn sample(p: &P, d: &D, x: &mut X, inputs: &U) -> Y {
+pub(crate) fn sample(p: &DualSlidingModeSteering, d: &D, x: &mut X, inputs: &U) -> Y {
     let t = p.sample_time;
     let Vehicle { a, b, c, c_axle: [c_f, c_m, c_r], .. } = d.vehicle;
     let U { beta, r, .. } = *inputs;

@@ -9,14 +9,11 @@ mod tests;
 
 use chassis::data::rescue_vehicle as data;
 use chassis::prelude::*;
-use fmi2::prelude::*;
+use fmu::prelude::*;
 use front_steering::{ReferenceModel, Vehicle};
 
-/// The controller.
-pub struct DualSlidingModeSteering;
-
 /// How the slip angles of the axles are computed.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SlipAngleModel {
     /// small angles, as in the paper
     SmallAngle = 0,
@@ -26,73 +23,73 @@ pub enum SlipAngleModel {
 
 /// Symbols as in the paper; C = -k > 0.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
-    #[par(VEHICLE_MASS, start = data::MASS)]
+pub struct DualSlidingModeSteering {
+    #[var(VEHICLE_MASS, start = data::MASS)]
     m: f64,
-    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    #[var(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
     i_z: f64,
-    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     a: f64,
-    #[par(FRONT_TO_MIDDLE_AXLE, start = data::FRONT_TO_MIDDLE)]
+    #[var(FRONT_TO_MIDDLE_AXLE, start = data::FRONT_TO_MIDDLE)]
     l12: f64,
-    #[par(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
+    #[var(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
     l23: f64,
-    #[par(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
+    #[var(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
     c: ThreeAxles<f64>,
-    #[par(GRAVITY, start = data::GRAVITY, positive)]
+    #[var(GRAVITY, start = data::GRAVITY, positive)]
     g: f64,
-    #[par(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
+    #[var(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
     u_min: f64,
     /// zeta: rate at which the error decays on the surface; raise it against a lasting error
-    #[par("surface.integral_gain", unit = PER_S, start = 1.0, min = 0.0, tunable)]
+    #[var("surface.integral_gain", unit = "1/s", start = 1.0, min = 0.0, tunable)]
     zeta: SlidingModes<f64>,
     /// K: linear reaching rate; raise it for a faster return to the surface
-    #[par("reaching.rate", unit = PER_S, start = 4.0, min = 0.0, tunable)]
+    #[var("reaching.rate", unit = "1/s", start = 4.0, min = 0.0, tunable)]
     k: SlidingModes<f64>,
     /// eps: switching gain of the sideslip law
-    #[par("switching.gain.sideslip", unit = RAD_PER_S, start = 0.02, min = 0.0, tunable)]
+    #[var("switching.gain.sideslip", unit = "rad/s", start = 0.02, min = 0.0, tunable)]
     eps_b: f64,
     /// eps: switching gain of the yaw rate law
-    #[par("switching.gain.yaw_rate", unit = RAD_PER_S2, start = 0.05, min = 0.0, tunable)]
+    #[var("switching.gain.yaw_rate", unit = "rad/s2", start = 0.05, min = 0.0, tunable)]
     eps_r: f64,
     /// Boundary layer of the sideslip law; widen it if the axles chatter, 0 is a pure sign
-    #[par("switching.boundary_layer.sideslip", unit = RAD, start = 0.01, min = 0.0, tunable)]
+    #[var("switching.boundary_layer.sideslip", unit = "rad", start = 0.01, min = 0.0, tunable)]
     width_b: f64,
     /// Boundary layer of the yaw rate law; widen it if the axles chatter, 0 is a pure sign
-    #[par("switching.boundary_layer.yaw_rate", unit = RAD_PER_S, start = 0.02, min = 0.0, tunable)]
+    #[var("switching.boundary_layer.yaw_rate", unit = "rad/s", start = 0.02, min = 0.0, tunable)]
     width_r: f64,
     /// Largest lateral acceleration that the reference asks for (calibrated on Table 4)
-    #[par("reference.lateral_acceleration_limit", unit = M_PER_S2, start = 3.743, positive, tunable)]
+    #[var("reference.lateral_acceleration_limit", unit = "m/s2", start = 3.743, positive, tunable)]
     ay_limit: f64,
     /// Time constant of the yaw rate reference
-    #[par("reference.time_constant", unit = S, start = 0.2, positive, tunable)]
+    #[var("reference.time_constant", unit = "s", start = 0.2, positive, tunable)]
     tau: f64,
     /// Rate limit of the front axle; 0 or less for none (calibrated on Table 4: 10 deg/s)
-    #[par("steer.rate_limit.front", unit = RAD_PER_S, start = 10.0 * DEG, tunable, display = "deg/s")]
+    #[var("steer.rate_limit.front", unit = "rad/s", start = 10.0 * DEG, tunable, display = "deg/s")]
     front_rate: f64,
     /// Rate limit of the middle and rear axle; 0 or less for none
-    #[par("steer.rate_limit.rear", unit = RAD_PER_S, start = 30.0 * DEG, tunable, display = "deg/s")]
+    #[var("steer.rate_limit.rear", unit = "rad/s", start = 30.0 * DEG, tunable, display = "deg/s")]
     rate: f64,
     /// Angle limit of the front axle (paper: 32 deg)
-    #[par("steer.angle_limit.front", unit = RAD, start = 32.0 * DEG, min = 0.0, tunable, display = "deg")]
+    #[var("steer.angle_limit.front", unit = "rad", start = 32.0 * DEG, min = 0.0, tunable, display = "deg")]
     front_limit: f64,
     /// Angle limit of the middle and rear axle
-    #[par("steer.angle_limit.rear", unit = RAD, start = 32.0 * DEG, min = 0.0, tunable, display = "deg")]
+    #[var("steer.angle_limit.rear", unit = "rad", start = 32.0 * DEG, min = 0.0, tunable, display = "deg")]
     limit: f64,
     /// Steady turn of the yaw rate reference
-    #[par("reference.model", mode, start = ReferenceModel::ZeroSideslip)]
+    #[var("reference.model", start = ReferenceModel::ZeroSideslip)]
     reference_model: ReferenceModel,
     /// Slip angles of the axles
-    #[par("slip_angle.model", mode, start = SlipAngleModel::Arctangent)]
+    #[var("slip_angle.model", start = SlipAngleModel::Arctangent)]
     slip_angle_model: SlipAngleModel,
     /// T
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-fmi2::family! {
+fmu::named_array! {
     /// The two sliding modes.
     pub SlidingModes[2] {
         sideslip: "sideslip",
@@ -103,35 +100,35 @@ fmi2::family! {
 /// What the driver asks for and what is measured.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(DRIVER_STEER)]
+    #[var(DRIVER_STEER)]
     steer: f64,
-    #[signal(VEHICLE_SPEED)]
+    #[var(VEHICLE_SPEED)]
     u: f64,
-    #[signal(VEHICLE_SIDESLIP)]
+    #[var(VEHICLE_SIDESLIP)]
     beta: f64,
-    #[signal(VEHICLE_YAW_RATE)]
+    #[var(VEHICLE_YAW_RATE)]
     r: f64,
-    #[signal(WEIGHT_STEERING)]
+    #[var(WEIGHT_STEERING)]
     k3: f64,
 }
 
 /// Axle angles, and what one wants to look at.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
-    #[signal(STEER)]
+    #[var(STEER)]
     delta: ThreeAxles<f64>,
-    #[signal(SLIDING_SURFACE_SIDESLIP)]
+    #[var(SLIDING_SURFACE_SIDESLIP)]
     s_b: f64,
-    #[signal(SLIDING_SURFACE_YAW_RATE)]
+    #[var(SLIDING_SURFACE_YAW_RATE)]
     s_r: f64,
-    #[signal(REFERENCE_YAW_RATE)]
+    #[var(REFERENCE_YAW_RATE)]
     r_d: f64,
-    #[signal(STEER_REQUEST)]
+    #[var(STEER_REQUEST)]
     request: RearAxles<f64>,
 }
 
 /// Integrals of the errors, reference, and the last axle angles.
-#[derive(Memory, Clone, Debug, Default)]
+#[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     i_b: f64,
     i_r: f64,
@@ -142,30 +139,27 @@ pub struct X {
 }
 
 /// What follows from geometry, masses and tires.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     /// The vehicle in a steady turn.
     vehicle: Vehicle,
     /// Load of the front axle at rest
-    #[calculated("axle.static_load.front", unit = N, display = "kN")]
+    #[var("axle.static_load.front", unit = "N", display = "kN")]
     w_f: f64,
 }
 
 /// Multi-axle steering of a three-axle vehicle by two integral sliding modes: zero sideslip and reference yaw rate
-#[model(stop_time = 20.0, step_size = 0.001)]
-impl Sampled for DualSlidingModeSteering {
-    type Parameters = P;
-    type Design = D;
-    type Memory = X;
+#[fmu::model(stop_time = 20.0, step_size = 0.001)]
+impl Discrete for DualSlidingModeSteering {
+    type Derived = D;
+    type State = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(p: &P) -> Result<D, String> {
-        equations::design(p)
+    fn derived(&self) -> Result<D, String> {
+        equations::derived(self)
     }
-    fn update(p: &P, d: &D, x: &mut X, u: &U, _t: f64) -> Y {
-        equations::sample(p, d, x, u)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::sample(self, sample.derived, sample.state, sample.inputs)
     }
 }
-
-fmi2::export!(sampled DualSlidingModeSteering);

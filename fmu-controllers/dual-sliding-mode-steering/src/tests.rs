@@ -4,19 +4,19 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
-use fmi2::block::Mode as _;
+use fmu::Enumeration as _;
 use proptest::prelude::*;
 
 use super::*;
 
 const KM_H: f64 = 1.0 / 3.6;
 
-fn design(p: &P) -> D {
-    equations::design(p).unwrap()
+fn derived(p: &DualSlidingModeSteering) -> D {
+    equations::derived(p).unwrap()
 }
 
-fn sample(p: &P, x: &mut X, u: &U) -> Y {
-    equations::sample(p, &design(p), x, u)
+fn sample(p: &DualSlidingModeSteering, x: &mut X, u: &U) -> Y {
+    equations::sample(p, &derived(p), x, u)
 }
 
 /// Inputs of the check numbers.
@@ -24,7 +24,7 @@ const TURN: U = U { steer: 0.05, u: 10.0, beta: 0.01, r: 0.1, k3: 1.0 };
 
 #[test]
 fn three_samples_from_rest_have_the_check_numbers() {
-    let p = P::default();
+    let p = DualSlidingModeSteering::default();
     let mut x = X::default();
     let expected = [
         (0.02072383357, 0.02708851014, 0.000174532925, 0.0),
@@ -46,7 +46,8 @@ fn three_samples_from_rest_have_the_check_numbers() {
 
 #[test]
 fn small_slip_angles_have_the_check_numbers() {
-    let p = P { slip_angle_model: SlipAngleModel::SmallAngle, ..P::default() };
+    let p =
+        DualSlidingModeSteering { slip_angle_model: SlipAngleModel::SmallAngle, ..DualSlidingModeSteering::default() };
     let y = sample(&p, &mut X::default(), &TURN);
     assert_abs_diff_eq!(y.request[0], 0.02076301808, epsilon = 1e-11);
     assert_abs_diff_eq!(y.request[1], 0.02706244899, epsilon = 1e-11);
@@ -56,8 +57,9 @@ fn small_slip_angles_have_the_check_numbers() {
 fn small_slip_angles_solve_the_equations_of_the_paper() {
     // Eqs. 14-31 written with A1, A2, A3 as in the paper (k = -C, six tires): the same two equations for the two axles
     // solved by hand. Roundings of forces of 1e5 N over 6e5 N/rad.
-    let p = P { slip_angle_model: SlipAngleModel::SmallAngle, ..P::default() };
-    let d = design(&p);
+    let p =
+        DualSlidingModeSteering { slip_angle_model: SlipAngleModel::SmallAngle, ..DualSlidingModeSteering::default() };
+    let d = derived(&p);
     let Vehicle { a, b, c, c_axle: [c_f, c_m, c_r], .. } = d.vehicle;
     let (a1, a2, a3) = (c_f + c_m + c_r, a * c_f - b * c_m - c * c_r, a * a * c_f + b * b * c_m + c * c * c_r);
     let U { u, beta, r, .. } = TURN;
@@ -83,8 +85,8 @@ fn the_steady_turn_needs_the_angles_of_equal_slip() {
     // Steady state with zero sideslip at 35 km/h and 0.05 rad: all axles run at the slip angle m u r/A1, so the middle
     // axle stands at alpha - b r/u and the rear one at alpha - c r/u with r = gain tan(0.05). Small angles: the arc
     // tangents and the tangent of 0.05 rad differ from it by less than 0.05^3/3 = 4e-5 rad, over the levers by 1e-4.
-    let p = P::default();
-    let d = design(&p);
+    let p = DualSlidingModeSteering::default();
+    let d = derived(&p);
     let u = 35.0 * KM_H;
     let r = d.vehicle.yaw_rate_gain(p.reference_model, u) * 0.05_f64.tan();
     assert_abs_diff_eq!(r, 0.110394, epsilon = 1e-6); // check number
@@ -102,7 +104,7 @@ fn the_steady_turn_needs_the_angles_of_equal_slip() {
 fn the_front_axle_slews_to_the_angle_of_the_largest_lateral_acceleration() {
     // pi/6 at 35 km/h: 9.8995 deg (check number) after 0.99 s at 10 deg/s; the reference tends to ay_limit/u within
     // exp(-9/0.2).
-    let p = P::default();
+    let p = DualSlidingModeSteering::default();
     let mut x = X::default();
     let u = U { steer: std::f64::consts::FRAC_PI_6, u: 35.0 * KM_H, beta: 0.0, r: 0.0, k3: 0.0 };
     let mut y = Y::default();
@@ -117,7 +119,7 @@ fn the_front_axle_slews_to_the_angle_of_the_largest_lateral_acceleration() {
 
 #[test]
 fn switched_off_the_axles_return_and_the_integrals_are_cleared() {
-    let p = P::default();
+    let p = DualSlidingModeSteering::default();
     let mut x = X::default();
     for _ in 0..100 {
         sample(&p, &mut x, &TURN);
@@ -132,20 +134,20 @@ fn switched_off_the_axles_return_and_the_integrals_are_cleared() {
 
 #[test]
 fn the_integrals_wait_while_an_axle_is_at_its_limit() {
-    let p = P { limit: 0.01, ..P::default() };
+    let p = DualSlidingModeSteering { limit: 0.01, ..DualSlidingModeSteering::default() };
     let mut x = X::default();
     let y = sample(&p, &mut x, &TURN);
     assert!(y.request[1] > p.limit);
     assert_eq!((x.i_b, x.i_r), (0.0, 0.0));
     // Within the limit: I = T e exactly.
-    let p = P::default();
+    let p = DualSlidingModeSteering::default();
     sample(&p, &mut x, &TURN);
     assert_eq!(x.i_b, p.sample_time * TURN.beta);
 }
 
 #[test]
 fn without_rate_limits_the_axles_follow_at_once() {
-    let p = P { front_rate: 0.0, rate: 0.0, ..P::default() };
+    let p = DualSlidingModeSteering { front_rate: 0.0, rate: 0.0, ..DualSlidingModeSteering::default() };
     let y = sample(&p, &mut X::default(), &TURN);
     assert_eq!(y.delta[0], 0.05);
     assert_eq!((y.delta[1], y.delta[2]), (y.request[0], y.request[1]));
@@ -171,10 +173,10 @@ proptest! {
     /// A turn to the right is the turn to the left in a mirror: every function of the law is odd, to the bit.
     #[test]
     fn the_law_is_odd(x in any_memory(), u in any_inputs(), ordinary_reference: bool, small_angles: bool) {
-        let p = P {
+        let p = DualSlidingModeSteering {
             reference_model: ReferenceModel::from_value(i32::from(!ordinary_reference)).unwrap(),
             slip_angle_model: SlipAngleModel::from_value(i32::from(!small_angles)).unwrap(),
-            ..P::default()
+            ..DualSlidingModeSteering::default()
         };
         let (mut left, mut right) = (
             x.clone(),
@@ -191,7 +193,7 @@ proptest! {
     /// Angles and their rates stay within their limits from wherever they start within them, at any speed down to 0.
     #[test]
     fn angles_and_rates_keep_their_limits(x in any_memory(), u in any_inputs()) {
-        let p = P::default();
+        let p = DualSlidingModeSteering::default();
         let mut after = x.clone();
         let y = sample(&p, &mut after, &u);
         let steps = [(x.df, y.delta[0], p.front_rate), (x.dm, y.delta[1], p.rate), (x.dr, y.delta[2], p.rate)];

@@ -12,7 +12,7 @@
 use chassis::positions::{FourWheels, axle_of};
 use control::limit::lag;
 
-use crate::{P, Strategy, U, X, Y};
+use crate::{FiniteStateCoordination, Strategy, U, X, Y};
 
 /// The driving states of Table 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ fn side_of(i: usize) -> usize {
 }
 
 /// Table 1 with bands: a car that was in a state stays in it a little longer.
-pub(crate) fn state(p: &P, x: &mut X, inputs: &U) -> State {
+pub(crate) fn state(p: &FiniteStateCoordination, x: &mut X, inputs: &U) -> State {
     x.a_x = lag(x.a_x, inputs.a_x, p.tau, p.sample_time);
     x.a_y = lag(x.a_y, inputs.a_y, p.tau, p.sample_time);
     // Braking by yaw control alone is not braking: the pedal decides.
@@ -70,7 +70,7 @@ pub(crate) fn state(p: &P, x: &mut X, inputs: &U) -> State {
 }
 
 /// K_i and K_d of a pair of wheels for the acceleration `x`.
-fn banded(p: &P, row: &Row, x: f64, threshold: f64) -> (f64, f64) {
+fn banded(p: &FiniteStateCoordination, row: &Row, x: f64, threshold: f64) -> (f64, f64) {
     if x < -threshold {
         (row.k_i[0], row.k_d[0])
     } else if x > threshold {
@@ -82,7 +82,7 @@ fn banded(p: &P, row: &Row, x: f64, threshold: f64) -> (f64, f64) {
 
 /// K_p of two pairs of wheels: `large` at the first where rate and acceleration are positive, at the second where both are
 /// negative, the other one at the opposite pair.
-fn opposed(p: &P, motion: [f64; 2], thresholds: [f64; 2], large: f64, small: f64) -> [f64; 2] {
+fn opposed(p: &FiniteStateCoordination, motion: [f64; 2], thresholds: [f64; 2], large: f64, small: f64) -> [f64; 2] {
     let both = |sign: f64| (0..2).all(|i| sign * motion[i] > thresholds[i]);
     if both(1.0) {
         [large, small]
@@ -94,7 +94,7 @@ fn opposed(p: &P, motion: [f64; 2], thresholds: [f64; 2], large: f64, small: f64
 }
 
 /// K_p, K_i and K_d of every wheel.
-pub(crate) fn gains(p: &P, state: State, inputs: &U) -> [FourWheels<f64>; 3] {
+pub(crate) fn gains(p: &FiniteStateCoordination, state: State, inputs: &U) -> [FourWheels<f64>; 3] {
     let U { thetad, thetadd, phid, phidd, .. } = *inputs;
     let base = [p.k_p0, p.k_i0, p.k_d0].map(|gain| FourWheels([gain; 4]));
     let pitch_rule = || {
@@ -139,14 +139,14 @@ pub(crate) fn gains(p: &P, state: State, inputs: &U) -> [FourWheels<f64>; 3] {
 }
 
 /// Target slip: the tire's best slip grows as the speed falls; in a turn some of it is left for the lateral force.
-pub(crate) fn target_slip(p: &P, state: State, a_y: f64, u: f64) -> f64 {
+pub(crate) fn target_slip(p: &FiniteStateCoordination, state: State, a_y: f64, u: f64) -> f64 {
     let straight = p.slip_ref * (p.v_ref / u.max(LEAST_SPEED)).sqrt();
     let turning =
         if state == State::TurningAndBraking { 1.0 - p.slip_lat * (a_y.abs() / (p.mu * p.g)).min(1.0) } else { 1.0 };
     (straight * turning).max(p.slip_lo).min(p.slip_hi)
 }
 
-pub(crate) fn sample(p: &P, x: &mut X, inputs: &U) -> Y {
+pub(crate) fn sample(p: &FiniteStateCoordination, x: &mut X, inputs: &U) -> Y {
     match p.strategy {
         Strategy::None => constant(0.0, [0.0; 3], 0.0),
         Strategy::Individual => constant(1.0, [p.k_p0, p.k_i0, p.k_d0], p.slip_0),

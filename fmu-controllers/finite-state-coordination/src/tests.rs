@@ -6,12 +6,12 @@ use super::equations::State;
 use super::*;
 
 /// No filter: the state follows at once.
-fn unfiltered() -> P {
-    P { tau: 0.0, ..P::default() }
+fn unfiltered() -> FiniteStateCoordination {
+    FiniteStateCoordination { tau: 0.0, ..FiniteStateCoordination::default() }
 }
 
-fn sample(p: &P, x: &mut X, u: &U) -> Y {
-    FiniteStateCoordination::update(p, &(), x, u, 0.0)
+fn sample(p: &FiniteStateCoordination, x: &mut X, u: &U) -> Y {
+    p.update(Sample { time: 0.0, state: x, inputs: u, derived: &() })
 }
 
 /// State for accelerations and brake pedal, after what was before.
@@ -60,7 +60,7 @@ fn states_last_until_the_lower_threshold() {
 #[test]
 fn accelerations_are_filtered() {
     // 1 - exp(-5 ms/50 ms) of 2 m/s2 per sample: above 0.4 m/s2 in the third, 2 (1 - exp(-0.3)) = 0.518.
-    let p = P::default();
+    let p = FiniteStateCoordination::default();
     let mut x = X::default();
     let states: Vec<_> = (0..3).map(|_| sample(&p, &mut x, &U { a_y: 2.0, ..U::default() }).state).collect();
     assert_eq!(states, [1.0, 1.0, 4.0]);
@@ -86,22 +86,30 @@ fn laws_are_on_by_state() {
 #[test]
 fn the_other_strategies_are_constant() {
     let u = U { a_x: -3.0, a_y: 3.0, brake: 1.0, thetadd: 1.0, phidd: 1.0, u: 10.0, ..U::default() };
-    let y = sample(&P { strategy: Strategy::None, ..P::default() }, &mut X::default(), &u);
+    let y = sample(
+        &FiniteStateCoordination { strategy: Strategy::None, ..FiniteStateCoordination::default() },
+        &mut X::default(),
+        &u,
+    );
     assert_eq!((y.state, y.suspension, y.antilock, y.yaw_control), (0.0, 0.0, 0.0, 0.0));
     assert_eq!((*y.k_p, *y.k_i, *y.k_d, *y.target), ([0.0; 4], [0.0; 4], [0.0; 4], [0.0; 4]));
-    let y = sample(&P { strategy: Strategy::Individual, ..P::default() }, &mut X::default(), &u);
+    let y = sample(
+        &FiniteStateCoordination { strategy: Strategy::Individual, ..FiniteStateCoordination::default() },
+        &mut X::default(),
+        &u,
+    );
     assert_eq!((y.state, y.suspension, y.antilock, y.yaw_control), (0.0, 1.0, 1.0, 1.0));
     assert_eq!((*y.k_p, *y.k_i, *y.k_d, *y.target), ([60.0; 4], [0.8; 4], [3.0; 4], [0.2; 4]));
 }
 
-fn gains(p: &P, state: State, u: &U) -> [[f64; 4]; 3] {
+fn gains(p: &FiniteStateCoordination, state: State, u: &U) -> [[f64; 4]; 3] {
     equations::gains(p, state, u).map(|family| *family)
 }
 
 #[test]
 #[expect(clippy::approx_constant, reason = "3.14 stands in Table 3")]
 fn the_tables_are_those_of_the_paper() {
-    let p = P::default();
+    let p = FiniteStateCoordination::default();
     let pitch = |thetadd: f64| U { thetadd, ..U::default() };
     let roll = |phidd: f64| U { phidd, ..U::default() };
     let axles = |front: f64, rear: f64| [front, front, rear, rear];
@@ -125,14 +133,15 @@ fn the_tables_are_those_of_the_paper() {
     ] {
         assert_eq!(gains(&p, state, &u)[1..], [k_i, k_d], "{state:?} {u:?}");
     }
-    let swapped = P { swap_sides: true, ..P::default() };
+    let swapped = FiniteStateCoordination { swap_sides: true, ..FiniteStateCoordination::default() };
     assert_eq!(gains(&swapped, State::Turning, &roll(-0.011))[1..], [sides(1.16, 1.06), sides(3.18, 3.10)]);
     assert_eq!(gains(&swapped, State::Accelerating, &pitch(-0.11))[1], axles(0.98, 1.00));
 }
 
 #[test]
 fn rules_raise_the_proportional_gain_where_rate_and_acceleration_agree() {
-    let p = P { lambda_1: 100.0, lambda_2: 80.0, beta_3: 0.5, ..P::default() };
+    let p =
+        FiniteStateCoordination { lambda_1: 100.0, lambda_2: 80.0, beta_3: 0.5, ..FiniteStateCoordination::default() };
     let motion = |thetad, thetadd, phid, phidd| U { thetad, thetadd, phid, phidd, ..U::default() };
     let k_p = |state, u: U| gains(&p, state, &u)[0];
     let pitching = motion(0.02, 0.2, 0.0, 0.0);
@@ -160,7 +169,7 @@ fn rules_raise_the_proportional_gain_where_rate_and_acceleration_agree() {
 
 #[test]
 fn the_target_slip_falls_with_speed_and_in_turns() {
-    let p = P::default();
+    let p = FiniteStateCoordination::default();
     let slip = |state, a_y: f64, u: f64| equations::target_slip(&p, state, a_y, u);
     // 0.18 at 60 km/h, sqrt of the inverse speed; limited at 0.30 below 21.6 km/h.
     assert!((slip(State::Braking, 0.0, data::SPEED) - 0.18).abs() < 1e-15);
@@ -174,7 +183,7 @@ fn the_target_slip_falls_with_speed_and_in_turns() {
     }
     assert!((slip(State::Turning, limit, data::SPEED) - 0.18).abs() < 1e-15);
     // Parameters that contradict each other, or ice without friction, do not panic.
-    let odd = P { slip_lo: 0.5, slip_hi: 0.1, mu: 0.0, ..P::default() };
+    let odd = FiniteStateCoordination { slip_lo: 0.5, slip_hi: 0.1, mu: 0.0, ..FiniteStateCoordination::default() };
     assert_eq!(equations::target_slip(&odd, State::TurningAndBraking, 0.0, 10.0), 0.1);
 }
 
@@ -187,7 +196,7 @@ proptest! {
     fn results_belong_to_the_state(
         samples in prop::collection::vec((prop::array::uniform6(-2.0..2.0_f64), 0.0..0.1_f64, 0.0..40.0_f64), 1..30),
     ) {
-        let p = P::default();
+        let p = FiniteStateCoordination::default();
         let mut x = X::default();
         for ([a_x, a_y, thetad, thetadd, phid, phidd], brake, speed) in samples {
             let y = sample(&p, &mut x, &U { u: speed, a_x, a_y, thetad, thetadd, phid, phidd, brake, throttle: 0.0 });

@@ -5,15 +5,15 @@ use approx::assert_abs_diff_eq;
 use super::*;
 
 /// One sample, with the start values but for the model.
-fn sample(p: &P, x: &mut X, steer: f64, u: f64) -> f64 {
-    equations::sample(p, &equations::design(p).unwrap(), x, &U { steer, u }).delta[0]
+fn sample(p: &FrontSteeringActuator, x: &mut X, steer: f64, u: f64) -> f64 {
+    equations::sample(p, &equations::derived(p).unwrap(), x, &U { steer, u }).delta[0]
 }
 
 /// The equations in the order of the README, with numbers of the rescue vehicle: its axles carry equal loads, so W_F/g is
 /// a third of the mass. 1e-15 rad is a few roundings of angles below 1.
 #[test]
 fn the_axle_follows_the_equations() {
-    let p = P::default();
+    let p = FrontSteeringActuator::default();
     let (a, w_f, c_f, t) = (p.a, 12_000.0, 600_000.0, 0.001);
     let mut x = X::default();
     let mut last = 0.0;
@@ -34,7 +34,7 @@ fn the_axle_follows_the_equations() {
 /// pi/6 at 35 km/h: 10 deg/s up to 9.8995 deg (check number of an independent implementation, 4 decimals).
 #[test]
 fn a_step_slews_to_the_angle_of_the_largest_lateral_acceleration() {
-    let p = P::default();
+    let p = FrontSteeringActuator::default();
     let mut x = X::default();
     for n in 1..=2000 {
         let angle = sample(&p, &mut x, std::f64::consts::FRAC_PI_6, 35.0 / 3.6).to_degrees();
@@ -46,7 +46,7 @@ fn a_step_slews_to_the_angle_of_the_largest_lateral_acceleration() {
 #[test]
 fn without_a_rate_limit_only_the_angle_is_limited() {
     for reference_model in [ReferenceModel::TwoDegreesOfFreedom, ReferenceModel::ZeroSideslip] {
-        let p = P { front_rate: 0.0, reference_model, ..P::default() };
+        let p = FrontSteeringActuator { front_rate: 0.0, reference_model, ..FrontSteeringActuator::default() };
         let at = |steer| sample(&p, &mut X::default(), steer, 10.0);
         assert_eq!(at(0.05), 0.05);
         assert!(at(0.4) < 0.2);

@@ -2,7 +2,7 @@
 
 use control::fuzzy::{Conjunction, FuzzyError, LabelMap, Membership, Output, Partition, RuleTable};
 
-use crate::{D, P, Strategy, U, Y};
+use crate::{D, FuzzyCoordination, Strategy, U, Y};
 
 /// Labels of the outputs, from extremely small to extremely big.
 const PES: usize = 0;
@@ -41,7 +41,7 @@ pub(crate) fn rule_base() -> Result<D, String> {
     make().map_err(|error| error.to_string())
 }
 
-pub(crate) fn weights(p: &P, d: &D, u: &U) -> Y {
+pub(crate) fn weights(p: &FuzzyCoordination, d: &D, u: &U) -> Y {
     if p.strategy == Strategy::Individual {
         return Y { k1: p.fixed_integrated, k2: p.fixed_roll, k3: p.fixed_steering };
     }

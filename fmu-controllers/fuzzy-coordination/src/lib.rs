@@ -11,13 +11,10 @@ mod tests;
 
 use chassis::prelude::*;
 use control::fuzzy::{LabelMap, Output, Partition, RuleTable};
-use fmi2::prelude::*;
-
-/// The controller.
-pub struct FuzzyCoordination;
+use fmu::prelude::*;
 
 /// Which control case runs.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
     /// constant weights, no coordination
     Individual = 1,
@@ -27,52 +24,52 @@ pub enum Strategy {
 
 /// Parameters.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct FuzzyCoordination {
     /// Control case
-    #[par("strategy", mode, start = Strategy::Coordination)]
+    #[var("strategy", start = Strategy::Coordination)]
     strategy: Strategy,
     /// Share of the integrated law in individual control
-    #[par("fixed_weight.integrated", unit = ONE, start = 1.0, tunable)]
+    #[var("fixed_weight.integrated", unit = "1", start = 1.0, tunable)]
     fixed_integrated: f64,
     /// Share of the roll law in individual control; both laws fully on are unstable
-    #[par("fixed_weight.roll", unit = ONE, start = 0.0, tunable)]
+    #[var("fixed_weight.roll", unit = "1", start = 0.0, tunable)]
     fixed_roll: f64,
     /// Multi-axle steering in individual control: on when above 0.5
-    #[par("fixed_weight.steering", unit = ONE, start = 1.0, tunable)]
+    #[var("fixed_weight.steering", unit = "1", start = 1.0, tunable)]
     fixed_steering: f64,
     /// Steering demand from which on the multi-axle steering is on in coordination
-    #[par("steering.activation_angle", unit = RAD, start = std::f64::consts::PI / 180.0, min = 0.0, tunable, display = "deg")]
+    #[var("steering.activation_angle", unit = "rad", start = std::f64::consts::PI / 180.0, min = 0.0, tunable, display = "deg")]
     delta_0: f64,
     /// Tables 2 and 3 drive the shares as printed in the paper
-    #[par("rules.as_printed", start = false)]
+    #[var("rules.as_printed", start = false)]
     as_printed: bool,
     /// assumed
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
 /// What the rules look at.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(DRIVER_STEER)]
+    #[var(DRIVER_STEER)]
     steer: f64,
-    #[signal(VEHICLE_SPEED)]
+    #[var(VEHICLE_SPEED)]
     speed: f64,
 }
 
 /// The shares.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
-    #[signal(WEIGHT_INTEGRATED)]
+    #[var(WEIGHT_INTEGRATED)]
     k1: f64,
-    #[signal(WEIGHT_ROLL)]
+    #[var(WEIGHT_ROLL)]
     k2: f64,
-    #[signal(WEIGHT_STEERING)]
+    #[var(WEIGHT_STEERING)]
     k3: f64,
 }
 
 /// The rule base with its tabulated output sets.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     angle: Partition<5>,
     speed: Partition<5>,
@@ -83,19 +80,16 @@ pub struct D {
 
 /// Shares of the integrated and the roll suspension law and activation of multi-axle steering, by fuzzy rules on
 /// steering demand and speed
-#[model(stop_time = 20.0, step_size = 0.001)]
-impl Sampled for FuzzyCoordination {
-    type Parameters = P;
-    type Design = D;
+#[fmu::model(stop_time = 20.0, step_size = 0.001)]
+impl Discrete for FuzzyCoordination {
+    type Derived = D;
     type Inputs = U;
     type Outputs = Y;
 
-    fn design(_: &P) -> Result<D, String> {
+    fn derived(&self) -> Result<D, String> {
         equations::rule_base()
     }
-    fn update(p: &P, d: &D, (): &mut (), u: &U, _t: f64) -> Y {
-        equations::weights(p, d, u)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::weights(self, sample.derived, sample.inputs)
     }
 }
-
-fmi2::export!(sampled FuzzyCoordination);

@@ -6,9 +6,14 @@ use super::*;
 
 const KM_H: f64 = 1.0 / 3.6;
 
-fn weights(p: &P, degrees: f64, km_h: f64) -> Y {
-    let d = FuzzyCoordination::design(p).unwrap();
-    FuzzyCoordination::update(p, &d, &mut (), &U { steer: degrees.to_radians(), speed: km_h * KM_H }, 0.0)
+fn weights(p: &FuzzyCoordination, degrees: f64, km_h: f64) -> Y {
+    let d = p.derived().unwrap();
+    p.update(Sample {
+        time: 0.0,
+        state: &mut (),
+        inputs: &U { steer: degrees.to_radians(), speed: km_h * KM_H },
+        derived: &d,
+    })
 }
 
 /// Steering angle in degrees, speed in km/h, K1, K2: computed by an independent implementation, 9 decimals printed.
@@ -25,23 +30,23 @@ const CHECKS: [(f64, f64, f64, f64); 7] = [
 #[test]
 fn the_shares_have_the_check_numbers() {
     for (degrees, km_h, k1, k2) in CHECKS {
-        let y = weights(&P::default(), degrees, km_h);
+        let y = weights(&FuzzyCoordination::default(), degrees, km_h);
         assert!((y.k1 - k1).abs() < 1e-9 && (y.k2 - k2).abs() < 1e-9, "{degrees} deg, {km_h} km/h: {y:?}");
     }
 }
 
 #[test]
 fn rules_as_printed_exchange_the_shares() {
-    let printed = P { as_printed: true, ..P::default() };
+    let printed = FuzzyCoordination { as_printed: true, ..FuzzyCoordination::default() };
     for (degrees, km_h, ..) in CHECKS {
-        let (y, z) = (weights(&P::default(), degrees, km_h), weights(&printed, degrees, km_h));
+        let (y, z) = (weights(&FuzzyCoordination::default(), degrees, km_h), weights(&printed, degrees, km_h));
         assert_eq!((y.k1, y.k2, y.k3), (z.k2, z.k1, z.k3));
     }
 }
 
 #[test]
 fn multi_axle_steering_needs_speed_and_a_steering_demand() {
-    let p = P::default();
+    let p = FuzzyCoordination::default();
     assert_eq!(weights(&p, 30.0, 0.0).k3, 0.0);
     assert_eq!(weights(&p, 30.0, -5.0).k3, 0.0);
     assert_eq!(weights(&p, 30.0, 0.001).k3, 1.0);
@@ -49,15 +54,15 @@ fn multi_axle_steering_needs_speed_and_a_steering_demand() {
     assert_eq!(weights(&p, 1.0, 35.0).k3, 1.0); // the activation angle itself counts
     assert_eq!(weights(&p, -1.0, 35.0).k3, 1.0);
     // A threshold of 0: always on while moving.
-    assert_eq!(weights(&P { delta_0: 0.0, ..p }, 0.0, 35.0).k3, 1.0);
+    assert_eq!(weights(&FuzzyCoordination { delta_0: 0.0, ..p }, 0.0, 35.0).k3, 1.0);
 }
 
 #[test]
 fn individual_control_has_constant_weights() {
-    let p = P { strategy: Strategy::Individual, ..P::default() };
+    let p = FuzzyCoordination { strategy: Strategy::Individual, ..FuzzyCoordination::default() };
     let y = weights(&p, 30.0, 35.0);
     assert_eq!((y.k1, y.k2, y.k3), (1.0, 0.0, 1.0));
-    let p = P { fixed_integrated: 0.5, fixed_roll: 0.25, fixed_steering: 0.0, ..p };
+    let p = FuzzyCoordination { fixed_integrated: 0.5, fixed_roll: 0.25, fixed_steering: 0.0, ..p };
     let y = weights(&p, 0.0, 0.0);
     assert_eq!((y.k1, y.k2, y.k3), (0.5, 0.25, 0.0));
 }
@@ -66,7 +71,7 @@ fn individual_control_has_constant_weights() {
 fn turning_and_speed_shift_the_shares_to_the_roll_law() {
     // What the paper's text asks of the coordination: K2 rises and K1 falls with steering angle and speed. Checked where
     // the sets peak, because Mamdani inference is not monotone between them.
-    let share = |i: usize, j: usize| weights(&P::default(), 8.0 * i as f64, 10.0 * j as f64);
+    let share = |i: usize, j: usize| weights(&FuzzyCoordination::default(), 8.0 * i as f64, 10.0 * j as f64);
     for i in 0..5 {
         for j in 0..4 {
             for (a, b) in [(share(i, j), share(i, j + 1)), (share(j, i), share(j + 1, i))] {
@@ -83,7 +88,7 @@ proptest! {
     /// and 40 km/h nothing changes.
     #[test]
     fn the_shares_are_even_and_bounded(degrees in -60.0..60.0_f64, km_h in -10.0..80.0_f64) {
-        let p = P::default();
+        let p = FuzzyCoordination::default();
         let y = weights(&p, degrees, km_h);
         let mirror = weights(&p, -degrees, km_h);
         prop_assert_eq!((y.k1, y.k2, y.k3), (mirror.k1, mirror.k2, mirror.k3));

@@ -16,9 +16,9 @@ use chassis::suspension::spring_damper;
 use control::limit;
 use control::sliding_mode::reaching_law;
 
-use crate::{P, U, Y};
+use crate::{HandlingSlidingMode, U, Y};
 
-pub(crate) fn forces(p: &P, u: &U) -> Y {
+pub(crate) fn forces(p: &HandlingSlidingMode, u: &U) -> Y {
     let U { phi, phid, a_y, .. } = *u;
     let s = p.rho * phi + phid;
     let f: [f64; 2] = std::array::from_fn(|i| spring_damper(p.k_s, p.cancellation * p.c_s, u.d[i], u.dd[i]));

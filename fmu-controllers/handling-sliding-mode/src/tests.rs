@@ -12,21 +12,28 @@ use super::*;
 const TURN: U = U { phi: 0.05, phid: 0.1, d: Sides([0.03, -0.02]), dd: Sides([0.1, -0.05]), a_y: 4.0 };
 
 /// Boundary layer 0.3 rad/s, the damper stays.
-fn damped() -> P {
-    P { width: 0.3, cancellation: 0.0, ..P::default() }
+fn damped() -> HandlingSlidingMode {
+    HandlingSlidingMode { width: 0.3, cancellation: 0.0, ..HandlingSlidingMode::default() }
 }
 
 /// The paper's parameter sets: Table 5 found by PACSA and by a genetic algorithm, and Table 6.
-fn sets() -> [P; 3] {
+fn sets() -> [HandlingSlidingMode; 3] {
     [
-        P::default(),
-        P { rho: 4.73, mu: 2.99, eta: 24.92, kappa1: 0.73, kappa2: 0.0025, ..P::default() },
-        P { kappa1: 0.1, kappa2: 0.1, ..P::default() },
+        HandlingSlidingMode::default(),
+        HandlingSlidingMode {
+            rho: 4.73,
+            mu: 2.99,
+            eta: 24.92,
+            kappa1: 0.73,
+            kappa2: 0.0025,
+            ..HandlingSlidingMode::default()
+        },
+        HandlingSlidingMode { kappa1: 0.1, kappa2: 0.1, ..HandlingSlidingMode::default() },
     ]
 }
 
 /// Roll acceleration of the plant's body with these actuator forces: I_x phidd = M + m_s h a_y, M with the weight.
-fn roll_acceleration(p: &P, u: &U, f: &[f64; 2]) -> f64 {
+fn roll_acceleration(p: &HandlingSlidingMode, u: &U, f: &[f64; 2]) -> f64 {
     let push = |i: usize| -p.k_s * u.d[i] - p.c_s * u.dd[i] + f[i];
     let moment = p.t / 2.0 * (push(0) - push(1)) + p.m_s * p.g * p.h * u.phi.sin();
     (moment + p.m_s * p.h * u.a_y) / p.i_x
@@ -34,7 +41,7 @@ fn roll_acceleration(p: &P, u: &U, f: &[f64; 2]) -> f64 {
 
 #[test]
 fn the_forces_have_the_check_numbers() {
-    let y = equations::forces(&P::default(), &TURN);
+    let y = equations::forces(&HandlingSlidingMode::default(), &TURN);
     assert_abs_diff_eq!(y.f[0], -4639.036789, epsilon = 5e-7);
     assert_abs_diff_eq!(y.s, 0.35, epsilon = 1e-15);
     // s is outside the boundary layer, so only the damper makes the difference.
@@ -46,13 +53,13 @@ fn the_forces_have_the_check_numbers() {
 
 #[test]
 fn at_rest_there_is_no_force() {
-    let y = equations::forces(&P::default(), &U::default());
+    let y = equations::forces(&HandlingSlidingMode::default(), &U::default());
     assert_eq!((y.f.0, y.s), ([0.0; 2], 0.0));
 }
 
 #[test]
 fn the_limit_holds_for_both_forces() {
-    let y = equations::forces(&P { limit: 4000.0, ..P::default() }, &TURN);
+    let y = equations::forces(&HandlingSlidingMode { limit: 4000.0, ..HandlingSlidingMode::default() }, &TURN);
     assert_eq!(y.f.0, [-4000.0, 4000.0]);
 }
 
@@ -84,7 +91,7 @@ proptest! {
     /// -eta. Accelerations of 1e3 rad/s2 leave roundings of 1e-11.
     #[test]
     fn roll_moves_as_demanded(u in any_inputs(), width in 0.0..0.5) {
-        let p = P { width, ..P::default() };
+        let p = HandlingSlidingMode { width, ..HandlingSlidingMode::default() };
         let y = equations::forces(&p, &u);
         let sign = if width > 0.0 { (y.s / width).clamp(-1.0, 1.0) } else { y.s.signum() };
         let switching = (p.mu + p.kappa1 * u.phi.abs() + p.kappa2 * u.phid.abs()) * sign;
@@ -95,8 +102,8 @@ proptest! {
     /// The damper that is not cancelled adds its own roll moment, nothing else.
     #[test]
     fn the_damper_is_cancelled_by_its_share(u in any_inputs(), cancellation in 0.0..1.0) {
-        let p = P { cancellation, ..P::default() };
-        let all = equations::forces(&P::default(), &u);
+        let p = HandlingSlidingMode { cancellation, ..HandlingSlidingMode::default() };
+        let all = equations::forces(&HandlingSlidingMode::default(), &u);
         let part = equations::forces(&p, &u);
         let damper = -(1.0 - cancellation) * p.c_s * p.t / 2.0 * (u.dd[0] - u.dd[1]) / p.i_x;
         let left = roll_acceleration(&p, &u, &part.f) - roll_acceleration(&p, &u, &all.f);
@@ -119,7 +126,7 @@ proptest! {
     /// A turn to the right is the turn to the left in a mirror, to the bit; the two forces are opposite.
     #[test]
     fn the_law_is_symmetric(u in any_inputs(), limit in 0.0..8000.0, cancellation in 0.0..1.0) {
-        let p = P { limit, cancellation, ..P::default() };
+        let p = HandlingSlidingMode { limit, cancellation, ..HandlingSlidingMode::default() };
         let swapped = |sides: Sides<f64>| Sides([sides[1], sides[0]]);
         let y = equations::forces(&p, &u);
         let mirror = U { phi: -u.phi, phid: -u.phid, d: swapped(u.d), dd: swapped(u.dd), a_y: -u.a_y };

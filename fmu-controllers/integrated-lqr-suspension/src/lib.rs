@@ -7,37 +7,34 @@
 mod tests;
 
 use chassis::prelude::*;
-use fmi2::prelude::*;
+use fmu::prelude::*;
 use lqr_suspension::{Accepted, Feedback, Gains, VehicleParameters, Weighted};
-
-/// The controller.
-pub struct IntegratedLqrSuspension;
 
 /// The design model and the weights by Bryson's rule: 1/(largest accepted value)^2.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
-    #[parameters]
+pub struct IntegratedLqrSuspension {
+    #[var(flatten)]
     vehicle: VehicleParameters,
     /// Largest accepted heave acceleration
-    #[par("accepted.heave_acceleration", unit = M_PER_S2, start = 1.0, min = 1e-3)]
+    #[var("accepted.heave_acceleration", unit = "m/s2", start = 1.0, min = 1e-3)]
     zdd: f64,
     /// Largest accepted pitch acceleration
-    #[par("accepted.pitch_acceleration", unit = RAD_PER_S2, start = 1.0, min = 1e-3)]
+    #[var("accepted.pitch_acceleration", unit = "rad/s2", start = 1.0, min = 1e-3)]
     thetadd: f64,
     /// Largest accepted roll acceleration (calibrated on Table 4)
-    #[par("accepted.roll_acceleration", unit = RAD_PER_S2, start = 0.347, min = 1e-3)]
+    #[var("accepted.roll_acceleration", unit = "rad/s2", start = 0.347, min = 1e-3)]
     phidd: f64,
     /// Largest accepted suspension deflection (calibrated on Table 4)
-    #[par("accepted.suspension_deflection", unit = M, start = 0.0347, min = 1e-4, display = "mm")]
+    #[var("accepted.suspension_deflection", unit = "m", start = 0.0347, min = 1e-4, display = "mm")]
     d: f64,
     /// Largest accepted tire deflection: the static one
-    #[par("accepted.tire_deflection", unit = M, start = 0.0589, min = 1e-4, display = "mm")]
+    #[var("accepted.tire_deflection", unit = "m", start = 0.0589, min = 1e-4, display = "mm")]
     t: f64,
     /// Largest accepted actuator force
-    #[par("accepted.suspension_force", unit = N, start = 20_000.0, positive, display = "kN")]
+    #[var("accepted.suspension_force", unit = "N", start = 20_000.0, positive, display = "kN")]
     force: f64,
     /// assumed
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
@@ -45,32 +42,29 @@ pub struct P {
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     /// U_z of the paper
-    #[signal(INTEGRATED_FORCE)]
+    #[var(INTEGRATED_FORCE)]
     u_z: SixWheels<f64>,
 }
 
 /// Active suspension of a three-axle vehicle by a linear quadratic regulator for heave, pitch, roll, suspension and
 /// tires
-#[model(stop_time = 20.0, step_size = 0.001)]
-impl Sampled for IntegratedLqrSuspension {
-    type Parameters = P;
-    type Design = Gains;
+#[fmu::model(stop_time = 20.0, step_size = 0.001)]
+impl Discrete for IntegratedLqrSuspension {
+    type Derived = Gains;
     type Inputs = Feedback;
     type Outputs = Y;
 
-    fn design(p: &P) -> Result<Gains, String> {
+    fn derived(&self) -> Result<Gains, String> {
         let outputs = [
-            Accepted { quantity: Weighted::HeaveAcceleration, value: p.zdd },
-            Accepted { quantity: Weighted::PitchAcceleration, value: p.thetadd },
-            Accepted { quantity: Weighted::RollAcceleration, value: p.phidd },
-            Accepted { quantity: Weighted::SuspensionDeflections, value: p.d },
-            Accepted { quantity: Weighted::TireDeflections, value: p.t },
+            Accepted { quantity: Weighted::HeaveAcceleration, value: self.zdd },
+            Accepted { quantity: Weighted::PitchAcceleration, value: self.thetadd },
+            Accepted { quantity: Weighted::RollAcceleration, value: self.phidd },
+            Accepted { quantity: Weighted::SuspensionDeflections, value: self.d },
+            Accepted { quantity: Weighted::TireDeflections, value: self.t },
         ];
-        Gains::design(&p.vehicle, &outputs, p.force)
+        Gains::derived(&self.vehicle, &outputs, self.force)
     }
-    fn update(_: &P, d: &Gains, (): &mut (), x: &Feedback, _t: f64) -> Y {
-        Y { u_z: d.force(x) }
+    fn update(&self, sample: Sample<Self>) -> Y {
+        Y { u_z: sample.derived.force(sample.inputs) }
     }
 }
-
-fmi2::export!(sampled IntegratedLqrSuspension);

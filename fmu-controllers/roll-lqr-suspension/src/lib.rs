@@ -7,34 +7,31 @@
 mod tests;
 
 use chassis::prelude::*;
-use fmi2::prelude::*;
+use fmu::prelude::*;
 use lqr_suspension::{Accepted, Feedback, Gains, VehicleParameters, Weighted};
-
-/// The controller.
-pub struct RollLqrSuspension;
 
 /// The design model and the weights by Bryson's rule: 1/(largest accepted value)^2.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
-    #[parameters]
+pub struct RollLqrSuspension {
+    #[var(flatten)]
     vehicle: VehicleParameters,
     /// Largest accepted roll angle; decides how much the roll angle shrinks
-    #[par("accepted.roll_angle", unit = RAD, start = std::f64::consts::PI / 180.0, positive, display = "deg")]
+    #[var("accepted.roll_angle", unit = "rad", start = std::f64::consts::PI / 180.0, positive, display = "deg")]
     phi: f64,
     /// Largest accepted roll acceleration
-    #[par("accepted.roll_acceleration", unit = RAD_PER_S2, start = 0.347, min = 1e-3)]
+    #[var("accepted.roll_acceleration", unit = "rad/s2", start = 0.347, min = 1e-3)]
     phidd: f64,
     /// Largest accepted suspension deflection (calibrated on Table 4)
-    #[par("accepted.suspension_deflection", unit = M, start = 0.0347, min = 1e-4, display = "mm")]
+    #[var("accepted.suspension_deflection", unit = "m", start = 0.0347, min = 1e-4, display = "mm")]
     d: f64,
     /// Largest accepted tire deflection: the static one
-    #[par("accepted.tire_deflection", unit = M, start = 0.0589, min = 1e-4, display = "mm")]
+    #[var("accepted.tire_deflection", unit = "m", start = 0.0589, min = 1e-4, display = "mm")]
     t: f64,
     /// Largest accepted actuator force
-    #[par("accepted.suspension_force", unit = N, start = 20_000.0, positive, display = "kN")]
+    #[var("accepted.suspension_force", unit = "N", start = 20_000.0, positive, display = "kN")]
     force: f64,
     /// assumed
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
@@ -42,30 +39,27 @@ pub struct P {
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     /// U_phi of the paper
-    #[signal(ROLL_FORCE)]
+    #[var(ROLL_FORCE)]
     u_phi: SixWheels<f64>,
 }
 
 /// Active suspension of a three-axle vehicle by a linear quadratic regulator for roll, suspension and tires
-#[model(stop_time = 20.0, step_size = 0.001)]
-impl Sampled for RollLqrSuspension {
-    type Parameters = P;
-    type Design = Gains;
+#[fmu::model(stop_time = 20.0, step_size = 0.001)]
+impl Discrete for RollLqrSuspension {
+    type Derived = Gains;
     type Inputs = Feedback;
     type Outputs = Y;
 
-    fn design(p: &P) -> Result<Gains, String> {
+    fn derived(&self) -> Result<Gains, String> {
         let outputs = [
-            Accepted { quantity: Weighted::Roll, value: p.phi },
-            Accepted { quantity: Weighted::RollAcceleration, value: p.phidd },
-            Accepted { quantity: Weighted::SuspensionDeflections, value: p.d },
-            Accepted { quantity: Weighted::TireDeflections, value: p.t },
+            Accepted { quantity: Weighted::Roll, value: self.phi },
+            Accepted { quantity: Weighted::RollAcceleration, value: self.phidd },
+            Accepted { quantity: Weighted::SuspensionDeflections, value: self.d },
+            Accepted { quantity: Weighted::TireDeflections, value: self.t },
         ];
-        Gains::design(&p.vehicle, &outputs, p.force)
+        Gains::derived(&self.vehicle, &outputs, self.force)
     }
-    fn update(_: &P, d: &Gains, (): &mut (), x: &Feedback, _t: f64) -> Y {
-        Y { u_phi: d.force(x) }
+    fn update(&self, sample: Sample<Self>) -> Y {
+        Y { u_phi: sample.derived.force(sample.inputs) }
     }
 }
-
-fmi2::export!(sampled RollLqrSuspension);

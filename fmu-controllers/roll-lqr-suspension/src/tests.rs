@@ -1,6 +1,7 @@
 //! Gains against the check numbers; the design model and its loops are tested in `lqr-suspension`.
 
-use fmi2::Block;
+use fmu::variables::{Counts, ValuesMut};
+use fmu::{Derived as _, Variables as _};
 
 use super::*;
 
@@ -29,13 +30,13 @@ const K: [[f64; 18]; 3] = [
 ];
 
 /// What the unit answers to one state being 1 and the others 0, for all of them: the columns of -K.
-fn answers(p: &P) -> Vec<[f64; 6]> {
-    let d = RollLqrSuspension::design(p).unwrap();
+fn answers(p: &RollLqrSuspension) -> Vec<[f64; 6]> {
+    let d = p.derived().unwrap();
     (0..20)
         .map(|j| {
             let mut state = [0.0; 20];
             state[j] = 1.0;
-            *RollLqrSuspension::update(p, &d, &mut (), &Feedback::read(&state), 0.0).u_phi
+            *p.update(Sample { time: 0.0, state: &mut (), inputs: &Feedback::from_reals(&state), derived: &d }).u_phi
         })
         .collect()
 }
@@ -52,7 +53,7 @@ fn other_side(column: usize) -> usize {
 #[test]
 fn the_gains_are_the_check_numbers() {
     // To 1e-6 of the largest element; a right row is the left one with the sides exchanged and roll turned round.
-    let columns = answers(&P::default());
+    let columns = answers(&RollLqrSuspension::default());
     let largest = K.iter().flatten().fold(0.0_f64, |most, k| most.max(k.abs()));
     for (axle, row) in K.iter().enumerate() {
         for (j, &k) in row.iter().enumerate() {
@@ -71,12 +72,14 @@ fn the_gains_are_the_check_numbers() {
 
 #[test]
 fn the_gains_can_be_read() {
-    let d = RollLqrSuspension::design(&P::default()).unwrap();
-    let names: Vec<_> = <Gains as fmi2::block::Design>::declare().into_iter().map(|gain| gain.name).collect();
+    let d = RollLqrSuspension::default().derived().unwrap();
+    let mut declared = Vec::new();
+    Gains::declare(&mut declared);
+    let names: Vec<_> = declared.into_iter().map(|gain| gain.name).collect();
     let mut values = vec![0.0; names.len()];
-    fmi2::block::Design::write(&d, &mut values);
+    d.write(&mut ValuesMut::of_reals(&mut values), Counts::ZERO);
     let gain = |name: &str| values[names.iter().position(|known| known == name).unwrap()];
-    let columns = answers(&P::default());
+    let columns = answers(&RollLqrSuspension::default());
     // The same numbers, hence to the bit: rows are wheels, columns are states.
     assert_eq!(gain("gain.pitch.ml"), -columns[1][2]);
     assert_eq!(gain("gain.wheel_velocity.rr.fl"), -columns[12][5]);
@@ -85,16 +88,16 @@ fn the_gains_can_be_read() {
 #[test]
 fn an_accepted_value_whose_weight_is_no_number_is_refused_by_name() {
     let cases = [
-        ("accepted.roll_angle", P { phi: 1e-200, ..P::default() }),
-        ("accepted.roll_acceleration", P { phidd: 1e-200, ..P::default() }),
-        ("accepted.suspension_deflection", P { d: 1e-200, ..P::default() }),
-        ("accepted.tire_deflection", P { t: 1e-200, ..P::default() }),
-        ("accepted.suspension_force", P { force: 1e-200, ..P::default() }),
+        ("accepted.roll_angle", RollLqrSuspension { phi: 1e-200, ..RollLqrSuspension::default() }),
+        ("accepted.roll_acceleration", RollLqrSuspension { phidd: 1e-200, ..RollLqrSuspension::default() }),
+        ("accepted.suspension_deflection", RollLqrSuspension { d: 1e-200, ..RollLqrSuspension::default() }),
+        ("accepted.tire_deflection", RollLqrSuspension { t: 1e-200, ..RollLqrSuspension::default() }),
+        ("accepted.suspension_force", RollLqrSuspension { force: 1e-200, ..RollLqrSuspension::default() }),
     ];
     for (name, p) in cases {
         let expected = format!("'{name}' = 1e-200, a number in [1e-150, 1e150] was expected");
-        assert_eq!(RollLqrSuspension::design(&p).unwrap_err(), expected);
+        assert_eq!(p.derived().unwrap_err(), expected);
         // The message names a parameter that exists.
-        assert!(<P as fmi2::block::Parameters>::declare().iter().any(|parameter| parameter.name == name));
+        assert!(RollLqrSuspension::declarations().iter().any(|parameter| parameter.name == name));
     }
 }

@@ -14,10 +14,10 @@ use chassis::positions::{Struts, left_is_positive};
 use control::fuzzy_pid::{FuzzyPid, Gains, Settings};
 use control::limit;
 
-use crate::{Constraint, D, P, U, X, Y};
+use crate::{Constraint, D, SemiActiveFuzzySuspension, U, X, Y};
 
 /// Tabulates the rules.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &SemiActiveFuzzySuspension) -> Result<D, String> {
     for (axle, name) in ["front", "rear"].into_iter().enumerate() {
         if p.c_max[axle] < p.c_min[axle] {
             return Err(format!(
@@ -38,7 +38,7 @@ pub(crate) fn design(p: &P) -> Result<D, String> {
 }
 
 /// Settings of the PIDs of heave, pitch and roll.
-fn settings(p: &P) -> [Settings; 3] {
+fn settings(p: &SemiActiveFuzzySuspension) -> [Settings; 3] {
     let heave = Settings {
         gains: Gains { proportional: p.kp_heave, integral: p.ki_heave, derivative: p.kd_heave },
         scales: Gains { proportional: p.kp_scale_heave, integral: p.ki_scale_heave, derivative: p.kd_scale_heave },
@@ -63,7 +63,7 @@ fn settings(p: &P) -> [Settings; 3] {
 }
 
 /// Strut forces whose sum is the heave force and whose moments are the pitch and the roll moment.
-pub(crate) fn allocation(p: &P, [f_h, m_p, m_r]: [f64; 3]) -> Struts<f64> {
+pub(crate) fn allocation(p: &SemiActiveFuzzySuspension, [f_h, m_p, m_r]: [f64; 3]) -> Struts<f64> {
     let l = p.l1 + p.l2;
     let axle = [(p.l2 * f_h - m_p) / l, (p.l1 * f_h + m_p) / l];
     let share = [p.eps, 1.0 - p.eps];
@@ -71,7 +71,7 @@ pub(crate) fn allocation(p: &P, [f_h, m_p, m_r]: [f64; 3]) -> Struts<f64> {
 }
 
 /// What the damper of an axle (0 front, 1 rear) can do of the force `f` at the velocity `v`.
-pub(crate) fn constrained(p: &P, axle: usize, f: f64, v: f64) -> f64 {
+pub(crate) fn constrained(p: &SemiActiveFuzzySuspension, axle: usize, f: f64, v: f64) -> f64 {
     let (c_0, c_min, c_max) = (p.c_0[axle], p.c_min[axle], p.c_max[axle]);
     // Least and greatest damping that the command stands for.
     let range = match p.constraint {
@@ -89,7 +89,7 @@ pub(crate) fn constrained(p: &P, axle: usize, f: f64, v: f64) -> f64 {
     limit::magnitude(f, p.force_limit)
 }
 
-pub(crate) fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {
+pub(crate) fn sample(p: &SemiActiveFuzzySuspension, d: &D, x: &mut X, u: &U) -> Y {
     let motions = [[u.zd, u.zdd], [u.thetad, u.thetadd], [u.phid, u.phidd]];
     let settings = settings(p);
     let mut demand = [0.0; 3];

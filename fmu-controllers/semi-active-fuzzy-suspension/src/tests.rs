@@ -1,23 +1,23 @@
 //! Check numbers, the balances of the allocation, what a damper can do, and properties of the law.
 
 use approx::assert_abs_diff_eq;
-use fmi2::Block;
+use fmu::Variables;
 use proptest::prelude::*;
 
 use super::*;
 
 const CONSTRAINTS: [Constraint; 3] = [Constraint::Active, Constraint::Command, Constraint::Damper];
 
-fn with(constraint: Constraint) -> P {
-    P { constraint, ..P::default() }
+fn with(constraint: Constraint) -> SemiActiveFuzzySuspension {
+    SemiActiveFuzzySuspension { constraint, ..SemiActiveFuzzySuspension::default() }
 }
 
-fn design(p: &P) -> D {
-    SemiActiveFuzzySuspension::design(p).unwrap()
+fn derived(p: &SemiActiveFuzzySuspension) -> D {
+    p.derived().unwrap()
 }
 
-fn sample(p: &P, d: &D, x: &mut X, u: &U) -> Y {
-    SemiActiveFuzzySuspension::update(p, d, x, u, 0.0)
+fn sample(p: &SemiActiveFuzzySuspension, d: &D, x: &mut X, u: &U) -> Y {
+    p.update(Sample { time: 0.0, state: x, inputs: u, derived: d })
 }
 
 #[test]
@@ -25,7 +25,7 @@ fn a_body_at_rest_needs_no_force() {
     for constraint in CONSTRAINTS {
         let p = with(constraint);
         let u = U { v: Struts([0.1, -0.2, 0.3, -0.1]), ..U::default() };
-        let y = sample(&p, &design(&p), &mut X::default(), &u);
+        let y = sample(&p, &derived(&p), &mut X::default(), &u);
         assert_eq!((*y.f, y.f_h, y.m_p, y.m_r), ([0.0; 4], 0.0, 0.0, 0.0));
     }
 }
@@ -37,23 +37,23 @@ fn each_motion_is_opposed_with_the_rules_of_its_rate() {
     let demand = |kp: f64, kp_scale: f64, ki: f64, ki_scale: f64, rate: f64| {
         -(kp + kp_scale * 0.99996779 + (ki - ki_scale * 0.99996779) * 0.001) * rate
     };
-    let p = P::default();
+    let p = SemiActiveFuzzySuspension::default();
     let u = U { zd: 0.05, thetad: -0.1 / 3.0, phid: 0.1 / 3.0, ..U::default() };
-    let y = sample(&p, &design(&p), &mut X::default(), &u);
+    let y = sample(&p, &derived(&p), &mut X::default(), &u);
     assert_abs_diff_eq!(y.f_h, demand(60e3, 10e3, 30e3, 5e3, 0.05), epsilon = 4e-5);
     assert_abs_diff_eq!(y.m_p, demand(250e3, 40e3, 100e3, 20e3, -0.1 / 3.0), epsilon = 1e-4);
     assert_abs_diff_eq!(y.m_r, demand(60e3, 10e3, 30e3, 5e3, 0.1 / 3.0), epsilon = 3e-5);
     // An acceleration alone: EC = -1, E = 0 is a row of its own; only the derivative gain acts.
-    let y = sample(&p, &design(&p), &mut X::default(), &U { zdd: 1.0, ..U::default() });
-    let dk = design(&p).pid.increments(0.0, -1.0);
+    let y = sample(&p, &derived(&p), &mut X::default(), &U { zdd: 1.0, ..U::default() });
+    let dk = derived(&p).pid.increments(0.0, -1.0);
     assert_eq!(y.f_h, -(1500.0 + 300.0 * dk.derivative));
 }
 
 #[test]
 fn the_integral_part_decays() {
     // I exp(-leak n T) when the motion has stopped (closed form); roundings of forces of 100 N.
-    let p = P::default();
-    let (d, mut x) = (design(&p), X { i: [100.0, -200.0, 300.0] });
+    let p = SemiActiveFuzzySuspension::default();
+    let (d, mut x) = (derived(&p), X { i: [100.0, -200.0, 300.0] });
     for _ in 0..1000 {
         sample(&p, &d, &mut x, &U::default());
     }
@@ -89,7 +89,7 @@ proptest! {
     fn the_allocation_balances(
         f_h in -6e4..6e4_f64, m_p in -15e4..15e4_f64, m_r in -4e4..4e4_f64, eps in 0.0..1.0_f64,
     ) {
-        let p = P { eps, ..P::default() };
+        let p = SemiActiveFuzzySuspension { eps, ..SemiActiveFuzzySuspension::default() };
         let f = equations::allocation(&p, [f_h, m_p, m_r]);
         prop_assert!((f.iter().sum::<f64>() - f_h).abs() < 1e-9);
         prop_assert!((-p.l1 * (f[0] + f[1]) + p.l2 * (f[2] + f[3]) - m_p).abs() < 1e-9);
@@ -101,7 +101,7 @@ proptest! {
     #[test]
     fn a_damper_never_drives(f in -1e5..1e5_f64, v in -2.0..2.0_f64, rear: bool) {
         let axle = usize::from(rear);
-        let p = P::default();
+        let p = SemiActiveFuzzySuspension::default();
         let (c_0, power) = (p.c_0[axle], 1e-12 * p.c_max[axle] * v * v);
         let command = equations::constrained(&with(Constraint::Command), axle, f, v);
         prop_assert!(command * v <= 0.0);
@@ -125,7 +125,7 @@ proptest! {
         motions in prop::collection::vec(prop::array::uniform10(-1.0..1.0_f64), 1..20), mode in 0..3_usize,
     ) {
         let p = with(CONSTRAINTS[mode]);
-        let d = design(&p);
+        let d = derived(&p);
         let (mut x, mut mirror, mut turned) = (X::default(), X::default(), X::default());
         for m in motions {
             let v = [m[6], m[7], m[8], m[9]];
@@ -139,32 +139,26 @@ proptest! {
             let ym = sample(&p, &d, &mut mirror, &um);
             prop_assert_eq!([y.f[1], y.f[0], y.f[3], y.f[2]], *ym.f);
             prop_assert_eq!((y.f_h, y.m_p, -y.m_r), (ym.f_h, ym.m_p, ym.m_r));
-            let ut = U::read(&numbers(&u).map(|value| -value));
+            let ut = U::from_reals(&u.reals().iter().map(|value| -value).collect::<Vec<_>>());
             prop_assert_eq!(y.f.map(|force| -force), *sample(&p, &d, &mut turned, &ut).f);
         }
     }
 }
 
-fn numbers(u: &U) -> [f64; 10] {
-    let mut values = [0.0; 10];
-    u.write(&mut values);
-    values
-}
-
 #[test]
 fn dampers_without_a_range_are_refused() {
-    let message = |p: P| equations::design(&p).err();
+    let message = |p: SemiActiveFuzzySuspension| equations::derived(&p).err();
     let weak = TwoAxles([40_000.0, 2000.0]);
     assert_eq!(
-        message(P { c_max: weak, ..P::default() }).unwrap(),
+        message(SemiActiveFuzzySuspension { c_max: weak, ..SemiActiveFuzzySuspension::default() }).unwrap(),
         "'damper.maximum_damping.rear' = 2000 N.s/m, at least 'damper.minimum_damping.rear' (4000 N.s/m) was expected"
     );
     let soft = TwoAxles([10_000.0, 80_000.0]);
     assert_eq!(
-        message(P { c_max: soft, ..with(Constraint::Command) }).unwrap(),
+        message(SemiActiveFuzzySuspension { c_max: soft, ..with(Constraint::Command) }).unwrap(),
         "'damper.maximum_damping.front' = 10000 N.s/m, at least 'suspension.damping.front' (12000 N.s/m) was expected: the \
          command alone can only add damping"
     );
     // The whole damper may be softer than the one it replaces.
-    assert_eq!(message(P { c_max: soft, ..P::default() }), None);
+    assert_eq!(message(SemiActiveFuzzySuspension { c_max: soft, ..SemiActiveFuzzySuspension::default() }), None);
 }

@@ -15,9 +15,9 @@ use control::limit::magnitude;
 use control::pid::{Gains, increment};
 use control::semi_active::dissipative;
 
-use crate::{Constraint, P, U, X, Y};
+use crate::{Constraint, SemiActivePidSuspension, U, X, Y};
 
-pub(crate) fn sample(p: &P, x: &mut X, inputs: &U) -> Y {
+pub(crate) fn sample(p: &SemiActivePidSuspension, x: &mut X, inputs: &U) -> Y {
     if inputs.enable <= 0.5 {
         *x = X { u: [0.0; 4], a1: *inputs.a, a2: *inputs.a };
         return Y { f: FourWheels([0.0; 4]) };

@@ -10,12 +10,12 @@ fn inputs(gains: [f64; 3], a: f64, v: f64) -> U {
     U { enable: 1.0, k_p: four(gains[0]), k_i: four(gains[1]), k_d: four(gains[2]), a: four(a), v: four(v) }
 }
 
-fn force(p: &P, x: &mut X, u: &U) -> f64 {
-    SemiActivePidSuspension::update(p, &(), x, u, 0.0).f[0]
+fn force(p: &SemiActivePidSuspension, x: &mut X, u: &U) -> f64 {
+    p.update(Sample { time: 0.0, state: x, inputs: u, derived: &() }).f[0]
 }
 
-fn active() -> P {
-    P { constraint: Constraint::None, f_leak: 0.0, ..P::default() }
+fn active() -> SemiActivePidSuspension {
+    SemiActivePidSuspension { constraint: Constraint::None, f_leak: 0.0, ..SemiActivePidSuspension::default() }
 }
 
 #[test]
@@ -25,7 +25,10 @@ fn without_leak_the_sum_of_increments_is_a_pid_law() {
     let gains = [8.0, 0.5, 2.0];
     assert_eq!(force(&p, &mut x, &inputs(gains, 1.0, 0.0)), -10.5);
     assert_eq!(force(&p, &mut x, &inputs(gains, 3.0, 0.0)), -(24.0 + 2.0 + 4.0));
-    assert_eq!(force(&P { gain: 2.0, ..p }, &mut x, &inputs(gains, -1.0, 0.0)), -2.0 * (-8.0 + 1.5 - 8.0));
+    assert_eq!(
+        force(&SemiActivePidSuspension { gain: 2.0, ..p }, &mut x, &inputs(gains, -1.0, 0.0)),
+        -2.0 * (-8.0 + 1.5 - 8.0)
+    );
 }
 
 #[test]
@@ -42,7 +45,7 @@ fn the_integral_is_a_skyhook_damper() {
 #[test]
 fn the_law_leaks_and_is_limited() {
     // The leak: exp(-2 pi 0.1 Hz 1 ms) per sample, e^-1 after 1/(2 pi 0.1) = 1.5915 s = 1592 samples (rounded: 3e-4).
-    let p = P { constraint: Constraint::None, ..P::default() };
+    let p = SemiActivePidSuspension { constraint: Constraint::None, ..SemiActivePidSuspension::default() };
     let mut x = X { u: [100.0; 4], ..X::default() };
     let mut f = 0.0;
     for _ in 0..1592 {
@@ -60,7 +63,7 @@ fn the_law_leaks_and_is_limited() {
 #[test]
 fn a_damper_makes_only_forces_against_its_velocity() {
     // Greatest added damping 3000 N s/m, then the limit of the force.
-    let p = P::default();
+    let p = SemiActivePidSuspension::default();
     let with = |a: f64, v: f64| force(&p, &mut X::default(), &inputs([0.0, 1000.0, 0.0], a, v));
     assert_eq!(with(1.0, 0.1), -300.0);
     assert_eq!(with(1.0, 2.0), -1000.0);
@@ -90,17 +93,17 @@ proptest! {
         gains in prop::array::uniform3(0.0..200.0_f64),
         samples in prop::collection::vec((prop::array::uniform4(-20.0..20.0_f64), prop::array::uniform4(-1.0..1.0_f64)), 1..20),
     ) {
-        let p = P::default();
+        let p = SemiActivePidSuspension::default();
         let (mut x, mut turned) = (X::default(), X::default());
         for (a, v) in samples {
             let u = U { a: FourWheels(a), v: FourWheels(v), ..inputs(gains, 0.0, 0.0) };
-            let f = SemiActivePidSuspension::update(&p, &(), &mut x, &u, 0.0).f;
+            let f = p.update(Sample { time: 0.0, state: &mut x, inputs: &u, derived: &() }).f;
             for i in 0..4 {
                 prop_assert!(f[i] * v[i] <= 0.0 && f[i].abs() <= p.f_max && f[i].abs() <= p.c_add * v[i].abs());
                 prop_assert!(x.u[i].abs() <= p.f_max);
             }
             let opposite = U { a: FourWheels(a.map(|a| -a)), v: FourWheels(v.map(|v| -v)), ..u };
-            let g = SemiActivePidSuspension::update(&p, &(), &mut turned, &opposite, 0.0).f;
+            let g = p.update(Sample { time: 0.0, state: &mut turned, inputs: &opposite, derived: &() }).f;
             prop_assert_eq!(*f, g.map(|g| -g));
         }
     }

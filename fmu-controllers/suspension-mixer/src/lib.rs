@@ -6,52 +6,47 @@
 mod tests;
 
 use chassis::prelude::*;
-use fmi2::prelude::*;
-
-/// The controller.
-pub struct SuspensionMixer;
+use fmu::prelude::*;
 
 /// Symbols as in the paper.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct SuspensionMixer {
     /// Limit of a suspension force; assumed, never reached in the paper's experiments
-    #[par("actuator.force_limit", unit = N, start = 100_000.0, min = 0.0, tunable, display = "kN")]
+    #[var("actuator.force_limit", unit = "N", start = 100_000.0, min = 0.0, tunable, display = "kN")]
     limit: f64,
     /// assumed
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
 /// What the two laws propose, and their shares.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(WEIGHT_INTEGRATED)]
+    #[var(WEIGHT_INTEGRATED)]
     k1: f64,
-    #[signal(WEIGHT_ROLL)]
+    #[var(WEIGHT_ROLL)]
     k2: f64,
-    #[signal(INTEGRATED_FORCE)]
+    #[var(INTEGRATED_FORCE)]
     u_z: SixWheels<f64>,
-    #[signal(ROLL_FORCE)]
+    #[var(ROLL_FORCE)]
     u_phi: SixWheels<f64>,
 }
 
 /// The mixed force.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
-    #[signal(SUSPENSION_FORCE)]
+    #[var(SUSPENSION_FORCE)]
     f_u: SixWheels<f64>,
 }
 
 /// Mixes the suspension forces of the integrated and the roll law by their weights
-#[model(stop_time = 20.0, step_size = 0.001)]
-impl Sampled for SuspensionMixer {
-    type Parameters = P;
+#[fmu::model(stop_time = 20.0, step_size = 0.001)]
+impl Discrete for SuspensionMixer {
     type Inputs = U;
     type Outputs = Y;
 
-    fn update(p: &P, (): &(), (): &mut (), u: &U, _t: f64) -> Y {
-        Y { f_u: SixWheels::from_fn(|i| (u.k1 * u.u_z[i] + u.k2 * u.u_phi[i]).clamp(-p.limit, p.limit)) }
+    fn update(&self, sample: Sample<Self>) -> Y {
+        let u = sample.inputs;
+        Y { f_u: SixWheels::from_fn(|i| (u.k1 * u.u_z[i] + u.k2 * u.u_phi[i]).clamp(-self.limit, self.limit)) }
     }
 }
-
-fmi2::export!(sampled SuspensionMixer);

@@ -11,9 +11,9 @@ use chassis::positions::Sides;
 use control::limit;
 use control::switch::hysteresis;
 
-use crate::{P, Strategy, U, X, Y};
+use crate::{Strategy, SuspensionSwitch, U, X, Y};
 
-pub(crate) fn sample(p: &P, x: &mut X, u: &U) -> Y {
+pub(crate) fn sample(p: &SuspensionSwitch, x: &mut X, u: &U) -> Y {
     let ltr = if p.magnitude { u.ltr.abs() } else { u.ltr };
     x.handling = match p.strategy {
         Strategy::Switched | Strategy::Passive => hysteresis(x.handling, ltr, p.q, p.width),

@@ -7,13 +7,10 @@ mod equations;
 mod tests;
 
 use chassis::prelude::*;
-use fmi2::prelude::*;
-
-/// The controller.
-pub struct SuspensionSwitch;
+use fmu::prelude::*;
 
 /// Which control case runs.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
     /// comfort law, handling law above the threshold
     Switched = 0,
@@ -27,69 +24,66 @@ pub enum Strategy {
 
 /// Symbols as in the paper.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct SuspensionSwitch {
     /// Q: load transfer ratio above which the handling law acts (paper)
-    #[par("threshold.load_transfer", unit = ONE, start = 0.8, tunable)]
+    #[var("threshold.load_transfer", unit = "1", start = 0.8, tunable)]
     q: f64,
     /// How far the ratio must fall below the threshold before the comfort law returns; 0 as in the paper, 0.1 is
     /// recommended against switching to and fro
-    #[par("threshold.hysteresis", unit = ONE, start = 0.0, min = 0.0, tunable)]
+    #[var("threshold.hysteresis", unit = "1", start = 0.0, min = 0.0, tunable)]
     width: f64,
     /// Look at the magnitude of the ratio, so that right turns are protected too; if false, at the signed ratio as in
     /// the paper
-    #[par("threshold.magnitude", start = false)]
+    #[var("threshold.magnitude", start = false)]
     magnitude: bool,
     /// Time in which one law fades into the other; 0 as in the paper, 0.3 s is recommended against shocks
-    #[par("blend.time", unit = S, start = 0.0, min = 0.0, tunable)]
+    #[var("blend.time", unit = "s", start = 0.0, min = 0.0, tunable)]
     blend_time: f64,
     /// Control case
-    #[par("strategy", mode, start = Strategy::Switched)]
+    #[var("strategy", start = Strategy::Switched)]
     strategy: Strategy,
     /// h, assumed
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
 /// The load transfer, and what the two laws propose.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(VEHICLE_LOAD_TRANSFER_ESTIMATE)]
+    #[var(VEHICLE_LOAD_TRANSFER_ESTIMATE)]
     ltr: f64,
-    #[signal(COMFORT_FORCE)]
+    #[var(COMFORT_FORCE)]
     f_c: Sides<f64>,
-    #[signal(HANDLING_FORCE)]
+    #[var(HANDLING_FORCE)]
     f_h: Sides<f64>,
 }
 
 /// The force of the chosen law, and the choice.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
-    #[signal(SUSPENSION_FORCE)]
+    #[var(SUSPENSION_FORCE)]
     f: Sides<f64>,
-    #[signal(SWITCH_MODE)]
+    #[var(SWITCH_MODE)]
     mode: f64,
-    #[signal(SWITCH_BLEND)]
+    #[var(SWITCH_BLEND)]
     w: f64,
 }
 
 /// The choice: whether the handling law is on, and its share.
-#[derive(Memory, Clone, Debug, Default)]
+#[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     handling: bool,
     w: f64,
 }
 
 /// Switches the suspension of a half car between the comfort and the handling law by the load transfer ratio
-#[model(stop_time = 10.0, step_size = 0.001)]
-impl Sampled for SuspensionSwitch {
-    type Parameters = P;
-    type Memory = X;
+#[fmu::model(stop_time = 10.0, step_size = 0.001)]
+impl Discrete for SuspensionSwitch {
+    type State = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
-        equations::sample(p, x, u)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::sample(self, sample.state, sample.inputs)
     }
 }
-
-fmi2::export!(sampled SuspensionSwitch);

@@ -1,9 +1,9 @@
 //! Thresholds, control cases, blending, and invariants of the switch.
 
-use fmi2::block::Mode as _;
+use fmu::Enumeration as _;
 use proptest::prelude::*;
 
-use super::{P, Sides, Strategy, U, X, equations};
+use super::{Sides, Strategy, SuspensionSwitch, U, X, equations};
 
 /// A load transfer ratio with forces that can be told apart.
 fn inputs(ltr: f64) -> U {
@@ -11,7 +11,7 @@ fn inputs(ltr: f64) -> U {
 }
 
 /// The modes for a sequence of load transfer ratios.
-fn modes(p: &P, ratios: &[f64]) -> Vec<f64> {
+fn modes(p: &SuspensionSwitch, ratios: &[f64]) -> Vec<f64> {
     let mut x = X::default();
     ratios.iter().map(|&ltr| equations::sample(p, &mut x, &inputs(ltr)).mode).collect()
 }
@@ -19,25 +19,29 @@ fn modes(p: &P, ratios: &[f64]) -> Vec<f64> {
 #[test]
 fn it_starts_with_comfort_and_switches_above_the_threshold() {
     // Q = 0.8 itself belongs to comfort; the signed ratio of a right turn is below it.
-    assert_eq!(modes(&P::default(), &[0.0, 0.8, 0.81, 0.8, 0.81, -0.9]), [0.0, 0.0, 1.0, 0.0, 1.0, 0.0]);
+    assert_eq!(modes(&SuspensionSwitch::default(), &[0.0, 0.8, 0.81, 0.8, 0.81, -0.9]), [0.0, 0.0, 1.0, 0.0, 1.0, 0.0]);
 }
 
 #[test]
 fn hysteresis_keeps_the_handling_law() {
-    let p = P { width: 0.25, q: 0.75, ..P::default() };
+    let p = SuspensionSwitch { width: 0.25, q: 0.75, ..SuspensionSwitch::default() };
     assert_eq!(modes(&p, &[0.6, 0.76, 0.6, 0.51, 0.5, 0.6]), [0.0, 1.0, 1.0, 1.0, 0.0, 0.0]);
 }
 
 #[test]
 fn the_magnitude_protects_right_turns_too() {
-    let p = P { magnitude: true, ..P::default() };
+    let p = SuspensionSwitch { magnitude: true, ..SuspensionSwitch::default() };
     assert_eq!(modes(&p, &[-0.79, -0.81, 0.81, 0.0]), [0.0, 1.0, 1.0, 0.0]);
 }
 
 #[test]
 fn the_control_cases_choose_the_law() {
     let sample = |strategy, ltr| {
-        let y = equations::sample(&P { strategy, ..P::default() }, &mut X::default(), &inputs(ltr));
+        let y = equations::sample(
+            &SuspensionSwitch { strategy, ..SuspensionSwitch::default() },
+            &mut X::default(),
+            &inputs(ltr),
+        );
         (y.f.0, y.mode)
     };
     let (comfort, handling) = (inputs(0.0).f_c.0, inputs(0.0).f_h.0);
@@ -52,7 +56,7 @@ fn the_control_cases_choose_the_law() {
 #[test]
 fn blending_takes_its_time() {
     // 0.25 s at 1 ms: 250 samples; each adds 0.004 with one rounding. It turns around on the way.
-    let p = P { blend_time: 0.25, ..P::default() };
+    let p = SuspensionSwitch { blend_time: 0.25, ..SuspensionSwitch::default() };
     let mut x = X::default();
     for n in 1..=260 {
         let y = equations::sample(&p, &mut x, &inputs(0.9));
@@ -72,7 +76,7 @@ fn blending_takes_its_time() {
 
 #[test]
 fn a_blend_shorter_than_a_sample_is_at_once() {
-    let p = P { blend_time: 1e-4, ..P::default() };
+    let p = SuspensionSwitch { blend_time: 1e-4, ..SuspensionSwitch::default() };
     assert_eq!(equations::sample(&p, &mut X::default(), &inputs(0.9)).w, 1.0);
 }
 
@@ -83,7 +87,7 @@ proptest! {
         ltr in -1.5..1.5, f in prop::array::uniform4(-1e4..1e4_f64), w in 0.0..=1.0, handling: bool,
         blend_time in prop_oneof![Just(0.0), 0.001..1.0], strategy in 0..3,
     ) {
-        let p = P { blend_time, strategy: Strategy::from_value(strategy).unwrap(), ..P::default() };
+        let p = SuspensionSwitch { blend_time, strategy: Strategy::from_value(strategy).unwrap(), ..SuspensionSwitch::default() };
         let u = U { ltr, f_c: Sides([f[0], f[1]]), f_h: Sides([f[2], f[3]]) };
         let y = equations::sample(&p, &mut X { handling, w }, &u);
         prop_assert!((0.0..=1.0).contains(&y.w));

@@ -9,66 +9,60 @@ mod tests;
 
 use chassis::data::heavy_vehicle as data;
 use chassis::prelude::*;
-use fmi2::prelude::*;
-
-/// The reference model.
-pub struct YawRateReference;
+use fmu::prelude::*;
 
 /// Symbols as in the paper.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
-    #[par(VEHICLE_MASS, start = data::MASS)]
+pub struct YawRateReference {
+    #[var(VEHICLE_MASS, start = data::MASS)]
     m: f64,
-    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    #[var(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
     i_z: f64,
-    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     l1: f64,
-    #[par(CG_TO_REAR_SUSPENSION, start = data::CG_TO_REAR_SUSPENSION)]
+    #[var(CG_TO_REAR_SUSPENSION, start = data::CG_TO_REAR_SUSPENSION)]
     l2: f64,
     /// assumed: slope of the tire of the plant at its load at rest
-    #[par(TIRE_CORNERING_STIFFNESS, start = data::FRONT_CORNERING_STIFFNESS)]
+    #[var(TIRE_CORNERING_STIFFNESS, start = data::FRONT_CORNERING_STIFFNESS)]
     kc: FrontAxle<f64>,
     /// assumed
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
 /// What the driver asks for and the speed.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(DRIVER_STEER)]
+    #[var(DRIVER_STEER)]
     delta: f64,
-    #[signal(VEHICLE_SPEED)]
+    #[var(VEHICLE_SPEED)]
     u: f64,
 }
 
 /// The references.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
-    #[signal(REFERENCE_YAW_RATE)]
+    #[var(REFERENCE_YAW_RATE)]
     w: f64,
     /// always 0
-    #[signal(REFERENCE_SIDESLIP)]
+    #[var(REFERENCE_SIDESLIP)]
     beta: f64,
 }
 
 /// The reference of the next sample.
-#[derive(Memory, Clone, Debug, Default)]
+#[derive(DiscreteState, Clone, Debug, Default)]
 pub struct X {
     w: f64,
 }
 
 /// Yaw rate of a heavy truck in a turn without sideslip, behind a first-order lag
-#[model(stop_time = 13.0, step_size = 0.001)]
-impl Sampled for YawRateReference {
-    type Parameters = P;
-    type Memory = X;
+#[fmu::model(stop_time = 13.0, step_size = 0.001)]
+impl Discrete for YawRateReference {
+    type State = X;
     type Inputs = U;
     type Outputs = Y;
 
-    fn update(p: &P, (): &(), x: &mut X, u: &U, _t: f64) -> Y {
-        equations::sample(p, x, u)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::sample(self, sample.state, sample.inputs)
     }
 }
-
-fmi2::export!(sampled YawRateReference);

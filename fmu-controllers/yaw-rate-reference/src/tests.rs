@@ -10,9 +10,9 @@ use super::*;
 const KM_H: f64 = 1.0 / 3.6;
 
 /// The references of `n` samples with constant inputs.
-fn run(p: &P, u: &U, n: usize) -> Vec<f64> {
+fn run(p: &YawRateReference, u: &U, n: usize) -> Vec<f64> {
     let mut x = X::default();
-    (0..n).map(|_| YawRateReference::update(p, &(), &mut x, u, 0.0).w).collect()
+    (0..n).map(|_| p.update(Sample { time: 0.0, state: &mut x, inputs: u, derived: &() }).w).collect()
 }
 
 #[test]
@@ -20,7 +20,7 @@ fn gains_and_time_constants_have_the_check_numbers() {
     let numbers =
         [(20.0, 1.25236, 0.10442), (40.0, 1.60005, 0.13340), (60.0, 1.49819, 0.12491), (80.0, 1.30896, 0.10913)];
     for (km_h, k, tau) in numbers {
-        let (actual_k, actual_tau) = equations::gain_and_time_constant(&P::default(), km_h * KM_H);
+        let (actual_k, actual_tau) = equations::gain_and_time_constant(&YawRateReference::default(), km_h * KM_H);
         assert_abs_diff_eq!(actual_k, k, epsilon = 5.1e-6);
         assert_abs_diff_eq!(actual_tau, tau, epsilon = 5.1e-6);
     }
@@ -29,7 +29,7 @@ fn gains_and_time_constants_have_the_check_numbers() {
 #[test]
 fn the_gain_balances_forces_and_moments_without_sideslip() {
     // Steady turn with beta = 0: the front force 2 kc (delta - l1 w/u) and a rear force at l2 make m u w and no moment.
-    let p = P::default();
+    let p = YawRateReference::default();
     let u = 60.0 * KM_H;
     let (k, _) = equations::gain_and_time_constant(&p, u);
     let (delta, w) = (0.01, k * 0.01);
@@ -42,7 +42,7 @@ fn the_gain_balances_forces_and_moments_without_sideslip() {
 #[test]
 fn a_step_rises_with_the_time_constant_and_shows_one_sample_later() {
     // Closed form of the sampled lag: k delta (1 - exp(-n T/tau)); roundings of numbers of order 0.1.
-    let p = P::default();
+    let p = YawRateReference::default();
     let u = U { delta: 0.1, u: 60.0 * KM_H };
     let (k, tau) = equations::gain_and_time_constant(&p, u.u);
     let references = run(&p, &u, 3000);
@@ -52,7 +52,7 @@ fn a_step_rises_with_the_time_constant_and_shows_one_sample_later() {
     }
     assert_abs_diff_eq!(references[2999], 0.1498, epsilon = 5e-5); // check number
     // The sample time divides the time only: every tenth value.
-    let coarse = run(&P { sample_time: 0.01, ..p }, &u, 300);
+    let coarse = run(&YawRateReference { sample_time: 0.01, ..p }, &u, 300);
     for (n, reference) in coarse.into_iter().enumerate() {
         assert_abs_diff_eq!(reference, references[10 * n], epsilon = 1e-14);
     }
@@ -60,8 +60,8 @@ fn a_step_rises_with_the_time_constant_and_shows_one_sample_later() {
 
 #[test]
 fn a_standing_vehicle_does_not_turn() {
-    assert_eq!(equations::gain_and_time_constant(&P::default(), 0.0), (0.0, 0.0));
-    assert!(run(&P::default(), &U { delta: 0.5, u: 0.0 }, 10).iter().all(|&reference| reference == 0.0));
+    assert_eq!(equations::gain_and_time_constant(&YawRateReference::default(), 0.0), (0.0, 0.0));
+    assert!(run(&YawRateReference::default(), &U { delta: 0.5, u: 0.0 }, 10).iter().all(|&reference| reference == 0.0));
 }
 
 proptest! {
@@ -70,11 +70,11 @@ proptest! {
     /// Left and right are alike to the bit, forwards and backwards stay finite, and the sideslip reference is 0.
     #[test]
     fn the_law_is_odd(inputs in prop::collection::vec((-0.6..0.6_f64, -10.0..40.0_f64), 1..50)) {
-        let p = P::default();
+        let p = YawRateReference::default();
         let (mut left, mut right) = (X::default(), X::default());
         for (delta, u) in inputs {
-            let y = YawRateReference::update(&p, &(), &mut left, &U { delta, u }, 0.0);
-            let mirror = YawRateReference::update(&p, &(), &mut right, &U { delta: -delta, u }, 0.0);
+            let y = p.update(Sample { time: 0.0, state: &mut left, inputs: &U { delta, u }, derived: &() });
+            let mirror = p.update(Sample { time: 0.0, state: &mut right, inputs: &U { delta: -delta, u }, derived: &() });
             prop_assert_eq!(y.w, -mirror.w);
             prop_assert!(y.w.is_finite() && y.beta == 0.0);
         }

@@ -10,24 +10,24 @@
 use std::f64::consts::PI;
 
 use chassis::positions::{FourWheels, axle_of};
-use fmi2::Scalar;
+use fmu::Scalar;
 
-use crate::{P, U, X, Y};
+use crate::{BrakeAndDriveActuators, U, X, Y};
 
 /// Pascal per megapascal.
 const MEGA: f64 = 1e6;
 
-pub(crate) fn derivatives<T: Scalar>(p: &P, x: &X<T>, u: &U<T>) -> X<T> {
+pub(crate) fn derivatives<T: Scalar>(p: &BrakeAndDriveActuators, x: &X<T>, u: &U<T>) -> X<T> {
     X { p: FourWheels::from_fn(|i| (u.p_cmd[i] - x.p[i]) / p.tau_p) }
 }
 
 /// The exact solution for held commands.
-pub(crate) fn advance(p: &P, x: &X<f64>, u: &U<f64>, h: f64) -> X<f64> {
+pub(crate) fn advance(p: &BrakeAndDriveActuators, x: &X<f64>, u: &U<f64>, h: f64) -> X<f64> {
     let decay = (-h / p.tau_p).exp();
     X { p: FourWheels::from_fn(|i| u.p_cmd[i] + (x.p[i] - u.p_cmd[i]) * decay) }
 }
 
-pub(crate) fn outputs<T: Scalar>(p: &P, x: &X<T>, u: &U<T>) -> Y<T> {
+pub(crate) fn outputs<T: Scalar>(p: &BrakeAndDriveActuators, x: &X<T>, u: &U<T>) -> Y<T> {
     let (zero, one) = (T::from(0.0), T::from(1.0));
     let per_pedal = 4.0 * p.f_pedal * p.i_b * p.eta_p * p.boost / (PI * p.d_m * p.d_m) / MEGA;
     let mean_speed = (u.omega[0] + u.omega[1]) * 0.5;

@@ -10,99 +10,90 @@ mod tests;
 
 use chassis::data::esp_car as data;
 use chassis::prelude::*;
-use fmi2::prelude::*;
-
-/// The actuators.
-pub struct BrakeAndDriveActuators;
+use fmu::prelude::*;
 
 /// Symbols as in the paper, where it has one. All values are assumed: a full pedal locks the front wheels, then the rear
 /// ones.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct BrakeAndDriveActuators {
     /// F_pedal: force of the driver's foot on the fully pressed brake pedal
-    #[par("brake.maximum_pedal_force", unit = N, start = 300.0, min = 0.0)]
+    #[var("brake.maximum_pedal_force", unit = "N", start = 300.0, min = 0.0)]
     f_pedal: f64,
     /// i_b: lever ratio of the brake pedal
-    #[par("brake.pedal_ratio", unit = ONE, start = 4.0, min = 0.0)]
+    #[var("brake.pedal_ratio", unit = "1", start = 4.0, min = 0.0)]
     i_b: f64,
     /// eta_p: efficiency of the brake pedal
-    #[par("brake.efficiency", unit = ONE, start = 0.85, min = 0.0, max = 1.0)]
+    #[var("brake.efficiency", unit = "1", start = 0.85, min = 0.0, max = 1.0)]
     eta_p: f64,
     /// B: force ratio of the brake booster
-    #[par("brake.booster_ratio", unit = ONE, start = 4.0, min = 0.0)]
+    #[var("brake.booster_ratio", unit = "1", start = 4.0, min = 0.0)]
     boost: f64,
     /// D_m: diameter of the master cylinder
-    #[par("brake.master_cylinder_diameter", unit = M, start = 0.0222, positive, display = "mm")]
+    #[var("brake.master_cylinder_diameter", unit = "m", start = 0.0222, positive, display = "mm")]
     d_m: f64,
     /// p_loss: pressure that springs and friction of the master cylinder take
-    #[par("brake.pressure_loss", unit = MPA, start = 0.1, min = 0.0, display = "bar")]
+    #[var("brake.pressure_loss", unit = "MPa", start = 0.1, min = 0.0, display = "bar")]
     p_loss: f64,
     /// A_wc eta B_F R_b: pistons, efficiency, brake factor and effective radius
-    #[par(BRAKE_GAIN, start = data::BRAKE_GAIN)]
+    #[var(BRAKE_GAIN, start = data::BRAKE_GAIN)]
     gain: TwoAxles<f64>,
     /// tau_p: first-order lag of the wheel pressures
-    #[par("brake.time_constant", unit = S, start = 0.015, positive, display = "ms")]
+    #[var("brake.time_constant", unit = "s", start = 0.015, positive, display = "ms")]
     tau_p: f64,
     /// T_max: greatest drive torque of both front wheels together
-    #[par("drive.maximum_torque", unit = N_M, start = 1100.0, min = 0.0, display = "kN.m")]
+    #[var("drive.maximum_torque", unit = "N.m", start = 1100.0, min = 0.0, display = "kN.m")]
     t_max: f64,
     /// P_max: greatest drive power
-    #[par("drive.maximum_power", unit = W, start = 75_000.0, min = 0.0, display = "kW")]
+    #[var("drive.maximum_power", unit = "W", start = 75_000.0, min = 0.0, display = "kW")]
     p_max: f64,
 }
 
 /// Pedals, pressure commands and the wheels that are driven.
 #[derive(Inputs, Clone, Debug)]
 pub struct U<T> {
-    #[signal(DRIVER_THROTTLE)]
+    #[var(DRIVER_THROTTLE)]
     throttle: T,
-    #[signal(DRIVER_BRAKE)]
+    #[var(DRIVER_BRAKE)]
     brake: T,
-    #[signal(BRAKE_PRESSURE_COMMAND)]
+    #[var(BRAKE_PRESSURE_COMMAND)]
     p_cmd: FourWheels<T>,
-    #[signal(WHEEL_SPEED)]
+    #[var(WHEEL_SPEED)]
     omega: FourWheels<T>,
 }
 
 /// State: wheel pressures.
 #[derive(State, Clone, Debug)]
 pub struct X<T> {
-    #[signal(BRAKE_PRESSURE)]
+    #[var(BRAKE_PRESSURE)]
     p: FourWheels<T>,
 }
 
 /// Outputs that are not states.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y<T> {
-    #[signal(BRAKE_MASTER_PRESSURE)]
+    #[var(BRAKE_MASTER_PRESSURE)]
     p_master: T,
-    #[signal(BRAKE_TORQUE)]
+    #[var(BRAKE_TORQUE)]
     t_b: FourWheels<T>,
-    #[signal(DRIVE_TORQUE)]
+    #[var(DRIVE_TORQUE)]
     t_d: FourWheels<T>,
 }
 
 /// Brakes and drive of a car: pressure of the pedal, lagged wheel pressures, brake torques, drive torque of the front
 /// wheels
-#[model(stop_time = 6.0, step_size = 0.001)]
-impl Plant for BrakeAndDriveActuators {
-    type Parameters = P;
+#[fmu::model(stop_time = 6.0, step_size = 0.001)]
+impl Continuous for BrakeAndDriveActuators {
     type State<T: Scalar> = X<T>;
     type Inputs<T: Scalar> = U<T>;
     type Outputs<T: Scalar> = Y<T>;
 
-    fn derivatives<T: Scalar>(p: &P, (): &(), x: &X<T>, u: &U<T>) -> X<T> {
-        equations::derivatives(p, x, u)
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        equations::derivatives(self, at.state, at.inputs)
     }
-    fn outputs<T: Scalar>(p: &P, (): &(), x: &X<T>, u: &U<T>) -> Y<T> {
-        equations::outputs(p, x, u)
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
+        equations::outputs(self, at.state, at.inputs)
     }
-}
-
-impl Advancing for BrakeAndDriveActuators {
-    fn advance(p: &P, (): &(), x: &X<f64>, u: &U<f64>, h: f64) -> X<f64> {
-        equations::advance(p, x, u, h)
+    fn advance(&self, at: At<f64, Self>, step: f64) -> X<f64> {
+        equations::advance(self, at.state, at.inputs, step)
     }
 }
-
-fmi2::export!(advancing BrakeAndDriveActuators);

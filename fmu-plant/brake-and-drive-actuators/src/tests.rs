@@ -1,12 +1,12 @@
 //! Check numbers and closed forms of brakes and drive.
 
-use fmi2::Dual64;
+use fmu::Dual64;
 use proptest::prelude::*;
 
 use super::*;
 
 fn outputs(u: &U<f64>) -> Y<f64> {
-    BrakeAndDriveActuators::outputs(&P::default(), &(), &X::default(), u)
+    equations::outputs(&BrakeAndDriveActuators::default(), &X::default(), u)
 }
 
 #[test]
@@ -39,7 +39,7 @@ fn the_drive_is_limited_by_torque_and_power() {
 fn torques_are_proportional_to_the_pressures() {
     // 167.48 and 66.396 N m per MPa; roundings.
     let x = X { p: FourWheels([1.0, 2.0, 3.0, 4.0]) };
-    let t_b = BrakeAndDriveActuators::outputs(&P::default(), &(), &x, &U::default()).t_b;
+    let t_b = equations::outputs(&BrakeAndDriveActuators::default(), &x, &U::default()).t_b;
     for (actual, expected) in t_b.iter().zip([167.48, 334.96, 199.188, 265.584]) {
         assert!((actual - expected).abs() < 1e-12);
     }
@@ -53,13 +53,13 @@ proptest! {
         p_0 in prop::array::uniform4(0.0..12.0_f64), p_cmd in prop::array::uniform4(0.0..12.0_f64),
         h in 1e-5..0.1_f64, part in 0.0..1.0_f64,
     ) {
-        let p = P::default();
+        let p = BrakeAndDriveActuators::default();
         let u = U { p_cmd: FourWheels(p_cmd), ..U::default() };
         let x = X { p: FourWheels(p_0) };
-        let whole = BrakeAndDriveActuators::advance(&p, &(), &x, &u, h);
-        let first = BrakeAndDriveActuators::advance(&p, &(), &x, &u, part * h);
-        let second = BrakeAndDriveActuators::advance(&p, &(), &first, &u, (1.0 - part) * h);
-        let rate = BrakeAndDriveActuators::derivatives(&p, &(), &whole, &u);
+        let whole = equations::advance(&p, &x, &u, h);
+        let first = equations::advance(&p, &x, &u, part * h);
+        let second = equations::advance(&p, &first, &u, (1.0 - part) * h);
+        let rate = equations::derivatives(&p, &whole, &u);
         for i in 0..4 {
             prop_assert!((whole.p[i] - second.p[i]).abs() < 1e-13);
             // By hand: p_cmd + (p_0 - p_cmd) exp(-h/tau) and its slope, by a dual number.

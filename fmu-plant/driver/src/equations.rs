@@ -26,9 +26,9 @@
 use std::f64::consts::TAU;
 
 use chassis::table::Table;
-use fmi2::model::slack;
+use fmu::model::slack;
 
-use crate::{D, Maneuver, P, Y};
+use crate::{D, Driver, Maneuver, Y};
 
 /// Names of the columns of a table, in the order of [`Y`].
 const COLUMNS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "driver.brake"];
@@ -60,7 +60,7 @@ pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
 }
 
 /// Checks what the maneuver divides by and needs; the maneuver table needs the `table`.
-pub(crate) fn design(p: &P, table: Option<Table>) -> Result<D, String> {
+pub(crate) fn derived(p: &Driver, table: Option<Table>) -> Result<D, String> {
     let positive = |name: &str, value: f64, reason: &str| {
         if value > 0.0 {
             Ok(())
@@ -103,7 +103,7 @@ pub(crate) fn design(p: &P, table: Option<Table>) -> Result<D, String> {
 }
 
 /// One sample: the demands at the time `t` in s.
-pub(crate) fn sample(p: &P, d: &D, t: f64) -> Y {
+pub(crate) fn sample(p: &Driver, d: &D, t: f64) -> Y {
     let slack = slack(p.sample_time, t);
     let ramp = |start, rise_time| ramp(t, start, rise_time, slack);
     let mut y = Y {
@@ -164,7 +164,7 @@ fn sine(periods: f64, end: f64) -> f64 {
 
 /// Periods of the slalom since its start: of time, or of the distance that the prescribed speed covers (two cones
 /// each).
-fn slalom_periods(p: &P, t: f64) -> f64 {
+fn slalom_periods(p: &Driver, t: f64) -> f64 {
     if p.period > 0.0 {
         return (t - p.t_0) / p.period;
     }
@@ -180,22 +180,22 @@ fn slalom_periods(p: &P, t: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use fmi2::block::Mode as _;
+    use fmu::Enumeration as _;
 
     use super::*;
 
     const SERPENTINE_SPEED: f64 = 60.0 / 3.6;
 
-    fn steer(p: &P, t: f64) -> f64 {
-        sample(p, &design(p, None).unwrap(), t).steer
+    fn steer(p: &Driver, t: f64) -> f64 {
+        sample(p, &derived(p, None).unwrap(), t).steer
     }
 
-    fn error(p: &P) -> String {
-        design(p, None).unwrap_err()
+    fn error(p: &Driver) -> String {
+        derived(p, None).unwrap_err()
     }
 
     /// All maneuvers with steering of their own, with the start values of their parameters.
-    fn maneuvers() -> [P; 6] {
+    fn maneuvers() -> [Driver; 6] {
         [
             Maneuver::RampStep,
             Maneuver::Fishhook,
@@ -204,16 +204,16 @@ mod tests {
             Maneuver::SineWithDwell,
             Maneuver::SineSweep,
         ]
-        .map(|maneuver| P { maneuver, ..P::default() })
+        .map(|maneuver| Driver { maneuver, ..Driver::default() })
     }
 
     /// Reference: Chen et al., Mathematics 2022, 10, 3562: step of pi/6 at 5 s, double lane change of 0.064 rad and 4
     /// s from 1 s and 6 s on. The same formula in other words, so to a few roundings.
     #[test]
     fn rescue_vehicle_maneuvers() {
-        let step = P { a: std::f64::consts::FRAC_PI_6, t_0: 5.0, d: 0.0, ..P::default() };
+        let step = Driver { a: std::f64::consts::FRAC_PI_6, t_0: 5.0, d: 0.0, ..Driver::default() };
         assert_eq!([steer(&step, 4.999), steer(&step, 5.0)], [0.0, step.a]);
-        let lane_change = P { maneuver: Maneuver::DoubleLaneChange, a: 0.064, ..P::default() };
+        let lane_change = Driver { maneuver: Maneuver::DoubleLaneChange, a: 0.064, ..Driver::default() };
         for n in 0..12_000 {
             let t = f64::from(n) * 0.001;
             let expected = if (1.0..5.0).contains(&t) {
@@ -232,12 +232,12 @@ mod tests {
     /// pi) is below 1e-14.
     #[test]
     fn heavy_vehicle_maneuvers() {
-        let step = P::default();
+        let step = Driver::default();
         assert_eq!(steer(&step, 1.0), 0.0);
         assert!((steer(&step, 1.1) - 0.05).abs() < 1e-15);
         assert!((steer(&step, 1.2) - 0.1).abs() < 1e-15);
         assert_eq!(steer(&step, 2.0), 0.1);
-        let serpentine = P { maneuver: Maneuver::Slalom, period: 0.0, ..P::default() };
+        let serpentine = Driver { maneuver: Maneuver::Slalom, period: 0.0, ..Driver::default() };
         for n in 0..13_000 {
             let t = f64::from(n) * 0.001;
             let expected = 0.1 * (TAU * SERPENTINE_SPEED / 100.0 * (t - 1.0).max(0.0)).sin();
@@ -249,8 +249,8 @@ mod tests {
     /// in 0.15 s at 1.14 s, steering 0.0579 rad in 0.1 s at 1 s.
     #[test]
     fn esp_car_maneuvers() {
-        let p = P { a: 0.0579, d: 0.1, a_throttle: 1.0, a_brake: 1.0, t_brake: 1.14, ..P::default() };
-        let d = design(&p, None).unwrap();
+        let p = Driver { a: 0.0579, d: 0.1, a_throttle: 1.0, a_brake: 1.0, t_brake: 1.14, ..Driver::default() };
+        let d = derived(&p, None).unwrap();
         let at = |t| sample(&p, &d, t);
         assert_eq!(at(1.0), Y { speed: SERPENTINE_SPEED, ..Y::default() });
         let y = at(1.05);
@@ -266,9 +266,9 @@ mod tests {
     /// ramp(9, 0.4) 0.2 rad.
     #[test]
     fn hydro_pneumatic_maneuvers() {
-        let turn = P { t_0: 5.0, d: 2.0, ..P::default() };
+        let turn = Driver { t_0: 5.0, d: 2.0, ..Driver::default() };
         assert_eq!([5.0, 6.0, 7.0, 9.0].map(|t| steer(&turn, t)), [0.0, 0.05, 0.1, 0.1]);
-        let fishhook = P { maneuver: Maneuver::Fishhook, t_0: 5.0, d: 0.8, t_1: 9.0, ..P::default() };
+        let fishhook = Driver { maneuver: Maneuver::Fishhook, t_0: 5.0, d: 0.8, t_1: 9.0, ..Driver::default() };
         for (t, expected) in [(5.0, 0.0), (5.4, 0.05), (6.0, 0.1), (9.0, 0.1), (9.2, 0.0), (9.4, -0.1), (20.0, -0.1)] {
             assert!((steer(&fishhook, t) - expected).abs() < 1e-15);
         }
@@ -278,7 +278,7 @@ mod tests {
     /// rounding of times of 3 s.
     #[test]
     fn sine_with_dwell_is_the_test_of_the_regulation() {
-        let p = P { maneuver: Maneuver::SineWithDwell, ..P::default() };
+        let p = Driver { maneuver: Maneuver::SineWithDwell, ..Driver::default() };
         let (period, peak) = (1.0 / 0.7, 0.75 / 0.7);
         for n in 0..4000 {
             let t = f64::from(n) * 0.001;
@@ -301,7 +301,7 @@ mod tests {
     /// rule (exact for a linear frequency), 20,000 additions of at most 50 periods round by 1e-9 at most.
     #[test]
     fn sweep_phase_is_the_integral_of_its_frequency() {
-        let p = P { maneuver: Maneuver::SineSweep, f: 0.2, f_1: 5.0, duration: 20.0, ..P::default() };
+        let p = Driver { maneuver: Maneuver::SineSweep, f: 0.2, f_1: 5.0, duration: 20.0, ..Driver::default() };
         let frequency = |running: f64| 0.2 + (5.0 - 0.2) * running / 20.0;
         let h = 0.001;
         let mut periods = 0.0;
@@ -316,7 +316,7 @@ mod tests {
     /// Before its start the sweep does not steer, although its phase, a parabola in time, is positive again long before.
     #[test]
     fn sweep_does_not_steer_before_its_start() {
-        let p = P { maneuver: Maneuver::SineSweep, t_0: 10.0, ..P::default() };
+        let p = Driver { maneuver: Maneuver::SineSweep, t_0: 10.0, ..Driver::default() };
         for n in 0..=10_000 {
             assert_eq!(steer(&p, f64::from(n) * 0.001), 0.0, "{n}");
         }
@@ -329,7 +329,7 @@ mod tests {
         for begin in [1e7, 1e9, 1.7e9] {
             for n in 1..3000_i32 {
                 let start: f64 = format!("{}.{:03}", begin as i64 + i64::from(n / 1000), n % 1000).parse().unwrap();
-                let p = P { t_0: start, d: 0.0, ..P::default() };
+                let p = Driver { t_0: start, d: 0.0, ..Driver::default() };
                 assert_eq!(steer(&p, begin + f64::from(n) * 0.001), p.a, "{start}");
                 assert_eq!(steer(&p, begin + f64::from(n - 1) * 0.001), 0.0, "{start}");
             }
@@ -340,14 +340,14 @@ mod tests {
     /// 52.2 periods, so 0.3 periods of 5.02 Hz remain.
     #[test]
     fn sweep_ends_at_a_zero_crossing() {
-        let p = P { maneuver: Maneuver::SineSweep, f: 0.2, f_1: 5.02, ..P::default() };
+        let p = Driver { maneuver: Maneuver::SineSweep, f: 0.2, f_1: 5.02, ..Driver::default() };
         let end = 21.0 + 0.3 / 5.02;
         assert!((steer(&p, 21.0) - 0.1 * (TAU * 0.2).sin()).abs() < 1e-12);
         assert!((steer(&p, end - 0.01) - 0.1 * (TAU * (0.5 - 0.01 * 5.02)).sin()).abs() < 1e-12);
         assert_eq!(steer(&p, end + 1e-9), 0.0);
         assert_eq!(steer(&p, 100.0), 0.0);
         // a whole number of half periods: nothing runs on
-        let p = P { f: 0.5, f_1: 1.0, ..p };
+        let p = Driver { f: 0.5, f_1: 1.0, ..p };
         assert_eq!(steer(&p, 21.0 + 1e-9), 0.0);
     }
 
@@ -372,7 +372,7 @@ mod tests {
     #[test]
     fn maneuvers_mirror() {
         for p in maneuvers() {
-            let mirrored = P { a: -p.a, a_2: -p.a_2, ..p.clone() };
+            let mirrored = Driver { a: -p.a, a_2: -p.a_2, ..p.clone() };
             for n in 0..3000 {
                 let t = f64::from(n) * 0.01 - 2.0;
                 assert_eq!(steer(&p, t), -steer(&mirrored, t));
@@ -381,7 +381,7 @@ mod tests {
                 }
             }
         }
-        let straight = P { maneuver: Maneuver::Straight, ..P::default() };
+        let straight = Driver { maneuver: Maneuver::Straight, ..Driver::default() };
         assert_eq!(steer(&straight, 3.0), 0.0);
     }
 
@@ -403,11 +403,18 @@ mod tests {
     /// a zero crossing. From 10 m/s with 2 m/s2 after 1 s: s = 10 t + t^2.
     #[test]
     fn slalom_follows_the_cones() {
-        let p = P { maneuver: Maneuver::Slalom, cycles: 2, ..P::default() };
+        let p = Driver { maneuver: Maneuver::Slalom, cycles: 2, ..Driver::default() };
         assert!(steer(&p, 8.9).abs() > 0.01);
         assert_eq!(steer(&p, 9.1), 0.0);
-        let p =
-            P { maneuver: Maneuver::Slalom, period: 0.0, v_0: 10.0, v_1: 30.0, t_v: 1.0, d_v: 10.0, ..P::default() };
+        let p = Driver {
+            maneuver: Maneuver::Slalom,
+            period: 0.0,
+            v_0: 10.0,
+            v_1: 30.0,
+            t_v: 1.0,
+            d_v: 10.0,
+            ..Driver::default()
+        };
         for cone in 0..4 {
             let time = -5.0 + (25.0 + 50.0 * f64::from(cone)).sqrt();
             // slope 2 pi A v/100 m < 0.2 rad/s
@@ -421,10 +428,10 @@ mod tests {
     /// Closed form of the speed ramp.
     #[test]
     fn speed_ramps() {
-        let p = P { v_0: 10.0, v_1: 20.0, t_v: 2.0, d_v: 4.0, ..P::default() };
-        let d = design(&p, None).unwrap();
+        let p = Driver { v_0: 10.0, v_1: 20.0, t_v: 2.0, d_v: 4.0, ..Driver::default() };
+        let d = derived(&p, None).unwrap();
         assert_eq!([0.0, 2.0, 3.0, 6.0, 9.0].map(|t| sample(&p, &d, t).speed), [10.0, 10.0, 12.5, 20.0, 20.0]);
-        let p = P { d_v: 0.0, ..p };
+        let p = Driver { d_v: 0.0, ..p };
         assert_eq!([1.999, 2.0].map(|t| sample(&p, &d, t).speed), [10.0, 20.0]);
     }
 
@@ -432,8 +439,8 @@ mod tests {
     #[test]
     fn table_replaces_what_it_has() {
         let table = parse_table("time,driver.steer,driver.brake\n0,0,0\n2,0.2,1\n", "a.csv").unwrap();
-        let p = P { maneuver: Maneuver::Table, a_throttle: 0.5, a_brake: 0.3, ..P::default() };
-        let d = design(&p, Some(table)).unwrap();
+        let p = Driver { maneuver: Maneuver::Table, a_throttle: 0.5, a_brake: 0.3, ..Driver::default() };
+        let d = derived(&p, Some(table)).unwrap();
         assert_eq!(
             sample(&p, &d, 1.5),
             Y { steer: 0.15000000000000002, speed: SERPENTINE_SPEED, throttle: 0.5, brake: 0.75 }
@@ -444,38 +451,38 @@ mod tests {
 
     #[test]
     fn refuses_what_makes_no_sense() {
-        let p = P::default;
+        let p = Driver::default;
         for (parameters, message) in [
             (
-                P { maneuver: Maneuver::DoubleLaneChange, period: 0.0, ..p() },
+                Driver { maneuver: Maneuver::DoubleLaneChange, period: 0.0, ..p() },
                 "'steer.period' = 0, a number above 0 was expected for 'maneuver' = 3 (double_lane_change)",
             ),
             (
-                P { maneuver: Maneuver::DoubleLaneChange, t_1: 4.0, ..p() },
+                Driver { maneuver: Maneuver::DoubleLaneChange, t_1: 4.0, ..p() },
                 "'steer.reversal_start' = 4 s, the second lane change was expected after the end of the first, 5 s",
             ),
             (
-                P { maneuver: Maneuver::Slalom, period: 0.0, cone_distance: 0.0, ..p() },
+                Driver { maneuver: Maneuver::Slalom, period: 0.0, cone_distance: 0.0, ..p() },
                 "'steer.cone_distance' = 0, a number above 0 was expected for 'maneuver' = 4 (slalom) with 'steer.period' = 0",
             ),
             (
-                P { maneuver: Maneuver::Slalom, period: 0.0, v_0: 0.0, ..p() },
+                Driver { maneuver: Maneuver::Slalom, period: 0.0, v_0: 0.0, ..p() },
                 "'speed.initial' = 0, a number above 0 was expected for 'maneuver' = 4 (slalom) with 'steer.period' = 0",
             ),
             (
-                P { maneuver: Maneuver::SineWithDwell, f: 0.0, ..p() },
+                Driver { maneuver: Maneuver::SineWithDwell, f: 0.0, ..p() },
                 "'steer.frequency' = 0, a number above 0 was expected for 'maneuver' = 5 (sine_with_dwell)",
             ),
             (
-                P { maneuver: Maneuver::SineSweep, f_1: 0.0, ..p() },
+                Driver { maneuver: Maneuver::SineSweep, f_1: 0.0, ..p() },
                 "'steer.final_frequency' = 0, a number above 0 was expected for 'maneuver' = 6 (sine_sweep)",
             ),
             (
-                P { maneuver: Maneuver::SineSweep, duration: 0.0, ..p() },
+                Driver { maneuver: Maneuver::SineSweep, duration: 0.0, ..p() },
                 "'steer.duration' = 0, a number above 0 was expected for 'maneuver' = 6 (sine_sweep)",
             ),
             (
-                P { maneuver: Maneuver::Table, ..p() },
+                Driver { maneuver: Maneuver::Table, ..p() },
                 "'table.file' is empty, the path of a CSV file was expected for 'maneuver' = 7 (table)",
             ),
         ] {
@@ -496,11 +503,11 @@ mod tests {
         /// Whatever the parameters and the time: finite demands or a message, no panic.
         #[test]
         fn never_panics(maneuver in 0..8_i32, numbers in proptest::collection::vec(0.0..1e3_f64, 8), t in proptest::num::f64::ANY) {
-            let p = P {
+            let p = Driver {
                 maneuver: Maneuver::from_value(maneuver).unwrap(), a: numbers[0], t_0: numbers[1], d: numbers[2], t_1: numbers[3], period: numbers[4], f: numbers[5],
-                dwell: numbers[6], t_v: numbers[7], ..P::default()
+                dwell: numbers[6], t_v: numbers[7], ..Driver::default()
             };
-            if let Ok(d) = design(&p, None) {
+            if let Ok(d) = derived(&p, None) {
                 let y = sample(&p, &d, t);
                 proptest::prop_assert!(y.steer.abs() <= p.a.abs() + p.a_2.abs() || t.is_nan());
             }

@@ -8,13 +8,10 @@ use std::path::Path;
 
 use chassis::prelude::*;
 use chassis::table::{self, Table};
-use fmi2::prelude::*;
-
-/// The driver.
-pub struct Driver;
+use fmu::prelude::*;
 
 /// How the driver steers.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maneuver {
     /// no steering
     Straight = 0,
@@ -36,84 +33,84 @@ pub enum Maneuver {
 
 /// Parameters.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct Driver {
     /// How the driver steers
-    #[par("maneuver", mode, start = Maneuver::RampStep)]
+    #[var("maneuver", start = Maneuver::RampStep)]
     maneuver: Maneuver,
     /// A: amplitude of the steering angle, positive to the left first
-    #[par("steer.amplitude", unit = RAD, start = 0.1, display = "deg")]
+    #[var("steer.amplitude", unit = "rad", start = 0.1, display = "deg")]
     a: f64,
     /// Start of the steering
-    #[par("steer.start", unit = S, start = 1.0, min = 0.0)]
+    #[var("steer.start", unit = "s", start = 1.0, min = 0.0)]
     t_0: f64,
     /// Duration of the first ramp of ramp_step and fishhook; 0 for a step
-    #[par("steer.rise_time", unit = S, start = 0.2, min = 0.0)]
+    #[var("steer.rise_time", unit = "s", start = 0.2, min = 0.0)]
     d: f64,
     /// Start of the way back of fishhook, of the second period of double_lane_change
-    #[par("steer.reversal_start", unit = S, start = 6.0, min = 0.0)]
+    #[var("steer.reversal_start", unit = "s", start = 6.0, min = 0.0)]
     t_1: f64,
     /// Duration of the ramp to the other side of fishhook; 0 for a step
-    #[par("steer.reversal_time", unit = S, start = 0.4, min = 0.0)]
+    #[var("steer.reversal_time", unit = "s", start = 0.4, min = 0.0)]
     d_2: f64,
     /// Amplitude on the other side of fishhook
-    #[par("steer.reversal_amplitude", unit = RAD, start = 0.1, display = "deg")]
+    #[var("steer.reversal_amplitude", unit = "rad", start = 0.1, display = "deg")]
     a_2: f64,
     /// Period of double_lane_change and slalom; 0 in slalom for two cone distances of driver.speed
-    #[par("steer.period", unit = S, start = 4.0, min = 0.0)]
+    #[var("steer.period", unit = "s", start = 4.0, min = 0.0)]
     period: f64,
     /// Number of periods of slalom; 0 for no end
-    #[par("steer.cycles", start = 0, min = 0, max = i32::MAX)]
+    #[var("steer.cycles", start = 0, min = 0, max = i32::MAX)]
     cycles: i32,
     /// Distance from cone to cone of slalom with steer.period 0
-    #[par("steer.cone_distance", unit = M, start = 50.0, min = 0.0)]
+    #[var("steer.cone_distance", unit = "m", start = 50.0, min = 0.0)]
     cone_distance: f64,
     /// Frequency of sine_with_dwell, first frequency of sine_sweep
-    #[par("steer.frequency", unit = HZ, start = 0.7, min = 0.0)]
+    #[var("steer.frequency", unit = "Hz", start = 0.7, min = 0.0)]
     f: f64,
     /// Time at the second peak of sine_with_dwell
-    #[par("steer.dwell_time", unit = S, start = 0.5, min = 0.0)]
+    #[var("steer.dwell_time", unit = "s", start = 0.5, min = 0.0)]
     dwell: f64,
     /// Last frequency of sine_sweep
-    #[par("steer.final_frequency", unit = HZ, start = 4.0, min = 0.0)]
+    #[var("steer.final_frequency", unit = "Hz", start = 4.0, min = 0.0)]
     f_1: f64,
     /// Time from the first to the last frequency of sine_sweep
-    #[par("steer.duration", unit = S, start = 20.0, min = 0.0)]
+    #[var("steer.duration", unit = "s", start = 20.0, min = 0.0)]
     duration: f64,
     /// Speed before the speed ramp
-    #[par("speed.initial", unit = M_PER_S, start = 60.0 / 3.6, min = 0.0, display = "km/h")]
+    #[var("speed.initial", unit = "m/s", start = 60.0 / 3.6, min = 0.0, display = "km/h")]
     v_0: f64,
     /// Speed after the speed ramp
-    #[par("speed.final", unit = M_PER_S, start = 0.0, min = 0.0, display = "km/h")]
+    #[var("speed.final", unit = "m/s", start = 0.0, min = 0.0, display = "km/h")]
     v_1: f64,
     /// Start of the speed ramp; the start value lies beyond any run, the speed is constant
-    #[par("speed.start", unit = S, start = 1e6, min = 0.0)]
+    #[var("speed.start", unit = "s", start = 1e6, min = 0.0)]
     t_v: f64,
     /// Duration of the speed ramp; 0 for a step
-    #[par("speed.rise_time", unit = S, start = 1.0, min = 0.0)]
+    #[var("speed.rise_time", unit = "s", start = 1.0, min = 0.0)]
     d_v: f64,
     /// Throttle pedal after its ramp
-    #[par("throttle.amplitude", unit = ONE, start = 0.0, min = 0.0, max = 1.0)]
+    #[var("throttle.amplitude", unit = "1", start = 0.0, min = 0.0, max = 1.0)]
     a_throttle: f64,
     /// Start of the throttle ramp
-    #[par("throttle.start", unit = S, start = 1.0, min = 0.0)]
+    #[var("throttle.start", unit = "s", start = 1.0, min = 0.0)]
     t_throttle: f64,
     /// Duration of the throttle ramp; 0 for a step
-    #[par("throttle.rise_time", unit = S, start = 0.2, min = 0.0)]
+    #[var("throttle.rise_time", unit = "s", start = 0.2, min = 0.0)]
     d_throttle: f64,
     /// Brake pedal after its ramp
-    #[par("brake.amplitude", unit = ONE, start = 0.0, min = 0.0, max = 1.0)]
+    #[var("brake.amplitude", unit = "1", start = 0.0, min = 0.0, max = 1.0)]
     a_brake: f64,
     /// Start of the brake ramp
-    #[par("brake.start", unit = S, start = 1.0, min = 0.0)]
+    #[var("brake.start", unit = "s", start = 1.0, min = 0.0)]
     t_brake: f64,
     /// Duration of the brake ramp; 0 for a step
-    #[par("brake.rise_time", unit = S, start = 0.15, min = 0.0)]
+    #[var("brake.rise_time", unit = "s", start = 0.15, min = 0.0)]
     d_brake: f64,
     /// CSV file of the maneuver table, column time in s and any of driver.steer, driver.speed, driver.throttle,
     /// driver.brake; a relative path starts at the resources folder of the FMU
-    #[par("table.file", start = "")]
+    #[var("table.file", start = "")]
     table_file: String,
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
@@ -124,48 +121,45 @@ pub struct U {}
 /// What the driver asks for.
 #[derive(Outputs, Clone, Debug, PartialEq)]
 pub struct Y {
-    #[signal(DRIVER_STEER)]
+    #[var(DRIVER_STEER)]
     steer: f64,
-    #[signal(DRIVER_SPEED)]
+    #[var(DRIVER_SPEED)]
     speed: f64,
-    #[signal(DRIVER_THROTTLE)]
+    #[var(DRIVER_THROTTLE)]
     throttle: f64,
-    #[signal(DRIVER_BRAKE)]
+    #[var(DRIVER_BRAKE)]
     brake: f64,
 }
 
 /// The file of the maneuver table.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     table: Option<Table>,
 }
 
 /// Steering, speed and pedals as functions of time: vehicle test maneuvers, or a file
-#[model(stop_time = 20.0, step_size = 0.001)]
-impl Sampled for Driver {
-    type Parameters = P;
-    type Design = D;
+#[fmu::model(stop_time = 20.0, step_size = 0.001)]
+impl Discrete for Driver {
+    type Derived = D;
     type Inputs = U;
     type Outputs = Y;
     const SOURCE: Option<Influence> = Some(equations::influence);
 
-    fn design(p: &P) -> Result<D, String> {
-        equations::design(p, None)
+    fn derived(&self) -> Result<D, String> {
+        equations::derived(self, None)
     }
-    fn load(p: &P, resources: &Path) -> Result<D, String> {
-        if p.maneuver != Maneuver::Table {
-            return Self::design(p);
+    fn load(&self, resources: &Path) -> Result<D, String> {
+        if self.maneuver != Maneuver::Table {
+            return self.derived();
         }
-        let (path, text) = table::read_file("table.file", &p.table_file, resources)?;
+        let (path, text) = table::read_file("table.file", &self.table_file, resources)?;
         let demands = equations::parse_table(&text, &path).map_err(|error| format!("'table.file': {error}"))?;
-        equations::design(p, Some(demands))
+        equations::derived(self, Some(demands))
     }
     fn fingerprint(d: &D) -> u64 {
         d.table.as_ref().map_or(0, Table::content_hash)
     }
-    fn update(p: &P, d: &D, (): &mut (), _: &U, t: f64) -> Y {
-        equations::sample(p, d, t)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::sample(self, sample.derived, sample.time)
     }
 }
-
-fmi2::export!(sampled Driver);

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use fmi2::description::Description;
-use fmi2::instance::Instance;
-use fmi2::model::SampledModel;
+use fmu::description::Description;
+use fmu::instance::Instance;
+use fmu::runner::DiscreteModel;
 
 use super::*;
 
-type Unit = Instance<SampledModel<Driver>>;
+type Unit = Instance<DiscreteModel<Driver>>;
 
 /// An instance with its value references by name.
 struct Fmu {
@@ -18,7 +18,7 @@ struct Fmu {
 
 impl Fmu {
     fn new(resources: &Path) -> Self {
-        let description = Arc::new(Description::of::<SampledModel<Driver>>());
+        let description = Arc::new(Description::of::<DiscreteModel<Driver>>());
         Self { instance: Unit::new(Arc::clone(&description), resources.to_owned()), description }
     }
 
@@ -37,7 +37,7 @@ impl Fmu {
         self.instance.set_real(&[self.reference(name)], &[value]).unwrap();
     }
 
-    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmi2::instance::Refusal> {
+    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmu::instance::Refusal> {
         self.instance.set_integer(&[self.reference(name)], &[value])
     }
 
@@ -49,7 +49,7 @@ impl Fmu {
         self.instance.setup_experiment(0.0, None).unwrap();
         self.instance.enter_initialization().unwrap();
         self.instance.exit_initialization().map_err(|refusal| match refusal {
-            fmi2::instance::Refusal::Error(message) | fmi2::instance::Refusal::Discard(message) => message,
+            fmu::instance::Refusal::Error(message) | fmu::instance::Refusal::Discard(message) => message,
         })
     }
 

@@ -23,12 +23,12 @@
 
 use chassis::positions::{FourWheels, TwoAxles, axle_of, left_is_positive};
 use chassis::{suspension, tire};
-use fmi2::Scalar;
+use fmu::Scalar;
 
-use crate::{D, P, U, X, Y};
+use crate::{D, EspCar, U, X, Y};
 
 /// Masses, positions, loads at rest and the constant blocks of the mass matrix.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &EspCar) -> Result<D, String> {
     let m_i: [f64; 4] = std::array::from_fn(|i| p.m_u[axle_of(i)]);
     let x: [f64; 4] = std::array::from_fn(|i| if axle_of(i) == 0 { p.a } else { -p.b });
     let y: [f64; 4] = std::array::from_fn(|i| p.track / 2.0 * left_is_positive(i));
@@ -98,7 +98,7 @@ struct Contact<T> {
 
 /// One tire: `hub` is the velocity along and across the plane of the wheel.
 #[inline]
-fn contact<T: Scalar>(p: &P, axle: usize, f_z0: f64, f_z: T, friction: T, omega: T, hub: [T; 2]) -> Contact<T> {
+fn contact<T: Scalar>(p: &EspCar, axle: usize, f_z0: f64, f_z: T, friction: T, omega: T, hub: [T; 2]) -> Contact<T> {
     let [v_xw, v_yw] = hub;
     let v_eps = T::from(p.v_eps);
     let rolling = omega * p.radius;
@@ -116,7 +116,7 @@ fn contact<T: Scalar>(p: &P, axle: usize, f_z0: f64, f_z: T, friction: T, omega:
 }
 
 #[inline]
-fn motion<T: Scalar>(p: &P, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
+fn motion<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
     let X { u, v, r, phi, theta, phid, thetad, .. } = *x;
     let (m_s, h_b) = (p.m_s, p.h_b);
     let sum = |f: &dyn Fn(usize) -> T| f(0) + f(1) + f(2) + f(3);
@@ -219,7 +219,7 @@ fn motion<T: Scalar>(p: &P, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
     Motion { d, dd, t_z, f_z, s, t, f_xw, f_yw, ud, vd, rd, zdd, phidd, thetadd, zdd_u, omegad }
 }
 
-pub(crate) fn derivatives<T: Scalar>(p: &P, k: &D, x: &X<T>, u: &U<T>) -> X<T> {
+pub(crate) fn derivatives<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, u: &U<T>) -> X<T> {
     let m = motion(p, k, x, u);
     X {
         x: x.u * x.psi.cos() - x.v * x.psi.sin(),
@@ -240,7 +240,7 @@ pub(crate) fn derivatives<T: Scalar>(p: &P, k: &D, x: &X<T>, u: &U<T>) -> X<T> {
     }
 }
 
-pub(crate) fn outputs<T: Scalar>(p: &P, k: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+pub(crate) fn outputs<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, u: &U<T>) -> Y<T> {
     let m = motion(p, k, x, u);
     Y {
         a_x: m.ud - x.v * x.r,

@@ -10,202 +10,199 @@ mod tests;
 
 use chassis::data::esp_car as data;
 use chassis::prelude::*;
-use fmi2::prelude::*;
-
-/// The plant.
-pub struct EspCar;
+use fmu::prelude::*;
 
 /// Symbols as in the paper, where it has one.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct EspCar {
     /// m_s (paper, Table 6)
-    #[par(BODY_MASS, start = data::BODY_MASS)]
+    #[var(BODY_MASS, start = data::BODY_MASS)]
     m_s: f64,
     /// m_u (paper, Table 6)
-    #[par(WHEEL_MASS, start = data::WHEEL_MASS)]
+    #[var(WHEEL_MASS, start = data::WHEEL_MASS)]
     m_u: TwoAxles<f64>,
     /// a (paper, Table 6)
-    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     a: f64,
     /// b (paper, Table 6)
-    #[par(CG_TO_REAR_AXLE, start = data::CG_TO_REAR)]
+    #[var(CG_TO_REAR_AXLE, start = data::CG_TO_REAR)]
     b: f64,
     /// paper, Table 6, where it is called wheelbase
-    #[par(TRACK, start = data::TRACK)]
+    #[var(TRACK, start = data::TRACK)]
     track: f64,
     /// h (paper, Table 6)
-    #[par(CG_HEIGHT, start = data::CG_HEIGHT)]
+    #[var(CG_HEIGHT, start = data::CG_HEIGHT)]
     h: f64,
     /// H (paper, Table 6), for the pitch axis too
-    #[par(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
+    #[var(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
     h_b: f64,
     /// h_u (assumed: radius of the wheels)
-    #[par(WHEEL_CENTER_HEIGHT, start = data::WHEEL_CENTER_HEIGHT)]
+    #[var(WHEEL_CENTER_HEIGHT, start = data::WHEEL_CENTER_HEIGHT)]
     h_u: f64,
     /// I_x (paper, Table 6)
-    #[par(BODY_ROLL_INERTIA, start = data::ROLL_INERTIA)]
+    #[var(BODY_ROLL_INERTIA, start = data::ROLL_INERTIA)]
     i_x: f64,
     /// I_y (paper, Table 6)
-    #[par(BODY_PITCH_INERTIA, start = data::PITCH_INERTIA)]
+    #[var(BODY_PITCH_INERTIA, start = data::PITCH_INERTIA)]
     i_y: f64,
     /// I_z (paper, Table 6)
-    #[par(BODY_YAW_INERTIA, start = data::BODY_YAW_INERTIA)]
+    #[var(BODY_YAW_INERTIA, start = data::BODY_YAW_INERTIA)]
     i_z: f64,
     /// k_s (paper, Table 6)
-    #[par(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
+    #[var(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
     k_s: TwoAxles<f64>,
     /// c_s (paper, Table 6)
-    #[par(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
+    #[var(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
     c_s: TwoAxles<f64>,
     /// k_a (paper, Table 6)
-    #[par(ANTI_ROLL_BAR_STIFFNESS, start = data::ANTI_ROLL_BAR)]
+    #[var(ANTI_ROLL_BAR_STIFFNESS, start = data::ANTI_ROLL_BAR)]
     k_a: TwoAxles<f64>,
     /// k_t (paper, Table 6)
-    #[par(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
+    #[var(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
     k_t: f64,
     /// R (assumed)
-    #[par(WHEEL_RADIUS, start = data::RADIUS)]
+    #[var(WHEEL_RADIUS, start = data::RADIUS)]
     radius: f64,
     /// J_w (assumed)
-    #[par(WHEEL_SPIN_INERTIA, start = data::SPIN_INERTIA)]
+    #[var(WHEEL_SPIN_INERTIA, start = data::SPIN_INERTIA)]
     j_w: f64,
     /// C_alpha at the load at rest (assumed)
-    #[par(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
+    #[var(TIRE_CORNERING_STIFFNESS, start = data::CORNERING_STIFFNESS)]
     c_alpha: TwoAxles<f64>,
     /// C_kappa: longitudinal force of one tire per slip at the load at rest (assumed)
-    #[par("tire.slip_stiffness", unit = N, start = data::SLIP_STIFFNESS, positive, display = "kN")]
+    #[var("tire.slip_stiffness", unit = "N", start = data::SLIP_STIFFNESS, positive, display = "kN")]
     c_kappa: TwoAxles<f64>,
     /// q: loss of stiffness with the load; the stiffness is greatest at (1 + q)/(2 q) times the load at rest (assumed)
-    #[par("tire.load_dependence", unit = ONE, start = 0.2, min = 0.0, max = 0.5)]
+    #[var("tire.load_dependence", unit = "1", start = 0.2, min = 0.0, max = 0.5)]
     q: f64,
     /// mu_0 at rest (calibrated on a braking distance of Table 7)
-    #[par(TIRE_FRICTION, start = data::FRICTION, tunable)]
+    #[var(TIRE_FRICTION, start = data::FRICTION, tunable)]
     mu_0: f64,
     /// A_s: loss of friction per speed of sliding (assumed)
-    #[par("tire.friction_reduction", unit = S_PER_M, start = 0.015, min = 0.0, tunable)]
+    #[var("tire.friction_reduction", unit = "s/m", start = 0.015, min = 0.0, tunable)]
     a_s: f64,
     /// Least friction of a sliding tire, relative to that at rest (assumed)
-    #[par("tire.friction_floor", unit = ONE, start = 0.2, min = 0.0, max = 1.0, tunable)]
+    #[var("tire.friction_floor", unit = "1", start = 0.2, min = 0.0, max = 1.0, tunable)]
     mu_floor: f64,
     /// v_eps: speed below which slips are smoothed
-    #[par("numerics.speed_smoothing", unit = M_PER_S, start = 0.5, positive)]
+    #[var("numerics.speed_smoothing", unit = "m/s", start = 0.5, positive)]
     v_eps: f64,
     /// w_eps: wheel speed below which the brake torque is smoothed
-    #[par("numerics.spin_smoothing", unit = RAD_PER_S, start = 0.5, positive)]
+    #[var("numerics.spin_smoothing", unit = "rad/s", start = 0.5, positive)]
     w_eps: f64,
     /// standard value, rounded
-    #[par(GRAVITY, start = data::GRAVITY)]
+    #[var(GRAVITY, start = data::GRAVITY)]
     g: f64,
     /// Longitudinal speed at the start; the wheels roll
-    #[par("vehicle.initial_speed", unit = M_PER_S, start = data::SPEED, min = 0.0, display = "km/h")]
+    #[var("vehicle.initial_speed", unit = "m/s", start = data::SPEED, min = 0.0, display = "km/h")]
     u_0: f64,
     /// Runge-Kutta of order 4
-    #[par(MAX_STEP, start = 0.0001)]
+    #[var(MAX_STEP, start = 0.0001)]
     max_step: f64,
 }
 
 /// Inputs.
 #[derive(Inputs, Clone, Debug)]
 pub struct U<T> {
-    #[signal(STEER)]
+    #[var(STEER)]
     delta: FrontAxle<T>,
-    #[signal(ROAD_HEIGHT)]
+    #[var(ROAD_HEIGHT)]
     z_r: FourWheels<T>,
-    #[signal(ROAD_FRICTION, start = 1.0)]
+    #[var(ROAD_FRICTION, start = 1.0)]
     friction: FourWheels<T>,
-    #[signal(SUSPENSION_FORCE)]
+    #[var(SUSPENSION_FORCE)]
     f: FourWheels<T>,
-    #[signal(BRAKE_TORQUE)]
+    #[var(BRAKE_TORQUE)]
     t_b: FourWheels<T>,
-    #[signal(DRIVE_TORQUE)]
+    #[var(DRIVE_TORQUE)]
     t_d: FourWheels<T>,
 }
 
 /// State: position and motion in the road plane, body, wheels.
 #[derive(State, Clone, Debug)]
 pub struct X<T> {
-    #[signal(VEHICLE_POSITION_X)]
+    #[var(VEHICLE_POSITION_X)]
     x: T,
-    #[signal(VEHICLE_POSITION_Y)]
+    #[var(VEHICLE_POSITION_Y)]
     y: T,
-    #[signal(VEHICLE_YAW)]
+    #[var(VEHICLE_YAW)]
     psi: T,
-    #[signal(VEHICLE_SPEED)]
+    #[var(VEHICLE_SPEED, calculated)]
     u: T,
-    #[signal(VEHICLE_LATERAL_VELOCITY)]
+    #[var(VEHICLE_LATERAL_VELOCITY)]
     v: T,
-    #[signal(VEHICLE_YAW_RATE)]
+    #[var(VEHICLE_YAW_RATE)]
     r: T,
-    #[signal(BODY_HEAVE)]
+    #[var(BODY_HEAVE)]
     z: T,
-    #[signal(BODY_ROLL)]
+    #[var(BODY_ROLL)]
     phi: T,
-    #[signal(BODY_PITCH)]
+    #[var(BODY_PITCH)]
     theta: T,
-    #[signal(BODY_HEAVE_RATE)]
+    #[var(BODY_HEAVE_RATE)]
     zd: T,
-    #[signal(BODY_ROLL_RATE)]
+    #[var(BODY_ROLL_RATE)]
     phid: T,
-    #[signal(BODY_PITCH_RATE)]
+    #[var(BODY_PITCH_RATE)]
     thetad: T,
-    #[signal(WHEEL_HEIGHT)]
+    #[var(WHEEL_HEIGHT)]
     z_u: FourWheels<T>,
-    #[signal(WHEEL_VELOCITY)]
+    #[var(WHEEL_VELOCITY)]
     zd_u: FourWheels<T>,
-    #[signal(WHEEL_SPEED)]
+    #[var(WHEEL_SPEED, calculated)]
     omega: FourWheels<T>,
 }
 
 /// Outputs that are not states.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y<T> {
-    #[signal(VEHICLE_LONGITUDINAL_ACCELERATION)]
+    #[var(VEHICLE_LONGITUDINAL_ACCELERATION)]
     a_x: T,
-    #[signal(VEHICLE_LATERAL_ACCELERATION)]
+    #[var(VEHICLE_LATERAL_ACCELERATION)]
     a_y: T,
-    #[signal(VEHICLE_SIDESLIP)]
+    #[var(VEHICLE_SIDESLIP)]
     beta: T,
-    #[signal(VEHICLE_YAW_ACCELERATION)]
+    #[var(VEHICLE_YAW_ACCELERATION)]
     rd: T,
-    #[signal(VEHICLE_LOAD_TRANSFER_RATIO)]
+    #[var(VEHICLE_LOAD_TRANSFER_RATIO)]
     ltr: T,
-    #[signal(BODY_HEAVE_ACCELERATION)]
+    #[var(BODY_HEAVE_ACCELERATION)]
     zdd: T,
-    #[signal(BODY_ROLL_ACCELERATION)]
+    #[var(BODY_ROLL_ACCELERATION)]
     phidd: T,
-    #[signal(BODY_PITCH_ACCELERATION)]
+    #[var(BODY_PITCH_ACCELERATION)]
     thetadd: T,
-    #[signal(CORNER_ACCELERATION)]
+    #[var(CORNER_ACCELERATION)]
     corner: FourWheels<T>,
-    #[signal(SUSPENSION_DEFLECTION)]
+    #[var(SUSPENSION_DEFLECTION)]
     d: FourWheels<T>,
-    #[signal(SUSPENSION_VELOCITY)]
+    #[var(SUSPENSION_VELOCITY)]
     dd: FourWheels<T>,
-    #[signal(TIRE_DEFLECTION)]
+    #[var(TIRE_DEFLECTION)]
     t_z: FourWheels<T>,
-    #[signal(TIRE_LOAD)]
+    #[var(TIRE_LOAD)]
     f_z: FourWheels<T>,
-    #[signal(TIRE_LONGITUDINAL_FORCE)]
+    #[var(TIRE_LONGITUDINAL_FORCE)]
     f_xw: FourWheels<T>,
-    #[signal(TIRE_LATERAL_FORCE)]
+    #[var(TIRE_LATERAL_FORCE)]
     f_yw: FourWheels<T>,
-    #[signal(TIRE_SLIP_ANGLE)]
+    #[var(TIRE_SLIP_ANGLE)]
     alpha: FourWheels<T>,
-    #[signal(TIRE_LONGITUDINAL_SLIP)]
+    #[var(TIRE_LONGITUDINAL_SLIP)]
     s: FourWheels<T>,
 }
 
 /// What follows from geometry and masses.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     /// Mass of the whole vehicle
-    #[calculated("vehicle.mass", unit = KG)]
+    #[var("vehicle.mass", unit = "kg")]
     m: f64,
     /// Yaw inertia of the whole vehicle about its center of mass
-    #[calculated("vehicle.yaw_inertia", unit = KG_M2)]
+    #[var("vehicle.yaw_inertia", unit = "kg.m2")]
     i_vehicle: f64,
     /// Tire load at rest
-    #[calculated("tire.static_load", unit = N, display = "kN")]
+    #[var("tire.static_load", unit = "N", display = "kN")]
     f_z0: FourWheels<f64>,
     /// All wheels, kg.
     m_w: f64,
@@ -224,27 +221,24 @@ pub struct D {
 }
 
 /// Two-axle car: motion in the plane, heave, roll and pitch of the body, height and rotation of four wheels
-#[model(stop_time = 6.0, step_size = 0.001)]
-impl Plant for EspCar {
-    type Parameters = P;
-    type Design = D;
+#[fmu::model(stop_time = 6.0, step_size = 0.001)]
+impl Continuous for EspCar {
+    type Derived = D;
     type State<T: Scalar> = X<T>;
     type Inputs<T: Scalar> = U<T>;
     type Outputs<T: Scalar> = Y<T>;
 
-    fn design(p: &P) -> Result<D, String> {
-        equations::design(p)
+    fn derived(&self) -> Result<D, String> {
+        equations::derived(self)
     }
-    fn begin(p: &P, x: &mut X<f64>) {
-        x.u = p.u_0;
-        x.omega = FourWheels([p.u_0 / p.radius; 4]);
+    fn initialize(&self, _: &D, x: &mut X<f64>) {
+        x.u = self.u_0;
+        x.omega = FourWheels([self.u_0 / self.radius; 4]);
     }
-    fn derivatives<T: Scalar>(p: &P, d: &D, x: &X<T>, u: &U<T>) -> X<T> {
-        equations::derivatives(p, d, x, u)
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        equations::derivatives(self, at.derived, at.state, at.inputs)
     }
-    fn outputs<T: Scalar>(p: &P, d: &D, x: &X<T>, u: &U<T>) -> Y<T> {
-        equations::outputs(p, d, x, u)
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
+        equations::outputs(self, at.derived, at.state, at.inputs)
     }
 }
-
-fmi2::export!(plant EspCar);

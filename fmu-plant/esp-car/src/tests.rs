@@ -8,69 +8,64 @@ use chassis::mirror::mirrored;
 use std::array;
 
 use control::riccati::eigenvalues;
-use fmi2::model::{Model, PlantModel, Step};
-use fmi2::{Block, Dual64};
+use fmu::simulation::ContinuousSimulation;
+use fmu::{Dual64, Variables};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
 use super::*;
 
-const STATES: usize = <X<f64> as Block<f64>>::LEN;
-const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
+const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
+const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
 /// Positions in the state.
 const V: usize = 4;
 const R: usize = 5;
 const Z: usize = 6;
 
-fn design(p: &P) -> D {
-    equations::design(p).unwrap()
+fn derived(p: &EspCar) -> D {
+    equations::derived(p).unwrap()
 }
 
-fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
-    equations::derivatives(p, &design(p), x, u)
+fn derivatives(p: &EspCar, x: &X<f64>, u: &U<f64>) -> X<f64> {
+    equations::derivatives(p, &derived(p), x, u)
 }
 
-fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
-    equations::outputs(p, &design(p), x, u)
+fn outputs(p: &EspCar, x: &X<f64>, u: &U<f64>) -> Y<f64> {
+    equations::outputs(p, &derived(p), x, u)
 }
 
 /// Straight ahead at a speed, rolling.
-fn straight(p: &P, speed: f64) -> X<f64> {
+fn straight(p: &EspCar, speed: f64) -> X<f64> {
     let mut x = X::default();
-    EspCar::begin(&P { u_0: speed, ..p.clone() }, &mut x);
+    let car = EspCar { u_0: speed, ..p.clone() };
+    car.initialize(&derived(&car), &mut x);
     x
 }
 
 /// The state after `time` of held inputs, by steps of 1 ms.
-fn simulated(p: &P, x: &X<f64>, u: &U<f64>, time: f64) -> X<f64> {
-    let d = design(p);
-    let layout = PlantModel::<EspCar>::layout();
-    let mut reals = vec![0.0; layout.reals()];
-    x.write(&mut reals[layout.states.clone()]);
-    u.write(&mut reals[layout.inputs.clone()]);
-    let mut step = Step { start: 0.0, time: 0.0, step: 1e-3, sample: 0 };
-    let parts = PlantModel::<EspCar>::parts(p, step) as u64;
-    for k in 0..(time / step.step).round() as u32 {
-        step.time = f64::from(k) * step.step;
-        PlantModel::<EspCar>::step(p, &d, &mut (), &layout, &mut reals, step, parts).unwrap();
+fn simulated(p: &EspCar, x: &X<f64>, u: &U<f64>, time: f64) -> X<f64> {
+    let mut run = ContinuousSimulation::new(p.clone()).unwrap();
+    run.set_state(x);
+    for _ in 0..(time / 1e-3).round() as u32 {
+        run.step(u, 1e-3).unwrap();
     }
-    X::read(&reals[layout.states.clone()])
+    run.state()
 }
 
 /// The Jacobian matrix of outputs (first) or derivatives with respect to state and inputs, exact by dual numbers.
-fn linearized(p: &P, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f64> {
-    let d = design(p);
-    let (x, u) = (x.numbers(), u.numbers());
+fn linearized(p: &EspCar, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f64> {
+    let d = derived(p);
+    let (x, u) = (x.reals(), u.reals());
     let column = |j: usize| {
         let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
             let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
             values.iter().enumerate().map(|(i, &value)| Dual64::new(value, seed(i))).collect()
         };
-        let (x, u) = (X::read(&seeded(&x[..STATES], 0)), U::read(&seeded(&u[..INPUTS], STATES)));
+        let (x, u) = (X::from_reals(&seeded(&x[..STATES], 0)), U::from_reals(&seeded(&u[..INPUTS], STATES)));
         let results = if of_outputs {
-            equations::outputs(p, &d, &x, &u).numbers()
+            equations::outputs(p, &d, &x, &u).reals()
         } else {
-            equations::derivatives(p, &d, &x, &u).numbers()
+            equations::derivatives(p, &d, &x, &u).reals()
         };
         results.into_iter().map(|result| result.eps).collect::<Vec<_>>()
     };
@@ -81,9 +76,9 @@ fn linearized(p: &P, x: &X<f64>, u: &U<f64>, of_outputs: bool) -> DMatrix<f64> {
 #[test]
 fn at_rest_nothing_moves() {
     // Exactly 0: no term is without a factor that is 0.
-    let p = P { u_0: 0.0, ..P::default() };
+    let p = EspCar { u_0: 0.0, ..EspCar::default() };
     let rates = derivatives(&p, &straight(&p, 0.0), &U::default());
-    assert!(rates.numbers().iter().all(|&rate| rate == 0.0), "{rates:?}");
+    assert!(rates.reals().iter().all(|&rate| rate == 0.0), "{rates:?}");
     // Loads m g b/(2 L) and m g a/(2 L): check numbers.
     let y = outputs(&p, &straight(&p, 0.0), &U::default());
     assert_abs_diff_eq!(y.f_z[0], 3534.954, epsilon = 5e-4);
@@ -93,7 +88,7 @@ fn at_rest_nothing_moves() {
 
 #[test]
 fn the_geometry_has_the_check_numbers() {
-    let d = design(&P::default());
+    let d = derived(&EspCar::default());
     assert_abs_diff_eq!(d.e, -0.010_166_7, epsilon = 5e-8);
     assert_abs_diff_eq!(d.h_ra, 0.478_667, epsilon = 5e-7);
     assert_abs_diff_eq!(d.m, 1360.0, epsilon = 0.0);
@@ -103,16 +98,16 @@ fn the_geometry_has_the_check_numbers() {
 #[test]
 fn a_raised_road_raises_the_car() {
     // Equilibrium; the residual is a rounding of 1e3 N on 35 kg.
-    let p = P::default();
+    let p = EspCar::default();
     let x = X { z: 0.01, z_u: FourWheels([0.01; 4]), ..straight(&p, 0.0) };
     let u = U { z_r: FourWheels([0.01; 4]), ..U::default() };
-    for rate in derivatives(&p, &x, &u).numbers() {
+    for rate in derivatives(&p, &x, &u).reals() {
         assert_abs_diff_eq!(rate, 0.0, epsilon = 1e-12);
     }
 }
 
 /// Energy of the car: momenta's kinetic energy to second order in the angles of the body; springs, bars, tires, weight.
-fn energy<T: Scalar>(p: &P, d: &D, x: &X<T>) -> T {
+fn energy<T: Scalar>(p: &EspCar, d: &D, x: &X<T>) -> T {
     let (a, b) = (x.theta * p.h_b + d.e, x.phi * p.h_b);
     let (v_x, v_y) = (x.u + x.thetad * p.h_b + x.r * b, x.v - x.phid * p.h_b + x.r * a);
     let (o_1, o_2) = (x.phid - x.r * x.theta, x.thetad + x.r * x.phi);
@@ -133,16 +128,16 @@ fn energy<T: Scalar>(p: &P, d: &D, x: &X<T>) -> T {
 }
 
 /// Momentum along the axes of the road and about its origin.
-fn momentum(p: &P, d: &D, x: &X<f64>) -> [f64; 3] {
+fn momentum(p: &EspCar, d: &D, x: &X<f64>) -> [f64; 3] {
     // The momenta are the derivatives of the kinetic energy with respect to u, v and r.
     let by = |place: usize| {
         let values: Vec<_> = x
-            .numbers()
+            .reals()
             .into_iter()
             .enumerate()
             .map(|(i, value)| Dual64::new(value, if i == place { 1.0 } else { 0.0 }))
             .collect();
-        energy(p, d, &X::read(&values)).eps
+        energy(p, d, &X::from_reals(&values)).eps
     };
     let (p_u, p_v, about) = (by(3), by(V), by(R));
     let (sine, cosine) = x.psi.sin_cos();
@@ -151,16 +146,16 @@ fn momentum(p: &P, d: &D, x: &X<f64>) -> [f64; 3] {
 }
 
 /// Without dampers and friction, and with the unsprung masses at the height of the roll axis.
-fn conservative() -> P {
-    let p = P { c_s: TwoAxles([0.0; 2]), mu_0: 1e-12, ..P::default() };
-    let m = design(&p).m;
-    P { h_u: p.h - p.m_s * p.h_b / m, ..p }
+fn conservative() -> EspCar {
+    let p = EspCar { c_s: TwoAxles([0.0; 2]), mu_0: 1e-12, ..EspCar::default() };
+    let m = derived(&p).m;
+    EspCar { h_u: p.h - p.m_s * p.h_b / m, ..p }
 }
 
 #[test]
 fn energy_and_momentum_are_kept_without_friction() {
     let p = conservative();
-    let d = design(&p);
+    let d = derived(&p);
     assert_abs_diff_eq!(p.h_u, 0.456_470_6, epsilon = 5e-8);
     assert_abs_diff_eq!(d.h_ra, p.h_u, epsilon = 1e-15);
     let start = X { v: 1.0, r: 2.0, phi: 0.05, theta: 0.03, z: 0.02, phid: 0.3, ..straight(&p, 10.0) };
@@ -191,7 +186,7 @@ fn energy_and_momentum_are_kept_without_friction() {
 /// A state of usual size: angles and heights to 0.1, rates to 1, speeds to 20.
 fn any_state() -> impl Strategy<Value = X<f64>> {
     (prop::array::uniform24(-1.0..1.0_f64), -20.0..20.0_f64).prop_map(|(values, speed)| {
-        let mut x = X::read(&values);
+        let mut x = X::from_reals(&values);
         x.u = speed;
         for small in [&mut x.z, &mut x.phi, &mut x.theta] {
             *small *= 0.1;
@@ -214,14 +209,14 @@ proptest! {
     /// Without friction only dampers, drive and brakes change the energy. Sums of terms to 1e6 W: 1e-8 W are roundings.
     #[test]
     fn the_energy_balance_closes(x in any_state(), u in any_inputs()) {
-        let p = P { c_s: TwoAxles([560.0, 400.0]), mu_0: 0.0, ..conservative() };
-        let d = design(&p);
+        let p = EspCar { c_s: TwoAxles([560.0, 400.0]), mu_0: 0.0, ..conservative() };
+        let d = derived(&p);
         // Flat road, no actuators; the wheels stay on the road.
         let u = U { z_r: FourWheels::default(), f: FourWheels::default(), ..u };
         let x = X { z_u: FourWheels::from_fn(|i| 0.4 * x.z_u[i]), ..x };
         let rates = equations::derivatives(&p, &d, &x, &u);
-        let moving: Vec<_> = x.numbers().into_iter().zip(rates.numbers()).map(|(x, d)| Dual64::new(x, d)).collect();
-        let power = energy(&p, &d, &X::read(&moving)).eps;
+        let moving: Vec<_> = x.reals().into_iter().zip(rates.reals()).map(|(x, d)| Dual64::new(x, d)).collect();
+        let power = energy(&p, &d, &X::from_reals(&moving)).eps;
         let y = equations::outputs(&p, &d, &x, &u);
         let dampers: f64 = (0..4).map(|i| -p.c_s[axle_of(i)] * y.dd[i] * y.dd[i]).sum();
         let wheels: f64 = (0..4).map(|i| x.omega[i] * (u.t_d[i] - u.t_b[i] * (x.omega[i] / p.w_eps).tanh())).sum();
@@ -231,15 +226,15 @@ proptest! {
     /// Right and left exchanged: only the order of sums changes. Relative to the largest value that is a few roundings.
     #[test]
     fn the_car_is_symmetric(x in any_state(), u in any_inputs()) {
-        let p = P::default();
-        let d = design(&p);
+        let p = EspCar::default();
+        let d = derived(&p);
         let (xm, um) = (mirrored(&x), mirrored(&u));
         let pairs = [
             (
-                mirrored(&equations::derivatives(&p, &d, &x, &u)).numbers(),
-                equations::derivatives(&p, &d, &xm, &um).numbers(),
+                mirrored(&equations::derivatives(&p, &d, &x, &u)).reals(),
+                equations::derivatives(&p, &d, &xm, &um).reals(),
             ),
-            (mirrored(&equations::outputs(&p, &d, &x, &u)).numbers(), equations::outputs(&p, &d, &xm, &um).numbers()),
+            (mirrored(&equations::outputs(&p, &d, &x, &u)).reals(), equations::outputs(&p, &d, &xm, &um).reals()),
         ];
         for (expected, actual) in pairs {
             let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
@@ -252,8 +247,8 @@ proptest! {
     /// Newton's law upwards: loads and weight accelerate body and wheels; what the links carry cancels. Roundings of 1e5 N.
     #[test]
     fn the_vertical_forces_balance(x in any_state(), u in any_inputs()) {
-        let p = P::default();
-        let d = design(&p);
+        let p = EspCar::default();
+        let d = derived(&p);
         let (rates, y) = (equations::derivatives(&p, &d, &x, &u), equations::outputs(&p, &d, &x, &u));
         let inertia: f64 = p.m_s * rates.zd + (0..4).map(|i| p.m_u[axle_of(i)] * rates.zd_u[i]).sum::<f64>();
         // The actuators push wheels and body apart.
@@ -264,10 +259,10 @@ proptest! {
     /// A tire never pulls, its force stays within friction, and slips are finite at any speed.
     #[test]
     fn tire_forces_stay_within_friction(x in any_state(), u in any_inputs(), standing: bool) {
-        let p = P::default();
+        let p = EspCar::default();
         let x = if standing { X { u: 0.0, v: 0.0, r: 0.0, omega: FourWheels::default(), ..x } } else { x };
         let y = outputs(&p, &x, &u);
-        prop_assert!(y.numbers().iter().all(|value| value.is_finite()));
+        prop_assert!(y.reals().iter().all(|value| value.is_finite()));
         prop_assert!((-1.0..=1.0).contains(&y.ltr));
         for i in 0..4 {
             prop_assert!(y.f_z[i] >= 0.0 && y.s[i].abs() <= 1.0);
@@ -278,7 +273,7 @@ proptest! {
 }
 
 /// Steady turn of the linear model at 60 km/h per steering angle of the front axle: state, outputs.
-fn steady_turn(p: &P) -> (X<f64>, Y<f64>) {
+fn steady_turn(p: &EspCar) -> (X<f64>, Y<f64>) {
     let x = straight(p, data::SPEED);
     let jacobian = linearized(p, &x, &U::default(), false);
     // All states but position, heading and speed, which the turn does not change to first order.
@@ -290,23 +285,23 @@ fn steady_turn(p: &P) -> (X<f64>, Y<f64>) {
     point.view_mut((V, 0), (kept, 1)).copy_from(&steady);
     point[(STATES, 0)] = 1.0;
     let y = linearized(p, &x, &U::default(), true) * &point;
-    (X::read(&point.as_slice()[..STATES]), Y::read(y.as_slice()))
+    (X::from_reals(&point.as_slice()[..STATES]), Y::from_reals(y.as_slice()))
 }
 
 #[test]
 fn a_steady_turn_is_that_of_two_degrees_of_freedom() {
-    let p = P::default();
+    let p = EspCar::default();
     let (x, y) = steady_turn(&p);
     // K = m (b K_r - a K_f)/(L^2 K_f K_r) with the stiffness of axles, gain u/(L (1 + K u^2)).
     let (k_f, k_r, wheelbase) = (2.0 * p.c_alpha[0], 2.0 * p.c_alpha[1], p.a + p.b);
-    let stability = design(&p).m * (p.b * k_r - p.a * k_f) / (wheelbase * wheelbase * k_f * k_r);
+    let stability = derived(&p).m * (p.b * k_r - p.a * k_f) / (wheelbase * wheelbase * k_f * k_r);
     assert_abs_diff_eq!(stability, 7.999_03e-4, epsilon = 5e-10);
     let gain = data::SPEED / (wheelbase * (1.0 + stability * data::SPEED * data::SPEED));
     assert_abs_diff_eq!(gain, 5.827_63, epsilon = 5e-6);
     // The slip angles are smoothed by 0.5 m/s, which softens the tires by 4.5e-4, and loads and body move.
     assert_abs_diff_eq!(x.r / gain, 0.999_91, epsilon = 1e-5);
     // Roll: moments on the body and on each axle, which turns on its tires by chi and carries G.
-    let d = design(&p);
+    let d = derived(&p);
     let w = p.track / 2.0;
     let k = [0, 1].map(|j| 2.0 * w * w * p.k_s[j] + p.k_a[j]);
     assert_abs_diff_eq!(k[0] + k[1], 46_682.8, epsilon = 5e-2); // check number
@@ -323,7 +318,7 @@ fn a_steady_turn_is_that_of_two_degrees_of_freedom() {
     let transfer = (d.m * p.h + weight * roll) / (w * d.m * p.g);
     assert_abs_diff_eq!(y.ltr / y.a_y, transfer, epsilon = 1e-12);
     // On stiff tires: m_s H/(K_phi - m_s g H). Their compliance is 1e-5 of that of the springs.
-    let rigid = P { k_t: 1e9, ..p };
+    let rigid = EspCar { k_t: 1e9, ..p };
     let (x, y) = steady_turn(&rigid);
     assert_abs_diff_eq!(x.phi / y.a_y, 0.003_730_5, epsilon = 1e-6);
 }
@@ -331,7 +326,7 @@ fn a_steady_turn_is_that_of_two_degrees_of_freedom() {
 #[test]
 fn the_vertical_modes_have_the_check_numbers() {
     // Frequency in Hz, and damping ratio where it is given; 60 km/h straight ahead.
-    let p = P::default();
+    let p = EspCar::default();
     let jacobian = linearized(&p, &straight(&p, data::SPEED), &U::default(), false);
     let poles = eigenvalues(&jacobian.view((Z, Z), (14, 14)).into_owned()).unwrap();
     let near = |frequency: f64, damping: Option<f64>| {
@@ -354,8 +349,8 @@ fn the_vertical_modes_have_the_check_numbers() {
 #[test]
 fn constant_braking_loads_the_front_axle() {
     // m a = -(sum T)/R as long as the wheels roll, their inertia included; slip, pitch and its rate change 1e-3 of it.
-    let p = P { max_step: 2.5e-4, ..P::default() };
-    let d = design(&p);
+    let p = EspCar { max_step: 2.5e-4, ..EspCar::default() };
+    let d = derived(&p);
     let u = U { t_b: FourWheels([300.0, 300.0, 120.0, 120.0]), ..U::default() };
     let x = simulated(&p, &straight(&p, 28.0), &u, 9.0);
     let y = outputs(&p, &x, &u);
@@ -370,7 +365,7 @@ fn constant_braking_loads_the_front_axle() {
 
 #[test]
 fn a_braked_car_stops_and_stays() {
-    let p = P::default();
+    let p = EspCar::default();
     let u = U { t_b: FourWheels([1740.0, 1740.0, 690.0, 690.0]), ..U::default() };
     let stopped = simulated(&p, &straight(&p, 5.0), &u, 2.0);
     // The body swings on its springs above wheels that stand.
@@ -386,7 +381,7 @@ fn a_braked_car_stops_and_stays() {
 #[test]
 fn a_car_in_the_air_has_no_tire_forces() {
     // Locked in the air: stiffness, friction and 1 - |s| are 0.
-    let p = P::default();
+    let p = EspCar::default();
     let x = X { z_u: FourWheels([1.0; 4]), omega: FourWheels::default(), v: 1.0, ..straight(&p, 1e3) };
     let y = outputs(&p, &x, &U::default());
     assert_eq!((*y.f_z, *y.f_xw, *y.f_yw, y.ltr), ([0.0; 4], [0.0; 4], [0.0; 4], 0.0));
@@ -394,28 +389,28 @@ fn a_car_in_the_air_has_no_tire_forces() {
 
 #[test]
 fn road_friction_is_a_factor() {
-    let p = P::default();
+    let p = EspCar::default();
     let x = X { v: 8.0, ..straight(&p, 10.0) };
     let u = U { friction: FourWheels([0.5; 4]), ..U::default() };
-    let half = outputs(&P { mu_0: p.mu_0 / 2.0, ..p.clone() }, &x, &U::default());
+    let half = outputs(&EspCar { mu_0: p.mu_0 / 2.0, ..p.clone() }, &x, &U::default());
     assert_eq!(*outputs(&p, &x, &u).f_yw, *half.f_yw);
 }
 
 #[test]
 fn data_that_make_no_car_are_refused() {
-    let message = |p: P| equations::design(&p).unwrap_err();
+    let message = |p: EspCar| equations::derived(&p).unwrap_err();
     assert_eq!(
-        message(P { h: 0.1, ..P::default() }),
+        message(EspCar { h: 0.1, ..EspCar::default() }),
         "'geometry.body_cg_to_roll_axis' = 0.14 m, at most 0.075 m was expected: with this 'geometry.cg_height' the \
          body's center of mass is 0.075 m over ground, and the roll axis would lie below it"
     );
     // On the ground the roll axis may lie: h_s = H.
-    assert!(equations::design(&P { h_b: 0.0, h: 0.3, ..P::default() }).is_ok());
+    assert!(equations::derived(&EspCar { h_b: 0.0, h: 0.3, ..EspCar::default() }).is_ok());
 }
 
 #[test]
 fn the_car_starts_at_its_initial_speed() {
-    let x = straight(&P::default(), 12.0);
+    let x = straight(&EspCar::default(), 12.0);
     assert_eq!((x.u, *x.omega), (12.0, [12.0 / data::RADIUS; 4]));
     assert_eq!(array::from_fn::<_, 3, _>(|i| [x.x, x.v, x.z][i]), [0.0; 3]);
 }

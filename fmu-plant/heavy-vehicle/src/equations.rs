@@ -24,12 +24,12 @@
 use chassis::positions::{FrontWheels, Sides, SixWheels, Struts, ThreeAxles, TwoAxles, axle_of, left_is_positive};
 use chassis::suspension::{load_transfer_ratio, spring_damper, tire_load};
 use chassis::tire::MagicFormula;
-use fmi2::Scalar;
+use fmu::Scalar;
 
-use crate::{Coupling, D, P, U, X, Y};
+use crate::{Coupling, D, HeavyVehicle, U, X, Y};
 
 /// Masses, static loads, positions, the mass matrix of the lateral motion and the tire.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
     if p.l3 / 2.0 >= p.l2 {
         return Err(format!(
             "'geometry.middle_to_rear_axle' = {} m, less than twice 'geometry.cg_to_rear_suspension' ({} m) was \
@@ -115,7 +115,7 @@ struct Axles<T> {
 
 /// Massless axles in equilibrium between springs, tires and lateral force (eq. 11, corrected): lateral model.
 #[inline]
-fn quasi_static<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Axles<T> {
+fn quasi_static<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Axles<T> {
     let l = p.l1 + p.l2;
     let bb = p.b1 * p.b1 + p.b2 * p.b2;
     // u r instead of the lateral acceleration, which depends on the result.
@@ -141,7 +141,7 @@ fn quasi_static<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Axles<T> {
 /// Lateral force of the tires of one wheel position at the load `f_z` (eq. 9, corrected): truck tires by similarity from
 /// the car tire of the magic formula.
 #[inline]
-pub(crate) fn lateral_force<T: Scalar>(p: &P, s: &D, axle: usize, friction: T, f_z: T, alpha: T) -> T {
+pub(crate) fn lateral_force<T: Scalar>(p: &HeavyVehicle, s: &D, axle: usize, friction: T, f_z: T, alpha: T) -> T {
     let share = p.n[axle] * p.lambda;
     let load = Scalar::min(f_z / share, T::from(1000.0 * p.f_max));
     s.magic.lateral(T::from(1.0), load, alpha) * friction * (p.mu * share)
@@ -170,7 +170,7 @@ struct Motion<T> {
 }
 
 #[inline]
-fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     let zero = T::from(0.0);
     let is_lateral_only = p.coupling == Coupling::LateralOnly;
 
@@ -268,7 +268,7 @@ fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     Motion { z_w, zd_w, z_b, d, dd, t, f_z, alpha, f_y, a_y, vd, rd, phidd, zdd, thetadd, zdd_f, zdd_b, thdd_b }
 }
 
-pub(crate) fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
+pub(crate) fn derivatives<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
     let m = motion(p, s, x, u);
     X {
         z: x.zd,
@@ -291,7 +291,7 @@ pub(crate) fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
     }
 }
 
-pub(crate) fn outputs<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+pub(crate) fn outputs<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
     let m = motion(p, s, x, u);
     let loads = |side: usize| (0..3).map(|axle| m.f_z[2 * axle + side]).sum::<T>();
     Y {

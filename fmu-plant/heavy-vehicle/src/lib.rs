@@ -12,13 +12,10 @@ mod tests;
 use chassis::data::heavy_vehicle as data;
 use chassis::prelude::*;
 use chassis::tire::MagicFormula;
-use fmi2::prelude::*;
-
-/// The plant.
-pub struct HeavyVehicle;
+use fmu::prelude::*;
 
 /// Which motions run, and whether they act on each other.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coupling {
     /// vertical and lateral motion, coupled by tire loads and roll
     Coupled = 0,
@@ -30,135 +27,135 @@ pub enum Coupling {
 
 /// Symbols as in the equations of the README.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct HeavyVehicle {
     /// Motions that run
-    #[par("coupling", mode, start = Coupling::Coupled)]
+    #[var("coupling", start = Coupling::Coupled)]
     coupling: Coupling,
     /// assumed: truck of the 25 t class
-    #[par(BODY_MASS, start = data::BODY_MASS)]
+    #[var(BODY_MASS, start = data::BODY_MASS)]
     m_b: f64,
     /// calibrated
-    #[par(BODY_ROLL_INERTIA, start = data::ROLL_INERTIA)]
+    #[var(BODY_ROLL_INERTIA, start = data::ROLL_INERTIA)]
     i_x: f64,
     /// calibrated
-    #[par(BODY_PITCH_INERTIA, start = data::PITCH_INERTIA)]
+    #[var(BODY_PITCH_INERTIA, start = data::PITCH_INERTIA)]
     i_y: f64,
     /// assumed: about m l1 l2
-    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    #[var(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
     i_z: f64,
     /// assumed: small
-    #[par(BODY_ROLL_YAW_INERTIA, start = data::ROLL_YAW_INERTIA)]
+    #[var(BODY_ROLL_YAW_INERTIA, start = data::ROLL_YAW_INERTIA)]
     i_xz: f64,
     /// dual wheels together, without the beam; assumed
-    #[par(WHEEL_MASS, start = data::WHEEL_MASS)]
+    #[var(WHEEL_MASS, start = data::WHEEL_MASS)]
     m_t: ThreeAxles<f64>,
     /// assumed
-    #[par(BEAM_MASS, start = data::BEAM_MASS)]
+    #[var(BEAM_MASS, start = data::BEAM_MASS)]
     m_beam: f64,
     /// assumed
-    #[par(BEAM_PITCH_INERTIA, start = data::BEAM_PITCH_INERTIA)]
+    #[var(BEAM_PITCH_INERTIA, start = data::BEAM_PITCH_INERTIA)]
     i_beam: f64,
     /// assumed: 7 % of critical damping of the beam's pitch
-    #[par(BEAM_PITCH_DAMPING, start = data::BEAM_PITCH_DAMPING)]
+    #[var(BEAM_PITCH_DAMPING, start = data::BEAM_PITCH_DAMPING)]
     c_b: f64,
     /// assumed
-    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     l1: f64,
     /// assumed: 28 % of the load in front
-    #[par(CG_TO_REAR_SUSPENSION, start = data::CG_TO_REAR_SUSPENSION)]
+    #[var(CG_TO_REAR_SUSPENSION, start = data::CG_TO_REAR_SUSPENSION)]
     l2: f64,
     /// assumed: usual tandem spacing
-    #[par(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
+    #[var(MIDDLE_TO_REAR_AXLE, start = data::MIDDLE_TO_REAR)]
     l3: f64,
     /// assumed
-    #[par(HALF_TRACK_LEFT, start = data::HALF_TRACK)]
+    #[var(HALF_TRACK_LEFT, start = data::HALF_TRACK)]
     b1: f64,
     /// assumed
-    #[par(HALF_TRACK_RIGHT, start = data::HALF_TRACK)]
+    #[var(HALF_TRACK_RIGHT, start = data::HALF_TRACK)]
     b2: f64,
     /// calibrated
-    #[par(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
+    #[var(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
     h: f64,
     /// calibrated
-    #[par(ROLL_CENTER_HEIGHT, start = data::ROLL_CENTER_HEIGHT)]
+    #[var(ROLL_CENTER_HEIGHT, start = data::ROLL_CENTER_HEIGHT)]
     h_rc: f64,
     /// assumed: radius of a 12R20 tire
-    #[par(WHEEL_CENTER_HEIGHT, start = data::WHEEL_CENTER_HEIGHT)]
+    #[var(WHEEL_CENTER_HEIGHT, start = data::WHEEL_CENTER_HEIGHT)]
     h_u: f64,
     /// calibrated; behind, one strut per side carries both axles
-    #[par(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
+    #[var(SUSPENSION_STIFFNESS, start = data::SUSPENSION_STIFFNESS)]
     k: TwoAxles<f64>,
     /// calibrated; behind, one strut per side carries both axles
-    #[par(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
+    #[var(SUSPENSION_DAMPING, start = data::SUSPENSION_DAMPING)]
     c: TwoAxles<f64>,
     /// assumed: springs alone
-    #[par(ANTI_ROLL_BAR_STIFFNESS, start = 0.0)]
+    #[var(ANTI_ROLL_BAR_STIFFNESS, start = 0.0)]
     k_a: TwoAxles<f64>,
     /// all tires of a wheel position together; assumed: dual tires on the middle and rear axle
-    #[par(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
+    #[var(TIRE_STIFFNESS, start = data::TIRE_STIFFNESS)]
     k_t: ThreeAxles<f64>,
     /// Tires of one wheel position; assumed: dual tires on the middle and rear axle
-    #[par("tire.count", unit = ONE, start = data::TIRE_COUNT, min = 1.0)]
+    #[var("tire.count", unit = "1", start = data::TIRE_COUNT, min = 1.0)]
     n: ThreeAxles<f64>,
     /// Load of the truck tire over that of the car tire of the magic formula; forces scale alike (assumed)
-    #[par("tire.load_scale", unit = ONE, start = data::TIRE_LOAD_SCALE, positive)]
+    #[var("tire.load_scale", unit = "1", start = data::TIRE_LOAD_SCALE, positive)]
     lambda: f64,
     /// assumed: dry road
-    #[par(TIRE_FORCE_SCALE, start = 1.0, tunable)]
+    #[var(TIRE_FORCE_SCALE, start = 1.0, tunable)]
     mu: f64,
     /// Greatest load that enters the magic formula, after scaling; its peak falls beyond 22.87 kN
-    #[par("tire.fit_load_limit", unit = KN, start = 22.0, positive)]
+    #[var("tire.fit_load_limit", unit = "kN", start = 22.0, positive)]
     f_max: f64,
     /// used in slip and sideslip angles
-    #[par(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
+    #[var(MINIMUM_SPEED, start = data::MINIMUM_SPEED)]
     u_min: f64,
     /// C (paper, eq. 9)
-    #[par("magic_formula.shape", unit = ONE, start = MagicFormula::PASSENGER_CAR.c, positive)]
+    #[var("magic_formula.shape", unit = "1", start = MagicFormula::PASSENGER_CAR.c, positive)]
     c_mf: f64,
     /// a1: peak per squared load (paper, Table 1)
-    #[par("magic_formula.peak_quadratic", unit = N_PER_KN2, start = MagicFormula::PASSENGER_CAR.a[0])]
+    #[var("magic_formula.peak_quadratic", unit = "N/kN2", start = MagicFormula::PASSENGER_CAR.a[0])]
     a1: f64,
     /// a2: peak per load (paper, Table 1)
-    #[par("magic_formula.peak_linear", unit = N_PER_KN, start = MagicFormula::PASSENGER_CAR.a[1])]
+    #[var("magic_formula.peak_linear", unit = "N/kN", start = MagicFormula::PASSENGER_CAR.a[1])]
     a2: f64,
     /// a3: greatest cornering stiffness (paper, Table 1)
-    #[par("magic_formula.stiffness_maximum", unit = N_PER_DEG, start = MagicFormula::PASSENGER_CAR.a[2])]
+    #[var("magic_formula.stiffness_maximum", unit = "N/deg", start = MagicFormula::PASSENGER_CAR.a[2])]
     a3: f64,
     /// a4: how the cornering stiffness depends on the load (paper, Table 1)
-    #[par("magic_formula.stiffness_shape", unit = ONE, start = MagicFormula::PASSENGER_CAR.a[3])]
+    #[var("magic_formula.stiffness_shape", unit = "1", start = MagicFormula::PASSENGER_CAR.a[3])]
     a4: f64,
     /// a5: how fast the cornering stiffness grows with the load (paper, Table 1)
-    #[par("magic_formula.stiffness_load_slope", unit = PER_KN, start = MagicFormula::PASSENGER_CAR.a[4])]
+    #[var("magic_formula.stiffness_load_slope", unit = "1/kN", start = MagicFormula::PASSENGER_CAR.a[4])]
     a5: f64,
     /// a6: curvature per squared load (paper, Table 1)
-    #[par("magic_formula.curvature_quadratic", unit = PER_KN2, start = MagicFormula::PASSENGER_CAR.a[5])]
+    #[var("magic_formula.curvature_quadratic", unit = "1/kN2", start = MagicFormula::PASSENGER_CAR.a[5])]
     a6: f64,
     /// a7: curvature per load (paper, Table 1)
-    #[par("magic_formula.curvature_linear", unit = PER_KN, start = MagicFormula::PASSENGER_CAR.a[6])]
+    #[var("magic_formula.curvature_linear", unit = "1/kN", start = MagicFormula::PASSENGER_CAR.a[6])]
     a7: f64,
     /// a8: curvature without load (paper, Table 1)
-    #[par("magic_formula.curvature_constant", unit = ONE, start = MagicFormula::PASSENGER_CAR.a[7])]
+    #[var("magic_formula.curvature_constant", unit = "1", start = MagicFormula::PASSENGER_CAR.a[7])]
     a8: f64,
     /// standard value, rounded
-    #[par(GRAVITY, start = data::GRAVITY)]
+    #[var(GRAVITY, start = data::GRAVITY)]
     g: f64,
     /// Runge-Kutta of order 4; the fastest mode has 12 Hz
-    #[par(MAX_STEP, start = 0.00025)]
+    #[var(MAX_STEP, start = 0.00025)]
     max_step: f64,
 }
 
 /// Inputs. The struts `rl` and `rr` stand on the balance beams.
 #[derive(Inputs, Clone, Debug)]
 pub struct U<T> {
-    #[signal(DRIVER_SPEED, start = data::SPEED)]
+    #[var(DRIVER_SPEED, start = data::SPEED)]
     u: T,
-    #[signal(STEER)]
+    #[var(STEER)]
     delta: ThreeAxles<T>,
-    #[signal(SUSPENSION_FORCE)]
+    #[var(SUSPENSION_FORCE)]
     f: Struts<T>,
-    #[signal(ROAD_HEIGHT)]
+    #[var(ROAD_HEIGHT)]
     q: SixWheels<T>,
-    #[signal(ROAD_FRICTION, start = 1.0)]
+    #[var(ROAD_FRICTION, start = 1.0)]
     friction: SixWheels<T>,
 }
 
@@ -166,93 +163,93 @@ pub struct U<T> {
 /// heights that a user sees are outputs; those of the vertical model are its own.
 #[derive(State, Clone, Debug)]
 pub struct X<T> {
-    #[signal(BODY_HEAVE)]
+    #[var(BODY_HEAVE)]
     z: T,
-    #[signal(BODY_PITCH)]
+    #[var(BODY_PITCH)]
     theta: T,
-    #[signal(BODY_ROLL)]
+    #[var(BODY_ROLL)]
     phi: T,
     /// Height of the unsprung mass in the vertical motion
-    #[var("state.wheel_height", unit = M, nominal = 0.02, local)]
+    #[var("state.wheel_height", unit = "m", nominal = 0.02, local)]
     z_f: FrontWheels<T>,
     /// Height of the trunnion of the balance beam in the vertical motion
-    #[var("state.beam_height", unit = M, nominal = 0.02, local)]
+    #[var("state.beam_height", unit = "m", nominal = 0.02, local)]
     z_b: Sides<T>,
-    #[signal(BEAM_PITCH)]
+    #[var(BEAM_PITCH)]
     th_b: Sides<T>,
-    #[signal(BODY_HEAVE_RATE)]
+    #[var(BODY_HEAVE_RATE)]
     zd: T,
-    #[signal(BODY_PITCH_RATE)]
+    #[var(BODY_PITCH_RATE)]
     thetad: T,
-    #[signal(BODY_ROLL_RATE)]
+    #[var(BODY_ROLL_RATE)]
     phid: T,
     /// Rate of the height of the unsprung mass in the vertical motion
-    #[var("state.wheel_velocity", unit = M_PER_S, nominal = 0.5, local)]
+    #[var("state.wheel_velocity", unit = "m/s", nominal = 0.5, local)]
     zd_f: FrontWheels<T>,
     /// Rate of the height of the trunnion in the vertical motion
-    #[var("state.beam_velocity", unit = M_PER_S, nominal = 0.2, local)]
+    #[var("state.beam_velocity", unit = "m/s", nominal = 0.2, local)]
     zd_b: Sides<T>,
-    #[signal(BEAM_PITCH_RATE)]
+    #[var(BEAM_PITCH_RATE)]
     thd_b: Sides<T>,
-    #[signal(VEHICLE_LATERAL_VELOCITY)]
+    #[var(VEHICLE_LATERAL_VELOCITY)]
     v: T,
-    #[signal(VEHICLE_YAW_RATE)]
+    #[var(VEHICLE_YAW_RATE)]
     r: T,
-    #[signal(VEHICLE_YAW)]
+    #[var(VEHICLE_YAW)]
     psi: T,
-    #[signal(VEHICLE_POSITION_X)]
+    #[var(VEHICLE_POSITION_X)]
     x: T,
-    #[signal(VEHICLE_POSITION_Y)]
+    #[var(VEHICLE_POSITION_Y)]
     y: T,
 }
 
 /// Outputs that are not states.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y<T> {
-    #[signal(VEHICLE_SPEED)]
+    #[var(VEHICLE_SPEED)]
     u: T,
-    #[signal(VEHICLE_SIDESLIP)]
+    #[var(VEHICLE_SIDESLIP)]
     beta: T,
-    #[signal(VEHICLE_YAW_ACCELERATION)]
+    #[var(VEHICLE_YAW_ACCELERATION)]
     rd: T,
-    #[signal(VEHICLE_LATERAL_ACCELERATION)]
+    #[var(VEHICLE_LATERAL_ACCELERATION)]
     a_y: T,
-    #[signal(VEHICLE_LOAD_TRANSFER_RATIO)]
+    #[var(VEHICLE_LOAD_TRANSFER_RATIO)]
     ltr: T,
-    #[signal(BODY_HEAVE_ACCELERATION)]
+    #[var(BODY_HEAVE_ACCELERATION)]
     zdd: T,
-    #[signal(BODY_PITCH_ACCELERATION)]
+    #[var(BODY_PITCH_ACCELERATION)]
     thetadd: T,
-    #[signal(BODY_ROLL_ACCELERATION)]
+    #[var(BODY_ROLL_ACCELERATION)]
     phidd: T,
-    #[signal(WHEEL_HEIGHT)]
+    #[var(WHEEL_HEIGHT)]
     z_w: SixWheels<T>,
-    #[signal(WHEEL_VELOCITY)]
+    #[var(WHEEL_VELOCITY)]
     zd_w: SixWheels<T>,
-    #[signal(BEAM_HEIGHT)]
+    #[var(BEAM_HEIGHT)]
     z_b: Sides<T>,
-    #[signal(SUSPENSION_DEFLECTION)]
+    #[var(SUSPENSION_DEFLECTION)]
     d: Struts<T>,
-    #[signal(SUSPENSION_VELOCITY)]
+    #[var(SUSPENSION_VELOCITY)]
     dd: Struts<T>,
-    #[signal(TIRE_DEFLECTION)]
+    #[var(TIRE_DEFLECTION)]
     t: SixWheels<T>,
-    #[signal(TIRE_LOAD)]
+    #[var(TIRE_LOAD)]
     f_z: SixWheels<T>,
-    #[signal(TIRE_SLIP_ANGLE)]
+    #[var(TIRE_SLIP_ANGLE)]
     alpha: SixWheels<T>,
-    #[signal(TIRE_LATERAL_FORCE)]
+    #[var(TIRE_LATERAL_FORCE)]
     f_y: SixWheels<T>,
 }
 
 /// What follows from geometry, masses and tires.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     /// Mass of the whole vehicle
-    #[calculated("vehicle.mass", unit = KG)]
+    #[var("vehicle.mass", unit = "kg")]
     m: f64,
     /// Static tire load
-    #[calculated("tire.static_load", unit = N, display = "kN")]
+    #[var("tire.static_load", unit = "N", display = "kN")]
     f0: SixWheels<f64>,
     /// Unsprung mass of each axle, half of each beam on either, kg.
     m_u: [f64; 3],
@@ -277,23 +274,20 @@ pub struct D {
 
 /// Three-axle heavy truck with balance suspension: heave, pitch, roll, front wheels, beams, lateral and yaw motion at
 /// a prescribed speed
-#[model(stop_time = 13.0, step_size = 0.001)]
-impl Plant for HeavyVehicle {
-    type Parameters = P;
-    type Design = D;
+#[fmu::model(stop_time = 13.0, step_size = 0.001)]
+impl Continuous for HeavyVehicle {
+    type Derived = D;
     type State<T: Scalar> = X<T>;
     type Inputs<T: Scalar> = U<T>;
     type Outputs<T: Scalar> = Y<T>;
 
-    fn design(p: &P) -> Result<D, String> {
-        equations::design(p)
+    fn derived(&self) -> Result<D, String> {
+        equations::derived(self)
     }
-    fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
-        equations::derivatives(p, s, x, u)
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        equations::derivatives(self, at.derived, at.state, at.inputs)
     }
-    fn outputs<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
-        equations::outputs(p, s, x, u)
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
+        equations::outputs(self, at.derived, at.state, at.inputs)
     }
 }
-
-fmi2::export!(plant HeavyVehicle);

@@ -6,14 +6,14 @@
 use approx::assert_abs_diff_eq;
 use chassis::mirror::mirrored;
 use control::riccati::eigenvalues;
-use fmi2::{Block, Dual64};
+use fmu::{Dual64, Variables};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use proptest::prelude::*;
 
 use super::*;
 
-const STATES: usize = <X<f64> as Block<f64>>::LEN;
-const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
+const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
+const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
 /// Without heading and position, on which nothing depends.
 const DYNAMIC: usize = 20;
 // Places in the state and in the inputs.
@@ -26,34 +26,35 @@ const FRONT_STEER: usize = 1;
 const KM_H: f64 = 1.0 / 3.6;
 const COUPLINGS: [Coupling; 3] = [Coupling::Coupled, Coupling::VerticalOnly, Coupling::LateralOnly];
 
-fn with(coupling: Coupling) -> P {
-    P { coupling, ..P::default() }
+fn with(coupling: Coupling) -> HeavyVehicle {
+    HeavyVehicle { coupling, ..HeavyVehicle::default() }
 }
 
-fn design(p: &P) -> D {
-    equations::design(p).unwrap()
+fn derived(p: &HeavyVehicle) -> D {
+    equations::derived(p).unwrap()
 }
 
-fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
-    equations::derivatives(p, &design(p), x, u)
+fn derivatives(p: &HeavyVehicle, x: &X<f64>, u: &U<f64>) -> X<f64> {
+    equations::derivatives(p, &derived(p), x, u)
 }
 
-fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
-    equations::outputs(p, &design(p), x, u)
+fn outputs(p: &HeavyVehicle, x: &X<f64>, u: &U<f64>) -> Y<f64> {
+    equations::outputs(p, &derived(p), x, u)
 }
 
 /// The values of a block with the derivatives `slopes`.
-fn dual<B: Block<f64>>(block: &B, slopes: &B) -> Vec<Dual64> {
-    block.numbers().into_iter().zip(slopes.numbers()).map(|(value, slope)| Dual64::new(value, slope)).collect()
+fn dual<B: Variables<f64>>(block: &B, slopes: &B) -> Vec<Dual64> {
+    block.reals().into_iter().zip(slopes.reals()).map(|(value, slope)| Dual64::new(value, slope)).collect()
 }
 
 /// The Jacobian matrices of the derivatives with respect to state and inputs, exact by dual numbers.
-fn linearized(p: &P, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
-    let d = design(p);
+fn linearized(p: &HeavyVehicle, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let d = derived(p);
     let unit = |length: usize, j: usize| -> Vec<f64> { (0..length).map(|i| f64::from(u8::from(i == j))).collect() };
     let column = |x_slope: &[f64], u_slope: &[f64]| {
-        let (x, u) = (X::read(&dual(x, &X::read(x_slope))), U::read(&dual(u, &U::read(u_slope))));
-        equations::derivatives(p, &d, &x, &u).numbers()
+        let (x, u) =
+            (X::from_reals(&dual(x, &X::from_reals(x_slope))), U::from_reals(&dual(u, &U::from_reals(u_slope))));
+        equations::derivatives(p, &d, &x, &u).reals()
     };
     let a: Vec<_> = (0..STATES).map(|j| column(&unit(STATES, j), &[0.0; INPUTS])).collect();
     let b: Vec<_> = (0..INPUTS).map(|j| column(&[0.0; STATES], &unit(INPUTS, j))).collect();
@@ -61,17 +62,17 @@ fn linearized(p: &P, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
 }
 
 /// Where the rates of the states `active` are 0, by Newton's method from rest; the other states stay 0.
-fn equilibrium(p: &P, u: &U<f64>, active: &[usize]) -> X<f64> {
+fn equilibrium(p: &HeavyVehicle, u: &U<f64>, active: &[usize]) -> X<f64> {
     let mut x = vec![0.0; STATES];
     for _ in 0..20 {
-        let block = X::<f64>::read(&x);
-        let rates = derivatives(p, &block, u).numbers();
+        let block = X::<f64>::from_reals(&x);
+        let rates = derivatives(p, &block, u).reals();
         let (a, _) = linearized(p, &block, u);
         let a = DMatrix::from_fn(active.len(), active.len(), |i, j| a[(active[i], active[j])]);
         let step = a.lu().solve(&DVector::from_iterator(active.len(), active.iter().map(|&i| rates[i]))).unwrap();
         active.iter().zip(step.iter()).for_each(|(&i, step)| x[i] -= step);
     }
-    X::read(&x)
+    X::from_reals(&x)
 }
 
 /// 60 km/h with the front axle at 0.1 rad.
@@ -86,7 +87,7 @@ fn at_rest_nothing_moves_and_the_loads_have_the_check_numbers() {
         for speed in [0.0, 0.1, 16.7, 40.0] {
             let u = U { u: speed, ..U::default() };
             let rates = X { x: 0.0, ..derivatives(&p, &X::default(), &u) };
-            assert!(rates.numbers().iter().all(|&rate| rate == 0.0), "{rates:?}");
+            assert!(rates.reals().iter().all(|&rate| rate == 0.0), "{rates:?}");
             let y = outputs(&p, &X::default(), &u);
             for (i, load) in y.f_z.iter().enumerate() {
                 assert_abs_diff_eq!(*load, if i < 2 { 30_762.402_99 } else { 40_535.798_51 }, epsilon = 5e-6);
@@ -101,13 +102,14 @@ fn at_rest_nothing_moves_and_the_loads_have_the_check_numbers() {
 
 #[test]
 fn the_data_agree_with_each_other() {
-    let s = design(&P::default());
+    let s = derived(&HeavyVehicle::default());
     assert_eq!(s.m, data::MASS);
     // Slope of the force of a front wheel at its load at rest, exact by dual numbers: what the controllers know of the
     // tires. The check numbers have 11 and 9 correct digits.
     let stiffness = |axle: usize| {
         let load = Dual64::from(s.f0[2 * axle]);
-        -equations::lateral_force(&P::default(), &s, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0)).eps
+        -equations::lateral_force(&HeavyVehicle::default(), &s, axle, Dual64::from(1.0), load, Dual64::new(0.0, 1.0))
+            .eps
     };
     assert_abs_diff_eq!(stiffness(0), data::FRONT_CORNERING_STIFFNESS, epsilon = 2e-6);
     assert_abs_diff_eq!(stiffness(1), 278_887.988, epsilon = 5e-4);
@@ -124,12 +126,12 @@ fn the_tire_has_the_check_numbers() {
         (1, 500.0, 0.05, -383.066),
         (0, 60_000.0, 0.1, -10_109.539),
     ];
-    let p = P::default();
-    let s = design(&p);
+    let p = HeavyVehicle::default();
+    let s = derived(&p);
     for (axle, load, alpha, force) in numbers {
         assert_abs_diff_eq!(equations::lateral_force(&p, &s, axle, 1.0, load, alpha), force, epsilon = 5e-4);
         // Friction and scale act at every slip angle: closed form, exact by powers of 2.
-        let slippery = P { mu: 0.5, ..P::default() };
+        let slippery = HeavyVehicle { mu: 0.5, ..HeavyVehicle::default() };
         let full = equations::lateral_force(&p, &s, axle, 1.0, load, alpha);
         assert_eq!(equations::lateral_force(&slippery, &s, axle, 0.5, load, alpha), 0.25 * full);
     }
@@ -153,7 +155,7 @@ fn the_modes_at_60_km_h_are_the_check_numbers() {
         (11.114, 0.084), // beams
         (11.133, 0.089), // beams
     ];
-    let (a, _) = linearized(&P::default(), &X::default(), &U::default());
+    let (a, _) = linearized(&HeavyVehicle::default(), &X::default(), &U::default());
     let poles = eigenvalues(&a.view((0, 0), (DYNAMIC, DYNAMIC)).into_owned()).unwrap();
     let mut modes: Vec<_> = poles
         .iter()
@@ -173,8 +175,8 @@ fn the_steady_gains_are_those_of_a_single_track_model() {
     // For small angles the vehicle is a bicycle with the stiffnesses at rest: two balances, of force and of moment. The
     // linear model by dual numbers has to give the same (1e-9 covers the solution of 20 equations), and both the check
     // numbers (6 decimals).
-    let p = P::default();
-    let s = design(&p);
+    let p = HeavyVehicle::default();
+    let s = derived(&p);
     let c = [2.0 * data::FRONT_CORNERING_STIFFNESS, 2.0 * 278_887.988, 2.0 * 278_887.988];
     let moment = |n: i32| (0..3).map(|axle| c[axle] * s.x[axle].powi(n)).sum::<f64>();
     let expected = [
@@ -199,7 +201,7 @@ fn the_steady_gains_are_those_of_a_single_track_model() {
 
 #[test]
 fn the_steady_turn_has_the_check_numbers_and_balances() {
-    let (p, u) = (P::default(), turn());
+    let (p, u) = (HeavyVehicle::default(), turn());
     let x = equilibrium(&p, &u, &(0..DYNAMIC).collect::<Vec<_>>());
     let y = outputs(&p, &x, &u);
     assert_abs_diff_eq!(x.r, 0.198519, epsilon = 6e-7);
@@ -213,7 +215,7 @@ fn the_steady_turn_has_the_check_numbers_and_balances() {
     }
 
     // Balance of forces across the vehicle, and of moments about its track: 1e-6 of them is what Newton's method leaves.
-    let s = design(&p);
+    let s = derived(&p);
     let across: f64 = (0..6).map(|i| y.f_y[i] * u.delta[axle_of(i)].cos()).sum();
     assert_abs_diff_eq!(across, s.m * y.a_y, epsilon = 1e-6);
     let tipping = y.a_y * (p.m_b * (p.h + p.h_rc) + (s.m - p.m_b) * p.h_u) + p.m_b * p.g * p.h * x.phi;
@@ -234,12 +236,12 @@ fn the_lateral_model_agrees_with_the_coupled_one_in_a_steady_turn() {
     assert_abs_diff_eq!(y.ltr, 0.38598, epsilon = 6e-6);
     // The validity that the README states: 1 %. The lateral model shares the lateral force among the axles by the weight on
     // them instead of by the tire forces, and its beams do not pitch.
-    let coupled = equilibrium(&P::default(), &u, &(0..DYNAMIC).collect::<Vec<_>>());
+    let coupled = equilibrium(&HeavyVehicle::default(), &u, &(0..DYNAMIC).collect::<Vec<_>>());
     assert!((x.r / coupled.r - 1.0).abs() < 0.01 && (x.phi / coupled.phi - 1.0).abs() < 0.01);
 }
 
 /// Energy of the vertical motion: kinetic, of springs, bars and tires, and of the leaning body.
-fn energy<T: Scalar>(p: &P, s: &D, x: &X<T>) -> T {
+fn energy<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>) -> T {
     let square = |value: T, factor: f64| value.squared() * factor;
     let mut energy = square(x.zd, p.m_b) + square(x.thetad, p.i_y) + square(x.phid, p.i_x + p.m_b * p.h * p.h)
         - square(x.phi, p.m_b * p.g * p.h);
@@ -268,7 +270,7 @@ fn any_state() -> impl Strategy<Value = X<f64>> {
             1..3 | 7..9 => 0.005,
             _ => 0.5,
         };
-        X::read(&values.iter().enumerate().map(|(i, value)| size(i) * value).collect::<Vec<_>>())
+        X::from_reals(&values.iter().enumerate().map(|(i, value)| size(i) * value).collect::<Vec<_>>())
     })
 }
 
@@ -292,10 +294,10 @@ fn any_coupling() -> impl Strategy<Value = Coupling> {
 
 /// Asserts that two blocks agree to `tolerance` times the greatest of their numbers, but at least 1.
 #[track_caller]
-fn assert_same<B: Block<f64>>(actual: &B, expected: &B, tolerance: f64) {
-    let (actual, expected) = (actual.numbers(), expected.numbers());
+fn assert_same<B: Variables<f64>>(actual: &B, expected: &B, tolerance: f64) {
+    let (actual, expected) = (actual.reals(), expected.reals());
     let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
-    for ((actual, expected), declaration) in actual.into_iter().zip(expected).zip(B::declare()) {
+    for ((actual, expected), declaration) in actual.into_iter().zip(expected).zip(B::declarations()) {
         let name = declaration.name;
         assert!((actual - expected).abs() <= tolerance * largest, "{name}: {actual} is not {expected}");
     }
@@ -309,10 +311,10 @@ proptest! {
     #[test]
     fn the_energy_balance_of_the_vertical_motion_closes(x in any_state(), bars: bool) {
         let k_a = TwoAxles(if bars { [3e5, 5e5] } else { [0.0; 2] });
-        let p = P { k_a, ..with(Coupling::VerticalOnly) };
-        let s = design(&p);
+        let p = HeavyVehicle { k_a, ..with(Coupling::VerticalOnly) };
+        let s = derived(&p);
         let rates = equations::derivatives(&p, &s, &x, &U::default());
-        let power = energy(&p, &s, &X::read(&dual(&x, &rates))).eps;
+        let power = energy(&p, &s, &X::from_reals(&dual(&x, &rates))).eps;
         let y = equations::outputs(&p, &s, &x, &U::default());
         let struts: f64 = (0..4).map(|i| -p.c[i / 2] * y.dd[i] * y.dd[i]).sum();
         let bushings: f64 = x.thd_b.iter().map(|rate| -p.c_b * (rate - x.thetad).powi(2)).sum();
@@ -324,7 +326,7 @@ proptest! {
     /// few roundings; the deflection in the lateral model comes from a difference of loads of 1e4 N.
     #[test]
     fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), coupling in any_coupling()) {
-        let p = P { k_a: TwoAxles([3e5, 5e5]), ..with(coupling) };
+        let p = HeavyVehicle { k_a: TwoAxles([3e5, 5e5]), ..with(coupling) };
         let (xm, um) = (mirrored(&x), mirrored(&u));
         assert_same(&derivatives(&p, &xm, &um), &mirrored(&derivatives(&p, &x, &u)), 1e-13);
         assert_same(&outputs(&p, &xm, &um), &mirrored(&outputs(&p, &x, &u)), 1e-14);
@@ -349,9 +351,9 @@ proptest! {
             delta: ThreeAxles([0.0; 3]), f: Struts([u.f[0], u.f[0], u.f[2], u.f[2]]), q: even(&u.q), friction: even(&u.friction),
             ..u
         };
-        let rates = derivatives(&P::default(), &x, &u);
+        let rates = derivatives(&HeavyVehicle::default(), &x, &u);
         prop_assert_eq!((rates.v, rates.r, rates.phid, rates.psi), (0.0, 0.0, 0.0, 0.0));
-        prop_assert_eq!(rates.numbers(), derivatives(&with(Coupling::VerticalOnly), &x, &u).numbers());
+        prop_assert_eq!(rates.reals(), derivatives(&with(Coupling::VerticalOnly), &x, &u).reals());
     }
 
     /// What a motion that runs alone ignores, and what then stays where it is.
@@ -360,7 +362,7 @@ proptest! {
         let p = with(Coupling::VerticalOnly);
         let steered = U { delta: other.delta, friction: other.friction, ..u.clone() };
         let rates = derivatives(&p, &X { psi: 0.0, ..x.clone() }, &u);
-        prop_assert_eq!(rates.numbers(), derivatives(&p, &X { psi: 0.0, ..x.clone() }, &steered).numbers());
+        prop_assert_eq!(rates.reals(), derivatives(&p, &X { psi: 0.0, ..x.clone() }, &steered).reals());
         prop_assert_eq!((rates.v, rates.r), (0.0, 0.0));
         let y = outputs(&p, &x, &u);
         prop_assert_eq!((*y.f_y, *y.alpha, y.a_y), ([0.0; 6], [0.0; 6], 0.0));
@@ -368,7 +370,7 @@ proptest! {
         let p = with(Coupling::LateralOnly);
         let rough = U { q: other.q, ..u.clone() };
         let rates = derivatives(&p, &x, &u);
-        prop_assert_eq!(rates.numbers(), derivatives(&p, &x, &rough).numbers());
+        prop_assert_eq!(rates.reals(), derivatives(&p, &x, &rough).reals());
         prop_assert_eq!((rates.zd, rates.thetad), (0.0, 0.0));
         prop_assert_eq!((*rates.zd_f, *rates.zd_b, *rates.thd_b), ([0.0; 2], [0.0; 2], [0.0; 2]));
     }
@@ -377,11 +379,11 @@ proptest! {
     /// roundings of velocities of order 1.
     #[test]
     fn velocities_are_the_rates_of_heights_and_deflections(x in any_state(), u in any_inputs()) {
-        let p = P::default();
-        let s = design(&p);
+        let p = HeavyVehicle::default();
+        let s = derived(&p);
         let rates = equations::derivatives(&p, &s, &x, &u);
-        let still = U::<Dual64>::read(&u.numbers().into_iter().map(Dual64::from).collect::<Vec<_>>());
-        let moving = equations::outputs(&p, &s, &X::read(&dual(&x, &rates)), &still);
+        let still = U::<Dual64>::from_reals(&u.reals().into_iter().map(Dual64::from).collect::<Vec<_>>());
+        let moving = equations::outputs(&p, &s, &X::from_reals(&dual(&x, &rates)), &still);
         let y = equations::outputs(&p, &s, &x, &u);
         for i in 0..4 {
             prop_assert!((moving.d[i].eps - y.dd[i]).abs() < 1e-14);
@@ -398,11 +400,11 @@ proptest! {
     fn everything_stays_finite(
         x in prop::array::uniform23(-1.0..1.0_f64), u in any_inputs(), speed in -5.0..5.0, stands: bool, coupling in any_coupling(),
     ) {
-        let (p, x) = (with(coupling), X::read(&x));
+        let (p, x) = (with(coupling), X::from_reals(&x));
         let u = U { u: if stands { 0.0 } else { speed }, ..u };
         let y = outputs(&p, &x, &u);
-        prop_assert!(y.numbers().iter().all(|value| value.is_finite()));
-        prop_assert!(derivatives(&p, &x, &u).numbers().iter().all(|value| value.is_finite()));
+        prop_assert!(y.reals().iter().all(|value| value.is_finite()));
+        prop_assert!(derivatives(&p, &x, &u).reals().iter().all(|value| value.is_finite()));
         prop_assert!(y.f_z.iter().all(|&load| load >= 0.0));
         prop_assert!((-1.0..=1.0).contains(&y.ltr));
     }
@@ -413,7 +415,7 @@ fn a_standing_vehicle_does_not_answer_to_the_steering() {
     let u = U { u: 0.0, delta: ThreeAxles([0.4, -0.2, 0.1]), ..U::default() };
     for coupling in COUPLINGS {
         let p = with(coupling);
-        assert!(derivatives(&p, &X::default(), &u).numbers().iter().all(|&rate| rate == 0.0));
+        assert!(derivatives(&p, &X::default(), &u).reals().iter().all(|&rate| rate == 0.0));
         let y = outputs(&p, &X::default(), &u);
         assert_eq!((y.a_y, y.beta, *y.f_y, *y.alpha), (0.0, 0.0, [0.0; 6], [0.0; 6]));
     }
@@ -422,11 +424,11 @@ fn a_standing_vehicle_does_not_answer_to_the_steering() {
 #[test]
 fn slip_angles_are_those_of_the_wheel_frame() {
     // atan((v + x r)/u) - delta wherever the wheel rolls forwards (closed form, a few roundings).
-    let p = P::default();
+    let p = HeavyVehicle::default();
     let x = X { v: 0.7, r: 0.3, ..X::default() };
     let u = U { u: 10.0, delta: ThreeAxles([0.3, -0.1, 0.05]), ..U::default() };
     let y = outputs(&p, &x, &u);
-    for (axle, position) in design(&p).x.into_iter().enumerate() {
+    for (axle, position) in derived(&p).x.into_iter().enumerate() {
         assert_abs_diff_eq!(y.alpha[2 * axle], ((0.7 + position * 0.3) / 10.0).atan() - u.delta[axle], epsilon = 1e-15);
     }
 }
@@ -435,8 +437,8 @@ fn slip_angles_are_those_of_the_wheel_frame() {
 fn lateral_forces_turn_the_vehicle_also_along_its_axis() {
     // Definition: the yaw moment of forces in the frame of steered wheels, forces that differ left and right. Checked by
     // the balance of moments about the vertical, I_z r' + I_xz phi''; roundings of 1e5 N m.
-    let p = P::default();
-    let s = design(&p);
+    let p = HeavyVehicle::default();
+    let s = derived(&p);
     let x = X { phi: 0.01, v: -0.5, r: 0.2, z_f: FrontWheels([0.01, -0.01]), ..X::default() };
     let u = U { delta: ThreeAxles([0.4, 0.2, -0.3]), ..turn() };
     let y = outputs(&p, &x, &u);
@@ -457,9 +459,9 @@ fn lateral_forces_turn_the_vehicle_also_along_its_axis() {
 fn without_contact_or_friction_there_is_no_lateral_force() {
     let u = turn();
     let flying = X { z_f: FrontWheels([1.0; 2]), z_b: Sides([1.0; 2]), ..X::default() };
-    let y = outputs(&P::default(), &flying, &u);
+    let y = outputs(&HeavyVehicle::default(), &flying, &u);
     assert_eq!((*y.f_z, *y.f_y, y.ltr), ([0.0; 6], [0.0; 6], 0.0));
-    for (p, friction) in [(P { mu: 0.0, ..P::default() }, 1.0), (P::default(), 0.0)] {
+    for (p, friction) in [(HeavyVehicle { mu: 0.0, ..HeavyVehicle::default() }, 1.0), (HeavyVehicle::default(), 0.0)] {
         let y = outputs(&p, &X::default(), &U { friction: SixWheels([friction; 6]), ..u.clone() });
         assert_eq!(*y.f_y, [0.0; 6]);
     }
@@ -485,30 +487,30 @@ fn an_actuator_pushes_the_body_up_and_the_wheel_down() {
 fn the_path_follows_speed_and_heading() {
     // A vehicle that points to the left by 90 degrees and drifts: (u cos psi - v sin psi, u sin psi + v cos psi).
     let x = X { psi: std::f64::consts::FRAC_PI_2, v: 0.5, ..X::default() };
-    let rates = derivatives(&P::default(), &x, &U { u: 10.0, ..U::default() });
+    let rates = derivatives(&HeavyVehicle::default(), &x, &U { u: 10.0, ..U::default() });
     assert_abs_diff_eq!(rates.x, -0.5, epsilon = 1e-14);
     assert_abs_diff_eq!(rates.y, 10.0, epsilon = 1e-14);
 }
 
 #[test]
 fn data_that_make_no_vehicle_are_refused() {
-    let message = |p: P| equations::design(&p).unwrap_err();
+    let message = |p: HeavyVehicle| equations::derived(&p).unwrap_err();
     assert_eq!(
-        message(P { l3: 3.0, ..P::default() }),
+        message(HeavyVehicle { l3: 3.0, ..HeavyVehicle::default() }),
         "'geometry.middle_to_rear_axle' = 3 m, less than twice 'geometry.cg_to_rear_suspension' (2.85 m) was expected: \
          the middle axle stands behind the center of mass"
     );
     // D = 0 at -a2/a1 = 45.75 kN.
     assert_eq!(
-        message(P { f_max: 50.0, ..P::default() }),
+        message(HeavyVehicle { f_max: 50.0, ..HeavyVehicle::default() }),
         "'tire.fit_load_limit' = 50 kN, a load at which the tire has a lateral force was expected: the peak of the magic \
          formula would be -4700 N"
     );
     // sqrt(I_z (I_x + m_b h^2 - (m_b h)^2/m)) = sqrt(1e5 (26 050 - 3552.6)) = 47 431 kg m2.
     let most = "a magnitude below 47431 kg.m2 was expected: roll and yaw inertia allow no more";
     assert_eq!(
-        message(P { i_xz: -50_000.0, ..P::default() }),
+        message(HeavyVehicle { i_xz: -50_000.0, ..HeavyVehicle::default() }),
         format!("'body.roll_yaw_inertia' = -50000 kg.m2, {most}")
     );
-    assert!(equations::design(&P { i_xz: 47_430.0, ..P::default() }).is_ok());
+    assert!(equations::derived(&HeavyVehicle { i_xz: 47_430.0, ..HeavyVehicle::default() }).is_ok());
 }

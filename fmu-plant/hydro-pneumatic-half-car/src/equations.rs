@@ -23,9 +23,9 @@
 use chassis::positions::{FourWheels, Sides, TwoAxles, axle_of, left_is_positive};
 use chassis::suspension::{load_transfer_ratio, spring_damper, tire_load};
 use chassis::tire::MagicFormula;
-use fmi2::Scalar;
+use fmu::Scalar;
 
-use crate::{D, P, U, X, Y};
+use crate::{D, HydroPneumaticHalfCar, U, X, Y};
 
 /// Floor of the speed where it divides, m/s; below it the tire forces fade out.
 const FLOOR: f64 = 1.0;
@@ -33,7 +33,7 @@ const FLOOR: f64 = 1.0;
 const DECAY: f64 = 10.0;
 
 /// Mass and loads at rest.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
     let m = p.m_s + 2.0 * p.m_u;
     let least = p.c * (p.m_s * p.h).powi(2) / m;
     if p.i_x <= least {
@@ -63,7 +63,7 @@ struct Motion<T> {
 }
 
 #[inline]
-fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     let arm = |i| p.t / 2.0 * left_is_positive(i);
 
     // Suspension (eq. 4, corrected).
@@ -101,7 +101,7 @@ fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     Motion { d, dd, e, n, alpha, f_y, a_y, zdd_s, phidd, zdd_u, betad, gammad }
 }
 
-pub(crate) fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
+pub(crate) fn derivatives<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
     let m = motion(p, s, x, u);
     let lateral = u.v * x.beta; // lateral velocity: sideslip is a small angle
     X {
@@ -119,7 +119,7 @@ pub(crate) fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
     }
 }
 
-pub(crate) fn outputs<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+pub(crate) fn outputs<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
     let m = motion(p, s, x, u);
     // Moment balance about the ground (eq. 7).
     let lever = x.phi.cos() * p.h + p.h_r;

@@ -11,174 +11,168 @@ mod tests;
 
 use chassis::data::hydro_pneumatic_half_car as data;
 use chassis::prelude::*;
-use fmi2::prelude::*;
-
-/// The plant.
-pub struct HydroPneumaticHalfCar;
+use fmu::prelude::*;
 
 /// Symbols as in the paper.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct HydroPneumaticHalfCar {
     /// paper, Table 1
-    #[par(BODY_MASS, start = data::BODY_MASS)]
+    #[var(BODY_MASS, start = data::BODY_MASS)]
     m_s: f64,
     /// paper, Table 1
-    #[par(WHEEL_MASS_SIDE, start = data::WHEEL_MASS)]
+    #[var(WHEEL_MASS_SIDE, start = data::WHEEL_MASS)]
     m_u: f64,
     /// paper, Table 1
-    #[par(TRACK, start = data::TRACK)]
+    #[var(TRACK, start = data::TRACK)]
     t: f64,
     /// paper, Table 1
-    #[par(SUSPENSION_STIFFNESS_SIDE, start = data::SUSPENSION_STIFFNESS)]
+    #[var(SUSPENSION_STIFFNESS_SIDE, start = data::SUSPENSION_STIFFNESS)]
     k_s: f64,
     /// paper, Table 1
-    #[par(SUSPENSION_DAMPING_SIDE, start = data::SUSPENSION_DAMPING)]
+    #[var(SUSPENSION_DAMPING_SIDE, start = data::SUSPENSION_DAMPING)]
     c_s: f64,
     /// paper, Table 1
-    #[par(TIRE_STIFFNESS_SIDE, start = data::TIRE_STIFFNESS)]
+    #[var(TIRE_STIFFNESS_SIDE, start = data::TIRE_STIFFNESS)]
     k_t: f64,
     /// paper, Table 1
-    #[par(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
+    #[var(VEHICLE_YAW_INERTIA, start = data::YAW_INERTIA)]
     i_z: f64,
     /// paper, Table 1
-    #[par(BODY_ROLL_AXIS_INERTIA, start = data::ROLL_AXIS_INERTIA)]
+    #[var(BODY_ROLL_AXIS_INERTIA, start = data::ROLL_AXIS_INERTIA)]
     i_x: f64,
     /// paper, Table 1
-    #[par(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
+    #[var(BODY_CG_TO_ROLL_AXIS, start = data::CG_TO_ROLL_AXIS)]
     h: f64,
     /// paper, Table 1, where it is called the height of the center of mass
-    #[par(ROLL_CENTER_HEIGHT, start = data::ROLL_CENTER_HEIGHT)]
+    #[var(ROLL_CENTER_HEIGHT, start = data::ROLL_CENTER_HEIGHT)]
     h_r: f64,
     /// paper, Table 1
-    #[par(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
+    #[var(CG_TO_FRONT_AXLE, start = data::CG_TO_FRONT)]
     l_f: f64,
     /// paper, Table 1
-    #[par(CG_TO_REAR_AXLE, start = data::CG_TO_REAR)]
+    #[var(CG_TO_REAR_AXLE, start = data::CG_TO_REAR)]
     l_r: f64,
     /// Factor on the peak of the lateral tire force; the slope at the origin stays (1: textbook tire)
-    #[par("tire.peak_scale", unit = ONE, start = 1.0, min = 0.0)]
+    #[var("tire.peak_scale", unit = "1", start = 1.0, min = 0.0)]
     mu: f64,
     /// A tire cannot pull on the road; if false, tire springs are linear as in the paper
-    #[par("tire.lift_off", start = true)]
+    #[var("tire.lift_off", start = true)]
     lift_off: bool,
     /// c: how much of the roll acceleration acts on the lateral motion (0: paper, 1: coupled)
-    #[par("model.roll_lateral_coupling", unit = ONE, start = 0.0, min = 0.0, max = 1.0)]
+    #[var("model.roll_lateral_coupling", unit = "1", start = 0.0, min = 0.0, max = 1.0)]
     c: f64,
     /// How much of the lateral force goes through the roll center directly to the wheels (1: consistent with the load
     /// transfer of eq. 7, 0: eq. 5 as printed)
-    #[par("model.geometric_load_transfer", unit = ONE, start = 1.0, min = 0.0, max = 1.0)]
+    #[var("model.geometric_load_transfer", unit = "1", start = 1.0, min = 0.0, max = 1.0)]
     geometric: f64,
     /// standard value, rounded
-    #[par(GRAVITY, start = data::GRAVITY, positive)]
+    #[var(GRAVITY, start = data::GRAVITY, positive)]
     g: f64,
     /// Runge-Kutta of order 4; relative error 3e-9 in smooth runs, 2e-6 where wheels lift off
-    #[par(MAX_STEP, start = 0.00025)]
+    #[var(MAX_STEP, start = 0.00025)]
     max_step: f64,
 }
 
 /// Inputs.
 #[derive(Inputs, Clone, Debug)]
 pub struct U<T> {
-    #[signal(DRIVER_SPEED, start = data::SPEED)]
+    #[var(DRIVER_SPEED, start = data::SPEED)]
     v: T,
-    #[signal(STEER)]
+    #[var(STEER)]
     delta: FrontAxle<T>,
-    #[signal(SUSPENSION_FORCE)]
+    #[var(SUSPENSION_FORCE)]
     f: Sides<T>,
-    #[signal(ROAD_HEIGHT)]
+    #[var(ROAD_HEIGHT)]
     z_q: Sides<T>,
-    #[signal(ROAD_FRICTION, start = 1.0)]
+    #[var(ROAD_FRICTION, start = 1.0)]
     friction: Sides<T>,
 }
 
 /// State: positions, then rates, then the motion in the road plane.
 #[derive(State, Clone, Debug)]
 pub struct X<T> {
-    #[signal(BODY_HEAVE)]
+    #[var(BODY_HEAVE)]
     z_s: T,
-    #[signal(BODY_ROLL)]
+    #[var(BODY_ROLL)]
     phi: T,
-    #[signal(WHEEL_HEIGHT)]
+    #[var(WHEEL_HEIGHT)]
     z_u: Sides<T>,
-    #[signal(BODY_HEAVE_RATE)]
+    #[var(BODY_HEAVE_RATE)]
     zd_s: T,
-    #[signal(BODY_ROLL_RATE)]
+    #[var(BODY_ROLL_RATE)]
     phid: T,
-    #[signal(WHEEL_VELOCITY)]
+    #[var(WHEEL_VELOCITY)]
     zd_u: Sides<T>,
-    #[signal(VEHICLE_SIDESLIP)]
+    #[var(VEHICLE_SIDESLIP)]
     beta: T,
-    #[signal(VEHICLE_YAW_RATE)]
+    #[var(VEHICLE_YAW_RATE)]
     gamma: T,
-    #[signal(VEHICLE_YAW)]
+    #[var(VEHICLE_YAW)]
     psi: T,
-    #[signal(VEHICLE_POSITION_X)]
+    #[var(VEHICLE_POSITION_X)]
     x: T,
-    #[signal(VEHICLE_POSITION_Y)]
+    #[var(VEHICLE_POSITION_Y)]
     y: T,
 }
 
 /// Outputs that are not states.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y<T> {
-    #[signal(VEHICLE_SPEED)]
+    #[var(VEHICLE_SPEED)]
     v: T,
-    #[signal(VEHICLE_YAW_ACCELERATION)]
+    #[var(VEHICLE_YAW_ACCELERATION)]
     gammad: T,
-    #[signal(VEHICLE_LATERAL_ACCELERATION)]
+    #[var(VEHICLE_LATERAL_ACCELERATION)]
     a_y: T,
-    #[signal(VEHICLE_LOAD_TRANSFER_ESTIMATE)]
+    #[var(VEHICLE_LOAD_TRANSFER_ESTIMATE)]
     ltr: T,
-    #[signal(VEHICLE_LOAD_TRANSFER_RATIO)]
+    #[var(VEHICLE_LOAD_TRANSFER_RATIO)]
     ratio: T,
-    #[signal(BODY_HEAVE_ACCELERATION)]
+    #[var(BODY_HEAVE_ACCELERATION)]
     zdd_s: T,
-    #[signal(BODY_ROLL_ACCELERATION)]
+    #[var(BODY_ROLL_ACCELERATION)]
     phidd: T,
-    #[signal(SUSPENSION_DEFLECTION)]
+    #[var(SUSPENSION_DEFLECTION)]
     d: Sides<T>,
-    #[signal(SUSPENSION_VELOCITY)]
+    #[var(SUSPENSION_VELOCITY)]
     dd: Sides<T>,
-    #[signal(TIRE_DEFLECTION)]
+    #[var(TIRE_DEFLECTION)]
     e: Sides<T>,
-    #[signal(TIRE_LOAD)]
+    #[var(TIRE_LOAD)]
     n: Sides<T>,
-    #[signal(TIRE_SLIP_ANGLE)]
+    #[var(TIRE_SLIP_ANGLE)]
     alpha: TwoAxles<T>,
-    #[signal(TIRE_LATERAL_FORCE)]
+    #[var(TIRE_LATERAL_FORCE)]
     f_y: FourWheels<T>,
 }
 
 /// What follows from geometry and masses.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     /// Mass of the whole vehicle
-    #[calculated("vehicle.mass", unit = KG)]
+    #[var("vehicle.mass", unit = "kg")]
     m: f64,
     /// Load of the tires of one side at rest, front and rear tire together
-    #[calculated("tire.static_load.side", unit = N, display = "kN")]
+    #[var("tire.static_load.side", unit = "N", display = "kN")]
     n0: f64,
 }
 
 /// Rescue vehicle with hydro-pneumatic suspension: half car (heave, roll, wheels) on a bicycle model (sideslip, yaw)
 /// at a prescribed speed
-#[model(stop_time = 10.0, step_size = 0.001)]
-impl Plant for HydroPneumaticHalfCar {
-    type Parameters = P;
-    type Design = D;
+#[fmu::model(stop_time = 10.0, step_size = 0.001)]
+impl Continuous for HydroPneumaticHalfCar {
+    type Derived = D;
     type State<T: Scalar> = X<T>;
     type Inputs<T: Scalar> = U<T>;
     type Outputs<T: Scalar> = Y<T>;
 
-    fn design(p: &P) -> Result<D, String> {
-        equations::design(p)
+    fn derived(&self) -> Result<D, String> {
+        equations::derived(self)
     }
-    fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
-        equations::derivatives(p, s, x, u)
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        equations::derivatives(self, at.derived, at.state, at.inputs)
     }
-    fn outputs<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
-        equations::outputs(p, s, x, u)
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
+        equations::outputs(self, at.derived, at.state, at.inputs)
     }
 }
-
-fmi2::export!(plant HydroPneumaticHalfCar);

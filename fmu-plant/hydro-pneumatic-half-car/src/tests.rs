@@ -9,15 +9,15 @@ use std::f64::consts::FRAC_PI_2;
 
 use chassis::tire::MagicFormula;
 use control::riccati::eigenvalues;
-use fmi2::model::{Model, PlantModel, Step};
-use fmi2::{Block, Dual64};
+use fmu::simulation::ContinuousSimulation;
+use fmu::{Dual64, Variables};
 use nalgebra::{Complex, DMatrix, Matrix2, Vector2};
 use proptest::prelude::*;
 
 use super::*;
 
-const STATES: usize = <X<f64> as Block<f64>>::LEN;
-const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
+const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
+const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
 /// States without heading and position, which act on nothing.
 const MOVING: usize = STATES - 3;
 /// Positions in the state.
@@ -26,32 +26,30 @@ const GAMMA: usize = 9;
 const DELTA: usize = 1;
 const FORCES: usize = 2;
 
-fn design(p: &P) -> D {
-    equations::design(p).unwrap()
+fn derived(p: &HydroPneumaticHalfCar) -> D {
+    equations::derived(p).unwrap()
 }
 
-fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
-    equations::derivatives(p, &design(p), x, u)
+fn derivatives(p: &HydroPneumaticHalfCar, x: &X<f64>, u: &U<f64>) -> X<f64> {
+    equations::derivatives(p, &derived(p), x, u)
 }
 
-fn outputs(p: &P, x: &X<f64>, u: &U<f64>) -> Y<f64> {
-    equations::outputs(p, &design(p), x, u)
+fn outputs(p: &HydroPneumaticHalfCar, x: &X<f64>, u: &U<f64>) -> Y<f64> {
+    equations::outputs(p, &derived(p), x, u)
 }
 
 /// The Jacobian matrices of the moving states' derivatives with respect to them and to the inputs, at rest on a straight
 /// road; exact by dual numbers.
-fn linearized(p: &P, speed: f64) -> (DMatrix<f64>, DMatrix<f64>) {
-    let d = design(p);
-    let (x, u) = (X::default().numbers(), (U { v: speed, ..U::default() }).numbers());
+fn linearized(p: &HydroPneumaticHalfCar, speed: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+    let d = derived(p);
+    let (x, u) = (X::default().reals(), (U { v: speed, ..U::default() }).reals());
     let column = |j: usize| {
         let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
             let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
             values.iter().enumerate().map(|(i, &value)| Dual64::new(value, seed(i))).collect()
         };
-        let (x, u) = (X::read(&seeded(&x[..STATES], 0)), U::read(&seeded(&u[..INPUTS], STATES)));
-        let mut rates = [Dual64::from(0.0); STATES];
-        equations::derivatives(p, &d, &x, &u).write(&mut rates);
-        rates.map(|rate| rate.eps)
+        let (x, u) = (X::from_reals(&seeded(&x[..STATES], 0)), U::from_reals(&seeded(&u[..INPUTS], STATES)));
+        equations::derivatives(p, &d, &x, &u).reals().into_iter().map(|rate| rate.eps).collect::<Vec<_>>()
     };
     let columns: Vec<_> = (0..STATES + INPUTS).map(column).collect();
     (
@@ -75,18 +73,18 @@ const LATERAL: (f64, f64) = (-9.831, 3.597);
 #[test]
 fn at_rest_it_stays_at_rest() {
     // Exact: m g/2 per side.
-    let (p, u) = (P::default(), U::default());
+    let (p, u) = (HydroPneumaticHalfCar::default(), U::default());
     let y = outputs(&p, &X::default(), &u);
     assert_eq!(y.n.0, [7970.625; 2]);
     assert_eq!(y.v, 70.0 / 3.6);
     let rates = derivatives(&p, &X::default(), &u);
-    assert_eq!((X { x: 0.0, ..rates.clone() }).numbers(), vec![0.0; STATES]);
+    assert_eq!((X { x: 0.0, ..rates.clone() }).reals(), vec![0.0; STATES]);
     assert_eq!(rates.x, u.v);
 }
 
 #[test]
 fn the_passive_poles_are_the_check_numbers() {
-    let (a, _) = linearized(&P::default(), data::SPEED);
+    let (a, _) = linearized(&HydroPneumaticHalfCar::default(), data::SPEED);
     let heave = (-0.458, 6.217);
     let roll = (-0.923, 7.939);
     assert_poles(&a, &[heave, roll, (-9.985, 66.250), (-10.173, 66.129), LATERAL]);
@@ -96,7 +94,7 @@ fn the_passive_poles_are_the_check_numbers() {
 fn under_the_comfort_law_the_body_is_held_by_a_sky_hook() {
     // Linear part of the law with the parameters of the paper's Table 5 (eqs. 15-23): the whole sprung mass, the left
     // wheel, f_r = zeta f_l.
-    let p = P::default();
+    let p = HydroPneumaticHalfCar::default();
     let (n1, n2, eta, zeta) = (-0.575, 0.6559, 11.0, 0.444);
     let (a, b) = linearized(&p, data::SPEED);
     let mut f_l = DMatrix::zeros(1, MOVING);
@@ -119,7 +117,7 @@ fn under_the_comfort_law_the_body_is_held_by_a_sky_hook() {
 /// The plant under the linear part of the handling law (eqs. 9-14): roll as demanded by exact cancellation of the
 /// passive moments, the damper's by the given share.
 fn under_the_handling_law(cancellation: f64) -> DMatrix<f64> {
-    let p = P::default();
+    let p = HydroPneumaticHalfCar::default();
     let (rho, eta) = (5.0, 25.0);
     let (a, b) = linearized(&p, data::SPEED);
     // Row of the roll acceleration without actuators; with them it becomes -(rho + eta) phid - rho eta phi, and what is
@@ -139,7 +137,7 @@ fn under_the_handling_law(cancellation: f64) -> DMatrix<f64> {
 #[test]
 fn exact_cancellation_leaves_the_wheels_undamped() {
     // The zero dynamics: wheels against each other on bare tires, +-j sqrt(k_t/m_u).
-    let p = P::default();
+    let p = HydroPneumaticHalfCar::default();
     let hop = (p.k_t / p.m_u).sqrt();
     assert_abs_diff_eq!(hop, 61.644, epsilon = 5e-4);
     let a = under_the_handling_law(1.0);
@@ -154,9 +152,9 @@ fn exact_cancellation_leaves_the_wheels_undamped() {
 fn the_yaw_gain_is_that_of_a_bicycle() {
     // v/(L + K v^2) with K = m/L (l_r/C_f - l_f/C_r) and the cornering stiffness of two tires at rest (closed form of
     // the linear bicycle); roundings of the linear solution.
-    let p = P::default();
-    let m = design(&p).m;
-    let n0 = design(&p).n0;
+    let p = HydroPneumaticHalfCar::default();
+    let m = derived(&p).m;
+    let n0 = derived(&p).n0;
     let length = p.l_f + p.l_r;
     let stiffness = |lever: f64| {
         let slope = Dual64::new(0.0, -1.0);
@@ -178,21 +176,18 @@ fn the_yaw_gain_is_that_of_a_bicycle() {
 }
 
 /// Simulates 10 s from rest in steps of 1 ms.
-fn after_ten_seconds(p: &P, u: &U<f64>) -> X<f64> {
-    let layout = PlantModel::<HydroPneumaticHalfCar>::layout();
-    let mut reals = vec![0.0; layout.reals()];
-    u.write(&mut reals[layout.inputs.clone()]);
-    for k in 0..10_000 {
-        let step = Step { start: 0.0, time: 0.001 * f64::from(k), step: 0.001, sample: 0 };
-        PlantModel::<HydroPneumaticHalfCar>::step(p, &design(p), &mut (), &layout, &mut reals, step, 4).unwrap();
+fn after_ten_seconds(p: &HydroPneumaticHalfCar, u: &U<f64>) -> X<f64> {
+    let mut run = ContinuousSimulation::new(p.clone()).unwrap();
+    for _ in 0..10_000 {
+        run.step(u, 0.001).unwrap();
     }
-    X::read(&reals[layout.states])
+    run.state()
 }
 
 #[test]
 fn a_steady_turn_has_the_check_numbers() {
     // 0.002 rad at 70 km/h; the slowest mode (heave, 0.458 1/s) has decayed to exp(-4.6), but heave does not take part.
-    let p = P::default();
+    let p = HydroPneumaticHalfCar::default();
     let u = U { delta: FrontAxle([0.002]), ..U::default() };
     let x = after_ten_seconds(&p, &u);
     let y = outputs(&p, &x, &u);
@@ -212,13 +207,13 @@ fn a_steady_turn_has_the_check_numbers() {
     assert_abs_diff_eq!(x.z_u[0] / y.a_y, per_acceleration[1], epsilon = 1e-4 * per_acceleration[1] + 1e-5);
 
     // Estimate and ratio of the tire loads agree: the path through the roll center is there.
-    let ltr = 2.0 * p.m_s / (design(&p).m * p.t) * ((p.h_r + p.h) / p.g + p.h * per_acceleration[0]);
+    let ltr = 2.0 * p.m_s / (derived(&p).m * p.t) * ((p.h_r + p.h) / p.g + p.h * per_acceleration[0]);
     assert_abs_diff_eq!(ltr, 0.131421, epsilon = 5e-7); // check number
     assert_abs_diff_eq!(y.ltr / y.a_y, ltr, epsilon = 1e-4);
     assert_abs_diff_eq!(y.ratio / y.a_y, ltr, epsilon = 1e-4);
     // The threshold 0.8 of the switch: upright, and leaning as the passive vehicle does.
     assert_abs_diff_eq!(0.8 / ltr, 6.09, epsilon = 5e-3); // check number
-    let upright = 2.0 * p.m_s / (design(&p).m * p.t) * (p.h_r + p.h) / p.g;
+    let upright = 2.0 * p.m_s / (derived(&p).m * p.t) * (p.h_r + p.h) / p.g;
     assert_abs_diff_eq!(0.8 / upright, 6.87, epsilon = 5e-3); // check number
 }
 
@@ -226,15 +221,15 @@ fn a_steady_turn_has_the_check_numbers() {
 fn without_the_path_through_the_roll_center_the_loads_miss_it() {
     // In a steady state the tires then balance only the moment at the roll axis: closed form with exact cancellation of
     // the height h_r; small angles err by phi^2/6 = 1e-7, the linear solution by roundings.
-    let p = P { geometric: 0.0, ..P::default() };
+    let p = HydroPneumaticHalfCar { geometric: 0.0, ..HydroPneumaticHalfCar::default() };
     let (a, b) = linearized(&p, data::SPEED);
     let delta = 1e-6;
     let steady = a.lu().solve(&(-b.column(DELTA) * delta)).unwrap();
-    let mut values = X::default().numbers();
+    let mut values = X::default().reals();
     values[..MOVING].copy_from_slice(steady.as_slice());
-    let x = X::read(&values);
+    let x = X::from_reals(&values);
     let y = outputs(&p, &x, &U { delta: FrontAxle([delta]), ..U::default() });
-    let expected = 2.0 * p.m_s * p.h / (design(&p).m * p.t) * (y.a_y / p.g + x.phi);
+    let expected = 2.0 * p.m_s * p.h / (derived(&p).m * p.t) * (y.a_y / p.g + x.phi);
     assert_abs_diff_eq!(y.ratio / expected, 1.0, epsilon = 1e-6);
     assert!(y.ratio < 0.6 * y.ltr);
 }
@@ -242,7 +237,7 @@ fn without_the_path_through_the_roll_center_the_loads_miss_it() {
 #[test]
 fn steady_forces_lift_or_turn_the_body() {
     // Both sides: heave F/k_s, the wheels stay (forces are internal). Opposite: two linear equations, small angles.
-    let p = P::default();
+    let p = HydroPneumaticHalfCar::default();
     let steady = |f: [f64; 2]| {
         let (a, b) = linearized(&p, data::SPEED);
         a.lu().solve(&(-b.columns(FORCES, 2) * nalgebra::dmatrix![f[0]; f[1]])).unwrap()
@@ -257,7 +252,7 @@ fn steady_forces_lift_or_turn_the_body() {
 }
 
 /// Kinetic and potential energy of the vehicle without lift-off on a flat road; it is 0 at rest.
-fn energy<T: Scalar>(p: &P, x: &X<T>) -> T {
+fn energy<T: Scalar>(p: &HydroPneumaticHalfCar, x: &X<T>) -> T {
     let sides = (0..2).map(|i| {
         let d = x.z_s + x.phi * (p.t / 2.0 * [1.0, -1.0][i]) - x.z_u[i];
         d.squared() * p.k_s + x.z_u[i].squared() * p.k_t + x.zd_u[i].squared() * p.m_u
@@ -270,7 +265,7 @@ fn energy<T: Scalar>(p: &P, x: &X<T>) -> T {
 fn any_state() -> impl Strategy<Value = X<f64>> {
     prop::array::uniform13(-1.0..1.0f64).prop_map(|values| {
         let scaled: Vec<_> = values.iter().enumerate().map(|(i, v)| if i < 4 { 0.1 * v } else { *v }).collect();
-        X::read(&scaled)
+        X::from_reals(&scaled)
     })
 }
 
@@ -280,13 +275,13 @@ fn any_inputs() -> impl Strategy<Value = U<f64>> {
         .prop_map(|(v, delta, f, z_q, friction)| U { v, delta: FrontAxle([delta]), f, z_q, friction: Sides(friction) })
 }
 
-fn any_options() -> impl Strategy<Value = P> {
-    (prop::bool::ANY, 0.0..1.0, 0.0..1.0, 0.0..1.5).prop_map(|(lift_off, c, geometric, mu)| P {
+fn any_options() -> impl Strategy<Value = HydroPneumaticHalfCar> {
+    (prop::bool::ANY, 0.0..1.0, 0.0..1.0, 0.0..1.5).prop_map(|(lift_off, c, geometric, mu)| HydroPneumaticHalfCar {
         lift_off,
         c,
         geometric,
         mu,
-        ..P::default()
+        ..HydroPneumaticHalfCar::default()
     })
 }
 
@@ -297,11 +292,11 @@ proptest! {
     /// sums of terms to 1e5 W: 1e-9 W are roundings.
     #[test]
     fn the_energy_balance_closes(x in any_state()) {
-        let p = P { lift_off: false, ..P::default() };
+        let p = HydroPneumaticHalfCar { lift_off: false, ..HydroPneumaticHalfCar::default() };
         let u = U { v: 0.0, ..U::default() };
         let rates = derivatives(&p, &x, &u);
-        let moving: Vec<_> = x.numbers().into_iter().zip(rates.numbers()).map(|(x, d)| Dual64::new(x, d)).collect();
-        let power = energy(&p, &X::read(&moving)).eps;
+        let moving: Vec<_> = x.reals().into_iter().zip(rates.reals()).map(|(x, d)| Dual64::new(x, d)).collect();
+        let power = energy(&p, &X::from_reals(&moving)).eps;
         let dampers: f64 = outputs(&p, &x, &u).dd.iter().map(|dd| -p.c_s * dd * dd).sum();
         prop_assert!(dampers <= 0.0);
         prop_assert!((power - dampers).abs() <= 1e-9, "{power} W, dampers {dampers} W");
@@ -311,8 +306,8 @@ proptest! {
     /// 1e5 N leave roundings of 1e-9.
     #[test]
     fn the_momentum_balances_close(x in any_state(), u in any_inputs(), options in any_options()) {
-        let p = P { geometric: 1.0, ..options };
-        let (s, rates, y) = (design(&p), derivatives(&p, &x, &u), outputs(&p, &x, &u));
+        let p = HydroPneumaticHalfCar { geometric: 1.0, ..options };
+        let (s, rates, y) = (derived(&p), derivatives(&p, &x, &u), outputs(&p, &x, &u));
         let (m_sh, arm) = (p.m_s * p.h, p.t / 2.0);
         let vertical = p.m_s * rates.zd_s + p.m_u * (rates.zd_u[0] + rates.zd_u[1]);
         prop_assert!((vertical - (y.n[0] + y.n[1] - 2.0 * s.n0)).abs() < 1e-9);
@@ -328,8 +323,8 @@ proptest! {
     #[test]
     fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), p in any_options()) {
         let (xm, um) = (mirrored(&x), mirrored(&u));
-        prop_assert_eq!(mirrored(&derivatives(&p, &x, &u)).numbers(), derivatives(&p, &xm, &um).numbers());
-        prop_assert_eq!(mirrored(&outputs(&p, &x, &u)).numbers(), outputs(&p, &xm, &um).numbers());
+        prop_assert_eq!(mirrored(&derivatives(&p, &x, &u)).reals(), derivatives(&p, &xm, &um).reals());
+        prop_assert_eq!(mirrored(&outputs(&p, &x, &u)).reals(), outputs(&p, &xm, &um).reals());
     }
 
     /// From 1 m/s on, a_y is the acceleration of a point that moves with v, beta and gamma; one rounding of each term.
@@ -343,7 +338,7 @@ proptest! {
     /// Standing, the steering acts on nothing, and what is left of sideslip and yaw rate decays.
     #[test]
     fn a_standing_vehicle_does_not_turn(x in any_state(), u in any_inputs()) {
-        let p = P::default();
+        let p = HydroPneumaticHalfCar::default();
         let u = U { v: 0.0, ..u };
         let (rates, y) = (derivatives(&p, &x, &u), outputs(&p, &x, &u));
         prop_assert_eq!((y.f_y.0, y.a_y), ([0.0; 4], 0.0));
@@ -354,9 +349,9 @@ proptest! {
     /// Everything is finite at any speed, a tire never pulls on the road, and its lateral force stays below its peak.
     #[test]
     fn tire_forces_keep_their_limits(x in any_state(), u in any_inputs(), options in any_options()) {
-        let p = P { lift_off: true, ..options };
+        let p = HydroPneumaticHalfCar { lift_off: true, ..options };
         let y = outputs(&p, &x, &u);
-        prop_assert!(y.numbers().iter().chain(&derivatives(&p, &x, &u).numbers()).all(|value| value.is_finite()));
+        prop_assert!(y.reals().iter().chain(&derivatives(&p, &x, &u).reals()).all(|value| value.is_finite()));
         prop_assert!((-1.0..=1.0).contains(&y.ratio));
         for (i, f_y) in y.f_y.iter().enumerate() {
             let load = y.n[i % 2];
@@ -369,21 +364,21 @@ proptest! {
 
 #[test]
 fn a_wheel_in_the_air_carries_and_steers_nothing() {
-    let p = P::default();
+    let p = HydroPneumaticHalfCar::default();
     // 0.1 m above rest exceed the static tire deflection of N_0/k_t = 0.042 m.
     let x = X { z_u: Sides([0.1, 0.0]), beta: 0.05, ..X::default() };
     let y = outputs(&p, &x, &U::default());
     assert_eq!((y.n[0], y.f_y[0], y.f_y[2], y.ratio), (0.0, 0.0, 0.0, 1.0));
     assert!(y.f_y[1] < 0.0 && y.f_y[3] < 0.0);
     // Without lift-off the tire spring pulls: N_0 - k_t e.
-    let y = outputs(&P { lift_off: false, ..p }, &x, &U::default());
+    let y = outputs(&HydroPneumaticHalfCar { lift_off: false, ..p }, &x, &U::default());
     assert_abs_diff_eq!(y.n[0], 7970.625 - 19_000.0, epsilon = 1e-9);
 }
 
 #[test]
 fn friction_of_a_side_scales_its_peak() {
     // Far beyond the peak the force follows the friction; the other side keeps its own.
-    let (p, x) = (P::default(), X { beta: 0.3, ..X::default() });
+    let (p, x) = (HydroPneumaticHalfCar::default(), X { beta: 0.3, ..X::default() });
     let u = U { friction: Sides([0.5, 1.0]), ..U::default() };
     let y = outputs(&p, &x, &u);
     let half = MagicFormula::PASSENGER_CAR.lateral(0.5, 7970.625 * p.l_r / (p.l_f + p.l_r), 0.3);
@@ -395,21 +390,23 @@ fn friction_of_a_side_scales_its_peak() {
 fn the_path_follows_speed_and_heading() {
     // A vehicle that points to the left by 90 degrees and drifts with v beta = 0.5 m/s.
     let x = X { psi: FRAC_PI_2, beta: 0.05, ..X::default() };
-    let rates = derivatives(&P::default(), &x, &U { v: 10.0, ..U::default() });
+    let rates = derivatives(&HydroPneumaticHalfCar::default(), &x, &U { v: 10.0, ..U::default() });
     assert_abs_diff_eq!(rates.x, -0.5, epsilon = 1e-14);
     assert_abs_diff_eq!(rates.y, 10.0, epsilon = 1e-14);
 }
 
 #[test]
 fn data_that_make_no_vehicle_are_refused() {
-    let message = |p: P| equations::design(&p).unwrap_err();
+    let message = |p: HydroPneumaticHalfCar| equations::derived(&p).unwrap_err();
     // (m_s h)^2/m = 289.8 kg m2.
     assert_eq!(
-        message(P { c: 1.0, i_x: 289.0, ..P::default() }),
+        message(HydroPneumaticHalfCar { c: 1.0, i_x: 289.0, ..HydroPneumaticHalfCar::default() }),
         "'body.roll_axis_inertia' = 289 kg.m2, more than 289.8 kg.m2 was expected: the masses, \
          'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling' need it"
     );
     // Without coupling, and just above it, there is a solution.
-    assert!(equations::design(&P { i_x: 289.0, ..P::default() }).is_ok());
-    assert!(equations::design(&P { c: 1.0, i_x: 290.0, ..P::default() }).is_ok());
+    assert!(equations::derived(&HydroPneumaticHalfCar { i_x: 289.0, ..HydroPneumaticHalfCar::default() }).is_ok());
+    assert!(
+        equations::derived(&HydroPneumaticHalfCar { c: 1.0, i_x: 290.0, ..HydroPneumaticHalfCar::default() }).is_ok()
+    );
 }

@@ -18,12 +18,12 @@
 
 use chassis::positions::{SixWheels, ThreeAxles, axle_of, left_is_positive};
 use chassis::{statics, tire};
-use fmi2::Scalar;
+use fmu::Scalar;
 
-use crate::{D, P, TireModel, U, X, Y};
+use crate::{D, RescueVehicle, TireModel, U, X, Y};
 
 /// Sprung mass, static loads, positions of the wheels and the mass matrix of the lateral motion.
-pub(crate) fn design(p: &P) -> Result<D, String> {
+pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
     let unsprung = 6.0 * p.m_w;
     if p.m <= unsprung {
         return Err(format!(
@@ -40,7 +40,7 @@ pub(crate) fn design(p: &P) -> Result<D, String> {
             "'geometry.cg_to_front_axle' = {} m, a center of mass nearer to the axles was expected: the load of the {} \
              at rest would be {:.0} N",
             p.a,
-            ThreeAxles::<f64>::PLACES[i].words,
+            ThreeAxles::<f64>::ELEMENTS[i].description,
             loads[i]
         ));
     }
@@ -85,7 +85,7 @@ struct Motion<T> {
 }
 
 #[inline]
-fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
+fn motion<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     let u_e = Scalar::max(u.u, T::from(p.u_min));
     let delta = SixWheels::<T>::from_fn(|i| u.delta[axle_of(i)]);
 
@@ -127,7 +127,7 @@ fn motion<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     Motion { d, dd, t, n, alpha, f_y, zdd, thetadd, phidd, zdd_w, vd, rd }
 }
 
-pub(crate) fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
+pub(crate) fn derivatives<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
     let m = motion(p, s, x, u);
     X {
         z: x.zd,
@@ -146,7 +146,7 @@ pub(crate) fn derivatives<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
     }
 }
 
-pub(crate) fn outputs<T: Scalar>(p: &P, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
+pub(crate) fn outputs<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
     let m = motion(p, s, x, u);
     let right: T = (0..6).filter(|i| i % 2 == 1).map(|i| m.n[i]).sum();
     let left: T = (0..6).filter(|i| i % 2 == 0).map(|i| m.n[i]).sum();

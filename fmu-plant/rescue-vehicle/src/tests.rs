@@ -8,45 +8,43 @@ use chassis::mirror::mirrored;
 use std::array;
 
 use control::riccati::eigenvalues;
-use fmi2::model::{Model, PlantModel, Step};
-use fmi2::{Block, Dual64};
+use fmu::simulation::ContinuousSimulation;
+use fmu::{Dual64, Variables};
 use lqr_suspension::{LATERAL_STATES, Vehicle, state_space};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
 use super::*;
 
-const STATES: usize = <X<f64> as Block<f64>>::LEN;
-const INPUTS: usize = <U<f64> as Block<f64>>::LEN;
+const STATES: usize = <X<f64> as Variables<f64>>::COUNTS.reals;
+const INPUTS: usize = <U<f64> as Variables<f64>>::COUNTS.reals;
 /// Positions of v and r in the state.
 const V: usize = 18;
 const R: usize = 19;
 
-fn linear() -> P {
-    P { tire_model: TireModel::Linear, lift_off: false, ..P::default() }
+fn linear() -> RescueVehicle {
+    RescueVehicle { tire_model: TireModel::Linear, lift_off: false, ..RescueVehicle::default() }
 }
 
-fn design(p: &P) -> D {
-    equations::design(p).unwrap()
+fn derived(p: &RescueVehicle) -> D {
+    equations::derived(p).unwrap()
 }
 
-fn derivatives(p: &P, x: &X<f64>, u: &U<f64>) -> X<f64> {
-    equations::derivatives(p, &design(p), x, u)
+fn derivatives(p: &RescueVehicle, x: &X<f64>, u: &U<f64>) -> X<f64> {
+    equations::derivatives(p, &derived(p), x, u)
 }
 
 /// The Jacobian matrices of the derivatives with respect to state and inputs, exact by dual numbers.
-fn linearized(p: &P, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
-    let d = design(p);
-    let (x, u) = (x.numbers(), u.numbers());
+fn linearized(p: &RescueVehicle, x: &X<f64>, u: &U<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let d = derived(p);
+    let (x, u) = (x.reals(), u.reals());
     let column = |j: usize| {
         let seeded = |values: &[f64], first: usize| -> Vec<Dual64> {
             let seed = |i: usize| if first + i == j { 1.0 } else { 0.0 };
             values.iter().enumerate().map(|(i, &value)| Dual64::new(value, seed(i))).collect()
         };
-        let (x, u) = (X::read(&seeded(&x[..STATES], 0)), U::read(&seeded(&u[..INPUTS], STATES)));
-        let mut rates = [Dual64::from(0.0); STATES];
-        equations::derivatives(p, &d, &x, &u).write(&mut rates);
-        rates.map(|rate| rate.eps)
+        let (x, u) = (X::from_reals(&seeded(&x[..STATES], 0)), U::from_reals(&seeded(&u[..INPUTS], STATES)));
+        equations::derivatives(p, &d, &x, &u).reals().into_iter().map(|rate| rate.eps).collect::<Vec<_>>()
     };
     let columns: Vec<_> = (0..STATES + INPUTS).map(column).collect();
     (
@@ -83,12 +81,12 @@ fn example() -> (X<f64>, U<f64>) {
 #[test]
 fn at_rest_nothing_moves_and_the_loads_are_equal() {
     // The speed is no disturbance: exactly 0. m g / 6 = 58 860 N; a few roundings.
-    let p = P::default();
+    let p = RescueVehicle::default();
     for speed in [0.0, 0.1, 9.7, 40.0] {
         let u = U { u: speed, ..U::default() };
         let rates = X { x: 0.0, ..derivatives(&p, &X::default(), &u) };
-        assert!(rates.numbers().iter().all(|&rate| rate == 0.0), "{rates:?}");
-        let y = equations::outputs(&p, &design(&p), &X::default(), &u);
+        assert!(rates.reals().iter().all(|&rate| rate == 0.0), "{rates:?}");
+        let y = equations::outputs(&p, &derived(&p), &X::default(), &u);
         for load in y.n.iter() {
             assert_abs_diff_eq!(*load, 58_860.0, epsilon = 1e-10);
         }
@@ -98,7 +96,7 @@ fn at_rest_nothing_moves_and_the_loads_are_equal() {
 
 #[test]
 fn the_derivatives_have_the_check_numbers() {
-    let p = P::default();
+    let p = RescueVehicle::default();
     let (x, u) = example();
     let rates = derivatives(&p, &x, &u);
     assert_abs_diff_eq!(rates.zd, 0.046296296296, epsilon = 1e-12);
@@ -115,7 +113,7 @@ fn the_derivatives_have_the_check_numbers() {
     // u cos psi, v cos psi with psi = 0.
     assert_eq!((rates.x, rates.y), (10.0, 0.2));
 
-    let y = equations::outputs(&p, &design(&p), &x, &u);
+    let y = equations::outputs(&p, &derived(&p), &x, &u);
     let f_s = [-1541.6666667, -40291.666667, 26958.333333, -11791.666667, 42458.333333, 3708.3333333];
     for (i, expected) in f_s.into_iter().enumerate() {
         assert_abs_diff_eq!(p.k_s * y.d[i] + p.c_s * y.dd[i], expected, epsilon = 1e-6);
@@ -132,7 +130,7 @@ fn the_derivatives_have_the_check_numbers() {
 
 #[test]
 fn the_paper_tire_has_the_check_numbers() {
-    let p = P { tire_model: TireModel::Linear, ..P::default() };
+    let p = RescueVehicle { tire_model: TireModel::Linear, ..RescueVehicle::default() };
     let (x, u) = example();
     let rates = derivatives(&p, &x, &u);
     assert_abs_diff_eq!(rates.v, -2.8360835017, epsilon = 1e-10);
@@ -143,17 +141,12 @@ fn the_paper_tire_has_the_check_numbers() {
 #[test]
 fn one_millisecond_has_the_check_numbers() {
     // Four Runge-Kutta steps of 0.25 ms err by 1e-13 here; 10 digits are printed.
-    let p = P::default();
+    let p = RescueVehicle::default();
     let (x, u) = example();
-    let layout = PlantModel::<RescueVehicle>::layout();
-    let mut reals = vec![0.0; layout.reals()];
-    x.write(&mut reals[layout.states.clone()]);
-    u.write(&mut reals[layout.inputs.clone()]);
-    let step = Step { start: 0.0, time: 0.0, step: 0.001, sample: 0 };
-    let parts = PlantModel::<RescueVehicle>::parts(&p, step);
-    assert_eq!(parts, 4.0);
-    PlantModel::<RescueVehicle>::step(&p, &design(&p), &mut (), &layout, &mut reals, step, 4).unwrap();
-    let x = X::<f64>::read(&reals[layout.states]);
+    let mut run = ContinuousSimulation::new(p).unwrap();
+    run.set_state(&x);
+    run.step(&u, 0.001).unwrap();
+    let x = run.state();
     assert_abs_diff_eq!(x.z, 0.0101000223, epsilon = 1e-10);
     assert_abs_diff_eq!(x.phi, 0.0302983458, epsilon = 1e-10);
     assert_abs_diff_eq!(x.v, 0.1971744722, epsilon = 1e-10);
@@ -170,7 +163,7 @@ fn the_steady_yaw_gain_is_that_of_a_neutral_vehicle() {
     let front = 1; // speed, then the front axle
     let steady = a.view((0, 0), (20, 20)).into_owned().lu().solve(&(-b.view((0, front), (20, 1)))).unwrap();
     let gain = steady[(R, 0)];
-    let x = design(&p).x;
+    let x = derived(&p).x;
     let closed = data::SPEED * x[0] / (x[0] * x[0] + x[2] * x[2] + x[4] * x[4]);
     assert_abs_diff_eq!(gain / closed, 1.0, epsilon = 1e-12);
     assert_abs_diff_eq!(gain, 2.252655, epsilon = 1e-6); // check number
@@ -182,7 +175,7 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
     // Closed form of a turn with v = 0: every tire makes m u r / 6, and the roll angle per lateral acceleration is
     // m_s h_s / (K_phi - m_s g h_s) with springs and tire springs in series, K_phi = 6 (B/2)^2 k_s k_t / (k_s + k_t).
     let p = linear();
-    let s = design(&p);
+    let s = derived(&p);
     let (speed, r) = (data::SPEED, 0.385);
     let a_y = speed * r;
     let half = p.b_t / 2.0;
@@ -203,7 +196,7 @@ fn a_steady_turn_without_sideslip_is_an_equilibrium() {
     let u = U { u: speed, delta, ..U::default() };
     let rates = derivatives(&p, &x, &u);
     // Roundings of forces of 1e5 N on the smallest mass, 600 kg.
-    for rate in (X { x: 0.0, y: 0.0, psi: 0.0, ..rates }).numbers() {
+    for rate in (X { x: 0.0, y: 0.0, psi: 0.0, ..rates }).reals() {
         assert_abs_diff_eq!(rate, 0.0, epsilon = 1e-12);
     }
     // Load transfer: the moment of the tires about the roll axis is that of the springs.
@@ -217,7 +210,7 @@ fn the_linearized_plant_is_the_design_model_of_the_controllers() {
     // Two derivations of one model: these equations by dual numbers, and the matrices M, N, R, Q of the paper's
     // Appendix A (corrected). States v = u beta; a few roundings of the largest element.
     let p = linear();
-    let s = design(&p);
+    let s = derived(&p);
     let vehicle = Vehicle {
         m: p.m,
         m_w: p.m_w,
@@ -256,7 +249,7 @@ fn the_linearized_plant_is_the_design_model_of_the_controllers() {
 #[test]
 fn the_poles_at_35_km_h_are_the_check_numbers() {
     // With the paper's tires and with the saturating ones, which have the same slope at rest. 4 decimals are printed.
-    for p in [linear(), P::default()] {
+    for p in [linear(), RescueVehicle::default()] {
         let (a, _) = linearized(&p, &X::default(), &U::default());
         let poles = eigenvalues(&a.view((0, 0), (20, 20)).into_owned()).unwrap();
         let expected = [
@@ -277,7 +270,7 @@ fn the_poles_at_35_km_h_are_the_check_numbers() {
 }
 
 /// Kinetic and potential energy of the vehicle without lift-off; it is at rest in the vertical plane at 0.
-fn energy<T: Scalar>(p: &P, s: &D, x: &X<T>) -> T {
+fn energy<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>) -> T {
     let wheels = (0..6).map(|i| {
         let d = x.z - x.theta * s.x[i] + x.phi * s.y[i] - x.z_w[i];
         d.squared() * p.k_s + x.z_w[i].squared() * p.k_t + x.zd_w[i].squared() * p.m_w
@@ -293,7 +286,7 @@ fn energy<T: Scalar>(p: &P, s: &D, x: &X<T>) -> T {
 fn any_state() -> impl Strategy<Value = X<f64>> {
     prop::array::uniform23(-1.0..1.0_f64).prop_map(|values| {
         let scaled: Vec<_> = values.iter().enumerate().map(|(i, v)| if i < 9 { 0.1 * v } else { *v }).collect();
-        X::read(&scaled)
+        X::from_reals(&scaled)
     })
 }
 
@@ -318,12 +311,12 @@ proptest! {
     #[test]
     fn the_energy_balance_closes(x in any_state()) {
         for tire_model in [TireModel::Linear, TireModel::Saturating] {
-            let p = P { tire_model, lift_off: false, ..P::default() };
-            let s = design(&p);
+            let p = RescueVehicle { tire_model, lift_off: false, ..RescueVehicle::default() };
+            let s = derived(&p);
             let u = U { u: 0.0, ..U::default() };
             let rates = equations::derivatives(&p, &s, &x, &u);
-            let moving: Vec<_> = x.numbers().into_iter().zip(rates.numbers()).map(|(x, d)| Dual64::new(x, d)).collect();
-            let power = energy(&p, &s, &X::read(&moving)).eps;
+            let moving: Vec<_> = x.reals().into_iter().zip(rates.reals()).map(|(x, d)| Dual64::new(x, d)).collect();
+            let power = energy(&p, &s, &X::from_reals(&moving)).eps;
             let y = equations::outputs(&p, &s, &x, &u);
             let dampers: f64 = y.dd.iter().map(|dd| -p.c_s * dd * dd).sum();
             let tires: f64 = (0..6).map(|i| y.f_y[i] * (x.v + x.r * s.x[i])).sum();
@@ -337,15 +330,15 @@ proptest! {
     #[test]
     fn the_vehicle_is_symmetric(x in any_state(), u in any_inputs(), saturating: bool, lift_off: bool) {
         let tire_model = if saturating { TireModel::Saturating } else { TireModel::Linear };
-        let p = P { tire_model, lift_off, ..P::default() };
-        let s = design(&p);
+        let p = RescueVehicle { tire_model, lift_off, ..RescueVehicle::default() };
+        let s = derived(&p);
         let (xm, um) = (mirrored(&x), mirrored(&u));
         let pairs = [
             (
-                mirrored(&equations::derivatives(&p, &s, &x, &u)).numbers(),
-                equations::derivatives(&p, &s, &xm, &um).numbers(),
+                mirrored(&equations::derivatives(&p, &s, &x, &u)).reals(),
+                equations::derivatives(&p, &s, &xm, &um).reals(),
             ),
-            (mirrored(&equations::outputs(&p, &s, &x, &u)).numbers(), equations::outputs(&p, &s, &xm, &um).numbers()),
+            (mirrored(&equations::outputs(&p, &s, &x, &u)).reals(), equations::outputs(&p, &s, &xm, &um).reals()),
         ];
         for (expected, actual) in pairs {
             let largest = expected.iter().fold(1.0_f64, |most, value| most.max(value.abs()));
@@ -358,11 +351,11 @@ proptest! {
     /// Slip angles and everything else stay finite when the vehicle stands, and a tire never pulls on the road.
     #[test]
     fn a_standing_vehicle_has_finite_slip(x in any_state(), u in any_inputs()) {
-        let p = P::default();
+        let p = RescueVehicle::default();
         let u = U { u: 0.0, ..u };
-        let y = equations::outputs(&p, &design(&p), &x, &u);
-        prop_assert!(y.numbers().iter().all(|value| value.is_finite()));
-        prop_assert!(derivatives(&p, &x, &u).numbers().iter().all(|value| value.is_finite()));
+        let y = equations::outputs(&p, &derived(&p), &x, &u);
+        prop_assert!(y.reals().iter().all(|value| value.is_finite()));
+        prop_assert!(derivatives(&p, &x, &u).reals().iter().all(|value| value.is_finite()));
         prop_assert!(y.n.iter().all(|&load| load >= 0.0));
         prop_assert!((-1.0..=1.0).contains(&y.ltr));
         for (i, f_y) in y.f_y.iter().enumerate() {
@@ -373,12 +366,12 @@ proptest! {
 
 #[test]
 fn a_vehicle_in_the_air_has_no_tire_forces() {
-    let p = P::default();
+    let p = RescueVehicle::default();
     let x = X { z_w: SixWheels([1.0; 6]), v: 1.0, r: 0.5, ..X::default() };
-    let y = equations::outputs(&p, &design(&p), &x, &U::default());
+    let y = equations::outputs(&p, &derived(&p), &x, &U::default());
     assert_eq!((*y.n, *y.f_y, y.ltr), ([0.0; 6], [0.0; 6], 0.0));
     // Without lift-off the tire spring pulls: F_z0 - k_t t.
-    let y = equations::outputs(&linear(), &design(&p), &x, &U::default());
+    let y = equations::outputs(&linear(), &derived(&p), &x, &U::default());
     assert_abs_diff_eq!(y.n[0], 58_860.0 - 1e6, epsilon = 1e-9);
 }
 
@@ -386,43 +379,43 @@ fn a_vehicle_in_the_air_has_no_tire_forces() {
 fn the_path_follows_speed_and_heading() {
     // A vehicle that points to the left by 90 degrees and drifts: (u cos psi - v sin psi, u sin psi + v cos psi).
     let x = X { psi: std::f64::consts::FRAC_PI_2, v: 0.5, ..X::default() };
-    let rates = derivatives(&P::default(), &x, &U { u: 10.0, ..U::default() });
+    let rates = derivatives(&RescueVehicle::default(), &x, &U { u: 10.0, ..U::default() });
     assert_abs_diff_eq!(rates.x, -0.5, epsilon = 1e-14);
     assert_abs_diff_eq!(rates.y, 10.0, epsilon = 1e-14);
 }
 
 #[test]
 fn data_that_make_no_vehicle_are_refused() {
-    let message = |p: P| equations::design(&p).unwrap_err();
+    let message = |p: RescueVehicle| equations::derived(&p).unwrap_err();
     assert_eq!(
-        message(P { m: 3600.0, ..P::default() }),
+        message(RescueVehicle { m: 3600.0, ..RescueVehicle::default() }),
         "'vehicle.mass' = 3600 kg, more than six times 'wheel.mass' (3600 kg) was expected"
     );
     assert_eq!(
-        message(P { a: 6.0, ..P::default() }),
+        message(RescueVehicle { a: 6.0, ..RescueVehicle::default() }),
         "'geometry.cg_to_front_axle' = 6 m, a center of mass nearer to the axles was expected: the load of the front \
          axle at rest would be -167313 N"
     );
     assert_eq!(
-        message(P { a: 0.5, ..P::default() }),
+        message(RescueVehicle { a: 0.5, ..RescueVehicle::default() }),
         "'geometry.cg_to_front_axle' = 0.5 m, a center of mass nearer to the axles was expected: the load of the rear \
          axle at rest would be -18885 N"
     );
     // (m_s h_s)^2/m + I_xz^2/I_z = 29 160 + 131.6 kg m2.
     assert_eq!(
-        message(P { i_x: 29_000.0, ..P::default() }),
+        message(RescueVehicle { i_x: 29_000.0, ..RescueVehicle::default() }),
         "'body.roll_axis_inertia' = 29000 kg.m2, more than 29292 kg.m2 was expected: mass, \
          'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
     );
     // Just above it there is a solution.
-    assert!(equations::design(&P { i_x: 29_293.0, ..P::default() }).is_ok());
+    assert!(equations::derived(&RescueVehicle { i_x: 29_293.0, ..RescueVehicle::default() }).is_ok());
 }
 
 #[test]
 fn the_inverse_mass_matrix_is_one() {
     // M M^-1 = 1; roundings of a product of 3 terms of order 1.
-    let p = P::default();
-    let s = design(&p);
+    let p = RescueVehicle::default();
+    let s = derived(&p);
     let coupling = -s.m_s * p.h_s;
     let mass = [[p.m, coupling, 0.0], [coupling, p.i_x, -p.i_xz], [0.0, -p.i_xz, p.i_z]];
     for (i, row) in mass.iter().enumerate() {

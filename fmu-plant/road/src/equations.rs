@@ -24,9 +24,9 @@
 use chassis::positions::{RearAxles, Sides, SixWheels, axle_of};
 use chassis::road::{AllPass, Harmonics, Mixture, Normals, ShapedNoise, bump, class_coefficient, trapezoid};
 use chassis::table::Table;
-use fmi2::model::slack;
+use fmu::model::slack;
 
-use crate::{D, ObstacleShape, P, Profile, RoughnessStart, Tracks, U, X, Y};
+use crate::{D, ObstacleShape, Profile, Road, RoughnessStart, Tracks, U, X, Y};
 
 /// Grid points of shaped noise that are kept for the axles behind the front axle; a power of two.
 pub(crate) const HISTORY: usize = 1024;
@@ -134,7 +134,7 @@ pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
 }
 
 /// What does not change during a run; the profile table needs the `table`.
-pub(crate) fn design(p: &P, table: Option<Table>) -> Result<D, String> {
+pub(crate) fn derived(p: &Road, table: Option<Table>) -> Result<D, String> {
     let coefficient = class_coefficient(p.class).unwrap_or(p.g_d);
     let pair = match p.tracks {
         Tracks::Same => Pair::Same,
@@ -157,7 +157,7 @@ pub(crate) fn design(p: &P, table: Option<Table>) -> Result<D, String> {
     Ok(D { surface })
 }
 
-fn noise(p: &P, coefficient: f64, pair: Pair) -> Result<Noise, String> {
+fn noise(p: &Road, coefficient: f64, pair: Pair) -> Result<Noise, String> {
     let changed = class_coefficient(p.class_change).unwrap_or(coefficient);
     let process = ShapedNoise::new(coefficient, p.n_00, p.ds);
     let changed = ShapedNoise::new(changed, p.n_00, p.ds);
@@ -174,12 +174,12 @@ fn noise(p: &P, coefficient: f64, pair: Pair) -> Result<Noise, String> {
     }
     // one cell less than the points span: the front axle may stand just before its far end
     let longest = (HISTORY - 3) as f64 * p.ds;
-    for (place, offset) in RearAxles::<f64>::PLACES.iter().zip(*p.l) {
+    for (place, offset) in RearAxles::<f64>::ELEMENTS.iter().zip(*p.l) {
         if offset > longest {
             return Err(format!(
                 "'geometry.axle_offset.{}' = {offset} m: shaped noise is kept over {longest} m with \
                  'roughness.spacing' = {} m, a larger spacing was expected",
-                place.suffix, p.ds
+                place.name, p.ds
             ));
         }
     }
@@ -197,7 +197,7 @@ fn noise(p: &P, coefficient: f64, pair: Pair) -> Result<Noise, String> {
 }
 
 /// Both tracks as sums of cosines: mixing and delaying act on the complex amplitudes.
-fn harmonics(p: &P, coefficient: f64, pair: Pair) -> Surface {
+fn harmonics(p: &Road, coefficient: f64, pair: Pair) -> Surface {
     let seed = u64::from(p.seed.unsigned_abs());
     let first = Harmonics::amplitudes(coefficient, seed);
     let second = || Harmonics::amplitudes(coefficient, seed + 1_000_003);
@@ -241,7 +241,7 @@ fn heights(table: Table, pair: Pair) -> Heights {
 }
 
 /// Refuses a speed that leads beyond all numbers, or over more grid points of shaped noise than one sample may pass.
-pub(crate) fn check(p: &P, d: &D, x: &X, u: &U) -> Result<(), String> {
+pub(crate) fn check(p: &Road, d: &D, x: &X, u: &U) -> Result<(), String> {
     let next = x.s + u.u * p.sample_time;
     if !next.is_finite() {
         return Err(format!(
@@ -265,7 +265,7 @@ pub(crate) fn check(p: &P, d: &D, x: &X, u: &U) -> Result<(), String> {
 }
 
 /// One sample at the time `t`: the outputs for the distance reached, then the distance of the next sample.
-pub(crate) fn sample(p: &P, d: &D, x: &mut X, u: &U, t: f64) -> Y {
+pub(crate) fn sample(p: &Road, d: &D, x: &mut X, u: &U, t: f64) -> Y {
     let s = x.s;
     if let Surface::Noise(noise) = &d.surface {
         noise.generate(p, x);
@@ -316,7 +316,7 @@ impl ObstacleShape {
 
 impl Surface {
     /// Left and right height at a distance.
-    fn heights(&self, p: &P, x: &X, place: f64) -> [f64; 2] {
+    fn heights(&self, p: &Road, x: &X, place: f64) -> [f64; 2] {
         match self {
             Self::Flat => [0.0; 2],
             Self::Noise(_) => x.heights(place / p.ds),
@@ -336,13 +336,13 @@ impl Surface {
 
 /// How many grid points there are up to the far end of the cell of a distance. Within the slack of the next cell that
 /// cell counts too, so that rounding does not decide.
-fn points_up_to(p: &P, s: f64) -> f64 {
+fn points_up_to(p: &Road, s: f64) -> f64 {
     (s / p.ds + SLACK).floor() + 2.0 - FIRST
 }
 
 impl Noise {
     /// Generates the grid points up to the far end of the cell in which the front axle stands.
-    fn generate(&self, p: &P, x: &mut X) {
+    fn generate(&self, p: &Road, x: &mut X) {
         let missing = points_up_to(p, x.s) - x.points as f64;
         if missing <= 0.0 {
             return;
@@ -429,26 +429,26 @@ impl Heights {
 mod tests {
     use super::*;
     use chassis::road::{REFERENCE_WAVENUMBER, fourier_sum};
-    use fmi2::block::Mode as _;
+    use fmu::Enumeration as _;
 
     const CLASS_C: f64 = 256e-6;
 
     /// A road and the state on it.
     #[derive(Clone)]
     struct Drive {
-        p: P,
+        p: Road,
         d: D,
         x: X,
         sample: u64,
     }
 
     impl Drive {
-        fn new(p: P) -> Self {
+        fn new(p: Road) -> Self {
             Self::with_table(p, None)
         }
 
-        fn with_table(p: P, table: Option<Table>) -> Self {
-            let d = design(&p, table).unwrap();
+        fn with_table(p: Road, table: Option<Table>) -> Self {
+            let d = derived(&p, table).unwrap();
             Self { p, d, x: X::default(), sample: 0 }
         }
 
@@ -474,12 +474,12 @@ mod tests {
     /// Every profile with every kind of tracks.
     fn roads() -> impl Iterator<Item = Drive> {
         (0..16).map(|i| {
-            let p = P {
+            let p = Road {
                 profile: Profile::from_value(i / 4).unwrap(),
                 tracks: Tracks::from_value(i % 4).unwrap(),
                 rho: 0.6,
                 l: RearAxles([2.95, 4.6]),
-                ..P::default()
+                ..Road::default()
             };
             Drive::with_table(p, Some(table()))
         })
@@ -533,7 +533,7 @@ mod tests {
     }
 
     /// Heights every 1 cm.
-    fn long_road(p: P, points: usize) -> [Vec<f64>; 2] {
+    fn long_road(p: Road, points: usize) -> [Vec<f64>; 2] {
         Drive::new(p).tracks(10.0, points)
     }
 
@@ -544,7 +544,7 @@ mod tests {
     /// added for the grid (aliasing of the sampled process, 0.8 % at 5 1/m) and leakage.
     #[test]
     fn density_is_that_of_iso_8608() {
-        let p = P { seed: 5, ..P::default() };
+        let p = Road { seed: 5, ..Road::default() };
         let tracks = long_road(p, 1 << 20);
         let s = welch(&tracks, 0.01, 1 << 15);
         for side in [&s.left, &s.right] {
@@ -580,7 +580,7 @@ mod tests {
         let mut squares = [0.0; 6];
         let roads = 4000;
         for seed in 0..roads {
-            let y = Drive::new(P { seed, l: RearAxles([2.95, 10.2]), ..P::default() }).step(0.0);
+            let y = Drive::new(Road { seed, l: RearAxles([2.95, 10.2]), ..Road::default() }).step(0.0);
             for (square, z) in squares.iter_mut().zip(*y.z) {
                 *square += z * z / f64::from(roads);
             }
@@ -592,7 +592,7 @@ mod tests {
 
     /// Means from 0.1 to 5 1/m: real part of the cross density over the density (the correlation of the tracks), and
     /// magnitude-squared coherence.
-    fn correlation(p: P) -> [f64; 2] {
+    fn correlation(p: Road) -> [f64; 2] {
         let s = welch(&long_road(p, 1 << 19), 0.01, 1 << 12);
         let bins = (0.1 / s.resolution) as usize..(5.0 / s.resolution) as usize;
         let count = bins.len() as f64;
@@ -611,7 +611,7 @@ mod tests {
     /// <= 0.0035 after a bias of at most 1/K = 0.0041. Four standard errors, and the bias.
     #[test]
     fn tracks_have_the_coherence_asked_for() {
-        let p = |tracks, rho| P { tracks, rho, ..P::default() };
+        let p = |tracks, rho| Road { tracks, rho, ..Road::default() };
         for (parameters, expected) in [
             (p(Tracks::Same, 0.5), 1.0),
             (p(Tracks::Independent, 0.5), 0.0),
@@ -630,7 +630,7 @@ mod tests {
     /// coherence above 0.99 and phase within 0.05 rad up to 1 1/m.
     #[test]
     fn delayed_track_is_the_all_pass_of_the_left() {
-        let p = P { tracks: Tracks::Delayed, ..P::default() };
+        let p = Road { tracks: Tracks::Delayed, ..Road::default() };
         let filter = AllPass::new(p.t_track);
         let s = welch(&long_road(p, 1 << 19), 0.01, 1 << 15);
         for k in 8..(1.0 / s.resolution) as usize {
@@ -695,7 +695,7 @@ mod tests {
     /// 1, class C, at 0 and 5 m. 1500 steps of the recursion round by 1e-16 each.
     #[test]
     fn road_is_that_of_the_definition() {
-        let mut drive = Drive::new(P::default());
+        let mut drive = Drive::new(Road::default());
         let start = drive.step(5000.0);
         let later = drive.step(0.0);
         for (found, expected) in [
@@ -712,7 +712,7 @@ mod tests {
     /// with the second profile of seed 1000004, mixed with 0.995.
     #[test]
     fn harmonics_are_the_published_road() {
-        let p = P { profile: Profile::Harmonics, class: 2, tracks: Tracks::Same, ..P::default() };
+        let p = Road { profile: Profile::Harmonics, class: 2, tracks: Tracks::Same, ..Road::default() };
         let mut drive = Drive::new(p.clone());
         drive.step(25_000.0);
         let y = drive.step(75_000.0);
@@ -720,7 +720,7 @@ mod tests {
         assert!((drive.step(0.0).z[0] - 0.004_244_32).abs() < 1e-8);
 
         let second = Harmonics::new(&Harmonics::amplitudes(64e-6, 1_000_004)).height(25.0);
-        let mut drive = Drive::new(P { tracks: Tracks::Mixed, ..p });
+        let mut drive = Drive::new(Road { tracks: Tracks::Mixed, ..p });
         drive.step(25_000.0);
         let z = drive.step(0.0).z;
         let [left, right] = Mixture::new(0.995).tracks([y.z[0], second]);
@@ -732,7 +732,7 @@ mod tests {
     #[test]
     fn seeds_and_tracks_are_uncorrelated() {
         let heights = |seed| {
-            let mut drive = Drive::new(P { seed, ds: 0.5, ..P::default() });
+            let mut drive = Drive::new(Road { seed, ds: 0.5, ..Road::default() });
             (0..20).map(|_| *drive.step(50_000.0).z).collect::<Vec<_>>()
         };
         let mut sums = [0.0; 2];
@@ -750,14 +750,14 @@ mod tests {
     /// the same noise.
     #[test]
     fn starts_from_zero() {
-        let p = P { start: RoughnessStart::ZeroUpToFrontAxle, l: RearAxles([2.955, 4.605]), ..P::default() };
+        let p = Road { start: RoughnessStart::ZeroUpToFrontAxle, l: RearAxles([2.955, 4.605]), ..Road::default() };
         let mut drive = Drive::new(p.clone());
         assert_eq!(*drive.step(10.0).z, [0.0; 6]);
         let z = drive.step(10.0).z;
         assert!(z[0] != 0.0 && z[1] != 0.0);
         assert_eq!(z[2..], [0.0; 4]);
 
-        let mut drive = Drive::new(P { start: RoughnessStart::ZeroUpToRearAxle, ..p });
+        let mut drive = Drive::new(Road { start: RoughnessStart::ZeroUpToRearAxle, ..p });
         let z = drive.step(10.0).z;
         assert!(z[..4].iter().all(|z| *z != 0.0));
         assert_eq!(z[4..], [0.0; 2]);
@@ -770,10 +770,10 @@ mod tests {
     /// the latest), equal before; rounding of alpha z.
     #[test]
     fn class_changes_and_the_filter_goes_on() {
-        let p = |t_change| P { t_change, ..P::default() };
+        let p = |t_change| Road { t_change, ..Road::default() };
         let [changed, plain] = [p(3.0), p(0.0)].map(|p| {
             // one grid point per sample
-            Drive::new(P { sample_time: 0.0005, ..p }).tracks(20.0, 8000)
+            Drive::new(Road { sample_time: 0.0005, ..p }).tracks(20.0, 8000)
         });
         let alpha = ShapedNoise::new(CLASS_C, 0.011, 0.01).memory;
         for (changed, plain) in changed.iter().zip(&plain) {
@@ -789,7 +789,7 @@ mod tests {
     #[test]
     fn coefficient_scales_the_road() {
         for profile in [Profile::ShapedNoise, Profile::Harmonics] {
-            let p = |class, g_d| P { profile, class, g_d, ..P::default() };
+            let p = |class, g_d| Road { profile, class, g_d, ..Road::default() };
             let run = |p| Drive::new(p).tracks(20.0, 2000);
             let c = run(p(3, 0.0));
             assert_eq!(c, run(p(0, CLASS_C)));
@@ -804,7 +804,7 @@ mod tests {
     #[test]
     fn table_profile() {
         let at = |tracks, distance: f64| {
-            let p = P { profile: Profile::Table, tracks, rho: 0.28, ..P::default() };
+            let p = Road { profile: Profile::Table, tracks, rho: 0.28, ..Road::default() };
             let mut drive = Drive::with_table(p, Some(table()));
             drive.step(distance * 1000.0);
             let z = drive.step(0.0).z;
@@ -842,7 +842,7 @@ mod tests {
     /// = 0.03 m on the left, under all axles at once; the same in distance comes to each axle in its turn.
     #[test]
     fn obstacles_in_time_and_distance() {
-        let p = P {
+        let p = Road {
             profile: Profile::Flat,
             obstacle: ObstacleShape::Bump,
             obstacle_in_time: true,
@@ -850,7 +850,7 @@ mod tests {
             x_l: 0.5,
             a_right: -0.01,
             l: RearAxles([2.0, 3.0]),
-            ..P::default()
+            ..Road::default()
         };
         let mut drive = Drive::new(p.clone());
         for n in 0..3000 {
@@ -869,8 +869,8 @@ mod tests {
             (ObstacleShape::Trapezoid, [1.0, 1.0, 0.0]),
             (ObstacleShape::Step, [1.0, 1.0, 0.0]),
         ] {
-            let p = P { obstacle, obstacle_in_time: false, x_0: 10.0, x_l: 4.0, ..p.clone() };
-            let mut drive = Drive::new(P { l: RearAxles([1.0, 3.0]), ..p });
+            let p = Road { obstacle, obstacle_in_time: false, x_0: 10.0, x_l: 4.0, ..p.clone() };
+            let mut drive = Drive::new(Road { l: RearAxles([1.0, 3.0]), ..p });
             drive.step(12_000.0);
             let z = drive.step(0.0).z;
             for (axle, expected) in expected.iter().enumerate() {
@@ -878,7 +878,7 @@ mod tests {
             }
         }
         // the sample meant for a step in time is the first one on it, although 1.001 s may round below
-        let p = P { obstacle: ObstacleShape::Step, x_0: 1.001, ..p };
+        let p = Road { obstacle: ObstacleShape::Step, x_0: 1.001, ..p };
         let mut drive = Drive::new(p);
         let heights: Vec<f64> = (0..1002).map(|_| drive.step(0.0).z[0]).collect();
         assert_eq!(heights[1000..], [0.0, 0.03]);
@@ -887,19 +887,19 @@ mod tests {
     /// Split friction from the start, jumping friction from 10 m on for each axle as it gets there.
     #[test]
     fn friction_changes_with_distance() {
-        let p = P {
+        let p = Road {
             profile: Profile::Flat,
             mu_right: 0.3,
             x_mu: 10.0,
             mu_changed_left: 0.2,
             l: RearAxles([1.0, 3.0]),
-            ..P::default()
+            ..Road::default()
         };
         let mut drive = Drive::new(p.clone());
         assert_eq!(*drive.step(12_000.0).mu, [1.0, 0.3, 1.0, 0.3, 1.0, 0.3]);
         assert_eq!(*drive.step(1_000.0).mu, [0.2, 1.0, 0.2, 1.0, 1.0, 0.3]);
         assert_eq!(*drive.step(0.0).mu, [0.2, 1.0, 0.2, 1.0, 0.2, 1.0]);
-        let mut drive = Drive::new(P { x_mu: 0.0, ..p });
+        let mut drive = Drive::new(Road { x_mu: 0.0, ..p });
         drive.step(12_000.0);
         assert_eq!(drive.step(0.0).mu[..2], [1.0, 0.3]);
     }
@@ -958,36 +958,36 @@ mod tests {
 
     #[test]
     fn refuses_what_makes_no_sense() {
-        let p = P::default;
+        let p = Road::default;
         for (parameters, message) in [
             (
-                P { obstacle: ObstacleShape::Bump, x_l: 0.0, ..p() },
+                Road { obstacle: ObstacleShape::Bump, x_l: 0.0, ..p() },
                 "'obstacle.length' = 0, a number above 0 was expected for a bump or trapezoid",
             ),
             (
-                P { profile: Profile::Table, ..p() },
+                Road { profile: Profile::Table, ..p() },
                 "'table.file' is empty, the path of a CSV file was expected for 'profile' = 3 (table)",
             ),
             (
-                P { l: RearAxles([0.0, 10.3]), ..p() },
+                Road { l: RearAxles([0.0, 10.3]), ..p() },
                 "'geometry.axle_offset.rear' = 10.3 m: shaped noise is kept over 10.21 m with 'roughness.spacing' = 0.01 m, a larger spacing was expected",
             ),
             (
                 // sigma^2 = pi 0.01 256e-6/(2e-6) m2 = (2.005 m)^2
-                P { n_00: 1e-6, ..p() },
+                Road { n_00: 1e-6, ..p() },
                 "'roughness.cutoff' = 0.000001 1/m: the heights of this roughness would have a standard deviation of 2.005 m, at most 1 m is allowed; use a cutoff of 4.021e-6 1/m or more",
             ),
             (
                 // class 6 has 64 times the density of class 3
-                P { n_00: 1e-4, t_change: 3.0, ..p() },
+                Road { n_00: 1e-4, t_change: 3.0, ..p() },
                 "'roughness.cutoff' = 0.0001 1/m: the heights of this roughness ('roughness.change_class' included) would have a standard deviation of 1.604 m, at most 1 m is allowed; use a cutoff of 2.574e-4 1/m or more",
             ),
         ] {
-            assert_eq!(design(&parameters, None).unwrap_err(), message);
+            assert_eq!(derived(&parameters, None).unwrap_err(), message);
         }
         // the worst class with the cutoff of the standard, and the cutoff that the message names
-        assert!(design(&P { class: 8, ..p() }, None).is_ok());
-        assert!(design(&P { n_00: 4.022e-6, ..p() }, None).is_ok());
+        assert!(derived(&Road { class: 8, ..p() }, None).is_ok());
+        assert!(derived(&Road { n_00: 4.022e-6, ..p() }, None).is_ok());
         assert_eq!(
             parse_table("distance,height_left\n0,0\n", "a.csv").unwrap_err(),
             "a.csv: column `height_right` is missing, expected distance, height_left, height_right"
@@ -1002,10 +1002,10 @@ mod tests {
             check(&drive.p, &drive.d, &drive.x, &U { u }).unwrap_err()
         };
         assert_eq!(
-            refused(P::default(), 1e9),
+            refused(Road::default(), 1e9),
             "'vehicle.speed' = 1000000000 m/s at 'road.distance' = 1 m passes over 1e8 grid points of 'roughness.spacing' = 0.01 m in one sample, at most 1e6 were expected"
         );
-        let flat = P { profile: Profile::Flat, sample_time: 10.0, ..P::default() };
+        let flat = Road { profile: Profile::Flat, sample_time: 10.0, ..Road::default() };
         let message = refused(flat, 1e308);
         assert!(
             message.ends_with("leads from 'road.distance' = 10000 m to inf m, a finite distance was expected"),

@@ -11,13 +11,10 @@ use std::path::Path;
 
 use chassis::prelude::*;
 use chassis::table;
-use fmi2::prelude::*;
-
-/// The road.
-pub struct Road;
+use fmu::prelude::*;
 
 /// Where the height of the left track comes from.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
     /// height 0 everywhere
     Flat = 0,
@@ -30,7 +27,7 @@ pub enum Profile {
 }
 
 /// How the right track belongs to the left one.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tracks {
     /// right as left
     Same = 0,
@@ -43,7 +40,7 @@ pub enum Tracks {
 }
 
 /// What the road is like where the vehicle starts.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RoughnessStart {
     /// rough everywhere
     Stationary = 0,
@@ -54,7 +51,7 @@ pub enum RoughnessStart {
 }
 
 /// What stands on the road.
-#[derive(Mode, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObstacleShape {
     /// no obstacle
     None = 0,
@@ -68,111 +65,111 @@ pub enum ObstacleShape {
 
 /// Parameters.
 #[derive(Parameters, Clone, Debug)]
-pub struct P {
+pub struct Road {
     /// Height of the left track
-    #[par("profile", mode, start = Profile::ShapedNoise)]
+    #[var("profile", start = Profile::ShapedNoise)]
     profile: Profile,
     /// Height of the right track
-    #[par("tracks", mode, start = Tracks::Independent)]
+    #[var("tracks", start = Tracks::Independent)]
     tracks: Tracks,
     /// Seed of the random numbers: another road of the same kind
-    #[par("seed", start = 1, min = 0, max = i32::MAX)]
+    #[var("seed", start = 1, min = 0, max = i32::MAX)]
     seed: i32,
     /// rho: correlation of mixed tracks; their magnitude-squared coherence is its square
-    #[par("track.coherence", unit = ONE, start = 0.995, min = 0.0, max = 1.0)]
+    #[var("track.coherence", unit = "1", start = 0.995, min = 0.0, max = 1.0)]
     rho: f64,
     /// Roughness class of ISO 8608, 1 (A) to 8 (H); 0 to take roughness.coefficient
-    #[par("roughness.class", start = 3, min = 0, max = 8)]
+    #[var("roughness.class", start = 3, min = 0, max = 8)]
     class: i32,
     /// Gd: one-sided spectral density at 0.1 1/m, for roughness.class 0
-    #[par("roughness.coefficient", unit = M3, start = 256e-6, min = 0.0)]
+    #[var("roughness.coefficient", unit = "m3", start = 256e-6, min = 0.0)]
     g_d: f64,
     /// n00: wavenumber below which the density of shaped noise levels off
-    #[par("roughness.cutoff", unit = PER_M, start = 0.011, positive)]
+    #[var("roughness.cutoff", unit = "1/m", start = 0.011, positive)]
     n_00: f64,
     /// ds: grid of shaped noise, linear in between
-    #[par("roughness.spacing", unit = M, start = 0.01, positive, display = "mm")]
+    #[var("roughness.spacing", unit = "m", start = 0.01, positive, display = "mm")]
     ds: f64,
     /// Shaped noise at the start
-    #[par("roughness.start", mode, start = RoughnessStart::Stationary)]
+    #[var("roughness.start", start = RoughnessStart::Stationary)]
     start: RoughnessStart,
     /// From the distance reached at this time on shaped noise has roughness.change_class; 0 for never
-    #[par("roughness.change_time", unit = S, start = 0.0, min = 0.0)]
+    #[var("roughness.change_time", unit = "s", start = 0.0, min = 0.0)]
     t_change: f64,
     /// Roughness class of ISO 8608 after roughness.change_time, 1 (A) to 8 (H)
-    #[par("roughness.change_class", start = 6, min = 1, max = 8)]
+    #[var("roughness.change_class", start = 6, min = 1, max = 8)]
     class_change: i32,
     /// Distance of the {} behind the front axle
-    #[par("geometry.axle_offset", unit = M, start = 0.0, min = 0.0)]
+    #[var("geometry.axle_offset", unit = "m", start = 0.0, min = 0.0)]
     l: RearAxles<f64>,
     /// how far delayed tracks are behind
-    #[par(TRACK, start = 1.56)]
+    #[var(TRACK, start = 1.56)]
     t_track: f64,
     /// Obstacle on top of the profile
-    #[par("obstacle.shape", mode, start = ObstacleShape::None)]
+    #[var("obstacle.shape", start = ObstacleShape::None)]
     obstacle: ObstacleShape,
     /// The obstacle is a function of time, under all axles at once, instead of distance
-    #[par("obstacle.in_time", start = false)]
+    #[var("obstacle.in_time", start = false)]
     obstacle_in_time: bool,
     /// Where the obstacle starts, in m; with obstacle.in_time when, in s
-    #[par("obstacle.start", unit = UNDECLARED, start = 20.0)]
+    #[var("obstacle.start", unit = Unit::NONE, start = 20.0)]
     x_0: f64,
     /// Length of a bump or trapezoid in m; with obstacle.in_time its duration in s
-    #[par("obstacle.length", unit = UNDECLARED, start = 5.0, min = 0.0)]
+    #[var("obstacle.length", unit = Unit::NONE, start = 5.0, min = 0.0)]
     x_l: f64,
     /// Height of the obstacle on the left, negative for a hole
-    #[par("obstacle.height.left", unit = M, start = 0.03, display = "mm")]
+    #[var("obstacle.height.left", unit = "m", start = 0.03, display = "mm")]
     a_left: f64,
     /// Height of the obstacle on the right, negative for a hole
-    #[par("obstacle.height.right", unit = M, start = 0.03, display = "mm")]
+    #[var("obstacle.height.right", unit = "m", start = 0.03, display = "mm")]
     a_right: f64,
     /// Factor on the tire friction on the left
-    #[par("friction.left", unit = ONE, start = 1.0, min = 0.0, tunable)]
+    #[var("friction.left", unit = "1", start = 1.0, min = 0.0, tunable)]
     mu_left: f64,
     /// Factor on the tire friction on the right
-    #[par("friction.right", unit = ONE, start = 1.0, min = 0.0, tunable)]
+    #[var("friction.right", unit = "1", start = 1.0, min = 0.0, tunable)]
     mu_right: f64,
     /// Distance from which each axle has the changed friction; 0 for never
-    #[par("friction.change_start", unit = M, start = 0.0, min = 0.0, tunable)]
+    #[var("friction.change_start", unit = "m", start = 0.0, min = 0.0, tunable)]
     x_mu: f64,
     /// Factor on the tire friction on the left from friction.change_start on
-    #[par("friction.changed_left", unit = ONE, start = 1.0, min = 0.0, tunable)]
+    #[var("friction.changed_left", unit = "1", start = 1.0, min = 0.0, tunable)]
     mu_changed_left: f64,
     /// Factor on the tire friction on the right from friction.change_start on
-    #[par("friction.changed_right", unit = ONE, start = 1.0, min = 0.0, tunable)]
+    #[var("friction.changed_right", unit = "1", start = 1.0, min = 0.0, tunable)]
     mu_changed_right: f64,
     /// CSV file of the profile table, columns distance, height_left, height_right in m; a relative path starts at the
     /// resources folder of the FMU
-    #[par("table.file", start = "")]
+    #[var("table.file", start = "")]
     table_file: String,
-    #[par(SAMPLE_TIME, start = 0.001)]
+    #[var(SAMPLE_TIME, start = 0.001)]
     sample_time: f64,
 }
 
 /// What moves the vehicle over the road.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
-    #[signal(VEHICLE_SPEED)]
+    #[var(VEHICLE_SPEED)]
     u: f64,
 }
 
 /// The road under the wheels; the sides of a half car are those of the front axle.
 #[derive(Outputs, Clone, Debug, PartialEq)]
 pub struct Y {
-    #[signal(ROAD_HEIGHT)]
+    #[var(ROAD_HEIGHT)]
     z: SixWheels<f64>,
-    #[signal(ROAD_HEIGHT)]
+    #[var(ROAD_HEIGHT)]
     z_side: Sides<f64>,
-    #[signal(ROAD_FRICTION, start = 1.0)]
+    #[var(ROAD_FRICTION, start = 1.0)]
     mu: SixWheels<f64>,
-    #[signal(ROAD_FRICTION, start = 1.0)]
+    #[var(ROAD_FRICTION, start = 1.0)]
     mu_side: Sides<f64>,
-    #[signal(ROAD_DISTANCE)]
+    #[var(ROAD_DISTANCE)]
     s: f64,
 }
 
 /// Distance of the front axle, and the shaped noise generated so far.
-#[derive(Memory, Clone, Debug, PartialEq)]
+#[derive(DiscreteState, Clone, Debug, PartialEq)]
 pub struct X {
     s: f64,
     /// What rounding has added to `s` so far (compensated summation): the same distance whatever the sample time.
@@ -186,49 +183,46 @@ pub struct X {
     /// Grid points from here on have the changed class.
     changed: bool,
     /// Last heights of the left track, m; point number `k` at `k` modulo the length.
-    #[generated]
+    #[var(always_finite)]
     left: [f64; equations::HISTORY],
     /// Last heights of the right track, stored alike.
-    #[generated]
+    #[var(always_finite)]
     right: [f64; equations::HISTORY],
 }
 
 /// The height of the road as far as it does not come about on the way.
-#[derive(Design, Clone, Debug)]
+#[derive(Derived, Clone, Debug)]
 pub struct D {
     surface: equations::Surface,
 }
 
 /// Height and friction of the road under each wheel, as functions of the distance traveled
-#[model(stop_time = 20.0, step_size = 0.001)]
-impl Sampled for Road {
-    type Parameters = P;
-    type Design = D;
-    type Memory = X;
+#[fmu::model(stop_time = 20.0, step_size = 0.001)]
+impl Discrete for Road {
+    type Derived = D;
+    type State = X;
     type Inputs = U;
     type Outputs = Y;
     const SOURCE: Option<Influence> = Some(equations::influence);
 
-    fn design(p: &P) -> Result<D, String> {
-        equations::design(p, None)
+    fn derived(&self) -> Result<D, String> {
+        equations::derived(self, None)
     }
-    fn load(p: &P, resources: &Path) -> Result<D, String> {
-        if p.profile != Profile::Table {
-            return Self::design(p);
+    fn load(&self, resources: &Path) -> Result<D, String> {
+        if self.profile != Profile::Table {
+            return self.derived();
         }
-        let (path, text) = table::read_file("table.file", &p.table_file, resources)?;
+        let (path, text) = table::read_file("table.file", &self.table_file, resources)?;
         let heights = equations::parse_table(&text, &path).map_err(|error| format!("'table.file': {error}"))?;
-        equations::design(p, Some(heights))
+        equations::derived(self, Some(heights))
     }
     fn fingerprint(d: &D) -> u64 {
         d.surface.content_hash()
     }
-    fn check(p: &P, d: &D, x: &X, u: &U, _t: f64) -> Result<(), String> {
-        equations::check(p, d, x, u)
+    fn check(&self, sample: &Sample<Self>) -> Result<(), String> {
+        equations::check(self, sample.derived, sample.state, sample.inputs)
     }
-    fn update(p: &P, d: &D, x: &mut X, u: &U, t: f64) -> Y {
-        equations::sample(p, d, x, u, t)
+    fn update(&self, sample: Sample<Self>) -> Y {
+        equations::sample(self, sample.derived, sample.state, sample.inputs, sample.time)
     }
 }
-
-fmi2::export!(sampled Road);

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use fmi2::description::Description;
-use fmi2::instance::Instance;
-use fmi2::model::SampledModel;
+use fmu::description::Description;
+use fmu::instance::Instance;
+use fmu::runner::DiscreteModel;
 
 use super::*;
 
-type Unit = Instance<SampledModel<Road>>;
+type Unit = Instance<DiscreteModel<Road>>;
 
 /// An instance with its value references by name.
 struct Fmu {
@@ -18,7 +18,7 @@ struct Fmu {
 
 impl Fmu {
     fn new(resources: &Path) -> Self {
-        let description = Arc::new(Description::of::<SampledModel<Road>>());
+        let description = Arc::new(Description::of::<DiscreteModel<Road>>());
         Self { instance: Unit::new(Arc::clone(&description), resources.to_owned()), description }
     }
 
@@ -37,7 +37,7 @@ impl Fmu {
         self.instance.set_real(&[self.reference(name)], &[value]).unwrap();
     }
 
-    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmi2::instance::Refusal> {
+    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmu::instance::Refusal> {
         self.instance.set_integer(&[self.reference(name)], &[value])
     }
 
@@ -49,7 +49,7 @@ impl Fmu {
         self.instance.setup_experiment(0.0, None).unwrap();
         self.instance.enter_initialization().unwrap();
         self.instance.exit_initialization().map_err(|refusal| match refusal {
-            fmi2::instance::Refusal::Error(message) | fmi2::instance::Refusal::Discard(message) => message,
+            fmu::instance::Refusal::Error(message) | fmu::instance::Refusal::Discard(message) => message,
         })
     }
 
@@ -61,7 +61,7 @@ impl Fmu {
 
     fn outputs(&self) -> Vec<String> {
         let layout = &self.description.layout;
-        layout.outputs.clone().map(|index| layout.real_name(index).to_owned()).collect()
+        layout.outputs.reals().map(|index| layout.real_name(index).to_owned()).collect()
     }
 }
 
@@ -184,7 +184,7 @@ fn an_impossible_speed_fails_the_step() {
     let mut fmu = Fmu::new(Path::new(""));
     fmu.initialize().unwrap();
     fmu.set("vehicle.speed", 1e9);
-    let Err(fmi2::instance::Refusal::Error(message)) = fmu.instance.do_step(0.0, 0.001) else {
+    let Err(fmu::instance::Refusal::Error(message)) = fmu.instance.do_step(0.0, 0.001) else {
         panic!("the step was taken")
     };
     assert!(message.starts_with("fmi2DoStep: 'vehicle.speed' = 1000000000 m/s"), "{message}");

@@ -10,7 +10,7 @@ mod rules;
 
 use crate::archive::Archive;
 use crate::description::ModelDescription;
-use crate::loader::{Library, LoadError};
+use crate::loader::{self, Library, LoadError};
 use crate::terminal;
 use std::fmt;
 use std::path::Path;
@@ -153,6 +153,26 @@ pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
     } else if warnings > 0 {
         tell(Event::Found(Finding::warning("findings", message)));
     }
+}
+
+/// Checks what can be seen without running anything: a model description against the rules of FMI 2.0, and whether
+/// libraries, for any platform, export all functions.
+#[must_use]
+pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    match ModelDescription::parse(description) {
+        Ok(parsed) => {
+            rules::check(description, &parsed, &mut |finding| findings.push(finding));
+        }
+        Err(error) => findings.push(Finding::error("modelDescription.xml", error.to_string())),
+    }
+    for library in libraries {
+        match loader::not_exported(library) {
+            Ok(functions) => findings.extend(functions.into_iter().map(missing)),
+            Err(error) => findings.push(Finding::error("binary", error.to_string())),
+        }
+    }
+    findings
 }
 
 fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {

@@ -1,9 +1,0 @@
-use fmi2::prelude::*;
-
-#[derive(Inputs, Clone)]
-pub struct U<T> {
-    /// Height of the road
-    pub z_r: T,
-}
-
-fn main() {}

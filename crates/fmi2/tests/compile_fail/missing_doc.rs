@@ -1,9 +1,0 @@
-use fmi2::prelude::*;
-
-#[derive(Parameters, Clone)]
-pub struct P {
-    #[par("spring.stiffness", unit = N_PER_M, start = 1.0)]
-    pub k: f64,
-}
-
-fn main() {}

@@ -1,9 +1,0 @@
-use fmi2::prelude::*;
-
-#[derive(Mode, Clone, Copy)]
-pub enum Law {
-    /// Proportional
-    Linear(f64),
-}
-
-fn main() {}

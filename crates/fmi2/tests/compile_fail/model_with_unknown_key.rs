@@ -1,9 +1,0 @@
-use fmi2::prelude::*;
-
-pub struct Amplifier;
-
-/// Multiplies its input by a gain
-#[model(stop_time = 1.0, step = 0.01)]
-impl Sampled for Amplifier {}
-
-fn main() {}

@@ -1,0 +1,438 @@
+//! The attribute `#[var(…)]` of a field, doc comments, and the path of the crate `fmu`.
+
+use heck::ToSnakeCase as _;
+use proc_macro2::{Span, TokenStream};
+use quote::{ToTokens, quote, quote_spanned};
+use syn::parse::ParseStream;
+use syn::punctuated::Punctuated;
+use syn::spanned::Spanned;
+use syn::{
+    Attribute, DeriveInput, Error, Expr, ExprLit, ExprPath, Field, GenericArgument, Ident, Lit, LitStr, Meta, Path,
+    PathArguments, Result, Token, Type, UnOp,
+};
+
+use crate::errors::Errors;
+use crate::unit::Unit;
+
+/// How a variable gets its name, unit and description.
+pub(crate) enum Source {
+    /// A `Definition`, shared by several models.
+    Definition(ExprPath),
+    /// Written in place.
+    Name(LitStr),
+}
+
+/// `#[var(source, key = value, flag, …)]`; without a source the variable is named like its field.
+pub(crate) struct Variable {
+    pub(crate) source: Source,
+    keys: Vec<(Ident, Option<Expr>)>,
+    /// Whether the attribute is there.
+    pub(crate) is_explicit: bool,
+}
+
+/// What a type holds, as far as its tokens tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Content {
+    Real,
+    /// Integer, Boolean, String.
+    Other,
+    /// An enumeration, an alias, or a mistake; the compiler knows.
+    Unknown,
+}
+
+impl Variable {
+    fn parse(input: ParseStream<'_>, field: &Field) -> Result<Self> {
+        let mut source = None;
+        if input.peek(LitStr) {
+            let name: LitStr = input.parse()?;
+            check_name(&name)?;
+            source = Some(Source::Name(name));
+        } else if !is_key(input) {
+            source = Some(Source::Definition(input.parse().map_err(|e| {
+                Error::new(e.span(), "expected the name of the variable as a string, a definition, or keys")
+            })?));
+        }
+        let mut keys: Vec<(Ident, Option<Expr>)> = Vec::new();
+        if source.is_some() && !input.is_empty() {
+            input.parse::<Token![,]>()?;
+        }
+        while !input.is_empty() {
+            let key: Ident = input.parse()?;
+            if keys.iter().any(|(known, _)| *known == key) {
+                return Err(Error::new(key.span(), format!("`{key}` is given twice")));
+            }
+            let has_value = input.parse::<Option<Token![=]>>()?.is_some();
+            let value = if has_value { Some(ungrouped(input.parse()?)) } else { None };
+            keys.push((key, value));
+            if !input.is_empty() {
+                input.parse::<Token![,]>()?;
+            }
+        }
+        let source = match source {
+            Some(source) => source,
+            None => Source::of(field)?,
+        };
+        Ok(Self { source, keys, is_explicit: true })
+    }
+
+    /// The variable of a field.
+    pub(crate) fn of(field: &Field) -> Result<Self> {
+        let mut found = None;
+        for attribute in field.attrs.iter().filter(|attribute| attribute.path().is_ident("var")) {
+            if found.is_some() {
+                return Err(Error::new_spanned(attribute, "a field is one variable; this attribute is one too many"));
+            }
+            let parse = |input: ParseStream<'_>| Self::parse(input, field);
+            found = Some(match &attribute.meta {
+                Meta::Path(_) => Self { source: Source::of(field)?, keys: Vec::new(), is_explicit: true },
+                _ => attribute.parse_args_with(parse)?,
+            });
+        }
+        found.map_or_else(|| Ok(Self { source: Source::of(field)?, keys: Vec::new(), is_explicit: false }), Ok)
+    }
+
+    /// The value of a key.
+    pub(crate) fn value(&self, key: &str) -> Result<Option<&Expr>> {
+        match self.keys.iter().find(|(known, _)| known == key) {
+            Some((_, Some(value))) => Ok(Some(value)),
+            Some((known, None)) => Err(Error::new(known.span(), format!("`{key}` needs a value, as in `{key} = …`"))),
+            None => Ok(None),
+        }
+    }
+
+    /// Whether a flag is set.
+    pub(crate) fn flag(&self, key: &str) -> Result<bool> {
+        match self.keys.iter().find(|(known, _)| known == key) {
+            Some((known, Some(_))) => Err(Error::new(known.span(), format!("`{key}` is a flag and takes no value"))),
+            other => Ok(other.is_some()),
+        }
+    }
+
+    /// Where a key stands.
+    pub(crate) fn key(&self, key: &str) -> Option<&Ident> {
+        self.keys.iter().map(|(known, _)| known).find(|known| *known == key)
+    }
+
+    /// The prefix of a nested struct, empty for `flatten`; `None` if the field is a variable.
+    pub(crate) fn nested(&self, field: &Field) -> Result<Option<String>> {
+        let only = |key: &Ident, others: &[(Ident, Option<Expr>)]| match others.iter().find(|(other, _)| other != key) {
+            Some((other, _)) => {
+                Err(Error::new(other.span(), "the fields of a nested struct carry their own attributes"))
+            }
+            None => Ok(()),
+        };
+        if let Some(key) = self.key("flatten") {
+            self.flag("flatten")?;
+            only(key, &self.keys)?;
+            return Ok(Some(String::new()));
+        }
+        let Some((key, value)) = self.keys.iter().find(|(key, _)| key == "nested") else { return Ok(None) };
+        only(key, &self.keys)?;
+        match value {
+            None => Ok(Some(field.ident.as_ref().map_or_else(String::new, ToString::to_string))),
+            Some(Expr::Lit(ExprLit { lit: Lit::Str(prefix), .. })) => {
+                check_name(prefix)?;
+                Ok(Some(prefix.value()))
+            }
+            Some(other) => Err(Error::new_spanned(other, "expected a prefix as a string, as in `nested = \"front\"`")),
+        }
+    }
+
+    /// Refuses keys that mean nothing here.
+    pub(crate) fn allow(&self, allowed: &[&str]) -> Result<()> {
+        let mut errors = Errors::default();
+        for (key, _) in self.keys.iter().filter(|(key, _)| !allowed.iter().any(|name| key == name)) {
+            let text = key.to_string();
+            let near = allowed.iter().find(|name| strsim::damerau_levenshtein(name, &text) <= 2);
+            let hint = near.map_or_else(
+                || format!("expected one of {}", allowed.join(", ")),
+                |near| format!("did you mean `{near}`?"),
+            );
+            let message = match text.as_str() {
+                "unit" => "only real variables have a unit".to_owned(),
+                "min" | "max" | "positive" | "tunable" => format!("`{key}` belongs to parameters"),
+                "local" | "calculated" => format!("`{key}` belongs to continuous states"),
+                "always_finite" => format!("`{key}` belongs to discrete states"),
+                _ => format!("`{key}` means nothing here; {hint}"),
+            };
+            errors.add(Error::new(key.span(), message));
+        }
+        errors.finish(())
+    }
+
+    /// The span errors about the whole attribute point at.
+    pub(crate) fn span(&self) -> Span {
+        match &self.source {
+            Source::Definition(path) => path.span(),
+            Source::Name(name) => name.span(),
+        }
+    }
+
+    /// The unit of a variable that is not defined elsewhere, and its description: the unit is a key, or it ends the doc
+    /// comment in parentheses, as in `Height of the road (m)`.
+    fn unit_and_description<'a>(
+        &self,
+        root: &TokenStream,
+        doc: &'a str,
+        content: Content,
+        name: &LitStr,
+    ) -> Result<(Option<TokenStream>, Option<Unit>, &'a str)> {
+        if let Some(unit) = self.value("unit")? {
+            if content == Content::Other {
+                return Ok((None, None, doc));
+            }
+            return match unit {
+                Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) => {
+                    let unit = Unit::parse(&text.value(), text.span())?;
+                    Ok((Some(unit.tokens(root)), Some(unit), doc))
+                }
+                Expr::Array(units) => {
+                    let units: Vec<TokenStream> = units
+                        .elems
+                        .iter()
+                        .map(|unit| match unit {
+                            Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) => {
+                                Unit::parse(&text.value(), text.span()).map(|unit| unit.tokens(root))
+                            }
+                            other => Ok(other.to_token_stream()),
+                        })
+                        .collect::<Result<_>>()?;
+                    Ok((Some(quote!([#(#units),*])), None, doc))
+                }
+                other => Ok((Some(other.to_token_stream()), None, doc)),
+            };
+        }
+        if content == Content::Other {
+            return Ok((None, None, doc));
+        }
+        let in_parentheses = doc.strip_suffix(')').and_then(|doc| {
+            // The denominator may have parentheses too.
+            let open = doc.rfind(" (")?;
+            Some((&doc[..open], &doc[open + 2..]))
+        });
+        match in_parentheses {
+            Some((description, unit)) if content == Content::Real => {
+                let unit = Unit::parse(unit, name.span()).map_err(|error| {
+                    Error::new(name.span(), format!("{error} (at the end of the doc comment of this field)"))
+                })?;
+                Ok((Some(unit.tokens(root)), Some(unit), description))
+            }
+            None if content == Content::Real && !doc.is_empty() => Err(Error::new(
+                name.span(),
+                "the unit of measure is missing: end the doc comment with it, as in `/// Roll angle (rad)`, or write \
+                 `unit = \"rad\"` (`(1)` for none)",
+            )),
+            _ => Ok((None, None, doc)),
+        }
+    }
+
+    /// An expression of type `fmu::declare::Spec`.
+    pub(crate) fn spec(&self, root: &TokenStream, doc: &str, content: Content) -> Result<TokenStream> {
+        let mut errors = Errors::default();
+        let (mut unit, mut doc) = (None, doc);
+        let mut spec = match &self.source {
+            Source::Definition(entry) => {
+                if let Some(key) = self.key("unit") {
+                    errors.add(Error::new(key.span(), "the definition has its unit already"));
+                }
+                quote!(#root::declare::Spec::defined(&#entry))
+            }
+            Source::Name(name) => {
+                if doc.is_empty() {
+                    let message = "the doc comment is missing: it is the description of the variable";
+                    errors.add(Error::new(name.span(), message));
+                }
+                let parts = errors.keep(self.unit_and_description(root, doc, content, name));
+                let (tokens, parsed, description) = parts.unwrap_or((None, None, doc));
+                (unit, doc) = (parsed, description);
+                let spec = quote!(#root::declare::Spec::named(#name));
+                match tokens {
+                    Some(tokens) => quote!(#spec.unit(#tokens)),
+                    None => spec,
+                }
+            }
+        };
+        if !doc.is_empty() {
+            spec = quote!(#spec.doc(#doc));
+        }
+        for key in ["min", "max", "nominal"] {
+            if let Some(Some(value)) = errors.keep(self.value(key)) {
+                let key = Ident::new(key, value.span());
+                // Limits of an Integer are whole numbers.
+                let value = quote_spanned!(value.span()=> #root::declare::limit(#value));
+                spec = quote!(#spec.#key(#value));
+            }
+        }
+        if let Some(Some(display)) = errors.keep(self.value("display")) {
+            match (display, &unit) {
+                (Expr::Lit(ExprLit { lit: Lit::Str(name), .. }), Some(unit)) => {
+                    if let Some(display) = errors.keep(unit.display(&name.value(), name.span())) {
+                        let display = unit.display_tokens(root, &display);
+                        spec = quote!(#spec.display(#display));
+                    }
+                }
+                // The unit is a constant: the display unit must be one that it lists.
+                (display, _) => spec = quote!(#spec.display_named(#display)),
+            }
+        }
+        for key in ["description", "elements"] {
+            if let Some(Some(value)) = errors.keep(self.value(key)) {
+                let method = Ident::new(if key == "elements" { "elements" } else { "descriptions" }, value.span());
+                spec = quote!(#spec.#method(&#value));
+            }
+        }
+        for key in ["positive", "tunable", "local", "calculated", "enumeration"] {
+            if errors.keep(self.flag(key)) == Some(true) {
+                let key = Ident::new(key, self.span());
+                spec = quote!(#spec.#key());
+            }
+        }
+        errors.finish(spec)
+    }
+
+    /// Whether the unit is written in place and is not the second.
+    pub(crate) fn is_not_in_seconds(&self, doc: &str) -> bool {
+        let text = match self.value("unit") {
+            Ok(Some(Expr::Lit(ExprLit { lit: Lit::Str(text), .. }))) => text.value(),
+            Ok(None) => match doc.strip_suffix(')').and_then(|doc| doc.rsplit_once(" (")) {
+                Some((_, unit)) => unit.to_owned(),
+                None => return false,
+            },
+            _ => return false,
+        };
+        matches!(self.source, Source::Name(_))
+            && Unit::parse(&text, Span::call_site()).is_ok_and(|unit| !unit.is_second())
+    }
+
+    /// Refuses a start value outside its limits, as far as both are written as numbers.
+    pub(crate) fn check_start(&self, start: &Expr) -> Result<()> {
+        if let Expr::Array(elements) = start {
+            return elements.elems.iter().try_for_each(|element| self.check_start(element));
+        }
+        let Some(number) = literal(start) else { return Ok(()) };
+        let min = self.value("min")?.and_then(literal).unwrap_or(f64::NEG_INFINITY);
+        let max = self.value("max")?.and_then(literal).unwrap_or(f64::INFINITY);
+        if number < min || number > max {
+            return Err(Error::new(start.span(), format!("the start value must be in [{min}, {max}]")));
+        }
+        if self.flag("positive")? && number <= 0.0 {
+            return Err(Error::new(start.span(), "the start value must be above 0"));
+        }
+        Ok(())
+    }
+}
+
+/// The expression without the invisible delimiters of a `macro_rules` fragment.
+fn ungrouped(expression: Expr) -> Expr {
+    match expression {
+        Expr::Group(group) => ungrouped(*group.expr),
+        other => other,
+    }
+}
+
+/// Keys are in lower case, definitions in upper case or behind a path.
+fn is_key(input: ParseStream<'_>) -> bool {
+    let lower = |word: Ident| word.to_string().starts_with(|c: char| c.is_ascii_lowercase());
+    !input.peek2(Token![::]) && input.fork().parse::<Ident>().is_ok_and(lower)
+}
+
+impl Source {
+    /// The name of the field.
+    fn of(field: &Field) -> Result<Self> {
+        let ident = field.ident.as_ref().expect("the fields are named");
+        let name = LitStr::new(ident.to_string().trim_start_matches("r#"), ident.span());
+        check_name(&name)?;
+        Ok(Self::Name(name))
+    }
+}
+
+/// Dotted words in lower snake case: what the naming convention "structured" and all importers accept.
+fn check_name(name: &LitStr) -> Result<()> {
+    let text = name.value();
+    let is_word = |word: &str| {
+        word.starts_with(|c: char| c.is_ascii_lowercase())
+            && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+    };
+    if text.split('.').all(is_word) {
+        return Ok(());
+    }
+    let better = text.split('.').map(|word| word.to_snake_case()).collect::<Vec<_>>().join(".");
+    let hint = if better.split('.').all(is_word) && better != text {
+        format!(", for example `{better}`")
+    } else {
+        String::new()
+    };
+    let message = format!("the name of a variable consists of words in lower snake case, joined by dots{hint}");
+    Err(Error::new(name.span(), message))
+}
+
+/// The value of a number as written.
+pub(crate) fn literal(expression: &Expr) -> Option<f64> {
+    match expression {
+        Expr::Lit(ExprLit { lit: Lit::Float(number), .. }) => number.base10_parse().ok(),
+        Expr::Lit(ExprLit { lit: Lit::Int(number), .. }) => number.base10_parse().ok(),
+        Expr::Unary(unary) if matches!(unary.op, UnOp::Neg(_)) => literal(&unary.expr).map(|value| -value),
+        _ => None,
+    }
+}
+
+/// The doc comment in one line.
+pub(crate) fn doc(attributes: &[Attribute]) -> String {
+    let lines =
+        attributes.iter().filter(|attribute| attribute.path().is_ident("doc")).filter_map(|attribute| match &attribute
+            .meta
+        {
+            Meta::NameValue(pair) => match &pair.value {
+                Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) => Some(text.value().trim().to_owned()),
+                _ => None,
+            },
+            _ => None,
+        });
+    lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+/// The fields of a struct with names; none for a unit struct.
+pub(crate) fn fields(input: &DeriveInput) -> Result<Punctuated<Field, Token![,]>> {
+    match &input.data {
+        syn::Data::Struct(syn::DataStruct { fields: syn::Fields::Named(fields), .. }) => Ok(fields.named.clone()),
+        syn::Data::Struct(syn::DataStruct { fields: syn::Fields::Unit, .. }) => Ok(Punctuated::new()),
+        _ => Err(Error::new(input.ident.span(), "expected a struct with named fields")),
+    }
+}
+
+/// What the type of a field holds; `number` is the type parameter.
+pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
+    match ty {
+        Type::Array(array) => content(&array.elem, number),
+        Type::Paren(inner) => content(&inner.elem, number),
+        Type::Path(path) => {
+            let Some(last) = path.path.segments.last() else { return Content::Unknown };
+            if let PathArguments::AngleBracketed(arguments) = &last.arguments {
+                // An array with named elements.
+                return match arguments.args.first() {
+                    Some(GenericArgument::Type(element)) => content(element, number),
+                    _ => Content::Unknown,
+                };
+            }
+            match last.ident.to_string().as_str() {
+                "f64" => Content::Real,
+                "bool" | "i32" | "String" => Content::Other,
+                _ if number.is_some_and(|number| path.path.is_ident(number)) => Content::Real,
+                _ => Content::Unknown,
+            }
+        }
+        _ => Content::Unknown,
+    }
+}
+
+/// The path of the crate `fmu`: `::fmu`, or what `#[fmu(crate = …)]` names.
+pub(crate) fn root(attributes: &[Attribute]) -> Result<TokenStream> {
+    let Some(attribute) = attributes.iter().find(|attribute| attribute.path().is_ident("fmu")) else {
+        return Ok(quote!(::fmu));
+    };
+    attribute.parse_args_with(|input: ParseStream<'_>| {
+        input.parse::<Token![crate]>()?;
+        input.parse::<Token![=]>()?;
+        Ok(input.parse::<Path>()?.to_token_stream())
+    })
+}

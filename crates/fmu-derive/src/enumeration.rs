@@ -1,0 +1,114 @@
+//! Enums as named values of a variable.
+
+use heck::ToSnakeCase as _;
+use proc_macro2::TokenStream;
+use quote::quote;
+use syn::{Data, DeriveInput, Error, Expr, ExprLit, Fields, Lit, Result};
+
+use crate::attribute::{doc, root};
+use crate::errors::Errors;
+
+pub(crate) fn enumeration(input: &DeriveInput) -> Result<TokenStream> {
+    let root = root(&input.attrs)?;
+    let name = &input.ident;
+    let Data::Enum(data) = &input.data else {
+        return Err(Error::new(name.span(), "an enumeration is an enum without data"));
+    };
+    let mut errors = Errors::default();
+    let mut next = Some(0_i32);
+    let mut last = None;
+    let (mut variants, mut values, mut names, mut descriptions) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for variant in &data.variants {
+        if !matches!(variant.fields, Fields::Unit) {
+            errors.add(Error::new_spanned(variant, "an enumeration is an enum without data"));
+        }
+        if let Some((_, expression)) = &variant.discriminant {
+            match expression {
+                Expr::Lit(ExprLit { lit: Lit::Int(number), .. }) => next = errors.keep(number.base10_parse()),
+                other => errors.add(Error::new_spanned(other, "expected an integer, 0 or more")),
+            }
+        }
+        let value = next.unwrap_or(0);
+        // The compiler reports a number that is given twice.
+        if next.is_none_or(|value| last.is_some_and(|last| last > value) && !values.contains(&value)) {
+            errors.add(Error::new_spanned(variant, "the numbers of the variants must increase"));
+        }
+        let description = doc(&variant.attrs);
+        if description.is_empty() {
+            let message = "the doc comment is missing: it is the meaning of the value";
+            errors.add(Error::new_spanned(variant, message));
+        }
+        variants.push(&variant.ident);
+        values.push(value);
+        names.push(variant.ident.to_string().to_snake_case());
+        descriptions.push(description);
+        last = Some(value);
+        next = value.checked_add(1);
+    }
+    if variants.is_empty() {
+        errors.add(Error::new(name.span(), "an enumeration needs at least one variant"));
+    }
+    let first = variants.first();
+    if (1..values.len()).any(|i| values[..i].contains(&values[i])) {
+        return errors.finish(crate::stubs::enumeration(input));
+    }
+    let text = name.to_string();
+    errors.finish(quote! {
+        impl #root::Enumeration for #name {
+            const NAME: &'static str = #text;
+            const ITEMS: &'static [#root::enumeration::Item] = &[
+                #(#root::enumeration::Item { value: #values, name: #names, description: #descriptions }),*
+            ];
+            fn first() -> Self {
+                Self::#first
+            }
+            fn from_value(value: i32) -> ::std::option::Option<Self> {
+                match value {
+                    #(#values => Some(Self::#variants),)*
+                    _ => None,
+                }
+            }
+            fn value(&self) -> i32 {
+                match self {
+                    #(Self::#variants => #values),*
+                }
+            }
+        }
+        impl<T: #root::Scalar> #root::Field<T> for #name {
+            type Start = Self;
+            const COUNTS: #root::variables::Counts = #root::variables::Counts::INTEGER;
+            const IS_REAL: bool = false;
+            fn declare(
+                spec: &#root::declare::Spec,
+                start: ::std::option::Option<Self>,
+                all: &mut ::std::vec::Vec<#root::variable::Declaration>,
+            ) {
+                spec.declare_enumeration(start, all);
+            }
+            #[inline]
+            fn read(values: #root::variables::Values<'_, T>, at: #root::variables::Counts) -> Self {
+                #root::enumeration::read(values.integers[at.integers])
+            }
+            #[inline]
+            fn write(&self, values: &mut #root::variables::ValuesMut<'_, T>, at: #root::variables::Counts) {
+                values.integers[at.integers] = #root::Enumeration::value(self);
+            }
+        }
+        impl #root::discrete_state::StateField for #name {
+            fn not_finite(&self) -> ::std::option::Option<f64> {
+                None
+            }
+            fn save(&self, sink: &mut dyn FnMut(#root::discrete_state::Word<'_>)) {
+                #root::enumeration::save(self, sink);
+            }
+            fn load(
+                &mut self,
+                name: &'static str,
+                source: &mut #root::discrete_state::Words<'_>,
+            ) -> ::std::result::Result<(), ::std::string::String> {
+                *self = #root::enumeration::load(name, source)?;
+                Ok(())
+            }
+        }
+    })
+}

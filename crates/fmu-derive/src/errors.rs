@@ -1,0 +1,40 @@
+//! Collects all mistakes of a declaration, so that they are reported together.
+
+use syn::{Error, Result};
+
+/// The mistakes found so far.
+#[derive(Default)]
+pub(crate) struct Errors(Option<Error>);
+
+impl Errors {
+    /// Adds a mistake.
+    pub(crate) fn add(&mut self, error: Error) {
+        match &mut self.0 {
+            Some(all) => all.combine(error),
+            None => self.0 = Some(error),
+        }
+    }
+
+    /// The value, or `None` after noting the mistake.
+    pub(crate) fn keep<V>(&mut self, result: Result<V>) -> Option<V> {
+        result.map_err(|error| self.add(error)).ok()
+    }
+
+    /// Whether there was no mistake.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_none()
+    }
+
+    /// The mistakes; there is at least one.
+    pub(crate) fn finish_without<V>(self) -> Result<V> {
+        Err(self.0.unwrap_or_else(|| Error::new(proc_macro2::Span::call_site(), "a mistake without a message")))
+    }
+
+    /// The value if there was no mistake.
+    pub(crate) fn finish<V>(self, value: V) -> Result<V> {
+        match self.0 {
+            Some(all) => Err(all),
+            None => Ok(value),
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! The macros of the crate `fmu`. Every mistake is a compile error at the place where it was made, and all mistakes of a
+//! declaration are reported together.
+//!
+//! # Attributes of a field
+//!
+//! `#[var("name", key = value, flag)]` declares one variable, or an array of variables. Without `"name"` the variable is
+//! named like its field. `#[var(DEFINITION, …)]` takes name, unit, limits and description from a constant of type
+//! `fmu::Definition`, which several models share; the doc comment is added to the description.
+//!
+//! | key | in | meaning |
+//! |---|---|---|
+//! | `unit = "m/s"` | real variables | unit of measure; without it the doc comment ends with the unit in parentheses: `/// Height of the road (m)`, `(1)` for none. An array takes one unit, or one per element. |
+//! | `start = 1.0` | all | start value; one for all elements of an array, or an array. Parameters must have one. |
+//! | `min = 0.0`, `max = 1.0` | parameters | limits |
+//! | `positive` | parameters | at least `fmu::definition::LEAST_POSITIVE` |
+//! | `tunable` | parameters | may change between steps |
+//! | `nominal = 1e5` | real variables | usual magnitude; states should have one |
+//! | `display = "deg"` | real variables | unit to display values in |
+//! | `elements = ["fl", "fr"]` | arrays `[T; N]` | names of the elements: `x.fl` instead of `x[1]` |
+//! | `description = ["…", "…"]` | arrays | one description per element |
+//! | `enumeration` | enums | an FMI Enumeration instead of an Integer with named values |
+//! | `local` | states | not an output of the FMU |
+//! | `calculated` | states | the start value follows from the parameters; `initialize` computes it |
+//! | `nested`, `nested = "front"` | structs | a struct of variables; names start with the name of the field, or with this prefix |
+//! | `flatten` | structs | a struct of variables without a prefix |
+//! | `always_finite` | discrete state | not searched for infinite values after each sample |
+//!
+//! `#[fmu(crate = path)]` on a struct names the crate `fmu` if the dependency is renamed.
+
+mod attribute;
+mod enumeration;
+mod errors;
+mod model;
+mod stubs;
+mod unit;
+mod variables;
+
+use proc_macro::TokenStream;
+use quote::quote;
+use syn::{DeriveInput, LitStr, parse_macro_input};
+use variables::Block;
+
+macro_rules! derives {
+    ($($(#[$doc:meta])* $name:ident = $function:expr, $stub:expr;)*) => {$(
+        $(#[$doc])*
+        #[proc_macro_derive($name, attributes(var, fmu))]
+        #[allow(non_snake_case)]
+        pub fn $name(input: TokenStream) -> TokenStream {
+            let input = parse_macro_input!(input as DeriveInput);
+            let tokens = $function(&input).unwrap_or_else(|error| {
+                let stub = $stub(&input);
+                let error = error.into_compile_error();
+                quote!(#error #stub)
+            });
+            tokens.into()
+        }
+    )*};
+}
+
+derives! {
+    /// The parameters of a model: the struct that implements the model trait. Also implements `Default` (the start values).
+    Parameters = |input| variables::variables(input, Block::Parameters), |input| stubs::variables(input, Block::Parameters);
+    /// The inputs of a model. Also implements `Default` (the start values).
+    Inputs = |input| variables::variables(input, Block::Inputs), |input| stubs::variables(input, Block::Inputs);
+    /// The outputs of a model that are not states. Also implements `Default` (the start values).
+    Outputs = |input| variables::variables(input, Block::Outputs), |input| stubs::variables(input, Block::Outputs);
+    /// The state of a continuous-time model. States are outputs of the FMU unless they have the flag `local`. Also
+    /// implements `Default` (the start values).
+    State = |input| variables::variables(input, Block::State), |input| stubs::variables(input, Block::State);
+    /// Derived parameters: values that follow from the fixed parameters. Fields with `#[var]` are calculated parameters of
+    /// the FMU, the others are not visible.
+    Derived = variables::derived, stubs::derived;
+    /// What a model remembers from one sample or event to the next; not visible outside of the FMU.
+    DiscreteState = variables::discrete_state, stubs::discrete_state;
+    /// Named values: an enum whose variants have a doc comment and may have a number.
+    Enumeration = enumeration::enumeration, stubs::enumeration;
+}
+
+/// Completes `impl Continuous for …`, `impl Discrete for …` or `impl Stateful for …` and exports the model.
+///
+/// The name of the FMU is that of the type, its description the doc comment. `stop_time` and `step_size` are the default
+/// experiment in s. Author, license, version and homepage come from the manifest of the package. What a model does not
+/// have (inputs, outputs, derived parameters) is left out.
+///
+/// More keys: `name = "…"` names the FMU differently, `solver = …` selects a `fmu::Solver`, `serialize` serializes the
+/// state of a stateful model with serde, `crate = path` names the crate `fmu` if the dependency is renamed.
+#[proc_macro_attribute]
+pub fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
+    model::model(arguments.into(), item.into()).into()
+}
+
+/// A unit of measure as a constant: `unit!("N.m/rad")`. For constants of type `fmu::Definition`.
+#[proc_macro]
+pub fn unit(input: TokenStream) -> TokenStream {
+    let text = parse_macro_input!(input as LitStr);
+    unit::Unit::parse(&text.value(), text.span())
+        .map_or_else(syn::Error::into_compile_error, |unit| unit.tokens(&quote!(::fmu)))
+        .into()
+}

@@ -1,0 +1,379 @@
+//! `#[fmu::model(…)]`: completes the implementation of a model trait and exports the model.
+
+use proc_macro2::{Ident, Span, TokenStream};
+use quote::{ToTokens, quote, quote_spanned};
+use syn::parse::Parser;
+use syn::punctuated::Punctuated;
+use syn::spanned::Spanned as _;
+use syn::{Error, Expr, ExprLit, ImplItem, ItemImpl, Lit, LitStr, Meta, Path, Token, Type, parse_quote};
+
+use crate::attribute::{doc, literal};
+use crate::errors::Errors;
+
+const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
+
+/// Environment variable in which `cargo fmu pack` tells the crate what to export, without the name of the crate.
+const EXPORT: &str = "FMU_EXPORT_";
+
+/// The keys of the attribute.
+#[derive(Default)]
+struct Keys {
+    stop_time: Option<Expr>,
+    step_size: Option<Expr>,
+    name: Option<LitStr>,
+    solver: Option<Expr>,
+    serialize: Option<Path>,
+    root: Option<Path>,
+    /// Whether all keys are known: a misspelled key must not be reported as missing too.
+    is_complete: bool,
+}
+
+impl Keys {
+    fn parse(arguments: TokenStream, errors: &mut Errors) -> Self {
+        let mut keys = Self { is_complete: true, ..Self::default() };
+        let arguments = match (Punctuated::<Meta, Token![,]>::parse_terminated).parse2(with_crate(arguments)) {
+            Ok(arguments) => arguments,
+            Err(error) => {
+                errors.add(error);
+                keys.is_complete = false;
+                return keys;
+            }
+        };
+        let mut seen: Vec<String> = Vec::new();
+        for key in arguments {
+            let name = key.path().to_token_stream().to_string();
+            if seen.contains(&name) {
+                errors.add(Error::new_spanned(key.path(), format!("`{name}` is given twice")));
+            }
+            let value = match &key {
+                Meta::NameValue(pair) => Some(pair.value.clone()),
+                _ => None,
+            };
+            match (name.as_str(), value) {
+                ("stop_time", Some(value)) => keys.stop_time = Some(value),
+                ("step_size", Some(value)) => keys.step_size = Some(value),
+                ("solver", Some(value)) => keys.solver = Some(value),
+                ("name", Some(Expr::Lit(ExprLit { lit: Lit::Str(text), .. }))) => keys.name = Some(text),
+                ("__crate", Some(Expr::Path(path))) => keys.root = Some(path.path),
+                ("serialize", None) => keys.serialize = Some(key.path().clone()),
+                _ => {
+                    errors.add(Error::new_spanned(&key, unknown_key(&name)));
+                    keys.is_complete = false;
+                }
+            }
+            seen.push(name);
+        }
+        keys
+    }
+}
+
+/// What is wrong with a key, and what to write.
+fn unknown_key(name: &str) -> String {
+    const KEYS: [&str; 6] = ["stop_time", "step_size", "name", "solver", "serialize", "crate"];
+    if KEYS.contains(&name) {
+        return match name {
+            "serialize" => "`serialize` is a flag and takes no value".to_owned(),
+            "name" => "expected the name as a string, as in `name = \"Cart\"`".to_owned(),
+            _ => format!("`{name}` needs a value, {EXAMPLE}"),
+        };
+    }
+    match KEYS.iter().find(|key| strsim::damerau_levenshtein(key, name) <= 2) {
+        Some(near) => format!("`{name}` means nothing here; did you mean `{near}`?"),
+        None => format!("`{name}` means nothing here; expected one of {}", KEYS.join(", ")),
+    }
+}
+
+/// `crate` is a keyword, which is not a path on its own.
+fn with_crate(arguments: TokenStream) -> TokenStream {
+    let mut all: Vec<proc_macro2::TokenTree> = arguments.into_iter().collect();
+    for i in 0..all.len() {
+        let is_key = matches!(&all[i], proc_macro2::TokenTree::Ident(word) if word == "crate")
+            && matches!(all.get(i + 1), Some(proc_macro2::TokenTree::Punct(p)) if p.as_char() == '=');
+        if is_key {
+            all[i] = proc_macro2::Ident::new("__crate", all[i].span()).into();
+        }
+    }
+    all.into_iter().collect()
+}
+
+/// What the model trait is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Continuous,
+    Discrete,
+    Stateful,
+}
+
+/// The implementation with what is missing, and the export; after a mistake the implementation without export, so that
+/// the mistake is the only message.
+pub(crate) fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
+    let block = match syn::parse2(item) {
+        Ok(block) => block,
+        Err(error) => return error.into_compile_error(),
+    };
+    let mut errors = Errors::default();
+    let tokens = completed(arguments, block, &mut errors);
+    match errors.finish(()) {
+        Ok(()) => tokens,
+        Err(error) => {
+            let error = error.into_compile_error();
+            quote!(#error #tokens)
+        }
+    }
+}
+
+fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -> TokenStream {
+    let keys = Keys::parse(arguments, errors);
+    let root = keys.root.as_ref().map_or_else(|| quote!(::fmu), |path| path.to_token_stream());
+    let of = block.trait_.as_ref().and_then(|(path, _)| path.segments.last()).map(|last| last.ident.to_string());
+    let (kind, runner) = match of.as_deref() {
+        Some("Continuous") => (Kind::Continuous, quote!(ContinuousModel)),
+        Some("Discrete") => (Kind::Discrete, quote!(DiscreteModel)),
+        Some("Stateful") => (Kind::Stateful, quote!(StatefulModel)),
+        _ => {
+            let message = "expected `impl Continuous for …`, `impl Discrete for …` or `impl Stateful for …`";
+            errors.add(Error::new_spanned(&block.self_ty, message));
+            return TokenStream::new();
+        }
+    };
+    let written: Vec<String> = block.items.iter().filter_map(name).collect();
+    let has = |name: &str| written.iter().any(|written| written == name);
+    let mut add = |name: &str, item: TokenStream| {
+        if !has(name) {
+            block.items.push(ImplItem::Verbatim(item));
+        }
+    };
+    match kind {
+        Kind::Continuous => {
+            let solver = match (&keys.solver, has("advance")) {
+                (Some(solver), true) => {
+                    let message = "`advance` is the solver of this model; leave one of them out";
+                    errors.add(Error::new_spanned(solver, message));
+                    None
+                }
+                (Some(solver), false) => Some(quote! {{
+                    #[allow(unused_imports)]
+                    use #root::Solver::*;
+                    #solver
+                }}),
+                (None, true) => Some(quote!(#root::Solver::Exact)),
+                (None, false) => None,
+            };
+            if let Some(solver) = solver {
+                add("SOLVER", quote! { const SOLVER: #root::Solver = #solver; });
+            }
+            for name in ["State", "Inputs", "Outputs"] {
+                let ident = Ident::new(name, Span::call_site());
+                add(name, quote! { type #ident<T: #root::Scalar> = (); });
+            }
+            add("DiscreteState", quote! { type DiscreteState = (); });
+            add("Crossings", quote! { type Crossings = [f64; 0]; });
+            if has("next_time_event") {
+                add("HAS_TIME_EVENTS", quote! { const HAS_TIME_EVENTS: bool = true; });
+            }
+            equations(&has, &root, &mut add);
+        }
+        Kind::Discrete => {
+            for name in ["Inputs", "Outputs", "State"] {
+                let ident = Ident::new(name, Span::call_site());
+                add(name, quote! { type #ident = (); });
+            }
+        }
+        Kind::Stateful => {
+            for name in ["Inputs", "Outputs"] {
+                let ident = Ident::new(name, Span::call_site());
+                add(name, quote! { type #ident = (); });
+            }
+            if let Some(key) = &keys.serialize {
+                // Without the feature `serde` the macro says so.
+                let serialize = quote_spanned!(key.span()=> #root::serialize_with_serde!());
+                let option = quote!(::core::option::Option<#root::Serialize<Self::Simulation>>);
+                add("SERIALIZE", quote! { const SERIALIZE: #option = #serialize; });
+            }
+        }
+    }
+    if kind != Kind::Stateful {
+        let result = |ok: TokenStream| quote!(::core::result::Result<#ok, ::std::string::String>);
+        if has("load") {
+            let result = result(quote!(Self::Derived));
+            add("derived", quote! { fn derived(&self) -> #result { self.load(::std::path::Path::new("")) } });
+        }
+        if !has("Derived") {
+            let result = result(quote!(()));
+            add("derived", quote! { fn derived(&self) -> #result { Ok(()) } });
+        }
+        add("Derived", quote! { type Derived = (); });
+        if let Some(key) = &keys.serialize {
+            let message = "`serialize` belongs to stateful models; the state of this one is always serialized";
+            errors.add(Error::new_spanned(key, message));
+        }
+    }
+    if let Some(solver) = keys.solver.as_ref().filter(|_| kind != Kind::Continuous) {
+        errors.add(Error::new_spanned(solver, "only a continuous-time model has a solver"));
+    }
+    if has("INFO") {
+        errors.add(Error::new_spanned(&block.self_ty, "INFO follows from the attribute; leave one of them out"));
+    } else {
+        let info = info(&keys, &block, &root, errors);
+        block.items.push(info);
+    }
+    if errors.is_empty() {
+        let export = export(&block.self_ty, &root, &runner);
+        quote!(#block #export)
+    } else {
+        block.to_token_stream()
+    }
+}
+
+/// The name of an associated item.
+fn name(item: &ImplItem) -> Option<String> {
+    match item {
+        ImplItem::Const(item) => Some(item.ident.to_string()),
+        ImplItem::Fn(item) => Some(item.sig.ident.to_string()),
+        ImplItem::Type(item) => Some(item.ident.to_string()),
+        _ => None,
+    }
+}
+
+/// `derivatives` and `outputs` from `evaluate`, or of a model without states or outputs.
+fn equations(has: &dyn Fn(&str) -> bool, root: &TokenStream, add: &mut dyn FnMut(&str, TokenStream)) {
+    let at = quote!(#root::At<'_, T, Self>);
+    if has("evaluate") {
+        add(
+            "derivatives",
+            quote! {
+                #[inline]
+                fn derivatives<T: #root::Scalar>(&self, at: #at) -> Self::State<T> { self.evaluate(at).0 }
+            },
+        );
+        add(
+            "outputs",
+            quote! {
+                #[inline]
+                fn outputs<T: #root::Scalar>(&self, at: #at) -> Self::Outputs<T> { self.evaluate(at).1 }
+            },
+        );
+        return;
+    }
+    if !has("State") {
+        add("derivatives", quote! { fn derivatives<T: #root::Scalar>(&self, _: #at) {} });
+    }
+    if !has("Outputs") {
+        add("outputs", quote! { fn outputs<T: #root::Scalar>(&self, _: #at) {} });
+    }
+}
+
+/// The export of the model: its C interface is part of the library only if `cargo fmu pack` says so.
+fn export(model: &Type, root: &TokenStream, runner: &TokenStream) -> TokenStream {
+    let name = model.to_token_stream().to_string();
+    let test = quote::format_ident!(
+        "the_declarations_of_{}_do_not_contradict_each_other",
+        heck::ToSnakeCase::to_snake_case(name.as_str())
+    );
+    let library = std::env::var("CARGO_CRATE_NAME").unwrap_or_default();
+    let variable = format!("{EXPORT}{library}");
+    // `describe`, or the name of a model in this crate and its GUID: `QuarterCar={0123…}`.
+    let wanted = std::env::var(&variable).unwrap_or_default();
+    let guid = wanted.split_once('=').filter(|(wanted, _)| *wanted == name).map(|(_, guid)| guid);
+    let (guid, symbols) = match guid {
+        Some(guid) => (quote!(Some(#guid)), quote!(#root::c_interface!(#model);)),
+        None if wanted == "describe" => {
+            let symbol = format!("fmu_model_description_{name}");
+            (
+                quote!(None),
+                quote! {
+                    #[doc(hidden)]
+                    #[allow(unsafe_code)]
+                    const _: () = {
+                        #[unsafe(export_name = #symbol)]
+                        extern "C" fn describe() -> *const ::core::ffi::c_char {
+                            #root::abi::model_description::<#model>()
+                        }
+                    };
+                },
+            )
+        }
+        None => (quote!(None), quote!()),
+    };
+    quote! {
+        impl #root::Export for #model {
+            type Model = #root::runner::#runner<Self>;
+            const GUID: ::core::option::Option<&'static str> = #guid;
+            fn library() -> &'static #root::abi::Library {
+                static LIBRARY: #root::abi::Library = #root::abi::Library::new();
+                &LIBRARY
+            }
+        }
+        // Lets cargo compile the crate again when the variable changes.
+        const _: ::core::option::Option<&str> = ::core::option_env!(#variable);
+        #symbols
+
+        #[cfg(test)]
+        #[test]
+        fn #test() {
+            let description = <#model as #root::Export>::description();
+            assert!(description.xml.contains(&description.guid));
+        }
+    }
+}
+
+/// Name, description, version and default experiment.
+fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) -> ImplItem {
+    let mut experiment = |value: &Option<Expr>, what: &str| {
+        if value.is_none() && keys.is_complete {
+            errors.add(Error::new_spanned(&block.self_ty, format!("{what} is missing, {EXAMPLE}")));
+        }
+        if let Some(number) = value.as_ref().filter(|value| literal(value).is_some_and(|number| number <= 0.0)) {
+            errors.add(Error::new_spanned(number, "must be above 0 s"));
+        }
+        value.as_ref().map_or_else(|| quote!(1.0), ToTokens::to_token_stream)
+    };
+    let stop_time = experiment(&keys.stop_time, "stop_time, the length of the default experiment in s,");
+    let step_size = experiment(&keys.step_size, "step_size, the communication step in s,");
+    let of_type = match &*block.self_ty {
+        Type::Path(path) => path.path.segments.last().map(|last| last.ident.to_string()),
+        _ => None,
+    };
+    if of_type.is_none() {
+        errors.add(Error::new_spanned(&block.self_ty, "expected the plain name of a type: that of the FMU"));
+    }
+    let name = match (&keys.name, of_type) {
+        (Some(name), _) => {
+            if let Some(error) = not_an_identifier(&name.value()) {
+                errors.add(Error::new(name.span(), error));
+            }
+            name.value()
+        }
+        (None, Some(name)) => {
+            if let Some(error) = not_an_identifier(&name) {
+                errors.add(Error::new_spanned(&block.self_ty, format!("{error}, as in `name = \"Cart\"`")));
+            }
+            name
+        }
+        (None, None) => String::new(),
+    };
+    let description = doc(&block.attrs);
+    if description.is_empty() {
+        let message = "the doc comment is missing: it is the description of the FMU";
+        errors.add(Error::new_spanned(&block.self_ty, message));
+    }
+    parse_quote! {
+        const INFO: #root::Info = #root::Info {
+            name: #name,
+            description: #description,
+            version: env!("CARGO_PKG_VERSION"),
+            authors: env!("CARGO_PKG_AUTHORS"),
+            license: env!("CARGO_PKG_LICENSE"),
+            homepage: env!("CARGO_PKG_HOMEPAGE"),
+            stop_time: #stop_time,
+            step_size: #step_size,
+        };
+    }
+}
+
+/// FMI requires an identifier of C.
+fn not_an_identifier(name: &str) -> Option<&'static str> {
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let is_identifier = name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(is_word);
+    (!is_identifier).then_some("the name of an FMU consists of ASCII letters, digits and underscores, a letter first")
+}

@@ -1,0 +1,501 @@
+//! Structs of variables: parameters, inputs, outputs, states, derived parameters.
+
+use proc_macro2::{Span, TokenStream};
+use quote::{format_ident, quote, quote_spanned};
+use syn::punctuated::Punctuated;
+use syn::spanned::Spanned as _;
+use syn::{DeriveInput, Error, Expr, Field, GenericArgument, GenericParam, Ident, PathArguments, Result, Token};
+
+use crate::attribute::{Content, Source, Variable, content, doc, fields, root};
+use crate::errors::Errors;
+
+/// What a struct of variables is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Block {
+    Parameters,
+    Inputs,
+    Outputs,
+    State,
+    Derived,
+}
+
+impl Block {
+    /// The keys of its fields.
+    const fn keys(self, content: Content) -> &'static [&'static str] {
+        match (self, content) {
+            (Self::Parameters, Content::Other) => {
+                &["start", "min", "max", "tunable", "elements", "description", "nested", "flatten"]
+            }
+            (Self::Parameters, Content::Real) => &[
+                "unit",
+                "start",
+                "min",
+                "max",
+                "nominal",
+                "display",
+                "positive",
+                "tunable",
+                "elements",
+                "description",
+                "nested",
+                "flatten",
+            ],
+            (Self::Parameters, Content::Unknown) => &[
+                "start",
+                "tunable",
+                "enumeration",
+                "unit",
+                "min",
+                "max",
+                "nominal",
+                "display",
+                "positive",
+                "elements",
+                "description",
+                "nested",
+                "flatten",
+            ],
+            (Self::Inputs | Self::Outputs, _) => {
+                &["unit", "start", "nominal", "display", "elements", "description", "enumeration", "nested", "flatten"]
+            }
+            (Self::State, _) => &[
+                "unit",
+                "start",
+                "nominal",
+                "display",
+                "local",
+                "calculated",
+                "elements",
+                "description",
+                "nested",
+                "flatten",
+            ],
+            (Self::Derived, _) => &["unit", "nominal", "display", "elements", "description"],
+        }
+    }
+}
+
+/// A field as it is read and written.
+struct Part {
+    name: Ident,
+    ty: syn::Type,
+    /// The trait it is read and written by: `Field` or `Variables`.
+    by: TokenStream,
+    /// The trait that combines states element by element.
+    combine: TokenStream,
+    declaration: TokenStream,
+}
+
+impl Part {
+    fn span(&self) -> Span {
+        self.ty.span().resolved_at(Span::call_site())
+    }
+
+    fn counts(&self, root: &TokenStream, number: &TokenStream) -> TokenStream {
+        let Self { ty, by, .. } = self;
+        quote_spanned!(self.span()=> <#ty as #root::#by<#number>>::COUNTS)
+    }
+
+    fn write(&self, root: &TokenStream, number: &TokenStream) -> TokenStream {
+        let Self { name, ty, by, .. } = self;
+        quote_spanned!(self.span()=> <#ty as #root::#by<#number>>::write(&self.#name, values, at);)
+    }
+}
+
+/// `Parameters`, `Inputs`, `Outputs`, `State`.
+pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream> {
+    let root = root(&input.attrs)?;
+    let ident = &input.ident;
+    let parameter = match input.generics.params.iter().collect::<Vec<_>>()[..] {
+        [] => None,
+        [GenericParam::Type(parameter)] if block != Block::Parameters => Some(parameter.ident.clone()),
+        [ref other, ..] if block == Block::Parameters => {
+            let message = "parameters are f64, i32, bool, String or enumerations; only inputs, outputs and states have \
+                           the number type of the equations";
+            return Err(Error::new_spanned(other, message));
+        }
+        _ => {
+            return Err(Error::new_spanned(
+                &input.generics,
+                "expected no type parameter, or one: the number type of the equations, as in `Inputs<T>`",
+            ));
+        }
+    };
+    let mut errors = Errors::default();
+    let fields = fields(input)?;
+    // Without real variables a struct fits equations of any number type.
+    let is_free = matches!(block, Block::Inputs | Block::Outputs) && fields.iter().all(|field| !may_be_real(field));
+    let (number, generics, ty) = match &parameter {
+        Some(t) => (quote!(#t), quote!(<#t: #root::Scalar>), quote!(#ident<#t>)),
+        None if is_free => (quote!(__T), quote!(<__T: #root::Scalar>), quote!(#ident)),
+        None => (quote!(f64), quote!(), quote!(#ident)),
+    };
+    let (start_number, start_generics) = match &parameter {
+        Some(_) => (&number, &generics),
+        None => (&quote!(f64), &quote!()),
+    };
+    let parts: Vec<Part> =
+        fields.iter().filter_map(|field| errors.keep(part(field, block, &root, parameter.as_ref(), &number))).collect();
+    twice(&fields, &mut errors);
+    let names: Vec<_> = parts.iter().map(|part| &part.name).collect();
+    let declarations = parts.iter().map(|part| &part.declaration);
+    // Not the names of the fields, which may be `values` or `at`.
+    let locals: Vec<_> = (0..parts.len()).map(|i| format_ident!("field_{i}")).collect();
+    let build = if matches!(&input.data, syn::Data::Struct(data) if matches!(data.fields, syn::Fields::Unit)) {
+        quote!(Self)
+    } else {
+        quote!(Self { #(#names: #locals),* })
+    };
+    // All uses of a type at the place of the type: the compiler reports a wrong one once.
+    let counts: Vec<_> = parts.iter().map(|part| part.counts(&root, &number)).collect();
+    let reads = parts.iter().zip(&locals).map(|(part, local)| {
+        let Part { ty, by, .. } = part;
+        quote_spanned!(part.span()=> let #local = <#ty as #root::#by<#number>>::read(values, at);)
+    });
+    let writes = parts.iter().map(|part| part.write(&root, &number));
+    let mut tokens = quote! {
+        #[automatically_derived]
+        impl #generics #root::Variables<#number> for #ty {
+            const COUNTS: #root::variables::Counts = #root::variables::Counts::ZERO
+                #(.plus(#counts))*;
+            fn declare(all: &mut ::std::vec::Vec<#root::variable::Declaration>) {
+                let _ = &all;
+                #(#declarations)*
+            }
+            #[inline]
+            fn read(values: #root::variables::Values<'_, #number>, at: #root::variables::Counts) -> Self {
+                let _ = (values, at);
+                #(
+                    #reads
+                    let at = at.plus(#counts);
+                )*
+                let _ = at;
+                #build
+            }
+            #[inline]
+            fn write(&self, values: &mut #root::variables::ValuesMut<'_, #number>, at: #root::variables::Counts) {
+                let _ = (&values, at);
+                #(
+                    #writes
+                    let at = at.plus(#counts);
+                )*
+                let _ = at;
+            }
+        }
+        impl #start_generics ::std::default::Default for #ty {
+            /// All variables with their start values.
+            fn default() -> Self {
+                #root::declare::start_values::<#start_number, Self>()
+            }
+        }
+    };
+    if block == Block::State {
+        let combine = parts.iter().map(|part| {
+            let Part { name, ty, combine, .. } = part;
+            quote_spanned! {part.span()=>
+                #name: <#ty as #root::variables::#combine<#number>>::combine(&self.#name, &other.#name, f)
+            }
+        });
+        tokens.extend(quote! {
+            impl #generics #root::variables::ContinuousState<#number> for #ty {
+                #[inline]
+                fn combine(&self, other: &Self, f: impl Fn(#number, #number) -> #number + Copy) -> Self {
+                    let _ = (other, f);
+                    Self { #(#combine),* }
+                }
+            }
+        });
+    }
+    if block == Block::Parameters {
+        tokens.extend(quote!(impl #root::Parameters for #ty {}));
+    }
+    errors.finish(tokens)
+}
+
+/// Whether a field of a struct without type parameter may hold real variables.
+fn may_be_real(field: &Field) -> bool {
+    match content(&field.ty, None) {
+        Content::Real => true,
+        Content::Other => false,
+        // An enumeration has no unit; another name of `f64` has one, and a nested struct may have some.
+        Content::Unknown => Variable::of(field)
+            .is_ok_and(|variable| ["unit", "nested", "flatten"].iter().any(|key| variable.key(key).is_some())),
+    }
+}
+
+/// A start value, or the start values of an array: one for all elements, or one for each.
+fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream) -> TokenStream {
+    let span = start.span();
+    match (element(ty), start) {
+        (Some(ty), Expr::Array(starts)) => {
+            let each = starts.elems.iter().map(|start| start_value(ty, start, root));
+            quote_spanned!(span=> #root::variables::Starts::Each([#(#each),*]))
+        }
+        (Some(ty), Expr::Lit(_) | Expr::Unary(_)) => {
+            let all = start_value(ty, start, root);
+            quote_spanned!(span=> #root::variables::Starts::All(#all))
+        }
+        _ => quote_spanned!(span=> #root::declare::start(#start)),
+    }
+}
+
+/// The type of the elements of an array.
+fn element(ty: &syn::Type) -> Option<&syn::Type> {
+    match ty {
+        syn::Type::Array(array) => Some(&array.elem),
+        syn::Type::Group(inner) => element(&inner.elem),
+        syn::Type::Path(path) => match &path.path.segments.last()?.arguments {
+            PathArguments::AngleBracketed(arguments) => match arguments.args.first()? {
+                GenericArgument::Type(ty) => Some(ty),
+                _ => None,
+            },
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// Two variables of one name.
+fn twice(fields: &Punctuated<Field, Token![,]>, errors: &mut Errors) {
+    let mut known: Vec<String> = Vec::new();
+    for variable in fields.iter().filter_map(|field| Variable::of(field).ok()) {
+        if let Source::Name(name) = &variable.source {
+            if known.contains(&name.value()) {
+                errors.add(Error::new(name.span(), format!("two variables are named `{}`", name.value())));
+            }
+            known.push(name.value());
+        }
+    }
+}
+
+/// What is wrong with a type that looks like one of a variable.
+fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
+    let syn::Type::Path(path) = ty else { return None };
+    let last = path.path.segments.last()?.ident.to_string();
+    let types = match parameter {
+        Some(parameter) => {
+            if last == "f64" {
+                return Some(format!("write `{parameter}`, the number type of the equations, instead of `f64`"));
+            }
+            parameter.to_string()
+        }
+        None => "f64".to_owned(),
+    };
+    let others = ["f32", "i8", "i16", "i64", "u8", "u16", "u32", "u64", "usize", "isize", "char", "Vec", "Option"];
+    others.contains(&last.as_str()).then(|| {
+        format!(
+            "`{last}` is not the type of a variable; expected `{types}`, `i32`, `bool`, `String`, an enum with \
+             `#[derive(Enumeration)]`, or an array of these"
+        )
+    })
+}
+
+/// Declaration of a field, and how it is read and written.
+fn part(
+    field: &Field,
+    block: Block,
+    root: &TokenStream,
+    parameter: Option<&Ident>,
+    number: &TokenStream,
+) -> Result<Part> {
+    let name = field.ident.clone().expect("the fields are named");
+    let ty = field.ty.clone();
+    let variable = Variable::of(field)?;
+    let content = content(&ty, parameter);
+    let mut errors = Errors::default();
+    let are_known = errors.keep(variable.allow(block.keys(content))).is_some();
+    if let Some(message) = mistaken(&ty, parameter) {
+        errors.add(Error::new_spanned(&ty, message));
+        return errors.finish_without();
+    }
+    if let Some(prefix) = variable.nested(field)? {
+        return errors.finish(Part {
+            name,
+            declaration: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
+                #root::declare::nested(#prefix, <#ty as #root::Variables<#number>>::declare, all);
+            },
+            ty,
+            by: quote!(Variables),
+            combine: quote!(ContinuousState),
+        });
+    }
+    if block == Block::State && content == Content::Other {
+        errors.add(Error::new_spanned(&ty, "a continuous state is real: `T`, or an array of it"));
+    }
+    if block == Block::Parameters && !variable.is_explicit {
+        errors.add(Error::new_spanned(&name, "a parameter needs its start value, as in `#[var(start = 1.0)]`"));
+    }
+    let start = errors.keep(variable.value("start")).flatten();
+    match start {
+        Some(start) => {
+            if variable.key("calculated").is_some() {
+                errors.add(Error::new(start.span(), "a calculated start value follows from the parameters"));
+            }
+            errors.keep(variable.check_start(start));
+        }
+        None if block == Block::Parameters && variable.is_explicit && are_known && variable.key("start").is_none() => {
+            errors.add(Error::new(variable.span(), "the start value is missing, as in `start = 1.0`"));
+        }
+        None => {}
+    }
+    let doc = doc(&field.attrs);
+    if block == Block::Parameters && (name == "sample_time" || name == "max_step") {
+        if let Some(key) = variable.key("tunable") {
+            errors.add(Error::new(key.span(), format!("`{name}` is fixed, it cannot change between steps")));
+        }
+        if variable.is_not_in_seconds(&doc) {
+            errors.add(Error::new(variable.span(), format!("`{name}` must be in s")));
+        }
+    }
+    let declaration = errors.keep(declaration(field, &variable, root, number, parameter, (content, &doc, start)));
+    errors.finish(Part {
+        name,
+        ty,
+        by: quote!(Field),
+        combine: quote!(RealField),
+        declaration: declaration.unwrap_or_default(),
+    })
+}
+
+/// Statement that declares one field.
+fn declaration(
+    field: &Field,
+    variable: &Variable,
+    root: &TokenStream,
+    number: &TokenStream,
+    parameter: Option<&Ident>,
+    (content, doc, start): (Content, &str, Option<&Expr>),
+) -> Result<TokenStream> {
+    let ty = &field.ty;
+    let spec = variable.spec(root, doc, content)?;
+    let start = match start {
+        Some(start) => {
+            let start = start_value(ty, start, root);
+            quote_spanned!(start.span()=> ::core::option::Option::Some(#start))
+        }
+        None => quote!(::core::option::Option::None),
+    };
+    // An alias of f64 needs a unit too, which only the compiler can tell.
+    let has_unit = variable.key("unit").map(Ident::span);
+    let check = if let Some(span) = has_unit.filter(|_| content == Content::Unknown && parameter.is_none()) {
+        quote_spanned! {span=>
+            const _: () = ::core::assert!(<#ty as #root::Field<f64>>::IS_REAL, "only real variables have a unit");
+        }
+    } else if content == Content::Unknown
+        && parameter.is_none()
+        && variable.key("unit").is_none()
+        && matches!(variable.source, Source::Name(_))
+    {
+        let span = field.ident.as_ref().map_or_else(Span::call_site, Ident::span);
+        quote_spanned! {span=>
+            const _: () = ::core::assert!(
+                !<#ty as #root::Field<f64>>::IS_REAL,
+                "the unit of measure is missing, as in `unit = \"rad\"`"
+            );
+        }
+    } else {
+        quote!()
+    };
+    let mut lengths = TokenStream::new();
+    if let syn::Type::Array(array) = ty {
+        let length = &array.len;
+        for key in ["elements", "description", "unit"] {
+            if let Some(list @ Expr::Array(texts)) = variable.value(key)? {
+                let (count, message) = (texts.elems.len(), format!("`{key}` needs one entry per element of the array"));
+                lengths
+                    .extend(quote_spanned!(list.span()=> const _: () = ::core::assert!(#count == #length, #message);));
+            }
+        }
+    }
+    let span = field.ty.span();
+    // The parameter of the function, also for a type that comes from a `macro_rules` macro.
+    let all = Ident::new("all", Span::call_site());
+    Ok(quote_spanned! {span=>
+        #check
+        #lengths
+        {
+            let declare = <#ty as #root::Field<#number>>::declare;
+            declare(&#spec, #start, #all);
+        }
+    })
+}
+
+/// `Derived`: only fields with `#[var]` are variables.
+pub(crate) fn derived(input: &DeriveInput) -> Result<TokenStream> {
+    let root = root(&input.attrs)?;
+    let ident = &input.ident;
+    let mut errors = Errors::default();
+    let fields = fields(input)?;
+    let explicit = fields.iter().filter(|field| field.attrs.iter().any(|attribute| attribute.path().is_ident("var")));
+    let parts: Vec<Part> =
+        explicit.filter_map(|field| errors.keep(part(field, Block::Derived, &root, None, &quote!(f64)))).collect();
+    twice(&fields, &mut errors);
+    let declarations = parts.iter().map(|part| &part.declaration);
+    let number = quote!(f64);
+    let counts = parts.iter().map(|part| part.counts(&root, &number));
+    let writes = parts.iter().map(|part| part.write(&root, &number));
+    errors.finish(quote! {
+        #[automatically_derived]
+        impl #root::Derived for #ident {
+            fn declare(all: &mut ::std::vec::Vec<#root::variable::Declaration>) {
+                let _ = &all;
+                #(#declarations)*
+            }
+            fn write(&self, values: &mut #root::variables::ValuesMut<'_, f64>, at: #root::variables::Counts) {
+                let _ = (&values, at);
+                #(
+                    #writes
+                    let at = at.plus(#counts);
+                )*
+                let _ = at;
+            }
+        }
+    })
+}
+
+/// `DiscreteState`: what a model remembers from one sample or event to the next.
+pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
+    let root = root(&input.attrs)?;
+    let ident = &input.ident;
+    let fields = fields(input)?;
+    let mut errors = Errors::default();
+    let names: Vec<_> = fields.iter().filter_map(|field| field.ident.clone()).collect();
+    let texts: Vec<_> = names.iter().map(ToString::to_string).collect();
+    let searched: Vec<_> = fields
+        .iter()
+        .filter_map(|field| {
+            let variable = errors.keep(Variable::of(field))?;
+            errors.keep(variable.allow(&["always_finite"]));
+            let name = field.ident.as_ref()?;
+            let text = name.to_string();
+            (!errors.keep(variable.flag("always_finite"))?).then(|| {
+                quote! {
+                    if let Some(value) = #root::discrete_state::StateField::not_finite(&self.#name) {
+                        return Some((#text, value));
+                    }
+                }
+            })
+        })
+        .collect();
+    errors.finish(quote! {
+        impl #root::DiscreteState for #ident {
+            fn save(&self, sink: &mut dyn FnMut(#root::discrete_state::Word<'_>)) {
+                let _ = &sink;
+                #(#root::discrete_state::StateField::save(&self.#names, sink);)*
+            }
+            fn load(
+                &mut self,
+                source: &mut #root::discrete_state::Words<'_>,
+            ) -> ::std::result::Result<(), ::std::string::String> {
+                let _ = &source;
+                #(#root::discrete_state::StateField::load(&mut self.#names, #texts, source)?;)*
+                Ok(())
+            }
+            #[inline]
+            fn not_finite(&self) -> ::std::option::Option<(&'static str, f64)> {
+                #(#searched)*
+                None
+            }
+        }
+    })
+}

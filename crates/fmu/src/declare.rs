@@ -1,0 +1,326 @@
+//! What the derives call to declare variables; not needed in a model file.
+
+use crate::definition::{Definition, LEAST_POSITIVE, Range};
+use crate::enumeration::Enumeration;
+use crate::scalar::Scalar;
+use crate::unit::{DisplayUnit, Unit};
+use crate::variable::{Declaration, Kind, Real};
+use crate::variables::{Counts, Element, Values, Variables};
+
+/// A variable, or an array of variables, under construction.
+#[derive(Clone, Debug)]
+pub struct Spec {
+    name: String,
+    description: &'static str,
+    doc: &'static str,
+    /// Words that describe the element of an array.
+    words: String,
+    units: Units,
+    display: Option<Display>,
+    min: Option<f64>,
+    max: Option<f64>,
+    nominal: Option<f64>,
+    elements: &'static [&'static str],
+    descriptions: &'static [&'static str],
+    tunable: bool,
+    local: bool,
+    calculated: bool,
+    enumeration: bool,
+}
+
+/// Units of an array: one for all elements, or one for each.
+#[derive(Clone, Debug)]
+pub struct Units(Vec<Unit>);
+
+impl From<Unit> for Units {
+    fn from(unit: Unit) -> Self {
+        Self(vec![unit])
+    }
+}
+
+impl<const N: usize> From<[Unit; N]> for Units {
+    fn from(units: [Unit; N]) -> Self {
+        Self(units.to_vec())
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Display {
+    Unit(DisplayUnit),
+    Named(&'static str),
+}
+
+impl Spec {
+    /// A variable with a name of its own.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            description: "",
+            doc: "",
+            words: String::new(),
+            units: Units(vec![Unit::NONE]),
+            display: None,
+            min: None,
+            max: None,
+            nominal: None,
+            elements: &[],
+            descriptions: &[],
+            tunable: false,
+            local: false,
+            calculated: false,
+            enumeration: false,
+        }
+    }
+    /// A variable of a definition.
+    #[must_use]
+    pub fn defined(definition: &Definition) -> Self {
+        let spec = Self {
+            description: definition.description,
+            display: definition.display.map(Display::Named),
+            nominal: definition.nominal,
+            ..Self::named(definition.name).unit(definition.unit)
+        };
+        match definition.range {
+            Range::Any => spec,
+            Range::NonNegative => spec.min(0.0),
+            Range::Positive => spec.positive(),
+            Range::AtLeast(min) => spec.min(min),
+        }
+    }
+    /// Unit of measure, or one per element.
+    #[must_use]
+    pub fn unit(self, units: impl Into<Units>) -> Self {
+        Self { units: units.into(), ..self }
+    }
+    /// The doc comment.
+    #[must_use]
+    pub fn doc(self, doc: &'static str) -> Self {
+        Self { doc, ..self }
+    }
+    /// Least value.
+    #[must_use]
+    pub fn min(self, min: f64) -> Self {
+        Self { min: Some(min), ..self }
+    }
+    /// Greatest value.
+    #[must_use]
+    pub fn max(self, max: f64) -> Self {
+        Self { max: Some(max), ..self }
+    }
+    /// Usual magnitude.
+    #[must_use]
+    pub fn nominal(self, nominal: f64) -> Self {
+        Self { nominal: Some(nominal), ..self }
+    }
+    /// Unit to display in.
+    #[must_use]
+    pub fn display(self, display: DisplayUnit) -> Self {
+        Self { display: Some(Display::Unit(display)), ..self }
+    }
+    /// Unit to display in, by its name among those of the unit.
+    #[must_use]
+    pub fn display_named(self, display: &'static str) -> Self {
+        Self { display: Some(Display::Named(display)), ..self }
+    }
+    /// Names of the elements of an array.
+    #[must_use]
+    pub fn elements(self, elements: &'static [&'static str]) -> Self {
+        Self { elements, ..self }
+    }
+    /// Descriptions of the elements of an array.
+    #[must_use]
+    pub fn descriptions(self, descriptions: &'static [&'static str]) -> Self {
+        Self { descriptions, ..self }
+    }
+    /// Above zero. A greater least value stays.
+    #[must_use]
+    pub fn positive(self) -> Self {
+        Self { min: Some(self.min.map_or(LEAST_POSITIVE, |min| min.max(LEAST_POSITIVE))), ..self }
+    }
+    /// May change between steps.
+    #[must_use]
+    pub fn tunable(self) -> Self {
+        Self { tunable: true, ..self }
+    }
+    /// Not an output.
+    #[must_use]
+    pub fn local(self) -> Self {
+        Self { local: true, ..self }
+    }
+    /// The start value follows from the parameters.
+    #[must_use]
+    pub fn calculated(self) -> Self {
+        Self { calculated: true, ..self }
+    }
+    /// An FMI Enumeration.
+    #[must_use]
+    pub fn enumeration(self) -> Self {
+        Self { enumeration: true, ..self }
+    }
+
+    /// The element of an array with named elements.
+    #[must_use]
+    pub fn element(&self, index: usize, element: &Element) -> Self {
+        self.part(index, &format!(".{}", element.name), element.description)
+    }
+
+    /// The element of an array `[T; N]`, which is counted from 1 in the name: `x[1]`, `x[1,2]`.
+    #[must_use]
+    pub fn indexed(&self, index: usize) -> Self {
+        if let Some(name) = self.elements.get(index) {
+            return self.part(index, &format!(".{name}"), name);
+        }
+        let number = (index + 1).to_string();
+        let part = self.part(index, "", &format!("element {number}"));
+        let name = match part.name.strip_suffix(']') {
+            Some(outer) => format!("{outer},{number}]"),
+            None => format!("{}[{number}]", part.name),
+        };
+        Self { name, ..part }
+    }
+
+    fn part(&self, index: usize, suffix: &str, words: &str) -> Self {
+        let mut part = self.clone();
+        part.name.push_str(suffix);
+        part.words = if self.words.is_empty() { words.to_owned() } else { format!("{}, {words}", self.words) };
+        if let Some(description) = self.descriptions.get(index) {
+            (part.doc, part.description, part.words) = (description, "", String::new());
+        }
+        if let Some(unit) = self.units.0.get(index).filter(|_| self.units.0.len() > 1) {
+            part.units = Units(vec![*unit]);
+        }
+        (part.elements, part.descriptions) = (&[], &[]);
+        part
+    }
+
+    fn text(&self) -> String {
+        let text = match (self.description, self.doc) {
+            ("", doc) => doc.to_owned(),
+            (description, "") => description.to_owned(),
+            (description, doc) => format!("{description}; {doc}"),
+        };
+        if self.words.is_empty() || text.contains("{}") {
+            text.replace("{}", &self.words)
+        } else {
+            format!("{text}, {}", self.words)
+        }
+    }
+
+    fn add(&self, description: String, kind: Kind, all: &mut Vec<Declaration>) {
+        all.push(Declaration {
+            name: self.name.clone(),
+            description,
+            tunable: self.tunable,
+            local: self.local,
+            calculated: self.calculated,
+            kind,
+        });
+    }
+
+    pub(crate) fn declare_real(&self, start: Option<f64>, all: &mut Vec<Declaration>) {
+        let unit = self.units.0.first().copied().unwrap_or(Unit::NONE);
+        let display = match self.display {
+            None => None,
+            Some(Display::Unit(display)) => Some(display),
+            // A name that the unit does not have is found when the description is made.
+            Some(Display::Named(name)) => {
+                Some(unit.display_unit(name).unwrap_or(DisplayUnit { name, factor: f64::NAN, offset: 0.0 }))
+            }
+        };
+        let kind = Kind::Real(Real {
+            unit,
+            display,
+            start: start.unwrap_or(0.0),
+            min: self.min,
+            max: self.max,
+            nominal: self.nominal,
+        });
+        self.add(self.text(), kind, all);
+    }
+
+    pub(crate) fn declare_integer(&self, start: Option<i32>, all: &mut Vec<Declaration>) {
+        let min = self.min.map_or(i32::MIN, |min| min as i32);
+        let max = self.max.map_or(i32::MAX, |max| max as i32);
+        let kind =
+            Kind::Integer { start: start.unwrap_or(0), min, max, type_name: "", items: &[], is_enumeration: false };
+        self.add(self.text(), kind, all);
+    }
+
+    #[doc(hidden)]
+    pub fn declare_enumeration<E: Enumeration>(&self, start: Option<E>, all: &mut Vec<Declaration>) {
+        let values: Vec<_> = E::ITEMS.iter().map(|item| format!("{} {}", item.value, item.name)).collect();
+        let description =
+            if self.enumeration { self.text() } else { format!("{} ({})", self.text(), values.join(", ")) };
+        let kind = Kind::Integer {
+            start: start.unwrap_or_else(E::first).value(),
+            min: E::ITEMS.first().map_or(0, |item| item.value),
+            max: E::ITEMS.last().map_or(0, |item| item.value),
+            type_name: E::NAME,
+            items: E::ITEMS,
+            is_enumeration: self.enumeration,
+        };
+        self.add(description, kind, all);
+    }
+
+    pub(crate) fn declare_boolean(&self, start: Option<bool>, all: &mut Vec<Declaration>) {
+        self.add(self.text(), Kind::Boolean { start: start.unwrap_or(false) }, all);
+    }
+
+    pub(crate) fn declare_string(&self, start: Option<&'static str>, all: &mut Vec<Declaration>) {
+        self.add(self.text(), Kind::String { start: start.unwrap_or("").to_owned() }, all);
+    }
+}
+
+/// A start value as it is written.
+pub fn start<S>(start: impl Into<S>) -> S {
+    start.into()
+}
+
+/// A limit as it is written; those of an Integer are whole numbers.
+pub fn limit(limit: impl Into<f64>) -> f64 {
+    limit.into()
+}
+
+/// Declares the variables of a nested struct; their names start with the prefix.
+pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<Declaration>) {
+    let first = all.len();
+    declare(all);
+    if !prefix.is_empty() {
+        all[first..].iter_mut().for_each(|declaration| declaration.name = format!("{prefix}.{}", declaration.name));
+    }
+}
+
+/// Start values by type.
+#[derive(Debug, Default)]
+pub(crate) struct StartValues {
+    pub(crate) reals: Vec<f64>,
+    pub(crate) integers: Vec<i32>,
+    pub(crate) booleans: Vec<bool>,
+    pub(crate) strings: Vec<String>,
+}
+
+impl StartValues {
+    pub(crate) fn of<'a>(declarations: impl IntoIterator<Item = &'a Declaration>) -> Self {
+        let mut all = Self::default();
+        for declaration in declarations {
+            match &declaration.kind {
+                Kind::Real(real) => all.reals.push(real.start),
+                Kind::Integer { start, .. } => all.integers.push(*start),
+                Kind::Boolean { start } => all.booleans.push(*start),
+                Kind::String { start } => all.strings.push(start.clone()),
+            }
+        }
+        all
+    }
+}
+
+/// A struct of variables with its start values.
+#[must_use]
+pub fn start_values<T: Scalar, V: Variables<T>>() -> V {
+    let starts = StartValues::of(&V::declarations());
+    let reals: Vec<T> = starts.reals.iter().map(|&start| T::from(start)).collect();
+    let values =
+        Values { reals: &reals, integers: &starts.integers, booleans: &starts.booleans, strings: &starts.strings };
+    V::read(values, Counts::ZERO)
+}

@@ -1,0 +1,196 @@
+//! What a model remembers from one sample or event to the next.
+
+/// The discrete state of a model. Derive [`DiscreteState`](crate::derive::DiscreteState) beside `Clone` and `Default`.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` cannot be a discrete state",
+    note = "add `#[derive(DiscreteState, Clone, Default)]`"
+)]
+pub trait DiscreteState: 'static {
+    /// Passes every value on.
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>));
+    /// Takes the values back in the same order.
+    ///
+    /// # Errors
+    /// A value is missing, of another type, or impossible.
+    fn load(&mut self, source: &mut Words<'_>) -> Result<(), String>;
+    /// Name and value of the first real number that is not finite. Fields with `always_finite` are left out: large buffers
+    /// of values that are finite by construction would be searched after every sample.
+    fn not_finite(&self) -> Option<(&'static str, f64)>;
+}
+
+impl DiscreteState for () {
+    fn save(&self, _: &mut dyn FnMut(Word<'_>)) {}
+    fn load(&mut self, _: &mut Words<'_>) -> Result<(), String> {
+        Ok(())
+    }
+    fn not_finite(&self) -> Option<(&'static str, f64)> {
+        None
+    }
+}
+
+/// One value of a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Word<'a> {
+    /// A real number.
+    Real(f64),
+    /// A count, an index, an Integer or a Boolean.
+    Whole(u64),
+    /// A String, or bytes.
+    Bytes(&'a [u8]),
+}
+
+/// Values of a state in the order in which they were saved.
+pub struct Words<'a>(pub(crate) &'a mut dyn FnMut() -> Result<OwnedWord, String>);
+
+impl std::fmt::Debug for Words<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Words")
+    }
+}
+
+/// A value that was read.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum OwnedWord {
+    Real(f64),
+    Whole(u64),
+    Bytes(Vec<u8>),
+}
+
+impl Words<'_> {
+    /// The next value, a real number.
+    ///
+    /// # Errors
+    /// It is missing or of another type.
+    pub fn real(&mut self, name: &str) -> Result<f64, String> {
+        match (self.0)()? {
+            OwnedWord::Real(value) => Ok(value),
+            other => Err(format!("'{name}' must be a real number, got {other:?}")),
+        }
+    }
+    /// The next value, a whole number.
+    ///
+    /// # Errors
+    /// As [`Self::real`].
+    pub fn whole(&mut self, name: &str) -> Result<u64, String> {
+        match (self.0)()? {
+            OwnedWord::Whole(value) => Ok(value),
+            other => Err(format!("'{name}' must be a whole number, got {other:?}")),
+        }
+    }
+    /// The next value, bytes.
+    ///
+    /// # Errors
+    /// As [`Self::real`].
+    pub fn bytes(&mut self, name: &str) -> Result<Vec<u8>, String> {
+        match (self.0)()? {
+            OwnedWord::Bytes(value) => Ok(value),
+            other => Err(format!("'{name}' must be a text, got {other:?}")),
+        }
+    }
+}
+
+/// The type of a field of a discrete state.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` cannot be a field of a discrete state",
+    note = "fields are `f64`, `u64`, `i32`, `bool`, `String`, enums with `#[derive(Enumeration)]`, and arrays of these; a \
+            model with other state implements `Stateful`"
+)]
+pub trait StateField {
+    /// Passes every value on.
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>));
+    /// Takes its values back.
+    ///
+    /// # Errors
+    /// A value is missing, of another type, or impossible.
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String>;
+    /// The first real number that is not finite.
+    fn not_finite(&self) -> Option<f64>;
+}
+
+impl StateField for f64 {
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        (!self.is_finite()).then_some(*self)
+    }
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        sink(Word::Real(*self));
+    }
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+        *self = source.real(name)?;
+        Ok(())
+    }
+}
+
+impl StateField for u64 {
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        None
+    }
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        sink(Word::Whole(*self));
+    }
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+        *self = source.whole(name)?;
+        Ok(())
+    }
+}
+
+impl StateField for i32 {
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        None
+    }
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        sink(Word::Whole(u64::from(self.cast_unsigned())));
+    }
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+        let word = source.whole(name)?;
+        *self = u32::try_from(word).map_err(|_| format!("'{name}' must fit 32 bits, got {word}"))?.cast_signed();
+        Ok(())
+    }
+}
+
+impl StateField for bool {
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        None
+    }
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        sink(Word::Whole(u64::from(*self)));
+    }
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+        *self = match source.whole(name)? {
+            0 => false,
+            1 => true,
+            other => return Err(format!("'{name}' must be 0 or 1, got {other}")),
+        };
+        Ok(())
+    }
+}
+
+impl StateField for String {
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        None
+    }
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        sink(Word::Bytes(self.as_bytes()));
+    }
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+        *self = Self::from_utf8(source.bytes(name)?).map_err(|_| format!("'{name}' must be UTF-8"))?;
+        Ok(())
+    }
+}
+
+impl<F: StateField, const N: usize> StateField for [F; N] {
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        self.iter().find_map(F::not_finite)
+    }
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        self.iter().for_each(|field| field.save(sink));
+    }
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+        self.iter_mut().try_for_each(|field| field.load(name, source))
+    }
+}

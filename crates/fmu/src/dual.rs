@@ -1,0 +1,273 @@
+//! Dual numbers: a value and its derivative along one direction.
+
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+use crate::scalar::Scalar;
+
+/// A value and its derivative along one direction; arithmetic carries both (forward differentiation).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dual64 {
+    /// The value.
+    pub re: f64,
+    /// The derivative.
+    pub eps: f64,
+}
+
+impl Dual64 {
+    /// A value with its derivative.
+    #[must_use]
+    pub const fn new(re: f64, eps: f64) -> Self {
+        Self { re, eps }
+    }
+
+    /// The dual number of this value whose derivative is `slope` times that of `self`. Where `self` does not change, neither
+    /// does a function of it, even where the function has no finite slope: a vehicle at rest stays differentiable.
+    fn chain(self, value: f64, slope: f64) -> Self {
+        Self::new(value, if self.eps == 0.0 { 0.0 } else { slope * self.eps })
+    }
+}
+
+impl From<f64> for Dual64 {
+    fn from(value: f64) -> Self {
+        Self::new(value, 0.0)
+    }
+}
+
+impl Add for Dual64 {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self::new(self.re + other.re, self.eps + other.eps)
+    }
+}
+impl Sub for Dual64 {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        Self::new(self.re - other.re, self.eps - other.eps)
+    }
+}
+impl Mul for Dual64 {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        Self::new(self.re * other.re, self.eps * other.re + other.eps * self.re)
+    }
+}
+impl Div for Dual64 {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        let value = self.re / other.re;
+        Self::new(value, (self.eps - value * other.eps) / other.re)
+    }
+}
+impl Neg for Dual64 {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self::new(-self.re, -self.eps)
+    }
+}
+impl Add<f64> for Dual64 {
+    type Output = Self;
+    fn add(self, other: f64) -> Self {
+        Self::new(self.re + other, self.eps)
+    }
+}
+impl Sub<f64> for Dual64 {
+    type Output = Self;
+    fn sub(self, other: f64) -> Self {
+        Self::new(self.re - other, self.eps)
+    }
+}
+impl Mul<f64> for Dual64 {
+    type Output = Self;
+    fn mul(self, other: f64) -> Self {
+        Self::new(self.re * other, self.eps * other)
+    }
+}
+impl Div<f64> for Dual64 {
+    type Output = Self;
+    fn div(self, other: f64) -> Self {
+        Self::new(self.re / other, self.eps / other)
+    }
+}
+impl AddAssign for Dual64 {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+impl SubAssign for Dual64 {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+impl Sum for Dual64 {
+    fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
+        terms.fold(Self::default(), Add::add)
+    }
+}
+
+impl Scalar for Dual64 {
+    fn sin(self) -> Self {
+        self.chain(self.re.sin(), self.re.cos())
+    }
+    fn cos(self) -> Self {
+        self.chain(self.re.cos(), -self.re.sin())
+    }
+    fn tan(self) -> Self {
+        let value = self.re.tan();
+        self.chain(value, 1.0 + value * value)
+    }
+    fn asin(self) -> Self {
+        self.chain(self.re.asin(), 1.0 / (1.0 - self.re * self.re).sqrt())
+    }
+    fn acos(self) -> Self {
+        self.chain(self.re.acos(), -1.0 / (1.0 - self.re * self.re).sqrt())
+    }
+    fn atan(self) -> Self {
+        self.chain(self.re.atan(), 1.0 / (1.0 + self.re * self.re))
+    }
+    fn atan2(self, x: Self) -> Self {
+        // Not by way of the quotient, which has no derivative where x is 0.
+        let distance = self.re * self.re + x.re * x.re;
+        let turn = x.re * self.eps - self.re * x.eps;
+        // At the origin the angle has no derivative; 0 keeps a vehicle at rest differentiable.
+        Self::new(self.re.atan2(x.re), if distance == 0.0 { 0.0 } else { turn / distance })
+    }
+    fn sinh(self) -> Self {
+        self.chain(self.re.sinh(), self.re.cosh())
+    }
+    fn cosh(self) -> Self {
+        self.chain(self.re.cosh(), self.re.sinh())
+    }
+    fn tanh(self) -> Self {
+        // 1 - tanh^2 instead of a quotient of hyperbolic functions, which overflows for large arguments.
+        let value = self.re.tanh();
+        self.chain(value, 1.0 - value * value)
+    }
+    fn sqrt(self) -> Self {
+        let value = self.re.sqrt();
+        self.chain(value, 0.5 / value)
+    }
+    fn exp(self) -> Self {
+        let value = self.re.exp();
+        self.chain(value, value)
+    }
+    fn ln(self) -> Self {
+        self.chain(self.re.ln(), 1.0 / self.re)
+    }
+    fn powf(self, exponent: f64) -> Self {
+        let slope = if exponent == 0.0 { 0.0 } else { exponent * self.re.powf(exponent - 1.0) };
+        self.chain(self.re.powf(exponent), slope)
+    }
+    fn powi(self, exponent: i32) -> Self {
+        let slope = if exponent == 0 { 0.0 } else { f64::from(exponent) * self.re.powi(exponent - 1) };
+        self.chain(self.re.powi(exponent), slope)
+    }
+    fn hypot(self, other: Self) -> Self {
+        let value = self.re.hypot(other.re);
+        let slope = self.re * self.eps + other.re * other.eps;
+        Self::new(value, if value == 0.0 { 0.0 } else { slope / value })
+    }
+    fn rem_euclid(self, modulus: f64) -> Self {
+        Self::new(self.re.rem_euclid(modulus), self.eps)
+    }
+    fn floor(self) -> Self {
+        Self::from(self.re.floor())
+    }
+    fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
+        if self.re > threshold.re { then } else { otherwise }
+    }
+    fn interpolate(self, table: &crate::Table) -> Self {
+        let (value, slope) = table.at(self.re);
+        self.chain(value, slope)
+    }
+    fn value(self) -> f64 {
+        self.re
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pair(dual: Dual64) -> (f64, f64) {
+        (dual.re, dual.eps)
+    }
+
+    /// The function of the equations, its value and its derivative.
+    type Case = (fn(Dual64) -> Dual64, fn(f64) -> f64, fn(f64) -> f64);
+
+    #[test]
+    fn derivatives_are_those_of_calculus() {
+        // Closed forms; 4e-15 relative is a few roundings.
+        let cases: &[Case] = &[
+            (Scalar::sin, f64::sin, f64::cos),
+            (Scalar::cos, f64::cos, |x| -x.sin()),
+            (Scalar::tan, f64::tan, |x| 1.0 / x.cos().powi(2)),
+            (Scalar::asin, f64::asin, |x| (1.0 - x * x).powf(-0.5)),
+            (Scalar::acos, f64::acos, |x| -(1.0 - x * x).powf(-0.5)),
+            (Scalar::atan, f64::atan, |x| 1.0 / (1.0 + x * x)),
+            (Scalar::sinh, f64::sinh, f64::cosh),
+            (Scalar::cosh, f64::cosh, f64::sinh),
+            (Scalar::tanh, f64::tanh, |x| x.cosh().powi(-2)),
+            (Scalar::sqrt, f64::sqrt, |x| 0.5 * x.powf(-0.5)),
+            (Scalar::exp, f64::exp, f64::exp),
+            (Scalar::ln, f64::ln, f64::recip),
+            (|x| x.powf(2.5), |x| x.powf(2.5), |x| 2.5 * x.powf(1.5)),
+            (|x| x.powi(-3), |x| x.powi(-3), |x| -3.0 * x.powi(-4)),
+            (|x| x.hypot(Dual64::from(2.0)), |x| x.hypot(2.0), |x| x / x.hypot(2.0)),
+            (|x| (x * x + 1.0) / x - 3.0, |x| (x * x + 1.0) / x - 3.0, |x| 1.0 - 1.0 / (x * x)),
+            (|x| x.rem_euclid(0.4), |x| x.rem_euclid(0.4), |_| 1.0),
+            (Scalar::floor, f64::floor, |_| 0.0),
+        ];
+        for x in [0.1, 0.55, 0.93] {
+            for (i, (dual, value, slope)) in cases.iter().enumerate() {
+                let result = dual(Dual64::new(x, 1.0));
+                assert_eq!(result.re, value(x), "case {i} at {x}");
+                let expected = slope(x);
+                assert!((result.eps - expected).abs() <= 4e-15 * expected.abs(), "case {i} at {x}: {result:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn duals_carry_the_derivative_of_the_active_branch() {
+        let x = Dual64::new(0.5, 1.0);
+        assert_eq!(Scalar::max(x, Dual64::from(2.0)).eps, 0.0);
+        assert_eq!(Scalar::abs(-x).eps, 1.0);
+        assert_eq!(Scalar::tanh(Dual64::new(800.0, 1.0)).eps, 0.0);
+    }
+
+    #[test]
+    fn duals_have_the_value_of_the_number_and_its_slope_at_the_edges_of_a_domain() {
+        let zero = Dual64::from(0.0);
+        let seeded = |value| Dual64::new(value, 1.0);
+        // d atan2(y, x) = (x dy - y dx)/(x^2 + y^2); by way of y/x it would be 0/0 where x = 0.
+        assert_eq!(Scalar::atan2(Dual64::from(2.0), seeded(0.0)).eps, -0.5);
+        assert_eq!(Scalar::atan2(seeded(2.0), zero).eps, 0.0);
+        assert_eq!(pair(Scalar::atan2(seeded(0.0), Dual64::from(-2.0))), (std::f64::consts::PI, -0.5));
+        assert_eq!(Scalar::atan2(seeded(0.0), zero).eps, 0.0);
+        assert_eq!(pair(Scalar::sqrt(zero)), (0.0, 0.0));
+        assert_eq!(pair(Scalar::sqrt(seeded(4.0))), (2.0, 0.25));
+        assert_eq!(pair(Scalar::sqrt(seeded(0.0))), (0.0, f64::INFINITY));
+        assert_eq!(pair(Scalar::powf(seeded(0.0), 1.5)), (0.0, 0.0));
+        assert_eq!(pair(Scalar::powf(zero, 0.5)), (0.0, 0.0));
+        assert_eq!(pair(Scalar::powf(seeded(4.0), 1.5)), (8.0, 3.0));
+        assert_eq!(pair(Scalar::powf(seeded(-3.0), 2.0)), (9.0, -6.0));
+        assert_eq!(pair(Scalar::powf(seeded(0.0), 0.0)), (1.0, 0.0));
+        assert_eq!(pair(Scalar::hypot(seeded(0.0), zero)), (0.0, 0.0));
+    }
+
+    /// |x| as equations call it: through the bound on the number type.
+    fn magnitude<T: Scalar>(x: T) -> T {
+        x.abs()
+    }
+
+    #[test]
+    fn a_magnitude_has_no_sign() {
+        // -0 would turn up again as atan2(-0, -1) = -pi.
+        assert!(magnitude(0.0_f64).is_sign_positive());
+        assert!(magnitude(-0.0_f64).is_sign_positive());
+        assert!(magnitude(Dual64::new(0.0, 1.0)).re.is_sign_positive());
+        assert_eq!(magnitude(Dual64::new(-2.0, 1.0)).eps, -1.0);
+    }
+}

@@ -1,0 +1,197 @@
+//! How an instance runs a model: one interface for continuous-time, discrete-time and stateful models.
+
+mod continuous;
+mod discrete;
+mod stateful;
+
+use std::path::Path;
+
+pub use continuous::ContinuousModel;
+pub use discrete::DiscreteModel;
+pub use stateful::StatefulModel;
+
+use crate::discrete_state::{Word, Words};
+use crate::instance::ValueStore;
+use crate::model::{Influence, Info};
+use crate::scalar::DependencySet;
+use crate::variable::Layout;
+use crate::variables::{Derived, Parameters};
+
+/// What kind of model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// [`Continuous`](crate::Continuous).
+    Continuous,
+    /// [`Discrete`](crate::Discrete).
+    Discrete,
+    /// [`Stateful`](crate::Stateful).
+    Stateful,
+}
+
+/// Why a step cannot be taken, or what it resulted in.
+#[derive(Debug)]
+pub enum StepError {
+    /// The real variable of this index is not finite.
+    NotFinite {
+        /// Index among the reals.
+        index: usize,
+        /// Its value.
+        value: f64,
+        /// Time in s.
+        time: f64,
+    },
+    /// The model refused the step.
+    Refused(String),
+    /// This field of the discrete state is not finite.
+    StateNotFinite {
+        /// Name of the field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// Time in s.
+        time: f64,
+    },
+}
+
+/// The most integration steps or samples in one communication step.
+pub const MOST_PARTS: f64 = 1e6;
+
+/// Time interval of a step: `[time, time + step)`, sample 0 at `start`.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// Start of the experiment in s.
+    pub start: f64,
+    /// End of the step before in s; it differs from the start of this one by roundings of the master.
+    pub reached: f64,
+    /// Start of the step in s.
+    pub time: f64,
+    /// Length of the step in s.
+    pub step: f64,
+    /// Number of the next sample.
+    pub sample: u64,
+}
+
+/// What an instance needs of a model.
+pub trait Model: 'static {
+    /// Facts about the model.
+    const INFO: Info;
+    /// What kind of model.
+    const KIND: Kind;
+    /// See [`Discrete::SOURCE`](crate::Discrete::SOURCE).
+    const SOURCE: Option<Influence> = None;
+    /// Whether the state can be serialized.
+    const IS_SERIALIZABLE: bool = true;
+    /// Whether the outputs are calculated at the start, instead of having start values.
+    const CALCULATES_OUTPUTS: bool = matches!(Self::KIND, Kind::Continuous | Kind::Stateful) || Self::SOURCE.is_some();
+    /// The parameters.
+    type Parameters: Parameters;
+    /// Derived parameters.
+    type Derived: Derived;
+    /// What changes from step to step besides the variables.
+    type Memory: Clone + Send + 'static;
+
+    /// Numbers all variables.
+    fn layout() -> Layout;
+    /// Computes the derived parameters.
+    ///
+    /// # Errors
+    /// A sentence that names the parameter, its value and the rule.
+    fn load(p: &Self::Parameters, resources: &Path) -> Result<Self::Derived, String>;
+    /// Hash of the loaded files.
+    fn fingerprint(derived: &Self::Derived) -> u64;
+    /// The memory at the start.
+    ///
+    /// # Errors
+    /// A sentence that names the parameter, its value and the rule.
+    fn begin(p: &Self::Parameters, derived: &Self::Derived, resources: &Path) -> Result<Self::Memory, String>;
+    /// Writes the states that follow from the parameters.
+    fn initialize(_p: &Self::Parameters, _derived: &Self::Derived, _layout: &Layout, _values: &mut ValueStore) {}
+    /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are refused.
+    fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
+    /// Advances states or outputs, and the memory.
+    ///
+    /// # Errors
+    /// When a number is not finite or the model refuses; `values` is kept then, the memory is not.
+    fn step(
+        p: &Self::Parameters,
+        derived: &Self::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &mut ValueStore,
+        step: Step,
+        parts: u64,
+    ) -> Result<(), StepError>;
+    /// Computes the outputs at `time`; those of the first sample of a source.
+    fn outputs(
+        p: &Self::Parameters,
+        derived: &Self::Derived,
+        memory: &Self::Memory,
+        layout: &Layout,
+        values: &mut ValueStore,
+        time: f64,
+    );
+    /// Computes the derivatives of the state.
+    fn derivatives(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &Self::Memory,
+        _layout: &Layout,
+        _values: &mut ValueStore,
+        _time: f64,
+    ) {
+    }
+    /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, then states), outputs first.
+    #[expect(clippy::too_many_arguments, reason = "the point and the direction in it")]
+    fn directional(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &Self::Memory,
+        _layout: &Layout,
+        _values: &ValueStore,
+        _time: f64,
+        _direction: &[f64],
+        result: &mut [f64],
+    ) {
+        result.fill(0.0);
+    }
+    /// What real outputs, then state derivatives depend on: the known variables are the real inputs, then the states.
+    fn dependencies(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &Self::Memory,
+        layout: &Layout,
+        _values: &ValueStore,
+    ) -> Vec<DependencySet> {
+        vec![DependencySet::default(); layout.outputs.counts.reals + layout.states.counts.reals]
+    }
+    /// Passes every value of the memory on.
+    ///
+    /// # Errors
+    /// Why a simulation cannot be serialized.
+    fn save(memory: &Self::Memory, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String>;
+    /// Reads a memory back; it is the one at the start before.
+    ///
+    /// # Errors
+    /// A value is missing, of another type, or impossible.
+    fn restore(memory: &mut Self::Memory, source: &mut Words<'_>) -> Result<(), String>;
+    /// Name and value of the first number in the memory that is not finite.
+    fn not_finite(_memory: &Self::Memory) -> Option<(&'static str, f64)> {
+        None
+    }
+}
+
+/// Whether all are finite numbers: 0 times anything else is not 0.
+#[inline]
+pub(crate) fn are_finite(values: &[f64]) -> bool {
+    values.iter().map(|value| value * 0.0).sum::<f64>() == 0.0
+}
+
+/// The first of some reals that is not finite, as an error.
+#[inline]
+fn first_not_finite(reals: &[f64], range: std::ops::Range<usize>, time: f64) -> Result<(), StepError> {
+    if are_finite(&reals[range.clone()]) {
+        return Ok(());
+    }
+    let index = range.clone().find(|&i| !reals[i].is_finite()).unwrap_or(range.start);
+    Err(StepError::NotFinite { index, value: reals[index], time })
+}

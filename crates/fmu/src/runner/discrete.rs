@@ -1,0 +1,112 @@
+//! Runs a discrete-time model.
+
+use std::marker::PhantomData;
+use std::path::Path;
+
+use super::{Kind, Model, Step, StepError, first_not_finite};
+use crate::clock::samples_before;
+use crate::declare::Spec;
+use crate::definition::SAMPLE_TIME;
+use crate::discrete_state::{DiscreteState as _, Word, Words};
+use crate::instance::ValueStore;
+use crate::model::{Discrete, Influence, Info, Sample};
+use crate::variable::{Declarations, Layout};
+use crate::variables::{Derived as _, Variables as _};
+
+/// Runs a [`Discrete`] model.
+#[derive(Debug)]
+pub struct DiscreteModel<M>(PhantomData<M>);
+
+fn sample_time(layout: &Layout, values: &ValueStore) -> f64 {
+    layout.solver.map_or(f64::INFINITY, |index| values.reals[index])
+}
+
+impl<M: Discrete> Model for DiscreteModel<M> {
+    const INFO: Info = M::INFO;
+    const KIND: Kind = Kind::Discrete;
+    const SOURCE: Option<Influence> = M::SOURCE;
+    type Parameters = M;
+    type Derived = M::Derived;
+    type Memory = M::State;
+
+    fn layout() -> Layout {
+        let mut declared = Declarations {
+            parameters: M::declarations(),
+            inputs: M::Inputs::declarations(),
+            outputs: M::Outputs::declarations(),
+            solver: Some(SAMPLE_TIME.name),
+            ..Declarations::default()
+        };
+        M::Derived::declare(&mut declared.derived);
+        if declared.parameters.iter().all(|parameter| parameter.name != SAMPLE_TIME.name) {
+            Spec::defined(&SAMPLE_TIME).declare_real(Some(M::INFO.step_size), &mut declared.parameters);
+        }
+        Layout::new(declared)
+    }
+
+    fn load(p: &M, resources: &Path) -> Result<M::Derived, String> {
+        p.load(resources)
+    }
+
+    fn fingerprint(derived: &M::Derived) -> u64 {
+        M::fingerprint(derived)
+    }
+
+    fn begin(p: &M, derived: &M::Derived, _: &Path) -> Result<M::State, String> {
+        Ok(p.initial_state(derived))
+    }
+
+    fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64 {
+        let end = samples_before(step.time + step.step, step.start, sample_time(layout, values), step.step);
+        (end - step.sample as f64).max(0.0)
+    }
+
+    fn step(
+        p: &M,
+        derived: &M::Derived,
+        state: &mut M::State,
+        layout: &Layout,
+        values: &mut ValueStore,
+        step: Step,
+        parts: u64,
+    ) -> Result<(), StepError> {
+        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+        let before = M::Outputs::read(values.view(), layout.outputs.at);
+        let period = sample_time(layout, values);
+        let mut samples = || {
+            for sample in step.sample..step.sample + parts {
+                let time = step.start + sample as f64 * period;
+                p.check(&Sample { time, state, inputs, derived }).map_err(StepError::Refused)?;
+                let outputs = p.update(Sample { time, state, inputs, derived });
+                outputs.write(&mut values.view_mut(), layout.outputs.at);
+                first_not_finite(&values.reals, layout.outputs.reals(), time)?;
+                if let Some((name, value)) = state.not_finite() {
+                    return Err(StepError::StateNotFinite { name, value, time });
+                }
+            }
+            Ok(())
+        };
+        samples().inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))
+    }
+
+    fn outputs(p: &M, derived: &M::Derived, _: &M::State, layout: &Layout, values: &mut ValueStore, start: f64) {
+        // With the start values of the inputs; the state of the run begins with the first step, which takes this sample again.
+        let starts = ValueStore::start(layout);
+        let inputs = &M::Inputs::read(starts.view(), layout.inputs.at);
+        let state = &mut p.initial_state(derived);
+        p.update(Sample { time: start, state, inputs, derived }).write(&mut values.view_mut(), layout.outputs.at);
+    }
+
+    fn save(state: &M::State, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
+        state.save(sink);
+        Ok(())
+    }
+
+    fn restore(state: &mut M::State, source: &mut Words<'_>) -> Result<(), String> {
+        state.load(source)
+    }
+
+    fn not_finite(state: &M::State) -> Option<(&'static str, f64)> {
+        state.not_finite()
+    }
+}

@@ -1,0 +1,86 @@
+//! Runs a stateful model.
+
+use std::marker::PhantomData;
+use std::path::Path;
+
+use super::{Kind, Model, Step, StepError, first_not_finite};
+use crate::discrete_state::{Word, Words};
+use crate::instance::ValueStore;
+use crate::model::{Info, Stateful};
+use crate::variable::{Declarations, Layout};
+use crate::variables::Variables as _;
+
+/// Runs a [`Stateful`] model.
+#[derive(Debug)]
+pub struct StatefulModel<M>(PhantomData<M>);
+
+impl<M: Stateful> Model for StatefulModel<M> {
+    const INFO: Info = M::INFO;
+    const KIND: Kind = Kind::Stateful;
+    const IS_SERIALIZABLE: bool = M::SERIALIZE.is_some();
+    type Parameters = M;
+    type Derived = ();
+    type Memory = M::Simulation;
+
+    fn layout() -> Layout {
+        Layout::new(Declarations {
+            parameters: M::declarations(),
+            inputs: M::Inputs::declarations(),
+            outputs: M::Outputs::declarations(),
+            ..Declarations::default()
+        })
+    }
+
+    fn load(_: &M, _: &Path) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn fingerprint((): &()) -> u64 {
+        0
+    }
+
+    fn begin(p: &M, (): &(), resources: &Path) -> Result<M::Simulation, String> {
+        p.start(resources)
+    }
+
+    fn parts(_: &Layout, _: &ValueStore, _: Step) -> f64 {
+        1.0
+    }
+
+    fn step(
+        p: &M,
+        (): &(),
+        simulation: &mut M::Simulation,
+        layout: &Layout,
+        values: &mut ValueStore,
+        step: Step,
+        _: u64,
+    ) -> Result<(), StepError> {
+        let inputs = M::Inputs::read(values.view(), layout.inputs.at);
+        let before = M::Outputs::read(values.view(), layout.outputs.at);
+        p.step(simulation, &inputs, step.time, step.step).map_err(StepError::Refused)?;
+        p.outputs(simulation).write(&mut values.view_mut(), layout.outputs.at);
+        first_not_finite(&values.reals, layout.outputs.reals(), step.time + step.step)
+            .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))
+    }
+
+    fn outputs(p: &M, (): &(), simulation: &M::Simulation, layout: &Layout, values: &mut ValueStore, _: f64) {
+        p.outputs(simulation).write(&mut values.view_mut(), layout.outputs.at);
+    }
+
+    fn save(simulation: &M::Simulation, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
+        let Some(serialize) = &M::SERIALIZE else {
+            return Err("the state of this model cannot be serialized".to_owned());
+        };
+        sink(Word::Bytes(&(serialize.save)(simulation)?));
+        Ok(())
+    }
+
+    fn restore(simulation: &mut M::Simulation, source: &mut Words<'_>) -> Result<(), String> {
+        let Some(serialize) = &M::SERIALIZE else {
+            return Err("the state of this model cannot be serialized".to_owned());
+        };
+        *simulation = (serialize.load)(&source.bytes("simulation")?)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,17 @@
+//! Serializes the state of stateful models.
+
+/// The bytes of a simulation.
+///
+/// # Errors
+/// What cannot be serialized.
+pub fn to_bytes<S: ::serde::Serialize>(simulation: &S) -> Result<Vec<u8>, String> {
+    postcard::to_allocvec(simulation).map_err(|error| error.to_string())
+}
+
+/// The simulation of some bytes.
+///
+/// # Errors
+/// Bytes of another type or version.
+pub fn from_bytes<S: for<'de> ::serde::Deserialize<'de>>(bytes: &[u8]) -> Result<S, String> {
+    postcard::from_bytes(bytes).map_err(|error| error.to_string())
+}

@@ -1,0 +1,218 @@
+//! Runs a model in Rust, without an FMU: for tests, and for models that contain others.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::instance::ValueStore;
+use crate::model::{Continuous, Discrete, Sample};
+use crate::runner::{ContinuousModel, DiscreteModel, MOST_PARTS, Model, Step, StepError};
+use crate::variable::Layout;
+use crate::variables::{Counts, Variables as _};
+
+/// A run of a continuous-time model, as its FMU would do it: same solver, same bits.
+///
+/// ```
+/// use fmu::prelude::*;
+/// use fmu::simulation::ContinuousSimulation;
+///
+/// #[derive(Parameters)]
+/// struct Decay;
+///
+/// #[derive(State)]
+/// struct X<T> {
+///     /// Amount (mol)
+///     #[var(start = 1.0)]
+///     n: T,
+/// }
+///
+/// /// Radioactive decay
+/// #[fmu::model(stop_time = 1.0, step_size = 0.01)]
+/// impl Continuous for Decay {
+///     type State<T: Scalar> = X<T>;
+///     fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+///         X { n: -at.state.n }
+///     }
+/// }
+///
+/// # fn main() -> Result<(), String> {
+/// let mut run = ContinuousSimulation::new(Decay)?;
+/// while run.time() < 1.0 {
+///     run.step(&(), 0.01)?;
+/// }
+/// // The classical Runge-Kutta method: the error is about the fifth power of the step.
+/// assert!((run.state().n - (-run.time()).exp()).abs() < 1e-10);
+/// # Ok(()) }
+/// ```
+pub struct ContinuousSimulation<M: Continuous> {
+    model: Arc<M>,
+    derived: Arc<M::Derived>,
+    layout: Arc<Layout>,
+    memory: <ContinuousModel<M> as Model>::Memory,
+    values: ValueStore,
+    time: f64,
+}
+
+impl<M: Continuous> Clone for ContinuousSimulation<M> {
+    fn clone(&self) -> Self {
+        Self {
+            model: Arc::clone(&self.model),
+            derived: Arc::clone(&self.derived),
+            layout: Arc::clone(&self.layout),
+            memory: self.memory.clone(),
+            values: self.values.clone(),
+            time: self.time,
+        }
+    }
+}
+
+impl<M: Continuous> std::fmt::Debug for ContinuousSimulation<M> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ContinuousSimulation").field("model", &M::INFO.name).field("time", &self.time).finish()
+    }
+}
+
+impl<M: Continuous> ContinuousSimulation<M> {
+    /// Starts at time 0 with the start values of the states.
+    ///
+    /// # Errors
+    /// The parameters do not suit each other.
+    pub fn new(model: M) -> Result<Self, String> {
+        let no_resources = Path::new("");
+        let layout = ContinuousModel::<M>::layout();
+        let derived = model.load(no_resources)?;
+        let mut values = ValueStore::start(&layout);
+        model.write(&mut values.view_mut(), Counts::ZERO);
+        ContinuousModel::<M>::initialize(&model, &derived, &layout, &mut values);
+        let memory = ContinuousModel::<M>::begin(&model, &derived, no_resources)?;
+        Ok(Self { model: model.into(), derived: derived.into(), layout: layout.into(), memory, values, time: 0.0 })
+    }
+
+    /// Time in s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// The state.
+    #[must_use]
+    pub fn state(&self) -> M::State<f64> {
+        M::State::read(self.values.view(), self.layout.states.at)
+    }
+
+    /// Replaces the state.
+    pub fn set_state(&mut self, state: &M::State<f64>) {
+        state.write(&mut self.values.view_mut(), self.layout.states.at);
+    }
+
+    /// The derived parameters.
+    #[must_use]
+    pub fn derived(&self) -> &M::Derived {
+        &self.derived
+    }
+
+    /// The outputs for these inputs.
+    pub fn outputs(&mut self, inputs: &M::Inputs<f64>) -> M::Outputs<f64> {
+        inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
+        let Self { model, derived, layout, memory, values, time } = self;
+        ContinuousModel::<M>::outputs(model, derived, memory, layout, values, *time);
+        M::Outputs::read(values.view(), layout.outputs.at)
+    }
+
+    /// Advances by `step` in s, the inputs held.
+    ///
+    /// # Errors
+    /// A state is not finite, the solver cannot keep its tolerance, or events accumulate.
+    pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
+        inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
+        let Self { model, derived, layout, memory, values, time } = self;
+        let interval = Step { start: 0.0, reached: *time, time: *time, step, sample: 0 };
+        let parts = ContinuousModel::<M>::parts(layout, values, interval);
+        if parts.is_nan() || parts > MOST_PARTS {
+            return Err(format!(
+                "a step of {step} s needs {parts} integration steps, at most {MOST_PARTS} are possible"
+            ));
+        }
+        let advanced = ContinuousModel::<M>::step(model, derived, memory, layout, values, interval, parts as u64);
+        advanced.map_err(|error| message(layout, &error))?;
+        *time += step;
+        Ok(())
+    }
+}
+
+/// A run of a discrete-time model.
+pub struct DiscreteSimulation<M: Discrete> {
+    model: Arc<M>,
+    derived: Arc<M::Derived>,
+    state: M::State,
+    sample_time: f64,
+    samples: u64,
+}
+
+impl<M: Discrete> Clone for DiscreteSimulation<M> {
+    fn clone(&self) -> Self {
+        Self {
+            model: Arc::clone(&self.model),
+            derived: Arc::clone(&self.derived),
+            state: self.state.clone(),
+            sample_time: self.sample_time,
+            samples: self.samples,
+        }
+    }
+}
+
+impl<M: Discrete> std::fmt::Debug for DiscreteSimulation<M> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("DiscreteSimulation").field("model", &M::INFO.name).field("samples", &self.samples).finish()
+    }
+}
+
+impl<M: Discrete> DiscreteSimulation<M> {
+    /// Starts before the first sample, which is due at time 0.
+    ///
+    /// # Errors
+    /// The parameters do not suit each other.
+    pub fn new(model: M) -> Result<Self, String> {
+        let layout = DiscreteModel::<M>::layout();
+        let mut values = ValueStore::start(&layout);
+        model.write(&mut values.view_mut(), Counts::ZERO);
+        let sample_time = layout.solver.map_or(M::INFO.step_size, |index| values.reals[index]);
+        let derived = model.load(Path::new(""))?;
+        let state = model.initial_state(&derived);
+        Ok(Self { model: model.into(), derived: derived.into(), state, sample_time, samples: 0 })
+    }
+
+    /// Time from one sample to the next in s.
+    #[must_use]
+    pub fn sample_time(&self) -> f64 {
+        self.sample_time
+    }
+
+    /// The discrete state.
+    #[must_use]
+    pub fn state(&self) -> &M::State {
+        &self.state
+    }
+
+    /// Takes the next sample.
+    ///
+    /// # Errors
+    /// The model refuses the inputs.
+    pub fn sample(&mut self, inputs: &M::Inputs) -> Result<M::Outputs, String> {
+        let Self { model, derived, state, sample_time, samples } = self;
+        let time = *samples as f64 * *sample_time;
+        model.check(&Sample { time, state, inputs, derived })?;
+        *samples += 1;
+        Ok(model.update(Sample { time, state, inputs, derived }))
+    }
+}
+
+/// What went wrong in a step.
+fn message(layout: &Layout, error: &StepError) -> String {
+    match error {
+        StepError::NotFinite { index, value, time } => {
+            format!("'{}' became {value} at {time} s", layout.real_name(*index))
+        }
+        StepError::StateNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
+        StepError::Refused(message) => message.clone(),
+    }
+}

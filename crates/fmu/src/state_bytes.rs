@@ -1,0 +1,235 @@
+//! The bytes of a saved state: magic, format version, GUID, everything that changes, checksum. Little endian, no
+//! pointers, so they are valid in another process and on another machine.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::calls::Mode;
+use crate::clock::Clock;
+use crate::discrete_state::{OwnedWord, Word, Words};
+use crate::instance::{Snapshot, ValueStore};
+use crate::runner::{Kind as ModelKind, Model};
+use crate::variable::{Kind, Layout, Role};
+
+const MAGIC: &[u8; 8] = b"FMURS\r\n\0";
+const VERSION: u32 = 2;
+
+/// FNV-1a, 64 bits: finds damaged bytes; it is no protection against forged ones.
+pub(crate) fn checksum(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+struct Writer(Vec<u8>);
+
+impl Writer {
+    fn u32(&mut self, value: u32) {
+        self.0.extend(value.to_le_bytes());
+    }
+    fn u64(&mut self, value: u64) {
+        self.0.extend(value.to_le_bytes());
+    }
+    fn f64(&mut self, value: f64) {
+        self.u64(value.to_bits());
+    }
+    fn text(&mut self, value: &str) {
+        self.u32(u32::try_from(value.len()).expect("texts are shorter than 4 GiB"));
+        self.0.extend(value.as_bytes());
+    }
+}
+
+pub(crate) fn write<M: Model>(guid: &str, snapshot: &Snapshot<M>) -> Result<Vec<u8>, String> {
+    let mut out = Writer(MAGIC.to_vec());
+    out.u32(VERSION);
+    out.text(guid);
+    out.u32(snapshot.mode as u32);
+    out.f64(snapshot.clock.start);
+    out.u32(u32::from(snapshot.clock.stop.is_some()));
+    out.f64(snapshot.clock.stop.unwrap_or(0.0));
+    out.f64(snapshot.clock.time);
+    out.u64(snapshot.clock.sample);
+    snapshot.values.reals.iter().for_each(|&value| out.f64(value));
+    snapshot.values.integers.iter().for_each(|&value| out.0.extend(value.to_le_bytes()));
+    snapshot.values.booleans.iter().for_each(|&value| out.0.push(u8::from(value)));
+    snapshot.values.strings.iter().for_each(|value| out.text(value));
+    out.u32(u32::from(snapshot.derived.is_some()));
+    out.u64(snapshot.derived.as_deref().map_or(0, M::fingerprint));
+    // Before the start the memory follows from the parameters.
+    if let Some(memory) = snapshot.memory.as_ref().filter(|_| is_initialized(snapshot.mode)) {
+        M::save(memory, &mut |word| match word {
+            Word::Real(value) => {
+                out.0.push(0);
+                out.f64(value);
+            }
+            Word::Whole(value) => {
+                out.0.push(1);
+                out.u64(value);
+            }
+            Word::Bytes(bytes) => {
+                out.0.push(2);
+                out.u64(bytes.len() as u64);
+                out.0.extend(bytes);
+            }
+        })?;
+    }
+    let sum = checksum(&out.0);
+    out.u64(sum);
+    Ok(out.0)
+}
+
+/// Whether the initialization has ended.
+fn is_initialized(mode: Mode) -> bool {
+    !matches!(mode, Mode::Instantiated | Mode::Initialization)
+}
+
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
+        let (first, rest) = self.0.split_first_chunk().ok_or("the bytes end too early")?;
+        self.0 = rest;
+        Ok(*first)
+    }
+    fn u8(&mut self) -> Result<u8, String> {
+        Ok(self.take::<1>()?[0])
+    }
+    fn u32(&mut self) -> Result<u32, String> {
+        Ok(u32::from_le_bytes(self.take()?))
+    }
+    fn u64(&mut self) -> Result<u64, String> {
+        Ok(u64::from_le_bytes(self.take()?))
+    }
+    fn f64(&mut self) -> Result<f64, String> {
+        Ok(f64::from_bits(self.u64()?))
+    }
+    fn switch(&mut self) -> Result<bool, String> {
+        match self.u32()? {
+            0 => Ok(false),
+            1 => Ok(true),
+            other => Err(format!("a switch is {other}, 0 or 1 was expected")),
+        }
+    }
+    fn text(&mut self) -> Result<String, String> {
+        let length = self.u32()? as usize;
+        let (first, rest) = self.0.split_at_checked(length).ok_or("the bytes end too early")?;
+        self.0 = rest;
+        String::from_utf8(first.to_vec()).map_err(|_| "a text is not UTF-8".to_owned())
+    }
+}
+
+/// The snapshot of some bytes.
+pub(crate) fn read<M: Model>(
+    guid: &str,
+    layout: &Layout,
+    resources: &Path,
+    bytes: &[u8],
+) -> Result<Snapshot<M>, String> {
+    let body = bytes.len().checked_sub(8).filter(|&body| body > MAGIC.len()).ok_or("too few bytes for a state")?;
+    let (body, sum) = bytes.split_at(body);
+    let mut source = Reader(body);
+    if &source.take::<8>()? != MAGIC {
+        return Err("these are not the bytes of a state of this exporter".to_owned());
+    }
+    let version = source.u32()?;
+    if version != VERSION {
+        return Err(format!("format version {version}, {VERSION} was expected"));
+    }
+    let found = source.text()?;
+    if found != guid {
+        return Err(format!("the state belongs to another FMU: GUID {found}, {guid} was expected"));
+    }
+    if Reader(sum).u64()? != checksum(body) {
+        return Err("the bytes are damaged (checksum)".to_owned());
+    }
+    let number = source.u32()?;
+    let mode = Mode::ALL.get(number as usize).copied().ok_or_else(|| format!("unknown mode {number}"))?;
+    let start = source.f64()?;
+    let has_stop = source.switch()?;
+    let stop = source.f64()?;
+    let clock = Clock { start, stop: has_stop.then_some(stop), time: source.f64()?, sample: source.u64()? };
+    let mut values = ValueStore {
+        reals: vec![0.0; layout.reals()].into(),
+        integers: vec![0; (layout.first_boolean - layout.first_integer) as usize].into(),
+        booleans: vec![false; (layout.first_string - layout.first_boolean) as usize].into(),
+        strings: vec![String::new(); (layout.end - layout.first_string) as usize].into(),
+    };
+    for value in &mut values.reals {
+        *value = source.f64()?;
+    }
+    for value in &mut values.integers {
+        *value = i32::from_le_bytes(source.take()?);
+    }
+    for value in &mut values.booleans {
+        *value = source.u8()? != 0;
+    }
+    for value in &mut values.strings {
+        *value = source.text()?;
+    }
+    let has_derived = source.switch()?;
+    let fingerprint = source.u64()?;
+    let initialized = is_initialized(mode);
+    if mode == Mode::Broken || (initialized && !has_derived) {
+        return Err(format!("no state can be saved in {}", mode.name()));
+    }
+    let are_computed = M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && !initialized);
+    for variable in &layout.variables {
+        let name = &variable.declaration.name;
+        match &variable.declaration.kind {
+            // The outputs of a plant are computed anew from state and inputs, those of a source up to the start.
+            Kind::Real(_) if are_computed && matches!(variable.role, Role::Output | Role::Derivative) => {}
+            Kind::Real(_) if !values.reals[variable.index].is_finite() => {
+                return Err(format!("'{name}' is not a finite number"));
+            }
+            // What no call accepts, no state may bring: laws rely on the limits of their parameters.
+            Kind::Real(real) if variable.role == Role::Parameter => {
+                let value = values.reals[variable.index];
+                let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
+                if !(min..=max).contains(&value) {
+                    return Err(format!("'{name}' = {} is not in [{min}, {max}]", real.unit.with(value)));
+                }
+            }
+            Kind::Integer { min, max, items, .. } => {
+                let value = values.integers[variable.index];
+                let known = items.is_empty() || items.iter().any(|item| item.value == value);
+                if !known || !(*min..=*max).contains(&value) {
+                    return Err(format!("'{name}' = {value} is not one of its values"));
+                }
+            }
+            Kind::String { .. } if values.strings[variable.index].contains('\0') => {
+                return Err(format!("'{name}' has a zero byte"));
+            }
+            _ => {}
+        }
+    }
+    let period = layout.solver.filter(|_| M::KIND == ModelKind::Discrete).map(|index| values.reals[index]);
+    clock.check(initialized, period)?;
+    let mut snapshot = Snapshot { mode, clock, values, memory: None, derived: None };
+    if !has_derived {
+        return if source.0.is_empty() { Ok(snapshot) } else { Err(format!("{} bytes too many", source.0.len())) };
+    }
+    let parameters = snapshot.values.parameters::<M>();
+    let derived = Arc::new(M::load(&parameters, resources)?);
+    if M::fingerprint(&derived) != fingerprint {
+        return Err("a file that the state was made with has another content now".to_owned());
+    }
+    // In place: the state of a model may be large, and a thread's stack small.
+    let memory = snapshot.memory.insert(M::begin(&parameters, &derived, resources)?);
+    if initialized {
+        let mut next = || match source.u8()? {
+            0 => source.f64().map(OwnedWord::Real),
+            1 => source.u64().map(OwnedWord::Whole),
+            2 => {
+                let length = usize::try_from(source.u64()?).map_err(|_| "the bytes end too early")?;
+                let (bytes, rest) = source.0.split_at_checked(length).ok_or("the bytes end too early")?;
+                source.0 = rest;
+                Ok(OwnedWord::Bytes(bytes.to_vec()))
+            }
+            kind => Err(format!("unknown kind of value {kind}")),
+        };
+        M::restore(memory, &mut Words(&mut next))?;
+    }
+    if !source.0.is_empty() {
+        return Err(format!("{} bytes too many", source.0.len()));
+    }
+    snapshot.derived = Some(derived);
+    Ok(snapshot)
+}

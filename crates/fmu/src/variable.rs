@@ -1,0 +1,326 @@
+//! The variables of an FMU, as declared and as numbered.
+
+use std::ops::Range;
+
+use crate::enumeration::Item;
+use crate::unit::{DisplayUnit, Unit};
+use crate::variables::Counts;
+
+/// A variable as a block declares it.
+#[derive(Clone, Debug)]
+pub struct Declaration {
+    /// Name in the model description.
+    pub name: String,
+    /// What it is.
+    pub description: String,
+    /// Whether a parameter may change between steps; false for everything else.
+    pub tunable: bool,
+    /// Whether a state is not an output (causality local).
+    pub local: bool,
+    /// Whether the start value of a state follows from the parameters; false for everything else.
+    pub calculated: bool,
+    /// Type and what belongs to it.
+    pub kind: Kind,
+}
+
+/// Type of a variable with its start value and limits.
+#[derive(Clone, Debug)]
+pub enum Kind {
+    /// A real number with its unit.
+    Real(Real),
+    /// An Integer; `items` names the values of an enumeration.
+    Integer {
+        /// Start value.
+        start: i32,
+        /// Least value; `i32::MIN` if there is none.
+        min: i32,
+        /// Greatest value; `i32::MAX` if there is none.
+        max: i32,
+        /// Name of the type of an enumeration; empty for a plain number.
+        type_name: &'static str,
+        /// Values and names of an enumeration; empty for a plain number.
+        items: &'static [Item],
+        /// Whether it is an FMI Enumeration.
+        is_enumeration: bool,
+    },
+    /// A Boolean.
+    Boolean {
+        /// Start value.
+        start: bool,
+    },
+    /// A String.
+    String {
+        /// Start value.
+        start: String,
+    },
+}
+
+/// What belongs to a real variable.
+#[derive(Clone, Debug)]
+pub struct Real {
+    /// Unit of measure.
+    pub unit: Unit,
+    /// Unit to display values in.
+    pub display: Option<DisplayUnit>,
+    /// Start value; what calculated variables have before they are calculated.
+    pub start: f64,
+    /// Least value, if there is one.
+    pub min: Option<f64>,
+    /// Greatest value, if there is one.
+    pub max: Option<f64>,
+    /// Usual magnitude, if it was declared.
+    pub nominal: Option<f64>,
+}
+
+/// What a variable is in the FMU; decides causality, variability and initial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Set before or, if tunable, between steps.
+    Parameter,
+    /// Follows from the parameters.
+    Calculated,
+    /// Set by the master.
+    Input,
+    /// Read by the master.
+    Output,
+    /// A continuous state of a plant.
+    State,
+    /// The derivative of the state of the same number.
+    Derivative,
+}
+
+/// A variable with its place among all values of its type.
+#[derive(Clone, Debug)]
+pub struct Variable {
+    /// As declared.
+    pub declaration: Declaration,
+    /// What it is in the FMU.
+    pub role: Role,
+    /// Index among the values of its type.
+    pub index: usize,
+    /// Value reference in the FMU.
+    pub reference: u32,
+}
+
+/// The variables of a block: where the values of each type begin, and how many there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Block {
+    /// Position of the first values.
+    pub at: Counts,
+    /// Number of values.
+    pub counts: Counts,
+}
+
+impl Block {
+    /// Indices of the reals.
+    #[must_use]
+    pub const fn reals(&self) -> Range<usize> {
+        self.at.reals..self.at.reals + self.counts.reals
+    }
+    /// Whether it has variables that are not real.
+    pub(crate) const fn has_others(&self) -> bool {
+        self.counts.integers + self.counts.booleans + self.counts.strings > 0
+    }
+}
+
+/// All variables of a model and where their values are.
+///
+/// Reals come first, block by block, so that a value reference is an index; Integers, Booleans and Strings follow.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// In the order of the model description.
+    pub variables: Vec<Variable>,
+    /// Parameters.
+    pub parameters: Block,
+    /// Derived parameters.
+    pub derived: Block,
+    /// Inputs.
+    pub inputs: Block,
+    /// Outputs that are not states.
+    pub outputs: Block,
+    /// Continuous states.
+    pub states: Block,
+    /// Their derivatives.
+    pub derivatives: Block,
+    /// Index of the parameter `sample_time`, `max_step` or `tolerance`.
+    pub solver: Option<usize>,
+    /// First value reference of the Integers.
+    pub first_integer: u32,
+    /// First value reference of the Booleans.
+    pub first_boolean: u32,
+    /// First value reference of the Strings.
+    pub first_string: u32,
+    /// One past the last value reference.
+    pub end: u32,
+    /// Position in `variables` by value reference.
+    positions: Vec<usize>,
+}
+
+/// The declared variables of a model, by block.
+#[derive(Clone, Debug, Default)]
+pub struct Declarations {
+    /// Parameters.
+    pub parameters: Vec<Declaration>,
+    /// Derived parameters.
+    pub derived: Vec<Declaration>,
+    /// Inputs.
+    pub inputs: Vec<Declaration>,
+    /// Outputs that are not states.
+    pub outputs: Vec<Declaration>,
+    /// Continuous states.
+    pub states: Vec<Declaration>,
+    /// Name of the parameter that the solver reads.
+    pub solver: Option<&'static str>,
+}
+
+impl Layout {
+    /// Numbers the declared variables.
+    ///
+    /// # Panics
+    /// On more than [`u32::MAX`] variables.
+    #[must_use]
+    pub fn new(declared: Declarations) -> Self {
+        let derivatives: Vec<_> = declared.states.iter().map(derivative_of).collect();
+        let blocks = [
+            (Role::Parameter, declared.parameters),
+            (Role::Calculated, declared.derived),
+            (Role::Input, declared.inputs),
+            (Role::Output, declared.outputs),
+            (Role::State, declared.states),
+            (Role::Derivative, derivatives),
+        ];
+        let mut total = Counts::ZERO;
+        let mut variables = Vec::new();
+        let mut places = Vec::new();
+        for (role, block) in blocks {
+            let at = total;
+            let mut counts = Counts::ZERO;
+            for declaration in block {
+                let one = declaration.kind.counts();
+                let index = declaration.kind.of(at.plus(counts));
+                variables.push(Variable { declaration, role, index, reference: 0 });
+                counts = counts.plus(one);
+            }
+            total = total.plus(counts);
+            places.push(Block { at, counts });
+        }
+        let mut first = [0_u32; 5];
+        for (i, count) in [total.reals, total.integers, total.booleans, total.strings].into_iter().enumerate() {
+            first[i + 1] = first[i] + u32::try_from(count).expect("fewer than 2^32 variables");
+        }
+        let mut positions = vec![0; variables.len()];
+        for (position, variable) in variables.iter_mut().enumerate() {
+            variable.reference =
+                first[variable.declaration.kind.type_number()] + u32::try_from(variable.index).expect("checked above");
+            positions[variable.reference as usize] = position;
+        }
+        let is_solver = |variable: &&Variable| {
+            variable.role == Role::Parameter && Some(variable.declaration.name.as_str()) == declared.solver
+        };
+        let solver = variables.iter().find(is_solver).map(|variable| variable.index);
+        let mut places = places.into_iter();
+        let mut next = || places.next().expect("one place per block");
+        Self {
+            parameters: next(),
+            derived: next(),
+            inputs: next(),
+            outputs: next(),
+            states: next(),
+            derivatives: next(),
+            solver,
+            first_integer: first[1],
+            first_boolean: first[2],
+            first_string: first[3],
+            end: first[4],
+            variables,
+            positions,
+        }
+    }
+
+    /// The variable of a value reference.
+    pub fn by_reference(&self, reference: u32) -> Option<&Variable> {
+        self.positions.get(reference as usize).map(|&position| &self.variables[position])
+    }
+
+    /// The real variable `index`.
+    pub fn real(&self, index: usize) -> &Variable {
+        &self.variables[self.positions[index]]
+    }
+
+    /// Start value of the real variable `index`.
+    pub fn start(&self, index: usize) -> f64 {
+        match &self.real(index).declaration.kind {
+            Kind::Real(real) => real.start,
+            _ => unreachable!("reals are numbered apart"),
+        }
+    }
+
+    /// Name of the real variable `index`.
+    pub fn real_name(&self, index: usize) -> &str {
+        &self.real(index).declaration.name
+    }
+
+    /// Number of a variable in ModelStructure, which counts from 1, by value reference.
+    pub fn structure_index(&self, reference: u32) -> usize {
+        self.positions[reference as usize] + 1
+    }
+
+    /// How many real values there are.
+    pub fn reals(&self) -> usize {
+        self.derivatives.reals().end
+    }
+}
+
+impl Kind {
+    const fn counts(&self) -> Counts {
+        match self {
+            Self::Real(_) => Counts::REAL,
+            Self::Integer { .. } => Counts::INTEGER,
+            Self::Boolean { .. } => Counts::BOOLEAN,
+            Self::String { .. } => Counts::STRING,
+        }
+    }
+    /// The count of this type.
+    const fn of(&self, counts: Counts) -> usize {
+        match self {
+            Self::Real(_) => counts.reals,
+            Self::Integer { .. } => counts.integers,
+            Self::Boolean { .. } => counts.booleans,
+            Self::String { .. } => counts.strings,
+        }
+    }
+    fn type_number(&self) -> usize {
+        match self {
+            Self::Real(_) => 0,
+            Self::Integer { .. } => 1,
+            Self::Boolean { .. } => 2,
+            Self::String { .. } => 3,
+        }
+    }
+    /// Name of the type in the FMI standard.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Self::Integer { is_enumeration: true, .. } => "Enumeration",
+            other => ["Real", "Integer", "Boolean", "String"][other.type_number()],
+        }
+    }
+}
+
+fn derivative_of(state: &Declaration) -> Declaration {
+    let Kind::Real(real) = &state.kind else { unreachable!("states are real numbers") };
+    Declaration {
+        name: format!("der({})", state.name),
+        description: format!("Time derivative of {}", state.name),
+        tunable: false,
+        local: true,
+        calculated: false,
+        kind: Kind::Real(Real {
+            unit: real.unit.per_second(),
+            display: None,
+            start: 0.0,
+            min: None,
+            max: None,
+            nominal: None,
+        }),
+    }
+}

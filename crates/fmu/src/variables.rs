@@ -1,0 +1,466 @@
+//! Structs of variables as flat lists of values and as declarations.
+
+use crate::declare::Spec;
+use crate::scalar::Scalar;
+use crate::variable::Declaration;
+
+/// How many values of each type; also a position among them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Reals.
+    pub reals: usize,
+    /// Integers and enumerations.
+    pub integers: usize,
+    /// Booleans.
+    pub booleans: usize,
+    /// Strings.
+    pub strings: usize,
+}
+
+impl Counts {
+    /// None.
+    pub const ZERO: Self = Self { reals: 0, integers: 0, booleans: 0, strings: 0 };
+    /// One Real.
+    pub const REAL: Self = Self { reals: 1, ..Self::ZERO };
+    /// One Integer.
+    pub const INTEGER: Self = Self { integers: 1, ..Self::ZERO };
+    /// One Boolean.
+    pub const BOOLEAN: Self = Self { booleans: 1, ..Self::ZERO };
+    /// One String.
+    pub const STRING: Self = Self { strings: 1, ..Self::ZERO };
+
+    /// The sum.
+    #[must_use]
+    pub const fn plus(self, other: Self) -> Self {
+        Self {
+            reals: self.reals + other.reals,
+            integers: self.integers + other.integers,
+            booleans: self.booleans + other.booleans,
+            strings: self.strings + other.strings,
+        }
+    }
+
+    /// The product.
+    #[must_use]
+    pub const fn times(self, count: usize) -> Self {
+        Self {
+            reals: self.reals * count,
+            integers: self.integers * count,
+            booleans: self.booleans * count,
+            strings: self.strings * count,
+        }
+    }
+}
+
+/// Values by type, to read from.
+#[derive(Debug)]
+pub struct Values<'a, T> {
+    /// Reals, in the number type of the equations.
+    pub reals: &'a [T],
+    /// Integers and enumerations.
+    pub integers: &'a [i32],
+    /// Booleans.
+    pub booleans: &'a [bool],
+    /// Strings.
+    pub strings: &'a [String],
+}
+
+impl<T> Clone for Values<'_, T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<T> Copy for Values<'_, T> {}
+
+impl<'a, T> Values<'a, T> {
+    /// Reals only.
+    pub const fn of_reals(reals: &'a [T]) -> Self {
+        Self { reals, integers: &[], booleans: &[], strings: &[] }
+    }
+}
+
+/// Values by type, to write to.
+#[derive(Debug)]
+pub struct ValuesMut<'a, T> {
+    /// Reals, in the number type of the equations.
+    pub reals: &'a mut [T],
+    /// Integers and enumerations.
+    pub integers: &'a mut [i32],
+    /// Booleans.
+    pub booleans: &'a mut [bool],
+    /// Strings.
+    pub strings: &'a mut [String],
+}
+
+impl<'a, T> ValuesMut<'a, T> {
+    /// Reals only.
+    pub const fn of_reals(reals: &'a mut [T]) -> Self {
+        Self { reals, integers: &mut [], booleans: &mut [], strings: &mut [] }
+    }
+}
+
+/// One element of an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Element {
+    /// What follows the dot in the name of the variable, for example `fl`.
+    pub name: &'static str,
+    /// The element in words, for example `front left wheel`.
+    pub description: &'static str,
+}
+
+/// The type of a field: a variable, or an array of variables.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not the type of a variable",
+    note = "variables are `{T}`, `bool`, `i32`, `String`, an enum with `#[derive(Enumeration)]`, or arrays of these",
+    note = "a struct of variables is a field with `#[var(nested)]`"
+)]
+pub trait Field<T>: Sized {
+    /// Start value, or start values of an array.
+    type Start;
+    /// How many values the field holds.
+    const COUNTS: Counts;
+    /// Whether the variables are real.
+    const IS_REAL: bool;
+    /// Adds the variables.
+    fn declare(spec: &Spec, start: Option<Self::Start>, all: &mut Vec<Declaration>);
+    /// Reads the values at a position.
+    fn read(values: Values<'_, T>, at: Counts) -> Self;
+    /// Writes the values to a position.
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts);
+}
+
+/// A field of a continuous state.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not the type of a continuous state",
+    note = "states are `{T}` or arrays of it; other types belong to the discrete state"
+)]
+pub trait RealField<T>: Field<T> {
+    /// Combines two states element by element.
+    fn combine(&self, other: &Self, f: impl Fn(T, T) -> T + Copy) -> Self;
+}
+
+impl<T: Scalar> Field<T> for T {
+    type Start = f64;
+    const COUNTS: Counts = Counts::REAL;
+    const IS_REAL: bool = true;
+    fn declare(spec: &Spec, start: Option<f64>, all: &mut Vec<Declaration>) {
+        spec.declare_real(start, all);
+    }
+    #[inline]
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        values.reals[at.reals]
+    }
+    #[inline]
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        values.reals[at.reals] = *self;
+    }
+}
+
+impl<T: Scalar> RealField<T> for T {
+    #[inline]
+    fn combine(&self, other: &Self, f: impl Fn(T, T) -> T + Copy) -> Self {
+        f(*self, *other)
+    }
+}
+
+impl<T: Scalar> Field<T> for i32 {
+    type Start = i32;
+    const COUNTS: Counts = Counts::INTEGER;
+    const IS_REAL: bool = false;
+    fn declare(spec: &Spec, start: Option<i32>, all: &mut Vec<Declaration>) {
+        spec.declare_integer(start, all);
+    }
+    #[inline]
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        values.integers[at.integers]
+    }
+    #[inline]
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        values.integers[at.integers] = *self;
+    }
+}
+
+impl<T: Scalar> Field<T> for bool {
+    type Start = bool;
+    const COUNTS: Counts = Counts::BOOLEAN;
+    const IS_REAL: bool = false;
+    fn declare(spec: &Spec, start: Option<bool>, all: &mut Vec<Declaration>) {
+        spec.declare_boolean(start, all);
+    }
+    #[inline]
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        values.booleans[at.booleans]
+    }
+    #[inline]
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        values.booleans[at.booleans] = *self;
+    }
+}
+
+impl<T: Scalar> Field<T> for String {
+    type Start = &'static str;
+    const COUNTS: Counts = Counts::STRING;
+    const IS_REAL: bool = false;
+    fn declare(spec: &Spec, start: Option<&'static str>, all: &mut Vec<Declaration>) {
+        spec.declare_string(start, all);
+    }
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        values.strings[at.strings].clone()
+    }
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        values.strings[at.strings].clone_from(self);
+    }
+}
+
+/// Start values of an array: one for all elements, or one for each.
+#[derive(Clone, Debug)]
+pub enum Starts<S, const N: usize> {
+    /// The same for all elements.
+    All(S),
+    /// One per element.
+    Each([S; N]),
+}
+
+impl<S, const N: usize> From<S> for Starts<S, N> {
+    fn from(start: S) -> Self {
+        Self::All(start)
+    }
+}
+
+impl<S, const N: usize> From<[S; N]> for Starts<S, N> {
+    fn from(starts: [S; N]) -> Self {
+        Self::Each(starts)
+    }
+}
+
+impl<S: Clone, const N: usize> Starts<S, N> {
+    /// The start value of each element.
+    pub fn each(self) -> [S; N] {
+        match self {
+            Self::All(start) => std::array::from_fn(|_| start.clone()),
+            Self::Each(starts) => starts,
+        }
+    }
+}
+
+/// Declares the elements of an array.
+#[doc(hidden)]
+pub fn declare_elements<T, F: Field<T>, const N: usize>(
+    spec: impl Fn(usize) -> Spec,
+    start: Option<Starts<F::Start, N>>,
+    all: &mut Vec<Declaration>,
+) where
+    F::Start: Clone,
+{
+    let mut starts = start.map(|start| start.each().into_iter());
+    for i in 0..N {
+        F::declare(&spec(i), starts.as_mut().and_then(Iterator::next), all);
+    }
+}
+
+impl<T, F: Field<T>, const N: usize> Field<T> for [F; N]
+where
+    F::Start: Clone,
+{
+    type Start = Starts<F::Start, N>;
+    const COUNTS: Counts = F::COUNTS.times(N);
+    const IS_REAL: bool = F::IS_REAL;
+    fn declare(spec: &Spec, start: Option<Self::Start>, all: &mut Vec<Declaration>) {
+        declare_elements::<T, F, N>(|i| spec.indexed(i), start, all);
+    }
+    #[inline]
+    fn read(values: Values<'_, T>, at: Counts) -> Self {
+        std::array::from_fn(|i| F::read(values, at.plus(F::COUNTS.times(i))))
+    }
+    #[inline]
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts) {
+        for (i, field) in self.iter().enumerate() {
+            field.write(values, at.plus(F::COUNTS.times(i)));
+        }
+    }
+}
+
+impl<T, F: RealField<T>, const N: usize> RealField<T> for [F; N]
+where
+    F::Start: Clone,
+{
+    #[inline]
+    fn combine(&self, other: &Self, f: impl Fn(T, T) -> T + Copy) -> Self {
+        std::array::from_fn(|i| self[i].combine(&other[i], f))
+    }
+}
+
+/// Declares an array type whose elements have names.
+///
+/// ```
+/// fmu::named_array! {
+///     /// Left and right.
+///     pub Sides[2] {
+///         l: "left side",
+///         r: "right side",
+///     }
+/// }
+/// let heights = Sides([0.1, 0.2]);
+/// assert_eq!(heights[1], 0.2);
+/// assert_eq!(Sides::<f64>::ELEMENTS[0].name, "l");
+/// ```
+#[macro_export]
+macro_rules! named_array {
+    ($(#[$doc:meta])* $visibility:vis $name:ident[$count:literal] { $($element:ident: $words:literal),+ $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        $visibility struct $name<T>(pub [T; $count]);
+
+        impl<T> $name<T> {
+            /// The elements, in order.
+            pub const ELEMENTS: &'static [$crate::variables::Element; $count] =
+                &[$($crate::variables::Element { name: stringify!($element), description: $words }),+];
+
+            /// One value per element, from its index.
+            #[inline]
+            pub fn from_fn(f: impl FnMut(usize) -> T) -> Self {
+                Self(std::array::from_fn(f))
+            }
+        }
+
+        impl<T> std::ops::Deref for $name<T> {
+            type Target = [T; $count];
+            #[inline]
+            fn deref(&self) -> &Self::Target {
+                &self.0
+            }
+        }
+
+        impl<T> std::ops::DerefMut for $name<T> {
+            #[inline]
+            fn deref_mut(&mut self) -> &mut Self::Target {
+                &mut self.0
+            }
+        }
+
+        impl<T: $crate::Scalar, F: $crate::Field<T>> $crate::Field<T> for $name<F>
+        where
+            F::Start: Clone,
+        {
+            type Start = $crate::variables::Starts<F::Start, $count>;
+            const COUNTS: $crate::variables::Counts = F::COUNTS.times($count);
+            const IS_REAL: bool = F::IS_REAL;
+            fn declare(
+                spec: &$crate::declare::Spec,
+                start: Option<Self::Start>,
+                all: &mut Vec<$crate::variable::Declaration>,
+            ) {
+                let element = |i: usize| spec.element(i, &Self::ELEMENTS[i]);
+                $crate::variables::declare_elements::<T, F, $count>(element, start, all);
+            }
+            #[inline]
+            fn read(values: $crate::variables::Values<'_, T>, at: $crate::variables::Counts) -> Self {
+                Self(<[F; $count] as $crate::Field<T>>::read(values, at))
+            }
+            #[inline]
+            fn write(&self, values: &mut $crate::variables::ValuesMut<'_, T>, at: $crate::variables::Counts) {
+                $crate::Field::<T>::write(&self.0, values, at);
+            }
+        }
+
+        impl<T: $crate::Scalar, F: $crate::variables::RealField<T>> $crate::variables::RealField<T> for $name<F>
+        where
+            F::Start: Clone,
+        {
+            #[inline]
+            fn combine(&self, other: &Self, f: impl Fn(T, T) -> T + Copy) -> Self {
+                Self::from_fn(|i| self.0[i].combine(&other.0[i], f))
+            }
+        }
+    };
+}
+
+/// A struct of variables: parameters, inputs, outputs or states. Derive [`Parameters`](crate::derive::Parameters),
+/// [`Inputs`](crate::derive::Inputs), [`Outputs`](crate::derive::Outputs) or [`State`](crate::derive::State).
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a struct of variables",
+    note = "derive `Parameters`, `Inputs`, `Outputs` or `State`; without a type parameter its numbers are `f64`"
+)]
+pub trait Variables<T: Scalar>: Sized {
+    /// How many values the struct holds.
+    const COUNTS: Counts;
+    /// Adds the variables, in the order of the values.
+    fn declare(all: &mut Vec<Declaration>);
+    /// Reads the values at a position.
+    fn read(values: Values<'_, T>, at: Counts) -> Self;
+    /// Writes the values to a position.
+    fn write(&self, values: &mut ValuesMut<'_, T>, at: Counts);
+
+    /// The variables.
+    fn declarations() -> Vec<Declaration> {
+        let mut all = Vec::new();
+        Self::declare(&mut all);
+        all
+    }
+    /// The reals as a list; other types must be absent.
+    ///
+    /// # Panics
+    /// If there are variables of other types.
+    fn reals(&self) -> Vec<T> {
+        let mut reals = vec![T::from(0.0); Self::COUNTS.reals];
+        self.write(&mut ValuesMut::of_reals(&mut reals), Counts::ZERO);
+        reals
+    }
+    /// From a list of reals; other types must be absent.
+    ///
+    /// # Panics
+    /// If there are too few, or variables of other types.
+    fn from_reals(reals: &[T]) -> Self {
+        Self::read(Values::of_reals(reals), Counts::ZERO)
+    }
+}
+
+/// The state of a continuous-time model. Derive [`State`](crate::derive::State).
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not the state of a continuous-time model",
+    note = "derive `State` for a struct with the number type of the equations, as in `struct X<T>`"
+)]
+pub trait ContinuousState<T: Scalar>: Variables<T> {
+    /// Combines two states element by element; the solvers add states with it.
+    fn combine(&self, other: &Self, f: impl Fn(T, T) -> T + Copy) -> Self;
+
+    /// A copy.
+    fn copied(&self) -> Self {
+        self.combine(self, |x, _| x)
+    }
+}
+
+/// The parameters of a model. Derive [`Parameters`](crate::derive::Parameters).
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` does not declare its parameters",
+    note = "add `#[derive(Parameters)]`; a model without parameters is a struct without fields"
+)]
+pub trait Parameters: Variables<f64> + Default + Send + 'static {}
+
+/// Values that follow from the fixed parameters at the end of initialization: gains, tables, static loads. Derive
+/// [`Derived`](crate::derive::Derived); fields with `#[var]` are calculated parameters of the FMU.
+pub trait Derived: Send + Sync + 'static {
+    /// Adds the calculated parameters.
+    fn declare(all: &mut Vec<Declaration>);
+    /// Writes their values to a position.
+    fn write(&self, values: &mut ValuesMut<'_, f64>, at: Counts);
+}
+
+impl<T: Scalar> Variables<T> for () {
+    const COUNTS: Counts = Counts::ZERO;
+    fn declare(_: &mut Vec<Declaration>) {}
+    #[inline]
+    fn read(_: Values<'_, T>, _: Counts) -> Self {}
+    #[inline]
+    fn write(&self, _: &mut ValuesMut<'_, T>, _: Counts) {}
+}
+
+impl<T: Scalar> ContinuousState<T> for () {
+    #[inline]
+    fn combine(&self, (): &Self, _: impl Fn(T, T) -> T + Copy) -> Self {}
+}
+
+impl Derived for () {
+    fn declare(_: &mut Vec<Declaration>) {}
+    fn write(&self, _: &mut ValuesMut<'_, f64>, _: Counts) {}
+}

@@ -1,0 +1,227 @@
+//! Directional derivatives and the model structure.
+
+use fmu::Scalar;
+use fmu::abi::Export;
+use fmu::runner::Model;
+use fmu::scalar::Dependencies;
+use fmu::variable::Role;
+
+use crate::models::{CartPair, Fmu, Law, Sampler, error_of, reference};
+
+type M = <CartPair as Export>::Model;
+
+fn with_role(wanted: &[Role]) -> Vec<u32> {
+    let description = CartPair::description();
+    let variables = description.layout.variables.iter();
+    variables.filter(|v| wanted.contains(&v.role)).map(|v| v.reference).collect()
+}
+
+fn slope(fmu: &mut Fmu<CartPair>, unknown: &str, known: &str) -> f64 {
+    let mut slope = [f64::NAN];
+    let (unknown, known) = (reference::<CartPair>(unknown), reference::<CartPair>(known));
+    fmu.0.directional_derivative(&[unknown], &[known], &[1.0], &mut slope).unwrap();
+    slope[0]
+}
+
+#[test]
+fn derivatives_of_the_linear_carts_are_the_matrices_of_the_textbook() {
+    let mut fmu = Fmu::<CartPair>::starting(0.0, &[("coupling.stiffness", 3.0)]);
+    // x' = v; m v' = F - k x - c v - k_c (x - x_other); exact up to one rounding.
+    for (unknown, known, expected) in [
+        ("der(cart_position.l)", "cart_velocity.l", 1.0),
+        ("der(cart_position.l)", "cart_position.l", 0.0),
+        ("der(cart_velocity.l)", "cart_position.l", -(8.0 + 3.0) / 2.0),
+        ("der(cart_velocity.r)", "cart_position.r", -(18.0 + 3.0) / 2.0),
+        ("der(cart_velocity.l)", "cart_position.r", 3.0 / 2.0),
+        ("der(cart_velocity.l)", "cart_velocity.l", -0.4 / 2.0),
+        ("der(cart_velocity.l)", "cart_force.l", 1.0 / 2.0),
+        ("der(cart_velocity.l)", "cart_force.r", 0.0),
+        ("cart_acceleration.r", "cart_force.r", 1.0 / 2.0),
+        ("cart_position.l", "cart_position.l", 1.0),
+        ("cart_position.l", "cart_position.r", 0.0),
+        ("pushed", "cart_position.l", 1.0),
+        ("distance", "scale", -0.1),
+    ] {
+        assert_eq!(slope(&mut fmu, unknown, known), expected, "d {unknown} / d {known}");
+    }
+}
+
+#[test]
+fn derivatives_agree_with_central_differences() {
+    // Before the end of initialization, so that the states can be set.
+    let mut fmu = Fmu::<CartPair>::initializing(0.0);
+    fmu.set_integer("spring.law", 2).unwrap();
+    let knowns = with_role(&[Role::Input, Role::State]);
+    let unknowns = with_role(&[Role::Output, Role::State, Role::Derivative]);
+    let mut values = vec![0.0; knowns.len()];
+    for (i, value) in values.iter_mut().enumerate() {
+        *value = 0.3 + 0.17 * i as f64;
+    }
+    fmu.0.set_real(&knowns, &values).unwrap();
+    let mut at = |values: &[f64]| {
+        fmu.0.set_real(&knowns, values).unwrap();
+        let mut results = vec![0.0; unknowns.len()];
+        fmu.0.get_real(&unknowns, &mut results).unwrap();
+        results
+    };
+    // A step of 1e-5 leaves an error of the order of 1e-10 (third derivatives and roundings of numbers up to 100).
+    let step = 1e-5;
+    let mut differences = Vec::new();
+    for i in 0..knowns.len() {
+        let (mut above, mut below) = (values.clone(), values.clone());
+        above[i] += step;
+        below[i] -= step;
+        let pair = at(&above).into_iter().zip(at(&below));
+        differences.push(pair.map(|(a, b)| (a - b) / (2.0 * step)).collect::<Vec<_>>());
+    }
+    fmu.0.set_real(&knowns, &values).unwrap();
+    let mut slopes = vec![0.0; unknowns.len()];
+    for (i, known) in knowns.iter().enumerate() {
+        fmu.0.directional_derivative(&unknowns, &[*known], &[1.0], &mut slopes).unwrap();
+        for (j, (slope, difference)) in slopes.iter().zip(&differences[i]).enumerate() {
+            assert!((slope - difference).abs() < 1e-8, "{i} {j}: {slope} against {difference}");
+        }
+    }
+    // A direction is the sum of its parts; the same known twice counts twice.
+    let seed: Vec<_> = (0..knowns.len()).map(|i| i as f64 - 2.0).collect();
+    fmu.0.directional_derivative(&unknowns, &knowns, &seed, &mut slopes).unwrap();
+    for (j, slope) in slopes.iter().enumerate() {
+        let sum: f64 = seed.iter().zip(&differences).map(|(s, d)| s * d[j]).sum();
+        assert!((slope - sum).abs() < 1e-7, "{j}: {slope} against {sum}");
+    }
+    let mut twice = [0.0];
+    fmu.0.directional_derivative(&unknowns[..1], &[knowns[0]; 2], &[1.0, 2.0], &mut twice).unwrap();
+    assert!((twice[0] - 3.0 * differences[0][0]).abs() < 1e-7);
+}
+
+#[test]
+fn impossible_derivatives_are_refused() {
+    let mut fmu = Fmu::<CartPair>::ready();
+    let [mass, force, acceleration, law] =
+        ["cart.mass", "cart_force.l", "cart_acceleration.l", "spring.law"].map(reference::<CartPair>);
+    let before = fmu.bytes();
+    let mut of = |unknown: u32, known: u32, seed: f64| {
+        let mut slope = [7.0];
+        let message = error_of(fmu.0.directional_derivative(&[unknown], &[known], &[seed], &mut slope));
+        assert_eq!(slope, [7.0]);
+        message
+    };
+    for reference in [mass, acceleration, law, u32::MAX] {
+        assert_eq!(
+            of(acceleration, reference, 1.0),
+            format!(
+                "fmi2GetDirectionalDerivative: value reference {reference} is neither a real input nor a state (known)"
+            )
+        );
+    }
+    for reference in [mass, force, law, u32::MAX] {
+        assert_eq!(
+            of(reference, force, 1.0),
+            format!(
+                "fmi2GetDirectionalDerivative: value reference {reference} is neither a real output nor the derivative \
+                 of a state (unknown)"
+            )
+        );
+    }
+    assert_eq!(
+        of(acceleration, force, f64::NAN),
+        "fmi2GetDirectionalDerivative: seed of 'cart_force.l' = NaN, a finite number was expected"
+    );
+    assert_eq!(fmu.bytes(), before);
+    fmu.set("scale", 0.0).unwrap();
+    let (distance, scale) = (reference::<CartPair>("distance"), reference::<CartPair>("scale"));
+    assert_eq!(
+        error_of(fmu.0.directional_derivative(&[distance], &[scale], &[1.0], &mut [0.0])),
+        "fmi2GetDirectionalDerivative: the derivative of 'distance' is not finite at this point"
+    );
+    let mut sampler = Fmu::<Sampler>::ready();
+    assert!(
+        error_of(sampler.0.directional_derivative(&[], &[], &[], &mut []))
+            .contains("only continuous-time models have derivatives"),
+        "a discrete-time model has no derivatives"
+    );
+}
+
+#[test]
+fn dependencies_hold_for_every_value_of_every_parameter() {
+    // What the equations say, by hand, over both laws, with and without dampers, coupling 0 or not.
+    let xml = &CartPair::description().xml;
+    let index = |name: &str| CartPair::description().layout.structure_index(reference::<CartPair>(name));
+    let both = ["cart_force.", "ground.height", "cart_position.l", "cart_position.r", "cart_velocity."];
+    for side in ["l", "r"] {
+        let expected: Vec<_> = both
+            .map(|name| index(&if name.ends_with('.') { format!("{name}{side}") } else { name.to_owned() }))
+            .map(|index| index.to_string())
+            .into();
+        let expected = expected.join(" ");
+        for name in [format!("cart_acceleration.{side}"), format!("der(cart_velocity.{side})")] {
+            let entry = format!(r#"<Unknown index="{}" dependencies="{expected}"/>"#, index(&name));
+            assert!(xml.contains(&entry), "{name}: {entry}");
+        }
+        let entry = format!(
+            r#"<Unknown index="{}" dependencies="{}"/>"#,
+            index(&format!("der(cart_position.{side})")),
+            index(&format!("cart_velocity.{side}"))
+        );
+        assert!(xml.contains(&entry));
+        // A state that is an output is known itself.
+        let entry = format!(r#"<Unknown index="{}" dependencies=""/>"#, index(&format!("cart_position.{side}")));
+        assert!(xml.contains(&entry));
+    }
+    // The union over all laws is needed: the ground moves the hardening spring only.
+    let layout = &CartPair::description().layout;
+    let values = fmu::instance::ValueStore::start(layout);
+    let none = std::path::Path::new("");
+    let set = |law| {
+        let p = CartPair { law, ..Default::default() };
+        let derived = M::load(&p, none).unwrap();
+        let memory = M::begin(&p, &derived, none).unwrap();
+        M::dependencies(&p, &derived, &memory, layout, &values).swap_remove(0)
+    };
+    let ground = 2;
+    assert!(!set(Law::Linear).contains(ground));
+    assert!(set(Law::HardeningSpring).contains(ground));
+}
+
+#[test]
+fn every_operation_of_a_scalar_keeps_its_dependencies() {
+    let [a, b] = [Dependencies::on(3), Dependencies::on(200)];
+    let both = a.union(b);
+    let mut sum = a;
+    sum += b;
+    let mut difference = a;
+    difference -= b;
+    for result in [
+        a + b,
+        a - b,
+        a * b,
+        a / b,
+        sum,
+        difference,
+        [a, b].into_iter().sum(),
+        Scalar::max(a, b),
+        Scalar::min(a, b),
+        Scalar::clamp(a, b, Dependencies::from(1.0)),
+        Scalar::atan2(a, b),
+    ] {
+        assert_eq!(result, both);
+    }
+    for result in [
+        -a,
+        a + 1.0,
+        a - 1.0,
+        a * 0.0,
+        a / 2.0,
+        Scalar::sin(a),
+        Scalar::cos(a),
+        Scalar::atan(a),
+        Scalar::tanh(a),
+        Scalar::sqrt(a),
+        Scalar::exp(a),
+        Scalar::powf(a, 0.0),
+        Scalar::abs(a),
+        a.squared(),
+    ] {
+        assert_eq!(result, a);
+    }
+}

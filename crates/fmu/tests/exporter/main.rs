@@ -1,0 +1,21 @@
+//! Tests of the exporter with small models: the safe instance, the C interface, the description.
+
+mod allocations;
+mod arrays;
+mod c_interface;
+mod derivatives;
+mod description;
+mod events;
+mod exact;
+mod failures;
+mod minimal;
+mod models;
+mod solvers;
+mod sources;
+mod stateful;
+mod states;
+mod structure;
+mod time;
+mod types;
+mod units;
+mod values;

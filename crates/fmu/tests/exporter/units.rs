@@ -1,0 +1,122 @@
+//! Units in the model description. References: FMI 2.0.4, section 2.2.2 (unit definitions), SI brochure (9th edition, 2019).
+
+use fmu::abi::Export;
+use fmu::prelude::*;
+
+/// An old unit of length; its rate has a name of its own.
+const FURLONG: Unit = Unit { name: "furlong", factor: 201.168, display: &[], rate: Some(&SPEED), ..fmu::unit!("m") };
+const SPEED: Unit = Unit { name: "furlong/s", factor: 201.168, display: &[], rate: None, ..fmu::unit!("m/s") };
+
+#[derive(Parameters)]
+struct Units {
+    /// Mass (kg)
+    #[var(start = 1.0)]
+    mass: f64,
+    /// Length (m)
+    #[var(start = 1.0)]
+    length: f64,
+    /// Time (s)
+    #[var(start = 1.0)]
+    time: f64,
+    /// Current (A)
+    #[var(start = 1.0)]
+    current: f64,
+    /// Temperature (K)
+    #[var(start = 300.0)]
+    temperature: f64,
+    /// Amount (mol)
+    #[var(start = 1.0)]
+    amount: f64,
+    /// Intensity (cd)
+    #[var(start = 1.0)]
+    intensity: f64,
+    /// Outside temperature (degC)
+    #[var(start = 20.0, display = "K")]
+    outside: f64,
+    /// Heat capacity (kJ/(kg.K))
+    #[var(start = 4.2)]
+    capacity: f64,
+    /// Distance
+    #[var(unit = FURLONG, start = 1.0)]
+    distance: f64,
+}
+
+#[derive(State)]
+struct X<T> {
+    /// Coolant temperature (degC)
+    coolant: T,
+    /// Angle (deg)
+    angle: T,
+    /// Torsional stiffness (N.m/rad)
+    stiffness: T,
+    /// Race distance
+    #[var(unit = FURLONG)]
+    race: T,
+    /// Flow (L/min)
+    flow: T,
+}
+
+/// Units
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Units {
+    type State<T: Scalar> = X<T>;
+    fn derivatives<T: Scalar>(&self, _: At<T, Self>) -> X<T> {
+        let zero = T::from(0.0);
+        X { coolant: zero, angle: zero, stiffness: zero, race: zero, flow: zero }
+    }
+}
+
+/// The definition of a unit without line breaks.
+fn unit(name: &str) -> String {
+    let xml = &Units::description().xml;
+    let (_, rest) = xml.split_once(&format!("<Unit name=\"{name}\">")).unwrap_or_else(|| panic!("no unit {name}"));
+    let text = rest.split_once("</Unit>").unwrap().0;
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn units_are_products_of_base_units_with_factor_and_offset() {
+    for (name, expected) in [
+        ("kg", r#"<BaseUnit kg="1"/>"#),
+        ("m", r#"<BaseUnit m="1"/>"#),
+        ("s", r#"<BaseUnit s="1"/>"#),
+        ("A", r#"<BaseUnit A="1"/>"#),
+        ("K", r#"<BaseUnit K="1"/>"#),
+        ("mol", r#"<BaseUnit mol="1"/>"#),
+        ("cd", r#"<BaseUnit cd="1"/>"#),
+        ("degC", r#"<BaseUnit K="1" offset="273.15"/>"#),
+        ("K/s", r#"<BaseUnit s="-1" K="1"/>"#),
+        ("kJ/(kg.K)", r#"<BaseUnit m="2" s="-2" K="-1" factor="1000.0"/>"#),
+        ("deg", r#"<BaseUnit rad="1" factor="0.017453292519943295"/>"#),
+        ("deg/s", r#"<BaseUnit s="-1" rad="1" factor="0.017453292519943295"/>"#),
+        ("N.m/rad", r#"<BaseUnit kg="1" m="2" s="-2" rad="-1"/>"#),
+        ("N.m/(rad.s)", r#"<BaseUnit kg="1" m="2" s="-3" rad="-1"/>"#),
+        ("furlong", r#"<BaseUnit m="1" factor="201.168"/>"#),
+        ("furlong/s", r#"<BaseUnit m="1" s="-1" factor="201.168"/>"#),
+        // 1/60000 m3/s.
+        ("L/min", r#"<BaseUnit m="3" s="-1" factor="0.000016666666666666667"/>"#),
+    ] {
+        let found = unit(name);
+        let expected = expected.replace("0.000016666666666666667", "1.6666666666666667e-5");
+        assert!(found.starts_with(&expected), "{name}: {found}");
+    }
+    // display value = factor * value + offset: 20 degC are 293.15 K.
+    assert!(unit("degC").contains(r#"<DisplayUnit name="K" factor="1.0" offset="273.15"/>"#));
+    assert!(unit("K").contains(r#"<DisplayUnit name="degC" factor="1.0" offset="-273.15"/>"#));
+}
+
+#[test]
+fn derivatives_have_the_unit_of_the_rate() {
+    let description = Units::description();
+    let rates: Vec<_> = description
+        .layout
+        .variables
+        .iter()
+        .filter(|variable| variable.role == fmu::variable::Role::Derivative)
+        .map(|variable| match &variable.declaration.kind {
+            fmu::variable::Kind::Real(real) => real.unit.name,
+            _ => unreachable!("derivatives are real"),
+        })
+        .collect();
+    assert_eq!(rates, ["K/s", "deg/s", "N.m/(rad.s)", "furlong/s", "L/(min.s)"]);
+}
