@@ -1,9 +1,11 @@
-//! `cargo fmu new`: a package that builds and packs, to be changed into a model.
+//! `cargo fmu new`: a package that builds, passes its tests and packs, to be changed into a model.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
+use crate::build::cargo;
 use crate::output::outln;
 use crate::pack::write_whole;
 use crate::workspace::{Workspace, pascal_case};
@@ -11,79 +13,130 @@ use crate::workspace::{Workspace, pascal_case};
 /// What kind of model, and its name.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// plant (a differential equation) or controller (sampled)
+    /// Folder of the new package, whose name is in kebab case: `heat-pump`, `models/heat-pump` (the FMU becomes HeatPump)
+    path: PathBuf,
+    /// Kind of the model
+    #[arg(long, value_enum, default_value_t = Kind::Continuous)]
     kind: Kind,
-    /// Name of the package in kebab case, such as yaw-damper (the FMU becomes YawDamper)
-    name: String,
+    /// Folder of the crate `fmu`, if it does not come from a registry or the workspace
+    #[arg(long, value_name = "DIR")]
+    exporter_path: Option<PathBuf>,
 }
 
+/// Kinds of models.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Kind {
-    Plant,
-    Controller,
+pub(crate) enum Kind {
+    /// A differential equation
+    Continuous,
+    /// An update at each sample: a controller, a filter, a signal source
+    Discrete,
+    /// An existing simulation that advances itself
+    Stateful,
 }
 
-/// The files of a package and their templates.
-fn files(kind: Kind) -> [(&'static str, &'static str); 4] {
-    let (library, equations) = match kind {
-        Kind::Plant => {
-            (include_str!("../templates/plant/lib.rs.in"), include_str!("../templates/plant/equations.rs.in"))
+impl Kind {
+    const fn template(self) -> &'static str {
+        match self {
+            Self::Continuous => include_str!("../templates/continuous.rs.in"),
+            Self::Discrete => include_str!("../templates/discrete.rs.in"),
+            Self::Stateful => include_str!("../templates/stateful.rs.in"),
         }
-        Kind::Controller => {
-            (include_str!("../templates/controller/lib.rs.in"), include_str!("../templates/controller/equations.rs.in"))
+    }
+
+    /// Key in the settings of a workspace.
+    const fn key(self) -> &'static str {
+        match self {
+            Self::Continuous => "continuous",
+            Self::Discrete => "discrete",
+            Self::Stateful => "stateful",
         }
-    };
-    [
-        ("Cargo.toml", include_str!("../templates/Cargo.toml.in")),
-        ("README.md", include_str!("../templates/README.md.in")),
-        ("src/lib.rs", library),
-        ("src/equations.rs", equations),
-    ]
+    }
 }
 
 /// Writes the package.
 ///
 /// # Errors
-/// On a name that is not in kebab case, or a folder that exists already.
+/// On a name that is not in kebab case, a folder that exists already, or when cargo cannot add the package.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let name = &arguments.name;
-    let word = |word: &str| {
+    let name = arguments.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let is_word = |word: &str| {
         word.starts_with(|c: char| c.is_ascii_lowercase())
             && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit())
     };
-    if !name.split('-').all(word) {
-        return Err(miette!(
-            "'{name}' is not in kebab case; expected lower-case words with hyphens, such as yaw-damper"
-        ));
+    if !name.split('-').all(is_word) {
+        return Err(miette!("`{name}` must be in kebab case: lower-case words with hyphens, such as heat-pump"));
     }
-    let workspace = Workspace::find()?;
-    if workspace.models.iter().any(|model| model.package == *name) {
-        return Err(miette!("there is a model named '{name}' already"));
-    }
-    let parent = match arguments.kind {
-        Kind::Plant => "fmu-plant",
-        Kind::Controller => "fmu-controllers",
-    };
-    let folder: PathBuf = workspace.root.join(parent).join(name);
+    // Outside of a workspace there are no settings.
+    let workspace = Workspace::find().ok();
+    let folder = folder(&arguments.path, arguments.kind, workspace.as_ref());
     if folder.exists() {
-        return Err(miette!("{parent}/{name} exists already; nothing was written"));
+        return Err(miette!("{} exists already; nothing was written", folder.display()));
     }
+    if let Some(path) = &arguments.exporter_path
+        && !path.join("Cargo.toml").exists()
+    {
+        return Err(miette!("--exporter-path: there is no package in {}", path.display()));
+    }
+    // cargo knows how a package joins a workspace, and what it inherits.
+    let made = succeed(cargo().args(["new", "--lib", "--quiet", "--vcs", "none"]).arg(&folder))
+        .and_then(|()| fill(&folder, name, arguments))
+        .wrap_err_with(|| format!("writing {}", folder.display()));
+    if made.is_err() {
+        // Nothing half-written stays; what was not written by this call does not exist.
+        let _ = std::fs::remove_dir_all(&folder);
+    }
+    made?;
     let fmu = pascal_case(name);
-    for (file, template) in files(arguments.kind) {
-        let text = template.replace("{Name}", &fmu).replace("{package}", name);
-        write_whole(&folder.join(file), text.as_bytes()).wrap_err_with(|| format!("writing {parent}/{name}"))?;
-    }
-    // The lock file has to list the new package before anything is built with --locked.
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let update = ["update", "--workspace", "--offline", "--quiet"];
-    let status =
-        std::process::Command::new(cargo).args(update).current_dir(&workspace.root).status().into_diagnostic()?;
-    if !status.success() {
-        return Err(miette!("the package was written, but `cargo update --workspace` failed; see the message above"));
-    }
+    let inside = folder.strip_prefix(std::env::current_dir().into_diagnostic()?).unwrap_or(&folder);
+    let enter = if workspace.is_some() { String::new() } else { format!("  cd {}\n", inside.display()) };
     outln!(
-        "{parent}/{name} is ready. Next:\n  cargo test -p {name}\n  cargo fmu pack {fmu} --update-descriptions\n\
-         then change the signals in src/lib.rs, the law in src/equations.rs, and the README."
+        "{} is ready. Next:\n{enter}  cargo test -p {name}\n  cargo fmu pack {name}\n  cargo fmu check target/fmu/{fmu}.fmu\n\
+         Then change src/lib.rs and the README.",
+        inside.display()
     );
     Ok(())
+}
+
+/// Where the package goes: a plain name goes to the folder that the workspace sets for this kind of model.
+fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
+    let is_plain = path.components().count() == 1;
+    let parent = workspace
+        .filter(|_| is_plain)
+        .and_then(|workspace| workspace.settings.new.get(kind.key()).map(|folder| workspace.root.join(folder)));
+    parent.map_or_else(|| path.to_owned(), |parent| parent.join(path))
+}
+
+/// Turns the library that cargo has written into a model.
+fn fill(folder: &Path, name: &str, arguments: &Arguments) -> Result<()> {
+    let manifest = folder.join("Cargo.toml");
+    let mut add = cargo();
+    add.args(["add", "--quiet", "--manifest-path"]).arg(&manifest).arg("fmu");
+    if let Some(path) = &arguments.exporter_path {
+        add.arg("--path").arg(std::path::absolute(path).into_diagnostic()?);
+    }
+    succeed(&mut add).map_err(|error| {
+        miette!(
+            help = "--exporter-path DIR takes the crate from a folder.",
+            "the crate `fmu` cannot be added as a dependency: {error}"
+        )
+    })?;
+    let text = std::fs::read_to_string(&manifest).into_diagnostic()?;
+    let library = "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n\n[dependencies]";
+    write_whole(&manifest, text.replacen("[dependencies]", library, 1).as_bytes())?;
+    let fmu = pascal_case(name);
+    for (file, template) in
+        [("src/lib.rs", arguments.kind.template()), ("README.md", include_str!("../templates/README.md.in"))]
+    {
+        write_whole(&folder.join(file), template.replace("{Name}", &fmu).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Runs a command that prints nothing unless it fails.
+fn succeed(command: &mut Command) -> Result<()> {
+    let output = command.output().into_diagnostic().wrap_err("cargo cannot be run; is it on the PATH?")?;
+    if output.status.success() {
+        return Ok(());
+    }
+    Err(miette!("{}", String::from_utf8_lossy(&output.stderr).trim()))
 }

@@ -1,0 +1,239 @@
+//! The exporter in somebody else's workspace: `cargo fmu new`, `cargo test`, `cargo fmu pack`, without this project's folders.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use host::archive::Archive;
+use host::description::ModelDescription;
+use tempfile::TempDir;
+use tests::workspace;
+
+/// A folder with a blank in its path. The builds of all tests share one target folder, so that the exporter is compiled once.
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        let folder = tempfile::Builder::new().prefix("some body's models ").tempdir().expect("a temporary folder");
+        Self { folder }
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    fn target() -> PathBuf {
+        workspace().join("target/foreign")
+    }
+
+    fn run(&self, program: &Path, arguments: &[&str], environment: &[(&str, &str)]) -> Output {
+        let mut command = Command::new(program);
+        command.current_dir(self.path()).args(arguments).env("CARGO_TARGET_DIR", Self::target());
+        command.env("CARGO_NET_OFFLINE", "true").env("CARGO_PROFILE_DEV_DEBUG", "none");
+        command.envs(environment.iter().copied());
+        let output = command.output().expect("the command runs");
+        assert!(
+            output.status.success(),
+            "{} {arguments:?}\n{}{}",
+            program.display(),
+            String::from_utf8_lossy(&output.stdout),
+            String::from_utf8_lossy(&output.stderr)
+        );
+        output
+    }
+
+    fn fmu(&self, arguments: &[&str]) -> Output {
+        self.run(&tests::cargo_fmu(), arguments, &[])
+    }
+
+    fn cargo(&self, arguments: &[&str]) -> Output {
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        self.run(Path::new(&cargo), arguments, &[])
+    }
+
+    fn write(&self, file: &str, text: &str) {
+        let path = self.path().join(file);
+        std::fs::create_dir_all(path.parent().expect("a file has a folder")).expect("a folder");
+        std::fs::write(path, text).expect("a file");
+    }
+
+    /// A package with the exporter as a dependency, as its author would write it.
+    fn package(&self, name: &str, manifest: &str, source: &str) {
+        let exporter = workspace().join("crates/fmu");
+        let text = format!(
+            "[package]\nname = \"{name}\"\nversion = \"1.2.3\"\nedition = \"2024\"\n{manifest}",
+            manifest = manifest.replace("EXPORTER", &exporter.display().to_string())
+        );
+        self.write(&format!("{name}/Cargo.toml"), &text);
+        self.write(&format!("{name}/src/lib.rs"), source);
+    }
+
+    /// The description and the archive of a packed FMU.
+    fn packed(&self, name: &str) -> (ModelDescription, Archive) {
+        let path = self.path().join(format!("out/{name}.fmu"));
+        let mut archive = Archive::open(&path).unwrap_or_else(|error| panic!("{error}"));
+        let text = archive.description_text().unwrap_or_else(|error| panic!("{error}"));
+        (ModelDescription::parse(&text).unwrap_or_else(|error| panic!("{error}")), archive)
+    }
+}
+
+const GAIN: &str = r#"//! A gain.
+use fmu::prelude::*;
+
+/// Parameters.
+#[derive(Parameters)]
+pub struct Widget {
+    /// Gain (1)
+    #[var(start = 2.0)]
+    pub gain: f64,
+}
+
+/// Inputs.
+#[derive(Inputs)]
+pub struct U {
+    /// Input (1)
+    pub u: f64,
+}
+
+/// Outputs.
+#[derive(Outputs)]
+pub struct Y {
+    /// Output (1)
+    pub y: f64,
+}
+
+/// Gain
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Discrete for Widget {
+    type Inputs = U;
+    type Outputs = Y;
+    fn update(&self, sample: Sample<Self>) -> Y {
+        Y { y: self.gain * sample.inputs.u }
+    }
+}
+"#;
+
+/// A package of its own for each kind of model: written, tested, packed and checked as the message of `new` says.
+#[test]
+fn templates_of_all_kinds_work_outside_of_any_workspace() {
+    let place = Place::new();
+    let exporter = workspace().join("crates/fmu");
+    let exporter = exporter.to_str().expect("the path is UTF-8");
+    for kind in ["continuous", "discrete", "stateful"] {
+        let name = format!("my-{kind}");
+        place.fmu(&["new", &name, "--kind", kind, "--exporter-path", exporter]);
+        let manifest = format!("{name}/Cargo.toml");
+        let output = place.cargo(&["test", "--quiet", "--lib", "--manifest-path", &manifest]);
+        let report = String::from_utf8_lossy(&output.stdout);
+        assert!(report.contains("test result: ok.") && !report.contains(" 0 passed"), "{report}");
+        let inside = Command::new(tests::cargo_fmu())
+            .current_dir(place.path().join(&name))
+            .args(["pack", "--out", "../out"])
+            .env("CARGO_TARGET_DIR", Place::target())
+            .env("CARGO_NET_OFFLINE", "true")
+            .output()
+            .expect("the command runs");
+        assert!(inside.status.success(), "{}", String::from_utf8_lossy(&inside.stderr));
+    }
+    for fmu in ["MyContinuous", "MyDiscrete", "MyStateful"] {
+        let output = place.fmu(&["check", &format!("out/{fmu}.fmu")]);
+        let report = String::from_utf8_lossy(&output.stdout);
+        assert!(report.contains("no error, no warning"), "{report}");
+        let (description, _) = place.packed(fmu);
+        // Nothing in it names this project's authors, license or version.
+        assert_eq!((description.author.as_deref(), description.license.as_deref()), (None, None), "{fmu}");
+        assert_eq!(description.version.as_deref(), Some("0.1.0"), "{fmu}");
+    }
+}
+
+/// What a manifest says of its author goes into the FMU; type and package may have different names; resources keep their
+/// folders; the crate may be renamed; two models can be linked into a third; the build may have a target set.
+#[test]
+fn a_workspace_of_several_models_packs() {
+    let place = Place::new();
+    place.write("Cargo.toml", "[workspace]\nresolver = \"3\"\nmembers = [\"widget-maker\", \"renamed\", \"pair\"]\n");
+    place.package(
+        "widget-maker",
+        "authors = [\"Ada\", \"Grace\"]\nlicense = \"ISC\"\n[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\n\
+         fmu = { path = \"EXPORTER\" }\n",
+        GAIN,
+    );
+    place.write("widget-maker/LICENSE", "Permission to use is granted.\n");
+    place.write("widget-maker/resources/tables/deep/values.csv", "1,2\n");
+    let renamed = GAIN
+        .replace("use fmu::prelude", "use exporter::prelude")
+        .replace("#[derive(Parameters)]", "#[derive(Parameters)]\n#[fmu(crate = exporter)]")
+        .replace("#[derive(Inputs)]", "#[derive(Inputs)]\n#[fmu(crate = exporter)]")
+        .replace("#[derive(Outputs)]", "#[derive(Outputs)]\n#[fmu(crate = exporter)]")
+        .replace("#[fmu::model(", "#[exporter::model(crate = exporter, ")
+        .replace("Widget", "Renamed");
+    place.package(
+        "renamed",
+        "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nexporter = { package = \"fmu\", path = \"EXPORTER\" }\n",
+        &renamed,
+    );
+    place.package(
+        "pair",
+        "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"EXPORTER\" }\n\
+         widget-maker = { path = \"../widget-maker\" }\nrenamed = { path = \"../renamed\" }\n",
+        &GAIN
+            .replace(
+                "Y { y: self.gain * sample.inputs.u }",
+                "let inner = widget_maker::Widget { gain: self.gain };\n        \
+                 let inputs = &widget_maker::U { u: sample.inputs.u };\n        \
+                 let y = inner.update(Sample { time: sample.time, state: &mut (), inputs, derived: &() }).y;\n        \
+                 Y { y: y + renamed::Renamed::default().gain }",
+            )
+            .replace("Widget {\n    ///", "Pair {\n    ///")
+            .replace("for Widget", "for Pair"),
+    );
+    let host = Command::new("rustc").arg("-vV").output().expect("rustc runs").stdout;
+    let host = String::from_utf8_lossy(&host).into_owned();
+    let host = host.lines().find_map(|line| line.strip_prefix("host: ")).expect("rustc names its host");
+    place.run(
+        &tests::cargo_fmu(),
+        &["pack", "--out", "out"],
+        &[("CARGO_BUILD_TARGET", host), ("RUSTFLAGS", "--cfg mine")],
+    );
+
+    let (description, mut archive) = place.packed("Widget");
+    assert_eq!(description.author.as_deref(), Some("Ada, Grace"));
+    assert_eq!(description.license.as_deref(), Some("ISC"));
+    assert_eq!(description.version.as_deref(), Some("1.2.3"));
+    let unpacked = archive.unpack("Widget").unwrap_or_else(|error| panic!("{error}"));
+    let table = std::fs::read_to_string(unpacked.resources.join("tables/deep/values.csv"));
+    assert_eq!(table.expect("the resource is there"), "1,2\n");
+    for fmu in ["Widget", "Renamed", "Pair"] {
+        let output = place.fmu(&["check", &format!("out/{fmu}.fmu")]);
+        let report = String::from_utf8_lossy(&output.stdout);
+        assert!(report.contains("no error, no warning"), "{report}");
+    }
+}
+
+/// A package without a model, and one with a contradiction, end with a message that says what to do.
+#[test]
+fn packages_that_cannot_be_packed_are_reported() {
+    let place = Place::new();
+    let lib = "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"EXPORTER\" }\n";
+    let message = |package: &str| {
+        let output = Command::new(tests::cargo_fmu())
+            .current_dir(place.path().join(package))
+            .args(["pack"])
+            .env("CARGO_TARGET_DIR", Place::target())
+            .env("CARGO_NET_OFFLINE", "true")
+            .output()
+            .expect("the command runs");
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    place.package("empty", lib, "//! Nothing.\n");
+    let empty = message("empty");
+    assert!(empty.contains("the package exports no model") && empty.contains("#[fmu::model("), "{empty}");
+    place.package("twice", lib, &GAIN.replace("pub u: f64", "#[var(\"gain\")]\n    pub u: f64"));
+    let twice = message("twice");
+    assert!(twice.contains("Widget: two variables are named 'gain'"), "{twice}");
+    place.package("plain", "[dependencies]\nfmu = { path = \"EXPORTER\" }\n", "//! No dynamic library.\n");
+    let plain = message("plain");
+    assert!(plain.contains("crate-type = [\"cdylib\", \"rlib\"]"), "{plain}");
+}
