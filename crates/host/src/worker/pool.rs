@@ -64,7 +64,7 @@ impl Pool {
         let worker = self.worker(&mut slot)?;
         worker.send(&Request::Load, &[]);
         match worker.receive(&mut Watch::new(self.settings.timeout), &mut |_| ()) {
-            Ok((Response::Failed { message, .. }, _)) => Err(message),
+            Ok(Response::Failed { message, .. }) => Err(message),
             Ok(_) => Ok(()),
             Err(Ended { component, message, .. }) => {
                 *slot = None;
@@ -140,7 +140,7 @@ impl Pool {
         let (request, body) = Request::run(simulation, run, csv);
         worker.send(&request, &body);
         drop(body);
-        let (response, body) = match worker.receive(&mut Watch::new(self.settings.timeout), steps) {
+        let response = match worker.receive(&mut Watch::new(self.settings.timeout), steps) {
             Ok(answer) => answer,
             Err(Ended { time, component, message }) => {
                 *slot = None;
@@ -156,7 +156,7 @@ impl Pool {
         };
         match response {
             Response::Recorded { rows, columns, messages, seconds } => {
-                protocol::recording(rows, &columns, messages, seconds, &body).map_err(|_| unexpected(slot))
+                protocol::recording(rows, &columns, messages, seconds, worker.body()).map_err(|_| unexpected(slot))
             }
             Response::Failed { time, message, is_fatal } => {
                 if is_fatal {

@@ -2,7 +2,7 @@
 
 use super::connection::{self, Connection};
 use super::output::{Output, Printed};
-use super::protocol::{self, Reader, Request, Response};
+use super::protocol::{self, Numbers, Reader, Request, Response};
 use crate::check::{Checked, Event, Finding, Severity};
 use crate::linearize::Linear;
 use crate::loader::calls::{self, Snapshot};
@@ -133,18 +133,14 @@ impl Process {
 
     /// Sends a request. That the worker cannot be reached shows when its response is awaited.
     pub(super) fn send(&mut self, request: &Request, body: &[f64]) {
-        let _ = protocol::write(&mut self.connection, request, body);
+        let _ = protocol::write(&mut self.connection, request, &[body]);
     }
 
     /// Waits for a response; `steps` is told now and then how many steps are done.
-    pub(super) fn receive(
-        &mut self,
-        watch: &mut Watch,
-        steps: &mut dyn FnMut(u64),
-    ) -> Result<(Response, Vec<f64>), Ended> {
+    pub(super) fn receive(&mut self, watch: &mut Watch, steps: &mut dyn FnMut(u64)) -> Result<Response, Ended> {
         loop {
             match self.reader.read(&mut self.connection) {
-                Ok(Some(message)) => return Ok(message),
+                Ok(Some(response)) => return Ok(response),
                 Err(error) if connection::is_patience_over(&error) => {
                     let Ok(snapshot) = Snapshot::read(&self.board) else { continue };
                     steps(snapshot.steps);
@@ -174,6 +170,11 @@ impl Process {
                 }
             }
         }
+    }
+
+    /// The numbers of the last response.
+    pub(super) fn body(&self) -> Numbers<'_> {
+        self.reader.body()
     }
 
     /// What the board says about a worker that has ended in some way.
@@ -250,12 +251,12 @@ pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Chec
     let mut trial = String::from("opening the file");
     loop {
         match process.receive(&mut watch, &mut |_| ()) {
-            Ok((Response::Event(Event::Trying(what)), _)) => {
+            Ok(Response::Event(Event::Trying(what))) => {
                 trial = what;
                 watch.restart();
             }
-            Ok((Response::Event(Event::Found(finding)), _)) => findings.push(finding),
-            Ok((Response::Event(Event::Checked(so_far)), _)) => checked = so_far,
+            Ok(Response::Event(Event::Found(finding))) => findings.push(finding),
+            Ok(Response::Event(Event::Checked(so_far))) => checked = so_far,
             Ok(_) => return Ok((findings, checked)),
             Err(Ended { message, .. }) => {
                 findings.push(Finding { severity: Severity::Error, subject: trial, message });
@@ -278,7 +279,7 @@ pub fn trials(settings: &Settings, plan: &Plan) -> Vec<String> {
     let Ok(mut process) = Process::start(settings, true) else { return Vec::new() };
     process.send(&Request::Trials { simulation: plan.simulation, trials: plan.trials.clone() }, &[]);
     match process.receive(&mut Watch::of_all(TRIALS), &mut |_| ()) {
-        Ok((Response::Warnings(warnings), _)) => warnings,
+        Ok(Response::Warnings(warnings)) => warnings,
         _ => Vec::new(),
     }
 }
@@ -294,13 +295,14 @@ pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, f64)]) ->
     let (names, values): (Vec<String>, Vec<f64>) = changes.iter().cloned().unzip();
     process.send(&Request::Linearize { path: path.to_path_buf(), names }, &values);
     match process.receive(&mut Watch::of_all(settings.timeout), &mut |_| ()) {
-        Ok((Response::Linear(linear), jacobian)) => {
+        Ok(Response::Linear(linear)) => {
+            let jacobian = process.body().rest();
             let [n, m, p] = [&linear.states, &linear.inputs, &linear.outputs].map(Vec::len);
             let is_complete = jacobian.len() == (n + p) * (n + m);
             let linear = Linear { jacobian, ..linear };
             is_complete.then_some(linear).ok_or_else(|| "the worker process sent an incomplete response".to_owned())
         }
-        Ok((Response::Failed { message, .. }, _)) => Err(message),
+        Ok(Response::Failed { message, .. }) => Err(message),
         Ok(_) => Err("the worker process sent an unexpected response".to_owned()),
         Err(Ended { message, .. }) => Err(format!("{}: {message}", path.display())),
     }
