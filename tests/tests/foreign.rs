@@ -27,9 +27,9 @@ impl Place {
         workspace().join("target/foreign")
     }
 
-    fn run(&self, program: &Path, arguments: &[&str], environment: &[(&str, &str)]) -> Output {
+    fn run(&self, program: &Path, arguments: &[&str], environment: &[(&str, &str)], folder: &str) -> Output {
         let mut command = Command::new(program);
-        command.current_dir(self.path()).args(arguments).env("CARGO_TARGET_DIR", Self::target());
+        command.current_dir(self.path().join(folder)).args(arguments).env("CARGO_TARGET_DIR", Self::target());
         command.env("CARGO_NET_OFFLINE", "true").env("CARGO_PROFILE_DEV_DEBUG", "none");
         command.envs(environment.iter().copied());
         let output = command.output().expect("the command runs");
@@ -44,12 +44,12 @@ impl Place {
     }
 
     fn fmu(&self, arguments: &[&str]) -> Output {
-        self.run(&tests::cargo_fmu(), arguments, &[])
+        self.run(&tests::cargo_fmu(), arguments, &[], "")
     }
 
     fn cargo(&self, arguments: &[&str]) -> Output {
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-        self.run(Path::new(&cargo), arguments, &[])
+        self.run(Path::new(&cargo), arguments, &[], "")
     }
 
     fn write(&self, file: &str, text: &str) {
@@ -195,6 +195,7 @@ fn a_workspace_of_several_models_packs() {
         &tests::cargo_fmu(),
         &["pack", "--out", "out"],
         &[("CARGO_BUILD_TARGET", host), ("RUSTFLAGS", "--cfg mine")],
+        "",
     );
 
     let (description, mut archive) = place.packed("Widget");
@@ -209,6 +210,33 @@ fn a_workspace_of_several_models_packs() {
         let report = String::from_utf8_lossy(&output.stdout);
         assert!(report.contains("no error, no warning"), "{report}");
     }
+}
+
+/// The crates that a model depends on, as they would be published, are complete: a model builds from the files alone.
+#[test]
+fn a_model_builds_from_the_packaged_crates() {
+    let place = Place::new();
+    let target = place.path().join("packaged");
+    let folder = target.to_str().expect("the path is UTF-8");
+    let package = ["package", "--no-verify", "--allow-dirty", "--offline", "--target-dir", folder];
+    let packages = ["--package", "fmu", "--package", "fmu-derive"];
+    tests::successful(Command::new(tests::cargo()).args(package).args(packages).current_dir(workspace()));
+    for name in ["fmu", "fmu-derive"] {
+        let file = target.join(format!("package/{name}-0.1.0.crate"));
+        tests::successful(Command::new("tar").arg("xzf").arg(&file).arg("-C").arg(place.path()));
+        for text in ["README.md", "LICENSE-MIT", "LICENSE-APACHE"] {
+            assert!(place.path().join(format!("{name}-0.1.0/{text}")).exists(), "{name}: {text} is missing");
+        }
+    }
+    place.package(
+        "from-crates",
+        "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"../fmu-0.1.0\" }\n\
+         [patch.crates-io]\nfmu-derive = { path = \"../fmu-derive-0.1.0\" }\n[workspace]\n",
+        &GAIN.replace("Widget", "FromCrates"),
+    );
+    place.run(&tests::cargo_fmu(), &["pack", "--out", "../out"], &[], "from-crates");
+    let (description, _) = place.packed("FromCrates");
+    assert_eq!(description.version.as_deref(), Some("1.2.3"));
 }
 
 /// A package without a model, and one with a contradiction, end with a message that says what to do.

@@ -115,3 +115,8 @@ pub mod prelude {
     pub use crate::table::Table;
     pub use crate::unit::Unit;
 }
+
+/// The examples of the README are compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;
