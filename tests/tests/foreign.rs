@@ -239,6 +239,48 @@ fn a_model_builds_from_the_packaged_crates() {
     assert_eq!(description.version.as_deref(), Some("1.2.3"));
 }
 
+/// A step that is too long for a stiff model: x' = -1000 (x - cos t) by Runge-Kutta in steps of 2.5 ms, near the limit of
+/// stability at 2.785 ms, is off by percents at the start.
+#[test]
+fn a_step_that_is_too_long_is_reported() {
+    let place = Place::new();
+    let lib =
+        "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"EXPORTER\" }\n[workspace]\n";
+    place.package(
+        "stiff",
+        lib,
+        r#"//! A stiff equation.
+use fmu::prelude::*;
+
+/// Parameters.
+#[derive(Parameters)]
+pub struct Stiff;
+
+/// State.
+#[derive(State)]
+pub struct X<T> {
+    /// Solution (1)
+    #[var(nominal = 1.0)]
+    x: T,
+}
+
+/// Stiff equation
+#[fmu::model(stop_time = 0.1, step_size = 0.0025)]
+impl Continuous for Stiff {
+    type State<T: Scalar> = X<T>;
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        X { x: (at.state.x - at.time.cos()) * -1000.0 }
+    }
+}
+"#,
+    );
+    place.run(&tests::cargo_fmu(), &["pack", "--out", "../out"], &[], "stiff");
+    let output = place.fmu(&["check", "out/Stiff.fmu"]);
+    let report = String::from_utf8_lossy(&output.stdout);
+    assert!(report.contains("no error, 1 warning"), "{report}");
+    assert!(report.contains("variable `max_step`: in the default experiment `x` differs by"), "{report}");
+}
+
 /// A package without a model, and one with a contradiction, end with a message that says what to do.
 #[test]
 fn packages_that_cannot_be_packed_are_reported() {

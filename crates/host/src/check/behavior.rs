@@ -6,6 +6,7 @@ mod capabilities;
 mod dependencies;
 mod reset;
 mod states;
+mod step_size;
 mod values;
 
 use super::{Checked, Event, Finding};
@@ -162,7 +163,7 @@ impl Trial<'_> {
     }
 
     fn run_all(&self, tell: Tell<'_>) -> Vec<String> {
-        let parts: [(&str, Part<'_>); 9] = [
+        let parts: [(&str, Part<'_>); 10] = [
             ("start values", Self::start_values),
             ("runs", Self::runs),
             ("resets", Self::resets),
@@ -171,6 +172,7 @@ impl Trial<'_> {
             ("capabilities", Self::capabilities),
             ("dependencies at the start", Self::initial_dependencies),
             ("dependencies between steps", Self::step_dependencies),
+            ("step size of the solver", Self::step_size),
             ("the end of a run", Self::end),
         ];
         let mut tried = Vec::new();
