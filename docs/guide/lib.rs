@@ -1,0 +1,26 @@
+//! The pages of the guide: their Rust blocks are compiled and run as doctests.
+
+macro_rules! pages {
+    ($($name:ident = $file:literal,)*) => {$(
+        #[cfg(doctest)]
+        #[doc = include_str!($file)]
+        pub mod $name {}
+    )*};
+}
+
+pages! {
+    readme = "../../README.md",
+    introduction = "src/introduction.md",
+    first_model = "src/first-model.md",
+    variables = "src/variables.md",
+    models = "src/models.md",
+    events = "src/events.md",
+    solvers = "src/solvers.md",
+    resources = "src/resources.md",
+    testing = "src/testing.md",
+    platforms = "src/platforms.md",
+    scenarios = "src/scenarios.md",
+    swapping = "src/swapping.md",
+    attributes = "src/attributes.md",
+    coming_from = "src/coming-from.md",
+}
