@@ -1,0 +1,129 @@
+"""Links of the documentation, and blocks of README and guide. Rust blocks are doctests of the package `guide`."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
+GUIDE = ROOT / "docs" / "guide" / "src"
+PAGES = sorted(
+    path
+    for path in ROOT.glob("**/*.md")
+    if not {"target", ".venv", ".git", "results"} & set(path.relative_to(ROOT).parts)
+)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(path: Path, language: str) -> list[str]:
+    return [text for tag, text in FENCE.findall(path.read_text(encoding="utf-8")) if tag == language]
+
+
+def anchors(path: Path) -> set[str]:
+    titles = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).strip().replace(" ", "-") for title in titles}
+
+
+def broken_links(path: Path) -> list[str]:
+    broken = []
+    for link in LINK.findall(FENCE.sub("", path.read_text(encoding="utf-8"))):
+        if re.match(r"\w+:", link):
+            continue
+        file, _, anchor = link.partition("#")
+        target = path.parent / file if file else path
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            broken.append(link)
+    return broken
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_somewhere(path: Path) -> None:
+    assert not broken_links(path)
+
+
+def test_broken_links_are_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# A title\n[a](#a-title) [b](#b) [c](other.md) [d](https://example.org)\n", encoding="utf-8")
+    assert broken_links(page) == ["#b", "other.md"]
+
+
+def test_the_summary_lists_every_page() -> None:
+    listed = set(LINK.findall((GUIDE / "SUMMARY.md").read_text(encoding="utf-8")))
+    compiled = set(re.findall(r'"src/([\w-]+\.md)"', (GUIDE.parent / "lib.rs").read_text(encoding="utf-8")))
+    assert listed == compiled == {path.name for path in GUIDE.glob("*.md")} - {"SUMMARY.md"}
+
+
+@pytest.mark.parametrize("path", [*GUIDE.glob("*.md"), ROOT / "README.md"], ids=lambda path: path.name)
+def test_every_block_has_a_language(path: Path) -> None:
+    assert {tag for tag, _ in FENCE.findall(path.read_text(encoding="utf-8"))} <= {"rust", "sh", "toml", "python"}
+
+
+def run_python(code: str, folder: Path) -> str:
+    return subprocess.run([sys.executable, "-c", code], cwd=folder, check=True, capture_output=True, text=True).stdout
+
+
+def promised(path: Path) -> list[str]:
+    return re.findall(r"^This prints `(.*?)`[.:]", path.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_the_python_of_the_readme_prints_what_it_says() -> None:
+    (code,) = blocks(ROOT / "README.md", "python")
+    output = run_python(code.replace("target/fmu", str(FOLDER)), ROOT)
+    assert [output.strip()] == promised(ROOT / "README.md")
+
+
+def cargo_fmu() -> str:
+    subprocess.run(
+        ["cargo", "build", "--quiet", "--release", "--locked", "--package", "cargo-fmu"], cwd=ROOT, check=True
+    )
+    return str(Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target").absolute() / "release" / "cargo-fmu")
+
+
+def test_the_scenario_of_the_guide_runs(tmp_path: Path) -> None:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(blocks(GUIDE / "scenarios.md", "toml")[0], encoding="utf-8")
+    command = [cargo_fmu(), "run", str(scenario), "--fmus", str(FOLDER), "--out", str(tmp_path / "out")]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    assert list((tmp_path / "out").rglob("*.csv"))
+
+
+@pytest.mark.ci
+def test_the_first_model_is_created_tested_packed_and_simulated(tmp_path: Path) -> None:
+    page = GUIDE / "first-model.md"
+    install, create, pack, environment = blocks(page, "sh")
+    # Installed is a link to the command of this build, FMPy is that of this environment.
+    assert install == "cargo install --locked --path crates/cargo-fmu\n"
+    assert environment.splitlines()[-1] == ".venv/bin/pip install fmpy"
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "cargo-fmu").symlink_to(cargo_fmu())
+    script = "set -e\n" + create.replace("EXPORTER", str(ROOT)) + pack
+    # The exporter is compiled once for all foreign packages (tests/tests/foreign.rs).
+    variables = {
+        **os.environ,
+        "PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}",
+        "CARGO_TARGET_DIR": str(ROOT / "target" / "foreign"),
+        "CARGO_NET_OFFLINE": "true",
+        "CARGO_PROFILE_DEV_DEBUG": "none",
+    }
+    script = script.replace("cargo fmu pack", "cargo fmu pack --out target/fmu")
+    result = subprocess.run(
+        ["sh", "-c", script], cwd=tmp_path, env=variables, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "no error, no warning" in result.stdout
+    model = tmp_path / "my-oscillator"
+    # The page shows the model of the template without its comments.
+    template = [line for line in (model / "src" / "lib.rs").read_text(encoding="utf-8").splitlines() if line.strip()]
+    shown = [line for line in blocks(page, "rust")[0].splitlines() if line.strip()]
+    assert [line for line in shown if line not in template] == []
+    (code,) = blocks(page, "python")
+    assert [run_python(code, model).strip()] == promised(page)
+    shutil.rmtree(model)
