@@ -105,7 +105,7 @@ fn numbers_outside_their_limits_are_refused() {
                         (variable.max, variable.max.map(|max| max + 1e-6 * max.abs().max(1.0))),
                     ] {
                         let (Some(limit), Some(outside)) = (limit, outside) else { continue };
-                        refuses(&mut instance, &[&variable.name, "expected"], |i| i.set_real(&reference, &[outside]));
+                        refuses(&mut instance, &[&variable.name, "must be"], |i| i.set_real(&reference, &[outside]));
                         // The limit itself is allowed; whether it can be simulated is asked at the end.
                         ok(instance.set_real(&reference, &[limit]));
                         ok(instance.set_real(&reference, &[start(variable)]));
@@ -115,7 +115,7 @@ fn numbers_outside_their_limits_are_refused() {
                 BaseType::Integer => {
                     for outside in [variable.min.map(|min| min - 1.0), variable.max.map(|max| max + 1.0)] {
                         let Some(outside) = outside.filter(|value| value.abs() < 2e9) else { continue };
-                        refuses(&mut instance, &[&variable.name, "expected"], |i| {
+                        refuses(&mut instance, &[&variable.name, "must be"], |i| {
                             i.set_integer(&reference, &[outside as i32])
                         });
                         integers_checked += 1;

@@ -126,7 +126,7 @@ const DEFECTS: &[(&str, &str, &str)] = &[
     ),
     ("valueReference=\"7\"", "valueReference=\"6\"", "setting one sets the other"),
     ("guid=\"{", "generationDateAndTime=\"yesterday\" guid=\"{", "no date and time"),
-    ("guid=\"{", "guid=\"{0", "was expected; the library and modelDescription.xml do not belong together"),
+    ("guid=\"{", "guid=\"{0", "; the library and modelDescription.xml do not belong together"),
     ("modelIdentifier=\"YawRateReference\"", "modelIdentifier=\"YawRate\"", "YawRate.so"),
     ("modelName=", "modelMaker=\"me\" modelName=", "no attribute `modelMaker`"),
     ("<LogCategories>", "<LogCategory/><LogCategories>", "no element <LogCategory>"),

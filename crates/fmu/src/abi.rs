@@ -243,7 +243,7 @@ fn no_array(function: Function, name: &str, is_null: bool, length: usize) -> Ref
     error(
         function,
         &if is_null {
-            format!("{name} is a null pointer, an array of length {length} was expected")
+            format!("{name} must be an array of length {length}, got a null pointer")
         } else {
             format!("{name} of length {length} is not a possible array")
         },
@@ -375,14 +375,14 @@ pub unsafe fn instantiate<E: Export>(
             return Err("instanceName is empty".to_owned());
         }
         if fmu_type != CO_SIMULATION {
-            return Err(format!("fmuType = {fmu_type}, {CO_SIMULATION} (co-simulation) was expected"));
+            return Err(format!("fmuType must be {CO_SIMULATION} (co-simulation), got {fmu_type}"));
         }
         // SAFETY: as above.
         let guid = unsafe { text(guid) }.map_err(|e| format!("fmuGUID is {e}"))?;
         let description = E::description();
         if guid != description.guid {
             return Err(format!(
-                "fmuGUID = {guid}, {} was expected; the library and modelDescription.xml do not belong together",
+                "fmuGUID must be {}, got {guid}; the library and modelDescription.xml do not belong together",
                 description.guid
             ));
         }
@@ -722,7 +722,7 @@ pub unsafe fn serialize_fmu_state<E: Export>(
             let snapshot = h.snapshot(function, state)?;
             let written = h.instance.serialize(&*snapshot)?;
             if size < written.len() {
-                return Err(error(function, &format!("size = {size}, at least {} was expected", written.len())));
+                return Err(error(function, &format!("size must be at least {}, got {size}", written.len())));
             }
             array_mut(function, "serializedState", bytes.cast::<u8>(), written.len())?.copy_from_slice(&written);
             Ok(())

@@ -21,7 +21,7 @@ pub const LOG_EVENTS: &str = "logEvents";
 
 /// The log categories with their descriptions.
 pub const LOG_CATEGORIES: [(&str, &str); 3] = [
-    (LOG_ERROR, "Refused calls and failed steps: what, where, and what was expected (always logged)"),
+    (LOG_ERROR, "Refused calls and failed steps: what, where, and the rule (always logged)"),
     (LOG_DISCARD, "Questions that have no answer"),
     (LOG_EVENTS, "Initialization, termination, reset and restored states"),
 ];
@@ -83,7 +83,7 @@ fn contradiction(info: &Info, layout: &Layout) -> Option<String> {
     }
     for (what, value) in [("stop_time", info.stop_time), ("step_size", info.step_size)] {
         if !(value.is_finite() && value > 0.0) {
-            return Some(format!("{what} of the default experiment = {value} s, a number above 0 was expected"));
+            return Some(format!("{what} of the default experiment must be above 0, got {value} s"));
         }
     }
     // An XML reader turns line breaks into blanks and refuses other control characters.

@@ -14,7 +14,7 @@ use crate::variables::{Counts, Derived as _, Values, ValuesMut, Variables as _};
 /// Why a call was not carried out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// fmi2Error: what, where and what was expected.
+    /// fmi2Error: what, where and the rule.
     Error(String),
     /// fmi2Discard: there is no such information.
     Discard(String),
@@ -179,15 +179,14 @@ impl<M: Model> Instance<M> {
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Answer {
         self.check(Function::SetupExperiment)?;
         if !start.is_finite() {
-            return Err(format!("fmi2SetupExperiment: startTime = {start}, a finite number was expected").into());
+            return Err(format!("fmi2SetupExperiment: startTime must be finite, got {start}").into());
         }
         if let Some(stop) = stop
             && (stop.is_nan() || stop < start)
         {
-            return Err(format!(
-                "fmi2SetupExperiment: stopTime = {stop}, a number not before startTime = {start} was expected"
-            )
-            .into());
+            return Err(
+                format!("fmi2SetupExperiment: stopTime must not be before startTime = {start}, got {stop}").into()
+            );
         }
         self.clock = Clock { start, stop, time: start, sample: 0 };
         Ok(())
@@ -215,7 +214,7 @@ impl<M: Model> Instance<M> {
         let memory = self.memory.as_ref().expect("made with the derived parameters");
         if let Some((name, value)) = M::not_finite(memory) {
             return Err(format!(
-                "{}: start of '{name}' = {value}, a finite number was expected; check the parameters",
+                "{}: start of '{name}' must be finite, got {value}; check the parameters",
                 M::INFO.name
             )
             .into());
@@ -226,7 +225,7 @@ impl<M: Model> Instance<M> {
             let outputs = self.layout().outputs.reals();
             if let Some(index) = outputs.into_iter().find(|&index| !self.values.reals[index].is_finite()) {
                 return Err(format!(
-                    "{}: '{}' = {} at the start, a finite number was expected; check the parameters",
+                    "{}: '{}' must be finite at the start, got {}; check the parameters",
                     M::INFO.name,
                     self.layout().real_name(index),
                     self.values.reals[index]
@@ -278,7 +277,7 @@ impl<M: Model> Instance<M> {
                 (if index < layout.states.at.reals { "calculated parameter" } else { "start of" }, values.reals[index]);
             if !value.is_finite() {
                 return Err(format!(
-                    "{}: {what} '{}' = {value}, a finite number was expected; check the parameters",
+                    "{}: {what} '{}' must be finite, got {value}; check the parameters",
                     M::INFO.name,
                     layout.real_name(index)
                 )
@@ -342,7 +341,7 @@ impl<M: Model> Instance<M> {
             None => "no variable".to_owned(),
         };
         Refusal::Error(format!(
-            "{}: value reference {reference} is {what}; a variable of type {expected} was expected",
+            "{}: value reference {reference} must be a variable of type {expected}, it is {what}",
             function.name()
         ))
     }
@@ -518,11 +517,7 @@ impl<M: Model> Instance<M> {
                 return Err(self.unknown_reference(Function::SetReal, reference, "Real"));
             }
             if !value.is_finite() {
-                return Err(format!(
-                    "fmi2SetReal: '{}' = {value}, a finite number was expected",
-                    layout.real_name(index)
-                )
-                .into());
+                return Err(format!("fmi2SetReal: '{}' must be finite, got {value}", layout.real_name(index)).into());
             }
             if inputs.contains(&index) {
                 continue; // the usual case; inputs carry no limits
@@ -532,7 +527,7 @@ impl<M: Model> Instance<M> {
             let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
             if !(min..=max).contains(&value) {
                 return Err(format!(
-                    "fmi2SetReal: '{}' = {}, a number in [{min}, {max}] was expected",
+                    "fmi2SetReal: '{}' must be in [{min}, {max}], got {}",
                     variable.declaration.name,
                     real.unit.with(value)
                 )
@@ -568,13 +563,10 @@ impl<M: Model> Instance<M> {
             let known = items.is_empty() || items.iter().any(|item| item.value == value);
             if !(*min..=*max).contains(&value) || !known {
                 let names: Vec<_> = items.iter().map(|c| format!("{} ({})", c.value, c.name)).collect();
-                let expected =
-                    if names.is_empty() { format!("a number in [{min}, {max}]") } else { names.join(" or ") };
-                return Err(format!(
-                    "fmi2SetInteger: '{}' = {value}, {expected} was expected",
-                    variable.declaration.name
-                )
-                .into());
+                let expected = if names.is_empty() { format!("in [{min}, {max}]") } else { names.join(" or ") };
+                return Err(
+                    format!("fmi2SetInteger: '{}' must be {expected}, got {value}", variable.declaration.name).into()
+                );
             }
         }
         for (&reference, &value) in references.iter().zip(values) {
@@ -613,11 +605,9 @@ impl<M: Model> Instance<M> {
             self.string(Function::SetString, reference)?;
             let variable = self.settable(Function::SetString, reference)?;
             if value.contains('\0') {
-                return Err(format!(
-                    "fmi2SetString: '{}' has a zero byte, a text without one was expected",
-                    variable.declaration.name
-                )
-                .into());
+                return Err(
+                    format!("fmi2SetString: '{}' must not contain a zero byte", variable.declaration.name).into()
+                );
             }
         }
         for (&reference, value) in references.iter().zip(values) {
@@ -649,7 +639,7 @@ impl<M: Model> Instance<M> {
         let refused = |message: String| Err(Refusal::Error(format!("fmi2DoStep: {message}")));
         let is_length = step > 0.0 && step <= f64::MAX;
         if !is_length {
-            return refused(format!("communicationStepSize = {step} s, a finite number above 0 was expected"));
+            return refused(format!("communicationStepSize must be finite and above 0, got {step} s"));
         }
         let is_on_time = (time - self.clock.time).abs() <= clock::tolerance(time, step);
         if !is_on_time {
@@ -673,7 +663,7 @@ impl<M: Model> Instance<M> {
         let parts = M::parts(&self.description.layout, &self.values, span);
         if parts.is_nan() || parts > MOST_PARTS {
             return refused(format!(
-                "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} were expected"
+                "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} are possible"
             ));
         }
         let parts = parts as u64;
@@ -737,10 +727,7 @@ impl<M: Model> Instance<M> {
                 return refused(format!("value reference {reference} is neither a real input nor a state (known)"));
             };
             if !slope.is_finite() {
-                return refused(format!(
-                    "seed of '{}' = {slope}, a finite number was expected",
-                    layout.real_name(index)
-                ));
+                return refused(format!("seed of '{}' must be finite, got {slope}", layout.real_name(index)));
             }
             direction[position] += slope;
         }

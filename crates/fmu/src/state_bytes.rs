@@ -105,7 +105,7 @@ impl Reader<'_> {
         match self.u32()? {
             0 => Ok(false),
             1 => Ok(true),
-            other => Err(format!("a switch is {other}, 0 or 1 was expected")),
+            other => Err(format!("a Boolean must be 0 or 1, got {other}")),
         }
     }
     fn text(&mut self) -> Result<String, String> {
@@ -131,11 +131,11 @@ pub(crate) fn read<M: Model>(
     }
     let version = source.u32()?;
     if version != VERSION {
-        return Err(format!("format version {version}, {VERSION} was expected"));
+        return Err(format!("format version must be {VERSION}, got {version}"));
     }
     let found = source.text()?;
     if found != guid {
-        return Err(format!("the state belongs to another FMU: GUID {found}, {guid} was expected"));
+        return Err(format!("the state belongs to another FMU: GUID {found} instead of {guid}"));
     }
     if Reader(sum).u64()? != checksum(body) {
         return Err("the bytes are damaged (checksum)".to_owned());

@@ -184,7 +184,7 @@ fn instantiation_says_why_it_failed() {
     for kind in [0, 2, -1] {
         assert_eq!(
             refused(name, kind, guid, uri),
-            format!("fmi2Instantiate: fmuType = {kind}, 1 (co-simulation) was expected")
+            format!("fmi2Instantiate: fmuType must be 1 (co-simulation), got {kind}")
         );
     }
     assert_eq!(refused(name, 1, null(), uri), "fmi2Instantiate: fmuGUID is a null pointer");
@@ -192,7 +192,7 @@ fn instantiation_says_why_it_failed() {
     assert_eq!(
         refused(name, 1, c"{50%n#r1#}".as_ptr(), uri),
         format!(
-            "fmi2Instantiate: fmuGUID = {{50%%n##r1##}}, {} was expected; the library and modelDescription.xml do not \
+            "fmi2Instantiate: fmuGUID must be {}, got {{50%%n##r1##}}; the library and modelDescription.xml do not \
              belong together",
             Sampler::description().guid
         )
@@ -293,11 +293,11 @@ fn empty_arrays_may_be_null_and_others_may_not() {
         assert_eq!(fmu.take(), []);
 
         assert_eq!(abi::get_real::<Sampler>(component, null(), 1, &mut 0.0), Status::Error);
-        assert_eq!(fmu.error(), "fmi2GetReal: vr is a null pointer, an array of length 1 was expected");
+        assert_eq!(fmu.error(), "fmi2GetReal: vr must be an array of length 1, got a null pointer");
         assert_eq!(abi::get_real::<Sampler>(component, &one, 1, null_mut()), Status::Error);
-        assert_eq!(fmu.error(), "fmi2GetReal: value is a null pointer, an array of length 1 was expected");
+        assert_eq!(fmu.error(), "fmi2GetReal: value must be an array of length 1, got a null pointer");
         assert_eq!(abi::set_real::<Sampler>(component, &one, 1, null()), Status::Error);
-        assert_eq!(fmu.error(), "fmi2SetReal: value is a null pointer, an array of length 1 was expected");
+        assert_eq!(fmu.error(), "fmi2SetReal: value must be an array of length 1, got a null pointer");
         let odd = null::<u8>().wrapping_add(3).cast::<f64>();
         assert_eq!(abi::set_real::<Sampler>(component, &one, 1, odd), Status::Error);
         assert_eq!(fmu.error(), "fmi2SetReal: value of length 1 is not a possible array");
@@ -312,13 +312,13 @@ fn empty_arrays_may_be_null_and_others_may_not() {
         assert_eq!(fresh.error(), "fmi2SetString: a value is not UTF-8");
 
         assert_eq!(abi::get_fmu_state::<Sampler>(component, null_mut()), Status::Error);
-        assert!(fmu.error().starts_with("fmi2GetFMUstate: FMUstate is a null pointer"));
+        assert!(fmu.error().starts_with("fmi2GetFMUstate: FMUstate must be an array of length "));
         assert_eq!(abi::get_real_status::<Sampler>(component, 2, null_mut()), Status::Error);
-        assert!(fmu.error().starts_with("fmi2GetRealStatus: value is a null pointer"));
+        assert!(fmu.error().starts_with("fmi2GetRealStatus: value must be an array of length "));
         assert_eq!(abi::get_boolean_status::<Sampler>(component, 3, null_mut()), Status::Error);
-        assert!(fmu.error().starts_with("fmi2GetBooleanStatus: value is a null pointer"));
+        assert!(fmu.error().starts_with("fmi2GetBooleanStatus: value must be an array of length "));
         assert_eq!(abi::set_debug_logging::<Sampler>(component, 1, 1, null()), Status::Error);
-        assert!(fmu.error().starts_with("fmi2SetDebugLogging: categories is a null pointer"));
+        assert!(fmu.error().starts_with("fmi2SetDebugLogging: categories must be an array of length "));
         assert_eq!(abi::set_debug_logging::<Sampler>(component, 1, 1, &null()), Status::Error);
         assert_eq!(fmu.error(), "fmi2SetDebugLogging: a category is a null pointer");
     }
@@ -348,7 +348,7 @@ fn all_types_are_set_and_read_back() {
         let mut pair = [5, 5];
         assert_eq!(abi::get_integer::<Sampler>(component, [order, on].as_ptr(), 2, pair.as_mut_ptr()), Status::Error);
         assert_eq!(pair, [5, 5]);
-        assert!(fmu.error().contains("'filter.on' of type Boolean; a variable of type Integer was expected"));
+        assert!(fmu.error().contains("must be a variable of type Integer, it is 'filter.on' of type Boolean"));
     }
     let carts = C::<CartPair>::ready();
     let on = reference::<CartPair>("damper.on");
@@ -601,9 +601,9 @@ fn a_state_that_is_handed_back_is_written_over() {
         assert_eq!(fmu.bytes(state), first);
         fmu.take();
         assert_eq!(abi::deserialize_fmu_state::<Sampler>(fmu.component, null(), 8, &mut same), Status::Error);
-        assert!(fmu.error().starts_with("fmi2DeSerializeFMUstate: serializedState is a null pointer"));
+        assert!(fmu.error().starts_with("fmi2DeSerializeFMUstate: serializedState must be an array of length "));
         assert_eq!(abi::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), 8, null_mut()), Status::Error);
-        assert!(fmu.error().starts_with("fmi2DeSerializeFMUstate: FMUstate is a null pointer"));
+        assert!(fmu.error().starts_with("fmi2DeSerializeFMUstate: FMUstate must be an array of length "));
         assert_eq!(abi::set_fmu_state::<Sampler>(fmu.component, state), Status::Ok);
     }
     assert_eq!(fmu.get("filter_count"), 0.0);
@@ -623,7 +623,7 @@ fn bytes_carry_a_state_to_another_instance_and_need_their_room() {
         assert_eq!(status, Status::Error);
         assert_eq!(
             fmu.error(),
-            format!("fmi2SerializeFMUstate: size = {}, at least {} was expected", small.len(), bytes.len())
+            format!("fmi2SerializeFMUstate: size must be at least {}, got {}", bytes.len(), small.len())
         );
         let status = abi::deserialize_fmu_state::<CartPair>(other.component, bytes.as_ptr(), bytes.len(), &mut copy);
         assert_eq!(status, Status::Ok);

@@ -121,7 +121,7 @@ fn a_first_sample_that_is_not_finite_ends_the_initialization() {
     let before = lift.bytes();
     assert_eq!(
         error_of(lift.0.exit_initialization()),
-        "Lift: 'level' = inf at the start, a finite number was expected; check the parameters"
+        "Lift: 'level' must be finite at the start, got inf; check the parameters"
     );
     let saved = lift.0.deserialize(&before).unwrap();
     lift.0.restore(&saved).unwrap();

@@ -240,7 +240,7 @@ fn check<E: Export>(is_serializable: bool) {
     for of in ["p", "u"] {
         for kind in ["named", "listed"] {
             let message = error_of(fmu.set_integer(&format!("{of}.{kind}"), 2));
-            assert!(message.contains("0 (neutral) or 1 (first) or 6 (top) was expected"), "{message}");
+            assert!(message.contains("must be 0 (neutral) or 1 (first) or 6 (top)"), "{message}");
         }
     }
     let (p, u) = (Seen(-2.0, 10, false, "ä".into(), 0, 1), Seen(0.25, -1, true, "x".into(), 6, 0));

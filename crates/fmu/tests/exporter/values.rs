@@ -126,12 +126,12 @@ fn limits_and_numbers_that_are_not_finite_are_refused() {
     let mut fmu = Fmu::<CartPair>::initializing(0.0);
     let before = fmu.bytes();
     for (name, value, message) in [
-        ("damper.damping", -0.1, "'damper.damping' = -0.1 N.s/m, a number in [0, 50] was expected"),
-        ("damper.damping", 50.1, "'damper.damping' = 50.1 N.s/m, a number in [0, 50] was expected"),
-        ("cart.mass", -1.0, "'cart.mass' = -1 kg, a number in [0.000001, inf] was expected"),
-        ("cart_force.l", f64::NAN, "'cart_force.l' = NaN, a finite number was expected"),
-        ("cart_force.l", f64::INFINITY, "'cart_force.l' = inf, a finite number was expected"),
-        ("cart_position.l", f64::NEG_INFINITY, "'cart_position.l' = -inf, a finite number was expected"),
+        ("damper.damping", -0.1, "'damper.damping' must be in [0, 50], got -0.1 N.s/m"),
+        ("damper.damping", 50.1, "'damper.damping' must be in [0, 50], got 50.1 N.s/m"),
+        ("cart.mass", -1.0, "'cart.mass' must be in [0.000001, inf], got -1 kg"),
+        ("cart_force.l", f64::NAN, "'cart_force.l' must be finite, got NaN"),
+        ("cart_force.l", f64::INFINITY, "'cart_force.l' must be finite, got inf"),
+        ("cart_position.l", f64::NEG_INFINITY, "'cart_position.l' must be finite, got -inf"),
     ] {
         assert_eq!(error_of(fmu.set(name, value)), format!("fmi2SetReal: {message}"));
     }
@@ -171,7 +171,7 @@ fn unknown_references_and_wrong_types_are_named() {
         ["filter.gain", "filter.offset", "filter.on", "filter.label"].map(reference::<Sampler>);
     let end = label + 1;
     let wrong = |function: &str, reference: u32, what: &str, expected: &str| {
-        format!("{function}: value reference {reference} is {what}; a variable of type {expected} was expected")
+        format!("{function}: value reference {reference} must be a variable of type {expected}, it is {what}")
     };
     let mut value = [0.0];
     for (reference, what) in [
@@ -218,18 +218,18 @@ fn enumerations_take_their_values_only() {
     for value in [-1, 1, 3, i32::MIN, i32::MAX] {
         assert_eq!(
             error_of(fmu.set_integer("spring.law", value)),
-            format!("fmi2SetInteger: 'spring.law' = {value}, 0 (linear) or 2 (hardening_spring) was expected")
+            format!("fmi2SetInteger: 'spring.law' must be 0 (linear) or 2 (hardening_spring), got {value}")
         );
     }
     fmu.set_integer("spring.law", 2).unwrap();
     let mut fmu = Fmu::<Sampler>::initializing(0.0);
     assert_eq!(
         error_of(fmu.set_integer("filter.offset", 6)),
-        "fmi2SetInteger: 'filter.offset' = 6, a number in [-5, 5] was expected"
+        "fmi2SetInteger: 'filter.offset' must be in [-5, 5], got 6"
     );
     assert_eq!(
         error_of(fmu.set_string("filter.label", "a\0b")),
-        "fmi2SetString: 'filter.label' has a zero byte, a text without one was expected"
+        "fmi2SetString: 'filter.label' must not contain a zero byte"
     );
 }
 
@@ -307,7 +307,7 @@ fn the_end_of_initialization_rejects_parameters_without_derived_ones() {
     fmu.set("spring.stiffness.r", 1e308).unwrap();
     assert_eq!(
         error_of(fmu.0.exit_initialization()),
-        "CartPair: calculated parameter 'spring.frequency.r' = inf, a finite number was expected; check the parameters"
+        "CartPair: calculated parameter 'spring.frequency.r' must be finite, got inf; check the parameters"
     );
     fmu.set("cart.mass", 2.0).unwrap();
     fmu.0.exit_initialization().unwrap();
@@ -317,7 +317,7 @@ fn the_end_of_initialization_rejects_parameters_without_derived_ones() {
     let before = fmu.bits();
     assert_eq!(
         error_of(fmu.0.exit_initialization()),
-        "Fragile: start of 'product' = inf, a finite number was expected; check the parameters"
+        "Fragile: start of 'product' must be finite, got inf; check the parameters"
     );
     assert_eq!((fmu.0.mode(), fmu.bits()), (Mode::Initialization, before));
     fmu.set("product.scale", 2.0).unwrap();
@@ -327,7 +327,7 @@ fn the_end_of_initialization_rejects_parameters_without_derived_ones() {
 #[test]
 fn what_must_be_positive_is_at_least_a_millionth_at_any_time() {
     let mut fmu = Fmu::<Sampler>::new();
-    let expected = "fmi2SetReal: 'filter.length' = 0 s, a number in [0.000001, inf] was expected";
+    let expected = "fmi2SetReal: 'filter.length' must be in [0.000001, inf], got 0 s";
     assert_eq!(error_of(fmu.set("filter.length", 0.0)), expected);
     fmu.0.enter_initialization().unwrap();
     assert_eq!(error_of(fmu.set("filter.length", 0.0)), expected);
@@ -439,7 +439,7 @@ fn a_state_that_does_not_start_finite_is_refused() {
     let before = fmu.bytes();
     assert_eq!(
         error_of(fmu.0.exit_initialization()),
-        "Starting: start of 'x' = inf, a finite number was expected; check the parameters"
+        "Starting: start of 'x' must be finite, got inf; check the parameters"
     );
     assert_eq!((fmu.0.mode(), fmu.bytes()), (Mode::Initialization, before));
     fmu.set("coupling.stiffness", 4.0).unwrap();
