@@ -1,4 +1,4 @@
-//! Positions of wheels and axles as families of values.
+//! Arrays whose elements are named after positions of wheels and axles.
 
 fmu::named_array! {
     /// The wheels of a three-axle vehicle; left ones have even numbers.

@@ -1,6 +1,6 @@
 //! The catalogue of signals: an output and an input of the same name are the same signal, in every FMU.
 //!
-//! A family appends the place to the name, for example `road_height.fl`.
+//! An array appends the name of its element, for example `road_height.fl`.
 //!
 //! The number after the display unit is the nominal value: the usual peak, rounded to 1, 2 or 5 times a power of ten. It
 //! is the same for all vehicles, from 1.5 t to 36 t.
