@@ -275,6 +275,11 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream) -> TokenStream
     // `describe`, or the name of a model in this crate and its GUID: `QuarterCar={0123…}`.
     let wanted = std::env::var(&variable).unwrap_or_default();
     let guid = wanted.split_once('=').filter(|(wanted, _)| *wanted == name).map(|(_, guid)| guid);
+    // A packed library does not contain the paths of the machine that built it.
+    let resources = match guid {
+        Some(_) => quote!(""),
+        None => quote!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/resources")),
+    };
     let (guid, symbols) = match guid {
         Some(guid) => (quote!(Some(#guid)), quote!(#root::c_interface!(#model);)),
         None if wanted == "describe" => {
@@ -299,6 +304,7 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream) -> TokenStream
         impl #root::Export for #model {
             type Model = #root::runner::#runner<Self>;
             const GUID: ::core::option::Option<&'static str> = #guid;
+            const RESOURCES: &'static str = #resources;
             fn library() -> &'static #root::abi::Library {
                 static LIBRARY: #root::abi::Library = #root::abi::Library::new();
                 &LIBRARY

@@ -13,7 +13,7 @@
 use std::any::Any;
 use std::ffi::{CStr, CString};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use libc::{c_char, c_int, c_uint, c_void, size_t};
@@ -70,6 +70,8 @@ pub trait Export: 'static {
     /// The GUID, if the packer has built it in. Such a library need not write its description to know it, and does not
     /// contain the code that could.
     const GUID: Option<&'static str> = None;
+    /// Folder of the resources among the sources of the model, for its description; empty in a packed library.
+    const RESOURCES: &'static str = "";
     /// What the library keeps while it is loaded.
     fn library() -> &'static Library;
     /// Computed on first use, then the same for all instances.
@@ -81,7 +83,7 @@ pub trait Export: 'static {
         let description = kept.description.get_or_insert_with(|| {
             let description = Arc::new(match Self::GUID {
                 Some(guid) => Description::packed::<Self::Model>(guid),
-                None => Description::of::<Self::Model>(),
+                None => Description::of::<Self::Model>(Path::new(Self::RESOURCES)),
             });
             // On Linux the library lists the function itself, see `export!`.
             // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
@@ -298,7 +300,7 @@ pub fn model_description<E: Export>() -> *const c_char {
     let text = || {
         let mut kept = E::library().lock();
         let text = kept.text.get_or_insert_with(|| {
-            let text = match Description::try_of::<E::Model>() {
+            let text = match Description::try_of::<E::Model>(Path::new(E::RESOURCES)) {
                 Ok(description) => description.xml,
                 Err(problem) => format!("!{problem}"),
             };

@@ -1,6 +1,7 @@
 //! The model description: modelDescription.xml, generated from the declarations.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
@@ -38,25 +39,25 @@ pub struct Description {
 }
 
 impl Description {
-    /// Describes the model `M`.
+    /// Describes the model `M`; `resources` is the folder that [`crate::Continuous::load`] reads.
     ///
     /// # Panics
     /// When the declarations contradict each other (two variables of one name, a start value outside its limits), or
     /// a model has no derived parameters for any value of its Booleans and enumerations; the test that
     /// [`model`](macro@crate::model) adds to the package finds that.
-    pub fn of<M: Model>() -> Self {
-        Self::try_of::<M>().unwrap_or_else(|problem| panic!("{problem}"))
+    pub fn of<M: Model>(resources: &Path) -> Self {
+        Self::try_of::<M>(resources).unwrap_or_else(|problem| panic!("{problem}"))
     }
 
     /// As [`Self::of`].
     ///
     /// # Errors
     /// What is wrong with the declarations.
-    pub fn try_of<M: Model>() -> Result<Self, String> {
+    pub fn try_of<M: Model>(resources: &Path) -> Result<Self, String> {
         let layout = M::layout();
         let structure = match contradiction(&M::INFO, &layout) {
             Some(problem) => Err(problem),
-            None if M::KIND == ModelKind::Continuous => structure::<M>(&layout),
+            None if M::KIND == ModelKind::Continuous => structure::<M>(&layout, resources),
             None => Ok(Vec::new()),
         }
         .map_err(|problem| format!("{}: {problem}", M::INFO.name))?;
@@ -144,7 +145,7 @@ const MOST_COMBINATIONS: usize = 4096;
 const MOST_VALUES: i64 = 64;
 
 /// What every real output and derivative depends on, over all values of all Booleans, enumerations and bounded Integers.
-fn structure<M: Model>(layout: &Layout) -> Result<Vec<DependencySet>, String> {
+fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Vec<DependencySet>, String> {
     let mut values = ValueStore::start(layout);
     let known = layout.inputs.counts.reals + layout.states.counts.reals;
     let unknown = layout.outputs.counts.reals + layout.states.counts.reals;
@@ -186,8 +187,7 @@ fn structure<M: Model>(layout: &Layout) -> Result<Vec<DependencySet>, String> {
             }
         }
         let p = values.parameters::<M>();
-        let no_resources = std::path::Path::new("");
-        let begun = M::load(&p, no_resources).and_then(|d| M::begin(&p, &d, no_resources).map(|memory| (d, memory)));
+        let begun = M::load(&p, resources).and_then(|d| M::begin(&p, &d, resources).map(|memory| (d, memory)));
         match begun {
             Ok((derived, memory)) => {
                 has_derived = true;

@@ -77,13 +77,20 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// # Errors
     /// The parameters do not suit each other.
     pub fn new(model: M) -> Result<Self, String> {
-        let no_resources = Path::new("");
+        Self::with_resources(model, Path::new(""))
+    }
+
+    /// As [`Self::new`], for a model that reads files from this folder.
+    ///
+    /// # Errors
+    /// The parameters do not suit each other, or a file cannot be read.
+    pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
         let layout = ContinuousModel::<M>::layout();
-        let derived = model.load(no_resources)?;
+        let derived = model.load(resources)?;
         let mut values = ValueStore::start(&layout);
         model.write(&mut values.view_mut(), Counts::ZERO);
         ContinuousModel::<M>::initialize(&model, &derived, &layout, &mut values);
-        let memory = ContinuousModel::<M>::begin(&model, &derived, no_resources)?;
+        let memory = ContinuousModel::<M>::begin(&model, &derived, resources)?;
         Ok(Self { model: model.into(), derived: derived.into(), layout: layout.into(), memory, values, time: 0.0 })
     }
 
@@ -172,11 +179,19 @@ impl<M: Discrete> DiscreteSimulation<M> {
     /// # Errors
     /// The parameters do not suit each other.
     pub fn new(model: M) -> Result<Self, String> {
+        Self::with_resources(model, Path::new(""))
+    }
+
+    /// As [`Self::new`], for a model that reads files from this folder.
+    ///
+    /// # Errors
+    /// The parameters do not suit each other, or a file cannot be read.
+    pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
         let layout = DiscreteModel::<M>::layout();
         let mut values = ValueStore::start(&layout);
         model.write(&mut values.view_mut(), Counts::ZERO);
         let sample_time = layout.solver.map_or(M::INFO.step_size, |index| values.reals[index]);
-        let derived = model.load(Path::new(""))?;
+        let derived = model.load(resources)?;
         let state = model.initial_state(&derived);
         Ok(Self { model: model.into(), derived: derived.into(), state, sample_time, samples: 0 })
     }

@@ -1,6 +1,7 @@
 //! The model description: well-formed, complete, and with a GUID that stands for it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use fmu::abi::Export;
 use fmu::description::Description;
@@ -350,7 +351,7 @@ fn the_guid_is_the_hash_of_the_description_without_it() {
         assert_eq!(description.xml.matches(&description.guid).count(), 1);
     }
     // Computed anew it is the same.
-    let again = Description::of::<<CartPair as Export>::Model>();
+    let again = Description::of::<<CartPair as Export>::Model>(Path::new(""));
     assert_eq!(again.guid, CartPair::description().guid);
     assert_eq!(again.xml, CartPair::description().xml);
 }
@@ -401,7 +402,7 @@ macro_rules! guids {
                 Y { y: self.k * sample.inputs.u }
             }
         }
-        let description = Description::of::<fmu::runner::DiscreteModel<Amplifier>>();
+        let description = Description::of::<fmu::runner::DiscreteModel<Amplifier>>(Path::new(""));
         assert!(!description.xml.contains("author=") && !description.xml.contains("license="), "{}", description.xml);
         description.guid
     }),*]};
@@ -472,5 +473,5 @@ mod without_derived_parameters {
 #[should_panic = "Hopeless: the start values of the parameters do not work: 'mass' must be below 2 kg, got 2 kg"]
 fn a_continuous_model_whose_start_values_are_rejected_has_no_description() {
     // Its dependencies could not be found, and an empty list would be wrong.
-    Description::of::<fmu::runner::ContinuousModel<without_derived_parameters::Hopeless>>();
+    Description::of::<fmu::runner::ContinuousModel<without_derived_parameters::Hopeless>>(Path::new(""));
 }

@@ -10,6 +10,7 @@ mod exact;
 mod failures;
 mod minimal;
 mod models;
+mod resources;
 mod solvers;
 mod sources;
 mod stateful;
