@@ -18,7 +18,7 @@ struct Fmu {
 
 impl Fmu {
     fn new(resources: &Path) -> Self {
-        let description = Arc::new(Description::of::<DiscreteModel<Driver>>());
+        let description = Arc::new(Description::of::<DiscreteModel<Driver>>(Path::new("")));
         Self { instance: Unit::new(Arc::clone(&description), resources.to_owned()), description }
     }
 
