@@ -269,6 +269,7 @@ impl Copy {
             "LICENSE-MIT",
             "LICENSE-APACHE",
             "crates",
+            "docs/guide",
             "examples",
             "fmu-plant",
             "fmu-controllers",
