@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use bench::{Evaluation, compare_evaluations};
-use chassis::positions::Sides;
+use chassis_vehicle::positions::Sides;
 use comfort_sliding_mode::{ComfortSlidingMode, U as Measured};
 use fmu::simulation::{ContinuousSimulation, DiscreteSimulation};
 use fmu::{Continuous, Variables as _};

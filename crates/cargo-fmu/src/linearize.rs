@@ -36,7 +36,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let part = |at: (usize, usize), size: (usize, usize)| jacobian.view(at, size).into_owned();
     let (a, b) = (part((0, 0), (n, n)), part((0, n), (n, m)));
     let (c, d) = (part((n, 0), (p, n)), part((n, n), (p, m)));
-    let poles = control::riccati::eigenvalues(&a).ok_or_else(|| miette!("the eigenvalues of A do not converge"))?;
+    let poles =
+        chassis_control::riccati::eigenvalues(&a).ok_or_else(|| miette!("the eigenvalues of A do not converge"))?;
     if arguments.json {
         let rows =
             |m: &DMatrix<f64>| -> Vec<Vec<f64>> { m.row_iter().map(|row| row.iter().copied().collect()).collect() };

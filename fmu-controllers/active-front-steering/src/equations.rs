@@ -7,8 +7,8 @@
 //! | delta, dd | angle of the front axle that the driver asks for, and what is added to it |
 //! | K_p, K_i, K_d | gains after the correction by fuzzy rules |
 
-use chassis::positions::FrontAxle;
-use control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
+use chassis_control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
+use chassis_vehicle::positions::FrontAxle;
 
 use crate::{ActiveFrontSteering, D, U, X, Y};
 

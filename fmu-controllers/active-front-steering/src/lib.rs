@@ -8,8 +8,8 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::prelude::*;
-use control::fuzzy_pid::{FuzzyPid, Rules};
+use chassis_control::fuzzy_pid::{FuzzyPid, Rules};
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// Parameters; all values are assumed, the paper prints none.

@@ -9,10 +9,10 @@
 //! | k1, k2 | angle of the middle and of the rear axle over delta |
 //! | K_p, K_i, K_d | gains after the correction by fuzzy rules |
 
-use chassis::positions::RearAxles;
-use control::fuzzy::{FuzzyError, LabelMap, Membership, Output, Partition};
-use control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
-use control::sliding_mode::saturation;
+use chassis_control::fuzzy::{FuzzyError, LabelMap, Membership, Output, Partition};
+use chassis_control::fuzzy_pid::{FuzzyPid, Gains, Settings, filtered_rate};
+use chassis_control::sliding_mode::saturation;
+use chassis_vehicle::positions::RearAxles;
 
 use crate::{AllWheelSteering, D, U, X, Y};
 

@@ -8,8 +8,8 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::prelude::*;
-use control::fuzzy_pid::{FuzzyPid, Rules};
+use chassis_control::fuzzy_pid::{FuzzyPid, Rules};
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// Parameters; the paper prints the ranges of the error, its rate and the ratio, all other values are assumed.

@@ -8,7 +8,7 @@
 //! | req, cmd | pressure that driver and yaw control ask for, pressure that is commanded |
 //! | T | sample time |
 
-use chassis::positions::FourWheels;
+use chassis_vehicle::positions::FourWheels;
 
 use crate::{AntilockBraking, U, X, Y};
 

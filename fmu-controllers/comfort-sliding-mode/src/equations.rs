@@ -10,10 +10,10 @@
 //! | mu, eta | switching gain and linear reaching rate |
 //! | f | force of a side; zeta is right over left |
 
-use chassis::positions::Sides;
-use chassis::suspension::spring_damper;
-use control::limit;
-use control::sliding_mode::reaching_law;
+use chassis_control::limit;
+use chassis_control::sliding_mode::reaching_law;
+use chassis_vehicle::positions::Sides;
+use chassis_vehicle::suspension::spring_damper;
 
 use crate::{ComfortSlidingMode, U, Y};
 

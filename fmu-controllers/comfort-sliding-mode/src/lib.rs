@@ -7,8 +7,8 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::hydro_pneumatic_half_car as data;
-use chassis::prelude::*;
+use chassis_vehicle::data::hydro_pneumatic_half_car as data;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// Symbols as in the paper.

@@ -14,9 +14,9 @@
 //! | F_d | brake force of each wheel of one side |
 //! | T | sample time |
 
-use chassis::positions::{FourWheels, axle_of, left_is_positive};
-use control::limit::{lag, magnitude};
-use control::sliding_mode::reaching_law;
+use chassis_control::limit::{lag, magnitude};
+use chassis_control::sliding_mode::reaching_law;
+use chassis_vehicle::positions::{FourWheels, axle_of, left_is_positive};
 
 use crate::{D, DirectYawControl, U, X, Y};
 

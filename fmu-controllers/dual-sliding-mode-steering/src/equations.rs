@@ -15,10 +15,10 @@
 //! | n_b, n_r | lateral force and yaw moment that the middle and rear axles have to steer for |
 //! | T | sample time |
 
-use chassis::positions::{RearAxles, ThreeAxles};
-use control::limit;
-use control::sliding_mode::{integral_surface, reaching_law};
-use front_steering::{Limits, ReferenceModel, Sample, Vehicle};
+use chassis_control::limit;
+use chassis_control::sliding_mode::{integral_surface, reaching_law};
+use chassis_front_steering::{Limits, ReferenceModel, Sample, Vehicle};
+use chassis_vehicle::positions::{RearAxles, ThreeAxles};
 
 use crate::{D, DualSlidingModeSteering, SlipAngleModel, U, X, Y};
 

@@ -7,10 +7,10 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::rescue_vehicle as data;
-use chassis::prelude::*;
+use chassis_front_steering::{ReferenceModel, Vehicle};
+use chassis_vehicle::data::rescue_vehicle as data;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
-use front_steering::{ReferenceModel, Vehicle};
 
 /// How the slip angles of the axles are computed.
 #[derive(Enumeration, Clone, Copy, Debug, PartialEq, Eq)]

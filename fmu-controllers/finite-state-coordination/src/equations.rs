@@ -9,8 +9,8 @@
 //! | sigma, lambda, alpha, beta, epsilon_0, gamma_0 | gains and thresholds of the rules |
 //! | u | speed |
 
-use chassis::positions::{FourWheels, axle_of};
-use control::limit::lag;
+use chassis_control::limit::lag;
+use chassis_vehicle::positions::{FourWheels, axle_of};
 
 use crate::{FiniteStateCoordination, Strategy, U, X, Y};
 

@@ -1,7 +1,7 @@
-//! One sample of the front axle; symbols and equations as in the crate `front-steering`.
+//! One sample of the front axle; symbols and equations as in the crate `chassis-front-steering`.
 
-use chassis::positions::FrontAxle;
-use front_steering::{Limits, Vehicle};
+use chassis_front_steering::{Limits, Vehicle};
+use chassis_vehicle::positions::FrontAxle;
 
 use crate::{D, FrontSteeringActuator, U, X, Y};
 

@@ -7,10 +7,10 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::rescue_vehicle as data;
-use chassis::prelude::*;
+use chassis_front_steering::{ReferenceModel, Vehicle};
+use chassis_vehicle::data::rescue_vehicle as data;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
-use front_steering::{ReferenceModel, Vehicle};
 
 /// Symbols as in the paper; C = -k > 0.
 #[derive(Parameters, Clone, Debug)]

@@ -1,6 +1,6 @@
 //! Mamdani inference of the shares (Tables 2 and 3 of the paper; Gaussian sets that cross at one half).
 
-use control::fuzzy::{Conjunction, FuzzyError, LabelMap, Membership, Output, Partition, RuleTable};
+use chassis_control::fuzzy::{Conjunction, FuzzyError, LabelMap, Membership, Output, Partition, RuleTable};
 
 use crate::{D, FuzzyCoordination, Strategy, U, Y};
 

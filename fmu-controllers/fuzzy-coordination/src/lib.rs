@@ -9,8 +9,8 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::prelude::*;
-use control::fuzzy::{LabelMap, Output, Partition, RuleTable};
+use chassis_control::fuzzy::{LabelMap, Output, Partition, RuleTable};
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// Which control case runs.

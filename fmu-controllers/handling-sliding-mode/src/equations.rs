@@ -11,10 +11,10 @@
 //! | eta | linear reaching rate |
 //! | f | actuator force of a side |
 
-use chassis::positions::Sides;
-use chassis::suspension::spring_damper;
-use control::limit;
-use control::sliding_mode::reaching_law;
+use chassis_control::limit;
+use chassis_control::sliding_mode::reaching_law;
+use chassis_vehicle::positions::Sides;
+use chassis_vehicle::suspension::spring_damper;
 
 use crate::{HandlingSlidingMode, U, Y};
 

@@ -6,9 +6,9 @@
 #[cfg(test)]
 mod tests;
 
-use chassis::prelude::*;
+use chassis_lqr_suspension::{Accepted, Feedback, Gains, VehicleParameters, Weighted};
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
-use lqr_suspension::{Accepted, Feedback, Gains, VehicleParameters, Weighted};
 
 /// The design model and the weights by Bryson's rule: 1/(largest accepted value)^2.
 #[derive(Parameters, Clone, Debug)]

@@ -10,9 +10,9 @@
 //! | f, v | force of a strut (pushes the body up) and rate of its length |
 //! | c_0, c_min, c_max | damping that the plant has already, least and greatest damping of the damper |
 
-use chassis::positions::{Struts, left_is_positive};
-use control::fuzzy_pid::{FuzzyPid, Gains, Settings};
-use control::limit;
+use chassis_control::fuzzy_pid::{FuzzyPid, Gains, Settings};
+use chassis_control::limit;
+use chassis_vehicle::positions::{Struts, left_is_positive};
 
 use crate::{Constraint, D, SemiActiveFuzzySuspension, U, X, Y};
 

@@ -8,9 +8,9 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::heavy_vehicle as data;
-use chassis::prelude::*;
-use control::fuzzy_pid::{FuzzyPid, Rules};
+use chassis_control::fuzzy_pid::{FuzzyPid, Rules};
+use chassis_vehicle::data::heavy_vehicle as data;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// What the actuators can do.

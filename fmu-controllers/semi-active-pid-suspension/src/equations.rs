@@ -10,10 +10,10 @@
 
 use std::f64::consts::TAU;
 
-use chassis::positions::FourWheels;
-use control::limit::magnitude;
-use control::pid::{Gains, increment};
-use control::semi_active::dissipative;
+use chassis_control::limit::magnitude;
+use chassis_control::pid::{Gains, increment};
+use chassis_control::semi_active::dissipative;
+use chassis_vehicle::positions::FourWheels;
 
 use crate::{Constraint, SemiActivePidSuspension, U, X, Y};
 

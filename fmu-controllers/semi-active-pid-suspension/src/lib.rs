@@ -8,7 +8,7 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::prelude::*;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// What the actuators can do.

@@ -5,7 +5,7 @@
 #[cfg(test)]
 mod tests;
 
-use chassis::prelude::*;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// Symbols as in the paper.

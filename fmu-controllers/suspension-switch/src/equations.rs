@@ -7,9 +7,9 @@
 //! | w | share of the handling law |
 //! | h | sample time |
 
-use chassis::positions::Sides;
-use control::limit;
-use control::switch::hysteresis;
+use chassis_control::limit;
+use chassis_control::switch::hysteresis;
+use chassis_vehicle::positions::Sides;
 
 use crate::{Strategy, SuspensionSwitch, U, X, Y};
 

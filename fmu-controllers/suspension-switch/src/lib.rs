@@ -6,7 +6,7 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::prelude::*;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// Which control case runs.

@@ -9,7 +9,7 @@
 //! | k, tau | yaw rate of the steady turn per steering angle, time constant |
 //! | w | reference of the yaw rate |
 
-use control::limit;
+use chassis_control::limit;
 
 use crate::{U, X, Y, YawRateReference};
 

@@ -7,8 +7,8 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::heavy_vehicle as data;
-use chassis::prelude::*;
+use chassis_vehicle::data::heavy_vehicle as data;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// Symbols as in the paper.

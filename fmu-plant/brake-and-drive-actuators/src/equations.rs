@@ -9,7 +9,7 @@
 
 use std::f64::consts::PI;
 
-use chassis::positions::{FourWheels, axle_of};
+use chassis_vehicle::positions::{FourWheels, axle_of};
 use fmu::Scalar;
 
 use crate::{BrakeAndDriveActuators, U, X, Y};

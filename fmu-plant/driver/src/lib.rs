@@ -6,8 +6,8 @@ mod tests;
 
 use std::path::Path;
 
-use chassis::prelude::*;
-use chassis::table::{self, Table};
+use chassis_vehicle::prelude::*;
+use chassis_vehicle::table::{self, Table};
 use fmu::prelude::*;
 
 /// How the driver steers.

@@ -21,8 +21,8 @@
 //!
 //! One more d at the end of a name is one more derivative with respect to time: zd, zdd.
 
-use chassis::positions::{FourWheels, TwoAxles, axle_of, left_is_positive};
-use chassis::{suspension, tire};
+use chassis_vehicle::positions::{FourWheels, TwoAxles, axle_of, left_is_positive};
+use chassis_vehicle::{suspension, tire};
 use fmu::Scalar;
 
 use crate::{D, EspCar, U, X, Y};

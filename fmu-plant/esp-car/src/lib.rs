@@ -8,8 +8,8 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::esp_car as data;
-use chassis::prelude::*;
+use chassis_vehicle::data::esp_car as data;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// Symbols as in the paper, where it has one.

@@ -4,10 +4,10 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
-use chassis::mirror::mirrored;
+use chassis_testing::mirrored;
 use std::array;
 
-use control::riccati::eigenvalues;
+use chassis_control::riccati::eigenvalues;
 use fmu::simulation::ContinuousSimulation;
 use fmu::{Dual64, Variables};
 use nalgebra::DMatrix;

@@ -21,9 +21,11 @@
 //!
 //! One more d at the end of a name is one more derivative with respect to time: zd, zdd.
 
-use chassis::positions::{FrontWheels, Sides, SixWheels, Struts, ThreeAxles, TwoAxles, axle_of, left_is_positive};
-use chassis::suspension::{load_transfer_ratio, spring_damper, tire_load};
-use chassis::tire::MagicFormula;
+use chassis_vehicle::positions::{
+    FrontWheels, Sides, SixWheels, Struts, ThreeAxles, TwoAxles, axle_of, left_is_positive,
+};
+use chassis_vehicle::suspension::{load_transfer_ratio, spring_damper, tire_load};
+use chassis_vehicle::tire::MagicFormula;
 use fmu::Scalar;
 
 use crate::{Coupling, D, HeavyVehicle, U, X, Y};

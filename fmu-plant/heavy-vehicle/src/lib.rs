@@ -9,9 +9,9 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::heavy_vehicle as data;
-use chassis::prelude::*;
-use chassis::tire::MagicFormula;
+use chassis_vehicle::data::heavy_vehicle as data;
+use chassis_vehicle::prelude::*;
+use chassis_vehicle::tire::MagicFormula;
 use fmu::prelude::*;
 
 /// Which motions run, and whether they act on each other.

@@ -4,8 +4,8 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
-use chassis::mirror::mirrored;
-use control::riccati::eigenvalues;
+use chassis_control::riccati::eigenvalues;
+use chassis_testing::mirrored;
 use fmu::{Dual64, Variables};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use proptest::prelude::*;

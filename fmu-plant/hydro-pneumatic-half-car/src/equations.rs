@@ -20,9 +20,9 @@
 //!
 //! One more d at the end of a name is one more derivative with respect to time: phid, phidd.
 
-use chassis::positions::{FourWheels, Sides, TwoAxles, axle_of, left_is_positive};
-use chassis::suspension::{load_transfer_ratio, spring_damper, tire_load};
-use chassis::tire::MagicFormula;
+use chassis_vehicle::positions::{FourWheels, Sides, TwoAxles, axle_of, left_is_positive};
+use chassis_vehicle::suspension::{load_transfer_ratio, spring_damper, tire_load};
+use chassis_vehicle::tire::MagicFormula;
 use fmu::Scalar;
 
 use crate::{D, HydroPneumaticHalfCar, U, X, Y};

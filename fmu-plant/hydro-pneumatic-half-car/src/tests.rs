@@ -4,11 +4,11 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
-use chassis::mirror::mirrored;
+use chassis_testing::mirrored;
 use std::f64::consts::FRAC_PI_2;
 
-use chassis::tire::MagicFormula;
-use control::riccati::eigenvalues;
+use chassis_control::riccati::eigenvalues;
+use chassis_vehicle::tire::MagicFormula;
 use fmu::simulation::ContinuousSimulation;
 use fmu::{Dual64, Variables};
 use nalgebra::{Complex, DMatrix, Matrix2, Vector2};

@@ -16,8 +16,8 @@
 //!
 //! One more d at the end of a name is one more derivative with respect to time: zd, zdd.
 
-use chassis::positions::{SixWheels, ThreeAxles, axle_of, left_is_positive};
-use chassis::{statics, tire};
+use chassis_vehicle::positions::{SixWheels, ThreeAxles, axle_of, left_is_positive};
+use chassis_vehicle::{statics, tire};
 use fmu::Scalar;
 
 use crate::{D, RescueVehicle, TireModel, U, X, Y};

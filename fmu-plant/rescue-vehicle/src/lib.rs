@@ -9,8 +9,8 @@ mod equations;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::rescue_vehicle as data;
-use chassis::prelude::*;
+use chassis_vehicle::data::rescue_vehicle as data;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 
 /// How the lateral tire force depends on the slip angle.

@@ -4,13 +4,13 @@
 //! digit.
 
 use approx::assert_abs_diff_eq;
-use chassis::mirror::mirrored;
+use chassis_testing::mirrored;
 use std::array;
 
-use control::riccati::eigenvalues;
+use chassis_control::riccati::eigenvalues;
+use chassis_lqr_suspension::{LATERAL_STATES, Vehicle, state_space};
 use fmu::simulation::ContinuousSimulation;
 use fmu::{Dual64, Variables};
-use lqr_suspension::{LATERAL_STATES, Vehicle, state_space};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 

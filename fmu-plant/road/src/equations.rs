@@ -21,9 +21,9 @@
 //! reached (10.2 m at 1 cm): within them a vehicle that rolls back meets the road it came over, to the bit; an axle
 //! farther back stands on the oldest height kept.
 
-use chassis::positions::{RearAxles, Sides, SixWheels, axle_of};
-use chassis::road::{AllPass, Harmonics, Mixture, Normals, ShapedNoise, bump, class_coefficient, trapezoid};
-use chassis::table::Table;
+use chassis_vehicle::positions::{RearAxles, Sides, SixWheels, axle_of};
+use chassis_vehicle::road::{AllPass, Harmonics, Mixture, Normals, ShapedNoise, bump, class_coefficient, trapezoid};
+use chassis_vehicle::table::Table;
 use fmu::model::slack;
 
 use crate::{D, ObstacleShape, Profile, Road, RoughnessStart, Tracks, U, X, Y};
@@ -428,7 +428,7 @@ impl Heights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chassis::road::{REFERENCE_WAVENUMBER, fourier_sum};
+    use chassis_vehicle::road::{REFERENCE_WAVENUMBER, fourier_sum};
     use fmu::Enumeration as _;
 
     const CLASS_C: f64 = 256e-6;

@@ -9,8 +9,8 @@ mod tests;
 
 use std::path::Path;
 
-use chassis::prelude::*;
-use chassis::table;
+use chassis_vehicle::prelude::*;
+use chassis_vehicle::table;
 use fmu::prelude::*;
 
 /// Where the height of the left track comes from.

@@ -12,8 +12,8 @@
 //!
 //! Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562: eqs. 14 and 15 for the yaw rate of a steady turn.
 
-use chassis::statics;
-use control::limit;
+use chassis_control::limit;
+use chassis_vehicle::statics;
 use fmu::prelude::*;
 
 /// Which steady turn the yaw rate reference belongs to.
@@ -130,7 +130,7 @@ impl Limits {
 mod tests {
     use super::*;
     use approx::assert_abs_diff_eq;
-    use chassis::data::rescue_vehicle as data;
+    use chassis_vehicle::data::rescue_vehicle as data;
 
     const KM_H: f64 = 1.0 / 3.6;
 

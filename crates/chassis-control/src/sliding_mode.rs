@@ -39,7 +39,7 @@
 /// Returns a number within -1..=1 without a unit.
 ///
 /// ```
-/// use control::sliding_mode::saturation;
+/// use chassis_control::sliding_mode::saturation;
 /// assert_eq!(saturation(0.01, 0.02), 0.5);
 /// assert_eq!(saturation(-3.0, 0.02), -1.0);
 /// assert_eq!(saturation(1e-9, 0.0), 1.0);
@@ -81,7 +81,7 @@ pub fn integral_surface(error: f64, integral: f64, integral_gain: f64) -> f64 {
 /// Returns the demanded dS/dt in units of S per s; its sign is opposite to that of S.
 ///
 /// ```
-/// use control::sliding_mode::reaching_law;
+/// use chassis_control::sliding_mode::reaching_law;
 /// assert_eq!(reaching_law(0.5, 4.0, 0.25, 0.1), -2.25);
 /// ```
 pub fn reaching_law(s: f64, reaching_rate: f64, switching_gain: f64, width: f64) -> f64 {

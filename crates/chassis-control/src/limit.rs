@@ -13,7 +13,7 @@
 ///   parameter whose value 0 stands for "no limit", pass it through [`positive_or_none`] first.
 ///
 /// ```
-/// use control::limit::{magnitude, positive_or_none};
+/// use chassis_control::limit::{magnitude, positive_or_none};
 /// assert_eq!(magnitude(3.0, 2.0), 2.0);
 /// assert_eq!(magnitude(3.0, 0.0), 0.0);
 /// assert_eq!(magnitude(3.0, positive_or_none(0.0)), 3.0);
@@ -45,7 +45,7 @@ pub fn positive_or_none(limit: f64) -> f64 {
 /// * `dt`: time since `previous` in s, not negative.
 ///
 /// ```
-/// use control::limit::rate;
+/// use chassis_control::limit::rate;
 /// assert_eq!(rate(1.0, 0.0, 2.0, 0.25), 0.5);
 /// assert_eq!(rate(1.0, 0.0, 0.0, 0.25), 1.0);
 /// ```
@@ -72,7 +72,7 @@ pub fn rate(target: f64, previous: f64, rate: f64, dt: f64) -> f64 {
 /// * `dt`: step in s, not negative.
 ///
 /// ```
-/// use control::limit::lag;
+/// use chassis_control::limit::lag;
 /// let x = lag(1.0, 0.0, 0.2, 0.2);
 /// assert!((x - (-1.0_f64).exp()).abs() < 1e-15);
 /// ```

@@ -10,7 +10,7 @@
 /// e.g. the greatest damping times |v|; a negative one counts as 0. NaN gives NaN.
 ///
 /// ```
-/// use control::semi_active::dissipative;
+/// use chassis_control::semi_active::dissipative;
 /// assert_eq!(dissipative(-300.0, 0.1, 200.0), -200.0);
 /// assert_eq!(dissipative(300.0, 0.1, 200.0), 0.0);
 /// ```

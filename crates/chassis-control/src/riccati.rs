@@ -102,7 +102,7 @@ pub struct Regulator {
 /// Double integrator, Q = I, R = 1: K = [1, sqrt 3].
 ///
 /// ```
-/// use control::riccati::care;
+/// use chassis_control::riccati::care;
 /// use nalgebra::{dmatrix, DMatrix};
 /// let regulator = care(
 ///     &dmatrix![0.0, 1.0; 0.0, 0.0],
@@ -112,7 +112,7 @@ pub struct Regulator {
 ///     &DMatrix::zeros(2, 1),
 /// )?;
 /// assert!((regulator.gain - dmatrix![1.0, 3.0_f64.sqrt()]).amax() < 1e-12);
-/// # Ok::<(), control::riccati::RiccatiError>(())
+/// # Ok::<(), chassis_control::riccati::RiccatiError>(())
 /// ```
 pub fn care(
     a: &DMatrix<f64>,

@@ -28,8 +28,8 @@
 //! # Example
 //!
 //! ```
-//! use control::fuzzy::{Conjunction, LabelMap, Membership, Output, Partition, RuleTable};
-//! # fn main() -> Result<(), control::fuzzy::FuzzyError> {
+//! use chassis_control::fuzzy::{Conjunction, LabelMap, Membership, Output, Partition, RuleTable};
+//! # fn main() -> Result<(), chassis_control::fuzzy::FuzzyError> {
 //! // Labels low, high of two inputs in 0..=1; labels small, medium, large of the output.
 //! let input = Partition::new(Membership::evenly_spaced_triangles::<2>(0.0, 1.0))?;
 //! let rules = RuleTable::<2, 2, 3>::new([[0, 1], [1, 2]], Conjunction::Minimum)?;
@@ -93,7 +93,7 @@ impl Membership {
     /// Grade of `x` in 0..=1; NaN if `x` is NaN.
     ///
     /// ```
-    /// use control::fuzzy::Membership;
+    /// use chassis_control::fuzzy::Membership;
     /// let triangle = Membership::Triangle { left: 0.0, peak: 1.0, right: 3.0 };
     /// assert_eq!(triangle.grade(0.25), 0.25);
     /// assert_eq!(triangle.grade(2.0), 0.5);

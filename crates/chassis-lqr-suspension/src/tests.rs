@@ -4,7 +4,7 @@
 //! gain matrices themselves are compared in the two controllers, with their own start values.
 
 use approx::assert_abs_diff_eq;
-use control::riccati::eigenvalues;
+use chassis_control::riccati::eigenvalues;
 use nalgebra::Complex;
 use proptest::prelude::*;
 

@@ -1,13 +1,12 @@
 //! What the vehicles and controllers of the library share: the catalogue of [`signals`] and [`quantities`], the
-//! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), the [`mirror`] that
-//! symmetric vehicles pass, and the data of the vehicles.
+//! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), and
+//! the data of the vehicles.
 //!
 //! Axes and signs follow ISO 8855: x forward, y left, z up, SI units, angles in radians. Roll is positive about x (the
 //! body leans right), pitch about y (nose down), yaw about z (left turn). Deflections are negative in compression; a
 //! tire load is the compressive force on the road; a suspension force pushes the body up and the wheel down.
 
 pub mod data;
-pub mod mirror;
 pub mod positions;
 pub mod quantities;
 pub mod road;

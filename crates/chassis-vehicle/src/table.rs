@@ -11,7 +11,7 @@
 //! tells where the problem is, never what the file contains.
 //!
 //! ```
-//! # use chassis::table::Table;
+//! # use chassis_vehicle::table::Table;
 //! let text = "time,driver.steer\n0,0\n2,0.1\n";
 //! let table = Table::parse(text, "steer.csv", "time", &["driver.steer", "driver.speed"])?;
 //! assert_eq!(table.at(0, 1.0), Some(0.05));

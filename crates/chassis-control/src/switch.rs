@@ -9,7 +9,7 @@
 /// A NaN switches the law off.
 ///
 /// ```
-/// use control::switch::hysteresis;
+/// use chassis_control::switch::hysteresis;
 /// assert!(!hysteresis(false, 0.8, 0.8, 0.1));
 /// assert!(hysteresis(false, 0.81, 0.8, 0.1));
 /// assert!(hysteresis(true, 0.75, 0.8, 0.1));

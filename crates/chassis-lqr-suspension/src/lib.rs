@@ -9,9 +9,9 @@ mod model;
 #[cfg(test)]
 mod tests;
 
-use chassis::data::rescue_vehicle as data;
-use chassis::prelude::*;
-use control::riccati::{Regulator, lqr_output_weighted};
+use chassis_control::riccati::{Regulator, lqr_output_weighted};
+use chassis_vehicle::data::rescue_vehicle as data;
+use chassis_vehicle::prelude::*;
 use fmu::prelude::*;
 use nalgebra::{DMatrix, DVector};
 

@@ -23,7 +23,7 @@ pub struct Gains {
 /// that it does not wind up.
 ///
 /// ```
-/// use control::pid::{Gains, increment};
+/// use chassis_control::pid::{Gains, increment};
 /// let gains = Gains { proportional: 1.0, integral: 0.5, derivative: 0.25 };
 /// assert_eq!(increment(gains, [2.0, 0.0, 0.0]), 3.5);
 /// ```
