@@ -1,8 +1,9 @@
 //! Scenario and study files with mistakes of every kind: always a message with a place, never a panic.
 //!
 //! The committed files are changed at random, with fixed seeds. What a particular mistake is answered with is tested in
-//! `crates/host/tests/resolve.rs` and `crates/tuning/tests/studies.rs`.
+//! `crates/host/tests/resolve.rs` and `crates/fmu-study/tests/studies.rs`.
 
+use fmu_study::study::Workers;
 use host::resolve::{FmuFolder, Options, resolve_text};
 use host::worker::{Launch, Settings};
 use std::num::NonZeroUsize;
@@ -10,7 +11,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use tests::signals::Random;
-use tuning::study::Workers;
 
 /// Changes of each file.
 const CHANGES: u64 = 120;
@@ -156,7 +156,7 @@ fn spoiled_studies_are_refused_with_a_message() {
     let (refused, accepted) = read_spoiled("studies", 1000, |file, spoiled| {
         let path = studies.join(file.file_name().expect("a name"));
         std::fs::write(&path, spoiled).expect("it can be written");
-        tuning::study::read(&path, &source, workers()).map(drop)
+        fmu_study::study::read(&path, &source, workers()).map(drop)
     });
     assert!(refused > 100 && accepted > 10, "{refused} refused, {accepted} accepted: what is changed tests little");
 }
@@ -169,7 +169,7 @@ fn files_that_are_no_text_are_refused() {
     let refuses = |path: &Path| {
         let error = host::resolve::resolve(path, &source, &Options::default()).map(drop).expect_err("no scenario");
         assert!(!error.to_string().is_empty());
-        let error = tuning::study::read(path, &source, workers()).map(drop).expect_err("no study");
+        let error = fmu_study::study::read(path, &source, workers()).map(drop).expect_err("no study");
         assert!(!error.to_string().is_empty());
     };
     let deep = format!("a = {}1{}", "[".repeat(100_000), "]".repeat(100_000));

@@ -10,8 +10,8 @@ use miette::Result;
 /// # Errors
 /// The file cannot be read or does not have the layout of either.
 pub(crate) fn fmus(file: &Path) -> Result<BTreeSet<String>> {
-    Ok(if tuning::study::is_study(file) {
-        host::resolve::fmu_names(&tuning::study::scenario(file)?)?
+    Ok(if fmu_study::study::is_study(file) {
+        host::resolve::fmu_names(&fmu_study::study::scenario(file)?)?
     } else {
         host::resolve::fmu_names(file)?
     })

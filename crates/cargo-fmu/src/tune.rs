@@ -1,15 +1,15 @@
 //! `cargo fmu tune`: carries out a study.
 
 use clap::Args;
+use fmu_study::journal::Progress;
+use fmu_study::study::{self, Method, Study, Workers};
+use fmu_study::tune::{End, Existing, Summary, tune};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
 use std::num::{NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use tuning::journal::Progress;
-use tuning::study::{self, Method, Study, Workers};
-use tuning::tune::{End, Existing, Summary, tune};
 
 use crate::output::outln;
 use crate::worker;

@@ -499,7 +499,7 @@ fn hostile_descriptions_are_refused() {
     }
 }
 
-/// What is said about a particular mistake is tested in the crate `tuning`.
+/// What is said about a particular mistake is tested in the crate `fmu-study`.
 #[test]
 fn a_wrong_study_leaves_nothing_behind() {
     let sound = Sound::new().bytes();

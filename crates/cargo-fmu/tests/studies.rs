@@ -4,6 +4,8 @@
 #[path = "../../host/tests/support/mod.rs"]
 mod support;
 
+use fmu_study::study::{self, Study, StudyError, Workers};
+use fmu_study::tune::{Existing, Summary, TuneError, tune};
 use host::fmu::Fmus;
 use host::master;
 use host::resolve::{FmuFolder, Options, resolve};
@@ -15,8 +17,6 @@ use std::sync::Arc;
 use std::time::Duration;
 use support::Build;
 use tempfile::TempDir;
-use tuning::study::{self, Study, StudyError, Workers};
-use tuning::tune::{Existing, Summary, TuneError, tune};
 
 /// Two integrators in a ring, x' = g y and y' = -g' x.
 const SCENARIO: &str = r#"

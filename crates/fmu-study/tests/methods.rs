@@ -1,9 +1,9 @@
 //! The methods on functions whose minimum is known.
 
+use fmu_study::search::{Evaluate, Stop};
+use fmu_study::{cma_es, genetic, pacsa};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use tuning::search::{Evaluate, Stop};
-use tuning::{cma_es, genetic, pacsa};
 
 /// Evaluations of every method.
 const BUDGET: usize = 2000;

@@ -1,13 +1,13 @@
 //! The history: what is written, what an interruption leaves, what the number of threads changes.
 
+use fmu_study::journal::{Checkpoint, Journal, JournalError, Objective, Outcome, Progress, Report};
+use fmu_study::search::{Evaluate, Stop};
+use fmu_study::space::Parameter;
+use fmu_study::{cma_es, genetic, pacsa};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use tempfile::TempDir;
-use tuning::journal::{Checkpoint, Journal, JournalError, Objective, Outcome, Progress, Report};
-use tuning::search::{Evaluate, Stop};
-use tuning::space::Parameter;
-use tuning::{cma_es, genetic, pacsa};
 
 const PENALTY: f64 = 1e6;
 
