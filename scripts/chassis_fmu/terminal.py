@@ -1,4 +1,4 @@
-"""Text of FMUs on a terminal: names and messages must not control it. The same rules as `host::terminal`."""
+"""Text of FMUs on a terminal: names and messages must not control it. The same rules as `fmu_import::terminal`."""
 
 from __future__ import annotations
 

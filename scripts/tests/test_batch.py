@@ -19,7 +19,7 @@ import pytest
 from chassis_fmu import batch, results, temporary
 from chassis_fmu.plan import Plan, Setting, Unit, Wire
 
-SOURCE = Path(__file__).parents[2] / "crates" / "host" / "tests" / "data" / "stranger.c"
+SOURCE = Path(__file__).parents[2] / "crates" / "fmu-import" / "tests" / "data" / "stranger.c"
 
 DESCRIPTION = """<?xml version="1.0"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Ramp" guid="Ramp"><CoSimulation modelIdentifier="Ramp"/>

@@ -10,10 +10,10 @@ pub mod signals;
 pub mod state_bytes;
 pub mod symbols;
 
-use host::archive::Archive;
-use host::c_api::Reference;
-use host::description::{BaseType, Causality, ModelDescription, Variability, Variable};
-use host::loader::{CallError, CallProblem, Instance, Library, Status};
+use fmu_import::archive::Archive;
+use fmu_import::c_api::Reference;
+use fmu_import::description::{BaseType, Causality, ModelDescription, Variability, Variable};
+use fmu_import::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::Arc;

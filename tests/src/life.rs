@@ -2,7 +2,7 @@
 
 use crate::signals::{Excitation, run};
 use crate::{Fmu, ok, refused};
-use host::description::{BaseType, Causality};
+use fmu_import::description::{BaseType, Causality};
 
 /// Communication step in s.
 const STEP: f64 = 0.001;

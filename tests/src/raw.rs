@@ -1,13 +1,13 @@
 //! The C functions of an FMU called as C calls them, with pointers that may be null.
 //!
 //! All unsafe code of this package is here: what is tested is how an FMU answers calls that the safe interface of the
-//! crate `host` cannot even express. Every wrapper is safe to call: an array is passed with a length that it has, or
+//! crate `fmu-import` cannot even express. Every wrapper is safe to call: an array is passed with a length that it has, or
 //! as a null pointer, and strings end with a zero.
 #![allow(unsafe_code)]
 
 use crate::Fmu;
-use host::archive::{Archive, Unpacked};
-use host::c_api::{self, Component, RawStatus, Reference, State};
+use fmu_import::archive::{Archive, Unpacked};
+use fmu_import::c_api::{self, Component, RawStatus, Reference, State};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
 use std::ptr;
@@ -151,7 +151,7 @@ impl Raw {
 
     /// A function of the library.
     fn function<F: Copy>(&self, name: &str) -> F {
-        // SAFETY: callers below name the type that `host::c_api` gives the function of that name (FMI 2.0 headers).
+        // SAFETY: callers below name the type that `fmu_import::c_api` gives the function of that name (FMI 2.0 headers).
         *unsafe { self.library.get::<F>(name) }.unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
@@ -192,7 +192,7 @@ impl Raw {
         type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
         let callbacks = Callbacks {
             // SAFETY: the callee of a variadic call may ignore the arguments behind the named ones on the platforms
-            // supported (see the loader of the crate `host`).
+            // supported (see the loader of the crate `fmu-import`).
             logger: log.is_some().then(|| unsafe { std::mem::transmute::<Fixed, c_api::Logger>(note as Fixed) }),
             allocate: None,
             free: None,
@@ -597,10 +597,10 @@ fn preloaded_count() -> Option<u64> {
 /// # Panics
 /// When `work` panics.
 pub fn on_another_thread<T: Send>(
-    instance: host::loader::Instance,
-    work: impl FnOnce(&mut host::loader::Instance) -> T + Send,
+    instance: fmu_import::loader::Instance,
+    work: impl FnOnce(&mut fmu_import::loader::Instance) -> T + Send,
 ) -> T {
-    struct Moved(host::loader::Instance);
+    struct Moved(fmu_import::loader::Instance);
     // SAFETY: an instance may be used by any thread, by one at a time (FMI 2.0.4, section 2.1.5); it is given away.
     unsafe impl Send for Moved {}
     let moved = Moved(instance);

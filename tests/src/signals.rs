@@ -1,8 +1,8 @@
 //! Inputs that excite any FMU without knowing it: smooth, deterministic, of a size that suits the unit of measure.
 
 use crate::{Fmu, Instance, bits, ok, reals};
-use host::c_api::Reference;
-use host::description::{BaseType, Causality, Value, Variable};
+use fmu_import::c_api::Reference;
+use fmu_import::description::{BaseType, Causality, Value, Variable};
 
 /// Numbers that look random and are the same everywhere (SplitMix64: Steele, Lea, Flood, "Fast splittable
 /// pseudorandom number generators", OOPSLA 2014).

@@ -7,8 +7,8 @@
 //! their references, little endian. The last eight bytes are the FNV-1a checksum of all before.
 
 use crate::ok;
-use host::c_api::Reference;
-use host::loader::Instance;
+use fmu_import::c_api::Reference;
+use fmu_import::loader::Instance;
 
 /// Where the format's version stands: behind the magic number. The length of the GUID and its text follow.
 pub(crate) const VERSION_AT: usize = 8;

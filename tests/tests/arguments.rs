@@ -3,9 +3,9 @@
 //! Reference: FMI 2.0.4, sections 2.1.3 (status), 2.2.7 (which variable may be set when) and the project's
 //! ARCHITECTURE.md (Status): a refused call names what, where and what was expected, changes nothing, keeps the mode.
 
-use host::c_api::Reference;
-use host::description::{BaseType, Causality, Value, Variability, Variable};
-use host::loader::{CallError, Instance};
+use fmu_import::c_api::Reference;
+use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
+use fmu_import::loader::{CallError, Instance};
 use std::ffi::CString;
 use tests::raw::{self, Arguments, Raw, RawInstance, RawState, Text, Truth};
 use tests::signals::{Random, start};

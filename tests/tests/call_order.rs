@@ -4,9 +4,9 @@
 //! with the rules of the project's ARCHITECTURE.md on top: after a failed step nothing may be set, saved or stepped; no
 //! step is ever pending, so fmi2CancelStep is always refused; questions without an answer are discarded.
 
-use host::c_api::Reference;
-use host::description::{BaseType, Causality};
-use host::loader::{CallError, CallProblem, Instance, SavedState, Status};
+use fmu_import::c_api::Reference;
+use fmu_import::description::{BaseType, Causality};
+use fmu_import::loader::{CallError, CallProblem, Instance, SavedState, Status};
 use tests::{Fmu, all, ok};
 
 /// Where an instance can stand, as the standard numbers its columns.

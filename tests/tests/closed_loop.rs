@@ -5,12 +5,13 @@
 //! that were printed, and is met within one unit of its last digit: half a unit was lost in print, the rest leaves room
 //! for what 14 s of settling leave behind. Everything else is compared bit by bit or follows from a formula.
 
-use host::description::Causality;
-use host::fmu::Fmus;
-use host::loader::Instance;
-use host::master::{Recording, execute};
-use host::plan::{Order, Plan};
-use host::resolve::{FmuFolder, Options, Problem, ResolveError, resolve, resolve_text};
+use fmu_import::description::Causality;
+use fmu_import::loader::Instance;
+use fmu_system::fmus::Fmus;
+use fmu_system::master::{Recording, execute};
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{FmuFolder, Options, Problem, ResolveError, resolve, resolve_text};
+use fmu_system::run::Order;
 use std::collections::HashMap;
 use std::path::Path;
 use tests::{Fmu, bits, folder, ok, reals, workspace};
@@ -100,7 +101,7 @@ struct Results {
 impl Results {
     #[track_caller]
     fn of(plan: Plan) -> Self {
-        let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
+        let fmus = Fmus::load(&plan.runs).unwrap_or_else(|error| panic!("{error}"));
         let one = |run| execute(&plan.simulation, run, &fmus).unwrap_or_else(|error| panic!("{error}"));
         let recordings = plan.runs.iter().map(one).collect();
         Self { plan, recordings }
@@ -447,7 +448,7 @@ fn assert_same(a: &Recording, b: &Recording, what: &str) {
 fn results_do_not_depend_on_threads() {
     let plan = plan(&rough(), &Options::default());
     assert_eq!(plan.runs.len(), 4);
-    let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
+    let fmus = Fmus::load(&plan.runs).unwrap_or_else(|error| panic!("{error}"));
     let one = |run| execute(&plan.simulation, run, &fmus).unwrap_or_else(|error| panic!("{error}"));
     let alone: Vec<_> = plan.runs.iter().map(one).collect();
     // All at once, by libraries that are loaded once.

@@ -1,11 +1,11 @@
 //! Scenario and study files with mistakes of every kind: always a message with a place, never a panic.
 //!
 //! The committed files are changed at random, with fixed seeds. What a particular mistake is answered with is tested in
-//! `crates/host/tests/resolve.rs` and `crates/fmu-study/tests/studies.rs`.
+//! `crates/fmu-system/tests/resolve.rs` and `crates/fmu-study/tests/studies.rs`.
 
+use fmu_import::worker::{Launch, Settings};
 use fmu_study::study::Workers;
-use host::resolve::{FmuFolder, Options, resolve_text};
-use host::worker::{Launch, Settings};
+use fmu_system::resolve::{FmuFolder, Options, resolve_text};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -167,7 +167,8 @@ fn files_that_are_no_text_are_refused() {
     let file = folder.path().join("scenario.toml");
     let source = FmuFolder::new([tests::folder()]);
     let refuses = |path: &Path| {
-        let error = host::resolve::resolve(path, &source, &Options::default()).map(drop).expect_err("no scenario");
+        let error =
+            fmu_system::resolve::resolve(path, &source, &Options::default()).map(drop).expect_err("no scenario");
         assert!(!error.to_string().is_empty());
         let error = fmu_study::study::read(path, &source, workers()).map(drop).expect_err("no study");
         assert!(!error.to_string().is_empty());

@@ -2,8 +2,8 @@
 //!
 //! Reference: FMI 2.0.4, sections 2.2 (description) and 2.1.2 (functions that have to be there).
 
-use host::archive::platform;
-use host::description::{BaseType, Causality, Initial, Unknown, Variable};
+use fmu_import::archive::platform;
+use fmu_import::description::{BaseType, Causality, Initial, Unknown, Variable};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::Read as _;

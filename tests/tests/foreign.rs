@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use host::archive::Archive;
-use host::description::ModelDescription;
+use fmu_import::archive::Archive;
+use fmu_import::description::ModelDescription;
 use tempfile::TempDir;
 use tests::workspace;
 

@@ -3,8 +3,8 @@
 //! Reference: FMI 2.0.4, sections 2.1.5 and 2.1.8 (instances, states) and the project's promise that a run is the same
 //! to the last bit whenever the calls are the same. Nothing here has a tolerance unless it says so.
 
-use host::description::Causality;
-use host::loader::Instance;
+use fmu_import::description::Causality;
+use fmu_import::loader::Instance;
 use std::process::Command;
 use tests::signals::{Excitation, Random, run};
 use tests::{Fmu, all, bits, ok, reals};

@@ -1,7 +1,7 @@
 //! Limits that the descriptions declare: every one of them is a value that the FMU takes.
 
-use host::description::{BaseType, Causality, Variable};
-use host::loader::{CallError, Instance};
+use fmu_import::description::{BaseType, Causality, Variable};
+use fmu_import::loader::{CallError, Instance};
 use tests::{Fmu, all};
 
 /// Parameters that another one has to suit, and values at which it does, whatever that one is within its limits. Their

@@ -3,9 +3,9 @@
 //! References: FMI 2.0.4, section 2.3 (contents of the archive) and 2.2 (description); the committed descriptions in
 //! `modelDescription/`. All comparisons are exact.
 
-use host::archive::{Archive, platform};
-use host::description::Causality;
-use host::loader::{Instance, exported_descriptions};
+use fmu_import::archive::{Archive, platform};
+use fmu_import::description::Causality;
+use fmu_import::loader::{Instance, exported_descriptions};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Cursor, Read as _};

@@ -1,9 +1,9 @@
 //! The scenario files: they resolve without a warning, each of their components can be replaced by one line, and a parameter
 //! without an effect is found.
 
-use host::description::ModelDescription;
-use host::plan::Plan;
-use host::resolve::{Options, ResolveError, resolve_text};
+use fmu_import::description::ModelDescription;
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{Options, ResolveError, resolve_text};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -147,7 +147,8 @@ fn modes_have_names() {
     for (name, description) in descriptions() {
         for variable in &description.variables {
             let values: Vec<i32> = variable.named_values().iter().map(|(value, _)| *value).collect();
-            let is_mode = variable.declared_type.is_some() && variable.base_type == host::plan::BaseType::Integer;
+            let is_mode =
+                variable.declared_type.is_some() && variable.base_type == fmu_import::description::BaseType::Integer;
             assert_eq!(!values.is_empty(), is_mode, "{name}: {}", variable.name);
             if is_mode {
                 let ends = [values[0], *values.last().expect("not empty")].map(f64::from);
@@ -164,14 +165,17 @@ fn modes_have_names() {
 fn a_trial_run_finds_parameters_without_effect() {
     let file = workspace().join("scenarios/esp_car_step_steer.toml");
     let text = std::fs::read_to_string(&file).expect("the scenario can be read");
-    let folder = host::resolve::FmuFolder::new([tests::folder()]);
+    let folder = fmu_system::resolve::FmuFolder::new([tests::folder()]);
     let warnings = |from: &str, to: &str| {
         assert!(text.contains(from), "{from}");
         let text = text.replacen(from, to, 1);
         let plan = resolve_text(&file, &text, &folder, &Options { stop: Some(2.0), ..Options::default() });
         let plan = plan.unwrap_or_else(|error| panic!("{}", lines(&error)));
         assert_eq!(plan.warnings, [""; 0], "the descriptions do not tell");
-        host::trial::warnings(&plan).iter().map(|w| w.rsplit_once(".toml:").expect("a place").1.to_owned()).collect()
+        fmu_system::trial::warnings(&plan.simulation, &plan.trials)
+            .iter()
+            .map(|w| w.rsplit_once(".toml:").expect("a place").1.to_owned())
+            .collect()
     };
     let found: Vec<String> = warnings("title", "title");
     assert_eq!(found, [""; 0], "as it is");

@@ -2,8 +2,8 @@
 //!
 //! Reference: FMI 2.0.4, sections 2.2.7 (initial) and 2.2.8 (InitialUnknowns), and the first step itself.
 
-use host::description::{BaseType, Causality, Initial, Variable};
-use host::loader::Instance;
+use fmu_import::description::{BaseType, Causality, Initial, Variable};
+use fmu_import::loader::Instance;
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
 use tempfile::TempDir;

@@ -4,9 +4,9 @@
 //! Reference: FMI 2.0.4, sections 2.1.9 (directional derivatives) and 2.2.8 (model structure), and difference quotients
 //! through fmi2SetReal and fmi2GetReal.
 
-use host::c_api::Reference;
-use host::description::{BaseType, Causality, Initial, Unknown, Variable};
-use host::loader::Instance;
+use fmu_import::c_api::Reference;
+use fmu_import::description::{BaseType, Causality, Initial, Unknown, Variable};
+use fmu_import::loader::Instance;
 use std::collections::{BTreeMap, BTreeSet};
 use tests::signals::{Excitation, Random, is_magnitude, scale, start};
 use tests::state_bytes::Place;

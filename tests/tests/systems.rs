@@ -1,8 +1,8 @@
 //! Which FMUs of the library fit which of its plants by their signals: what the papers put together, what can be swapped
 //! between vehicles, and what cannot.
 
-use host::resolve::{Descriptions, FmuFolder};
-use host::systems::{Fit, Missing, Reason, Systems, systems};
+use fmu_system::compat::{Fit, Missing, Reason, Systems, systems};
+use fmu_system::resolve::{Descriptions, FmuFolder};
 
 fn library() -> Systems {
     let folder = FmuFolder::new([tests::folder()]);

@@ -12,11 +12,12 @@ use fmu::instance::ValueStore;
 use fmu::runner::{Kind as ModelKind, Model, Step};
 use fmu::variable::{Kind, Layout, Role};
 use fmu::variables::Counts;
-use host::fmu::{Fmu, Fmus};
-use host::loader::Instance;
-use host::master;
-use host::plan::Plan;
-use host::resolve::{FmuFolder, Options, resolve};
+use fmu_import::fmu::Fmu;
+use fmu_import::loader::Instance;
+use fmu_system::fmus::Fmus;
+use fmu_system::master;
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{FmuFolder, Options, resolve};
 
 /// Communication step in s.
 const STEP: f64 = 0.001;
@@ -71,7 +72,7 @@ impl Evaluation {
         let options = Options { inputs, ..Options::default() };
         let plan = resolve(&path, &FmuFolder::new([target().join("fmu")]), &options)
             .unwrap_or_else(|error| panic!("{error:?}; are the FMUs packed?"));
-        let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
+        let fmus = Fmus::load(&plan.runs).unwrap_or_else(|error| panic!("{error}"));
         Self { plan, fmus }
     }
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use host::check::{Checked, Severity};
-use host::terminal::indented;
+use fmu_import::check::{Checked, Severity};
+use fmu_import::terminal::indented;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::inspect::locate;
@@ -30,7 +30,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut faulty = Vec::new();
     for path in paths {
         let (findings, checked) =
-            host::worker::check(&settings, &path).into_diagnostic().wrap_err("starting a worker process")?;
+            fmu_import::worker::check(&settings, &path).into_diagnostic().wrap_err("starting a worker process")?;
         let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
         let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
         outln!("{}: {}, {}", path.display(), counted(errors, "error"), counted(warnings, "warning"));

@@ -1,6 +1,6 @@
 //! `documentation/index.html` of an FMU: the README of the model and the tables of its variables.
 
-use host::description::{Causality, ModelDescription, Value, Variability, Variable};
+use fmu_import::description::{Causality, ModelDescription, Value, Variability, Variable};
 use pulldown_cmark::{Options, Parser, html};
 
 const STYLE: &str = include_str!("documentation.css");

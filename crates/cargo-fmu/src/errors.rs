@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::fmt;
 
-use host::terminal::escaped;
+use fmu_import::terminal::escaped;
 use miette::{Diagnostic, LabeledSpan, MietteHandler, MietteHandlerOpts, ReportHandler, Severity, SourceCode};
 
 /// Makes miette print every report without control characters other than its own.

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use host::archive::Archive;
-use host::description::{Causality, ModelDescription, Value};
-use host::terminal::{indented, line};
+use fmu_import::archive::Archive;
+use fmu_import::description::{Causality, ModelDescription, Value};
+use fmu_import::terminal::{indented, line};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::output::{outln, write_file};

@@ -30,7 +30,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
     let workers = arguments.workers.settings(worker::printed())?;
-    let linear = host::worker::linearize(&workers, &path, &settings).map_err(|message| miette!("{message}"))?;
+    let linear = fmu_import::worker::linearize(&workers, &path, &settings).map_err(|message| miette!("{message}"))?;
     let (n, m, p) = (linear.states.len(), linear.inputs.len(), linear.outputs.len());
     let jacobian = DMatrix::from_column_slice(n + p, n + m, &linear.jacobian);
     let part = |at: (usize, usize), size: (usize, usize)| jacobian.view(at, size).into_owned();

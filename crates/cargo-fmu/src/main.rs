@@ -82,7 +82,7 @@ fn main() -> miette::Result<()> {
     let command = Cli::parse_from(arguments.map(|(_, argument)| argument));
     // The temporary folders of a worker are those of the process that started it.
     if !matches!(command, Cli::Worker(_)) {
-        host::temporary::remove_on_signals().into_diagnostic()?;
+        fmu_import::temporary::remove_on_signals().into_diagnostic()?;
     }
     match command {
         Cli::Pack(arguments) => pack::run(&arguments),

@@ -11,8 +11,8 @@ use miette::Result;
 /// The file cannot be read or does not have the layout of either.
 pub(crate) fn fmus(file: &Path) -> Result<BTreeSet<String>> {
     Ok(if fmu_study::study::is_study(file) {
-        host::resolve::fmu_names(&fmu_study::study::scenario(file)?)?
+        fmu_system::resolve::fmu_names(&fmu_study::study::scenario(file)?)?
     } else {
-        host::resolve::fmu_names(file)?
+        fmu_system::resolve::fmu_names(file)?
     })
 }

@@ -4,7 +4,7 @@
 use std::fmt::Arguments;
 use std::io::{ErrorKind, IsTerminal as _, Write as _};
 
-use host::terminal::escaped;
+use fmu_import::terminal::escaped;
 
 /// Prints to the standard output; [`outln`] adds the end of the line.
 macro_rules! out {
@@ -18,7 +18,7 @@ macro_rules! outln {
 
 /// Prints a line to the standard error.
 macro_rules! errln {
-    ($($text:tt)*) => { eprintln!("{}", host::terminal::escaped(&format!($($text)*))) };
+    ($($text:tt)*) => { eprintln!("{}", fmu_import::terminal::escaped(&format!($($text)*))) };
 }
 
 pub(crate) use {errln, out, outln};
@@ -36,7 +36,7 @@ pub(crate) fn write_file(text: &str) {
 
 fn write_raw(bytes: &[u8]) {
     if let Err(error) = std::io::stdout().lock().write_all(bytes) {
-        host::temporary::remove();
+        fmu_import::temporary::remove();
         if error.kind() == ErrorKind::BrokenPipe {
             std::process::exit(0);
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
-use host::description::ModelDescription;
+use fmu_import::description::ModelDescription;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
@@ -128,7 +128,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             changed.push(model.name.as_str());
         }
         let binaries: Vec<&Path> = libraries[i].iter().map(|(_, path)| path.as_path()).collect();
-        let findings = host::check::without_running(&description.xml, &binaries);
+        let findings = fmu_import::check::without_running(&description.xml, &binaries);
         if !findings.is_empty() {
             let findings: Vec<_> = findings.iter().map(ToString::to_string).collect();
             return Err(miette!("{} does not follow FMI 2.0:\n{}", model.name, findings.join("\n")));
@@ -179,7 +179,7 @@ fn describe(
     let mut descriptions = Vec::new();
     for (model, library) in models.iter_mut().zip(libraries) {
         let describe = || -> Result<Description> {
-            let mut exported = host::loader::exported_descriptions(&library).into_diagnostic()?;
+            let mut exported = fmu_import::loader::exported_descriptions(&library).into_diagnostic()?;
             match (exported.pop(), exported.len()) {
                 (Some((name, xml)), 0) => {
                     Ok(Description { model: name, parsed: ModelDescription::parse(&xml).into_diagnostic()?, xml })

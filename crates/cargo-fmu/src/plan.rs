@@ -4,8 +4,10 @@ use crate::output::{errln, out, outln};
 use crate::selection::Selection;
 use crate::worker;
 use clap::Args;
-use host::plan::{Connected, Order, Origin, Plan, Signal, Value, Wiring};
-use host::terminal::{indented, line};
+use fmu_import::description::Value;
+use fmu_import::terminal::{indented, line};
+use fmu_system::plan::{Connected, Origin, Plan, Signal, Wiring};
+use fmu_system::run::Order;
 use miette::IntoDiagnostic;
 use std::collections::{BTreeMap, HashMap, HashSet};
 

@@ -61,7 +61,7 @@ mod tests {
     #[test]
     fn this_platform_is_called_as_the_compiler_calls_it() {
         let this = Platform::this().expect("the tests run where FMUs do");
-        assert_eq!(this.name(), host::archive::platform());
+        assert_eq!(this.name(), fmu_import::archive::platform());
         let value = this.to_possible_value().expect("all platforms can be named");
         assert_eq!(value.get_name(), this.name());
     }

@@ -3,8 +3,9 @@
 use crate::worker;
 use crate::workspace::folders;
 use clap::{Args, ValueEnum};
-use host::plan::{self, Plan};
-use host::resolve::{Options, resolve};
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{Options, resolve};
+use fmu_system::run;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -49,7 +50,7 @@ impl Selection {
     /// Resolves the scenario and adds the warnings that only trial runs give.
     pub(crate) fn plan_with_warnings(&self, workers: &worker::Options) -> miette::Result<Plan> {
         let mut plan = self.plan()?;
-        let more = host::worker::trials(&workers.settings(Arc::new(|_| ()))?, &plan);
+        let more = fmu_system::worker::trials(&workers.settings(Arc::new(|_| ()))?, &plan.simulation, &plan.trials);
         plan.warnings.extend(more);
         Ok(plan)
     }
@@ -59,8 +60,8 @@ impl Selection {
         let options = Options {
             stop: self.stop,
             order: self.order.map(|order| match order {
-                Order::Sequential => plan::Order::Sequential,
-                Order::Jacobi => plan::Order::Jacobi,
+                Order::Sequential => run::Order::Sequential,
+                Order::Jacobi => run::Order::Jacobi,
             }),
             seeds: self.seeds.and_then(|n| usize::try_from(n).ok()),
             inputs: self.inputs.clone(),

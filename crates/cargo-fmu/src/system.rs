@@ -1,10 +1,11 @@
 //! `cargo fmu system`: writes a run of a scenario for other masters.
 
 use clap::Args;
-use host::export::System;
-use host::plan::{Plan, Run};
-use host::problem::suggestion;
-use host::resolve::{Options, resolve};
+use fmu_import::names::suggestion;
+use fmu_system::export::System;
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{Options, resolve};
+use fmu_system::run::Run;
 use miette::{IntoDiagnostic, miette};
 use std::path::PathBuf;
 

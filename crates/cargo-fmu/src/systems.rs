@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use host::description::ModelDescription;
-use host::problem::suggestion;
-use host::resolve::{Descriptions, FmuFolder};
-use host::systems::{Fit, Systems, systems};
+use fmu_import::description::ModelDescription;
+use fmu_import::names::suggestion;
+use fmu_system::compat::{Fit, Systems, systems};
+use fmu_system::resolve::{Descriptions, FmuFolder};
 use miette::{Result, miette};
 
 use crate::output::out;
 
-/// Which FMUs, and how much is said of them. The definitions stand in [`host::systems`].
+/// Which FMUs, and how much is said of them. The definitions stand in [`fmu_system::compat`].
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Show only these plants and these other FMUs

@@ -6,18 +6,24 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use host::worker::{self, Launch, Printed, Settings};
+use fmu_import::worker::{Launch, Printed, Settings};
 use miette::{IntoDiagnostic, Result, WrapErr};
 
-/// The file in which calls of FMUs are announced.
+/// What to work at, and the file in which calls of FMUs are announced.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
+    #[arg(value_parser = [fmu_import::worker::JOB, fmu_system::worker::JOB])]
+    job: String,
     board: PathBuf,
 }
 
 /// Works for the process that started this one.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    worker::serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
+    let serve = match arguments.job.as_str() {
+        fmu_system::worker::JOB => fmu_system::worker::serve,
+        _ => fmu_import::worker::serve,
+    };
+    serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
 }
 
 /// What the commands say that start workers.

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use host::problem::suggestion;
-use host::resolve::FmuFolder;
+use fmu_import::names::suggestion;
+use fmu_system::resolve::FmuFolder;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 

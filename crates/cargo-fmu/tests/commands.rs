@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use tempfile::TempDir;
 
 #[cfg(unix)]
-#[path = "../../host/tests/support/mod.rs"]
+#[path = "../../fmu-import/tests/support/mod.rs"]
 mod support;
 
 const SCENARIO: &str = include_str!("data/ramp.toml");

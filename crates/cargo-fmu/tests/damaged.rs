@@ -1,7 +1,7 @@
 //! FMUs that are damaged or hostile, given to every command that opens one: a message, an exit code, nothing left behind.
 #![cfg(unix)]
 
-#[path = "../../host/tests/support/mod.rs"]
+#[path = "../../fmu-import/tests/support/mod.rs"]
 mod support;
 
 use std::fs::File;
@@ -124,7 +124,7 @@ impl Sound {
 
 /// Name of the binary in the archive.
 fn binary() -> String {
-    format!("binaries/{}/Ramp{}", host::archive::platform(), std::env::consts::DLL_SUFFIX)
+    format!("binaries/{}/Ramp{}", fmu_import::archive::platform(), std::env::consts::DLL_SUFFIX)
 }
 
 /// An archive whose entries are not compressed, so that single bytes of them can be changed.

@@ -1,15 +1,15 @@
 //! Studies from the file to the results, on FMUs built from C in a temporary folder.
 #![cfg(unix)]
 
-#[path = "../../host/tests/support/mod.rs"]
+#[path = "../../fmu-import/tests/support/mod.rs"]
 mod support;
 
+use fmu_import::worker::{Launch, Settings};
 use fmu_study::study::{self, Study, StudyError, Workers};
 use fmu_study::tune::{Existing, Summary, TuneError, tune};
-use host::fmu::Fmus;
-use host::master;
-use host::resolve::{FmuFolder, Options, resolve};
-use host::worker::{Launch, Settings};
+use fmu_system::fmus::Fmus;
+use fmu_system::master;
+use fmu_system::resolve::{FmuFolder, Options, resolve};
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -185,12 +185,12 @@ fn lines(error: &StudyError) -> String {
 fn objective(place: &Place, scenario: &str, gains: Option<[f64; 2]>) -> f64 {
     let options = Options { stop: Some(0.8), ..Options::default() };
     let plan = resolve(&place.path(scenario), &FmuFolder::new([place.folder.path()]), &options).unwrap();
-    let fmus = Fmus::load(&plan).unwrap();
+    let fmus = Fmus::load(&plan.runs).unwrap();
     let mut sum = 0.0;
     for run in plan.runs.iter().take(2) {
         let mut run = run.clone();
         for (unit, gain) in ["position", "velocity"].into_iter().zip(gains.into_iter().flatten()) {
-            run.set_parameter(&fmus, unit, "gain", host::plan::Value::Real(gain)).unwrap();
+            run.set_parameter(&fmus, unit, "gain", fmu_import::description::Value::Real(gain)).unwrap();
         }
         let recording = master::execute(&plan.simulation, &run, &fmus).unwrap();
         let (x, y) = (&recording.column(0).unwrap()[20..=80], recording.column(1).unwrap());

@@ -2,7 +2,7 @@
 //! nothing behind.
 #![cfg(unix)]
 
-#[path = "../../host/tests/support/mod.rs"]
+#[path = "../../fmu-import/tests/support/mod.rs"]
 mod support;
 
 use std::path::Path;

@@ -296,7 +296,7 @@ impl<'a> Parser<'a> {
                 Ok(Node::Variable(index))
             }
             None => {
-                let near = host::problem::suggestion(name, self.variables.iter().copied().chain(FUNCTIONS));
+                let near = fmu_import::names::suggestion(name, self.variables.iter().copied().chain(FUNCTIONS));
                 let near = near.map_or(String::new(), |s| format!(", {s}"));
                 Err(self.error(format!("unknown name `{name}`{near}")))
             }

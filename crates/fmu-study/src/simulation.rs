@@ -3,10 +3,12 @@
 use crate::expression::Inequality;
 use crate::journal::{Objective, Outcome};
 use crate::space::Parameter;
-use host::fmu::Fmus;
-use host::master::Recording;
-use host::plan::{self, Run, Value};
-use host::worker::{Failure, Pool, Task};
+use fmu_import::description::Value;
+use fmu_system::fmus::Fmus;
+use fmu_system::master::Recording;
+use fmu_system::run;
+use fmu_system::run::Run;
+use fmu_system::worker::{Failure, Pool, Task};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Rows this share of a step outside a window belong to it: times are rounded.
@@ -108,7 +110,7 @@ pub struct Constraint {
 #[derive(Debug)]
 pub struct Simulation {
     /// Times and order.
-    pub times: plan::Simulation,
+    pub times: run::Simulation,
     /// The FMUs, unpacked.
     pub fmus: Fmus,
     /// Runs them.

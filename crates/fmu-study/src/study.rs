@@ -6,11 +6,15 @@ use crate::expression::{FUNCTIONS, Inequality};
 use crate::simulation::{Constraint, Kind, Limit, Simulation, Term};
 use crate::space::Parameter;
 use crate::{ahp, cma_es, genetic, pacsa};
-use host::fmu::{FmuError, Fmus};
-use host::plan::{Plan, Run, Value};
-use host::problem::{Collector, Problems, suggestion};
-use host::resolve::{Descriptions, Options, ResolveError, resolve};
-use host::worker::{Pool, Settings as WorkerSettings};
+use fmu_import::description::Value;
+use fmu_import::names::suggestion;
+use fmu_import::worker::Settings as WorkerSettings;
+use fmu_system::fmus::{Fmus, FmusError};
+use fmu_system::plan::Plan;
+use fmu_system::problem::{Collector, Problems};
+use fmu_system::resolve::{Descriptions, Options, ResolveError, resolve};
+use fmu_system::run::Run;
+use fmu_system::worker::Pool;
 use miette::Diagnostic;
 use serde::Deserialize;
 use serde_spanned::Spanned;
@@ -47,7 +51,7 @@ pub enum StudyError {
     Scenario(#[from] ResolveError),
     /// An FMU cannot be opened.
     #[error(transparent)]
-    Fmu(#[from] FmuError),
+    Fmu(#[from] FmusError),
 }
 
 /// The processes that run the FMUs of a study.
@@ -262,7 +266,7 @@ pub fn scenario(path: &Path) -> Result<PathBuf, StudyError> {
 }
 
 fn text(path: &Path) -> Result<String, StudyError> {
-    let read = host::limits::read_text(path, host::limits::TEXT_FILE);
+    let read = fmu_system::limits::read_text(path, fmu_system::limits::TEXT_FILE);
     read.map_err(|cause| StudyError::Read { path: path.to_path_buf(), cause })
 }
 
@@ -319,7 +323,7 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
         let message = format!("seeds is {}, the scenario has {}", wanted.get_ref(), plan.seeds.len());
         problems.add(wanted.span(), message);
     }
-    let fmus = Fmus::unpack(&plan)?;
+    let fmus = Fmus::unpack(&plan.runs)?;
     let runs = chosen_runs(&file, &plan, &mut problems);
     let parameters = parameters(&file, &runs, &fmus, &mut problems);
     let columns = Columns { plan: &plan, runs: &runs };
@@ -750,7 +754,8 @@ fn parameter_help(run: &Run, fmus: &Fmus, unit: &str, name: &str) -> (Option<Str
     if description.variable(name).is_some() {
         return (None, true);
     }
-    let parameters = description.variables.iter().filter(|v| v.causality == host::description::Causality::Parameter);
+    let parameters =
+        description.variables.iter().filter(|v| v.causality == fmu_import::description::Causality::Parameter);
     (suggestion(name, parameters.map(|v| v.name.as_str())), false)
 }
 
@@ -765,7 +770,7 @@ impl Columns<'_> {
     fn writer(&self, index: usize) -> Option<&str> {
         self.plan.runs.iter().find_map(|run| {
             let slot = run.columns.get(index).copied().flatten()?;
-            let writes = |u: &&host::plan::Unit| u.outputs.iter().any(|wire| wire.slot == slot);
+            let writes = |u: &&fmu_system::run::Unit| u.outputs.iter().any(|wire| wire.slot == slot);
             run.units.iter().find(writes).map(|u| u.name.as_str())
         })
     }

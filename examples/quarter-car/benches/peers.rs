@@ -6,7 +6,7 @@ use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use host::fmu::{Fmu, FmuError};
+use fmu_import::fmu::{Fmu, FmuError};
 
 /// Communication step in s.
 const STEP: f64 = 0.001;

@@ -8,7 +8,7 @@
 //!   and ends with 1 if a result differs in a bit;
 //! - `endure continue FMU STATES` is that other process.
 
-use host::loader::Instance;
+use fmu_import::loader::Instance;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -180,7 +180,7 @@ fn crowd(instances: usize, threads: usize, seconds: u64, paths: &[&str]) -> Resu
 fn steps_without_drift(steps: u64, path: &str) -> Result<(), String> {
     let fmu = Fmu::open(Path::new(path));
     let excitation = Excitation::of(&fmu, 1);
-    let outputs = fmu.references(host::description::Causality::Output);
+    let outputs = fmu.references(fmu_import::description::Causality::Output);
     let mut u = vec![0.0; excitation.references.len()];
     let mut y = vec![0.0; outputs.len()];
     let mut instance = fmu.started();

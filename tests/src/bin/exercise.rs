@@ -10,7 +10,7 @@
 //! - `exercise glibc NEWEST FMU...` prints the newest version of the GNU C library that each FMU for Linux needs and
 //!   ends with 1 if one is newer than NEWEST, such as 2.17.
 
-use host::description::Causality;
+use fmu_import::description::Causality;
 use std::io::Read as _;
 use std::path::Path;
 use std::process::ExitCode;

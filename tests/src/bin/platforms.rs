@@ -4,11 +4,11 @@
 //!   native master, and writes all results to the folder OUT;
 //! - `platforms compare A B` prints how far the results of two such folders are apart and ends with 1 if one is too far.
 
-use host::description::{BaseType, Causality};
-use host::fmu::Fmus;
-use host::master;
-use host::resolve::{FmuFolder, Options, resolve};
-use host::results;
+use fmu_import::description::{BaseType, Causality};
+use fmu_system::fmus::Fmus;
+use fmu_system::master;
+use fmu_system::resolve::{FmuFolder, Options, resolve};
+use fmu_system::results;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -63,7 +63,7 @@ fn record(out: &Path) {
         let scenario = workspace().join("scenarios").join(format!("{name}.toml"));
         let options = Options { stop: Some(stop), seeds: Some(1), ..Options::default() };
         let plan = resolve(&scenario, &FmuFolder::new([folder()]), &options).unwrap_or_else(|error| panic!("{error}"));
-        let fmus = Fmus::load(&plan).unwrap_or_else(|error| panic!("{error}"));
+        let fmus = Fmus::load(&plan.runs).unwrap_or_else(|error| panic!("{error}"));
         let names: Vec<_> = plan.columns.iter().map(|column| column.name.clone()).collect();
         for run in &plan.runs {
             let recording = master::execute(&plan.simulation, run, &fmus).unwrap_or_else(|error| panic!("{error}"));

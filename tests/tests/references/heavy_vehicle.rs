@@ -3,7 +3,7 @@
 use crate::Call::{Read, Run, Set, Step};
 use crate::table::Table;
 use crate::{Call, Case, NOTHING, compare, simulate, within};
-use host::loader::Instance;
+use fmu_import::loader::Instance;
 use tests::{Fmu, ok, reals};
 
 const SPEED_60: &[(&str, f64)] = &[("driver.speed", 60.0 / 3.6)];

@@ -8,9 +8,9 @@ mod rescue_vehicle;
 mod sources;
 mod table;
 
-use host::c_api::Reference;
-use host::description::{BaseType, Causality};
-use host::loader::Instance;
+use fmu_import::c_api::Reference;
+use fmu_import::description::{BaseType, Causality};
+use fmu_import::loader::Instance;
 use std::collections::HashMap;
 use table::Table;
 use tests::{Fmu, ok};

@@ -1,7 +1,7 @@
 //! Nominal values: of the order of magnitude that the signals have in the reference data.
 
 use crate::table::Table;
-use host::description::{BaseType, Causality};
+use fmu_import::description::{BaseType, Causality};
 use std::collections::{BTreeMap, BTreeSet};
 use tests::all;
 

@@ -1,0 +1,170 @@
+//! An FMU ready for use: description and binary.
+
+use crate::archive::{Archive, ArchiveError, Unpacked};
+use crate::description::{CoSimulation, ModelDescription};
+use crate::loader::{CallError, Instance, Library, LoadError};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+/// Why an FMU cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FmuError {
+    /// Its archive.
+    #[error(transparent)]
+    Archive(#[from] ArchiveError),
+    /// Its binary.
+    #[error("{}: {cause}", path.display())]
+    Load {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        cause: LoadError,
+    },
+    /// A call.
+    #[error(transparent)]
+    Call(#[from] CallError),
+    /// It is made for model exchange only.
+    #[error("{}: the FMU has no co-simulation interface", .0.display())]
+    NoCoSimulation(PathBuf),
+    /// Its second instance in this process.
+    #[error("{}: the FMU allows only one instance at a time", .0.display())]
+    OnlyOnce(PathBuf),
+}
+
+/// The unpacked binary of an FMU, and what a process needs to make instances of it.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Binary {
+    /// The `.fmu` file.
+    pub fmu: PathBuf,
+    guid: String,
+    only_once: bool,
+    library: PathBuf,
+    resources: PathBuf,
+}
+
+impl Binary {
+    fn load(&self, unpacked: Arc<Unpacked>) -> Result<Arc<Library>, FmuError> {
+        Library::load(unpacked).map_err(|cause| FmuError::Load { path: self.fmu.clone(), cause })
+    }
+
+    /// Loads what another process has unpacked.
+    ///
+    /// # Errors
+    /// As [`Library::load`].
+    pub fn load_elsewhere(&self) -> Result<Arc<Library>, FmuError> {
+        self.load(Unpacked::elsewhere(self.library.clone(), self.resources.clone()).into())
+    }
+
+    /// A new instance.
+    ///
+    /// # Errors
+    /// The FMU returns none, or allows only one and has it.
+    pub fn instantiate(&self, library: &Arc<Library>, name: &str) -> Result<Instance, FmuError> {
+        if self.only_once && library.instances() > 0 {
+            return Err(FmuError::OnlyOnce(self.fmu.clone()));
+        }
+        Ok(Instance::instantiate(library, name, &self.guid, false)?)
+    }
+
+    /// Whether the library calls a Python that it does not bring along.
+    #[must_use]
+    pub fn needs_python(&self) -> bool {
+        crate::python::undefined_symbol(&self.library).is_some()
+    }
+}
+
+/// An opened FMU; a clone is another handle to the same one.
+#[derive(Debug, Clone)]
+pub struct Fmu(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    description: ModelDescription,
+    co_simulation: CoSimulation,
+    binary: Binary,
+    unpacked: Arc<Unpacked>,
+    library: OnceLock<Arc<Library>>,
+}
+
+impl Fmu {
+    /// Opens a `.fmu` file: reads its description, unpacks it and loads its binary.
+    ///
+    /// # Errors
+    /// The file is no usable FMU 2.0 for co-simulation on this machine.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, FmuError> {
+        let fmu = Self::unpack(path)?;
+        fmu.load()?;
+        Ok(fmu)
+    }
+
+    /// Opens a `.fmu` file as [`Self::open`] does, but loads its binary when the first instance is made: in a process that
+    /// makes none, nothing of the binary is executed.
+    ///
+    /// # Errors
+    /// The file is no FMU 2.0 for co-simulation, or has no binary for this machine.
+    pub fn unpack(path: impl AsRef<Path>) -> Result<Self, FmuError> {
+        let path = path.as_ref();
+        let mut archive = Archive::open(path)?;
+        let description = archive.description()?;
+        let co_simulation =
+            description.co_simulation.clone().ok_or_else(|| FmuError::NoCoSimulation(path.to_path_buf()))?;
+        let unpacked = Arc::new(archive.unpack(&co_simulation.model_identifier)?);
+        let binary = Binary {
+            fmu: path.to_path_buf(),
+            guid: description.guid.clone(),
+            only_once: co_simulation.can_be_instantiated_only_once_per_process,
+            library: unpacked.binary.clone(),
+            resources: unpacked.resources.clone(),
+        };
+        Ok(Self(Arc::new(Inner { description, co_simulation, binary, unpacked, library: OnceLock::new() })))
+    }
+
+    /// Loads its binary now.
+    ///
+    /// # Errors
+    /// The binary cannot be loaded.
+    pub fn load(&self) -> Result<(), FmuError> {
+        self.library().map(drop)
+    }
+
+    fn library(&self) -> Result<&Arc<Library>, FmuError> {
+        let Inner { binary, unpacked, library, .. } = &*self.0;
+        if let Some(loaded) = library.get() {
+            return Ok(loaded);
+        }
+        let loaded = binary.load(Arc::clone(unpacked))?;
+        Ok(library.get_or_init(|| loaded))
+    }
+
+    /// Its binary, for another process.
+    #[must_use]
+    pub fn binary(&self) -> &Binary {
+        &self.0.binary
+    }
+
+    /// Its description.
+    #[must_use]
+    pub fn description(&self) -> &ModelDescription {
+        &self.0.description
+    }
+
+    /// The file it was opened from.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.0.binary.fmu
+    }
+
+    /// The co-simulation interface of the description.
+    #[must_use]
+    pub fn co_simulation(&self) -> &CoSimulation {
+        &self.0.co_simulation
+    }
+
+    /// A new instance. It keeps the library loaded.
+    ///
+    /// # Errors
+    /// The binary cannot be loaded, the FMU returns no instance, or allows only one and has it.
+    pub fn instantiate(&self, name: &str) -> Result<Instance, FmuError> {
+        self.0.binary.instantiate(self.library()?, name)
+    }
+}

@@ -1,0 +1,95 @@
+//! Linear models of FMUs with continuous states, by their directional derivatives.
+
+use crate::description::{BaseType, Causality, Initial, ModelDescription, Value, Variable};
+use crate::fmu::Fmu;
+use crate::loader::Instance;
+use crate::names::suggestion;
+use std::path::Path;
+
+/// A linear model x' = A x + B u, y = C x + D u around an operating point.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Linear {
+    /// Names of the states x.
+    pub states: Vec<String>,
+    /// Names of the inputs u.
+    pub inputs: Vec<String>,
+    /// Names of the outputs y.
+    pub outputs: Vec<String>,
+    /// \[A B; C D\], column by column.
+    #[serde(skip)]
+    pub jacobian: Vec<f64>,
+}
+
+/// Linearizes an FMU at the start values with these changes. The binary is loaded into this process.
+///
+/// # Errors
+/// The FMU cannot be used or has no states with directional derivatives, or a value cannot be set.
+pub fn linearize(path: &Path, settings: &[(String, f64)]) -> Result<Linear, String> {
+    let fmu = Fmu::open(path).map_err(|error| error.to_string())?;
+    let description = fmu.description();
+    if !fmu.co_simulation().provides_directional_derivative || description.derivatives.is_empty() {
+        return Err(format!(
+            "{} cannot be linearized: it lists no continuous states with directional derivatives (only plants do)",
+            description.model_name
+        ));
+    }
+    let call = |error: crate::loader::CallError| error.to_string();
+    let mut instance = fmu.instantiate("linearize").map_err(|error| error.to_string())?;
+    instance.setup_experiment(0.0, None).map_err(call)?;
+    for (name, value) in settings {
+        set(&mut instance, description, name, *value).map_err(|message| format!("--set {name}={value}: {message}"))?;
+    }
+    instance.enter_initialization_mode().map_err(call)?;
+
+    let derivatives: Vec<&Variable> =
+        description.derivatives.iter().map(|unknown| &description.variables[unknown.variable]).collect();
+    let state = |derivative: &&Variable| {
+        let state = derivative.derivative_of.map(|state| &description.variables[state]);
+        state.ok_or_else(|| format!("`{}` is listed as a derivative but does not say of what", derivative.name))
+    };
+    let states: Vec<&Variable> = derivatives.iter().map(state).collect::<Result<_, _>>()?;
+    let real = |causality: Causality| -> Vec<&Variable> {
+        let is_wanted = |v: &&Variable| v.causality == causality && v.base_type == BaseType::Real;
+        description.variables.iter().filter(is_wanted).collect()
+    };
+    let (inputs, outputs) = (real(Causality::Input), real(Causality::Output));
+
+    let unknown: Vec<_> = derivatives.iter().chain(&outputs).map(|variable| variable.reference).collect();
+    let mut jacobian = Vec::new();
+    let mut column = vec![0.0; unknown.len()];
+    for known in states.iter().chain(&inputs) {
+        instance.get_directional_derivative(&unknown, &[known.reference], &[1.0], &mut column).map_err(call)?;
+        jacobian.extend_from_slice(&column);
+    }
+    let names = |variables: &[&Variable]| variables.iter().map(|variable| variable.name.clone()).collect();
+    Ok(Linear { states: names(&states), inputs: names(&inputs), outputs: names(&outputs), jacobian })
+}
+
+fn set(instance: &mut Instance, description: &ModelDescription, name: &str, value: f64) -> Result<(), String> {
+    let variable = description.variable(name).ok_or_else(|| {
+        let near = suggestion(name, description.variables.iter().map(|variable| variable.name.as_str()));
+        let hint = near.map_or_else(String::new, |near| format!("; {near}"));
+        format!("{} has no variable `{name}`{hint}", description.model_name)
+    })?;
+    let is_settable = matches!(variable.causality, Causality::Parameter | Causality::Input)
+        || variable.initial == Some(Initial::Exact);
+    if !is_settable {
+        return Err(format!("`{name}` is neither a parameter, an input nor a state"));
+    }
+    let references = [variable.reference];
+    let result = match &variable.start {
+        Some(Value::Integer(_)) => instance.set_integer(&references, &[whole(value)?]),
+        Some(Value::Boolean(_)) => instance.set_boolean(&references, &[whole(value)?]),
+        Some(Value::Real(_)) => instance.set_real(&references, &[value]),
+        _ => return Err(format!("`{name}` is not a number")),
+    };
+    result.map_err(|error| error.to_string())
+}
+
+fn whole(value: f64) -> Result<i32, String> {
+    if value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX) {
+        #[expect(clippy::cast_possible_truncation, reason = "checked to be whole and in range")]
+        return Ok(value as i32);
+    }
+    Err(format!("{value} is not a whole number"))
+}

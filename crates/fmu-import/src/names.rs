@@ -1,0 +1,67 @@
+//! Names that are near a wrong one.
+
+use std::collections::BTreeSet;
+
+/// "did you mean" for the nearest of some names, if one is near. Upper and lower case make no difference.
+#[must_use]
+pub fn suggestion<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    // A third of the letters may be wrong: enough for slips, too little for chance hits.
+    let limit = (name.chars().count() / 3).max(1);
+    let name = name.to_lowercase();
+    // At least as many letters differ as the lengths do. This spares the long ones.
+    let length = name.chars().count();
+    candidates
+        .into_iter()
+        .filter(|c| c.to_lowercase().chars().count().abs_diff(length) <= limit)
+        .map(|c| (strsim::damerau_levenshtein(&name, &c.to_lowercase()), c))
+        .filter(|(distance, _)| *distance <= limit)
+        .min()
+        .map(|(_, nearest)| format!("did you mean `{nearest}`?"))
+}
+
+/// As [`suggestion`]; without a near name, the names that share most words with it.
+#[must_use]
+pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + Clone) -> Option<String> {
+    const SHOWN: usize = 4;
+    // Two letters are shared by chance.
+    let words = |name: &str| -> BTreeSet<String> {
+        name.to_lowercase().split(['.', '_', ':', '*']).filter(|word| word.len() > 2).map(str::to_owned).collect()
+    };
+    let wanted = words(name);
+    suggestion(name, candidates.clone()).or_else(|| {
+        let shared = |other: &str| words(other).intersection(&wanted).count();
+        let mut names: Vec<(usize, &str)> =
+            candidates.into_iter().map(|other| (shared(other), other)).filter(|(count, _)| *count > 0).collect();
+        names.sort_by_key(|(count, other)| (std::cmp::Reverse(*count), *other));
+        names.dedup();
+        let names: Vec<String> = names.iter().take(SHOWN).map(|(_, name)| format!("`{name}`")).collect();
+        (!names.is_empty()).then(|| format!("similar names: {}", names.join(", ")))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_with_the_same_words_are_similar() {
+        let names = ["body.roll", "body.roll_rate", "vehicle.speed", "body.roll"];
+        assert_eq!(similar("body.rol", names).unwrap(), "did you mean `body.roll`?");
+        assert_eq!(similar("roll_rate", names).unwrap(), "similar names: `body.roll_rate`, `body.roll`");
+        assert_eq!(
+            similar("vehicle:roll", names).unwrap(),
+            "similar names: `body.roll`, `body.roll_rate`, `vehicle.speed`"
+        );
+        assert_eq!(similar("tire.slip", names), None);
+    }
+
+    #[test]
+    fn near_names_are_suggested_and_far_ones_not() {
+        let names = ["body.roll", "body.roll_rate", "vehicle.speed"];
+        let near = suggestion("body.rol", names).unwrap();
+        assert_eq!(near, "did you mean `body.roll`?");
+        assert_eq!(suggestion("wheel_height.fl", names), None);
+        assert_eq!(suggestion("RMS", ["rms", "peak"]).unwrap(), "did you mean `rms`?");
+        assert_eq!(suggestion("espcar", ["EspCar"]).unwrap(), "did you mean `EspCar`?");
+    }
+}

@@ -1,0 +1,121 @@
+//! What this crate has workers do: checks and linearizations.
+
+use super::process::{Ended, Process, Settings, Watch};
+use super::serve::{Replies, serve as serve_requests};
+use crate::check::{self, Checked, Event, Finding, Severity};
+use crate::linearize::{self, Linear};
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The job of workers that [`serve`].
+pub const JOB: &str = "import";
+
+/// What a worker is asked for.
+#[derive(Debug, Serialize, Deserialize)]
+enum Request {
+    /// To check a `.fmu` file.
+    Check(PathBuf),
+    /// To linearize a `.fmu` file with other values of these variables, which are in the body.
+    Linearize { path: PathBuf, names: Vec<String> },
+}
+
+/// What a worker responds.
+#[derive(Debug, Serialize, Deserialize)]
+enum Response {
+    /// Something about the file that is checked; more follows.
+    Event(Event),
+    /// All is done.
+    Done,
+    /// The linear model; its matrix is in the body.
+    Linear(Linear),
+    /// It could not be done.
+    Failed(String),
+}
+
+/// Works for the process that started this one, until the connection to it ends.
+///
+/// `board` is the file in which the calls are announced.
+///
+/// # Errors
+/// The process was not started as a worker, or the connection is broken.
+pub fn serve(board: &Path) -> io::Result<()> {
+    serve_requests(board, respond)
+}
+
+fn respond(request: Request, body: &[f64], replies: &mut Replies) -> io::Result<()> {
+    match request {
+        Request::Check(path) => {
+            let mut sent = Ok(());
+            check::check(&path, &mut |event| {
+                if sent.is_ok() {
+                    sent = replies.send(&Response::Event(event), &[]);
+                }
+            });
+            sent?;
+            replies.send(&Response::Done, &[])
+        }
+        Request::Linearize { path, names } => {
+            let settings: Vec<(String, f64)> = names.into_iter().zip(body.iter().copied()).collect();
+            match linearize::linearize(&path, &settings) {
+                Ok(mut linear) => {
+                    let jacobian = std::mem::take(&mut linear.jacobian);
+                    replies.send(&Response::Linear(linear), &[&jacobian])
+                }
+                Err(message) => replies.send(&Response::Failed(message), &[]),
+            }
+        }
+    }
+}
+
+/// Checks a `.fmu` file in a worker and returns what was found, and what was looked at. An FMU that ends the worker is one more finding.
+///
+/// # Errors
+/// The worker cannot be started.
+pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Checked)> {
+    let mut process = Process::start(settings, JOB, true)?;
+    process.send(&Request::Check(path.to_path_buf()), &[]);
+    let mut watch = Watch::new(settings.timeout);
+    let mut findings = Vec::new();
+    let mut checked = Checked::default();
+    let mut trial = String::from("opening the file");
+    loop {
+        match process.receive(&mut watch, &mut |_| ()) {
+            Ok(Response::Event(Event::Trying(what))) => {
+                trial = what;
+                watch.restart();
+            }
+            Ok(Response::Event(Event::Found(finding))) => findings.push(finding),
+            Ok(Response::Event(Event::Checked(so_far))) => checked = so_far,
+            Ok(_) => return Ok((findings, checked)),
+            Err(Ended { message, .. }) => {
+                findings.push(Finding { severity: Severity::Error, subject: trial, message });
+                return Ok((findings, checked));
+            }
+        }
+    }
+}
+
+/// Linearizes a `.fmu` file in a worker, at the start values with these changes.
+///
+/// # Errors
+/// Why that does not work: the worker cannot be started, the FMU ends it, has no states with directional derivatives, or
+/// does not take a value.
+pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, f64)]) -> Result<Linear, String> {
+    let mut process =
+        Process::start(settings, JOB, true).map_err(|error| format!("cannot start a worker process: {error}"))?;
+    let (names, values): (Vec<String>, Vec<f64>) = changes.iter().cloned().unzip();
+    process.send(&Request::Linearize { path: path.to_path_buf(), names }, &values);
+    match process.receive(&mut Watch::of_all(settings.timeout), &mut |_| ()) {
+        Ok(Response::Linear(linear)) => {
+            let jacobian = process.body().rest();
+            let [n, m, p] = [&linear.states, &linear.inputs, &linear.outputs].map(Vec::len);
+            let is_complete = jacobian.len() == (n + p) * (n + m);
+            let linear = Linear { jacobian, ..linear };
+            is_complete.then_some(linear).ok_or_else(|| "the worker process sent an incomplete response".to_owned())
+        }
+        Ok(Response::Failed(message)) => Err(message),
+        Ok(_) => Err("the worker process sent an unexpected response".to_owned()),
+        Err(Ended { message, .. }) => Err(format!("{}: {message}", path.display())),
+    }
+}

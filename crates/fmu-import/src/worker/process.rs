@@ -1,0 +1,250 @@
+//! A worker as the process sees it that starts it.
+
+use super::connection::{self, Connection};
+use super::message::{self, Numbers, Reader};
+use super::output::{Output, Printed};
+use crate::loader::calls::{self, Snapshot};
+use crate::temporary::Folder;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io;
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus};
+use std::time::{Duration, Instant};
+
+/// How often the board of a worker is looked at.
+const LOOK: Duration = Duration::from_millis(100);
+/// How long a worker may take until it announces that it is there, whatever the timeout of a step.
+const START: Duration = Duration::from_secs(60);
+/// How long a worker that has closed its connection may take to end.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// How a worker is started: the program, and the arguments that make it a worker. Two more follow: what it works at
+/// ([`super::JOB`] or that of another crate), and the path of the board for [`super::serve`].
+#[derive(Debug, Clone)]
+pub struct Launch {
+    /// The program.
+    pub program: PathBuf,
+    /// Its arguments.
+    pub arguments: Vec<OsString>,
+}
+
+/// What workers are like.
+#[derive(Clone)]
+pub struct Settings {
+    /// How they are started.
+    pub launch: Launch,
+    /// The longest that a step of a run, or a trial of a check, may take.
+    pub timeout: Duration,
+    /// The library of Python, for FMUs that need one.
+    pub libpython: Option<PathBuf>,
+    /// Takes what FMUs print.
+    pub printed: Printed,
+}
+
+impl std::fmt::Debug for Settings {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Settings").field("launch", &self.launch).field("timeout", &self.timeout).finish_non_exhaustive()
+    }
+}
+
+/// A running worker; ended when dropped.
+pub struct Process {
+    child: Child,
+    connection: Connection,
+    reader: Reader,
+    board: File,
+    output: Output,
+    // For the board and the temporary files of FMUs.
+    _folder: Folder,
+}
+
+/// A worker that has ended without a response, or was ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// Start of the step it was in, s.
+    pub time: Option<f64>,
+    /// Index of the component that it was in.
+    pub component: Option<usize>,
+    /// How it ended and in which call.
+    pub message: String,
+}
+
+/// How long something has taken.
+#[derive(Debug)]
+pub struct Watch {
+    timeout: Duration,
+    since: Instant,
+    pulse: Option<u64>,
+    /// Whether progress starts it anew.
+    is_per_step: bool,
+}
+
+impl Watch {
+    /// For every step.
+    #[must_use]
+    pub fn new(timeout: Duration) -> Self {
+        Self { timeout, since: Instant::now(), pulse: None, is_per_step: true }
+    }
+
+    /// For all steps together.
+    #[must_use]
+    pub fn of_all(timeout: Duration) -> Self {
+        Self { is_per_step: false, ..Self::new(timeout) }
+    }
+
+    /// Starts it anew.
+    pub fn restart(&mut self) {
+        self.since = Instant::now();
+    }
+
+    /// Whether there was no progress for too long.
+    fn is_over(&mut self, pulse: u64) -> bool {
+        if self.pulse.replace(pulse) != Some(pulse) && self.is_per_step {
+            self.restart();
+        }
+        let limit = if pulse == 0 { self.timeout.max(START) } else { self.timeout };
+        self.since.elapsed() > limit
+    }
+}
+
+impl Process {
+    /// Starts a worker for a job, with the library of Python if that is asked for.
+    ///
+    /// # Errors
+    /// The program cannot be started, or does not connect.
+    pub fn start(settings: &Settings, job: &str, with_python: bool) -> io::Result<Self> {
+        let folder = Folder::new()?;
+        let path = folder.path().join("calls");
+        let board = File::options().read(true).write(true).create_new(true).open(&path)?;
+        calls::create(&board)?;
+        let (pipe, output) = io::pipe()?;
+        let mut command = Command::new(&settings.launch.program);
+        command.args(&settings.launch.arguments).arg(job).arg(path).stdout(output.try_clone()?).stderr(output);
+        command.envs(["TMPDIR", "TMP", "TEMP"].map(|variable| (variable, folder.path())));
+        if let Some(library) = settings.libpython.as_ref().filter(|_| with_python) {
+            let mut list = library.clone().into_os_string();
+            if let Some(others) = std::env::var_os("LD_PRELOAD") {
+                list.push(":");
+                list.push(others);
+            }
+            command.env("LD_PRELOAD", list);
+        }
+        let (child, connection) = connection::spawn(command)?;
+        connection.set_patience(Some(LOOK.min(settings.timeout / 4)))?;
+        let output = Output::read(pipe, settings.printed.clone())?;
+        Ok(Self { child, connection, reader: Reader::default(), board, output, _folder: folder })
+    }
+
+    /// Sends a request. That the worker cannot be reached shows when its response is awaited.
+    pub fn send(&mut self, request: &impl Serialize, body: &[f64]) {
+        let _ = message::write(&mut self.connection, request, &[body]);
+    }
+
+    /// Waits for a response; `steps` is told now and then how many steps are done.
+    ///
+    /// # Errors
+    /// The worker has ended, or was ended because it took too long.
+    pub fn receive<R: DeserializeOwned>(&mut self, watch: &mut Watch, steps: &mut dyn FnMut(u64)) -> Result<R, Ended> {
+        loop {
+            match self.reader.read(&mut self.connection) {
+                Ok(Some(response)) => return Ok(response),
+                Err(error) if connection::is_patience_over(&error) => {
+                    let Ok(snapshot) = Snapshot::read(&self.board) else { continue };
+                    steps(snapshot.steps);
+                    if watch.is_over(snapshot.pulse) {
+                        self.kill();
+                        let limit = watch.timeout.as_secs_f64();
+                        return Err(self.ended(&format!("not done after {limit} s (--timeout), stopped")));
+                    }
+                    // A program that it has started may hold the connection open.
+                    if let Ok(Some(status)) = self.child.try_wait() {
+                        return Err(self.ended(&format!("the process ended ({})", words(status))));
+                    }
+                }
+                Ok(None) => {
+                    let how = match self.wait() {
+                        Some(status) => format!("the process ended ({})", words(status)),
+                        None => "the process closed its connection and was stopped".to_owned(),
+                    };
+                    return Err(self.ended(&how));
+                }
+                Err(error) => {
+                    let how = match self.wait() {
+                        Some(status) => format!("the process ended ({})", words(status)),
+                        None => format!("the process was stopped because its messages cannot be read: {error};"),
+                    };
+                    return Err(self.ended(&how));
+                }
+            }
+        }
+    }
+
+    /// The numbers of the last response.
+    #[must_use]
+    pub fn body(&self) -> Numbers<'_> {
+        self.reader.body()
+    }
+
+    /// What the board says about a worker that has ended in some way.
+    fn ended(&self, how: &str) -> Ended {
+        let snapshot = Snapshot::read(&self.board).ok();
+        let call = snapshot.and_then(|snapshot| snapshot.call);
+        let message = match call {
+            Some((_, "")) => format!("{how} while its library was loaded"),
+            Some((_, function)) => format!("{how} during {function}"),
+            None => format!("{how} outside of the FMUs"),
+        };
+        Ended { time: snapshot.and_then(|snapshot| snapshot.time), component: call.map(|(index, _)| index), message }
+    }
+
+    /// The status of a worker whose connection is closed; `None` if it goes on and had to be ended.
+    fn wait(&mut self) -> Option<ExitStatus> {
+        let begin = Instant::now();
+        while begin.elapsed() < FAREWELL {
+            match self.child.try_wait() {
+                Ok(None) => std::thread::sleep(Duration::from_millis(1)),
+                Ok(status) => return status,
+                Err(_) => break,
+            }
+        }
+        self.kill();
+        None
+    }
+
+    fn kill(&mut self) {
+        // It may have ended already.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl std::fmt::Debug for Process {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Process").field("id", &self.child.id()).finish_non_exhaustive()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.kill();
+        self.output.finish();
+    }
+}
+
+/// How a process ended.
+fn words(status: ExitStatus) -> String {
+    #[cfg(unix)]
+    if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
+        let name = signal_hook::low_level::signal_name(signal).map_or(String::new(), |name| format!(", {name}"));
+        return format!("signal {signal}{name}");
+    }
+    match status.code() {
+        // Windows numbers what a crash is called elsewhere.
+        Some(code) if code < 0 => format!("exit code {code:#x}"),
+        Some(code) => format!("exit code {code}"),
+        None => status.to_string(),
+    }
+}

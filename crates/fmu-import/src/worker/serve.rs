@@ -1,0 +1,74 @@
+//! The side of the worker.
+
+use super::connection::{self, Connection};
+use super::message::{self, Reader};
+use crate::loader::{calls, flush_prints};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fs::OpenOptions;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+
+/// What a worker sends its responses with.
+#[derive(Debug)]
+pub struct Replies(Connection);
+
+impl Replies {
+    /// Sends a response.
+    ///
+    /// # Errors
+    /// The connection is broken.
+    pub fn send(&mut self, response: &impl Serialize, body: &[&[f64]]) -> io::Result<()> {
+        // Before: a worker may be ended after its last response.
+        flush_prints();
+        message::write(&mut self.0, response, body)
+    }
+}
+
+/// Works for the process that started this one, and never returns to it: the process ends when the connection does.
+///
+/// `board` is the file in which the calls are announced; `respond` gets every request with its numbers.
+///
+/// # Errors
+/// The process was not started by a [`super::Process`], or the connection is broken.
+pub fn serve<R: DeserializeOwned + Send + 'static>(
+    board: &Path,
+    mut respond: impl FnMut(R, &[f64], &mut Replies) -> io::Result<()>,
+) -> io::Result<()> {
+    keep_memory();
+    let connection = connection::accept()?;
+    calls::publish(&OpenOptions::new().read(true).write(true).open(board)?)?;
+    // An interrupt from the keyboard reaches all processes; this one ends with the one that started it.
+    signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::default())?;
+
+    // Requests are read by a thread of their own, which notices the end of the connection whatever an FMU is doing.
+    let (requests, received) = channel();
+    let mut input = connection.try_clone()?;
+    std::thread::Builder::new().name("requests".to_owned()).spawn(move || {
+        let mut reader = Reader::default();
+        while let Ok(Some(request)) = reader.read::<R>(&mut input) {
+            if requests.send((request, reader.body().rest())).is_err() {
+                break;
+            }
+        }
+        // At once: neither the end of the program nor what FMUs have registered for it has anything left to do.
+        signal_hook::low_level::exit(0);
+    })?;
+
+    let mut replies = Replies(connection);
+    for (request, body) in received {
+        respond(request, &body, &mut replies)?;
+    }
+    Ok(())
+}
+
+/// Lets the allocator keep what a run frees for the next run.
+///
+/// glibc gives it back to the system at once, more than 128 kB at the end of the heap, and gets it again page by page,
+/// which takes 2 % of a run of a study. A larger block that is freed raises this limit to twice its size (mallopt(3),
+/// `M_MMAP_THRESHOLD`). Nothing is written to the block, so it takes no memory.
+fn keep_memory() {
+    drop(std::hint::black_box(Vec::<u8>::with_capacity(16 << 20)));
+}

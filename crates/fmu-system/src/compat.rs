@@ -1,0 +1,324 @@
+//! Which FMUs fit which plants by their signals.
+//!
+//! A *plant* is an FMU with continuous states (the model structure lists derivatives) that writes no input of an FMU with
+//! more states; one that does is an actuator of the larger one. All FMUs that are no plants are *units*: controllers,
+//! sources, actuators.
+//!
+//! A signal goes from an output to an input of the same name, if base types and units of measure agree
+//! ([`Variable::mismatch`]). A unit *fits* a plant if
+//!
+//! - it is supplied: every input is written by the plant or by another unit that is supplied, and
+//! - it acts: an output is an input of the plant or of a supplied unit that acts.
+//!
+//! Units may need each other in a circle. Other plants never count, as there is one in a system. Inputs that a scenario
+//! could hold constant count as missing. That signals fit does not say that the law does the vehicle any good: vehicle
+//! data in it may have to be changed, and an output that the plant does not know goes nowhere.
+
+use fmu_import::description::{Causality, ModelDescription, Variable};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::sync::Arc;
+
+/// All pairs of a unit and a plant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Systems {
+    /// Names of the plants, sorted.
+    pub plants: Vec<String>,
+    /// Names of the other FMUs, sorted.
+    pub units: Vec<String>,
+    /// By unit, then by plant.
+    pub fits: Vec<Vec<Fit>>,
+}
+
+/// How a unit fits a plant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Fit {
+    /// All inputs are written, and it acts on the plant, directly or through other units.
+    Fits,
+    /// All inputs are written, but nothing that acts on the plant reads its outputs.
+    Idle,
+    /// Inputs that nothing beside this plant writes; never empty.
+    Lacks(Vec<Missing>),
+}
+
+/// An input that nothing writes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Missing {
+    /// Name of the input.
+    pub input: String,
+    /// Its unit of measure.
+    pub unit: Option<String>,
+    /// Why it is not written.
+    pub reason: Reason,
+}
+
+/// Why an input is not written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Reason {
+    /// No other FMU has an output of this name.
+    Unknown,
+    /// The plant or a unit has it, but as something else.
+    Mismatch {
+        /// FMU that has it.
+        writer: String,
+        /// What it is there.
+        is: String,
+        /// What it should be.
+        expected: String,
+    },
+    /// Only these units write it, which lack inputs themselves.
+    Unsupplied(Vec<String>),
+    /// Only these other plants write it.
+    OtherPlants(Vec<String>),
+}
+
+impl fmt::Display for Missing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.input)?;
+        if let Some(unit) = &self.unit {
+            write!(f, " ({unit})")?;
+        }
+        match &self.reason {
+            Reason::Unknown => write!(f, ": no FMU has it"),
+            Reason::Mismatch { writer, is, expected } => write!(f, ": {writer} has it {is}, expected {expected}"),
+            Reason::Unsupplied(units) => {
+                let lack = if units.len() == 1 { "lacks" } else { "lack" };
+                write!(f, ": {} would write it, but {lack} inputs too", units.join(", "))
+            }
+            Reason::OtherPlants(plants) => write!(f, ": only {} has it", plants.join(", ")),
+        }
+    }
+}
+
+type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
+
+/// Compares all FMUs with all plants; the key is the name that a scenario uses.
+#[must_use]
+pub fn systems(fmus: &Descriptions) -> Systems {
+    let (plants, units): (Vec<&str>, Vec<&str>) =
+        fmus.keys().map(String::as_str).partition(|name| is_plant(fmus, name));
+    let columns: Vec<Vec<Fit>> = plants.iter().map(|plant| fits_of(fmus, plant, &plants, &units)).collect();
+    Systems {
+        fits: (0..units.len()).map(|row| columns.iter().map(|column| column[row].clone()).collect()).collect(),
+        plants: plants.into_iter().map(str::to_string).collect(),
+        units: units.into_iter().map(str::to_string).collect(),
+    }
+}
+
+fn is_plant(fmus: &Descriptions, name: &str) -> bool {
+    let states = |name: &str| fmus[name].derivatives.len();
+    let is_actuator_of = |other: &String| states(other) > states(name) && writes(&fmus[name], &fmus[other]);
+    states(name) > 0 && !fmus.keys().any(is_actuator_of)
+}
+
+fn variables(description: &ModelDescription, causality: Causality) -> impl Iterator<Item = &Variable> {
+    description.variables.iter().filter(move |variable| variable.causality == causality)
+}
+
+/// The output of an FMU that has the name of an input.
+fn output<'a>(writer: &'a ModelDescription, input: &Variable) -> Option<&'a Variable> {
+    writer.variable(&input.name).filter(|variable| variable.causality == Causality::Output)
+}
+
+/// Whether an FMU writes this input.
+fn supplies(writer: &ModelDescription, input: &Variable) -> bool {
+    output(writer, input).is_some_and(|output| output.mismatch(input).is_none())
+}
+
+/// Whether an FMU writes an input of another one.
+fn writes(writer: &ModelDescription, reader: &ModelDescription) -> bool {
+    variables(reader, Causality::Input).any(|input| supplies(writer, input))
+}
+
+/// How each unit fits a plant.
+fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], units: &[&str]) -> Vec<Fit> {
+    // The largest set of units that write each other's inputs together with the plant: circles stay in it.
+    let mut supplied: BTreeSet<&str> = units.iter().copied().collect();
+    let unwritten = |unit: &str, supplied: &BTreeSet<&str>| -> Vec<&Variable> {
+        // An FMU cannot write its own inputs: names are unique in it.
+        let writers = || supplied.iter().chain([&plant]);
+        variables(&fmus[unit], Causality::Input)
+            .filter(|input| !writers().any(|writer| supplies(&fmus[*writer], input)))
+            .collect()
+    };
+    loop {
+        let kept: BTreeSet<&str> =
+            supplied.iter().copied().filter(|unit| unwritten(unit, &supplied).is_empty()).collect();
+        if kept.len() == supplied.len() {
+            break;
+        }
+        supplied = kept;
+    }
+
+    // Backwards from the plant.
+    let mut acting: BTreeSet<&str> = BTreeSet::new();
+    loop {
+        let acts = |unit: &&str| {
+            let mut readers = acting.iter().chain([&plant]);
+            readers.any(|reader| writes(&fmus[*unit], &fmus[*reader]))
+        };
+        let grown: BTreeSet<&str> = supplied.iter().copied().filter(acts).collect();
+        if grown.len() == acting.len() {
+            break;
+        }
+        acting = grown;
+    }
+
+    let fit = |unit: &&str| {
+        if acting.contains(unit) {
+            Fit::Fits
+        } else if supplied.contains(unit) {
+            Fit::Idle
+        } else {
+            let missing = unwritten(unit, &supplied).into_iter();
+            Fit::Lacks(missing.map(|input| missing_input(fmus, input, plant, plants, units)).collect())
+        }
+    };
+    units.iter().map(fit).collect()
+}
+
+/// Why an input is not written.
+fn missing_input(fmus: &Descriptions, input: &Variable, plant: &str, plants: &[&str], units: &[&str]) -> Missing {
+    let of = |names: &[&str], is_writer: &dyn Fn(&str) -> bool| -> Vec<String> {
+        names.iter().filter(|name| is_writer(name)).map(|name| (*name).to_string()).collect()
+    };
+    let writers = of(units, &|name| supplies(&fmus[name], input));
+    let other_plants = of(plants, &|name| name != plant && supplies(&fmus[name], input));
+    let mismatch = units.iter().chain([&plant]).find_map(|name| {
+        let [is, expected] = output(&fmus[*name], input)?.mismatch(input)?;
+        Some(Reason::Mismatch { writer: (*name).to_string(), is, expected })
+    });
+    let reason = match mismatch {
+        Some(mismatch) => mismatch,
+        None if !writers.is_empty() => Reason::Unsupplied(writers),
+        None if !other_plants.is_empty() => Reason::OtherPlants(other_plants),
+        None => Reason::Unknown,
+    };
+    Missing { input: input.name.clone(), unit: input.unit.clone(), reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A description with inputs and outputs `name unit`; the first outputs are states.
+    fn fmu(inputs: &[&str], outputs: &[&str], states: usize) -> Arc<ModelDescription> {
+        let mut variables = String::new();
+        let roles = inputs.iter().map(|text| (text, "input")).chain(outputs.iter().map(|text| (text, "output")));
+        for (i, (text, causality)) in roles.enumerate() {
+            let (name, unit) = text.split_once(' ').unwrap();
+            let typed = if unit == "bool" { "<Boolean/>".to_string() } else { format!("<Real unit=\"{unit}\"/>") };
+            variables += &format!(
+                "<ScalarVariable name=\"{name}\" valueReference=\"{i}\" causality=\"{causality}\">{typed}</ScalarVariable>"
+            );
+        }
+        let derivatives: String = (1..=states).map(|i| format!("<Unknown index=\"{}\"/>", inputs.len() + i)).collect();
+        let text = format!(
+            "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"m\" guid=\"g\"><CoSimulation modelIdentifier=\"m\"/>\
+             <ModelVariables>{variables}</ModelVariables><ModelStructure><Derivatives>{derivatives}</Derivatives>\
+             </ModelStructure></fmiModelDescription>"
+        );
+        Arc::new(ModelDescription::parse(&text).unwrap())
+    }
+
+    fn toys<const N: usize>(fmus: [(&str, Arc<ModelDescription>); N]) -> Systems {
+        systems(&fmus.into_iter().map(|(name, fmu)| (name.to_string(), fmu)).collect())
+    }
+
+    fn fit<'a>(systems: &'a Systems, unit: &str, plant: &str) -> &'a Fit {
+        let row = systems.units.iter().position(|name| name == unit).unwrap();
+        let column = systems.plants.iter().position(|name| name == plant).unwrap();
+        &systems.fits[row][column]
+    }
+
+    fn reasons(fit: &Fit) -> Vec<String> {
+        match fit {
+            Fit::Lacks(missing) => missing.iter().map(Missing::to_string).collect(),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn car() -> Arc<ModelDescription> {
+        fmu(&["steer rad", "speed m/s"], &["yaw_rate rad/s", "roll rad"], 2)
+    }
+
+    #[test]
+    fn a_unit_fits_if_it_is_supplied_and_acts() {
+        let systems = toys([
+            ("Car", car()),
+            ("Driver", fmu(&[], &["demand rad", "speed m/s"], 0)),
+            ("Steering", fmu(&["demand rad", "yaw_rate rad/s", "target rad/s"], &["steer rad"], 0)),
+            // acts through another unit only
+            ("Target", fmu(&["demand rad"], &["target rad/s"], 0)),
+            ("Display", fmu(&["roll rad"], &["needle rad"], 0)),
+        ]);
+        assert_eq!(systems.plants, ["Car"]);
+        assert_eq!(systems.units, ["Display", "Driver", "Steering", "Target"]);
+        assert_eq!(systems.fits, [[Fit::Idle], [Fit::Fits], [Fit::Fits], [Fit::Fits]]);
+    }
+
+    #[test]
+    fn names_units_and_types_count() {
+        let systems = toys([
+            ("Car", car()),
+            ("Degrees", fmu(&["yaw_rate deg/s"], &["steer rad"], 0)),
+            ("Switch", fmu(&["roll bool"], &["steer rad"], 0)),
+            ("Turned", fmu(&["yaw_rate rad/s"], &["steer deg"], 0)),
+            ("Blind", fmu(&["pitch rad"], &["steer rad"], 0)),
+        ]);
+        let reasons = |unit| reasons(fit(&systems, unit, "Car"));
+        assert_eq!(reasons("Degrees"), ["yaw_rate (deg/s): Car has it in rad/s, expected in deg/s"]);
+        assert_eq!(reasons("Switch"), ["roll: Car has it Real, expected Boolean"]);
+        assert_eq!(reasons("Blind"), ["pitch (rad): no FMU has it"]);
+        // What it writes is not what the plant reads.
+        assert_eq!(*fit(&systems, "Turned", "Car"), Fit::Idle);
+    }
+
+    #[test]
+    fn what_a_unit_lacks_is_traced_to_its_cause() {
+        let systems = toys([
+            ("Car", car()),
+            ("Bike", fmu(&["steer rad"], &["lean rad", "roll rad"], 2)),
+            ("Balance", fmu(&["lean rad"], &["wish rad"], 0)),
+            ("Steering", fmu(&["wish rad", "roll rad"], &["steer rad"], 0)),
+        ]);
+        assert_eq!(systems.plants, ["Bike", "Car"]);
+        assert_eq!(*fit(&systems, "Balance", "Bike"), Fit::Fits);
+        assert_eq!(*fit(&systems, "Steering", "Bike"), Fit::Fits);
+        assert_eq!(reasons(fit(&systems, "Balance", "Car")), ["lean (rad): only Bike has it"]);
+        assert_eq!(
+            reasons(fit(&systems, "Steering", "Car")),
+            ["wish (rad): Balance would write it, but lacks inputs too"]
+        );
+    }
+
+    #[test]
+    fn units_may_need_each_other() {
+        let systems = toys([
+            ("Car", car()),
+            ("Brain", fmu(&["state 1", "roll rad"], &["command 1"], 0)),
+            ("Hand", fmu(&["command 1"], &["state 1", "steer rad"], 0)),
+        ]);
+        assert_eq!(*fit(&systems, "Brain", "Car"), Fit::Fits);
+        assert_eq!(*fit(&systems, "Hand", "Car"), Fit::Fits);
+    }
+
+    #[test]
+    fn an_actuator_is_no_plant() {
+        // Both have states and read each other; the smaller one belongs to the larger one.
+        let systems = toys([
+            ("Car", fmu(&["torque N.m"], &["spin rad/s", "speed m/s"], 2)),
+            ("Brake", fmu(&["spin rad/s", "pedal 1"], &["pressure MPa", "torque N.m"], 1)),
+            ("Driver", fmu(&["speed m/s"], &["pedal 1"], 0)),
+        ]);
+        assert_eq!(systems.plants, ["Car"]);
+        assert_eq!(systems.fits, [[Fit::Fits], [Fit::Fits]]);
+    }
+
+    #[test]
+    fn without_a_plant_there_is_nothing_to_fit() {
+        let systems = toys([("Driver", fmu(&[], &["pedal 1"], 0))]);
+        assert_eq!((systems.plants.len(), &systems.units[..]), (0, &["Driver".to_string()][..]));
+        assert_eq!(systems.fits, [[]]);
+    }
+}

@@ -1,0 +1,386 @@
+//! Writes a run of a plan for other masters: an SSP file and an OSP system structure, with the FMUs.
+//!
+//! [`System`] is a run in names instead of numbers. [`System::write`] makes a folder with
+//!
+//! - `NAME.ssp`, System Structure and Parameterization 1.0: the structure with connectors, units of measure and
+//!   connections, a parameter set for every unit, the FMUs, and the annotations from which OMSimulator and libcosim take
+//!   the step (Ecos and FMPy are told),
+//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs beside it.
+//!
+//! Inputs that keep one value are start values in both. Neither format says in which order the units of a step follow
+//! each other, nor what is recorded how often and computed from it; outputs that are recorded are connectors, so that a
+//! tool which records all of them records these.
+
+mod osp;
+mod ssp;
+
+use crate::parameter_set::{Parameter, ParameterSet};
+use crate::plan::Plan;
+use crate::run;
+use crate::run::{Run, Wire};
+use fmu_import::archive::{ArchiveError, read_description};
+use fmu_import::c_api::Reference;
+use fmu_import::description::{BaseType, Causality, ModelDescription, Unit, Variable};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Name of the structure inside an SSP file.
+pub const STRUCTURE: &str = "SystemStructure.ssd";
+/// Name of the file that libcosim reads.
+pub const OSP_STRUCTURE: &str = "OspSystemStructure.xml";
+/// Name of every parameter set in an SSP file. Ecos applies the sets of all components that have the name it is given.
+pub const PARAMETERS: &str = "parameters";
+
+/// Why a run cannot be written for other masters.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// An FMU cannot be read.
+    #[error(transparent)]
+    Fmu(#[from] ArchiveError),
+    /// The description is not that of the plan.
+    #[error("{fmu}: the FMU has changed since the plan was made: it has no {what} {base_type} {reference}")]
+    Changed {
+        /// The file.
+        fmu: String,
+        /// Role of the variable.
+        what: &'static str,
+        /// Its type.
+        base_type: BaseType,
+        /// Its value reference.
+        reference: Reference,
+    },
+    /// The run reads signals from a file.
+    #[error("signals from a file cannot be written: neither SSP nor OSP structures hold them")]
+    Feeds,
+    /// A name that stands for something else in a path or URI.
+    #[error("{0}: the name of an FMU may hold letters, digits, `_`, `-` and `.` only, because it is part of a URI")]
+    FileName(String),
+    /// A variable of a type that other masters do not set.
+    #[error("`{unit}:{variable}` is an enumeration, which libcosim and Ecos do not read; only Integer can be written")]
+    Enumeration {
+        /// Unit.
+        unit: String,
+        /// Variable.
+        variable: String,
+    },
+    /// A unit of measure that means two things.
+    #[error("the unit of measure `{name}` is another one in {second} than in {first}")]
+    UnitOfMeasure {
+        /// Its name.
+        name: String,
+        /// An FMU that defines it.
+        first: String,
+        /// An FMU that defines it otherwise.
+        second: String,
+    },
+    /// The folder holds something.
+    #[error("{}: the folder is not empty{hint}", path.display())]
+    Occupied {
+        /// The folder.
+        path: PathBuf,
+        /// What can be done.
+        hint: String,
+    },
+    /// A file cannot be written.
+    #[error("{}: {cause}", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why.
+        cause: io::Error,
+    },
+}
+
+/// A run, complete and in names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct System {
+    /// Name: that of the scenario, with `_` in place of what is no letter, digit or `_`.
+    pub name: String,
+    /// Scenario, case, point and seed.
+    pub description: String,
+    /// Start, s.
+    pub start: f64,
+    /// Stop, s.
+    pub stop: f64,
+    /// Communication step, s.
+    pub step: f64,
+    /// Units of the scenario in their order.
+    pub components: Vec<Component>,
+    /// Wires, in the order of the components that read and of their inputs.
+    pub connections: Vec<Connection>,
+    /// Definitions of the units of measure that connectors and parameters have.
+    pub units: Vec<Unit>,
+}
+
+/// A unit of the scenario.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Component {
+    /// Name.
+    pub name: String,
+    /// The `.fmu` file.
+    pub fmu: PathBuf,
+    /// Its file name.
+    pub file: String,
+    /// Inputs that are written, and outputs that are read or recorded.
+    pub connectors: Vec<Connector>,
+    /// Values of parameters and of inputs that nobody writes.
+    pub values: Vec<Parameter>,
+}
+
+/// An input or output of a component.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Connector {
+    /// Name of the variable.
+    pub name: String,
+    /// An output, else an input.
+    pub output: bool,
+    /// Base type, not `String`.
+    pub base_type: BaseType,
+    /// Unit of measure.
+    pub unit: Option<String>,
+}
+
+/// A wire: component and variable at both ends.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Connection {
+    /// What writes.
+    pub from: [String; 2],
+    /// What reads.
+    pub to: [String; 2],
+}
+
+impl System {
+    /// The run of a plan.
+    ///
+    /// # Errors
+    /// An FMU cannot be read or is another one than that of the plan, a file writes signals, an FMU has a name that is
+    /// no part of a URI, an enumeration is set or wired, a unit of measure is defined in two ways.
+    pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
+        if !run.feeds.is_empty() {
+            return Err(ExportError::Feeds);
+        }
+        let recorded: BTreeSet<usize> = run.columns.iter().flatten().copied().collect();
+        let read: BTreeSet<usize> = run.units.iter().flat_map(|unit| &unit.inputs).map(|wire| wire.slot).collect();
+        let mut writers: BTreeMap<usize, [String; 2]> = BTreeMap::new();
+        let mut units = Definitions::default();
+        let mut components = Vec::new();
+        for unit in &run.units {
+            let description = read_description(Path::new(&unit.fmu))?;
+            let fmu = PathBuf::from(&unit.fmu);
+            let mut component = Component {
+                name: unit.name.clone(),
+                file: file_name(&fmu)?,
+                fmu,
+                connectors: Vec::new(),
+                values: Vec::new(),
+            };
+            let wirable = wirable(&description);
+            for wire in &unit.inputs {
+                let variable = wired(&wirable, unit, wire, Causality::Input)?;
+                component.connectors.push(connector(variable, false, &description, &unit.name)?);
+            }
+            for wire in unit.outputs.iter().filter(|wire| read.contains(&wire.slot) || recorded.contains(&wire.slot)) {
+                let variable = wired(&wirable, unit, wire, Causality::Output)?;
+                component.connectors.push(connector(variable, true, &description, &unit.name)?);
+                writers.insert(wire.slot, [unit.name.clone(), variable.name.clone()]);
+            }
+            for setting in unit.parameters.iter().chain(&unit.constants) {
+                let variable = description.variable(&setting.name);
+                refuse_enumeration(variable, &unit.name)?;
+                let unit = variable.and_then(|v| v.unit.clone()).filter(|name| defined(&description, name).is_some());
+                component.values.push(Parameter { name: setting.name.clone(), value: setting.value.clone(), unit });
+            }
+            let used = component.connectors.iter().map(|c| &c.unit).chain(component.values.iter().map(|v| &v.unit));
+            for name in used.flatten() {
+                units.add(&description, name, &component.file)?;
+            }
+            components.push(component);
+        }
+        let mut connections = Vec::new();
+        for (unit, component) in run.units.iter().zip(&components) {
+            for (wire, connector) in unit.inputs.iter().zip(&component.connectors) {
+                if let Some(from) = writers.get(&wire.slot) {
+                    connections
+                        .push(Connection { from: from.clone(), to: [unit.name.clone(), connector.name.clone()] });
+                }
+            }
+        }
+        Ok(Self {
+            name: plan.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect(),
+            description: text(plan, run),
+            start: plan.simulation.start,
+            stop: plan.simulation.stop,
+            step: plan.simulation.step,
+            components,
+            connections,
+            units: units.0.into_values().map(|(unit, _)| unit).collect(),
+        })
+    }
+
+    /// Writes the files into a folder, which appears complete or not at all, and returns their paths. With `overwrite`
+    /// it may hold the files of an earlier call.
+    ///
+    /// # Errors
+    /// The folder is not empty, or holds something else than an earlier call wrote; a file cannot be read or written.
+    pub fn write(&self, folder: &Path, overwrite: bool) -> Result<[PathBuf; 2], ExportError> {
+        let at = |path: &Path| {
+            let path = path.to_path_buf();
+            move |cause| ExportError::Write { path, cause }
+        };
+        refuse_foreign(folder, overwrite)?;
+        let name = folder.file_name().ok_or_else(|| ExportError::Write {
+            path: folder.to_path_buf(),
+            cause: io::Error::new(io::ErrorKind::InvalidInput, "this is no name of a folder"),
+        })?;
+        // Beside the folder, so that it can be renamed.
+        let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::create_dir_all(parent).map_err(at(parent))?;
+        let work = tempfile::Builder::new().prefix(".system").tempdir_in(parent).map_err(at(parent))?;
+        let new = work.path().join(name);
+        std::fs::create_dir(&new).map_err(at(&new))?;
+
+        let fmus: BTreeMap<&str, &Path> =
+            self.components.iter().map(|component| (component.file.as_str(), component.fmu.as_path())).collect();
+        for (file, source) in &fmus {
+            std::fs::copy(source, new.join(file)).map_err(at(source))?;
+        }
+        let package = format!("{}.ssp", self.name);
+        ssp::write(self, &fmus, &new.join(&package)).map_err(at(&folder.join(&package)))?;
+        osp::structure(self)
+            .and_then(|xml| std::fs::write(new.join(OSP_STRUCTURE), xml))
+            .map_err(at(&folder.join(OSP_STRUCTURE)))?;
+
+        let old = work.path().join("old");
+        let replaced = folder.exists();
+        if replaced {
+            std::fs::rename(folder, &old).map_err(at(folder))?;
+        }
+        if let Err(cause) = std::fs::rename(&new, folder) {
+            if replaced {
+                // What was there shall stay; the first error is the one to report.
+                let _ = std::fs::rename(&old, folder);
+            }
+            return Err(at(folder)(cause));
+        }
+        Ok([folder.join(package), folder.join(OSP_STRUCTURE)])
+    }
+
+    /// The values of a component as a parameter set.
+    fn parameter_set(&self, component: &Component) -> io::Result<String> {
+        ParameterSet { name: PARAMETERS.to_string(), parameters: component.values.clone() }.to_xml(&self.units)
+    }
+}
+
+/// Definitions of units of measure by name, each with the file it is from.
+#[derive(Default)]
+struct Definitions(BTreeMap<String, (Unit, String)>);
+
+impl Definitions {
+    fn add(&mut self, description: &ModelDescription, name: &str, file: &str) -> Result<(), ExportError> {
+        let Some(unit) = defined(description, name) else { return Ok(()) };
+        let (known, first) = self.0.entry(name.to_string()).or_insert_with(|| (unit.clone(), file.to_string()));
+        if known.base == unit.base {
+            return Ok(());
+        }
+        Err(ExportError::UnitOfMeasure { name: name.to_string(), first: first.clone(), second: file.to_string() })
+    }
+}
+
+/// The definition of a unit of measure in terms of SI units; SSP has no others.
+fn defined<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Unit> {
+    description.unit(name).filter(|unit| unit.base.is_some())
+}
+
+type Wirable<'a> = HashMap<(Causality, BaseType, Reference), &'a Variable>;
+
+/// The variables by what a wire says of them; of aliases the first.
+fn wirable(description: &ModelDescription) -> Wirable<'_> {
+    let mut wirable = HashMap::new();
+    for variable in &description.variables {
+        wirable.entry((variable.causality, variable.base_type, variable.reference)).or_insert(variable);
+    }
+    wirable
+}
+
+fn wired<'a>(
+    wirable: &Wirable<'a>,
+    unit: &run::Unit,
+    wire: &Wire,
+    causality: Causality,
+) -> Result<&'a Variable, ExportError> {
+    wirable.get(&(causality, wire.base_type, wire.reference)).copied().ok_or_else(|| ExportError::Changed {
+        fmu: unit.fmu.clone(),
+        what: if causality == Causality::Input { "input" } else { "output" },
+        base_type: wire.base_type,
+        reference: wire.reference,
+    })
+}
+
+fn connector(
+    variable: &Variable,
+    output: bool,
+    description: &ModelDescription,
+    unit: &str,
+) -> Result<Connector, ExportError> {
+    refuse_enumeration(Some(variable), unit)?;
+    Ok(Connector {
+        name: variable.name.clone(),
+        output,
+        base_type: variable.base_type,
+        unit: variable.unit.clone().filter(|name| defined(description, name).is_some()),
+    })
+}
+
+fn refuse_enumeration(variable: Option<&Variable>, unit: &str) -> Result<(), ExportError> {
+    match variable {
+        // Only enumerations have items.
+        Some(variable) if !variable.items.is_empty() => {
+            Err(ExportError::Enumeration { unit: unit.to_string(), variable: variable.name.clone() })
+        }
+        _ => Ok(()),
+    }
+}
+
+fn file_name(fmu: &Path) -> Result<String, ExportError> {
+    let name = fmu.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    if name.chars().all(plain) { Ok(name) } else { Err(ExportError::FileName(name)) }
+}
+
+/// What the run is, in a line.
+fn text(plan: &Plan, run: &Run) -> String {
+    let mut text = format!("{}: case {}", plan.title, run.case);
+    if let Some(point) = &run.point {
+        text += &format!(", point {point}");
+    }
+    if let Some(seed) = run.seed {
+        text += &format!(", seed {seed}");
+    }
+    text
+}
+
+/// Refuses a folder that must not be replaced.
+fn refuse_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
+    let error = |cause| ExportError::Write { path: folder.to_path_buf(), cause };
+    let entries = match std::fs::read_dir(folder) {
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(()),
+        entries => entries.map_err(error)?,
+    };
+    let names: Vec<String> = entries
+        .map(|entry| entry.map(|e| e.file_name().to_string_lossy().into_owned()))
+        .collect::<io::Result<_>>()
+        .map_err(error)?;
+    let ours = |name: &&String| *name == OSP_STRUCTURE || name.ends_with(".fmu") || name.ends_with(".ssp");
+    let hint = match names.iter().find(|name| !ours(name)) {
+        Some(other) => format!(", and `{other}` is not from an earlier call; choose another one"),
+        None if names.is_empty() || (overwrite && names.iter().any(|name| name == OSP_STRUCTURE)) => return Ok(()),
+        None => "; `--overwrite` replaces an earlier system".to_string(),
+    };
+    Err(ExportError::Occupied { path: folder.to_path_buf(), hint })
+}
+
+/// A number as XML Schema and every reader takes it, which reads back as the same double.
+fn number(value: f64) -> String {
+    format!("{value:?}")
+}

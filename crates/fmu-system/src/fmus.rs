@@ -1,0 +1,107 @@
+//! The FMUs of a system.
+
+use crate::run::{Run, Unit};
+use fmu_import::fmu::{Fmu, FmuError};
+use fmu_import::loader::{CallError, Instance};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Why an FMU of a system cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FmusError {
+    /// The FMU itself.
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
+    /// The file is not the one the plan was made for.
+    #[error("{}: the FMU has changed since the plan was made: GUID {found}, expected {expected}", path.display())]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// Its GUID.
+        found: String,
+        /// GUID of the plan.
+        expected: String,
+    },
+    /// It was not loaded.
+    #[error("the FMU {0} is not among those loaded")]
+    NotLoaded(String),
+}
+
+impl From<CallError> for FmusError {
+    fn from(error: CallError) -> Self {
+        Self::Fmu(error.into())
+    }
+}
+
+/// What a master gets instances from.
+pub trait Instances {
+    /// A new instance for a unit of a plan, with its name.
+    ///
+    /// # Errors
+    /// The FMU is not there, cannot be loaded, returns no instance, or allows only one and has it.
+    fn of(&self, unit: &Unit) -> Result<Instance, FmusError>;
+}
+
+/// The FMUs of a plan, each opened once.
+#[derive(Debug, Clone, Default)]
+pub struct Fmus(BTreeMap<String, Fmu>);
+
+impl Fmus {
+    /// Opens all FMUs that these runs name.
+    ///
+    /// # Errors
+    /// As [`Fmu::open`]; also if a GUID is not that of the plan.
+    pub fn load(runs: &[Run]) -> Result<Self, FmusError> {
+        let fmus = Self::unpack(runs)?;
+        for fmu in fmus.iter() {
+            fmu.load()?;
+        }
+        Ok(fmus)
+    }
+
+    /// Opens all FMUs that these runs name, for a process that lets others load them: see [`Fmu::unpack`].
+    ///
+    /// # Errors
+    /// As [`Fmu::unpack`]; also if a GUID is not that of the plan.
+    pub fn unpack(runs: &[Run]) -> Result<Self, FmusError> {
+        Self::of_units(runs.iter().flat_map(|run| &run.units))
+    }
+
+    /// Opens the FMUs of these units, as [`Self::unpack`] does.
+    pub(crate) fn of_units<'a>(units: impl IntoIterator<Item = &'a Unit>) -> Result<Self, FmusError> {
+        let mut fmus = BTreeMap::new();
+        for unit in units {
+            if fmus.contains_key(&unit.fmu) {
+                continue;
+            }
+            let fmu = Fmu::unpack(&unit.fmu)?;
+            if fmu.description().guid != unit.guid {
+                return Err(FmusError::Changed {
+                    path: fmu.path().to_path_buf(),
+                    found: fmu.description().guid.clone(),
+                    expected: unit.guid.clone(),
+                });
+            }
+            fmus.insert(unit.fmu.clone(), fmu);
+        }
+        Ok(Self(fmus))
+    }
+
+    /// The FMU of that path, as written in the plan.
+    ///
+    /// # Errors
+    /// It was not loaded.
+    pub fn get(&self, path: &str) -> Result<&Fmu, FmusError> {
+        self.0.get(path).ok_or_else(|| FmusError::NotLoaded(path.to_string()))
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Fmu> {
+        self.0.values()
+    }
+}
+
+impl Instances for Fmus {
+    fn of(&self, unit: &Unit) -> Result<Instance, FmusError> {
+        Ok(self.get(&unit.fmu)?.instantiate(&unit.name)?)
+    }
+}

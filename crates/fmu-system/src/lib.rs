@@ -1,0 +1,49 @@
+//! Runs systems of FMI 2.0 co-simulation FMUs.
+//!
+//! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
+//!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
+//!   [`problem`] shows mistakes with their place,
+//! - [`mod@run`] is what a [`master`] executes in this process, [`worker`] in others, which may crash; [`fmus`] are the FMUs
+//!   of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect,
+//! - [`report`] is what the results are to show; nothing that executes runs knows of it,
+//! - [`export`] writes a run for other masters, [`compat`] tells which FMUs fit which plants by their signals.
+//!
+//! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
+//! once and then executes changed copies of a run in memory:
+//!
+//! ```no_run
+//! use fmu_import::description::Value;
+//! use fmu_system::{fmus::Fmus, master, resolve::{FmuFolder, Options, resolve}};
+//! use std::path::Path;
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let folder = FmuFolder::new(["target/fmu"]);
+//! let plan = resolve(Path::new("scenarios/step_steer.toml"), &folder, &Options::default())?;
+//! let fmus = Fmus::load(&plan.runs)?;
+//! for gain in [1.0, 2.0, 4.0] {
+//!     let mut run = plan.runs[0].clone();
+//!     run.set_parameter(&fmus, "steering", "switching.gain", Value::Real(gain))?;
+//!     let recording = master::execute(&plan.simulation, &run, &fmus)?;
+//!     println!("{gain}: {:?}", recording.column(0).and_then(|c| c.last()));
+//! }
+//! # Ok(())
+//! # }
+//! ```
+
+pub mod compat;
+pub mod export;
+pub mod fmus;
+pub mod limits;
+pub mod master;
+pub mod parameter;
+pub mod parameter_set;
+pub mod plan;
+pub mod problem;
+pub mod report;
+pub mod resolve;
+pub mod results;
+pub mod run;
+pub mod trial;
+pub mod worker;
+
+mod feeds;
+mod scenario;

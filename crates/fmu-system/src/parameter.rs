@@ -1,0 +1,115 @@
+//! Values of parameters: which an FMU takes, and setting them in a run.
+
+use crate::fmus::{Fmus, FmusError};
+use crate::run::{Run, Setting};
+use fmu_import::description::{Causality, ModelDescription, Value, Variability, Variable};
+use fmu_import::named_values::listed;
+use fmu_import::names::suggestion;
+
+/// Why a parameter cannot be set.
+#[derive(Debug, thiserror::Error)]
+pub enum ParameterError {
+    /// The run has no such unit.
+    #[error("the run has no unit `{0}`")]
+    Unit(String),
+    /// The FMU is not loaded.
+    #[error(transparent)]
+    Fmu(#[from] FmusError),
+    /// The name or the value does not fit.
+    #[error("`{unit}`: {reason}")]
+    Refused {
+        /// Unit.
+        unit: String,
+        /// What does not fit.
+        reason: String,
+    },
+}
+
+impl Run {
+    /// Sets a parameter, on top of what the scenario says.
+    ///
+    /// # Errors
+    /// The run has no such unit, its FMU no such parameter, or the value has another type or lies
+    /// outside its limits.
+    pub fn set_parameter(&mut self, fmus: &Fmus, unit: &str, name: &str, value: Value) -> Result<(), ParameterError> {
+        let target =
+            self.units.iter_mut().find(|u| u.name == unit).ok_or_else(|| ParameterError::Unit(unit.to_string()))?;
+        let refused = |reason| ParameterError::Refused { unit: unit.to_string(), reason };
+        let description = fmus.get(&target.fmu)?.description();
+        let variable = parameter(description, name).map_err(|e| refused(e.message))?;
+        check(variable, &value).map_err(refused)?;
+        let setting =
+            Setting { name: name.to_string(), base_type: variable.base_type, reference: variable.reference, value };
+        match target.parameters.binary_search_by(|p| p.name.as_str().cmp(name)) {
+            Ok(at) => target.parameters[at] = setting,
+            Err(at) => target.parameters.insert(at, setting),
+        }
+        Ok(())
+    }
+}
+
+/// A name that is no parameter.
+pub(crate) struct NoParameter {
+    pub(crate) message: String,
+    pub(crate) help: Option<String>,
+}
+
+/// The parameter of that name.
+pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, NoParameter> {
+    let settable = |v: &&Variable| v.causality == Causality::Parameter && v.variability != Variability::Constant;
+    let model = &description.model_name;
+    match description.variable(name) {
+        Some(variable) if settable(&variable) => Ok(variable),
+        Some(variable) => Err(NoParameter {
+            message: format!("`{name}` of {model} is not a parameter but {}", role(variable)),
+            help: None,
+        }),
+        None => Err(NoParameter {
+            message: format!("{model} has no parameter `{name}`"),
+            help: suggestion(name, description.variables.iter().filter(settable).map(|v| v.name.as_str())),
+        }),
+    }
+}
+
+/// What a variable is, with its article.
+pub(crate) fn role(variable: &Variable) -> &'static str {
+    match (variable.causality, variable.variability) {
+        (_, Variability::Constant) => "a constant",
+        (Causality::Parameter, _) => "a parameter",
+        (Causality::CalculatedParameter, _) => "a calculated parameter",
+        (Causality::Input, _) => "an input",
+        (Causality::Output, _) => "an output",
+        (Causality::Local, _) => "a local variable",
+        (Causality::Independent, _) => "the time",
+    }
+}
+
+/// Checks type, limits and items; the text says what does not fit.
+pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
+    let name = &variable.name;
+    let number = match value {
+        _ if value.base_type() != variable.base_type => {
+            return Err(format!("`{name}` is {}, got {value}, {}", variable.base_type, value.base_type()));
+        }
+        Value::Real(v) if !v.is_finite() => {
+            return Err(format!("`{name}` is {v}, expected a finite number"));
+        }
+        Value::Real(v) => *v,
+        Value::Integer(v) => {
+            let named = variable.named_values();
+            if !named.is_empty() && named.iter().all(|(value, _)| value != v) {
+                return Err(format!("`{name}` is {v}, expected one of {}", listed(&named)));
+            }
+            f64::from(*v)
+        }
+        Value::Boolean(_) | Value::String(_) => return Ok(()),
+    };
+    let unit = variable.unit.as_deref().filter(|u| *u != "1").map_or(String::new(), |u| format!(" {u}"));
+    if variable.min.is_some_and(|min| number < min) {
+        return Err(format!("`{name}` is {value}{unit}, expected at least {}", variable.min.unwrap_or_default()));
+    }
+    if variable.max.is_some_and(|max| number > max) {
+        return Err(format!("`{name}` is {value}{unit}, expected at most {}", variable.max.unwrap_or_default()));
+    }
+    Ok(())
+}

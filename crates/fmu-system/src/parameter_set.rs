@@ -1,0 +1,282 @@
+//! Parameter sets: files of values for the parameters of a system, SSV of SSP 1.0.
+//!
+//! System Structure and Parameterization 1.0, section 6 (SystemStructureParameterValues). A value may come with a unit;
+//! without one it is in the unit of the variable. An enumeration, and an Integer whose values have names, may be given by
+//! name. Binary values are not read: FMI 2.0 has none.
+
+use crate::limits;
+use fmu_import::description::{BaseUnit, Unit, Value};
+use fmu_import::xml::{self, Element, XmlError};
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
+use std::io;
+use std::path::Path;
+
+const NAMESPACE: &str = "http://ssp-standard.org/SSP1/SystemStructureParameterValues";
+pub(crate) const COMMON: &str = "http://ssp-standard.org/SSP1/SystemStructureCommon";
+/// Names of the attributes of a base unit, in the order of [`BaseUnit::exponents`].
+const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+
+/// Why a parameter set cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ParameterSetError {
+    /// The file cannot be read.
+    #[error("cannot read {path}: {cause}")]
+    Read {
+        /// The file.
+        path: String,
+        /// Why.
+        cause: io::Error,
+    },
+    /// It is no parameter set.
+    #[error("{path}: {cause}")]
+    Content {
+        /// The file.
+        path: String,
+        /// Where and why.
+        cause: XmlError,
+    },
+}
+
+/// A parameter set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterSet {
+    /// Name.
+    pub name: String,
+    /// Parameters in the order of the file, each name once.
+    pub parameters: Vec<Parameter>,
+}
+
+/// A value of a parameter set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// `parameter` in the set of a unit, `unit:parameter` in the set of a scenario.
+    pub name: String,
+    /// Value.
+    pub value: Value,
+    /// Unit of measure of a Real value; `None`: that of the variable.
+    pub unit: Option<String>,
+}
+
+impl ParameterSet {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// The file cannot be read or is no parameter set; the text names file and place.
+    pub fn read(path: &Path) -> Result<Self, ParameterSetError> {
+        let name = || path.to_string_lossy().into_owned();
+        let text = limits::read_text(path, limits::TEXT_FILE)
+            .map_err(|cause| ParameterSetError::Read { path: name(), cause })?;
+        Self::parse(&text).map_err(|cause| ParameterSetError::Content { path: name(), cause })
+    }
+
+    /// Parses the text of a file.
+    ///
+    /// # Errors
+    /// The text is no parameter set of SSP 1.0, holds a value that cannot be read, or has a name twice.
+    pub fn parse(text: &str) -> Result<Self, XmlError> {
+        let root = xml::parse(text)?;
+        if local(&root) != "ParameterSet" {
+            return Err(root.place.error(format!("expected <ssv:ParameterSet>, got <{}>", root.name)));
+        }
+        let version = root.required("version")?;
+        if !version.starts_with("1.") {
+            return Err(root.place.error(format!("version {version} of the format, expected 1.0")));
+        }
+        let list = root
+            .children
+            .iter()
+            .find(|c| local(c) == "Parameters")
+            .ok_or_else(|| root.place.error("<ssv:ParameterSet> lacks <ssv:Parameters>"))?;
+        let mut parameters: Vec<Parameter> = Vec::new();
+        for element in list.children.iter().filter(|c| local(c) == "Parameter") {
+            let name = element.required("name")?;
+            if parameters.iter().any(|p| p.name == name) {
+                return Err(element.place.error(format!("the parameter `{name}` is there twice")));
+            }
+            parameters.push(parameter(element, name)?);
+        }
+        Ok(Self { name: root.required("name")?.to_string(), parameters })
+    }
+
+    /// The text of the file. `units` are the definitions of the units of measure the values may have; a unit that is
+    /// not among them, or not in terms of SI units, is left out, which leaves the value in the unit of its variable.
+    ///
+    /// # Errors
+    /// None in practice: it is written to memory.
+    pub fn to_xml(&self, units: &[Unit]) -> io::Result<String> {
+        let defined = |name: &str| units.iter().find(|u| u.name == name && u.base.is_some());
+        let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
+        xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+        let root = BytesStart::new("ssv:ParameterSet").with_attributes([
+            ("xmlns:ssv", NAMESPACE),
+            ("xmlns:ssc", COMMON),
+            ("version", "1.0"),
+            ("name", self.name.as_str()),
+        ]);
+        xml.write_event(Event::Start(root))?;
+        let list = BytesStart::new("ssv:Parameters");
+        xml.write_event(Event::Start(list))?;
+        let mut used: Vec<&Unit> = Vec::new();
+        for parameter in &self.parameters {
+            let start = BytesStart::new("ssv:Parameter").with_attributes([("name", parameter.name.as_str())]);
+            xml.write_event(Event::Start(start))?;
+            let (tag, text) = match &parameter.value {
+                Value::Real(v) => ("ssv:Real", format!("{v:?}")),
+                Value::Integer(v) => ("ssv:Integer", v.to_string()),
+                Value::Boolean(v) => ("ssv:Boolean", v.to_string()),
+                Value::String(v) => ("ssv:String", v.clone()),
+            };
+            let mut value = BytesStart::new(tag).with_attributes([("value", text.as_str())]);
+            if let (Value::Real(_), Some(unit)) = (&parameter.value, parameter.unit.as_deref().and_then(defined)) {
+                value.push_attribute(("unit", unit.name.as_str()));
+                if !used.contains(&unit) {
+                    used.push(unit);
+                }
+            }
+            xml.write_event(Event::Empty(value))?;
+            xml.write_event(Event::End(BytesEnd::new("ssv:Parameter")))?;
+        }
+        xml.write_event(Event::End(BytesEnd::new("ssv:Parameters")))?;
+        if !used.is_empty() {
+            xml.write_event(Event::Start(BytesStart::new("ssv:Units")))?;
+            for unit in used {
+                let start = BytesStart::new("ssc:Unit").with_attributes([("name", unit.name.as_str())]);
+                xml.write_event(Event::Start(start))?;
+                xml.write_event(Event::Empty(base_unit(unit.base.as_ref())))?;
+                xml.write_event(Event::End(BytesEnd::new("ssc:Unit")))?;
+            }
+            xml.write_event(Event::End(BytesEnd::new("ssv:Units")))?;
+        }
+        xml.write_event(Event::End(BytesEnd::new("ssv:ParameterSet")))?;
+        let mut text = String::from_utf8(xml.into_inner()).map_err(io::Error::other)?;
+        text.push('\n');
+        Ok(text)
+    }
+}
+
+pub(crate) fn base_unit(base: Option<&BaseUnit>) -> BytesStart<'static> {
+    let mut element = BytesStart::new("ssc:BaseUnit");
+    let Some(base) = base else { return element };
+    for (name, exponent) in BASE.iter().zip(base.exponents) {
+        if exponent != 0 {
+            element.push_attribute((*name, exponent.to_string().as_str()));
+        }
+    }
+    if base.factor != 1.0 {
+        element.push_attribute(("factor", format!("{:?}", base.factor).as_str()));
+    }
+    if base.offset != 0.0 {
+        element.push_attribute(("offset", format!("{:?}", base.offset).as_str()));
+    }
+    element
+}
+
+/// Name of an element without the prefix of its namespace.
+fn local(element: &Element) -> &str {
+    element.name.rsplit_once(':').map_or(element.name.as_str(), |(_, name)| name)
+}
+
+fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
+    let typed = element
+        .children
+        .iter()
+        .find(|c| local(c) != "Annotations")
+        .ok_or_else(|| element.place.error(format!("the parameter `{name}` has no value")))?;
+    let value = match local(typed) {
+        // XML Schema also writes INF and NaN, which no parameter takes.
+        "Real" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
+        "Integer" => typed.parsed("value", "a whole number of 32 bits")?.map(Value::Integer),
+        "Boolean" => typed.boolean("value")?.map(Value::Boolean),
+        "String" | "Enumeration" => Some(Value::String(typed.required("value")?.to_string())),
+        other => {
+            return Err(typed.place.error(format!(
+                "the parameter `{name}` is given as <{other}>, expected Real, Integer, Boolean, String or Enumeration"
+            )));
+        }
+    };
+    let value = value.ok_or_else(|| typed.place.error(format!("the parameter `{name}` has no finite value")))?;
+    Ok(Parameter { name: name.to_string(), value, unit: typed.attribute("unit").map(str::to_string) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit(name: &str, exponents: [i32; 8], factor: f64) -> Unit {
+        Unit {
+            name: name.to_string(),
+            base: Some(BaseUnit { exponents, factor, offset: 0.0 }),
+            display_units: Vec::new(),
+        }
+    }
+
+    /// What is written is read back to the same values, to the bit; the layout is that of the standard.
+    #[test]
+    fn written_and_read_back() {
+        let parameter = |name: &str, value, unit: Option<&str>| Parameter {
+            name: name.to_string(),
+            value,
+            unit: unit.map(str::to_string),
+        };
+        let set = ParameterSet {
+            name: "tuned <1>".into(),
+            parameters: vec![
+                parameter("roll:gain", Value::Real(0.1 + 0.2), Some("rad/s2")),
+                parameter("roll:limit", Value::Real(-1e-300), None),
+                parameter("roll:mode", Value::Integer(-3), None),
+                parameter("roll:on", Value::Boolean(true), None),
+                parameter("roll:file", Value::String("a & \"b\"".into()), None),
+            ],
+        };
+        let units = [unit("rad/s2", [0, 0, -2, 0, 0, 0, 0, 1], 1.0), unit("km", [0, 1, 0, 0, 0, 0, 0, 0], 1000.0)];
+        let text = set.to_xml(&units).unwrap();
+        assert_eq!(ParameterSet::parse(&text).unwrap(), set);
+        assert!(text.contains("<ssv:Real value=\"0.30000000000000004\" unit=\"rad/s2\"/>"), "{text}");
+        assert!(text.contains("<ssc:BaseUnit s=\"-2\" rad=\"1\"/>"), "{text}");
+        assert!(!text.contains("km"), "only units that are used: {text}");
+    }
+
+    #[test]
+    fn a_unit_that_is_not_defined_is_left_out() {
+        let set = ParameterSet {
+            name: "a".into(),
+            parameters: vec![Parameter { name: "x".into(), value: Value::Real(1.0), unit: Some("furlong".into()) }],
+        };
+        let text = set.to_xml(&[]).unwrap();
+        assert_eq!(ParameterSet::parse(&text).unwrap().parameters[0].unit, None);
+    }
+
+    #[test]
+    fn other_prefixes_and_annotations_are_read() {
+        let text = "<ParameterSet xmlns='x' version='1.0' name='a'><Parameters><p:Parameter name='x'>\
+                    <p:Annotations/><p:Real value=' 2 '/></p:Parameter></Parameters></ParameterSet>";
+        assert_eq!(ParameterSet::parse(text).unwrap().parameters[0].value, Value::Real(2.0));
+    }
+
+    #[test]
+    fn mistakes_have_a_place() {
+        let around = |inner: &str| {
+            format!(
+                "<s:ParameterSet version=\"1.0\" name=\"a\"><s:Parameters>\n{inner}</s:Parameters></s:ParameterSet>"
+            )
+        };
+        let real = |value: &str| around(&format!("<s:Parameter name=\"x\"><s:Real {value}/></s:Parameter>"));
+        for (text, expected) in [
+            ("<a/>".to_string(), "expected <ssv:ParameterSet>"),
+            ("<ParameterSet version=\"2.0\" name=\"a\"/>".to_string(), "version 2.0"),
+            ("<ParameterSet name=\"a\"/>".to_string(), "lacks the attribute `version`"),
+            ("<ParameterSet version=\"1.0\" name=\"a\"/>".to_string(), "lacks <ssv:Parameters>"),
+            (around("<s:Parameter name=\"x\"/>"), "line 2, column 1: the parameter `x` has no value"),
+            (around("<s:Parameter/>"), "lacks the attribute `name`"),
+            (around("<s:Parameter name=\"x\"><s:Binary value=\"00\"/></s:Parameter>"), "given as <Binary>"),
+            (real("value=\"abc\""), "expected a number"),
+            (real("value=\"nan\""), "no finite value"),
+            (real(""), "no finite value"),
+            (real("value=\"1\"/></s:Parameter><s:Parameter name=\"x\"><s:Real value=\"1\""), "`x` is there twice"),
+        ] {
+            let error = ParameterSet::parse(&text).expect_err(&text).to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
+}

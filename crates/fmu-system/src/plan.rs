@@ -1,0 +1,163 @@
+//! The plan: a scenario with nothing left to look up.
+//!
+//! It holds what a master executes ([`run`](crate::run)) and what the results are to show
+//! ([`report`](crate::report)), and is printed as JSON for other programs.
+
+use crate::report::{Figure, Finding, Metric};
+use crate::run::{Run, Simulation, Trial};
+pub use fmu_import::description::{BaseType, Value};
+use serde::Serialize;
+
+/// Version of the plan's layout.
+pub const FORMAT: u32 = 2;
+
+/// A resolved scenario.
+#[derive(Debug, Clone, Serialize)]
+pub struct Plan {
+    /// [`FORMAT`].
+    pub format: u32,
+    /// File stem of the scenario.
+    pub name: String,
+    /// Path of the scenario as it was given.
+    pub file: String,
+    /// Title.
+    pub title: String,
+    /// Description; a blank line separates paragraphs.
+    pub description: String,
+    /// Source of the experiment.
+    pub reference: String,
+    /// Times and order.
+    pub simulation: Simulation,
+    /// Cases in the order of the file.
+    pub cases: Vec<Case>,
+    /// Points of the sweep; empty without one.
+    pub points: Vec<Point>,
+    /// Abscissa of the sweep.
+    pub sweep: Option<Sweep>,
+    /// Seeds; empty if nothing is repeated.
+    pub seeds: Vec<i32>,
+    /// Recorded signals of all cases.
+    pub columns: Vec<Column>,
+    /// Runs: cases, in them points, in them seeds.
+    pub runs: Vec<Run>,
+    /// Numbers to compute from the columns.
+    pub metrics: Vec<Metric>,
+    /// Figures to draw.
+    pub figures: Vec<Figure>,
+    /// What the paper says and what was found.
+    pub findings: Vec<Finding>,
+    /// Where the inputs of each case get their values from, by name.
+    pub wiring: Vec<Wiring>,
+    /// What is allowed but probably not meant, each as `file:line:column: message`.
+    pub warnings: Vec<String>,
+    /// What only a trial run can tell: whether parameters that the scenario sets have an effect.
+    #[serde(skip)]
+    pub trials: Vec<Trial>,
+}
+
+/// Inputs of a case, and outputs that nothing reads.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Wiring {
+    /// Name of the case.
+    pub case: String,
+    /// Inputs: components in order of execution, variables in the order of the FMU.
+    pub inputs: Vec<Connected>,
+    /// Outputs that no input reads and that are not recorded.
+    pub unread: Vec<Signal>,
+}
+
+/// A variable of a component.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct Signal {
+    /// Name of the component.
+    pub component: String,
+    /// Name of the variable.
+    pub variable: String,
+}
+
+/// An input and where its value comes from.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Connected {
+    /// The input.
+    pub input: Signal,
+    /// What writes it.
+    pub source: Origin,
+}
+
+/// Where the value of an input comes from.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// An output.
+    Output(Signal),
+    /// A column of the input file.
+    File(String),
+    /// A value that stays, in the unit of the input.
+    Constant {
+        /// The value.
+        value: Value,
+        /// Unit of measure.
+        unit: Option<String>,
+    },
+}
+
+/// A variant of the experiment.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Case {
+    /// Name.
+    pub name: String,
+    /// Title.
+    pub title: String,
+    /// Case that changes in percent refer to.
+    pub baseline: Option<String>,
+}
+
+/// A point of the sweep.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Point {
+    /// Name.
+    pub name: String,
+    /// Title.
+    pub title: String,
+    /// Abscissa.
+    pub value: f64,
+}
+
+/// Abscissa of the sweep.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Sweep {
+    /// Title.
+    pub title: String,
+    /// Unit of measure of the values.
+    pub unit: String,
+}
+
+/// A recorded signal. Shown value = factor * value + offset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Column {
+    /// Name of the signal, or `unit:signal` where several units have it.
+    pub name: String,
+    /// Unit of measure of the recorded values.
+    pub unit: Option<String>,
+    /// Unit of measure to show them in.
+    pub display_unit: Option<String>,
+    /// Factor of the display unit, 1 without one.
+    pub factor: f64,
+    /// Offset of the display unit, 0 without one.
+    pub offset: f64,
+    /// Description of the variable.
+    pub description: String,
+    /// All units the values can be shown in.
+    pub units: Vec<Conversion>,
+}
+
+/// A unit to show values in: shown value = factor * value + offset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Conversion {
+    /// Name of the unit.
+    pub name: String,
+    /// Factor.
+    pub factor: f64,
+    /// Offset.
+    pub offset: f64,
+}

@@ -1,0 +1,262 @@
+//! Mistakes in a file, shown with file, line, column and the marked place.
+
+mod layout;
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A mistake in a file.
+#[derive(Debug, Clone, thiserror::Error, Diagnostic)]
+#[error("{message}")]
+pub struct Problem {
+    message: String,
+    #[source_code]
+    source_code: Arc<NamedSource<String>>,
+    #[label]
+    span: SourceSpan,
+    /// Other places that belong to it.
+    #[label(collection)]
+    others: Vec<SourceSpan>,
+    #[help]
+    help: Option<String>,
+}
+
+impl Problem {
+    /// `file:line:column: message`.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let before = &self.source_code.inner()[..self.span.offset()];
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+        format!("{}:{line}:{column}: {}", self.source_code.name(), self.message)
+    }
+}
+
+/// All mistakes found in a file.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{file}: {}", if problems.len() == 1 { "1 mistake".to_string() } else { format!("{} mistakes", problems.len()) })]
+pub struct Problems {
+    file: String,
+    /// The mistakes in the order in which they were found.
+    #[related]
+    pub problems: Vec<Problem>,
+}
+
+/// Collects mistakes of one file.
+#[derive(Debug)]
+pub struct Collector {
+    source_code: Arc<NamedSource<String>>,
+    problems: Vec<Noted>,
+    warnings: Vec<Noted>,
+    /// The case that is looked at.
+    context: Option<Context>,
+    /// Number of contexts; a mistake met in all of them does not depend on them.
+    contexts: usize,
+}
+
+/// The part of a file that a mistake was met in: a case.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Context {
+    /// What messages call it.
+    pub(crate) label: String,
+    /// Whether it changes what was written elsewhere, so that it is named even if there is no other context.
+    pub(crate) is_special: bool,
+}
+
+/// A problem and where it was met.
+#[derive(Debug)]
+struct Noted {
+    problem: Problem,
+    contexts: Vec<Context>,
+}
+
+impl Noted {
+    /// The problem; its message names the contexts if it depends on them.
+    fn named(mut self, contexts: usize) -> Problem {
+        let is_special = self.contexts.iter().any(|context| context.is_special);
+        if is_special || (1..contexts).contains(&self.contexts.len()) {
+            let labels: Vec<String> = self.contexts.into_iter().map(|context| context.label).collect();
+            self.problem.message.push_str(&format!(", in {}", labels.join(" and ")));
+        }
+        self.problem
+    }
+}
+
+impl Collector {
+    /// No mistakes yet in this text; `file` names it in messages, `language` is that of the text ("toml").
+    #[must_use]
+    pub fn new(file: &Path, text: &str, language: &str) -> Self {
+        let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language(language);
+        Self { source_code: Arc::new(source), problems: Vec::new(), warnings: Vec::new(), context: None, contexts: 0 }
+    }
+
+    /// Sets how many contexts there are.
+    pub(crate) fn expect_contexts(&mut self, contexts: usize) {
+        self.contexts = contexts;
+    }
+
+    /// Sets the context of the mistakes that follow.
+    pub(crate) fn set_context(&mut self, context: Option<Context>) {
+        self.context = context;
+    }
+
+    /// Notes a mistake. The same one at the same place, met again in another case, counts once.
+    pub fn add(&mut self, span: Range<usize>, message: impl Into<String>) {
+        self.add_with_help(span, message, None);
+    }
+
+    /// As [`Self::add`] with a hint.
+    pub fn add_with_help(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
+        self.add_at(&[span], message, help);
+    }
+
+    /// As [`Self::add_with_help`] for a mistake with several places. The first one is where messages in one line put it.
+    pub(crate) fn add_at(&mut self, spans: &[Range<usize>], message: impl Into<String>, help: Option<String>) {
+        let problem = self.problem(spans, message.into(), help);
+        note(&mut self.problems, problem, self.context.as_ref());
+    }
+
+    /// Notes something that is allowed but probably not meant.
+    pub(crate) fn warn(&mut self, span: Range<usize>, message: impl Into<String>, help: Option<String>) {
+        let problem = self.problem(&[span], message.into(), help);
+        note(&mut self.warnings, problem, self.context.as_ref());
+    }
+
+    fn problem(&self, spans: &[Range<usize>], message: String, help: Option<String>) -> Problem {
+        let length = self.source_code.inner().len();
+        let inside = |span: &Range<usize>| {
+            let start = span.start.min(length);
+            SourceSpan::from(start..span.end.clamp(start, length))
+        };
+        let mut spans = spans.iter().map(inside);
+        let span = spans.next().unwrap_or_else(|| inside(&(0..0)));
+        Problem { message, source_code: Arc::clone(&self.source_code), span, others: spans.collect(), help }
+    }
+
+    /// Name of the file.
+    pub(crate) fn file(&self) -> &str {
+        self.source_code.name()
+    }
+
+    /// Notes why a text does not have the layout of its file. For an unknown key or word, the nearest known one is the hint.
+    pub fn add_layout(&mut self, error: &toml::de::Error) {
+        let (message, help) = layout::explain(error, self.source_code.inner());
+        self.add_with_help(error.span().unwrap_or(0..0), message, help);
+    }
+
+    /// `file:line:column` of a place.
+    pub(crate) fn place(&self, span: Range<usize>) -> String {
+        let line = self.problem(&[span], String::new(), None).line();
+        line.trim_end_matches(": ").to_string()
+    }
+
+    /// Whether nothing was noted.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.problems.is_empty()
+    }
+
+    /// Ends the collection.
+    ///
+    /// # Errors
+    /// The mistakes, if there are any.
+    pub fn finish(self) -> Result<(), Problems> {
+        if self.problems.is_empty() { Ok(()) } else { Err(self.fail()) }
+    }
+
+    /// What was noted, as an error.
+    #[must_use]
+    pub fn fail(self) -> Problems {
+        let contexts = self.contexts;
+        let problems = self.problems.into_iter().map(|noted| noted.named(contexts)).collect();
+        Problems { file: self.source_code.name().to_string(), problems }
+    }
+
+    /// Takes the warnings, each as `file:line:column: message; hint`.
+    pub(crate) fn take_warnings(&mut self) -> Vec<String> {
+        let contexts = self.contexts;
+        let line = |problem: Problem| match &problem.help {
+            Some(help) => format!("{}; {help}", problem.line()),
+            None => problem.line(),
+        };
+        std::mem::take(&mut self.warnings).into_iter().map(|noted| line(noted.named(contexts))).collect()
+    }
+}
+
+/// Adds a problem, or the context to the one that was noted before.
+fn note(noted: &mut Vec<Noted>, problem: Problem, context: Option<&Context>) {
+    let is_same = |n: &&mut Noted| n.problem.span == problem.span && n.problem.message == problem.message;
+    match noted.iter_mut().find(is_same) {
+        Some(known) => known.contexts.extend(context.filter(|c| !known.contexts.contains(c)).cloned()),
+        None => noted.push(Noted { problem, contexts: context.into_iter().cloned().collect() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unknown_keys_and_words_of_a_layout_have_suggestions() {
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Layout {
+            #[serde(rename = "title")]
+            _title: String,
+            #[serde(rename = "order")]
+            _order: crate::run::Order,
+        }
+        let help = |text: &str| {
+            let mut collector = Collector::new(Path::new("a.toml"), text, "toml");
+            collector.add_layout(&toml::from_str::<Layout>(text).unwrap_err());
+            collector.fail().problems.remove(0).help
+        };
+        assert_eq!(help("titel = 'a'").unwrap(), "did you mean `title`?");
+        assert_eq!(help("title = 'a'\norder = 'sequental'").unwrap(), "did you mean `sequential`?");
+        assert_eq!(help("title = 'a'\norder = 'random'"), None);
+        assert_eq!(help("title = 'a'"), None);
+        assert_eq!(help("title = `a`"), None);
+    }
+
+    /// A mistake is told of the cases it was met in, unless those are all; a special context is always named.
+    #[test]
+    fn contexts_are_named() {
+        let context = |label: &str, is_special| Some(Context { label: label.to_string(), is_special });
+        let mut collector = Collector::new(Path::new("a.toml"), "x = 1\n", "toml");
+        collector.expect_contexts(3);
+        for (number, label) in ["case `a`", "case `b`", "case `c`"].into_iter().enumerate() {
+            collector.set_context(context(label, number == 2));
+            collector.add(0..1, "everywhere but special");
+            if number < 2 {
+                collector.add(0..1, "in two");
+                collector.warn(0..1, "careful", Some("do not".into()));
+            }
+        }
+        collector.set_context(None);
+        collector.add(0..1, "without");
+        assert_eq!(collector.take_warnings(), ["a.toml:1:1: careful, in case `a` and case `b`; do not"]);
+        let lines: Vec<String> = collector.fail().problems.iter().map(Problem::line).collect();
+        assert_eq!(
+            lines,
+            [
+                "a.toml:1:1: everywhere but special, in case `a` and case `b` and case `c`",
+                "a.toml:1:1: in two, in case `a` and case `b`",
+                "a.toml:1:1: without",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_mistake_is_noted_once_with_its_place() {
+        let mut collector = Collector::new(Path::new("a.toml"), "x\nyz = 1\n", "toml");
+        collector.add(3..4, "bad");
+        collector.add(3..4, "bad");
+        collector.add(900..901, "beyond the end");
+        let problems = collector.finish().unwrap_err();
+        assert_eq!(problems.to_string(), "a.toml: 2 mistakes");
+        assert_eq!(problems.problems[0].line(), "a.toml:2:2: bad");
+        assert_eq!(problems.problems[1].line(), "a.toml:3:1: beyond the end");
+    }
+}

@@ -1,0 +1,140 @@
+//! Messages of the TOML parser in the words of people who write scenarios.
+
+use fmu_import::names::suggestion;
+
+/// Message and hint for a text that does not have the layout of its file.
+pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<String>) {
+    let message = error.message().replace('\n', ", ");
+    let key = error.span().and_then(|span| key_before(text, span.start));
+    if let Some(message) = wrong_type(&message, key) {
+        return (message, None);
+    }
+    // serde writes "unknown field `a`, expected one of `b`, `c`".
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let unknown = quoted.next().filter(|_| message.starts_with("unknown "));
+    let help = unknown.and_then(|name| suggestion(name, quoted));
+    let message = match key {
+        // A field is a key itself.
+        Some(key) if message.starts_with("unknown variant") => {
+            format!("`{key}`: {}", message.replacen("unknown variant", "unknown word", 1))
+        }
+        _ => message.replacen("unknown field", "unknown key", 1).replacen("missing field", "missing key", 1),
+    };
+    (message, help)
+}
+
+/// "`stop` must be a number, got the string "20"" for what serde writes as
+/// "invalid type: string "20", expected f64"; `None` for other messages.
+fn wrong_type(message: &str, key: Option<&str>) -> Option<String> {
+    let rest = ["invalid type: ", "invalid value: ", "invalid length "].iter().find_map(|p| message.strip_prefix(p))?;
+    let (found, expected) = rest.rsplit_once(", expected ")?;
+    let found = match found.split_once(' ') {
+        _ if message.starts_with("invalid length") => format!("{found} elements"),
+        Some(("string", text)) => format!("the string {text}"),
+        Some(("integer" | "boolean", value)) => value.trim_matches('`').to_string(),
+        Some(("floating", value)) => value.trim_start_matches("point ").trim_matches('`').to_string(),
+        _ => match found {
+            "sequence" => "a list".to_string(),
+            "map" => "a table".to_string(),
+            other => other.to_string(),
+        },
+    };
+    let expected = match expected {
+        "f64" | "f32" | "floating point" => "a number",
+        "i64" | "i32" => "a whole number",
+        "u8" => "a whole number from 0 to 255",
+        "u32" | "u64" | "usize" => "a whole number from 0 on",
+        "a boolean" => "true or false",
+        "a sequence" => "a list",
+        "a map" => "a table",
+        "an array of length 2" | "a tuple of size 2" => "a list of 2 numbers",
+        other if other.starts_with("struct ") => "a table",
+        other => other,
+    };
+    Some(match key {
+        Some(key) => format!("`{key}` must be {expected}, got {found}"),
+        None => format!("expected {expected}, got {found}"),
+    })
+}
+
+/// The key whose value, or whose list, a place is in; `None` if the text before does not look like that.
+fn key_before(text: &str, at: usize) -> Option<&str> {
+    let mut before = text.get(..at)?;
+    // Out of the list that the place is in.
+    if before.trim_end().ends_with(['[', ',']) {
+        before = before.rsplit_once('[')?.0;
+        while before.trim_end().ends_with(['[', ',']) {
+            before = before.rsplit_once('[')?.0;
+        }
+    }
+    let before = before.trim_end().strip_suffix('=')?.trim_end();
+    if let Some(quoted) = before.strip_suffix('"') {
+        return quoted.rsplit_once('"').map(|(_, key)| key);
+    }
+    let start = before.rfind(|c: char| !(c.is_alphanumeric() || "_-.".contains(c))).map_or(0, |i| i + 1);
+    Some(&before[start..]).filter(|key| !key.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_spanned::Spanned;
+
+    #[derive(Debug, serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Layout {
+        #[serde(rename = "stop")]
+        _stop: Option<Spanned<f64>>,
+        #[serde(rename = "every")]
+        _every: Option<Spanned<i64>>,
+        #[serde(rename = "digits")]
+        _digits: Option<u8>,
+        #[serde(rename = "window")]
+        _window: Option<Spanned<[f64; 2]>>,
+        #[serde(rename = "title")]
+        _title: Option<String>,
+        #[serde(rename = "log")]
+        _log: Option<bool>,
+        #[serde(rename = "seeds")]
+        _seeds: Option<Vec<Spanned<i32>>>,
+        #[serde(rename = "kind")]
+        _kind: Option<crate::report::MetricKind>,
+        #[serde(rename = "inner")]
+        _inner: Option<Box<Layout>>,
+        #[serde(rename = "a.b", default)]
+        _dotted: std::collections::BTreeMap<String, f64>,
+    }
+
+    #[test]
+    fn types_are_explained_without_the_words_of_a_programming_language() {
+        for (text, expected) in [
+            ("stop = \"20\"", "`stop` must be a number, got the string \"20\""),
+            ("stop = true", "`stop` must be a number, got true"),
+            ("stop = [1.0]", "`stop` must be a number, got a list"),
+            ("every = 1.5", "`every` must be a whole number, got 1.5"),
+            ("digits = -3", "`digits` must be a whole number from 0 to 255, got -3"),
+            ("title = 3", "`title` must be a string, got 3"),
+            ("log = \"yes\"", "`log` must be true or false, got the string \"yes\""),
+            ("window = 1.0", "`window` must be a list of 2 numbers, got 1.0"),
+            ("window = [1.0]", "`window` must be a list of 2 numbers, got 1 elements"),
+            ("window = [0.0, \"end\"]", "`window` must be a number, got the string \"end\""),
+            ("seeds = [1,\n  \"2\"]", "`seeds` must be a whole number, got the string \"2\""),
+            ("inner = 3", "`inner` must be a table, got 3"),
+            ("inner = { stop = \"x\" }", "`stop` must be a number, got the string \"x\""),
+            ("\"a.b\" = { \"c.d\" = \"x\" }", "`c.d` must be a number, got the string \"x\""),
+            ("kind = \"RMS\"", "`kind`: unknown word `RMS`, expected one of `rms`"),
+            ("stopp = 1", "unknown key `stopp`"),
+        ] {
+            let error = toml::from_str::<Layout>(text).expect_err(text);
+            let (message, _) = explain(&error, text);
+            assert!(message.starts_with(expected), "{text}: {message}\n  expected {expected}");
+        }
+    }
+
+    #[test]
+    fn words_in_capitals_are_suggested() {
+        let text = "kind = \"RMS\"";
+        let (_, help) = explain(&toml::from_str::<Layout>(text).unwrap_err(), text);
+        assert_eq!(help.as_deref(), Some("did you mean `rms`?"));
+    }
+}

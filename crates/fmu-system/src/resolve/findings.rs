@@ -1,0 +1,310 @@
+//! Findings: what a paper claims, how the metrics of the runs decide on it, and texts that take their numbers from them.
+//!
+//! A scenario writes cells of the table of metrics as `metric.case`, with a sweep `metric.case@point`; without the point
+//! all points are meant. `/case`, `/case@point` or `/metric.case@point` behind a cell names what it is compared with, the
+//! baseline of the case otherwise. A text holds numbers as `{cell:format}`. Nothing is computed here: the plan holds
+//! references, and whoever has the results fills them in.
+
+use crate::problem::Collector;
+use crate::report::{Cell, Check, Expect, Finding, Format, Part, Text};
+use crate::scenario::{self, Scenario, WrittenCheck, WrittenFinding, unknown};
+use fmu_import::names::suggestion;
+use serde_spanned::Spanned;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Resolves the findings of a scenario whose names have been checked.
+pub(super) fn findings(scenario: &Scenario, source: &str, problems: &mut Collector) -> Vec<Finding> {
+    let mut resolver = Resolver { scenario, source, problems };
+    scenario.findings.iter().map(|finding| resolver.finding(finding)).collect()
+}
+
+/// Resolves a text outside of a finding.
+pub(super) fn text(written: &Spanned<String>, scenario: &Scenario, source: &str, problems: &mut Collector) -> Text {
+    Resolver { scenario, source, problems }.text(written)
+}
+
+/// The keys of the changes that a paper gives, each as two complete cells of the metric: "case@point/case@point".
+pub(super) fn paper_changes(
+    metric: &scenario::Metric,
+    scenario: &Scenario,
+    source: &str,
+    problems: &mut Collector,
+) -> BTreeMap<String, f64> {
+    let Some(paper) = &metric.paper else { return BTreeMap::new() };
+    let mut resolver = Resolver { scenario, source, problems };
+    let own = scenario.metrics.iter().position(|m| m.name == metric.name).unwrap_or_default();
+    let mut changes = BTreeMap::new();
+    for (key, percent) in &paper.changes {
+        let written = format!("{}.{}", metric.name.get_ref(), key.get_ref());
+        let Some((cells, against)) = resolver.reference(&written, key.span(), true) else { continue };
+        for (cell, other) in cells.iter().zip(&against) {
+            if other.metric == own {
+                changes.insert(change_key(cell, other), *percent);
+            } else {
+                resolver.problems.add(key.span(), "a change of the paper is between two cells of its own metric");
+            }
+        }
+    }
+    changes
+}
+
+fn change_key(cell: &Cell, against: &Cell) -> String {
+    format!("{}/{}", cell.key(), against.key())
+}
+
+struct Resolver<'a> {
+    scenario: &'a Scenario,
+    /// The text of the file, to find numbers in strings.
+    source: &'a str,
+    problems: &'a mut Collector,
+}
+
+impl Resolver<'_> {
+    fn finding(&mut self, written: &WrittenFinding) -> Finding {
+        let mut checks = Vec::new();
+        for check in written.checks.get_ref() {
+            self.check(check, written.own, &mut checks);
+        }
+        if written.checks.get_ref().is_empty() {
+            self.problems.add(written.checks.span(), "a finding needs at least one check");
+        }
+        Finding {
+            claim: self.text(&written.claim),
+            explanation: self.text(&written.explanation),
+            own: written.own,
+            checks,
+        }
+    }
+
+    fn check(&mut self, written: &WrittenCheck, own: bool, checks: &mut Vec<Check>) {
+        let expect = written.expect.as_ref().map(|e| *e.get_ref());
+        let needs_level = matches!(expect, Some(Expect::Below | Expect::Above));
+        match &written.level {
+            Some(level) if !needs_level => {
+                self.problems.add(level.span(), "only \"below\" and \"above\" have a `level`");
+            }
+            Some(level) if !level.get_ref().is_finite() => {
+                self.problems.add(level.span(), "expected a finite number");
+            }
+            None if needs_level => {
+                self.problems.add(written.cells.span(), "\"below\" and \"above\" need a `level`");
+            }
+            _ => (),
+        }
+        if let (true, Some(span)) =
+            (own, written.expect.as_ref().filter(|e| e.get_ref().is_of_paper()).map(|e| e.span()))
+        {
+            self.problems.add(span, "no paper makes a claim of one's own, so that none has numbers for it");
+        }
+        if written.cells.get_ref().is_empty() {
+            self.problems.add(written.cells.span(), "expected at least one cell, \"metric.case\"");
+        }
+        for cell in written.cells.get_ref() {
+            let compares = matches!(
+                expect,
+                Some(Expect::PaperChange | Expect::Lower | Expect::Higher | Expect::Unchanged | Expect::FallsMore)
+            );
+            let Some((cells, against)) = self.reference(cell.get_ref(), cell.span(), compares) else { continue };
+            for (index, of) in cells.into_iter().enumerate() {
+                let other = against.get(index).cloned();
+                let Some(expect) = expect.or_else(|| self.expect_of_paper(&of, other.as_ref(), own)) else {
+                    self.problems.add_with_help(
+                        cell.span(),
+                        format!("the paper gives no number for `{}` of `{}`", of.key(), self.name(of.metric)),
+                        Some("say what to `expect`: lower, higher, unchanged, below, above or never".to_string()),
+                    );
+                    continue;
+                };
+                if expect == Expect::FallsMore {
+                    for one in std::iter::once(&of).chain(&other) {
+                        if self.baseline(&one.case).is_none() {
+                            let message = format!("\"falls_more\" needs a baseline of the case `{}`", one.case);
+                            self.problems.add(cell.span(), message);
+                        }
+                    }
+                }
+                let against = match expect {
+                    Expect::PaperValue | Expect::Below | Expect::Above | Expect::Never => None,
+                    _ => other,
+                };
+                checks.push(Check { cell: of, against, expect, level: written.level.as_ref().map(|l| *l.get_ref()) });
+            }
+        }
+    }
+
+    /// What the paper has on a cell: a change, else a value.
+    fn expect_of_paper(&self, cell: &Cell, against: Option<&Cell>, own: bool) -> Option<Expect> {
+        let paper = self.scenario.metrics[cell.metric].paper.as_ref().filter(|_| !own)?;
+        let has = |cell: &Cell| paper.values.keys().any(|key| *key.get_ref() == cell.key());
+        if let Some(against) = against
+            && against.metric == cell.metric
+        {
+            // A change as written names the other cell, or leaves it to the baseline.
+            let written = |key: &str| {
+                key == cell.key()
+                    || key == change_key(cell, against)
+                    || cell.case == key
+                    || key == format!("{}/{}", cell.case, against.case)
+            };
+            if paper.changes.keys().any(|key| written(key.get_ref())) || (has(cell) && has(against)) {
+                return Some(Expect::PaperChange);
+            }
+        }
+        has(cell).then_some(Expect::PaperValue)
+    }
+
+    fn baseline(&self, case: &str) -> Option<String> {
+        let case = self.scenario.cases.iter().find(|c| c.name.get_ref() == case)?;
+        case.baseline.as_ref().map(|baseline| baseline.get_ref().clone())
+    }
+
+    fn name(&self, metric: usize) -> &str {
+        self.scenario.metrics[metric].name.get_ref()
+    }
+
+    /// Cells of `metric.case@point/case@point`, and for each what it is compared with, if there is something; `compares`:
+    /// there must be. `None`: a mistake was noted.
+    fn reference(&mut self, written: &str, span: Range<usize>, compares: bool) -> Option<(Vec<Cell>, Vec<Cell>)> {
+        let (cell, other) = match written.split_once('/') {
+            Some((cell, other)) => (cell, Some(other)),
+            None => (written, None),
+        };
+        let Some((metric, rest)) = cell.split_once('.') else {
+            self.problems.add(span, format!("`{written}`: expected \"metric.case\" or \"metric.case@point\""));
+            return None;
+        };
+        let metric = self.metric(metric, &span)?;
+        let cells = self.cells(metric, rest, None, &span)?;
+        let mut against = Vec::new();
+        for cell in &cells {
+            match other {
+                Some(other) => {
+                    let (metric, rest) = match other.split_once('.') {
+                        Some((name, rest)) => (self.metric(name, &span)?, rest),
+                        None => (cell.metric, other),
+                    };
+                    against.extend(self.cells(metric, rest, cell.point.as_deref(), &span)?);
+                }
+                None => match self.baseline(&cell.case) {
+                    Some(baseline) => against.push(Cell { case: baseline, ..cell.clone() }),
+                    None if compares => {
+                        self.problems.add_with_help(
+                            span,
+                            format!("`{written}`: the case `{}` has no baseline to compare with", cell.case),
+                            Some(format!("name the other case: \"{written}/case\"")),
+                        );
+                        return None;
+                    }
+                    None => (),
+                },
+            }
+        }
+        Some((cells, against))
+    }
+
+    fn metric(&mut self, name: &str, span: &Range<usize>) -> Option<usize> {
+        let metrics = &self.scenario.metrics;
+        let found = metrics.iter().position(|m| m.name.get_ref() == name);
+        if found.is_none() {
+            let names = metrics.iter().map(|m| m.name.get_ref().as_str());
+            unknown("metric", name, span.clone(), names, self.problems);
+        }
+        found
+    }
+
+    /// Cells of `case@point` or `case`: that of the point `here`, or of all points.
+    fn cells(&mut self, metric: usize, rest: &str, here: Option<&str>, span: &Range<usize>) -> Option<Vec<Cell>> {
+        let scenario = self.scenario;
+        let (case, point) = match rest.split_once('@') {
+            Some((case, point)) => (case, Some(point)),
+            None => (rest, here),
+        };
+        let cases = || scenario.cases.iter().map(|c| c.name.get_ref().as_str());
+        if !cases().any(|name| name == case) {
+            unknown("case", case, span.clone(), cases(), self.problems);
+            return None;
+        }
+        let points: Vec<&str> = scenario.points.iter().map(|p| p.name.get_ref().as_str()).collect();
+        let cell = |point: Option<&str>| Cell { metric, case: case.to_string(), point: point.map(str::to_string) };
+        match point {
+            Some(point) if !points.contains(&point) => {
+                unknown("point", point, span.clone(), points, self.problems);
+                None
+            }
+            Some(point) => Some(vec![cell(Some(point))]),
+            None if points.is_empty() => Some(vec![cell(None)]),
+            None => Some(points.into_iter().map(|point| cell(Some(point))).collect()),
+        }
+    }
+
+    fn text(&mut self, written: &Spanned<String>) -> Text {
+        let mut parts = Vec::new();
+        let mut rest = written.get_ref().as_str();
+        let mut from = written.span().start;
+        while let Some((words, behind)) = rest.split_once('{') {
+            if !words.is_empty() {
+                parts.push(Part::Words(words.to_string()));
+            }
+            let Some((inside, behind)) = behind.split_once('}') else {
+                self.problems.add(written.span(), "a `{` without a `}`");
+                return parts;
+            };
+            rest = behind;
+            // Where it stands in the file: escapes and line breaks make the string another one than its text.
+            let raw = format!("{{{inside}}}");
+            let within = self.source.get(from..written.span().end).and_then(|text| text.find(&raw));
+            let span = match within {
+                Some(at) => {
+                    from += at + raw.len();
+                    from - raw.len()..from
+                }
+                None => written.span(),
+            };
+            parts.extend(self.number(inside, span));
+        }
+        if !rest.is_empty() {
+            parts.push(Part::Words(rest.to_string()));
+        }
+        parts
+    }
+
+    fn number(&mut self, inside: &str, span: Range<usize>) -> Option<Part> {
+        let (of, word) = inside.split_once(':').unwrap_or((inside, "value"));
+        let Some(format) = Format::parse(word) else {
+            let names = Format::ALL.map(|(name, _)| name);
+            let message = format!("unknown format `{word}`, expected one of {}", names.join(", "));
+            self.problems.add_with_help(span, message, suggestion(word, names));
+            return None;
+        };
+        if format.is_of_metric() {
+            let metric = self.metric(of, &span)?;
+            let written = &self.scenario.metrics[metric];
+            let has = match format {
+                Format::Threshold => written.threshold.is_some(),
+                Format::Band => written.band.is_some(),
+                _ => written.window.is_some(),
+            };
+            if !has {
+                self.problems.add(span, format!("the metric `{of}` has no such number"));
+                return None;
+            }
+            return Some(Part::Number { format, metric, cells: Vec::new(), against: Vec::new() });
+        }
+        let (cells, against) = self.reference(of, span.clone(), format.compares())?;
+        let metric = cells.first()?.metric;
+        let paper = self.scenario.metrics[metric].paper.is_some();
+        if matches!(format, Format::Paper | Format::PaperChange | Format::PaperBy) {
+            let wanted = |index: usize, cell: &Cell| match format {
+                Format::Paper => self.expect_of_paper(cell, None, false) == Some(Expect::PaperValue),
+                _ => self.expect_of_paper(cell, against.get(index), false) == Some(Expect::PaperChange),
+            };
+            if !paper || !cells.iter().enumerate().all(|(index, cell)| wanted(index, cell)) {
+                self.problems.add(span, format!("the paper gives no such number for `{of}`"));
+                return None;
+            }
+        }
+        let against = if format.compares() { against } else { Vec::new() };
+        Some(Part::Number { format, metric, cells, against })
+    }
+}

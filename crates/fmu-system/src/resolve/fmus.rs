@@ -1,0 +1,114 @@
+//! Where the resolver finds FMUs.
+
+use fmu_import::archive::read_description;
+use fmu_import::description::ModelDescription;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// An FMU that was found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// Path of the file, as it shall stand in the plan.
+    pub path: String,
+    /// Its description.
+    pub description: Arc<ModelDescription>,
+}
+
+/// Where the resolver looks FMUs up.
+pub trait Descriptions {
+    /// The FMU of that file stem; `None` if there is none.
+    ///
+    /// # Errors
+    /// It is there but cannot be read; the text says why.
+    fn find(&self, name: &str) -> Result<Option<Found>, String>;
+
+    /// File stems of all FMUs.
+    fn names(&self) -> Vec<String>;
+
+    /// Names of the FMUs that `cargo fmu pack` can build, whether or not they are there.
+    fn buildable(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Where was looked, for messages.
+    fn place(&self) -> String;
+}
+
+/// FMUs in folders; the first folder that has a file wins.
+#[derive(Debug)]
+pub struct FmuFolder {
+    folders: Vec<PathBuf>,
+    buildable: fn() -> Vec<String>,
+    read: RefCell<HashMap<String, Found>>,
+}
+
+impl FmuFolder {
+    /// Looks into these folders. They are read when something is looked up.
+    #[must_use]
+    pub fn new<P: Into<PathBuf>>(folders: impl IntoIterator<Item = P>) -> Self {
+        Self { folders: folders.into_iter().map(Into::into).collect(), buildable: Vec::new, read: RefCell::default() }
+    }
+
+    /// Names the FMUs that `cargo fmu pack` can build. It is asked only when one is missing.
+    #[must_use]
+    pub fn with_buildable(self, buildable: fn() -> Vec<String>) -> Self {
+        Self { buildable, ..self }
+    }
+}
+
+impl Descriptions for FmuFolder {
+    fn find(&self, name: &str) -> Result<Option<Found>, String> {
+        if let Some(found) = self.read.borrow().get(name) {
+            return Ok(Some(found.clone()));
+        }
+        let file = format!("{name}.fmu");
+        let Some(path) = self.folders.iter().map(|folder| folder.join(&file)).find(|path| path.exists()) else {
+            return Ok(None);
+        };
+        let description = read_description(&path).map_err(|error| error.to_string())?;
+        let found = Found { path: path.to_string_lossy().into_owned(), description: Arc::new(description) };
+        self.read.borrow_mut().insert(name.to_string(), found.clone());
+        Ok(Some(found))
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = self.folders.iter().filter_map(|folder| std::fs::read_dir(folder).ok()).flatten();
+        let mut names: Vec<String> = entries
+            .filter_map(|entry| {
+                let path = entry.ok()?.path();
+                let stem = path.file_stem()?.to_str()?.to_string();
+                (path.extension()? == "fmu").then_some(stem)
+            })
+            .collect();
+        names.sort();
+        names
+    }
+
+    fn buildable(&self) -> Vec<String> {
+        (self.buildable)()
+    }
+
+    fn place(&self) -> String {
+        let folders: Vec<_> = self.folders.iter().map(|f| f.to_string_lossy().into_owned()).collect();
+        folders.join(", ")
+    }
+}
+
+/// Descriptions in memory, without files behind them.
+impl Descriptions for BTreeMap<String, Arc<ModelDescription>> {
+    fn find(&self, name: &str) -> Result<Option<Found>, String> {
+        Ok(self
+            .get(name)
+            .map(|description| Found { path: format!("{name}.fmu"), description: Arc::clone(description) }))
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.keys().cloned().collect()
+    }
+
+    fn place(&self) -> String {
+        "memory".to_string()
+    }
+}

@@ -1,0 +1,142 @@
+//! Components that nothing reads, and parameters that are set for nothing but outputs that nothing reads.
+
+use super::{Member, Resolver, System, context};
+use crate::plan::Wiring;
+use crate::run::{Run, Trial};
+use crate::run::{Suspect, Variant};
+use crate::scenario::Unit;
+use fmu_import::description::{Causality, ModelDescription};
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// A component in a case, and those of its outputs that nothing reads.
+struct Place<'a> {
+    case: &'a str,
+    member: &'a Member<'a>,
+    unread: BTreeSet<&'a str>,
+}
+
+impl Place<'_> {
+    fn outputs(&self) -> impl Iterator<Item = &str> {
+        self.member.wirable(Causality::Output).map(|(_, variable)| variable.name.as_str())
+    }
+}
+
+impl Resolver<'_> {
+    /// Warns about what the cases compute for nothing, as far as the descriptions tell. What only a trial run tells is
+    /// returned.
+    pub(super) fn unread(&mut self, systems: &[System<'_>], wirings: &[Wiring], runs: &[Run]) -> Vec<Trial> {
+        let scenario = self.scenario;
+        let mut trials = Vec::new();
+        for unit in &scenario.units {
+            let name = unit.name.get_ref().as_str();
+            let mut places = Vec::new();
+            for (system, wiring) in systems.iter().zip(wirings) {
+                let Some(member) = system.member(name).map(|m| &system.members[m]).filter(|m| !m.dropped) else {
+                    continue;
+                };
+                let of_member = wiring.unread.iter().filter(|signal| signal.component == name);
+                let unread: BTreeSet<&str> = of_member.map(|signal| signal.variable.as_str()).collect();
+                let place = Place { case: system.case.name.get_ref(), member, unread };
+                if place.outputs().next().is_some() && place.outputs().all(|output| place.unread.contains(output)) {
+                    self.problems.set_context(Some(context(system.case, Some(unit))));
+                    self.problems.warn(
+                        unit.name.span(),
+                        format!("nothing reads the outputs of `{name}`, and none is recorded"),
+                        Some("leave the unit out with `without`, connect it or record its outputs".to_string()),
+                    );
+                }
+                places.push(place);
+            }
+            self.problems.set_context(None);
+            // What has an effect in one case is set for that.
+            if places.is_empty() || places.iter().any(|place| place.unread.is_empty()) {
+                continue;
+            }
+            let applied = |parameter: &str| {
+                let units = runs.iter().flat_map(|run| &run.units).filter(|u| u.name == name);
+                units.flat_map(|u| &u.parameters).any(|setting| setting.name == parameter)
+            };
+            let (certain, open): (Vec<_>, Vec<_>) = self
+                .set_parameters(unit)
+                .into_iter()
+                // Another FMU of a case does not take all over.
+                .filter(|(parameter, _)| applied(parameter))
+                .partition(|(parameter, _)| {
+                    places.iter().all(|place| affects_only(&place.member.found.description, parameter, &place.unread))
+                });
+            for (parameter, span) in certain {
+                let message =
+                    format!("`{parameter}` of `{name}` has no effect: nothing reads the outputs that depend on it");
+                self.problems.warn(span, message, None);
+            }
+            let has_input = |place: &Place<'_>| place.member.all(Causality::Input).next().is_some();
+            if open.is_empty() || places.iter().any(has_input) {
+                continue;
+            }
+            trials.push(Trial {
+                component: name.to_string(),
+                variants: variants(&places, runs),
+                suspects: open
+                    .into_iter()
+                    .map(|(name, span)| Suspect { name, place: self.problems.place(span) })
+                    .collect(),
+            });
+        }
+        trials
+    }
+
+    /// Parameters that the tables of the scenario set for a unit, with their places.
+    fn set_parameters(&self, unit: &Unit) -> Vec<(String, Range<usize>)> {
+        let name = unit.name.get_ref().as_str();
+        let of_cases = self.scenario.cases.iter().filter_map(|case| case.parameters.get(name));
+        let of_points = self.scenario.points.iter().filter_map(|point| point.parameters.get(name));
+        let mut seen = BTreeSet::new();
+        std::iter::once(&unit.parameters)
+            .chain(of_cases)
+            .chain(of_points)
+            .flatten()
+            .filter(|(name, _)| seen.insert(name.get_ref().clone()))
+            .map(|(name, _)| (name.get_ref().clone(), name.span()))
+            .collect()
+    }
+}
+
+/// A component as the runs of all cases have it, each variant once.
+fn variants(places: &[Place<'_>], runs: &[Run]) -> Vec<Variant> {
+    let mut variants: Vec<Variant> = Vec::new();
+    for place in places {
+        let read: Vec<String> =
+            place.outputs().filter(|output| !place.unread.contains(output)).map(str::to_string).collect();
+        let units = runs.iter().filter(|run| run.case == place.case).flat_map(|run| &run.units);
+        for unit in units.filter(|unit| unit.name == place.member.name()) {
+            let is_known =
+                |v: &Variant| v.unit.parameters == unit.parameters && v.unit.fmu == unit.fmu && v.read == read;
+            if !variants.iter().any(is_known) {
+                variants.push(Variant { unit: unit.clone(), read: read.clone() });
+            }
+        }
+    }
+    variants
+}
+
+/// Whether a parameter reaches unread outputs only, as the model structure has it. That lists on which parameters an initial
+/// value depends; an output that it does not list may depend on any. A model with states may pass a parameter on later, so
+/// that nothing is certain about it.
+fn affects_only(description: &ModelDescription, parameter: &str, unread: &BTreeSet<&str>) -> bool {
+    let Some(parameter) = description.index(parameter) else { return false };
+    let mut reaches_unread = false;
+    for (index, output) in description.variables.iter().enumerate() {
+        if output.causality != Causality::Output {
+            continue;
+        }
+        let listed = description.initial_unknowns.iter().find(|unknown| unknown.variable == index);
+        let dependencies = listed.and_then(|unknown| unknown.dependencies.as_ref());
+        let depends = dependencies.is_none_or(|dependencies| dependencies.contains(&parameter));
+        if depends && !unread.contains(output.name.as_str()) {
+            return false;
+        }
+        reaches_unread |= depends;
+    }
+    reaches_unread && description.derivatives.is_empty()
+}

@@ -1,0 +1,415 @@
+//! Values of parameters and constant inputs, converted to the unit of the variable and checked.
+
+use super::pattern::matches;
+use super::{Member, Resolver};
+use crate::parameter;
+use crate::parameter_set::{Parameter, ParameterSet};
+use crate::run::Setting;
+use crate::scenario::{self, Case, Values};
+use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
+use fmu_import::named_values::listed;
+use fmu_import::names::suggestion;
+use serde_spanned::Spanned;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::ops::Range;
+use std::path::Path;
+
+/// Which parameters of an FMU a value may be for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Names {
+    /// All; another name is a mistake.
+    All,
+    /// Those that the unit's own FMU has as well, with the same type and unit of measure.
+    Shared,
+}
+
+/// A message and a hint.
+type Mistake = (String, Option<String>);
+
+impl Resolver<'_> {
+    /// Reads the parameter sets that the scenario names, relative to its folder, each once.
+    pub(super) fn read_parameter_sets(&mut self, folder: &Path) {
+        let scenario = self.scenario;
+        let of_units = scenario.units.iter().filter_map(|u| u.parameter_set.as_ref());
+        let of_cases = scenario.cases.iter().filter_map(|c| c.parameter_set.as_ref());
+        for path in of_units.chain(of_cases).chain(&scenario.parameter_set) {
+            match ParameterSet::read(&folder.join(path.get_ref())) {
+                Ok(set) => {
+                    self.sets.insert(path.get_ref().clone(), set);
+                }
+                Err(error) => self.problems.add(path.span(), error.to_string()),
+            }
+        }
+        for path in scenario.cases.iter().filter_map(|c| c.parameter_set.as_ref()).chain(&scenario.parameter_set) {
+            let Some(set) = self.sets.get(path.get_ref()) else { continue };
+            for parameter in &set.parameters {
+                let of = split_unit(&parameter.name).map(|(unit, _)| unit);
+                let names = || scenario.units.iter().map(|u| u.name.get_ref().as_str());
+                match of {
+                    None => self.problems.add(
+                        path.span(),
+                        format!("{}: `{}`, expected \"unit.parameter\"", path.get_ref(), parameter.name),
+                    ),
+                    Some(unit) if !names().any(|name| name == unit) => self.problems.add_with_help(
+                        path.span(),
+                        format!("{}: `{}`: unknown unit `{unit}`", path.get_ref(), parameter.name),
+                        suggestion(unit, names()),
+                    ),
+                    Some(_) => (),
+                }
+            }
+        }
+    }
+
+    /// Parameters of a unit: from the bottom up the parameter set of the scenario and its own, its parameters, the
+    /// parameter set of the case, the parameters of the case and of the point, the seed.
+    ///
+    /// Another FMU that the case names for the unit starts from its own defaults: the first three apply only if the case
+    /// says so; they, point and seed only to parameters that it shares with the unit's own FMU.
+    pub(super) fn parameters(
+        &mut self,
+        case: &Case,
+        point: Option<&scenario::Point>,
+        member: &Member<'_>,
+        seed: Option<(&str, Range<usize>, i32)>,
+    ) -> Vec<Setting> {
+        let mut settings: BTreeMap<String, Setting> = BTreeMap::new();
+        let mut set = |values: Vec<(&Variable, Value)>| {
+            for (variable, value) in values {
+                settings.insert(variable.name.clone(), setting(variable, value));
+            }
+        };
+        let shared = if member.replaced.is_some() { Names::Shared } else { Names::All };
+        if member.replaced.as_ref().is_none_or(|replaced| replaced.keep_parameters) {
+            if let Some(path) = &self.scenario.parameter_set {
+                set(self.set_values(path, false, member, shared));
+            }
+            if let Some(path) = &member.unit.parameter_set {
+                set(self.set_values(path, true, member, shared));
+            }
+            set(self.written_values(&member.unit.parameters, member, shared));
+        }
+        if let Some(path) = &case.parameter_set {
+            set(self.set_values(path, false, member, Names::All));
+        }
+        for (values, names) in [
+            (case.parameters.get(member.name()), Names::All),
+            (point.and_then(|p| p.parameters.get(member.name())), shared),
+        ] {
+            if let Some(values) = values {
+                set(self.written_values(values, member, names));
+            }
+        }
+        if let Some((name, span, seed)) = seed {
+            let value = Value::Integer(seed);
+            if let Some(variable) = self.parameter(name, span.clone(), None, member, shared) {
+                match parameter::check(variable, &value) {
+                    Ok(()) => set(vec![(variable, value)]),
+                    Err(message) => self.problems.add(span, message),
+                }
+            }
+        }
+        settings.into_values().collect()
+    }
+
+    /// Values of a table of parameters.
+    fn written_values<'m>(
+        &mut self,
+        values: &Values,
+        member: &'m Member<'_>,
+        names: Names,
+    ) -> Vec<(&'m Variable, Value)> {
+        let mut found = Vec::new();
+        for (name, written) in values {
+            if let Some(variable) = self.parameter(name.get_ref(), name.span(), None, member, names)
+                && let Some(value) = self.value(&member.found.description, variable, written)
+            {
+                found.push((variable, value));
+            }
+        }
+        found
+    }
+
+    /// The parameter of a name that stands at `span`, in the file `set` if it is a parameter set. One that is not there is a
+    /// mistake, or a warning if only shared ones are meant.
+    fn parameter<'m>(
+        &mut self,
+        name: &str,
+        span: Range<usize>,
+        set: Option<&str>,
+        member: &'m Member<'_>,
+        names: Names,
+    ) -> Option<&'m Variable> {
+        let file = set.map_or(String::new(), |path| format!("{path}: "));
+        let description = &member.found.description;
+        let found = parameter::parameter(description, name);
+        if names == Names::All {
+            return found.map_err(|e| self.problems.add_with_help(span, format!("{file}{}", e.message), e.help)).ok();
+        }
+        let original = member.replaced.as_ref().and_then(|replaced| replaced.original.as_ref());
+        let why = match (found, original.map(|o| parameter::parameter(&o.description, name))) {
+            (Ok(variable), Some(Ok(own))) => match own.mismatch_of_parameter(variable) {
+                None => return Some(variable),
+                Some([own, other]) => format!("it is {other} there, {own} in the FMU of the unit"),
+            },
+            (Ok(_), _) => format!("the FMU of the unit, {}, has none to compare", member.unit.fmu.get_ref()),
+            (Err(_), _) => format!("{} has no such parameter", description.model_name),
+        };
+        let message = format!("{file}`{name}` is not carried over: {why}");
+        self.problems.warn(span, message, None);
+        None
+    }
+
+    /// What a parameter set says about a unit: all of it, or what is named `unit:parameter`.
+    fn set_values<'m>(
+        &mut self,
+        path: &Spanned<String>,
+        of_unit: bool,
+        member: &'m Member<'_>,
+        names: Names,
+    ) -> Vec<(&'m Variable, Value)> {
+        let description = &member.found.description;
+        let mut values = Vec::new();
+        let written: Vec<Parameter> = self.sets.get(path.get_ref()).map_or(Vec::new(), |set| set.parameters.clone());
+        for written in written {
+            let name = match split_unit(&written.name) {
+                _ if of_unit => written.name.as_str(),
+                Some((unit, name)) if unit == member.name() => name,
+                _ => continue,
+            };
+            let Some(variable) = self.parameter(name, path.span(), Some(path.get_ref()), member, names) else {
+                continue;
+            };
+            let value = match (&written.value, &written.unit) {
+                (Value::Real(number), Some(unit)) => convert_unit(description, variable, *number, unit),
+                (Value::String(name), _) if variable.base_type == BaseType::Integer => named(variable, name),
+                (value, _) => Ok(value.clone()),
+            };
+            let value = value.and_then(|value| {
+                parameter::check(variable, &value).map(|()| value).map_err(|message| (message, None))
+            });
+            match value {
+                Ok(value) => {
+                    if written.unit.is_none() {
+                        self.check_angle(variable, &value, path.span(), Some(path.get_ref()));
+                    }
+                    values.push((variable, value));
+                }
+                Err((message, help)) => {
+                    self.problems.add_with_help(path.span(), format!("{}: {message}", path.get_ref()), help);
+                }
+            }
+        }
+        values
+    }
+
+    /// Constants of the inputs of a unit: those of the case stand above those of the unit.
+    pub(super) fn constants(&mut self, case: &Case, member: &Member<'_>) -> BTreeMap<usize, (Value, Range<usize>)> {
+        let mut constants = BTreeMap::new();
+        for (level, is_of_unit) in [(Some(&member.unit.inputs), true), (case.inputs.get(member.name()), false)] {
+            let Some(level) = level else { continue };
+            constants.extend(self.constants_of_level(level, is_of_unit, member));
+        }
+        constants
+    }
+
+    fn constants_of_level(
+        &mut self,
+        level: &Values,
+        is_of_unit: bool,
+        member: &Member<'_>,
+    ) -> BTreeMap<usize, (Value, Range<usize>)> {
+        let mut constants = BTreeMap::new();
+        // A plain name stands above a pattern, so patterns come first.
+        for is_plain in [false, true] {
+            let mut by_pattern: BTreeMap<usize, &str> = BTreeMap::new();
+            for (pattern, written) in level {
+                let text = pattern.get_ref().as_str();
+                if text.contains('*') == is_plain {
+                    continue;
+                }
+                let mut any = false;
+                for (v, variable) in member.all(Causality::Input) {
+                    if !matches(text, &variable.name) {
+                        continue;
+                    }
+                    any = true;
+                    if let Some(other) = by_pattern.insert(v, text) {
+                        self.problems
+                            .add(pattern.span(), format!("`{text}` and `{other}` both match `{}`", variable.name));
+                    }
+                    if let Some(value) = self.value(&member.found.description, variable, written) {
+                        constants.insert(v, (value, pattern.span()));
+                    }
+                }
+                // Another FMU need not have all inputs of the unit's own.
+                let may_lack = is_of_unit && member.replaced.is_some();
+                if !any && !may_lack {
+                    let names = member.all(Causality::Input).map(|(_, v)| v.name.as_str());
+                    let help = suggestion(text, names);
+                    self.problems.add_with_help(
+                        pattern.span(),
+                        format!("`{}` has no input `{text}`", member.name()),
+                        help,
+                    );
+                }
+            }
+        }
+        constants
+    }
+
+    /// A value as written, converted to the unit of the variable and checked.
+    fn value(
+        &mut self,
+        description: &ModelDescription,
+        variable: &Variable,
+        written: &Spanned<toml::Value>,
+    ) -> Option<Value> {
+        let result = convert(description, variable, written.get_ref()).and_then(|value| {
+            parameter::check(variable, &value).map_err(|message| (message, None))?;
+            Ok(value)
+        });
+        match result {
+            Ok(value) => {
+                // Whoever names the unit means it.
+                if !written.get_ref().is_table() {
+                    self.check_angle(variable, &value, written.span(), None);
+                }
+                Some(value)
+            }
+            Err((message, help)) => {
+                self.problems.add_with_help(written.span(), message, help);
+                None
+            }
+        }
+    }
+
+    /// Warns about an angle that was probably meant in degrees. It stands at `span`, in the file `set` if it is a parameter
+    /// set.
+    fn check_angle(&mut self, variable: &Variable, value: &Value, span: Range<usize>, set: Option<&str>) {
+        if let Value::Real(number) = *value
+            && is_implausible(variable, number)
+        {
+            let file = set.map_or(String::new(), |path| format!("{path}: "));
+            let message = format!("{file}`{}` is {number} rad, which is {:.0} deg", variable.name, number.to_degrees());
+            let help = format!("if degrees are meant, write {{ value = {number}, unit = \"deg\" }}");
+            self.problems.warn(span, message, set.is_none().then_some(help));
+        }
+    }
+}
+
+/// Unit and parameter of a name in a parameter set for several units: `unit.parameter` as SSP writes it (names of units
+/// have no dot), or `unit:parameter` as in the rest of a scenario.
+fn split_unit(name: &str) -> Option<(&str, &str)> {
+    name.split_once([':', '.'])
+}
+
+pub(super) fn setting(variable: &Variable, value: Value) -> Setting {
+    Setting { name: variable.name.clone(), base_type: variable.base_type, reference: variable.reference, value }
+}
+
+/// A value as written in TOML as a value of the variable, in the unit of the variable.
+fn convert(description: &ModelDescription, variable: &Variable, written: &toml::Value) -> Result<Value, Mistake> {
+    let name = &variable.name;
+    let wrong = |found: &str| {
+        let expected = match variable.base_type {
+            BaseType::Real => "a number",
+            BaseType::Integer => "a whole number",
+            BaseType::Boolean => "true or false",
+            BaseType::String => "a string",
+        };
+        Err((format!("`{name}` must be {expected}, got {found}"), None))
+    };
+    match (written, variable.base_type) {
+        (toml::Value::Float(v), BaseType::Real) => Ok(Value::Real(*v)),
+        // TOML integers have 64 bits; whole numbers beyond 2^53 are no sensible parameters.
+        (toml::Value::Integer(v), BaseType::Real) => Ok(Value::Real(*v as f64)),
+        (toml::Value::Integer(v), BaseType::Integer) => match i32::try_from(*v) {
+            Ok(v) => Ok(Value::Integer(v)),
+            Err(_) => wrong(&format!("{v}, which has more than 32 bits")),
+        },
+        (toml::Value::String(name), BaseType::Integer) => named(variable, name),
+        (toml::Value::Boolean(v), BaseType::Boolean) => Ok(Value::Boolean(*v)),
+        (toml::Value::String(v), BaseType::String) => Ok(Value::String(v.clone())),
+        (toml::Value::Table(table), base_type) => {
+            let mut keys = table.keys().map(String::as_str);
+            let (Some(value), Some(toml::Value::String(unit)), true) =
+                (table.get("value"), table.get("unit"), keys.all(|key| key == "value" || key == "unit"))
+            else {
+                return Err((
+                    format!("`{name}`: expected a value or {{ value = .., unit = \"..\" }}"),
+                    Some("a name with a dot is written in quotes: \"steer.amplitude\" = 1".into()),
+                ));
+            };
+            let number = match value {
+                toml::Value::Float(v) => *v,
+                toml::Value::Integer(v) => *v as f64,
+                other => return wrong(&shown(other)),
+            };
+            if base_type != BaseType::Real {
+                return wrong("a value with a unit");
+            }
+            convert_unit(description, variable, number, unit)
+        }
+        (other, _) => wrong(&shown(other)),
+    }
+}
+
+/// A value as messages show it.
+fn shown(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(text) => format!("the string {text:?}"),
+        toml::Value::Array(_) => "a list".to_string(),
+        toml::Value::Table(_) => "a table".to_string(),
+        other => other.to_string(),
+    }
+}
+
+/// The value of that name.
+fn named(variable: &Variable, name: &str) -> Result<Value, Mistake> {
+    let values = variable.named_values();
+    if let Some((value, _)) = values.iter().find(|(_, n)| *n == name) {
+        return Ok(Value::Integer(*value));
+    }
+    if values.is_empty() {
+        return Err((format!("`{}` is Integer without named values, got the string \"{name}\"", variable.name), None));
+    }
+    let message = format!("`{}` has no value `{name}`, expected one of {}", variable.name, listed(&values));
+    Err((message, suggestion(name, values.iter().map(|(_, n)| *n))))
+}
+
+/// Whether an angle in rad is more than a full turn, although the start value of its variable is not.
+pub(super) fn is_implausible(variable: &Variable, value: f64) -> bool {
+    let is_large = |value: f64| value.abs() > TAU;
+    let usual = match variable.start {
+        Some(Value::Real(start)) => start,
+        _ => 0.0,
+    };
+    variable.unit.as_deref() == Some("rad") && is_large(value) && !is_large(usual)
+}
+
+fn convert_unit(
+    description: &ModelDescription,
+    variable: &Variable,
+    number: f64,
+    unit: &str,
+) -> Result<Value, Mistake> {
+    let name = &variable.name;
+    let Some(own) = &variable.unit else {
+        return Err((format!("`{name}` has no unit of measure"), None));
+    };
+    if own == unit {
+        return Ok(Value::Real(number));
+    }
+    let display_units = description.display_units(variable);
+    match display_units.iter().find(|u| u.name == unit) {
+        Some(u) => Ok(Value::Real((number - u.offset) / u.factor)),
+        None => {
+            let mut all = vec![own.as_str()];
+            all.extend(display_units.iter().map(|u| u.name.as_str()));
+            let message = format!("`{name}` cannot be given in `{unit}`, expected one of: {}", all.join(", "));
+            Err((message, suggestion(unit, all)))
+        }
+    }
+}

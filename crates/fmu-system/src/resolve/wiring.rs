@@ -1,0 +1,514 @@
+//! The wires of a case: what writes each input.
+
+use super::values::{is_implausible, setting};
+use super::{Column, Member, Resolver, Source, System, context, replacement};
+use crate::parameter;
+use crate::plan::{self, Connected, Origin, Signal};
+use crate::run;
+use crate::run::Wire;
+use fmu_import::description::{BaseType, Causality, ModelDescription, Variable};
+use fmu_import::names::{similar, suggestion};
+use serde_spanned::Spanned;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// An end of a connection: member and variable; `None` if the case has none. `Err`: a mistake was noted.
+type End = Result<Option<(usize, usize)>, ()>;
+/// Outputs that connections name, by the input that they write. `Err`: a mistake was noted.
+type Connections = HashMap<(usize, usize), Result<(usize, usize), ()>>;
+
+/// How the FMU that a case names for a component changes what writes an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Change {
+    /// The component's own FMU has no such input.
+    NewInput,
+    /// The component's own FMU has no such output.
+    NewOutput,
+    /// Only the component's own FMU has this output.
+    LostOutput,
+}
+
+/// The member whose FMU makes one of these changes for an input of the reader.
+fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -> Option<(usize, Change)> {
+    let has = |description: &ModelDescription, causality| {
+        description.variable(input).is_some_and(|variable| variable.causality == causality)
+    };
+    let change = |(m, member): (usize, &Member<'_>)| {
+        let own = &member.replaced.as_ref()?.original.as_ref()?.description;
+        let other = &member.found.description;
+        let change = match [own, other].map(|description| has(description, Causality::Output)) {
+            _ if m == reader => (!has(own, Causality::Input)).then_some(Change::NewInput),
+            [false, true] => Some(Change::NewOutput),
+            [true, false] => Some(Change::LostOutput),
+            _ => None,
+        };
+        change.filter(|change| changes.contains(change)).map(|change| (m, change))
+    };
+    system.members.iter().enumerate().find_map(change)
+}
+
+/// Place and words of a change that a swap makes for some inputs.
+fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> (Range<usize>, String) {
+    let unit = system.members[m].unit;
+    let (own, written) = (unit.fmu.get_ref(), replacement(system.case, unit));
+    let other = written.map_or(own, |other| &other.get_ref().fmu);
+    let s = if inputs.len() == 1 { "" } else { "s" };
+    let names = quoted(inputs);
+    let words = match change {
+        Change::NewInput => format!("{other} has the input{s} {names}, which {own} does not have"),
+        Change::NewOutput => format!("{other} has the output{s} {names}, which {own} does not have"),
+        Change::LostOutput => format!("{other} has no output{s} {names}, which {own} has"),
+    };
+    (written.map_or(unit.fmu.span(), Spanned::span), words)
+}
+
+fn quoted(names: &[&str]) -> String {
+    names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}
+
+impl<'a> Resolver<'a> {
+    /// Finds out what writes each input of a case.
+    pub(super) fn wire(&mut self, system: &mut System<'a>) {
+        let connections = self.connections(system);
+        // Outputs by name, to find the only other unit that has one.
+        let mut outputs: HashMap<&str, Vec<(usize, usize)>> = HashMap::new();
+        for (m, member) in system.members.iter().enumerate() {
+            for (v, variable) in member.wirable(Causality::Output) {
+                outputs.entry(variable.name.as_str()).or_default().push((m, v));
+            }
+        }
+        let mut wired = Vec::new();
+        for (m, member) in system.members.iter().enumerate() {
+            self.problems.set_context(Some(context(system.case, Some(member.unit))));
+            let constants = self.constants(system.case, member);
+            let mut inputs = Vec::new();
+            let mut missing = Vec::new();
+            for (v, variable) in member.all(Causality::Input) {
+                let constant = constants.get(&v);
+                let explicit = connections.get(&(m, v)).copied();
+                let writer = self.writer(system, (m, v), explicit, &outputs);
+                match (writer, constant) {
+                    (Ok(Some(Source::Output(from, _))), Some((_, span))) => self.problems.add(
+                        span.clone(),
+                        format!(
+                            "the input `{}` has this constant but is written by `{}`",
+                            variable.name,
+                            system.members[from].name()
+                        ),
+                    ),
+                    (Ok(Some(source)), _) => inputs.push((v, source)),
+                    (Ok(None), Some((value, _))) => {
+                        inputs.push((v, Source::Constant(value.clone())));
+                    }
+                    (Ok(None), None) => missing.push(variable.name.as_str()),
+                    (Err(()), _) => (),
+                }
+            }
+            if !missing.is_empty() {
+                self.report_missing(system, m, &missing, &outputs);
+            }
+            wired.push(inputs);
+        }
+        self.problems.set_context(None);
+        for (member, inputs) in system.members.iter_mut().zip(wired) {
+            member.inputs = inputs;
+        }
+        if self.feeds.is_some() {
+            self.drop_unneeded(system);
+        }
+    }
+
+    /// Reports inputs of a member without a writer, those that a swap has left so apart.
+    fn report_missing(
+        &mut self,
+        system: &System<'_>,
+        m: usize,
+        missing: &[&str],
+        outputs: &HashMap<&str, Vec<(usize, usize)>>,
+    ) {
+        let member = &system.members[m];
+        let name = member.name();
+        let mut by_swap: BTreeMap<Option<(usize, Change)>, Vec<&str>> = BTreeMap::new();
+        for input in missing {
+            by_swap.entry(swap(system, m, input, [Change::NewInput, Change::LostOutput])).or_default().push(input);
+        }
+        for (swap, inputs) in by_swap {
+            let near = inputs
+                .iter()
+                .find_map(|name| suggestion(name, outputs.keys().copied()))
+                .map_or(String::new(), |s| format!("; there is an output of similar name: {s}"));
+            let help = format!("give the unit a constant in `inputs` or add a [[connection]]{near}");
+            let which = match inputs[..] {
+                [input] => format!("the input `{input}`"),
+                _ if swap.is_some() => "these inputs".to_string(),
+                _ => format!("the inputs {}", quoted(&inputs)),
+            };
+            let of = swap.map_or(member.unit, |(changed, _)| system.members[changed].unit);
+            self.problems.set_context(Some(context(system.case, Some(of))));
+            let (place, message) = match swap.map(|swap| cause(system, swap, &inputs)) {
+                Some((place, cause)) => (place, format!("{cause}; nobody writes {which} of `{name}`")),
+                None => (member.unit.name.span(), format!("nobody writes {which} of `{name}`")),
+            };
+            self.problems.add_with_help(place, message, Some(help));
+        }
+        self.problems.set_context(Some(context(system.case, Some(member.unit))));
+    }
+
+    /// Reports an input that several members write.
+    fn report_writers(&mut self, system: &System<'_>, (m, v): (usize, usize), writers: &[(usize, usize)]) {
+        let member = &system.members[m];
+        let input = member.variable(v).name.as_str();
+        let names: Vec<String> = writers.iter().map(|(w, _)| format!("`{}`", system.members[*w].name())).collect();
+        let mut message =
+            format!("the input `{input}` of `{}` has several writers: {}", member.name(), names.join(" and "));
+        let mut place = member.unit.name.span();
+        if let Some(swap) = swap(system, m, input, [Change::NewInput, Change::NewOutput]) {
+            let (at, cause) = cause(system, swap, &[input]);
+            (place, message) = (at, format!("{cause}; {message}"));
+            self.problems.set_context(Some(context(system.case, Some(system.members[swap.0].unit))));
+        }
+        self.problems.add_with_help(place, message, Some("choose one with a [[connection]]".to_string()));
+        self.problems.set_context(Some(context(system.case, Some(member.unit))));
+    }
+
+    /// What writes an input, constants aside. `Err`: a mistake was noted.
+    fn writer(
+        &mut self,
+        system: &System<'_>,
+        (m, v): (usize, usize),
+        explicit: Option<Result<(usize, usize), ()>>,
+        outputs: &HashMap<&str, Vec<(usize, usize)>>,
+    ) -> Result<Option<Source>, ()> {
+        let member = &system.members[m];
+        let input = member.variable(v);
+        let name = input.name.as_str();
+        if input.base_type == BaseType::String {
+            return Ok(None);
+        }
+        if let Some(feed) = self.feed(Some(member.name()), name) {
+            return Ok(Some(self.use_feed(feed, member, input)));
+        }
+        let from = match explicit {
+            Some(from) => Some(from?),
+            None => {
+                if let Some(feed) = self.feed(None, name) {
+                    return Ok(Some(self.use_feed(feed, member, input)));
+                }
+                let others: Vec<(usize, usize)> =
+                    outputs.get(name).into_iter().flatten().filter(|(other, _)| *other != m).copied().collect();
+                if others.len() > 1 {
+                    self.report_writers(system, (m, v), &others);
+                    return Err(());
+                }
+                others.first().copied()
+            }
+        };
+        let Some((w, o)) = from else {
+            return Ok(None);
+        };
+        let writer = &system.members[w];
+        let output = writer.variable(o);
+        let fed = self.feed(Some(writer.name()), &output.name).or_else(|| self.feed(None, &output.name));
+        if let Some(feed) = fed {
+            return Ok(Some(self.use_feed(feed, member, input)));
+        }
+        // The ends of a connection were checked where it is written.
+        if explicit.is_none()
+            && let Err(message) = compatible((writer, output), (member, input))
+        {
+            self.problems.add(member.unit.name.span(), message);
+            return Err(());
+        }
+        Ok(Some(Source::Output(w, o)))
+    }
+
+    fn feed(&self, unit: Option<&str>, signal: &str) -> Option<usize> {
+        let feeds = self.feeds?;
+        match unit {
+            Some(unit) => feeds.index(&format!("{unit}:{signal}")),
+            None => feeds.index(signal),
+        }
+    }
+
+    /// Notes that a feed writes an input, and values that the input cannot take.
+    fn use_feed(&mut self, feed: usize, member: &Member<'_>, input: &Variable) -> Source {
+        self.fed.insert(feed);
+        let signal = self.feeds.map(|f| &f.signals[feed]);
+        let fits = |value: f64| match input.base_type {
+            BaseType::Integer => value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value),
+            BaseType::Boolean => value == 0.0 || value == 1.0,
+            BaseType::Real | BaseType::String => true,
+        };
+        if let Some(signal) = signal
+            && let Some(value) = signal.values.iter().copied().find(|v| is_implausible(input, *v))
+        {
+            let place = member.unit.name.span();
+            let message = format!("the input file has the value {value} rad for `{}`", signal.name);
+            self.problems.warn(
+                place,
+                message,
+                Some(format!("that is {:.0} deg; is it in degrees?", value.to_degrees())),
+            );
+        }
+        if let Some(signal) = signal
+            && let Some(value) = signal.values.iter().find(|v| !fits(**v))
+        {
+            let misfit = format!(
+                "`{}` has the value {value}, but the input `{}` of `{}` is {}",
+                signal.name,
+                input.name,
+                member.name(),
+                input.base_type
+            );
+            if !self.misfits.contains(&misfit) {
+                self.misfits.push(misfit);
+            }
+        }
+        Source::Feed(feed)
+    }
+
+    /// The wires of a case by name, and the outputs that nothing reads.
+    pub(super) fn wiring(&self, system: &System<'_>) -> plan::Wiring {
+        let signal = |member: &Member<'_>, v: usize| Signal {
+            component: member.name().to_string(),
+            variable: member.variable(v).name.clone(),
+        };
+        let kept = || system.members.iter().enumerate().filter(|(_, member)| !member.dropped);
+        let mut inputs = Vec::new();
+        let mut read = BTreeSet::new();
+        for (_, member) in kept() {
+            for (v, source) in &member.inputs {
+                let source = match source {
+                    Source::Output(from, output) => {
+                        read.insert((*from, *output));
+                        Origin::Output(signal(&system.members[*from], *output))
+                    }
+                    Source::Feed(feed) => {
+                        Origin::File(self.feeds.map_or(String::new(), |feeds| feeds.signals[*feed].name.clone()))
+                    }
+                    Source::Constant(value) => {
+                        Origin::Constant { value: value.clone(), unit: member.variable(*v).unit.clone() }
+                    }
+                };
+                inputs.push(Connected { input: signal(member, *v), source });
+            }
+        }
+        let unread = kept()
+            .flat_map(|(m, member)| {
+                member.wirable(Causality::Output).map(move |(v, variable)| (m, v, member, variable))
+            })
+            .filter(|(m, v, member, variable)| {
+                !read.contains(&(*m, *v)) && !self.is_recorded(member.name(), &variable.name)
+            })
+            .map(|(_, v, member, _)| signal(member, v))
+            .collect();
+        plan::Wiring { case: system.case.name.get_ref().clone(), inputs, unread }
+    }
+
+    /// Explicit connections of a case.
+    fn connections(&mut self, system: &System<'_>) -> Connections {
+        let mut connections = Connections::new();
+        for connection in &self.scenario.connections {
+            let from = self.end(system, &connection.from, Causality::Output);
+            let to = self.end(system, &connection.to, Causality::Input);
+            self.problems.set_context(Some(context(system.case, None)));
+            let (from, to) = match (from, to) {
+                (Ok(Some(from)), Ok(Some(to))) => (from, to),
+                (Err(()), Ok(Some(to))) => {
+                    connections.insert(to, Err(()));
+                    continue;
+                }
+                _ => continue,
+            };
+            let ends = |(m, v): (usize, usize)| {
+                let member = &system.members[m];
+                (member, member.variable(v))
+            };
+            if let Err(message) = compatible(ends(from), ends(to)) {
+                self.problems.add(connection.to.span(), message);
+            }
+            if connections.insert(to, Ok(from)).is_some() {
+                self.problems
+                    .add(connection.to.span(), format!("a second connection writes `{}`", connection.to.get_ref()));
+            }
+        }
+        self.problems.set_context(None);
+        connections
+    }
+
+    /// One end of a connection.
+    fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> End {
+        let (unit, name, name_span) = self.unit_and_name(written).ok_or(())?;
+        // The case leaves the unit out.
+        let Some(m) = system.member(unit) else { return Ok(None) };
+        let member = &system.members[m];
+        self.problems.set_context(Some(context(system.case, Some(member.unit))));
+        let wanted = if causality == Causality::Output { "output" } else { "input" };
+        match member.found.description.index(name) {
+            Some(v) if member.variable(v).causality != causality => {
+                self.problems.add(
+                    name_span,
+                    format!("`{name}` of `{unit}` is {}, expected an {wanted}", parameter::role(member.variable(v))),
+                );
+                Err(())
+            }
+            Some(v) if member.variable(v).base_type == BaseType::String => {
+                self.problems.add(name_span, "a String cannot be connected".to_string());
+                Err(())
+            }
+            Some(v) => Ok(Some((m, v))),
+            // Another FMU need not have all inputs of the unit's own.
+            None if causality == Causality::Input && member.replaced.is_some() => Ok(None),
+            None => {
+                let names: Vec<&str> = member.wirable(causality).map(|(_, v)| v.name.as_str()).collect();
+                let own = member.replaced.as_ref().and_then(|replaced| replaced.original.as_ref());
+                let had = own.filter(|own| own.description.variable(name).is_some());
+                let had = had.map_or(String::new(), |_| format!(", which {} has", member.unit.fmu.get_ref()));
+                let message = format!("`{unit}` has no {wanted} `{name}`{had}");
+                self.problems.add_with_help(name_span, message, similar(name, names));
+                Err(())
+            }
+        }
+    }
+
+    /// Marks the units from which no way leads to a recorded output.
+    fn drop_unneeded(&mut self, system: &mut System<'_>) {
+        let mut needed = vec![false; system.members.len()];
+        let mut open: Vec<usize> = (0..system.members.len())
+            .filter(|&m| {
+                let member = &system.members[m];
+                member.wirable(Causality::Output).any(|(_, v)| self.is_recorded(member.name(), &v.name))
+            })
+            .collect();
+        while let Some(m) = open.pop() {
+            if std::mem::replace(&mut needed[m], true) {
+                continue;
+            }
+            for (_, source) in &system.members[m].inputs {
+                if let Source::Output(from, _) = source {
+                    open.push(*from);
+                }
+            }
+        }
+        for (member, needed) in system.members.iter_mut().zip(needed) {
+            member.dropped = !needed;
+        }
+    }
+
+    /// The run of a case with its wires, without parameters, point and seed.
+    pub(super) fn wired(&self, system: &System<'_>, columns: &[Column]) -> run::Run {
+        let kept: Vec<usize> = (0..system.members.len()).filter(|&m| !system.members[m].dropped).collect();
+        let sources = || kept.iter().flat_map(|&m| &system.members[m].inputs).map(|(_, source)| source);
+        // Slots: feeds first, then outputs in the order of the units.
+        let mut slots = 0..;
+        let mut next = || slots.next().unwrap_or_default();
+        let used: BTreeSet<usize> = sources()
+            .filter_map(|s| match s {
+                Source::Feed(feed) => Some(*feed),
+                _ => None,
+            })
+            .collect();
+        let feed_slots: HashMap<usize, usize> = used.iter().map(|&feed| (feed, next())).collect();
+        let read: BTreeSet<(usize, usize)> = sources()
+            .filter_map(|s| match s {
+                Source::Output(m, v) => Some((*m, *v)),
+                _ => None,
+            })
+            .collect();
+        let mut output_slots: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        for &m in &kept {
+            let member = &system.members[m];
+            for (v, variable) in member.wirable(Causality::Output) {
+                if read.contains(&(m, v)) || self.is_recorded(member.name(), &variable.name) {
+                    output_slots.insert((m, v), next());
+                }
+            }
+        }
+        let units = kept
+            .iter()
+            .map(|&m| {
+                let member = &system.members[m];
+                let description = &member.found.description;
+                let mut constants = Vec::new();
+                let mut inputs = Vec::new();
+                for (v, source) in &member.inputs {
+                    let variable = member.variable(*v);
+                    match source {
+                        Source::Constant(value) => {
+                            constants.push(setting(variable, value.clone()));
+                        }
+                        Source::Feed(feed) => inputs.push(wire(variable, feed_slots[feed])),
+                        Source::Output(m, o) => {
+                            inputs.push(wire(variable, output_slots[&(*m, *o)]));
+                        }
+                    }
+                }
+                run::Unit {
+                    name: member.name().to_string(),
+                    fmu: member.found.path.clone(),
+                    model_identifier: description
+                        .co_simulation
+                        .as_ref()
+                        .map_or(String::new(), |c| c.model_identifier.clone()),
+                    guid: description.guid.clone(),
+                    parameters: Vec::new(),
+                    constants,
+                    inputs,
+                    outputs: output_slots
+                        .range((m, 0)..(m + 1, 0))
+                        .map(|((_, v), slot)| wire(member.variable(*v), *slot))
+                        .collect(),
+                }
+            })
+            .collect();
+        let feeds = self.feeds.map_or(Vec::new(), |feeds| {
+            used.iter()
+                .map(|feed| run::Feed {
+                    slot: feed_slots[feed],
+                    times: Arc::clone(&feeds.times),
+                    values: Arc::clone(&feeds.signals[*feed].values),
+                })
+                .collect()
+        });
+        let case = system.case.name.get_ref();
+        run::Run {
+            id: case.clone(),
+            case: case.clone(),
+            point: None,
+            seed: None,
+            units,
+            feeds,
+            slots: feed_slots.len() + output_slots.len(),
+            columns: columns
+                .iter()
+                .map(|column| {
+                    let m = system.member(&column.unit)?;
+                    let v = system.members[m].found.description.index(&column.variable)?;
+                    output_slots.get(&(m, v)).copied()
+                })
+                .collect(),
+        }
+    }
+}
+
+pub(super) fn wire(variable: &Variable, slot: usize) -> Wire {
+    Wire { reference: variable.reference, base_type: variable.base_type, slot }
+}
+
+/// Whether an output may write an input: same base type, same unit of measure where both have one.
+fn compatible(
+    (writer, output): (&Member<'_>, &Variable),
+    (reader, input): (&Member<'_>, &Variable),
+) -> Result<(), String> {
+    let describe = |output_is: &str, input_is: &str| {
+        format!(
+            "`{}:{}` is {output_is}, but `{}:{}`, which it writes, is {input_is}",
+            writer.name(),
+            output.name,
+            reader.name(),
+            input.name
+        )
+    };
+    output.mismatch(input).map_or(Ok(()), |[output_is, input_is]| Err(describe(&output_is, &input_is)))
+}

@@ -1,0 +1,643 @@
+//! A scenario file: its layout, and the checks that need no FMU.
+
+use crate::limits::{RUNS, STEPS};
+use crate::problem::Collector;
+use crate::report::{Combine, Expect, FigureKind, Level, MetricKind};
+use crate::run::Order;
+use fmu_import::names::suggestion;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use serde_spanned::Spanned;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+/// Variable or pattern -> value as written.
+pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
+/// Unit -> values.
+type ValuesByUnit = BTreeMap<Spanned<String>, Values>;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Scenario {
+    pub(crate) title: String,
+    #[serde(default)]
+    pub(crate) description: String,
+    #[serde(default)]
+    pub(crate) reference: String,
+    /// Path of a parameter set of `unit:parameter` names, relative to the scenario.
+    pub(crate) parameter_set: Option<Spanned<String>>,
+    pub(crate) simulation: Simulation,
+    #[serde(rename = "unit")]
+    pub(crate) units: Vec<Unit>,
+    #[serde(rename = "connection", default)]
+    pub(crate) connections: Vec<Connection>,
+    #[serde(rename = "case")]
+    pub(crate) cases: Vec<Case>,
+    #[serde(rename = "point", default)]
+    pub(crate) points: Vec<Point>,
+    pub(crate) sweep: Option<Spanned<Sweep>>,
+    pub(crate) seeds: Option<Seeds>,
+    pub(crate) record: Record,
+    #[serde(rename = "metric", default)]
+    pub(crate) metrics: Vec<Metric>,
+    #[serde(rename = "figure", default)]
+    pub(crate) figures: Vec<Figure>,
+    #[serde(rename = "finding", default)]
+    pub(crate) findings: Vec<WrittenFinding>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Simulation {
+    pub(crate) start: Option<Spanned<f64>>,
+    pub(crate) stop: Spanned<f64>,
+    pub(crate) step: Spanned<f64>,
+    pub(crate) order: Option<Order>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Unit {
+    pub(crate) name: Spanned<String>,
+    pub(crate) fmu: Spanned<String>,
+    /// Path of a parameter set of `parameter` names, relative to the scenario.
+    pub(crate) parameter_set: Option<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) parameters: Values,
+    #[serde(default)]
+    pub(crate) inputs: Values,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Connection {
+    pub(crate) from: Spanned<String>,
+    pub(crate) to: Spanned<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Case {
+    pub(crate) name: Spanned<String>,
+    pub(crate) title: String,
+    pub(crate) baseline: Option<Spanned<String>>,
+    /// Path of a parameter set of `unit:parameter` names, relative to the scenario.
+    pub(crate) parameter_set: Option<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) parameters: ValuesByUnit,
+    #[serde(default)]
+    pub(crate) fmu: BTreeMap<Spanned<String>, Spanned<Replacement>>,
+    #[serde(default)]
+    pub(crate) without: Vec<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) inputs: ValuesByUnit,
+}
+
+/// Another FMU for a unit: `"Name"`, or `{ fmu = "Name", keep_parameters = true }`.
+#[derive(Debug)]
+pub(crate) struct Replacement {
+    pub(crate) fmu: String,
+    /// Whether the unit's own parameters apply to it, where it has the same.
+    pub(crate) keep_parameters: bool,
+}
+
+impl<'de> Deserialize<'de> for Replacement {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            fmu: String,
+            #[serde(default)]
+            keep_parameters: bool,
+        }
+
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Replacement;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("the name of an FMU or { fmu = \"Name\", keep_parameters = true }")
+            }
+
+            fn visit_str<E>(self, fmu: &str) -> Result<Replacement, E> {
+                Ok(Replacement { fmu: fmu.to_string(), keep_parameters: false })
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Replacement, A::Error> {
+                let Table { fmu, keep_parameters } = Table::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(Replacement { fmu, keep_parameters })
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Point {
+    pub(crate) name: Spanned<String>,
+    pub(crate) title: String,
+    pub(crate) value: Spanned<f64>,
+    #[serde(default)]
+    pub(crate) parameters: ValuesByUnit,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Sweep {
+    pub(crate) title: String,
+    pub(crate) unit: String,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Seeds {
+    pub(crate) parameter: Spanned<String>,
+    pub(crate) values: Spanned<Vec<Spanned<i32>>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Record {
+    pub(crate) signals: Vec<Spanned<String>>,
+    pub(crate) every: Option<Spanned<i64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Metric {
+    pub(crate) name: Spanned<String>,
+    pub(crate) title: String,
+    pub(crate) signal: Option<Spanned<String>>,
+    /// Several signals that are combined row by row.
+    #[serde(default)]
+    pub(crate) signals: Vec<Spanned<String>>,
+    pub(crate) combine: Option<Spanned<Combine>>,
+    /// Weights of the signals.
+    pub(crate) weights: Option<Spanned<Vec<f64>>>,
+    pub(crate) kind: MetricKind,
+    /// Level that the kind refers to, in `unit`.
+    pub(crate) threshold: Option<Spanned<f64>>,
+    /// Frequencies that the kind refers to, Hz.
+    pub(crate) band: Option<Spanned<[f64; 2]>>,
+    pub(crate) window: Option<Spanned<[f64; 2]>>,
+    /// What ends the window before its end.
+    pub(crate) until: Option<Spanned<Until>>,
+    /// Signal that is subtracted before.
+    pub(crate) minus: Option<Spanned<String>>,
+    /// Whether the signal of the baseline's run is subtracted before.
+    #[serde(default)]
+    pub(crate) from_baseline: bool,
+    pub(crate) unit: Option<Spanned<String>>,
+    pub(crate) digits: Option<Spanned<u8>>,
+    pub(crate) paper: Option<Paper>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Until {
+    pub(crate) signal: Spanned<String>,
+    pub(crate) above: Option<f64>,
+    pub(crate) below: Option<f64>,
+    pub(crate) unit: Option<Spanned<String>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Paper {
+    pub(crate) table: Option<String>,
+    #[serde(default)]
+    pub(crate) values: BTreeMap<Spanned<String>, f64>,
+    /// Changes in percent where the paper gives no values, by cell or by two cells.
+    #[serde(default)]
+    pub(crate) changes: BTreeMap<Spanned<String>, f64>,
+    /// Keys of the values that something was fitted to; the others are predictions then.
+    pub(crate) calibrated: Option<Vec<Spanned<String>>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Figure {
+    pub(crate) name: Spanned<String>,
+    pub(crate) title: String,
+    pub(crate) kind: FigureKind,
+    /// Cases shown; all if absent.
+    pub(crate) cases: Option<Spanned<Vec<Spanned<String>>>>,
+    pub(crate) separate: Option<Spanned<bool>>,
+    #[serde(default)]
+    pub(crate) signals: Vec<Spanned<String>>,
+    /// Signal drawn dashed beside each of them.
+    pub(crate) against: Option<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) metrics: Vec<Spanned<String>>,
+    pub(crate) window: Option<Spanned<[f64; 2]>>,
+    pub(crate) unit: Option<Spanned<String>>,
+    #[serde(default)]
+    pub(crate) levels: Vec<Spanned<Level>>,
+    pub(crate) caption: Option<Spanned<String>>,
+}
+
+/// `[[finding]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct WrittenFinding {
+    pub(crate) claim: Spanned<String>,
+    pub(crate) explanation: Spanned<String>,
+    #[serde(default)]
+    pub(crate) own: bool,
+    pub(crate) checks: Spanned<Vec<WrittenCheck>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct WrittenCheck {
+    pub(crate) cells: Spanned<Vec<Spanned<String>>>,
+    pub(crate) expect: Option<Spanned<Expect>>,
+    pub(crate) level: Option<Spanned<f64>>,
+}
+
+/// Parses the text; `None` if it does not have the layout of a scenario.
+pub(crate) fn parse(text: &str, problems: &mut Collector) -> Option<Scenario> {
+    match toml::from_str::<Scenario>(text) {
+        Ok(scenario) => Some(scenario),
+        Err(error) => {
+            problems.add_layout(&error);
+            None
+        }
+    }
+}
+
+/// Number of steps between two times.
+///
+/// # Errors
+/// It is not whole to 1e-9 of itself, or above the limit; the text says so.
+pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, String> {
+    let ratio = (stop - start) / step;
+    let steps = ratio.round();
+    if steps > STEPS as f64 {
+        return Err(format!(
+            "from start {start} s to stop {stop} s are {ratio:.3e} steps of {step:?} s, the limit is {STEPS}"
+        ));
+    }
+    if steps >= 1.0 && (ratio - steps).abs() <= 1e-9 * steps {
+        // Whole and below 2^53.
+        Ok(steps as u64)
+    } else {
+        Err(format!(
+            "from start {start} s to stop {stop} s are {ratio} steps of {step:?} s, which must be a whole number above 0"
+        ))
+    }
+}
+
+impl Scenario {
+    /// Checks all that needs no FMU.
+    pub(crate) fn check(&self, problems: &mut Collector) {
+        self.check_times(problems);
+        let units = names("unit", self.units.iter().map(|u| &u.name), problems);
+        let cases = names("case", self.cases.iter().map(|c| &c.name), problems);
+        names("point", self.points.iter().map(|p| &p.name), problems);
+        let metrics = names("metric", self.metrics.iter().map(|m| &m.name), problems);
+        names("figure", self.figures.iter().map(|f| &f.name), problems);
+        if self.units.is_empty() {
+            problems.add(0..0, "a scenario needs at least one [[unit]]");
+        }
+        if self.cases.is_empty() {
+            problems.add(0..0, "a scenario needs at least one [[case]]");
+        }
+        for (name, span) in self.fmus() {
+            if name.is_empty() || name.contains(['/', '\\', '.']) {
+                problems.add(span, "an FMU is named by its file stem, without folder and extension");
+            }
+        }
+        for case in &self.cases {
+            let known = |name, problems: &mut Collector| known("unit", name, &units, problems);
+            for name in case.without.iter().chain(case.fmu.keys()) {
+                known(name, problems);
+            }
+            for name in case.parameters.keys().chain(case.inputs.keys()) {
+                if known(name, problems) && case.leaves_out(name.get_ref()) {
+                    problems.add(name.span(), format!("this case leaves the unit `{}` out", name.get_ref()));
+                }
+            }
+            if let Some(baseline) = &case.baseline {
+                self::known("case", baseline, &cases, problems);
+            }
+            if self.units.iter().all(|u| case.leaves_out(u.name.get_ref())) && !self.units.is_empty() {
+                problems.add(case.name.span(), "this case leaves all units out");
+            }
+        }
+        for point in &self.points {
+            finite(&point.value, problems);
+            for name in point.parameters.keys() {
+                known("unit", name, &units, problems);
+            }
+        }
+        match (&self.sweep, self.points.first()) {
+            (Some(sweep), None) => {
+                problems.add(sweep.span(), "a [sweep] needs at least one [[point]]");
+            }
+            (None, Some(point)) => {
+                problems.add(point.name.span(), "points need a [sweep] with the title and the unit of their values")
+            }
+            _ => (),
+        }
+        if let Some(seeds) = &self.seeds {
+            let mut seen = BTreeSet::new();
+            for seed in seeds.values.get_ref() {
+                if !seen.insert(*seed.get_ref()) {
+                    problems.add(seed.span(), "this seed is there twice");
+                }
+            }
+            if seen.is_empty() {
+                problems.add(seeds.values.span(), "expected at least one seed");
+            }
+        }
+        let seeds = self.seeds.as_ref().map_or(1, |seeds| seeds.values.get_ref().len().max(1));
+        let runs = self.cases.len().saturating_mul(self.points.len().max(1)).saturating_mul(seeds);
+        if runs > RUNS {
+            let message = format!(
+                "{} cases, {} points and {seeds} seeds are {runs} runs, the limit is {RUNS}",
+                self.cases.len(),
+                self.points.len().max(1)
+            );
+            let place = self.seeds.as_ref().map(|seeds| seeds.values.span());
+            problems.add(place.or_else(|| self.points.first().map(|p| p.name.span())).unwrap_or(0..0), message);
+        }
+        if let Some(every) = &self.record.every
+            && *every.get_ref() < 1
+        {
+            problems.add(every.span(), format!("every is {}, expected at least 1", every.get_ref()));
+        }
+        for metric in &self.metrics {
+            self.check_window(metric.window.as_ref(), problems);
+            metric.check_signals(problems);
+            if let Some(digits) = &metric.digits
+                && *digits.get_ref() > 15
+            {
+                problems.add(digits.span(), "expected at most 15 decimal places");
+            }
+            match &metric.threshold {
+                Some(threshold) if !metric.kind.has_threshold() => {
+                    problems.add(threshold.span(), "a metric of this kind has no `threshold`");
+                }
+                Some(threshold) => {
+                    finite(threshold, problems);
+                }
+                None if metric.kind.has_threshold() => {
+                    problems.add(metric.name.span(), "a metric of this kind needs a `threshold`");
+                }
+                None => (),
+            }
+            if let Some(until) = &metric.until {
+                match (until.get_ref().above, until.get_ref().below) {
+                    (Some(level), None) | (None, Some(level)) if level.is_finite() => (),
+                    (Some(_), None) | (None, Some(_)) => problems.add(until.span(), "expected a finite number"),
+                    _ => problems.add(until.span(), "expected either `above` or `below`"),
+                }
+            }
+            if let Some(paper) = &metric.paper {
+                for key in paper.values.keys() {
+                    self.check_paper_key(key, &cases, problems);
+                }
+                let numbers = paper.values.keys().chain(paper.changes.keys());
+                let numbers: BTreeSet<&str> = numbers.map(|key| key.get_ref().as_str()).collect();
+                for key in paper.calibrated.iter().flatten() {
+                    known("value of the paper", key, &numbers, problems);
+                }
+            }
+        }
+        for figure in &self.figures {
+            self.check_window(figure.window.as_ref(), problems);
+            for name in &figure.metrics {
+                known("metric", name, &metrics, problems);
+            }
+            if let Some(shown) = &figure.cases {
+                for name in shown.get_ref() {
+                    known("case", name, &cases, problems);
+                }
+                if shown.get_ref().is_empty() {
+                    problems.add(shown.span(), "expected at least one case");
+                }
+            }
+            if let Some(against) = &figure.against
+                && figure.kind != FigureKind::Time
+            {
+                problems.add(against.span(), "only a figure of kind \"time\" has `against`");
+            }
+            if let Some(separate) = &figure.separate
+                && figure.kind != FigureKind::Time
+            {
+                problems.add(separate.span(), "only a figure of kind \"time\" has `separate`");
+            }
+            for level in &figure.levels {
+                if figure.kind != FigureKind::Time {
+                    problems.add(level.span(), "only a figure of kind \"time\" has `levels`");
+                } else if !level.get_ref().value.is_finite() {
+                    problems.add(level.span(), "expected a finite number");
+                }
+            }
+            let at = figure.name.span();
+            match figure.kind {
+                FigureKind::Time | FigureKind::Spectrum if figure.signals.is_empty() || !figure.metrics.is_empty() => {
+                    problems.add(at, "a figure of kind \"time\" or \"spectrum\" has `signals`, no `metrics`");
+                }
+                FigureKind::Sweep | FigureKind::Running if figure.metrics.is_empty() || !figure.signals.is_empty() => {
+                    problems.add(at, "a figure of kind \"sweep\" or \"running\" has `metrics`, no `signals`");
+                }
+                FigureKind::Sweep if self.points.is_empty() => {
+                    problems.add(at, "a figure of kind \"sweep\" needs [[point]]s");
+                }
+                FigureKind::Sweep | FigureKind::Running if figure.unit.is_some() || figure.window.is_some() => {
+                    problems.add(at, "`unit` and `window` of a figure of metrics are those of the metrics");
+                }
+                FigureKind::Running => {
+                    for name in &figure.metrics {
+                        let metric = self.metrics.iter().find(|m| m.name == *name);
+                        if let Some(metric) = metric
+                            && (!metric.kind.can_run() || metric.until.is_some() || metric.from_baseline)
+                        {
+                            let message =
+                                "only a mean, an RMS or an integral over a plain window can be drawn as it grows";
+                            problems.add(name.span(), message);
+                        }
+                    }
+                }
+                FigureKind::Time | FigureKind::Spectrum | FigureKind::Sweep => (),
+            }
+        }
+    }
+
+    /// Names of all FMUs of all cases, with their places.
+    pub(crate) fn fmus(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
+        let of_units = self.units.iter().map(|u| (u.fmu.get_ref().as_str(), u.fmu.span()));
+        let of_cases = self.cases.iter().flat_map(|c| c.fmu.values());
+        of_units.chain(of_cases.map(|r| (r.get_ref().fmu.as_str(), r.span())))
+    }
+
+    /// Start, 0 unless given.
+    pub(crate) fn start(&self) -> f64 {
+        self.simulation.start.as_ref().map_or(0.0, |s| *s.get_ref())
+    }
+
+    fn check_times(&self, problems: &mut Collector) {
+        let Simulation { stop, step, .. } = &self.simulation;
+        let mut all_finite = finite(stop, problems) && finite(step, problems);
+        if let Some(start) = &self.simulation.start {
+            all_finite &= finite(start, problems);
+        }
+        if !all_finite {
+            return;
+        }
+        let start = self.start();
+        if *step.get_ref() <= 0.0 {
+            problems.add(step.span(), format!("step is {}, expected more than 0", step.get_ref()));
+        } else if *stop.get_ref() <= start {
+            problems.add(stop.span(), format!("stop is {}, expected more than start {start}", stop.get_ref()));
+        } else if let Err(message) = whole_steps(start, *stop.get_ref(), *step.get_ref()) {
+            problems.add_at(&[stop.span(), step.span()], message, None);
+        }
+    }
+
+    fn check_window(&self, window: Option<&Spanned<[f64; 2]>>, problems: &mut Collector) {
+        let Some(window) = window else { return };
+        let [from, to] = *window.get_ref();
+        let (start, stop) = (self.start(), *self.simulation.stop.get_ref());
+        // Written so that a NaN fails as well.
+        if !(from < to && from >= start && to <= stop) {
+            problems.add(window.span(), format!("expected a window [from, to] with {start} <= from < to <= {stop}"));
+        }
+    }
+
+    fn check_paper_key(&self, key: &Spanned<String>, cases: &BTreeSet<&str>, problems: &mut Collector) {
+        let (case, point) = match key.get_ref().split_once('@') {
+            Some((case, point)) => (case, Some(point)),
+            None => (key.get_ref().as_str(), None),
+        };
+        if !cases.contains(case) {
+            problems.add_with_help(
+                key.span(),
+                format!("unknown case `{case}`"),
+                suggestion(case, cases.iter().copied()),
+            );
+        }
+        let points = || self.points.iter().map(|p| p.name.get_ref().as_str());
+        match point {
+            Some(point) if !points().any(|p| p == point) => {
+                problems.add_with_help(key.span(), format!("unknown point `{point}`"), suggestion(point, points()))
+            }
+            None if !self.points.is_empty() => {
+                problems.add(key.span(), "with a sweep the paper's values are named \"case@point\"")
+            }
+            _ => (),
+        }
+    }
+}
+
+impl Metric {
+    /// Checks which signals it has, and how they are combined.
+    fn check_signals(&self, problems: &mut Collector) {
+        let at = self.name.span();
+        match (&self.signal, self.signals.len(), &self.combine) {
+            (Some(_), 0, None) => (),
+            (Some(_), 0, Some(combine)) => problems.add(combine.span(), "`combine` needs several `signals`"),
+            (Some(_), _, _) => problems.add(at.clone(), "a metric has either a `signal` or `signals`"),
+            (None, 0, _) => problems.add(at.clone(), "a metric needs a `signal` or `signals`"),
+            (None, _, None) => {
+                problems.add(at.clone(), "several `signals` need a `combine`: min, max, norm or squares")
+            }
+            (None, _, Some(_)) => (),
+        }
+        let is_squares = self.combine.as_ref().is_some_and(|combine| *combine.get_ref() == Combine::Squares);
+        match &self.weights {
+            Some(weights) if !is_squares => problems.add(weights.span(), "only `combine = \"squares\"` has `weights`"),
+            Some(weights) if weights.get_ref().len() != self.signals.len() => {
+                problems.add(weights.span(), format!("expected {} weights, one per signal", self.signals.len()));
+            }
+            Some(weights) if weights.get_ref().iter().any(|w| !w.is_finite()) => {
+                problems.add(weights.span(), "expected finite numbers");
+            }
+            None if is_squares => problems.add(at.clone(), "`combine = \"squares\"` needs `weights`"),
+            _ => (),
+        }
+        if let (true, Some(unit)) = (is_squares, &self.unit) {
+            problems.add(
+                unit.span(),
+                "a weighted sum of squares has no `unit`: the weights belong to the units of the signals",
+            );
+        }
+        match &self.band {
+            Some(band) if self.kind != MetricKind::BandPower => {
+                problems.add(band.span(), "only a metric of kind \"band_power\" has a `band`");
+            }
+            // Written so that a NaN fails as well.
+            Some(band) if !(band.get_ref()[0] >= 0.0 && band.get_ref()[0] < band.get_ref()[1]) => {
+                problems.add(band.span(), "expected a band [from, to] with 0 <= from < to, Hz");
+            }
+            None if self.kind == MetricKind::BandPower => {
+                problems.add(at, "a metric of kind \"band_power\" needs a `band`");
+            }
+            _ => (),
+        }
+    }
+
+    /// All its signals.
+    pub(crate) fn all_signals(&self) -> impl Iterator<Item = &Spanned<String>> {
+        self.signal.iter().chain(&self.signals)
+    }
+}
+
+impl Case {
+    /// Whether this case does without a unit.
+    pub(crate) fn leaves_out(&self, unit: &str) -> bool {
+        self.without.iter().any(|name| name.get_ref() == unit)
+    }
+}
+
+/// Checks names: lower_snake, each once.
+fn names<'a>(
+    what: &str,
+    all: impl Iterator<Item = &'a Spanned<String>>,
+    problems: &mut Collector,
+) -> BTreeSet<&'a str> {
+    let mut seen = BTreeSet::new();
+    for name in all {
+        let text = name.get_ref().as_str();
+        let plain = text.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+        if !plain || !text.starts_with(|c: char| c.is_ascii_lowercase()) {
+            problems
+                .add(name.span(), format!("the name of a {what} is made of a-z, 0-9 and _ and starts with a letter"));
+        }
+        if !seen.insert(text) {
+            problems.add(name.span(), format!("the {what} `{text}` is there twice"));
+        }
+    }
+    seen
+}
+
+fn known(what: &str, name: &Spanned<String>, all: &BTreeSet<&str>, problems: &mut Collector) -> bool {
+    let found = all.contains(name.get_ref().as_str());
+    if !found {
+        unknown(what, name.get_ref(), name.span(), all.iter().copied(), problems);
+    }
+    found
+}
+
+/// Notes an unknown name with the nearest known one.
+pub(crate) fn unknown<'a>(
+    what: &str,
+    name: &str,
+    span: Range<usize>,
+    all: impl IntoIterator<Item = &'a str>,
+    problems: &mut Collector,
+) {
+    problems.add_with_help(span, format!("unknown {what} `{name}`"), suggestion(name, all));
+}
+
+fn finite(value: &Spanned<f64>, problems: &mut Collector) -> bool {
+    let fine = value.get_ref().is_finite();
+    if !fine {
+        problems.add(value.span(), "expected a finite number");
+    }
+    fine
+}

@@ -1,0 +1,138 @@
+//! Trial runs: whether a parameter that a scenario sets changes anything that is read.
+//!
+//! The model structure of FMI 2.0 tells on which parameters an initial value depends, not what a later one does, and it holds
+//! for all values of all parameters: the steering angle of a driver depends on his speed in a slalom, but not in a step
+//! steer. A component without inputs does the same with and without the rest of the system, so that a run of it alone tells.
+
+use crate::fmus::Fmus;
+use crate::master::{self, Recording};
+use crate::parameter;
+use crate::run::{Order, Run, Simulation, Suspect, Trial, Unit, Variant, Wire};
+use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
+
+/// Variants of a component that are tried at most; more are those of a long sweep.
+const MAX_VARIANTS: usize = 10;
+/// Numbers that a trial run records at most; a longer one is not tried.
+const MAX_RECORDED: u64 = 20_000_000;
+
+/// The warnings of all trials of a plan. Their FMUs are loaded into this process, which one of them may take down.
+#[must_use]
+pub fn warnings(simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for trial in trials {
+        if let Ok(fmus) = Fmus::of_units(trial.variants.iter().map(|variant| &variant.unit)) {
+            warnings.extend(trial.warnings(simulation, &fmus));
+        }
+    }
+    warnings
+}
+
+impl Trial {
+    /// Runs the component alone with other values of each parameter, and returns a warning for every one that changes
+    /// outputs, but none that is read. A run that fails tells nothing.
+    fn warnings(&self, simulation: &Simulation, fmus: &Fmus) -> Vec<String> {
+        let outcomes = |suspect: &Suspect| -> Option<Vec<String>> {
+            let mut changed = Vec::new();
+            for variant in self.variants.iter().take(MAX_VARIANTS) {
+                for output in variant.changed_by(&suspect.name, simulation, fmus)? {
+                    if variant.read.contains(&output) {
+                        return None;
+                    }
+                    if !changed.contains(&output) {
+                        changed.push(output);
+                    }
+                }
+            }
+            Some(changed).filter(|changed| !changed.is_empty())
+        };
+        self.suspects
+            .iter()
+            .filter_map(|suspect| {
+                let changed: Vec<String> = outcomes(suspect)?.iter().map(|name| format!("`{name}`")).collect();
+                Some(format!(
+                    "{}: `{}` of `{}` has no effect: it changes {} only, which nothing reads",
+                    suspect.place,
+                    suspect.name,
+                    self.component,
+                    changed.join(", ")
+                ))
+            })
+            .collect()
+    }
+}
+
+impl Variant {
+    /// Names of the outputs that other values of a parameter change; `None` if no trial succeeds.
+    fn changed_by(&self, parameter: &str, simulation: &Simulation, fmus: &Fmus) -> Option<Vec<String>> {
+        let description = fmus.get(&self.unit.fmu).ok()?.description();
+        let variable = description.variable(parameter)?;
+        let Some(at) = self.unit.parameters.iter().position(|setting| setting.name == parameter) else {
+            // Set in another case or at another point.
+            return Some(Vec::new());
+        };
+        let outputs: Vec<&Variable> = outputs(description).collect();
+        if simulation.steps.saturating_mul(outputs.len() as u64 + 1) > MAX_RECORDED {
+            return None;
+        }
+        let run = |unit: Unit| execute(unit, &outputs, simulation, fmus);
+        let as_it_is = run(self.unit.clone())?;
+        let mut changed = None;
+        for value in other_values(variable, &self.unit.parameters[at].value) {
+            let mut unit = self.unit.clone();
+            unit.parameters[at].value = value;
+            let Some(other) = run(unit) else { continue };
+            let differs = |column: usize| match (as_it_is.column(column), other.column(column)) {
+                (Some(one), Some(two)) => one.iter().zip(two).any(|(a, b)| a.to_bits() != b.to_bits()),
+                _ => false,
+            };
+            let names: &mut Vec<String> = changed.get_or_insert_default();
+            for (column, output) in outputs.iter().enumerate() {
+                if differs(column) && !names.contains(&output.name) {
+                    names.push(output.name.clone());
+                }
+            }
+        }
+        changed
+    }
+}
+
+/// Outputs that can be recorded.
+fn outputs(description: &ModelDescription) -> impl Iterator<Item = &Variable> {
+    let can_be_recorded = |v: &&Variable| v.causality == Causality::Output && v.base_type != BaseType::String;
+    description.variables.iter().filter(can_be_recorded)
+}
+
+/// Runs a component alone and records its outputs; `None` if that fails.
+fn execute(mut unit: Unit, outputs: &[&Variable], simulation: &Simulation, fmus: &Fmus) -> Option<Recording> {
+    let wire = |(slot, v): (usize, &&Variable)| Wire { reference: v.reference, base_type: v.base_type, slot };
+    unit.outputs = outputs.iter().enumerate().map(wire).collect();
+    let run = Run {
+        id: format!("trial of {}", unit.name),
+        case: String::new(),
+        point: None,
+        seed: None,
+        units: vec![unit],
+        feeds: Vec::new(),
+        slots: outputs.len(),
+        columns: (0..outputs.len()).map(Some).collect(),
+    };
+    let simulation = Simulation { every: 1, order: Order::Sequential, ..*simulation };
+    master::execute(&simulation, &run, fmus).ok()
+}
+
+/// Values a parameter may have instead of the one it has, each within its limits.
+fn other_values(variable: &Variable, value: &Value) -> Vec<Value> {
+    let candidates = match value {
+        Value::Real(v) => [v * 1.25, v * 0.75, v + 1.0].map(Value::Real).to_vec(),
+        Value::Integer(v) => [v.checked_add(1), v.checked_sub(1)].into_iter().flatten().map(Value::Integer).collect(),
+        Value::Boolean(v) => vec![Value::Boolean(!v)],
+        Value::String(_) => Vec::new(),
+    };
+    let mut values: Vec<Value> = Vec::new();
+    for candidate in variable.start.iter().cloned().chain(candidates) {
+        if candidate != *value && !values.contains(&candidate) && parameter::check(variable, &candidate).is_ok() {
+            values.push(candidate);
+        }
+    }
+    values
+}

@@ -1,0 +1,37 @@
+//! Runs and trial runs in processes of their own: see [`fmu_import::worker`].
+//!
+//! `protocol` is what is asked and answered, [`serve`] the side of the worker, `pool` that of the process that starts
+//! workers and replaces those that have ended.
+
+mod pool;
+mod protocol;
+mod serve;
+
+pub use pool::{Failure, Finish, Pool, Task};
+pub use serve::serve;
+
+use crate::run::{Simulation, Trial};
+use fmu_import::worker::{Process, Settings, Watch};
+use protocol::{Request, Response};
+use std::time::Duration;
+
+/// The job of workers that [`serve`].
+pub const JOB: &str = "system";
+
+/// How long all trials of a scenario may take. Those of ours take a fraction of a second.
+const TRIALS: Duration = Duration::from_secs(20);
+
+/// The warnings that the trial runs of a scenario give, made in a worker. Trials that fail or take too long give none: nothing
+/// depends on them.
+#[must_use]
+pub fn trials(settings: &Settings, simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
+    if trials.is_empty() {
+        return Vec::new();
+    }
+    let Ok(mut process) = Process::start(settings, JOB, true) else { return Vec::new() };
+    process.send(&Request::Trials { simulation: *simulation, trials: trials.to_vec() }, &[]);
+    match process.receive(&mut Watch::of_all(TRIALS), &mut |_| ()) {
+        Ok(Response::Warnings(warnings)) => warnings,
+        _ => Vec::new(),
+    }
+}

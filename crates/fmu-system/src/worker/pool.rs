@@ -1,0 +1,173 @@
+//! Several workers that execute runs.
+
+use super::JOB;
+use super::protocol::{self, Request, Response};
+use crate::fmus::Fmus;
+use crate::master::Recording;
+use crate::results;
+use crate::run::{Run, Simulation, Unit};
+use fmu_import::fmu::Binary;
+use fmu_import::worker::{Ended, Process, Settings, Watch};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// Workers that execute runs, each at most one at a time. They are started when they are needed and stay until the pool is
+/// dropped, with the libraries they have loaded. Every run has instances of its own, so nothing depends on their number.
+#[derive(Debug)]
+pub struct Pool {
+    settings: Settings,
+    fmus: Fmus,
+    needs_python: bool,
+    workers: Vec<Mutex<Option<Process>>>,
+}
+
+/// A run, and what becomes of its signals.
+#[derive(Debug)]
+pub struct Task {
+    /// The run.
+    pub run: Run,
+    /// Names of its columns, and the file to write them to, an absolute path; `None`: they are returned.
+    pub csv: Option<(Vec<String>, PathBuf)>,
+}
+
+/// A run that failed. It has no results.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("run {run}{}: {message}", time.map_or(String::new(), |t| format!(", step from {t} s")))]
+pub struct Failure {
+    /// Id of the run.
+    pub run: String,
+    /// Start of the step that failed, s; `None` before the first step.
+    pub time: Option<f64>,
+    /// Component, call, and what happened.
+    pub message: String,
+}
+
+/// Takes the index of a task and its outcome. The recording has no rows if they were written to a file.
+pub type Finish<'a> = &'a (dyn Fn(usize, Result<Recording, Failure>) + Sync);
+
+impl Pool {
+    /// A pool of so many workers for runs of some FMUs, which need not be loaded in this process.
+    #[must_use]
+    pub fn new(settings: Settings, jobs: NonZeroUsize, fmus: &Fmus) -> Self {
+        let needs_python = settings.libpython.is_some() && fmus.iter().any(|fmu| fmu.binary().needs_python());
+        let workers = std::iter::repeat_with(Mutex::default).take(jobs.get()).collect();
+        Self { settings, fmus: fmus.clone(), needs_python, workers }
+    }
+
+    /// Loads all FMUs in one worker, to see whether that works.
+    ///
+    /// # Errors
+    /// Why it does not.
+    pub fn load(&self) -> Result<(), String> {
+        let Some(slot) = self.workers.first() else { return Ok(()) };
+        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        let worker = self.worker(&mut slot)?;
+        worker.send(&Request::Load, &[]);
+        match worker.receive(&mut Watch::new(self.settings.timeout), &mut |_| ()) {
+            Ok(Response::Failed { message, .. }) => Err(message),
+            Ok(_) => Ok(()),
+            Err(Ended { component, message, .. }) => {
+                *slot = None;
+                let fmu = component.and_then(|index| self.fmus.iter().nth(index));
+                Err(fmu.map_or(String::new(), |fmu| format!("{}: ", fmu.path().display())) + &message)
+            }
+        }
+    }
+
+    /// Executes as many tasks as `count` says, each made by `task` when a worker is free for it. `progress` is told now and
+    /// then how many steps were done since it was told before.
+    pub fn execute(
+        &self,
+        simulation: &Simulation,
+        count: usize,
+        task: &(dyn Fn(usize) -> Result<Task, Failure> + Sync),
+        progress: &(dyn Fn(u64) + Sync),
+        finish: Finish<'_>,
+    ) {
+        let next = AtomicUsize::new(0);
+        let work = |slot: &Mutex<Option<Process>>| {
+            let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                if index >= count {
+                    return;
+                }
+                let mut done = 0;
+                let mut steps = |steps: u64| {
+                    progress(steps.saturating_sub(done));
+                    done = done.max(steps);
+                };
+                let outcome = task(index).and_then(|task| self.run(&mut slot, simulation, task, &mut steps));
+                steps(simulation.steps);
+                finish(index, outcome);
+            }
+        };
+        std::thread::scope(|scope| {
+            // This thread works too, so that something is done even if there is no other.
+            let Some((first, others)) = self.workers.split_first() else { return };
+            for slot in others.iter().take(count.saturating_sub(1)) {
+                let _ = std::thread::Builder::new().spawn_scoped(scope, || work(slot));
+            }
+            work(first);
+        });
+    }
+
+    /// The worker of a slot, started if there is none.
+    fn worker<'a>(&self, slot: &'a mut Option<Process>) -> Result<&'a mut Process, String> {
+        if slot.is_none() {
+            let mut worker = Process::start(&self.settings, JOB, self.needs_python)
+                .map_err(|error| format!("cannot start a worker process: {error}"))?;
+            let binaries: Vec<Binary> = self.fmus.iter().map(|fmu| fmu.binary().clone()).collect();
+            worker.send(&Request::Fmus(binaries), &[]);
+            *slot = Some(worker);
+        }
+        slot.as_mut().ok_or_else(String::new)
+    }
+
+    fn run(
+        &self,
+        slot: &mut Option<Process>,
+        simulation: &Simulation,
+        Task { run, csv }: Task,
+        steps: &mut dyn FnMut(u64),
+    ) -> Result<Recording, Failure> {
+        let id = run.id.clone();
+        let failed = |time, message| Failure { run: id.clone(), time, message };
+        let path = csv.as_ref().map(|(_, path)| path.clone());
+        let units: Vec<(String, String)> =
+            run.units.iter().map(|Unit { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
+        let worker = self.worker(slot).map_err(|message| failed(None, message))?;
+        let (request, body) = Request::run(simulation, run, csv);
+        worker.send(&request, &body);
+        drop(body);
+        let response = match worker.receive(&mut Watch::new(self.settings.timeout), steps) {
+            Ok(answer) => answer,
+            Err(Ended { time, component, message }) => {
+                *slot = None;
+                path.iter().for_each(|path| results::remove_parts(path));
+                let unit = component.and_then(|index| units.get(index));
+                let unit = unit.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
+                return Err(failed(time, unit + &message));
+            }
+        };
+        let unexpected = |slot: &mut Option<Process>| {
+            *slot = None;
+            failed(None, "the worker process sent an unexpected response".to_owned())
+        };
+        match response {
+            Response::Recorded { rows, columns, messages, seconds } => {
+                protocol::recording(rows, &columns, messages, seconds, worker.body()).map_err(|_| unexpected(slot))
+            }
+            Response::Failed { time, message, is_fatal } => {
+                if is_fatal {
+                    // No instance of that FMU may be used any more in its process.
+                    *slot = None;
+                }
+                Err(failed(time, message))
+            }
+            Response::Done | Response::Warnings(_) => Err(unexpected(slot)),
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! What requests and responses about runs are made of.
+
+use crate::master::Recording;
+use crate::run::{Feed, Run, Simulation, Trial};
+use fmu_import::fmu::Binary;
+use fmu_import::loader::Message;
+use fmu_import::worker::message::{Numbers, invalid};
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What a worker is asked for.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) enum Request {
+    /// The FMUs of all later runs. There is no response.
+    Fmus(Vec<Binary>),
+    /// To load all FMUs.
+    Load,
+    /// To execute a run.
+    Run {
+        simulation: Simulation,
+        /// Its feeds are in the body.
+        run: Box<Run>,
+        /// Slots of the feeds, number of rows, and whether a feed has the times of the one before.
+        feeds: Vec<(usize, usize, bool)>,
+        /// Names of the columns, and the file to write them to instead of returning them.
+        csv: Option<(Vec<String>, PathBuf)>,
+    },
+    /// To find parameters without an effect.
+    Trials { simulation: Simulation, trials: Vec<Trial> },
+}
+
+/// What a worker responds.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) enum Response {
+    /// All is done.
+    Done,
+    /// What the trials have shown.
+    Warnings(Vec<String>),
+    /// The run is done. Time and columns are in the body.
+    Recorded { rows: usize, columns: Vec<bool>, messages: Vec<(String, Message)>, seconds: f64 },
+    /// It could not be done.
+    Failed {
+        /// Start of the step that failed, s.
+        time: Option<f64>,
+        /// Why.
+        message: String,
+        /// Whether no library of the worker may be used any more.
+        is_fatal: bool,
+    },
+}
+
+impl Request {
+    /// A run as header and body.
+    pub(super) fn run(simulation: &Simulation, mut run: Run, csv: Option<(Vec<String>, PathBuf)>) -> (Self, Vec<f64>) {
+        let mut body = Vec::new();
+        let mut feeds: Vec<(usize, usize, bool)> = Vec::new();
+        let taken = std::mem::take(&mut run.feeds);
+        for (at, feed) in taken.iter().enumerate() {
+            let is_same = at > 0 && Arc::ptr_eq(&feed.times, &taken[at - 1].times);
+            if !is_same {
+                body.extend_from_slice(&feed.times);
+            }
+            body.extend_from_slice(&feed.values);
+            feeds.push((feed.slot, feed.values.len(), is_same));
+        }
+        (Self::Run { simulation: *simulation, run: Box::new(run), feeds, csv }, body)
+    }
+}
+
+/// The feeds of a run from its body.
+pub(super) fn feeds(list: &[(usize, usize, bool)], mut body: &[f64]) -> io::Result<Vec<Feed>> {
+    let mut take = |count: usize| -> io::Result<Arc<[f64]>> {
+        let (numbers, rest) = body.split_at_checked(count).ok_or_else(|| invalid("a body is too short"))?;
+        body = rest;
+        Ok(numbers.into())
+    };
+    let mut feeds: Vec<Feed> = Vec::new();
+    for &(slot, rows, is_same) in list {
+        let times = match feeds.last().filter(|_| is_same) {
+            Some(before) => Arc::clone(&before.times),
+            None => take(rows)?,
+        };
+        feeds.push(Feed { slot, times, values: take(rows)? });
+    }
+    Ok(feeds)
+}
+
+impl Response {
+    /// A recording as header and body, which is to be sent as one.
+    pub(super) fn recorded(recording: Recording) -> (Self, Vec<Vec<f64>>) {
+        let Recording { time, columns, messages, seconds } = recording;
+        let rows = time.len();
+        let has = columns.iter().map(Option::is_some).collect();
+        let body = std::iter::once(time).chain(columns.into_iter().flatten()).collect();
+        (Self::Recorded { rows, columns: has, messages, seconds }, body)
+    }
+}
+
+/// A recording from its header and its body.
+pub(super) fn recording(
+    rows: usize,
+    columns: &[bool],
+    messages: Vec<(String, Message)>,
+    seconds: f64,
+    mut body: Numbers<'_>,
+) -> io::Result<Recording> {
+    let mut take = || body.take(rows).ok_or_else(|| invalid("a body is too short"));
+    let time = take()?;
+    let columns = columns.iter().map(|has| has.then(&mut take).transpose()).collect::<io::Result<_>>()?;
+    Ok(Recording { time, columns, messages, seconds })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fmu_import::worker::message::{Reader, write};
+
+    #[test]
+    fn a_body_that_is_too_short_is_no_recording() {
+        let mut bytes = Vec::new();
+        write(&mut bytes, &0, &[&[0.0, 1.0, 5.0, 6.0]]).unwrap();
+        let mut reader = Reader::default();
+        assert_eq!(reader.read(&mut &bytes[..]).unwrap(), Some(0));
+        let made = recording(2, &[false, true], Vec::new(), 0.0, reader.body()).unwrap();
+        assert_eq!((made.time, made.columns), (vec![0.0, 1.0], vec![None, Some(vec![5.0, 6.0])]));
+        for rows in [3, usize::MAX] {
+            assert!(recording(rows, &[false, true], Vec::new(), 0.0, reader.body()).is_err());
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! The side of the worker.
+
+use super::protocol::{self, Request, Response};
+use crate::fmus::{FmusError, Instances};
+use crate::master::{self, RunError};
+use crate::run::Unit;
+use crate::{results, trial};
+use fmu_import::fmu::{Binary, FmuError};
+use fmu_import::loader::{CallProblem, Instance, Library, Status, calls};
+use fmu_import::worker::{Replies, serve_requests};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Works for the process that started this one, until the connection to it ends.
+///
+/// `board` is the file in which the calls are announced.
+///
+/// # Errors
+/// The process was not started as a worker, or the connection is broken.
+pub fn serve(board: &Path) -> io::Result<()> {
+    let mut libraries = Libraries::default();
+    serve_requests(board, |request, body, replies| respond(request, body, &mut libraries, replies))
+}
+
+fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &mut Replies) -> io::Result<()> {
+    let failed = |message: String| Response::Failed { time: None, message, is_fatal: false };
+    match request {
+        Request::Fmus(binaries) => {
+            libraries.binaries =
+                binaries.into_iter().map(|binary| (binary.fmu.to_string_lossy().into(), binary)).collect();
+            Ok(())
+        }
+        Request::Load => {
+            let loaded = libraries.binaries.keys().enumerate().try_for_each(|(index, fmu)| {
+                if let Some(board) = calls::board() {
+                    board.component(index);
+                }
+                libraries.get(fmu).map(drop)
+            });
+            replies.send(&loaded.map_or_else(|error| failed(error.to_string()), |()| Response::Done), &[])
+        }
+        Request::Run { simulation, mut run, feeds, csv } => {
+            run.feeds = protocol::feeds(&feeds, body)?;
+            let (response, body) = match master::execute(&simulation, &run, libraries) {
+                Err(RunError { time, cause, .. }) => {
+                    let is_fatal = matches!(&*cause, FmusError::Fmu(FmuError::Call(call)) if call.problem == CallProblem::Status(Status::Fatal));
+                    (Response::Failed { time, message: cause.to_string(), is_fatal }, Vec::new())
+                }
+                Ok(mut recording) => match csv {
+                    None => Response::recorded(recording),
+                    Some((names, path)) => match results::write_csv(&path, &names, &recording) {
+                        Err(error) => (failed(error.to_string()), Vec::new()),
+                        Ok(()) => {
+                            recording.time.clear();
+                            recording.columns.clear();
+                            Response::recorded(recording)
+                        }
+                    },
+                },
+            };
+            replies.send(&response, &body.iter().map(Vec::as_slice).collect::<Vec<_>>())
+        }
+        Request::Trials { simulation, trials } => {
+            replies.send(&Response::Warnings(trial::warnings(&simulation, &trials)), &[])
+        }
+    }
+}
+
+/// Libraries that are loaded when they are needed first, and stay.
+#[derive(Default)]
+struct Libraries {
+    binaries: BTreeMap<String, Binary>,
+    loaded: RefCell<BTreeMap<String, Arc<Library>>>,
+}
+
+impl Libraries {
+    fn get(&self, fmu: &str) -> Result<(&Binary, Arc<Library>), FmusError> {
+        let binary = self.binaries.get(fmu).ok_or_else(|| FmusError::NotLoaded(fmu.to_string()))?;
+        if let Some(library) = self.loaded.borrow().get(fmu) {
+            return Ok((binary, Arc::clone(library)));
+        }
+        let library = binary.load_elsewhere()?;
+        self.loaded.borrow_mut().insert(fmu.to_string(), Arc::clone(&library));
+        Ok((binary, library))
+    }
+}
+
+impl Instances for Libraries {
+    fn of(&self, unit: &Unit) -> Result<Instance, FmusError> {
+        let (binary, library) = self.get(&unit.fmu)?;
+        Ok(binary.instantiate(&library, &unit.name)?)
+    }
+}

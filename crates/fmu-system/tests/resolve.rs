@@ -1,0 +1,1093 @@
+//! Scenarios into plans, on descriptions without binaries (tests/data).
+
+use fmu_import::description::{BaseType, Value};
+use fmu_import::description::{BaseUnit, ModelDescription, Unit};
+use fmu_system::parameter_set::{Parameter, ParameterSet};
+use fmu_system::plan::Plan;
+use fmu_system::report::{Cell, Combine, Expect, FigureKind, MetricKind, Part};
+use fmu_system::resolve::{Descriptions, Found, Options, ResolveError, resolve_text};
+use fmu_system::run::Order;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+const SCENARIO: &str = include_str!("data/scenario.toml");
+
+fn fmus() -> BTreeMap<String, Arc<ModelDescription>> {
+    let parse = |text| Arc::new(ModelDescription::parse(text).unwrap());
+    let steering = include_str!("data/Steering.xml");
+    // The other steering differs in what shows: a second output and no `strategy`.
+    let other = steering
+        .replace("Steering\"", "OtherSteering\"")
+        .replace("\"{steering}\"", "\"{other}\"")
+        .replace("name=\"strategy\"", "name=\"mode\"");
+    [
+        ("Driver", parse(include_str!("data/Driver.xml"))),
+        ("Vehicle", parse(include_str!("../../fmu-import/tests/data/Vehicle.xml"))),
+        ("Steering", parse(steering)),
+        ("OtherSteering", parse(&other)),
+    ]
+    .map(|(name, description)| (name.to_string(), description))
+    .into()
+}
+
+fn plan_of(text: &str, options: &Options) -> Result<Plan, ResolveError> {
+    resolve_text(Path::new("scenarios/step.toml"), text, &fmus(), options)
+}
+
+fn plan() -> Plan {
+    plan_of(SCENARIO, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)))
+}
+
+/// All mistakes, one per line.
+fn lines(error: &ResolveError) -> String {
+    match error {
+        ResolveError::Problems(problems) => {
+            let lines: Vec<_> = problems.problems.iter().map(|p| p.line()).collect();
+            lines.join("\n")
+        }
+        other => other.to_string(),
+    }
+}
+
+fn parameter(plan: &Plan, run: &str, unit: &str, name: &str) -> Option<Value> {
+    let run = plan.runs.iter().find(|r| r.id == run).unwrap();
+    let unit = run.units.iter().find(|u| u.name == unit).unwrap();
+    let setting = unit.parameters.iter().find(|p| p.name == name)?;
+    Some(setting.value.clone())
+}
+
+#[test]
+fn simulation_and_runs() {
+    let plan = plan();
+    assert_eq!(plan.name, "step");
+    assert_eq!(plan.simulation.steps, 2000);
+    assert_eq!(plan.simulation.order, Order::Sequential);
+    let ids: Vec<_> = plan.runs.iter().map(|r| r.id.as_str()).collect();
+    assert_eq!(ids.len(), 3 * 2 * 2);
+    assert_eq!(ids[..3], ["passive@slow#3", "passive@slow#7", "passive@fast#3"]);
+    assert_eq!(ids[4], "active@slow#3");
+}
+
+#[test]
+fn an_fmu_without_units_takes_the_place_of_one_with_units() {
+    let mut fmus = fmus();
+    let bare = include_str!("data/Steering.xml").replace(" unit=\"rad\"", "").replace(" unit=\"m/s\"", "");
+    fmus.insert("Bare".to_string(), Arc::new(ModelDescription::parse(&bare).unwrap()));
+    for case in ["passive", "active"] {
+        let title = format!("name = \"{case}\"\n");
+        let text = SCENARIO.replace(&title, &format!("{title}fmu.steering = \"Bare\"\n"));
+        let plan = resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, &Options::default())
+            .unwrap_or_else(|e| panic!("{}", lines(&e)));
+        let column = plan.columns.iter().find(|c| c.name == "steer.front").unwrap();
+        assert_eq!(column.unit.as_deref(), Some("rad"), "bare in {case}");
+    }
+}
+
+#[test]
+fn parameters_are_layered_and_converted() {
+    let plan = plan();
+    let of = |run, unit, name| parameter(&plan, run, unit, name);
+    let run = "active@slow#7";
+    assert_eq!(of(run, "steering", "strategy"), Some(Value::Integer(2)), "case over unit");
+    assert_eq!(of("passive@slow#7", "steering", "strategy"), Some(Value::Integer(1)));
+    assert_eq!(of(run, "driver", "seed"), Some(Value::Integer(7)));
+    assert_eq!(of(run, "vehicle", "vehicle.mass"), Some(Value::Real(1200.0)));
+    assert_eq!(of(run, "vehicle", "tire.lift_off"), Some(Value::Boolean(false)));
+    assert_eq!(of(run, "vehicle", "label"), Some(Value::String("car".into())));
+    assert_eq!(of(run, "vehicle", "tire.mode"), Some(Value::Integer(0)));
+    // 5 km/h; the declared factor is 3.6, and the division is the documented conversion.
+    assert_eq!(of(run, "driver", "speed.initial"), Some(Value::Real(5.0 / 3.6)));
+    assert_eq!(of(run, "driver", "steer.amplitude"), Some(Value::Real(30.0 / 57.295_779_513_082_32)));
+}
+
+#[test]
+fn wires_constants_and_columns() {
+    let plan = plan();
+    let run = plan.runs.iter().find(|r| r.case == "active").unwrap();
+    let unit = |name: &str| run.units.iter().find(|u| u.name == name).unwrap();
+    let slot_of = |name: &str, reference| unit(name).outputs.iter().find(|w| w.reference == reference).unwrap().slot;
+    // Steering takes driver.steer by name, vehicle.speed from the driver by connection.
+    let steering = &unit("steering").inputs;
+    assert_eq!(steering[0].slot, slot_of("driver", 3));
+    assert_eq!(steering[1].slot, slot_of("driver", 4));
+    assert_eq!(steering[0].base_type, BaseType::Real);
+    // The vehicle: steer.front and driver.speed wired, friction constant, the left one its own.
+    let vehicle = unit("vehicle");
+    assert_eq!(vehicle.inputs.len(), 2);
+    let constants: Vec<_> = vehicle.constants.iter().map(|c| (c.name.as_str(), c.value.clone())).collect();
+    assert_eq!(constants, [("road_friction.l", Value::Real(0.5)), ("road_friction.r", Value::Real(1.0))]);
+    let names: Vec<_> = plan.columns.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["steer.front", "body.roll", "body.roll_rate", "vehicle.speed"]);
+    assert_eq!(plan.columns[1].display_unit.as_deref(), Some("deg"));
+    assert_eq!(plan.columns[1].factor, 57.295_779_513_082_32);
+    assert_eq!(plan.columns[3].units[0].name, "km/h");
+    assert_eq!(run.columns[0], Some(slot_of("steering", 5)));
+
+    // Without steering its column is absent and the vehicle's steer.front is the case's constant.
+    let manual = plan.runs.iter().find(|r| r.case == "manual").unwrap();
+    assert_eq!(manual.columns[0], None);
+    assert!(manual.columns[1].is_some());
+    let vehicle = manual.units.iter().find(|u| u.name == "vehicle").unwrap();
+    assert!(vehicle.constants.iter().any(|c| c.name == "steer.front"));
+    let mut slots: Vec<_> = run.units.iter().flat_map(|u| &u.outputs).map(|w| w.slot).collect();
+    slots.sort_unstable();
+    assert_eq!(slots, (0..run.slots).collect::<Vec<_>>(), "each slot has one writer");
+}
+
+/// The text of a scenario with a case `other` that has this line.
+fn with_case(line: &str) -> String {
+    SCENARIO.replace(
+        "[[case]]\nname = \"active\"",
+        &format!("[[case]]\nname = \"other\"\ntitle = \"O\"\n{line}\n\n[[case]]\nname = \"active\""),
+    )
+}
+
+#[test]
+fn another_fmu_starts_from_its_own_defaults() {
+    let settings = |line: &str| {
+        let plan = plan_of(&with_case(line), &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+        let run = plan.runs.iter().find(|r| r.case == "other").unwrap();
+        let unit = run.units.iter().find(|u| u.fmu.starts_with("Other")).unwrap().clone();
+        let settings: Vec<_> = unit.parameters.iter().map(|p| format!("{}={}", p.name, p.value)).collect();
+        (unit, settings, plan.warnings)
+    };
+    let (unit, parameters, warnings) = settings("fmu.steering = \"OtherSteering\"");
+    assert_eq!((unit.guid.as_str(), unit.model_identifier.as_str()), ("{other}", "OtherSteering"));
+    assert_eq!(parameters, [""; 0], "none of the unit's own");
+    assert_eq!(warnings, [""; 0]);
+    // What the case itself says applies.
+    let (_, parameters, _) = settings("fmu.steering = \"OtherSteering\"\nparameters.steering = { mode = 2 }");
+    assert_eq!(parameters, ["mode=2"]);
+    // Kept is what is the same; the rest is told.
+    let (_, parameters, warnings) = settings("fmu.steering = { fmu = \"OtherSteering\", keep_parameters = true }");
+    assert_eq!(parameters, ["sample_time=0.01"]);
+    assert_eq!(
+        warnings,
+        [
+            "scenarios/step.toml:17:16: `strategy` is not carried over: OtherSteering has no such parameter, in case `other` \
+          (fmu.steering = \"OtherSteering\")"
+        ]
+    );
+    // The same FMU is not another one.
+    let text = with_case("fmu.steering = \"Steering\"");
+    let plan = plan_of(&text, &Options::default()).unwrap();
+    assert_eq!(parameter(&plan, "other@slow#3", "steering", "strategy"), Some(Value::Integer(1)));
+}
+
+/// Points and seeds are for all cases: they reach another FMU as far as it has the same parameter.
+#[test]
+fn points_and_seeds_reach_another_fmu() {
+    let driver = include_str!("data/Driver.xml").replace("Driver\"", "OtherDriver\"");
+    let of = |description: &str| {
+        let mut fmus = fmus();
+        fmus.insert("OtherDriver".into(), Arc::new(ModelDescription::parse(description).unwrap()));
+        let text = with_case("fmu.driver = \"OtherDriver\"");
+        resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, &Options::default())
+            .unwrap_or_else(|e| panic!("{}", lines(&e)))
+    };
+    let plan = of(&driver);
+    assert_eq!(plan.warnings, [""; 0]);
+    assert_eq!(parameter(&plan, "other@slow#7", "driver", "seed"), Some(Value::Integer(7)));
+    assert_eq!(parameter(&plan, "other@slow#7", "driver", "speed.initial"), Some(Value::Real(5.0 / 3.6)));
+    assert_eq!(parameter(&plan, "other@slow#7", "driver", "maneuver"), None);
+
+    let plan = of(&driver.replace("name=\"seed\"", "name=\"chance\"").replace(
+        "<Real unit=\"m/s\" displayUnit=\"km/h\" start=\"10\" min=\"0\"/>",
+        "<Real unit=\"rad\" start=\"10\"/>",
+    ));
+    let run = plan.runs.iter().find(|r| r.id == "other@slow#7").unwrap();
+    assert!(run.units[0].parameters.is_empty(), "{:?}", run.units[0].parameters);
+    let warnings = plan.warnings.join("\n");
+    assert!(
+        warnings.contains("`speed.initial` is not carried over: it is in rad there, in m/s in the FMU"),
+        "{warnings}"
+    );
+    assert!(warnings.contains("`seed` is not carried over: OtherDriver has no such parameter"), "{warnings}");
+    assert_eq!(plan.warnings.len(), 3, "two points and the seeds, once each: {warnings}");
+}
+
+#[test]
+fn mistakes_name_their_case() {
+    for (line, expected) in [
+        ("fmu.driver = \"Drver\"", "there is no Drver.fmu in memory"),
+        (
+            "fmu.driver = \"Steering\"",
+            "Steering has the input `driver.steer`, which Driver does not have; nobody writes the input `driver.steer` of \
+             `driver`, in case `other` (fmu.driver = \"Steering\")",
+        ),
+        (
+            "fmu.driver = \"Vehicle\"",
+            "`driver.speed` of `driver` is an input, expected an output, in case `other` (fmu.driver = \"Vehicle\")",
+        ),
+        ("without = [\"driver\"]", "nobody writes the input `driver.steer` of `steering`, in case `other`"),
+        (
+            "fmu.steering = \"OtherSteering\"\nparameters.steering = { strategy = 1 }",
+            "OtherSteering has no parameter `strategy`, in case `other` (fmu.steering = \"OtherSteering\")",
+        ),
+        ("parameters.steering = { stratgy = 1 }", "Steering has no parameter `stratgy`, in case `other`"),
+        ("inputs.vehicle = { \"road*\" = -1 }", "expected at least 0, in case `other`"),
+        ("fmu.driver = { fmu = \"Driver\", keep = true }", "unknown key `keep`, expected `fmu` or `keep_parameters`"),
+        (
+            "fmu.driver = 3",
+            "`fmu.driver` must be the name of an FMU or { fmu = \"Name\", keep_parameters = true }, got 3",
+        ),
+    ] {
+        let error = lines(&plan_of(&with_case(line), &Options::default()).expect_err(line));
+        assert!(error.contains(expected), "{line}\n  expected {expected}\n  got {error}");
+    }
+    // Patterns of recorded signals: in no case, or not with another FMU.
+    let other = include_str!("data/Steering.xml").replace("steer.front", "steer.rear");
+    let mut fmus = fmus();
+    fmus.insert("Rear".into(), Arc::new(ModelDescription::parse(&other).unwrap()));
+    let plan = |text: &str| resolve_text(Path::new("scenarios/step.toml"), text, &fmus, &Options::default());
+    let text = with_case("fmu.steering = \"Rear\"\ninputs.vehicle = { \"steer.*\" = 0.0 }")
+        .replace("\"steer.*\"]", "\"steering:steer.front\"]");
+    let warnings = plan(&text).unwrap_or_else(|e| panic!("{}", lines(&e))).warnings.join("\n");
+    let expected = "no output matches `steering:steer.front`, in case `other` (fmu.steering = \"Rear\")";
+    assert!(warnings.contains(expected), "{warnings}");
+    let error = lines(&plan(&text.replace("steering:steer.front", "steering:steer.frnt")).unwrap_err());
+    assert!(error.contains("`steering:steer.frnt`, in case `passive` and case `other` (fmu"), "{error}");
+}
+
+/// A mode by its name, wherever a value may stand.
+#[test]
+fn values_by_name() {
+    let text = with_case("parameters.vehicle = { \"tire.mode\" = \"linear\" }")
+        .replace("\"tire.mode\" = 0", "\"tire.mode\" = \"magic\"")
+        .replacen("{ \"speed.initial\" =", "{ maneuver = \"fishhook\", \"speed.initial\" =", 1)
+        .replacen("maneuver = 1", "maneuver = \"ramp_step\"", 1);
+    let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let of = |run, unit, name| parameter(&plan, run, unit, name);
+    assert_eq!(of("passive@fast#3", "vehicle", "tire.mode"), Some(Value::Integer(0)), "an enumeration");
+    assert_eq!(of("other@fast#3", "vehicle", "tire.mode"), Some(Value::Integer(1)), "in a case");
+    assert_eq!(of("passive@fast#3", "driver", "maneuver"), Some(Value::Integer(1)), "an Integer");
+    assert_eq!(of("passive@slow#3", "driver", "maneuver"), Some(Value::Integer(2)), "at a point");
+
+    let help = |from: &str, to: &str| {
+        let error = plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).expect_err(to);
+        let ResolveError::Problems(problems) = &error else { panic!("{error}") };
+        let help = miette::Diagnostic::help(&problems.problems[0]).map(|help| help.to_string());
+        (lines(&error), help)
+    };
+    let (error, hint) = help("maneuver = 1", "maneuver = \"rampstep\"");
+    assert!(
+        error.contains("`maneuver` has no value `rampstep`, expected one of straight (0), ramp_step (1)"),
+        "{error}"
+    );
+    assert_eq!(hint.as_deref(), Some("did you mean `ramp_step`?"));
+    let (error, hint) = help("maneuver = 1", "maneuver = \"Fishhook\"");
+    assert!(error.contains("`maneuver` has no value `Fishhook`"), "{error}");
+    assert_eq!(hint.as_deref(), Some("did you mean `fishhook`?"));
+    let (error, _) = help("maneuver = 1", "maneuver = 9");
+    assert!(error.contains("`maneuver` is 9, expected one of straight (0), ramp_step (1), fishhook (2)"), "{error}");
+    let (error, _) = help("strategy = 1", "strategy = \"individual\"");
+    assert!(error.contains("`strategy` is Integer without named values, got the string \"individual\""), "{error}");
+
+    // In parameter sets as String or as Enumeration of SSP.
+    let set = |value: Value| ParameterSet {
+        name: "test".into(),
+        parameters: vec![Parameter { name: "maneuver".into(), value, unit: None }],
+    };
+    let by_name = set(Value::String("fishhook".into())).to_xml(&[]).unwrap();
+    let text = scenario_with_sets().replacen("maneuver = 1, ", "", 1);
+    for unit in [by_name.clone(), by_name.replace("ssv:String", "ssv:Enumeration")] {
+        let plan = plan_with_sets(&text, [&parameter_set(&[]), &unit, &parameter_set(&[])]);
+        let plan = plan.unwrap_or_else(|e| panic!("{}", lines(&e)));
+        assert_eq!(parameter(&plan, "passive@slow#3", "driver", "maneuver"), Some(Value::Integer(2)));
+    }
+}
+
+/// More than a full turn in rad is told; not if degrees were named, or if the FMU's own value is as large.
+#[test]
+fn angles_that_look_like_degrees_warn() {
+    let driver = include_str!("data/Driver.xml").replace(" min=\"-1\" max=\"1\"", "");
+    let warnings = |driver: &str, amplitude: &str, options: &Options| {
+        let mut fmus = fmus();
+        fmus.insert("Driver".into(), Arc::new(ModelDescription::parse(driver).unwrap()));
+        let text = SCENARIO.replacen("{ value = 30.0, unit = \"deg\" }", amplitude, 1);
+        resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, options)
+            .unwrap_or_else(|e| panic!("{}", lines(&e)))
+            .warnings
+    };
+    let usual = Options::default();
+    assert_eq!(
+        warnings(&driver, "30", &usual),
+        ["scenarios/step.toml:12:50: `steer.amplitude` is 30 rad, which is 1719 deg; if degrees are meant, write \
+          { value = 30, unit = \"deg\" }"]
+    );
+    for amplitude in ["-6.28", "{ value = 1719, unit = \"deg\" }", "{ value = 30, unit = \"rad\" }"] {
+        assert_eq!(warnings(&driver, amplitude, &usual), [""; 0], "{amplitude}");
+    }
+    let start = driver.replacen("displayUnit=\"deg\" start=\"0\"", "displayUnit=\"deg\" start=\"10\"", 1);
+    assert_eq!(warnings(&start, "30", &usual), [""; 0], "its start value is as large");
+    // Of an input file.
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("in.csv");
+    std::fs::write(&file, "time,driver.steer\n0,0\n1,30\n").unwrap();
+    let options = Options { inputs: Some(file), ..Options::default() };
+    let found = warnings(&driver, "0.5", &options).join("\n");
+    assert!(found.contains("the input file has the value 30 rad for `driver.steer`"), "{found}");
+}
+
+#[test]
+fn what_is_too_large_is_refused_at_once() {
+    let with = |from: &str, to: &str| {
+        assert!(SCENARIO.contains(from), "{from}");
+        lines(&plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).expect_err(to))
+    };
+    let error = with("stop = 2.0", "stop = 1e6");
+    assert!(
+        error.contains("from start 0 s to stop 1000000 s are 1.000e9 steps of 0.001 s, the limit is 100000000"),
+        "{error}"
+    );
+    let error = with("step = 0.001", "step = 1e-300");
+    assert!(error.contains("the limit is 100000000"), "{error}");
+    // 9e7 steps, every second recorded, 4 signals.
+    let error = with("stop = 2.0", "stop = 9e4");
+    assert!(error.contains("45000001 rows of 4 signals and the time are 225000005 numbers per run"), "{error}");
+    assert!(error.contains("the limit is 125000000"), "{error}");
+    let seeds: Vec<String> = (0..2000).map(|seed| seed.to_string()).collect();
+    let error = with("values = [3, 7]", &format!("values = [{}]", seeds.join(", ")));
+    assert!(error.contains("3 cases, 2 points and 2000 seeds are 12000 runs, the limit is 10000"), "{error}");
+    let error = plan_of(SCENARIO, &Options { stop: Some(1e6), ..Options::default() }).unwrap_err().to_string();
+    assert!(error.contains("1.000e9 steps of 0.001 s, the limit is 100000000"), "{error}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("step.toml");
+    let read = |content: String| {
+        std::fs::write(&file, content).unwrap();
+        fmu_system::resolve::resolve(&file, &fmus(), &Options::default()).unwrap_err().to_string()
+    };
+    let error = read(format!("title = \"{}\"", "x".repeat(50_000_000)));
+    assert!(error.contains("the file has 50000010 bytes, the limit is 4000000"), "{error}");
+    let error = read(format!("title = \"{}\"", "x".repeat(3_000_000)));
+    assert!(error.contains("line 1 has 3000010 bytes, the limit is 100000"), "{error}");
+    let csv = folder.path().join("in.csv");
+    std::fs::write(&csv, format!("time,{}\n0,1\n", "x".repeat(3_000_000))).unwrap();
+    let error = plan_of(SCENARIO, &Options { inputs: Some(csv), ..Options::default() }).unwrap_err().to_string();
+    assert!(error.contains("in.csv: line 1 has 3000005 bytes, the limit is 100000"), "{error}");
+}
+
+/// What nothing reads is told, and a parameter for it as far as the model structure says so.
+#[test]
+fn what_nothing_reads_warns() {
+    let structure =
+        "<Outputs><Unknown index=\"5\" dependencies=\"\"/><Unknown index=\"6\" dependencies=\"\"/></Outputs>";
+    let driver = include_str!("data/Driver.xml");
+    assert!(driver.contains(structure));
+    let plan = |initial: &str, text: &str| {
+        let driver = driver.replace(structure, &format!("{structure}<InitialUnknowns>{initial}</InitialUnknowns>"));
+        let mut fmus = fmus();
+        fmus.insert("Driver".into(), Arc::new(ModelDescription::parse(&driver).unwrap()));
+        resolve_text(Path::new("scenarios/step.toml"), text, &fmus, &Options::default())
+            .unwrap_or_else(|e| panic!("{}", lines(&e)))
+    };
+    // The steering, which alone reads the angle, is left out in all cases.
+    let text = SCENARIO
+        .replace("without = [\"steering\"]\ninputs.vehicle = { \"steer.*\" = 0.0 }", "")
+        .replace("title = \"Passive\"", "title = \"Passive\"\nwithout = [\"steering\"]")
+        .replace("title = \"Without steering\"", "title = \"Without steering\"\nwithout = [\"steering\"]")
+        .replace("parameters.steering = { strategy = 2 }", "without = [\"steering\"]")
+        .replace("\"road_friction.l\" = 0.5", "\"road_friction.l\" = 0.5, \"steer.front\" = 0.0")
+        .replace("signals = [\"vehicle:body.roll\", \"steer.front\"]", "signals = [\"vehicle:body.roll\"]")
+        .replace("\"steer.*\"]", "\"vehicle:body.*\"]");
+    let separate = "<Unknown index=\"5\" dependencies=\"1 2\"/><Unknown index=\"6\" dependencies=\"1 3\"/>";
+    let found = plan(separate, &text);
+    assert_eq!(
+        found.warnings,
+        [
+            "scenarios/step.toml:12:30: `steer.amplitude` of `driver` has no effect: nothing reads the outputs that depend on it"
+        ]
+    );
+    let unread: Vec<_> = found.wiring[0].unread.iter().map(|s| s.variable.as_str()).collect();
+    assert_eq!(unread, ["driver.steer"]);
+    // A superset of the dependencies, or none at all: nothing is certain, a trial run may tell.
+    for initial in ["<Unknown index=\"5\"/><Unknown index=\"6\"/>", ""] {
+        let found = plan(initial, &text);
+        assert_eq!(found.warnings, [""; 0]);
+        assert_eq!(found.trials.len(), 1);
+    }
+    // Read in one of the cases: the parameter is set for that.
+    let found = plan(separate, SCENARIO);
+    assert_eq!((found.warnings, found.trials.len()), (Vec::new(), 0));
+    // A unit for nothing.
+    let text = SCENARIO.replacen(
+        "[[unit]]\nname = \"vehicle\"",
+        "[[unit]]\nname = \"spare\"\nfmu = \"OtherSteering\"\n[[unit]]\nname = \"vehicle\"",
+        1,
+    );
+    let text = text.replacen(
+        "[[connection]]",
+        "[[connection]]\nfrom = \"steering:steer.front\"\nto = \"vehicle:steer.front\"\n[[connection]]",
+        1,
+    );
+    let text =
+        text.replace("\"steer.*\"]", "\"steering:steer.*\"]").replace("\"steer.front\"]", "\"steering:steer.front\"]");
+    let text = text.replace("without = [\"steering\"]", "without = [\"steering\", \"spare\"]");
+    let found = plan("", &text).warnings;
+    assert_eq!(
+        found,
+        [
+            "scenarios/step.toml:20:8: nothing reads the outputs of `spare`, and none is recorded, in case `passive` and case \
+          `active`; leave the unit out with `without`, connect it or record its outputs"
+        ]
+    );
+}
+
+#[test]
+fn options_change_the_plan() {
+    let options = Options { stop: Some(0.5), order: Some(Order::Jacobi), seeds: Some(1), inputs: None };
+    let plan = plan_of(SCENARIO, &options).unwrap();
+    assert_eq!(plan.simulation.steps, 500);
+    assert_eq!(plan.simulation.order, Order::Jacobi);
+    assert_eq!(plan.seeds, [3]);
+    assert_eq!(plan.runs.len(), 6);
+    let odd = Options { stop: Some(0.0005), ..Options::default() };
+    let error = plan_of(SCENARIO, &odd).unwrap_err().to_string();
+    assert!(error.contains("are 0.5 steps of 0.001 s, which must be a whole number above 0"), "{error}");
+}
+
+#[test]
+fn metrics_and_figures() {
+    let plan = plan();
+    let metric = &plan.metrics[0];
+    assert_eq!((&metric.columns[..], metric.unit.as_deref()), (&[1][..], Some("deg")));
+    assert_eq!(metric.factor, 57.295_779_513_082_32);
+    assert_eq!(metric.paper.as_ref().unwrap().values["passive@slow"], 1.5);
+    assert_eq!(plan.metrics[1].unit.as_deref(), Some("rad"), "the variable's own");
+    assert_eq!(plan.figures[0].columns, [1, 0]);
+    assert_eq!(plan.figures[0].factor, 1.0);
+    assert_eq!(plan.figures[0].cases, ["passive", "active", "manual"], "all, unless some are named");
+    assert!(!plan.figures[0].separate);
+    assert_eq!(plan.figures[1].metrics, [0]);
+
+    // The threshold is in the unit the signal is converted to; the number has a unit of its own.
+    let text = SCENARIO
+        .replace("kind = \"rms\"", "kind = \"crossing\"\nthreshold = 3.0")
+        .replace("kind = \"peak\"", "kind = \"share\"\nthreshold = 0.05")
+        .replace(
+            "kind = \"time\"",
+            "kind = \"time\"\ncases = [\"active\"]\nseparate = true\nlevels = [{ value = 0.1, title = \"L\" }]",
+        );
+    let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let metric = &plan.metrics[0];
+    assert_eq!((metric.threshold, metric.unit.as_deref()), (Some(3.0), Some("s")));
+    assert_eq!(metric.factor, 57.295_779_513_082_32);
+    assert_eq!((plan.metrics[1].threshold, plan.metrics[1].unit.as_deref()), (Some(0.05), Some("1")));
+    let magnitude = text.replace("\"crossing\"", "\"magnitude_crossing\"");
+    let plan_of_magnitude = plan_of(&magnitude, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let metric = &plan_of_magnitude.metrics[0];
+    assert_eq!((metric.kind, metric.threshold), (MetricKind::MagnitudeCrossing, Some(3.0)));
+    assert_eq!((metric.unit.as_deref(), metric.factor), (Some("s"), plan.metrics[0].factor));
+    assert_eq!((&plan.figures[0].cases[..], plan.figures[0].separate), (&["active".to_string()][..], true));
+    assert_eq!((plan.figures[0].levels[0].value, plan.figures[0].levels[0].title.as_str()), (0.1, "L"));
+    // Numbers that refer to the last value: a share, and a time.
+    let text_of_last = SCENARIO
+        .replace("kind = \"rms\"", "kind = \"settling_time\"\nthreshold = 0.05")
+        .replace("kind = \"peak\"", "kind = \"overshoot\"");
+    let plan = plan_of(&text_of_last, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    assert_eq!(plan.metrics[0].unit.as_deref(), Some("s"));
+    assert_eq!((plan.metrics[1].threshold, plan.metrics[1].unit.as_deref()), (None, Some("1")));
+    let spectrum = text.replace("kind = \"time\"", "kind = \"spectrum\"");
+    let spectrum = spectrum.replace("separate = true\nlevels = [{ value = 0.1, title = \"L\" }]", "");
+    let plan = plan_of(&spectrum, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    assert_eq!((plan.figures[0].kind, &plan.figures[0].columns[..]), (FigureKind::Spectrum, &[1, 0][..]));
+}
+
+#[test]
+fn findings_are_checks_and_texts_with_numbers() {
+    let plan = plan();
+    let [finding, own] = &plan.findings[..] else { panic!("{:?}", plan.findings) };
+    assert_eq!((finding.own, own.own), (false, true));
+    let seen: Vec<_> = finding
+        .checks
+        .iter()
+        .map(|c| (c.expect, c.cell.key(), c.against.as_ref().map_or(String::new(), Cell::key)))
+        .collect();
+    let of = |expect, cell: &str, against: &str| (expect, cell.to_string(), against.to_string());
+    assert_eq!(
+        seen,
+        [
+            // A change where the paper has one, from its values or printed; else a value. All points where none is named.
+            of(Expect::PaperChange, "active@slow", "passive@slow"),
+            of(Expect::PaperChange, "active@fast", "active@slow"),
+            of(Expect::PaperValue, "passive@slow", ""),
+            of(Expect::Lower, "active@slow", "passive@slow"),
+            of(Expect::Lower, "active@fast", "passive@fast"),
+        ]
+    );
+    let changes = &plan.metrics[0].paper.as_ref().unwrap().changes;
+    assert_eq!((changes["active@fast/passive@fast"], changes["active@fast/active@slow"]), (-30.0, 10.0));
+    assert_eq!((own.checks[0].expect, own.checks[0].level, &own.checks[0].against), (Expect::Below, Some(0.1), &None));
+    let words = |text: &[Part]| {
+        let shown = |part: &Part| match part {
+            Part::Words(words) => words.clone(),
+            Part::Number { format, cells, against, .. } => {
+                let keys = |cells: &[Cell]| cells.iter().map(Cell::key).collect::<Vec<_>>().join(" ");
+                format!("[{format:?} {}/{}]", keys(cells), keys(against))
+            }
+        };
+        text.iter().map(shown).collect::<String>()
+    };
+    assert_eq!(
+        words(&finding.explanation),
+        "By [By active@slow active@fast/passive@slow passive@fast] from [From /] on, \
+         [Ratio manual@slow/active@fast] times."
+    );
+    let caption = plan.figures[1].caption.as_ref().unwrap();
+    assert_eq!(words(caption), "Up to [Value active@fast/].");
+    assert!(plan.figures[0].caption.is_none());
+}
+
+#[test]
+fn metrics_of_several_signals_and_units_of_kinds() {
+    let of = |change: &str| {
+        let text = SCENARIO.replacen("signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"", change, 1);
+        let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+        plan.metrics[0].clone()
+    };
+    let both = "signals = [\"body.roll\", \"steer.front\"]\n";
+    let metric = of(&format!("{both}combine = \"min\"\nkind = \"share_below\"\nthreshold = 1.0"));
+    assert_eq!((metric.columns.len(), metric.combine, metric.unit.as_deref()), (2, Some(Combine::Min), Some("1")));
+    let metric = of(&format!("{both}combine = \"squares\"\nweights = [1.0, 2.0]\nkind = \"mean\""));
+    assert_eq!((metric.weights, metric.unit.as_deref()), (vec![1.0, 2.0], Some("1")));
+    for (signal, unit) in [("body.roll", "rad.s"), ("body.roll_rate", "rad"), ("vehicle.speed", "m")] {
+        let metric = of(&format!("signal = \"vehicle:{signal}\"\nkind = \"integral\""));
+        assert_eq!(metric.unit.as_deref(), Some(unit), "{signal}");
+    }
+    let metric = of("signal = \"body.roll\"\nkind = \"band_power\"\nband = [1.0, 3.0]\nfrom_baseline = true");
+    assert_eq!((metric.band, metric.unit.as_deref()), (Some([1.0, 3.0]), Some("(rad)2")));
+    assert!(metric.from_baseline);
+}
+
+#[test]
+fn signals_beside_others_and_origins() {
+    let text = SCENARIO
+        .replacen(
+            "window = [0.5, 2.0]",
+            "window = [0.5, 2.0]\nminus = \"steer.front\"\nuntil = { signal = \"body.roll\", above = 9.0, unit = \"deg\" }",
+            1,
+        )
+        .replace("kind = \"peak\"", "kind = \"peak\"\nuntil = { signal = \"body.roll\", below = -0.5 }")
+        .replace("\"active@slow\" = 1.2 }", "\"active@slow\" = 1.2 }\ncalibrated = [\"passive@slow\"]")
+        .replace("kind = \"time\"", "kind = \"time\"\nagainst = \"steer.front\"");
+    let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let steer = plan.columns.iter().position(|c| c.name == "steer.front");
+    assert_eq!((plan.metrics[0].minus, plan.metrics[1].minus), (steer, None));
+    // The level is in the unit of the signal, whatever it was written in.
+    let until = plan.metrics[0].until.unwrap();
+    assert!((until.level - 9f64.to_radians()).abs() < 1e-15 && until.above);
+    assert_eq!(plan.columns[until.column].name, "body.roll");
+    let until = plan.metrics[1].until.unwrap();
+    assert_eq!((until.level, until.above), (-0.5, false));
+    assert_eq!(plan.metrics[0].paper.as_ref().unwrap().calibrated, Some(vec!["passive@slow".to_string()]));
+    assert_eq!((plan.figures[0].against, plan.figures[1].against), (steer, None));
+}
+
+#[test]
+fn the_json_has_the_agreed_layout() {
+    let json = serde_json::to_value(plan()).unwrap();
+    assert_eq!(json["format"], 2);
+    assert_eq!(json["simulation"]["order"], "sequential");
+    let run = &json["runs"][0];
+    assert_eq!(run["seed"], 3);
+    let setting = &run["units"][0]["parameters"][0];
+    assert_eq!(setting["name"], "maneuver");
+    assert_eq!(setting["type"], "Integer");
+    assert_eq!(setting["reference"], 0);
+    assert_eq!(setting["value"], 1);
+    assert!(run["units"][0]["outputs"][0]["slot"].is_u64());
+    assert_eq!(json["cases"][0]["baseline"], serde_json::Value::Null);
+    assert_eq!(json["figures"][0]["kind"], "time");
+    assert_eq!(json["metrics"][0]["window"], serde_json::json!([0.5, 2.0]));
+    assert_eq!(json["metrics"][0]["columns"], serde_json::json!([1]));
+    assert_eq!(json["figures"][1]["caption"][0], "Up to ");
+    let claim = &json["findings"][0]["claim"];
+    assert_eq!(claim[0], "Less roll, by ");
+    let active = serde_json::json!({ "metric": 0, "case": "active", "point": "slow" });
+    let passive = serde_json::json!({ "metric": 0, "case": "passive", "point": "slow" });
+    assert_eq!(
+        claim[1],
+        serde_json::json!({ "format": "paper_by", "metric": 0, "cells": [active], "against": [passive] })
+    );
+    assert_eq!(
+        json["findings"][0]["checks"][0],
+        serde_json::json!({ "cell": active, "against": passive, "expect": "paper_change", "level": null })
+    );
+}
+
+/// One change to the scenario, where the mistake is marked, and what is said.
+#[test]
+fn mistakes_are_reported_with_their_place() {
+    let cases: &[(&str, &str, &str)] = &[
+        ("stop = 2.0", "stopp = 2.0", "5:1: unknown key `stopp`"),
+        ("title = \"Step\"", "titel = \"Step\"", "1:1: unknown key `titel`"),
+        ("step = 0.001", "step = 0.0011", "5:8: from start 0 s to stop"),
+        ("step = 0.001", "step = -1.0", "6:8: step is -1"),
+        ("stop = 2.0", "stop = -2", "5:8: stop is -2"),
+        ("stop = 2.0", "stop = \"a\"", "5:8: `stop` must be a number, got the string \"a\""),
+        ("name = \"driver\"", "name = \"Driver\"", "the name of a unit is made of"),
+        ("name = \"driver\"", "name = \"vehicle\"", "the unit `vehicle` is there twice"),
+        ("fmu = \"Driver\"", "fmu = \"Drivr\"", "11:7: there is no Drivr.fmu in memory"),
+        ("fmu = \"Driver\"", "fmu = \"../Driver\"", "file stem"),
+        ("maneuver = 1", "manouver = 1", "Driver has no parameter `manouver`"),
+        ("maneuver = 1", "maneuver = 10", "12:27: `maneuver` is 10, expected one of straight (0)"),
+        ("maneuver = 1", "maneuver = 1.0", "12:27: `maneuver` must be a whole number, got 1.0"),
+        ("maneuver = 1", "maneuver = true", "`maneuver` must be a whole number, got true"),
+        ("maneuver = 1", "maneuver = 5000000000", "more than 32 bits"),
+        ("maneuver = 1", "driver.speed = 1", "Driver has no parameter `driver`"),
+        ("maneuver = 1", "\"driver.speed\" = 1", "is not a parameter but an output"),
+        ("strategy = 1, ", "gain = 1, ", "not a parameter but a calculated parameter"),
+        ("unit = \"deg\" } }", "unit = \"grad\" } }", "cannot be given in `grad`, expected one of: rad, deg"),
+        ("value = 30.0, unit = \"deg\"", "value = 300.0, unit = \"deg\"", "expected at most 1"),
+        ("value = 30.0, unit = \"deg\"", "value = 30.0", "expected a value or { value"),
+        ("value = 30.0, unit", "value = nan, unit", "expected a finite number"),
+        ("\"tire.mode\" = 0", "\"tire.mode\" = 4", "expected one of magic (0), linear (1)"),
+        ("label = \"car\"", "label = 1", "`label` must be a string, got 1"),
+        ("\"road_friction.*\" = 1.0, ", "", "nobody writes the input `road_friction.r` of `vehicle`"),
+        ("\"road_friction.*\" = 1.0", "\"road_friktion.*\" = 1.0", "`vehicle` has no input `road_friktion.*`"),
+        ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = 1.0, \"road*\" = 1.0", "both match `road_friction.l`"),
+        ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = -1.0", "expected at least 0"),
+        ("\"road_friction.*\" = 1.0", "\"*\" = 1.0", "has this constant but is written by `driver`"),
+        ("from = \"driver:driver.speed\"", "from = \"driver:driver.sped\"", "`driver` has no output `driver.sped`"),
+        ("from = \"driver:driver.speed\"", "from = \"diver:driver.speed\"", "unknown unit `diver`"),
+        ("from = \"driver:driver.speed\"", "from = \"driver.speed\"", "expected \"unit:variable\""),
+        ("from = \"driver:driver.speed\"", "from = \"driver:maneuver\"", "is a parameter, expected an output"),
+        (
+            "from = \"driver:driver.speed\"",
+            "from = \"driver:driver.steer\"",
+            "is in rad, but `steering:vehicle.speed`, which it writes, is in m/s",
+        ),
+        ("to = \"steering:vehicle.speed\"", "to = \"steering:steer.front\"", "is an output, expected an input"),
+        (
+            "[[case]]\nname = \"passive\"",
+            "[[connection]]\nfrom = \"vehicle:vehicle.speed\"\nto = \"steering:vehicle.speed\"\n[[case]]\nname = \"passive\"",
+            "a second connection writes `steering:vehicle.speed`",
+        ),
+        (
+            "[[case]]\nname = \"passive\"",
+            "[[unit]]\nname = \"second\"\nfmu = \"Driver\"\n[[case]]\nname = \"passive\"",
+            "the input `driver.steer` of `steering` has several writers: `driver` and `second`",
+        ),
+        ("without = [\"steering\"]", "without = [\"stearing\"]", "unknown unit `stearing`"),
+        ("without = [\"steering\"]", "without = [\"steering\", \"driver\", \"vehicle\"]", "leaves all units out"),
+        (
+            "without = [\"steering\"]",
+            "without = [\"steering\"]\nparameters.steering = { strategy = 1 }",
+            "this case leaves the unit `steering` out",
+        ),
+        ("baseline = \"passive\"", "baseline = \"pasive\"", "unknown case `pasive`"),
+        ("values = [3, 7]", "values = [3, 3]", "this seed is there twice"),
+        ("values = [3, 7]", "values = []", "at least one seed"),
+        ("values = [3, 7]", "values = [-3]", "`seed` is -3, expected at least 0"),
+        ("parameter = \"driver:seed\"", "parameter = \"driver:sed\"", "Driver has no parameter `sed`"),
+        (
+            "parameter = \"driver:seed\"",
+            "parameter = \"steering:strategy\"",
+            "this case leaves out the unit `steering`, which takes the seeds",
+        ),
+        ("[sweep]\ntitle = \"Speed\"\nunit = \"km/h\"\n", "", "points need a [sweep]"),
+        ("value = 5.0\n", "value = inf\n", "expected a finite number"),
+        ("\"vehicle:*\"", "\"vehicle:wheel*\"", "no output matches `vehicle:wheel*`"),
+        ("\"vehicle:*\"", "\"vehikle:*\"", "unknown unit `vehikle`"),
+        ("every = 2", "every = 0", "every is 0, expected at least 1"),
+        ("kind = \"rms\"", "kind = \"rmss\"", "`kind`: unknown word `rmss`"),
+        ("signal = \"body.roll\"", "signal = \"body.rol\"", "there is no output `body.rol`"),
+        ("signal = \"body.roll\"", "signal = \"driver.steer\"", "`driver.steer` is not recorded"),
+        (
+            "unit = \"deg\"\nwindow",
+            "unit = \"m\"\nwindow",
+            "`body.roll` cannot be shown in `m`, expected one of: rad, deg",
+        ),
+        ("window = [0.5, 2.0]", "window = [0.5, 3.0]", "expected a window [from, to]"),
+        ("\"passive@slow\" = 1.5", "\"passiv@slow\" = 1.5", "unknown case `passiv`"),
+        ("\"passive@slow\" = 1.5", "\"passive@slo\" = 1.5", "unknown point `slo`"),
+        ("\"passive@slow\" = 1.5", "passive = 1.5", "with a sweep the paper's values"),
+        ("metrics = [\"roll_rms\"]", "metrics = [\"roll_rsm\"]", "unknown metric `roll_rsm`"),
+        ("metrics = [\"roll_rms\"]", "signals = [\"body.roll\"]", "has `metrics`, no `signals`"),
+        ("kind = \"rms\"", "kind = \"share\"", "a metric of this kind needs a `threshold`"),
+        ("kind = \"rms\"", "kind = \"rms\"\nthreshold = 0.8", "a metric of this kind has no `threshold`"),
+        ("kind = \"rms\"", "kind = \"crossing\"\nthreshold = nan", "expected a finite number"),
+        ("kind = \"rms\"", "kind = \"magnitude_crossing\"", "a metric of this kind needs a `threshold`"),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\" }", "either `above` or `below`"),
+        (
+            "kind = \"rms\"",
+            "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = 1.0, below = 2.0 }",
+            "either `above` or `below`",
+        ),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = inf }", "a finite number"),
+        ("kind = \"rms\"", "kind = \"rms\"\nuntil = { signal = \"body.rol\", above = 1.0 }", "no output `body.rol`"),
+        (
+            "kind = \"rms\"",
+            "kind = \"rms\"\nuntil = { signal = \"body.roll\", above = 1.0, unit = \"m\" }",
+            "cannot be shown in `m`",
+        ),
+        ("kind = \"rms\"", "kind = \"rms\"\nminus = \"body.rol\"", "no output `body.rol`"),
+        ("kind = \"rms\"", "kind = \"rms\"\nminus = \"vehicle.speed\"", "is in m/s, but `body.roll` is in rad"),
+        (
+            "\"active@slow\" = 1.2 }",
+            "\"active@slow\" = 1.2 }\ncalibrated = [\"passive@slo\"]",
+            "unknown value of the paper `passive@slo`",
+        ),
+        ("kind = \"time\"", "kind = \"time\"\nagainst = \"vehicle.speed\"", "is in m/s, but `body.roll` is in rad"),
+        (
+            "kind = \"sweep\"",
+            "kind = \"sweep\"\nagainst = \"body.roll\"",
+            "only a figure of kind \"time\" has `against`",
+        ),
+        ("kind = \"time\"", "kind = \"time\"\ncases = [\"activ\"]", "unknown case `activ`"),
+        ("kind = \"time\"", "kind = \"time\"\ncases = []", "expected at least one case"),
+        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ value = nan, title = \"\" }]", "expected a finite number"),
+        ("kind = \"time\"", "kind = \"time\"\nlevels = [{ valu = 1.0, title = \"\" }]", "unknown key `valu`"),
+        ("kind = \"sweep\"", "kind = \"sweep\"\nseparate = true", "only a figure of kind \"time\" has `separate`"),
+        (
+            "kind = \"sweep\"",
+            "kind = \"sweep\"\nlevels = [{ value = 1.0, title = \"\" }]",
+            "only a figure of kind \"time\" has `levels`",
+        ),
+        ("kind = \"sweep\"", "kind = \"spectrum\"", "a figure of kind \"time\" or \"spectrum\" has `signals`"),
+        ("expect = \"lower\"", "expect = \"less\"", "`expect`: unknown word `less`"),
+        ("expect = \"lower\"", "expect = \"below\"", "need a `level`"),
+        ("expect = \"lower\"", "expect = \"lower\", level = 1.0", "only \"below\" and \"above\" have a `level`"),
+        ("level = 0.1", "level = inf", "expected a finite number"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak.activ\"], expect", "105:16: unknown case `activ`"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_pek.active\"], expect", "unknown metric `roll_pek`"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak.active@slw\"], expect", "unknown point `slw`"),
+        ("[\"roll_peak.active\"], expect", "[\"roll_peak\"], expect", "expected \"metric.case\""),
+        (
+            "[\"roll_peak.active\"], expect",
+            "[\"roll_peak.manual\"], expect",
+            "`manual` has no baseline to compare with",
+        ),
+        (
+            "[\"roll_peak.active\"], expect = \"lower\"",
+            "[\"roll_peak.active\"]",
+            "the paper gives no number for `active@slow`",
+        ),
+        ("[\"roll_peak.active\"], expect", "[], expect", "expected at least one cell"),
+        ("expect = \"below\", level = 0.1", "expect = \"paper_value\"", "no paper makes a claim of one's own"),
+        ("expect = \"below\", level = 0.1", "expect = \"falls_more\"", "`manual` has no baseline to compare with"),
+        (
+            "[{ cells = [\"roll_peak.manual@slow\"], expect = \"below\", level = 0.1 }]",
+            "[]",
+            "a finding needs at least one check",
+        ),
+        ("{roll_peak.active@fast}", "{roll_pek.active@fast}", "99:18: unknown metric `roll_pek`"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:chang}", "99:18: unknown format `chang`"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:paper}", "the paper gives no such number"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast", "a `{` without a `}`"),
+        ("{roll_rms:from}", "{roll_rms:threshold}", "the metric `roll_rms` has no such number"),
+        // In a string over several lines the place is that of the number, too.
+        ("{roll_rms.active:by}", "{roll_rms.activ:by}", "108:4: unknown case `activ`"),
+        ("\"active@fast\" = -30.0", "\"activ@fast\" = -30.0", "unknown case `activ`"),
+        ("\"active@fast\" = -30.0", "\"manual@fast\" = -30.0", "`manual` has no baseline to compare with"),
+        ("signal = \"body.roll\"", "combine = \"min\"", "a metric needs a `signal` or `signals`"),
+        ("signal = \"body.roll\"", "signals = [\"body.roll\"]", "several `signals` need a `combine`"),
+        ("signal = \"body.roll\"", "signal = \"body.roll\"\ncombine = \"min\"", "`combine` needs several `signals`"),
+        (
+            "signal = \"body.roll\"",
+            "signal = \"body.roll\"\nsignals = [\"steer.front\"]",
+            "either a `signal` or `signals`",
+        ),
+        (
+            "signal = \"body.roll\"",
+            "signals = [\"body.roll\", \"vehicle.speed\"]\ncombine = \"max\"",
+            "is in m/s, but `body.roll` is in rad",
+        ),
+        (
+            "signal = \"body.roll\"",
+            "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"norm\"\nweights = [1.0, 2.0]",
+            "only `combine = \"squares\"` has `weights`",
+        ),
+        (
+            "signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"",
+            "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nkind = \"mean\"",
+            "needs `weights`",
+        ),
+        (
+            "signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"",
+            "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nweights = [1.0]\nkind = \"mean\"",
+            "expected 2 weights",
+        ),
+        (
+            "signal = \"body.roll\"",
+            "signals = [\"body.roll\", \"steer.front\"]\ncombine = \"squares\"\nweights = [1.0, 2.0]",
+            "a weighted sum of squares has no `unit`",
+        ),
+        ("kind = \"rms\"", "kind = \"rms\"\nband = [1.0, 2.0]", "only a metric of kind \"band_power\" has a `band`"),
+        ("kind = \"rms\"", "kind = \"band_power\"", "needs a `band`"),
+        ("kind = \"rms\"", "kind = \"band_power\"\nband = [2.0, 1.0]", "expected a band [from, to]"),
+        (
+            "kind = \"sweep\"\nmetrics = [\"roll_rms\"]",
+            "kind = \"running\"\nmetrics = [\"roll_peak\"]",
+            "drawn as it grows",
+        ),
+    ];
+    for (from, to, expected) in cases {
+        assert!(SCENARIO.contains(from), "not in the scenario: {from}");
+        let text = SCENARIO.replacen(from, to, 1);
+        let error = plan_of(&text, &Options::default()).err();
+        let error = lines(&error.unwrap_or_else(|| panic!("no mistake found: {to}")));
+        assert!(error.contains(expected), "{to}\n  expected {expected}\n  got {error}");
+        assert!(error.starts_with("scenarios/step.toml:"), "{error}");
+    }
+}
+
+#[test]
+fn near_names_are_suggested() {
+    for (from, to, expected) in [
+        ("fmu = \"Driver\"", "fmu = \"Drivr\"", "did you mean `Driver`?"),
+        ("maneuver = 1", "manuver = 1", "did you mean `maneuver`?"),
+        ("signal = \"body.roll\"", "signal = \"body.rol\"", "did you mean `body.roll`?"),
+        ("signal = \"body.roll\"", "signal = \"driver:body.roll\"", "did you mean `vehicle:body.roll`?"),
+        ("signal = \"body.roll\"", "signal = \"roll_angle\"", "similar names: `body.roll`, `body.roll_rate`"),
+        (
+            "signal = \"body.roll\"",
+            "signal = \"driver:slip\"",
+            "the outputs of `driver`: `driver.speed`, `driver.steer`",
+        ),
+        ("\"vehicle:*\"", "\"vehicle:roll*\"", "similar names: `body.roll`, `body.roll_rate`"),
+        ("unit = \"km/h\" } }", "unit = \"kmh\" } }", "did you mean `km/h`?"),
+        ("unit = \"deg\"\nwindow", "unit = \"degs\"\nwindow", "did you mean `deg`?"),
+        // Keys and words of the layout.
+        ("kind = \"rms\"", "kind = \"RMS\"", "did you mean `rms`?"),
+        ("stop = 2.0", "stopp = 2.0", "did you mean `stop`?"),
+        ("stop = 2.0", "stop = 2.0\norder = \"sequental\"", "did you mean `sequential`?"),
+        ("kind = \"rms\"", "kind = \"rmss\"", "did you mean `rms`?"),
+        ("kind = \"time\"", "kind = \"tiem\"", "did you mean `time`?"),
+        ("expect = \"lower\"", "expect = \"lowr\"", "did you mean `lower`?"),
+        ("{roll_peak.active@fast}", "{roll_peak.active@fast:ratoi}", "did you mean `ratio`?"),
+    ] {
+        let error = plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).unwrap_err();
+        let ResolveError::Problems(problems) = error else { panic!("{error}") };
+        let help = miette::Diagnostic::help(&problems.problems[0]).unwrap().to_string();
+        assert_eq!(help, expected);
+    }
+}
+
+/// FMUs in memory, and others that can be built.
+struct Workspace(BTreeMap<String, Arc<ModelDescription>>, &'static [&'static str]);
+
+impl Descriptions for Workspace {
+    fn find(&self, name: &str) -> Result<Option<Found>, String> {
+        self.0.find(name)
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.0.names()
+    }
+
+    fn buildable(&self) -> Vec<String> {
+        self.1.iter().map(|name| (*name).to_string()).collect()
+    }
+
+    fn place(&self) -> String {
+        self.0.place()
+    }
+}
+
+#[test]
+fn missing_fmus_are_one_mistake() {
+    let mistake = |text: &str, packed: &[&str]| {
+        let mut found = fmus();
+        found.retain(|name, _| packed.contains(&name.as_str()));
+        let workspace = Workspace(found, &["Driver", "Steering", "Vehicle"]);
+        let error = resolve_text(Path::new("scenarios/step.toml"), text, &workspace, &Options::default()).unwrap_err();
+        let ResolveError::Problems(problems) = error else { panic!("{error}") };
+        let [problem] = &problems.problems[..] else { panic!("{problems:?}") };
+        let help = miette::Diagnostic::help(problem).unwrap().to_string();
+        (problem.line(), help, miette::Diagnostic::labels(problem).unwrap().count())
+    };
+    let pack = "`cargo fmu pack --for scenarios/step.toml` builds all that this scenario needs";
+    let (line, help, marks) = mistake(SCENARIO, &[]);
+    assert_eq!(line, "scenarios/step.toml:11:7: 3 FMUs are not in memory: Driver, Steering, Vehicle");
+    assert_eq!((help.as_str(), marks), (pack, 1));
+    let (line, help, _) = mistake(SCENARIO, &["Driver", "Vehicle"]);
+    assert_eq!(line, "scenarios/step.toml:16:7: there is no Steering.fmu in memory");
+    assert_eq!(help, pack);
+    // A slip is corrected, whether or not the right one is packed; what comes from elsewhere is not to be built.
+    let slip = SCENARIO.replace("fmu = \"Vehicle\"", "fmu = \"Vehicl\"");
+    assert_eq!(mistake(&slip, &["Driver", "Steering"]).1, "did you mean `Vehicle`?");
+    assert_eq!(mistake(&slip, &["Driver"]).1, format!("`Vehicl`: did you mean `Vehicle`?\n{pack}"));
+    let other = SCENARIO.replace("fmu = \"Vehicle\"", "fmu = \"Somebodys\"");
+    let elsewhere = "name the folder of FMUs that are not built in this workspace with --fmus";
+    assert_eq!(mistake(&other, &["Driver", "Steering"]).1, elsewhere);
+}
+
+/// An input that has no writer, or several, because of the FMU that a case names.
+#[test]
+fn a_swap_that_breaks_the_wiring_is_named() {
+    let mistakes = |text: &str, name: &str, description: &str| {
+        let mut fmus = fmus();
+        fmus.insert(name.to_string(), Arc::new(ModelDescription::parse(description).unwrap()));
+        lines(&resolve_text(Path::new("scenarios/step.toml"), text, &fmus, &Options::default()).unwrap_err())
+    };
+    let driver = include_str!("data/Driver.xml");
+    let text = with_case("fmu.driver = \"Mute\"");
+    let error = mistakes(&text, "Mute", &driver.replace("name=\"driver.steer\"", "name=\"steer\""));
+    assert_eq!(
+        error,
+        "scenarios/step.toml:36:14: Mute has no output `driver.steer`, which Driver has; nobody writes the input \
+         `driver.steer` of `steering`, in case `other` (fmu.driver = \"Mute\")"
+    );
+    // The connection names it; that its input has no writer follows.
+    let error = mistakes(&text, "Mute", &driver.replace("name=\"driver.speed\"", "name=\"speed\""));
+    let connection =
+        "scenarios/step.toml:26:8: `driver` has no output `driver.speed`, which Driver has, in case `other`";
+    assert!(error.contains(connection), "{error}");
+    assert!(!error.contains("of `steering`"), "{error}");
+
+    let vehicle = include_str!("../../fmu-import/tests/data/Vehicle.xml");
+    let text = with_case("fmu.vehicle = \"Loud\"");
+    let error = mistakes(&text, "Loud", &vehicle.replace("name=\"body.roll_rate\"", "name=\"driver.steer\""));
+    let several = "Loud has the output `driver.steer`, which Vehicle does not have; the input `driver.steer` of \
+                   `steering` has several writers: `driver` and `vehicle`, in case `other` (fmu.vehicle = \"Loud\")";
+    assert!(error.contains(several), "{error}");
+}
+
+#[test]
+fn a_stop_on_the_command_line_is_named() {
+    let error = |stop| plan_of(SCENARIO, &Options { stop: Some(stop), ..Options::default() }).unwrap_err().to_string();
+    assert_eq!(error(-3.0), "--stop -3: the stop must be later than the start, 0 s");
+    assert_eq!(
+        error(1e9),
+        "--stop 1000000000: from start 0 s to stop 1000000000 s are 1.000e12 steps of 0.001 s, the limit is 100000000"
+    );
+    assert!(
+        error(0.0005).starts_with("--stop 0.0005: from start 0 s to stop 0.0005 s are 0.5 steps"),
+        "{}",
+        error(0.0005)
+    );
+    assert!(error(9e4).starts_with("--stop 90000: 45000001 rows of 4 signals"), "{}", error(9e4));
+}
+
+#[test]
+fn a_stop_that_is_too_late_is_marked() {
+    let marked = |stop: &str| {
+        let text = SCENARIO.replace("stop = 2.0", &format!("stop = {stop}"));
+        let error = plan_of(&text, &Options::default()).unwrap_err();
+        let ResolveError::Problems(problems) = error else { panic!("{error}") };
+        let labels = miette::Diagnostic::labels(&problems.problems[0]).unwrap();
+        labels.map(|label| text[label.offset()..][..label.len()].to_string()).collect::<Vec<_>>()
+    };
+    assert_eq!(marked("1e6"), ["1e6", "0.001"]);
+    assert_eq!(marked("9e4"), ["9e4", "2"], "stop and every");
+}
+
+/// Feeds stand in for outputs; what nothing needs any more is dropped.
+#[test]
+fn inputs_from_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("in.csv");
+    let with = |content: &str| {
+        std::fs::write(&file, content).unwrap();
+        let options = Options { inputs: Some(file.clone()), ..Options::default() };
+        plan_of(SCENARIO, &options)
+    };
+    // The driver's speed also reaches the steering's vehicle.speed, which is wired to it.
+    let plan = with("time,driver.speed,driver.steer\n0,10,0\n1,12,0.1\n").unwrap();
+    let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
+    let names: Vec<_> = run.units.iter().map(|u| u.name.as_str()).collect();
+    assert_eq!(names, ["steering", "vehicle"], "the driver is dropped");
+    assert_eq!(run.feeds.len(), 2);
+    assert_eq!(*run.feeds[0].values, [10.0, 12.0]);
+    assert_eq!(run.units[0].inputs[0].slot, run.feeds[1].slot);
+    assert_eq!(run.units[0].inputs[1].slot, run.feeds[0].slot);
+
+    // One input of one unit only: the other readers keep the driver. It stands above a constant.
+    let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n").unwrap();
+    let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
+    assert_eq!(run.units.len(), 3);
+    let vehicle = run.units.iter().find(|u| u.name == "vehicle").unwrap();
+    assert_eq!(vehicle.constants.len(), 1);
+    assert_eq!(vehicle.inputs.len(), 3);
+
+    let error = lines(&with("time,driver.sped\n0,1\n").unwrap_err());
+    assert!(error.contains("in.csv:1:1: no input takes the signal `driver.sped`"), "{error}");
+    let error = lines(&with("time,driver.speed\n1,1\n").unwrap_err());
+    assert!(error.contains("after the start"), "{error}");
+}
+
+/// Values of a parameter set, by name, each a Real with or without a unit.
+fn parameter_set(values: &[(&str, f64, Option<&str>)]) -> String {
+    let parameters = values
+        .iter()
+        .map(|(name, value, unit)| Parameter {
+            name: (*name).to_string(),
+            value: Value::Real(*value),
+            unit: unit.map(str::to_string),
+        })
+        .collect();
+    let unit = |name: &str| Unit {
+        name: name.to_string(),
+        base: Some(BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 }),
+        display_units: Vec::new(),
+    };
+    ParameterSet { name: "test".into(), parameters }.to_xml(&["deg", "rad", "m"].map(unit)).unwrap()
+}
+
+/// A scenario beside its parameter sets: that of the scenario, of the unit `driver` and of the case `active`.
+fn plan_with_sets(text: &str, sets: [&str; 3]) -> Result<Plan, ResolveError> {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content) in ["scenario", "unit", "case"].iter().zip(sets) {
+        std::fs::write(folder.path().join(format!("{name}.ssv")), content).unwrap();
+    }
+    let file = folder.path().join("step.toml");
+    resolve_text(&file, text, &fmus(), &Options::default())
+}
+
+fn scenario_with_sets() -> String {
+    SCENARIO
+        .replacen("title = \"Step\"", "title = \"Step\"\nparameter_set = \"scenario.ssv\"", 1)
+        .replacen("fmu = \"Driver\"", "fmu = \"Driver\"\nparameter_set = \"unit.ssv\"", 1)
+        .replacen("baseline = \"passive\"", "baseline = \"passive\"\nparameter_set = \"case.ssv\"", 1)
+}
+
+/// From the bottom up: scenario's set, unit's set, unit's parameters, case's set, case's and point's parameters.
+#[test]
+fn parameter_sets_are_layers_of_their_own() {
+    let amplitude = "driver:steer.amplitude";
+    let scenario = parameter_set(&[(amplitude, 0.1, None), ("vehicle.vehicle.mass", 900.0, None)]);
+    let unit = parameter_set(&[("steer.amplitude", 28.647_889_756_541_16, Some("deg"))]);
+    let case = parameter_set(&[(amplitude, 0.3, Some("rad"))]);
+    let text = scenario_with_sets();
+    let sets = [scenario.as_str(), &unit, &case];
+    let value = |text: &str, run: &str, unit: &str, name: &str| {
+        let plan = plan_with_sets(text, sets).unwrap_or_else(|e| panic!("{}", lines(&e)));
+        match parameter(&plan, run, unit, name) {
+            Some(Value::Real(v)) => v,
+            other => panic!("{other:?}"),
+        }
+    };
+    let (amplitude, mass) = ("steer.amplitude", "vehicle.mass");
+    assert_eq!(value(&text, "passive@slow#3", "vehicle", mass), 1200.0, "the unit's own stands above the set");
+    assert_eq!(value(&text, "active@slow#3", "driver", amplitude), 0.3, "the case's set stands above the unit's own");
+    let bare = text.replacen(", \"steer.amplitude\" = { value = 30.0, unit = \"deg\" }", "", 1);
+    // 0.5 rad in degrees, to the last digit or two of the conversion
+    assert!((value(&bare, "passive@slow#3", "driver", amplitude) - 0.5).abs() < 1e-15, "unit's over scenario's");
+    let bare = bare.replacen("\"vehicle.mass\" = 1200, ", "", 1);
+    assert_eq!(value(&bare, "passive@slow#3", "vehicle", mass), 900.0, "the scenario's set");
+}
+
+#[test]
+fn mistakes_in_parameter_sets_are_marked_where_the_file_is_named() {
+    let empty = parameter_set(&[]);
+    let text = scenario_with_sets();
+    for (scenario, unit, expected) in [
+        ("<a/>", empty.as_str(), "scenario.ssv: line 1, column 1: expected <ssv:ParameterSet>"),
+        (&parameter_set(&[("seed", 1.0, None)]), &empty, "expected \"unit.parameter\""),
+        (&parameter_set(&[("steer.amplitude", 1.0, None)]), &empty, "unknown unit `steer`"),
+        (&parameter_set(&[("diver:seed", 1.0, None)]), &empty, "`diver:seed`: unknown unit `diver`"),
+        (&parameter_set(&[("driver:sed", 1.0, None)]), &empty, "2:17: scenario.ssv: Driver has no parameter `sed`"),
+        (&parameter_set(&[("driver:seed", 1.0, None)]), &empty, "`seed` is Integer, got 1.0, Real"),
+        (&empty, &parameter_set(&[("steer.amplitude", 300.0, Some("deg"))]), "unit.ssv: `steer.amplitude` is 5.2"),
+        (&empty, &parameter_set(&[("steer.amplitude", 1.0, Some("m"))]), "cannot be given in `m`"),
+    ] {
+        let error = lines(&plan_with_sets(&text, [scenario, unit, &empty]).unwrap_err());
+        assert!(error.contains(expected), "expected {expected}\n  got {error}");
+    }
+    let missing = text.replacen("unit.ssv", "none.ssv", 1);
+    let error = lines(&plan_with_sets(&missing, [&empty, &empty, &empty]).unwrap_err());
+    assert!(error.contains("cannot read") && error.contains("none.ssv"), "{error}");
+}

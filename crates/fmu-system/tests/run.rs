@@ -1,0 +1,322 @@
+//! Loading, running and failing, on FMUs built from C in a temporary folder.
+#![cfg(unix)]
+
+#[path = "../../fmu-import/tests/support/mod.rs"]
+mod support;
+
+use fmu_import::description::Value;
+use fmu_import::fmu::{Fmu, FmuError};
+use fmu_import::loader::{CallProblem, LoadError, Status};
+use fmu_system::fmus::Fmus;
+use fmu_system::master::{self, Recording};
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{FmuFolder, Options, resolve_text};
+use fmu_system::results;
+use fmu_system::run::Order;
+use std::path::Path;
+use support::Build;
+use tempfile::TempDir;
+
+/// Two integrators in a ring, x' = y and y' = -x: a harmonic oscillator.
+const RING: &str = r#"
+title = "Ring"
+[simulation]
+stop = 1.0
+step = 0.01
+[[unit]]
+name = "position"
+fmu = "Position"
+parameters = { start = 1.0 }
+[[unit]]
+name = "velocity"
+fmu = "Velocity"
+parameters = { gain = -1.0, label = "v" }
+[[case]]
+name = "free"
+title = "Free"
+[[case]]
+name = "stiff"
+title = "Stiff"
+parameters.velocity = { gain = -4.0 }
+[[case]]
+name = "inverted"
+title = "Inverted"
+parameters.velocity = { gain = 1.0, inverted = true }
+[[case]]
+name = "alone"
+title = "Alone"
+without = ["velocity"]
+inputs.position = { y = 2.0 }
+[record]
+signals = ["x", "y", "velocity:count", "velocity:moved"]
+"#;
+
+fn ring() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    Build::new("Position", "y", "x").pack(folder.path());
+    Build::new("Velocity", "x", "y").pack(folder.path());
+    folder
+}
+
+fn plan(folder: &TempDir, text: &str, options: &Options) -> Plan {
+    let source = FmuFolder::new([folder.path()]);
+    resolve_text(Path::new("ring.toml"), text, &source, options).unwrap()
+}
+
+fn run(plan: &Plan, fmus: &Fmus, id: &str) -> Recording {
+    let run = plan.runs.iter().find(|r| r.id == id).unwrap();
+    master::execute(&plan.simulation, run, fmus).unwrap()
+}
+
+/// The same recurrence in Rust: (x, y) after each step.
+fn oscillator(gain: f64, order: Order) -> Vec<(f64, f64)> {
+    let (mut x, mut y) = (1.0_f64, 0.0_f64);
+    let mut rows = vec![(x, y)];
+    for _ in 0..100 {
+        let before = x;
+        x += 0.01 * (1.0 * y);
+        let seen = if order == Order::Jacobi { before } else { x };
+        y += 0.01 * (gain * seen);
+        rows.push((x, y));
+    }
+    rows
+}
+
+/// Equality to the bit: the operations and their order are the same.
+#[test]
+fn a_closed_loop_follows_the_order_of_the_units() {
+    let folder = ring();
+    for order in [Order::Sequential, Order::Jacobi] {
+        let options = Options { order: Some(order), ..Options::default() };
+        let plan = plan(&folder, RING, &options);
+        let fmus = Fmus::load(&plan.runs).unwrap();
+        for (case, gain) in [("free", -1.0), ("stiff", -4.0), ("inverted", -1.0)] {
+            let recording = run(&plan, &fmus, case);
+            let rows: Vec<_> = recording.columns[0]
+                .as_ref()
+                .unwrap()
+                .iter()
+                .copied()
+                .zip(recording.columns[1].as_ref().unwrap().iter().copied())
+                .collect();
+            assert_eq!(rows, oscillator(gain, order), "{case} {order:?}");
+        }
+    }
+}
+
+#[test]
+fn columns_times_and_absent_units() {
+    let folder = ring();
+    let every = RING.replace("[record]\n", "[record]\nevery = 30\n");
+    let plan = plan(&folder, &every, &Options::default());
+    let names: Vec<_> = plan.columns.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["x", "y", "velocity:count", "velocity:moved"]);
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let recording = run(&plan, &fmus, "free");
+    assert_eq!(recording.time, [0.0, 30.0 * 0.01, 60.0 * 0.01, 90.0 * 0.01]);
+    assert_eq!(recording.column(2), Some(&[0.0, 30.0, 60.0, 90.0][..]));
+    assert_eq!(recording.column(3), Some(&[0.0, 1.0, 1.0, 1.0][..]));
+    let recording = run(&plan, &fmus, "alone");
+    assert_eq!(recording.column(1), None);
+    // x = 1 + 2t summed in steps of 0.02: 90 roundings of half an ulp of 3 at most.
+    let end = recording.column(0).unwrap()[3];
+    assert!((end - 2.8).abs() < 90.0 * f64::EPSILON * 2.0, "{end}");
+}
+
+#[test]
+fn feeds_hold_their_last_row() {
+    let folder = ring();
+    let file = folder.path().join("in.csv");
+    // 0.30 is k*step for k = 30 up to rounding; the row counts from that step on.
+    std::fs::write(&file, "time,y\n-1,1\n0.3,0\n0.5,2\n").unwrap();
+    let options = Options { inputs: Some(file), ..Options::default() };
+    let text = RING.replace("signals = [\"x\", \"y\", \"velocity:count\", \"velocity:moved\"]", "signals = [\"x\"]");
+    let plan = plan(&folder, &text, &options);
+    assert_eq!(plan.runs[0].units.len(), 1, "the velocity is dropped");
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let recording = run(&plan, &fmus, "free");
+    let mut x = 1.0;
+    let mut expected = vec![x];
+    for k in 0..100 {
+        x += 0.01
+            * (if k < 30 {
+                1.0
+            } else if k < 50 {
+                0.0
+            } else {
+                2.0
+            });
+        expected.push(x);
+    }
+    assert_eq!(recording.column(0).unwrap(), expected);
+}
+
+#[test]
+fn parameters_can_be_changed_between_runs() {
+    let folder = ring();
+    let plan = plan(&folder, RING, &Options::default());
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let mut changed = plan.runs[0].clone();
+    let mut set = |name, value| changed.set_parameter(&fmus, "velocity", name, value);
+    set("gain", Value::Real(-4.0)).unwrap();
+    let error = set("gian", Value::Real(1.0)).unwrap_err().to_string();
+    assert_eq!(error, "`velocity`: Velocity has no parameter `gian`");
+    let error = set("gain", Value::Real(11.0)).unwrap_err().to_string();
+    assert!(error.ends_with("`gain` is 11.0, expected at most 10"), "{error}");
+    let recording = master::execute(&plan.simulation, &changed, &fmus).unwrap();
+    assert_eq!(recording.columns, run(&plan, &fmus, "stiff").columns);
+}
+
+#[test]
+fn a_failing_unit_stops_the_run_and_says_why() {
+    let folder = ring();
+    for (failure, status) in
+        [(1, "fmi2Error"), (2, "fmi2Fatal"), (3, "fmi2Discard"), (5, "fmi2Pending"), (7, "the unknown status 7")]
+    {
+        let text = RING.replace("start = 1.0", &format!("start = 1.0, failure = {failure}"));
+        let plan = plan(&folder, &text, &Options::default());
+        let fmus = Fmus::load(&plan.runs).unwrap();
+        let error = master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap_err().to_string();
+        let expected = format!(
+            "run free, step from 0.5 s: `position`: fmi2DoStep returned {status}\n  fmi2Error: x left 90% of its range"
+        );
+        assert_eq!(error, expected);
+    }
+}
+
+#[test]
+fn warnings_are_kept() {
+    let folder = ring();
+    let text = RING.replace("start = 1.0", "start = 1.0, failure = 9");
+    let plan = plan(&folder, &text, &Options::default());
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let recording = run(&plan, &fmus, "free");
+    let (unit, message) = &recording.messages[0];
+    assert_eq!((unit.as_str(), message.text.as_str()), ("position", "100% done"));
+    assert_eq!(message.status, Status::Warning);
+}
+
+#[test]
+fn an_instance_offers_what_the_standard_has() {
+    let folder = TempDir::new().unwrap();
+    let fmu = Fmu::open(Build::new("Position", "y", "x").pack(folder.path())).unwrap();
+    let mut instance = fmu.instantiate("one").unwrap();
+    let mut other = fmu.instantiate("two").unwrap();
+    // The instances keep the library.
+    drop(fmu);
+    assert_eq!(instance.name(), "one");
+    instance.setup_experiment(0.0, None).unwrap();
+    instance.enter_initialization_mode().unwrap();
+    instance.set_real(&[2, 0], &[3.0, 5.0]).unwrap();
+    instance.set_string(&[0], &["käse"]).unwrap();
+    instance.exit_initialization_mode().unwrap();
+    let strings = instance.get_string(&[0, 1]).unwrap();
+    assert_eq!(strings[0], "käse");
+    let note = strings[1].strip_prefix("file://").unwrap();
+    assert_eq!(std::fs::read_to_string(Path::new(note).join("note.txt")).unwrap(), "here");
+
+    let saved = instance.save_state().unwrap();
+    instance.do_step(0.0, 0.5).unwrap();
+    let mut x = [0.0];
+    instance.get_real(&[1], &mut x).unwrap();
+    assert_eq!(x, [7.5], "exact: 0.5 * (3 * 5)");
+    instance.restore_state(&saved).unwrap();
+    instance.get_real(&[1], &mut x).unwrap();
+    assert_eq!(x, [0.0]);
+
+    instance.do_step(0.0, 0.5).unwrap();
+    instance.save_state_again(&saved).unwrap();
+    let bytes = instance.serialize_state(&saved).unwrap();
+    let restored = other.deserialize_state(&bytes).unwrap();
+    other.restore_state(&restored).unwrap();
+    other.get_real(&[1], &mut x).unwrap();
+    assert_eq!(x, [7.5]);
+    let error = other.restore_state(&saved).unwrap_err();
+    assert!(matches!(error.problem, CallProblem::Arguments(_)), "{error}");
+    instance.free_state(saved).unwrap();
+    assert!(other.deserialize_state(&bytes[1..]).is_err());
+
+    // dx'/du * 2 + dx'/dgain * 1 = 3 * 2 + 5 * 1, not square on purpose.
+    let mut result = [0.0];
+    instance.get_directional_derivative(&[1], &[0, 2], &[2.0, 1.0], &mut result).unwrap();
+    assert_eq!(result, [11.0]);
+
+    let error = instance.get_real(&[1, 2], &mut x).unwrap_err();
+    assert!(matches!(error.problem, CallProblem::Arguments(_)), "{error}");
+    let error = instance.get_real(&[77], &mut x).unwrap_err();
+    assert_eq!(error.problem, CallProblem::Status(Status::Error));
+    assert!(instance.set_string(&[0], &["a\0b"]).is_err());
+    let error = instance.cancel_step().unwrap_err();
+    assert_eq!(error.problem, CallProblem::NotExported);
+
+    instance.reset().unwrap();
+    let mut flags = [0, 1];
+    instance.set_boolean(&[0], &[1]).unwrap();
+    instance.get_boolean(&[0, 1], &mut flags).unwrap();
+    assert_eq!(flags, [1, 0]);
+    instance.terminate().unwrap();
+}
+
+#[test]
+fn after_a_fatal_status_nothing_is_called() {
+    let folder = TempDir::new().unwrap();
+    let fmu = Fmu::open(Build::new("Position", "y", "x").pack(folder.path())).unwrap();
+    let mut instance = fmu.instantiate("one").unwrap();
+    instance.set_integer(&[0], &[2]).unwrap();
+    let error = instance.do_step(1.0, 0.1).unwrap_err();
+    assert_eq!(error.problem, CallProblem::Status(Status::Fatal));
+    let error = instance.terminate().unwrap_err();
+    assert_eq!(error.problem, CallProblem::Dead);
+}
+
+#[test]
+fn unusable_fmus_are_clear_errors() {
+    let folder = TempDir::new().unwrap();
+    let open = |build: &Build<'_>| Fmu::open(build.pack(folder.path()));
+    let build = Build { version: "1.0", ..Build::new("Old", "u", "x") };
+    let error = open(&build).unwrap_err();
+    assert!(matches!(error, FmuError::Load { cause: LoadError::Version { .. }, .. }), "{error}");
+
+    let build = Build { guid: "{another}", ..Build::new("Wrong", "u", "x") };
+    let error = open(&build).unwrap().instantiate("w").unwrap_err();
+    assert_eq!(error.to_string(), "`w`: fmi2Instantiate returned no instance\n  fmi2Error: wrong GUID");
+
+    let build = Build { states: false, ..Build::new("Small", "u", "x") };
+    let mut instance = open(&build).unwrap().instantiate("s").unwrap();
+    let error = instance.save_state().unwrap_err();
+    assert_eq!(error.to_string(), "`s`: the FMU does not export fmi2GetFMUstate");
+
+    let build = Build { flags: "canBeInstantiatedOnlyOncePerProcess=\"true\"", ..Build::new("Single", "u", "x") };
+    let fmu = open(&build).unwrap();
+    let first = fmu.instantiate("a").unwrap();
+    assert!(matches!(fmu.instantiate("b"), Err(FmuError::OnlyOnce(_))));
+    drop(first);
+    fmu.instantiate("b").unwrap();
+
+    let text = folder.path().join("Text.fmu");
+    std::fs::write(&text, "no archive").unwrap();
+    assert!(matches!(Fmu::open(&text), Err(FmuError::Archive(_))));
+}
+
+#[test]
+fn a_changed_fmu_is_noticed() {
+    let folder = ring();
+    let mut plan = plan(&folder, RING, &Options::default());
+    plan.runs[0].units[0].guid = "{older}".to_string();
+    let error = Fmus::load(&plan.runs).unwrap_err().to_string();
+    assert!(error.contains("changed since the plan was made"), "{error}");
+}
+
+#[test]
+fn a_run_becomes_a_file() {
+    let folder = ring();
+    let plan = plan(&folder, RING, &Options::default());
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let recording = run(&plan, &fmus, "alone");
+    let path = folder.path().join("results").join(results::file_name(&plan.runs[3]));
+    let names: Vec<_> = plan.columns.iter().map(|column| column.name.clone()).collect();
+    results::write_csv(&path, &names, &recording).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("results/alone.csv")).unwrap();
+    assert!(text.starts_with("time,x\n0.0,1.0\n0.01,1.02\n"), "{text}");
+    assert_eq!(text.lines().count(), 102);
+}
