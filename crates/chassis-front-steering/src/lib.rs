@@ -55,8 +55,8 @@ impl Vehicle {
         let [w_f, ..] = statics::three_axle_loads(m, g, [a, -b, -c]);
         if w_f <= 0.0 {
             return Err(format!(
-                "'geometry.cg_to_front_axle' = {a} m, a center of mass nearer to the front axle was expected: the load \
-                 of the front axle at rest would be {w_f:.0} N"
+                "'geometry.cg_to_front_axle' = {a} m puts the center of mass too far from the front axle: the load of \
+                 the front axle at rest would be {w_f:.0} N"
             ));
         }
         Ok(Self { m, g, a, b, c, c_axle: c_tire.map(|tire| 2.0 * tire), w_f })
@@ -190,7 +190,7 @@ mod tests {
         let axles = [6.0, data::FRONT_TO_MIDDLE, data::MIDDLE_TO_REAR];
         assert_eq!(
             Vehicle::new(data::MASS, data::GRAVITY, axles, tire).unwrap_err(),
-            "'geometry.cg_to_front_axle' = 6 m, a center of mass nearer to the front axle was expected: the load of the \
+            "'geometry.cg_to_front_axle' = 6 m puts the center of mass too far from the front axle: the load of the \
              front axle at rest would be -167313 N"
         );
         // m g/3 (closed form for equal loads); roundings.

@@ -193,7 +193,7 @@ impl Gains {
     ///
     /// # Errors
     /// When an accepted value is out of range, the mass matrix is not positive definite or there is no stabilizing
-    /// solution; the message names the parameter or the property and what was expected.
+    /// solution; the message names the parameter or property and the rule it breaks.
     pub fn derived(p: &VehicleParameters, outputs: &[Accepted], force: f64) -> Result<Self, String> {
         let regulator = regulator(p, outputs, force)?;
         let k = &regulator.gain;
@@ -257,5 +257,5 @@ fn check_weight(parameter: &str, value: f64) -> Result<(), String> {
     if (1e-150..=1e150).contains(&value) {
         return Ok(());
     }
-    Err(format!("'{parameter}' = {value:e}, a number in [1e-150, 1e150] was expected"))
+    Err(format!("'{parameter}' must be a number in [1e-150, 1e150], got {value:e}"))
 }

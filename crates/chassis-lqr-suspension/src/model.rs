@@ -46,15 +46,12 @@ const R: usize = 19;
 /// A and B of Xd = A X + B U; with sideslip and yaw rate if a `speed` in m/s is given.
 ///
 /// # Errors
-/// When the mass matrix is not positive definite: the message names the parameter and what was expected of it.
+/// When the mass matrix is not positive definite: the message names the parameter and the rule it breaks.
 pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>), String> {
     let size = if speed.is_some() { LATERAL_STATES } else { STATES };
     let unsprung = 6.0 * p.m_w;
     if p.m <= unsprung {
-        return Err(format!(
-            "'vehicle.mass' = {} kg, more than six times 'wheel.mass' ({unsprung} kg) was expected",
-            p.m
-        ));
+        return Err(format!("'vehicle.mass' must be more than six times 'wheel.mass' ({unsprung} kg), got {} kg", p.m));
     }
     let m_s = p.m - unsprung;
     let least = (m_s * p.h_s).powi(2) / p.m + p.i_xz.powi(2) / p.i_z;
@@ -62,7 +59,7 @@ pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMa
     // the same.
     if p.i_x <= least {
         return Err(format!(
-            "'body.roll_axis_inertia' = {} kg.m2, more than {least:.0} kg.m2 was expected: mass, \
+            "'body.roll_axis_inertia' must be more than {least:.0} kg.m2, got {} kg.m2: mass, \
              'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it",
             p.i_x
         ));
@@ -123,9 +120,8 @@ pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMa
     let mass = mass.view((0, 0), (size, size)).into_owned();
     let lu = mass.lu();
     let solve = |right: DMatrix<f64>| {
-        lu.solve(&right.rows(0, size).into_owned()).ok_or_else(|| {
-            "the mass matrix of the design model is singular: larger masses and inertias were expected".to_owned()
-        })
+        lu.solve(&right.rows(0, size).into_owned())
+            .ok_or_else(|| "the mass matrix of the design model is singular: use larger masses or inertias".to_owned())
     };
     Ok((solve(forces.columns(0, size).into_owned())?, solve(r)?))
 }

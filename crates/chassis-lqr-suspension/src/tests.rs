@@ -185,14 +185,14 @@ fn designs_without_solution_say_what_was_expected() {
     let start = VehicleParameters::default;
     assert_eq!(
         refused(VehicleParameters { m: 3000.0, ..start() }, &integrated(), FORCE),
-        "'vehicle.mass' = 3000 kg, more than six times 'wheel.mass' (3600 kg) was expected"
+        "'vehicle.mass' must be more than six times 'wheel.mass' (3600 kg), got 3000 kg"
     );
     // (m_s h_s)^2/m + I_xz^2/I_z, as in the plant, with and without lateral states.
     for lateral_states in [false, true] {
         let light = VehicleParameters { i_x: 20_000.0, lateral_states, ..start() };
         assert_eq!(
             refused(light, &integrated(), FORCE),
-            "'body.roll_axis_inertia' = 20000 kg.m2, more than 29292 kg.m2 was expected: mass, \
+            "'body.roll_axis_inertia' must be more than 29292 kg.m2, got 20000 kg.m2: mass, \
              'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
         );
         for i_xz in [1e300, -1e300] {
@@ -223,7 +223,7 @@ fn accepted_values_whose_weight_is_no_number_are_refused() {
         |outputs: &[Accepted], force| Gains::derived(&VehicleParameters::default(), outputs, force).unwrap_err();
     assert_eq!(
         refused(&integrated(), 1e-200),
-        "'accepted.suspension_force' = 1e-200, a number in [1e-150, 1e150] was expected"
+        "'accepted.suspension_force' must be a number in [1e-150, 1e150], got 1e-200"
     );
     for quantity in [
         Weighted::HeaveAcceleration,
@@ -235,7 +235,7 @@ fn accepted_values_whose_weight_is_no_number_are_refused() {
     ] {
         assert_eq!(
             refused(&accepted([(quantity, 1e200)]), FORCE),
-            format!("'{}' = 1e200, a number in [1e-150, 1e150] was expected", quantity.parameter())
+            format!("'{}' must be a number in [1e-150, 1e150], got 1e200", quantity.parameter())
         );
     }
 }

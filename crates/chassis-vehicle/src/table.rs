@@ -35,12 +35,13 @@ const LARGEST: u64 = 64 << 20;
 /// file, is larger than 64 MiB or is not UTF-8.
 pub fn read_file(parameter: &str, file: &str, resources: &Path) -> Result<(String, String), String> {
     if file.is_empty() {
-        return Err(format!("'{parameter}' is empty, the path of a CSV file was expected"));
+        return Err(format!("'{parameter}' must be the path of a CSV file, it is empty"));
     }
     let path = resources.join(file);
     let text = read_regular(&path, LARGEST).map_err(|error| {
         format!(
-            "'{parameter}' = {file}: {} cannot be read ({error}); name a CSV file, a relative path starts at the resources folder of the FMU",
+            "'{parameter}' = {file}: {} cannot be read ({error}); name a CSV file, a relative path starts at the \
+             resources folder of the FMU",
             path.display()
         )
     })?;
@@ -135,7 +136,8 @@ impl Table {
                     && value <= *last
                 {
                     return Err(format!(
-                        "{path}:{line}: column `{name}` is not greater than in the row before, expected strictly increasing values"
+                        "{path}:{line}: column `{name}` is not greater than in the row before, expected strictly \
+                         increasing values"
                     ));
                 }
                 values.push(value);
@@ -261,7 +263,7 @@ mod tests {
         let message = read_file("table.file", "no.csv", resources).unwrap_err();
         assert!(message.starts_with("'table.file' = no.csv: ") && message.contains("name a CSV file"));
         let message = read_file("table.file", "", resources).unwrap_err();
-        assert_eq!(message, "'table.file' is empty, the path of a CSV file was expected");
+        assert_eq!(message, "'table.file' must be the path of a CSV file, it is empty");
     }
 
     /// A FIFO would block, a device would never end, a folder has no text: each is refused before it is opened.

@@ -30,8 +30,8 @@ pub(crate) fn check(p: &ComfortSlidingMode) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "'surface.weight.wheel_velocity' = {}, a number other than 'wheel.mass.side'/'body.mass' = {singular} was expected: \
-         no force moves the surface",
+        "'surface.weight.wheel_velocity' must differ from 'wheel.mass.side'/'body.mass' = {singular}, got {}: no force \
+         moves the surface",
         p.n3
     ))
 }

@@ -24,8 +24,8 @@ use crate::{D, DirectYawControl, U, X, Y};
 pub(crate) fn derived(p: &DirectYawControl) -> Result<D, String> {
     if p.s2 == 0.0 {
         return Err(
-            "'surface.weight.yaw_rate' = 0, another number was expected: the yaw moment acts on the yaw rate, so \
-                    the surface must depend on it"
+            "'surface.weight.yaw_rate' must not be 0: the yaw moment acts on the yaw rate, so the surface must depend \
+             on it"
                 .to_owned(),
         );
     }

@@ -95,7 +95,7 @@ fn an_accepted_value_whose_weight_is_no_number_is_refused_by_name() {
         ("accepted.suspension_force", RollLqrSuspension { force: 1e-200, ..RollLqrSuspension::default() }),
     ];
     for (name, p) in cases {
-        let expected = format!("'{name}' = 1e-200, a number in [1e-150, 1e150] was expected");
+        let expected = format!("'{name}' must be a number in [1e-150, 1e150], got 1e-200");
         assert_eq!(p.derived().unwrap_err(), expected);
         // The message names a parameter that exists.
         assert!(RollLqrSuspension::declarations().iter().any(|parameter| parameter.name == name));

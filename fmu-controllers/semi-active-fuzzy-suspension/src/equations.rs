@@ -21,16 +21,16 @@ pub(crate) fn derived(p: &SemiActiveFuzzySuspension) -> Result<D, String> {
     for (axle, name) in ["front", "rear"].into_iter().enumerate() {
         if p.c_max[axle] < p.c_min[axle] {
             return Err(format!(
-                "'damper.maximum_damping.{name}' = {} N.s/m, at least 'damper.minimum_damping.{name}' ({} N.s/m) was \
-                 expected",
-                p.c_max[axle], p.c_min[axle]
+                "'damper.maximum_damping.{name}' must be at least 'damper.minimum_damping.{name}' ({} N.s/m), got {} \
+                 N.s/m",
+                p.c_min[axle], p.c_max[axle]
             ));
         }
         if p.constraint == Constraint::Command && p.c_max[axle] < p.c_0[axle] {
             return Err(format!(
-                "'damper.maximum_damping.{name}' = {} N.s/m, at least 'suspension.damping.{name}' ({} N.s/m) was \
-                 expected: the command alone can only add damping",
-                p.c_max[axle], p.c_0[axle]
+                "'damper.maximum_damping.{name}' must be at least 'suspension.damping.{name}' ({} N.s/m), got {} \
+                 N.s/m: the command alone can only add damping",
+                p.c_0[axle], p.c_max[axle]
             ));
         }
     }

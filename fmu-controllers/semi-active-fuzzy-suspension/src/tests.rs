@@ -151,13 +151,13 @@ fn dampers_without_a_range_are_refused() {
     let weak = TwoAxles([40_000.0, 2000.0]);
     assert_eq!(
         message(SemiActiveFuzzySuspension { c_max: weak, ..SemiActiveFuzzySuspension::default() }).unwrap(),
-        "'damper.maximum_damping.rear' = 2000 N.s/m, at least 'damper.minimum_damping.rear' (4000 N.s/m) was expected"
+        "'damper.maximum_damping.rear' must be at least 'damper.minimum_damping.rear' (4000 N.s/m), got 2000 N.s/m"
     );
     let soft = TwoAxles([10_000.0, 80_000.0]);
     assert_eq!(
         message(SemiActiveFuzzySuspension { c_max: soft, ..with(Constraint::Command) }).unwrap(),
-        "'damper.maximum_damping.front' = 10000 N.s/m, at least 'suspension.damping.front' (12000 N.s/m) was expected: the \
-         command alone can only add damping"
+        "'damper.maximum_damping.front' must be at least 'suspension.damping.front' (12000 N.s/m), got 10000 N.s/m: \
+         the command alone can only add damping"
     );
     // The whole damper may be softer than the one it replaces.
     assert_eq!(message(SemiActiveFuzzySuspension { c_max: soft, ..SemiActiveFuzzySuspension::default() }), None);

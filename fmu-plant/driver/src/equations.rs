@@ -62,11 +62,7 @@ pub(crate) fn parse_table(text: &str, path: &str) -> Result<Table, String> {
 /// Checks what the maneuver divides by and needs; the maneuver table needs the `table`.
 pub(crate) fn derived(p: &Driver, table: Option<Table>) -> Result<D, String> {
     let positive = |name: &str, value: f64, reason: &str| {
-        if value > 0.0 {
-            Ok(())
-        } else {
-            Err(format!("'{name}' = {value}, a number above 0 was expected for {reason}"))
-        }
+        if value > 0.0 { Ok(()) } else { Err(format!("'{name}' must be positive for {reason}, got {value}")) }
     };
     match p.maneuver {
         Maneuver::Straight | Maneuver::RampStep | Maneuver::Fishhook => {}
@@ -75,7 +71,7 @@ pub(crate) fn derived(p: &Driver, table: Option<Table>) -> Result<D, String> {
             let end = p.t_0 + p.period;
             if p.t_1 < end {
                 return Err(format!(
-                    "'steer.reversal_start' = {} s, the second lane change was expected after the end of the first, {end} s",
+                    "'steer.reversal_start' must be at least {end} s, where the first lane change ends, got {} s",
                     p.t_1
                 ));
             }
@@ -94,7 +90,7 @@ pub(crate) fn derived(p: &Driver, table: Option<Table>) -> Result<D, String> {
         }
         Maneuver::Table if table.is_none() => {
             return Err(
-                "'table.file' is empty, the path of a CSV file was expected for 'maneuver' = 7 (table)".to_owned()
+                "'table.file' must be the path of a CSV file for 'maneuver' = 7 (table), it is empty".to_owned()
             );
         }
         Maneuver::Table => {}
@@ -455,35 +451,35 @@ mod tests {
         for (parameters, message) in [
             (
                 Driver { maneuver: Maneuver::DoubleLaneChange, period: 0.0, ..p() },
-                "'steer.period' = 0, a number above 0 was expected for 'maneuver' = 3 (double_lane_change)",
+                "'steer.period' must be positive for 'maneuver' = 3 (double_lane_change), got 0",
             ),
             (
                 Driver { maneuver: Maneuver::DoubleLaneChange, t_1: 4.0, ..p() },
-                "'steer.reversal_start' = 4 s, the second lane change was expected after the end of the first, 5 s",
+                "'steer.reversal_start' must be at least 5 s, where the first lane change ends, got 4 s",
             ),
             (
                 Driver { maneuver: Maneuver::Slalom, period: 0.0, cone_distance: 0.0, ..p() },
-                "'steer.cone_distance' = 0, a number above 0 was expected for 'maneuver' = 4 (slalom) with 'steer.period' = 0",
+                "'steer.cone_distance' must be positive for 'maneuver' = 4 (slalom) with 'steer.period' = 0, got 0",
             ),
             (
                 Driver { maneuver: Maneuver::Slalom, period: 0.0, v_0: 0.0, ..p() },
-                "'speed.initial' = 0, a number above 0 was expected for 'maneuver' = 4 (slalom) with 'steer.period' = 0",
+                "'speed.initial' must be positive for 'maneuver' = 4 (slalom) with 'steer.period' = 0, got 0",
             ),
             (
                 Driver { maneuver: Maneuver::SineWithDwell, f: 0.0, ..p() },
-                "'steer.frequency' = 0, a number above 0 was expected for 'maneuver' = 5 (sine_with_dwell)",
+                "'steer.frequency' must be positive for 'maneuver' = 5 (sine_with_dwell), got 0",
             ),
             (
                 Driver { maneuver: Maneuver::SineSweep, f_1: 0.0, ..p() },
-                "'steer.final_frequency' = 0, a number above 0 was expected for 'maneuver' = 6 (sine_sweep)",
+                "'steer.final_frequency' must be positive for 'maneuver' = 6 (sine_sweep), got 0",
             ),
             (
                 Driver { maneuver: Maneuver::SineSweep, duration: 0.0, ..p() },
-                "'steer.duration' = 0, a number above 0 was expected for 'maneuver' = 6 (sine_sweep)",
+                "'steer.duration' must be positive for 'maneuver' = 6 (sine_sweep), got 0",
             ),
             (
                 Driver { maneuver: Maneuver::Table, ..p() },
-                "'table.file' is empty, the path of a CSV file was expected for 'maneuver' = 7 (table)",
+                "'table.file' must be the path of a CSV file for 'maneuver' = 7 (table), it is empty",
             ),
         ] {
             assert_eq!(error(&parameters), message);

@@ -94,7 +94,7 @@ fn refuses_numbers_outside_their_limits() {
     fmu.set("steer.frequency", 0.0);
     assert_eq!(
         fmu.initialize().unwrap_err(),
-        "Driver: 'steer.frequency' = 0, a number above 0 was expected for 'maneuver' = 5 (sine_with_dwell)"
+        "Driver: 'steer.frequency' must be positive for 'maneuver' = 5 (sine_with_dwell), got 0"
     );
 }
 

@@ -38,7 +38,7 @@ pub(crate) fn derived(p: &EspCar) -> Result<D, String> {
     let h_s = (m * p.h - m_w * p.h_u) / p.m_s;
     if h_s < p.h_b {
         return Err(format!(
-            "'geometry.body_cg_to_roll_axis' = {} m, at most {h_s:.3} m was expected: with this 'geometry.cg_height' the \
+            "'geometry.body_cg_to_roll_axis' must be at most {h_s:.3} m, got {} m: with this 'geometry.cg_height' the \
              body's center of mass is {h_s:.3} m over ground, and the roll axis would lie below it",
             p.h_b
         ));

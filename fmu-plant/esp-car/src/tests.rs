@@ -401,7 +401,7 @@ fn data_that_make_no_car_are_refused() {
     let message = |p: EspCar| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(EspCar { h: 0.1, ..EspCar::default() }),
-        "'geometry.body_cg_to_roll_axis' = 0.14 m, at most 0.075 m was expected: with this 'geometry.cg_height' the \
+        "'geometry.body_cg_to_roll_axis' must be at most 0.075 m, got 0.14 m: with this 'geometry.cg_height' the \
          body's center of mass is 0.075 m over ground, and the roll axis would lie below it"
     );
     // On the ground the roll axis may lie: h_s = H.

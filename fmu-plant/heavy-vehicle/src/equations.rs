@@ -34,16 +34,16 @@ use crate::{Coupling, D, HeavyVehicle, U, X, Y};
 pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
     if p.l3 / 2.0 >= p.l2 {
         return Err(format!(
-            "'geometry.middle_to_rear_axle' = {} m, less than twice 'geometry.cg_to_rear_suspension' ({} m) was \
-             expected: the middle axle stands behind the center of mass",
-            p.l3,
-            2.0 * p.l2
+            "'geometry.middle_to_rear_axle' must be less than twice 'geometry.cg_to_rear_suspension' ({} m), got {} m: \
+             the middle axle stands behind the center of mass",
+            2.0 * p.l2,
+            p.l3
         ));
     }
     let peak = |load: f64| p.a1 * load * load + p.a2 * load;
     if peak(p.f_max) <= 0.0 {
         return Err(format!(
-            "'tire.fit_load_limit' = {} kN, a load at which the tire has a lateral force was expected: the peak of the \
+            "'tire.fit_load_limit' must be a load at which the tire has a lateral force, got {} kN: the peak of the \
              magic formula would be {:.0} N",
             p.f_max,
             peak(p.f_max)
@@ -66,7 +66,7 @@ pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
     if determinant <= 0.0 {
         let most = (p.i_z * (i - c * c / m)).sqrt();
         return Err(format!(
-            "'body.roll_yaw_inertia' = {} kg.m2, a magnitude below {most:.0} kg.m2 was expected: roll and yaw inertia \
+            "'body.roll_yaw_inertia' must be below {most:.0} kg.m2 in magnitude, got {} kg.m2: roll and yaw inertia \
              allow no more",
             p.i_xz
         ));

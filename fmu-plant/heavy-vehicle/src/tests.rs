@@ -497,20 +497,20 @@ fn data_that_make_no_vehicle_are_refused() {
     let message = |p: HeavyVehicle| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(HeavyVehicle { l3: 3.0, ..HeavyVehicle::default() }),
-        "'geometry.middle_to_rear_axle' = 3 m, less than twice 'geometry.cg_to_rear_suspension' (2.85 m) was expected: \
+        "'geometry.middle_to_rear_axle' must be less than twice 'geometry.cg_to_rear_suspension' (2.85 m), got 3 m: \
          the middle axle stands behind the center of mass"
     );
     // D = 0 at -a2/a1 = 45.75 kN.
     assert_eq!(
         message(HeavyVehicle { f_max: 50.0, ..HeavyVehicle::default() }),
-        "'tire.fit_load_limit' = 50 kN, a load at which the tire has a lateral force was expected: the peak of the magic \
+        "'tire.fit_load_limit' must be a load at which the tire has a lateral force, got 50 kN: the peak of the magic \
          formula would be -4700 N"
     );
     // sqrt(I_z (I_x + m_b h^2 - (m_b h)^2/m)) = sqrt(1e5 (26 050 - 3552.6)) = 47 431 kg m2.
-    let most = "a magnitude below 47431 kg.m2 was expected: roll and yaw inertia allow no more";
     assert_eq!(
         message(HeavyVehicle { i_xz: -50_000.0, ..HeavyVehicle::default() }),
-        format!("'body.roll_yaw_inertia' = -50000 kg.m2, {most}")
+        "'body.roll_yaw_inertia' must be below 47431 kg.m2 in magnitude, got -50000 kg.m2: roll and yaw inertia allow \
+         no more"
     );
     assert!(equations::derived(&HeavyVehicle { i_xz: 47_430.0, ..HeavyVehicle::default() }).is_ok());
 }

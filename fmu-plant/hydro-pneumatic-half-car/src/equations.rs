@@ -38,7 +38,7 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
     let least = p.c * (p.m_s * p.h).powi(2) / m;
     if p.i_x <= least {
         return Err(format!(
-            "'body.roll_axis_inertia' = {} kg.m2, more than {least:.1} kg.m2 was expected: the masses, \
+            "'body.roll_axis_inertia' must be more than {least:.1} kg.m2, got {} kg.m2: the masses, \
              'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling' need it",
             p.i_x
         ));

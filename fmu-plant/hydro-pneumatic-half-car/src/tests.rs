@@ -401,7 +401,7 @@ fn data_that_make_no_vehicle_are_refused() {
     // (m_s h)^2/m = 289.8 kg m2.
     assert_eq!(
         message(HydroPneumaticHalfCar { c: 1.0, i_x: 289.0, ..HydroPneumaticHalfCar::default() }),
-        "'body.roll_axis_inertia' = 289 kg.m2, more than 289.8 kg.m2 was expected: the masses, \
+        "'body.roll_axis_inertia' must be more than 289.8 kg.m2, got 289 kg.m2: the masses, \
          'geometry.body_cg_to_roll_axis' and 'model.roll_lateral_coupling' need it"
     );
     // Without coupling, and just above it, there is a solution.

@@ -26,10 +26,7 @@ use crate::{D, RescueVehicle, TireModel, U, X, Y};
 pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
     let unsprung = 6.0 * p.m_w;
     if p.m <= unsprung {
-        return Err(format!(
-            "'vehicle.mass' = {} kg, more than six times 'wheel.mass' ({unsprung} kg) was expected",
-            p.m
-        ));
+        return Err(format!("'vehicle.mass' must be more than six times 'wheel.mass' ({unsprung} kg), got {} kg", p.m));
     }
     let m_s = p.m - unsprung;
 
@@ -37,8 +34,8 @@ pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
     let loads = statics::three_axle_loads(p.m, p.g, axles);
     if let Some(i) = loads.iter().position(|&load| load <= 0.0 && p.g > 0.0) {
         return Err(format!(
-            "'geometry.cg_to_front_axle' = {} m, a center of mass nearer to the axles was expected: the load of the {} \
-             at rest would be {:.0} N",
+            "'geometry.cg_to_front_axle' = {} m puts the center of mass too far from the axles: the load of the {} at \
+             rest would be {:.0} N",
             p.a,
             ThreeAxles::<f64>::ELEMENTS[i].description,
             loads[i]
@@ -51,7 +48,7 @@ pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
     let least = b * b / a + d * d / e;
     if c <= least {
         return Err(format!(
-            "'body.roll_axis_inertia' = {} kg.m2, more than {least:.0} kg.m2 was expected: mass, \
+            "'body.roll_axis_inertia' must be more than {least:.0} kg.m2, got {} kg.m2: mass, \
              'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it",
             p.i_x
         ));

@@ -389,22 +389,22 @@ fn data_that_make_no_vehicle_are_refused() {
     let message = |p: RescueVehicle| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(RescueVehicle { m: 3600.0, ..RescueVehicle::default() }),
-        "'vehicle.mass' = 3600 kg, more than six times 'wheel.mass' (3600 kg) was expected"
+        "'vehicle.mass' must be more than six times 'wheel.mass' (3600 kg), got 3600 kg"
     );
     assert_eq!(
         message(RescueVehicle { a: 6.0, ..RescueVehicle::default() }),
-        "'geometry.cg_to_front_axle' = 6 m, a center of mass nearer to the axles was expected: the load of the front \
-         axle at rest would be -167313 N"
+        "'geometry.cg_to_front_axle' = 6 m puts the center of mass too far from the axles: the load of the front axle \
+         at rest would be -167313 N"
     );
     assert_eq!(
         message(RescueVehicle { a: 0.5, ..RescueVehicle::default() }),
-        "'geometry.cg_to_front_axle' = 0.5 m, a center of mass nearer to the axles was expected: the load of the rear \
-         axle at rest would be -18885 N"
+        "'geometry.cg_to_front_axle' = 0.5 m puts the center of mass too far from the axles: the load of the rear axle \
+         at rest would be -18885 N"
     );
     // (m_s h_s)^2/m + I_xz^2/I_z = 29 160 + 131.6 kg m2.
     assert_eq!(
         message(RescueVehicle { i_x: 29_000.0, ..RescueVehicle::default() }),
-        "'body.roll_axis_inertia' = 29000 kg.m2, more than 29292 kg.m2 was expected: mass, \
+        "'body.roll_axis_inertia' must be more than 29292 kg.m2, got 29000 kg.m2: mass, \
          'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
     );
     // Just above it there is a solution.

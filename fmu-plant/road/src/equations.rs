@@ -143,14 +143,14 @@ pub(crate) fn derived(p: &Road, table: Option<Table>) -> Result<D, String> {
         Tracks::Delayed => Pair::Delayed(AllPass::new(p.t_track)),
     };
     if matches!(p.obstacle, ObstacleShape::Bump | ObstacleShape::Trapezoid) && p.x_l <= 0.0 {
-        return Err(format!("'obstacle.length' = {}, a number above 0 was expected for a bump or trapezoid", p.x_l));
+        return Err(format!("'obstacle.length' must be positive for a bump or trapezoid, got {}", p.x_l));
     }
     let surface = match p.profile {
         Profile::Flat => Surface::Flat,
         Profile::ShapedNoise => Surface::Noise(noise(p, coefficient, pair)?),
         Profile::Harmonics => harmonics(p, coefficient, pair),
         Profile::Table => Surface::Table(heights(
-            table.ok_or("'table.file' is empty, the path of a CSV file was expected for 'profile' = 3 (table)")?,
+            table.ok_or("'table.file' must be the path of a CSV file for 'profile' = 3 (table), it is empty")?,
             pair,
         )),
     };
@@ -178,7 +178,7 @@ fn noise(p: &Road, coefficient: f64, pair: Pair) -> Result<Noise, String> {
         if offset > longest {
             return Err(format!(
                 "'geometry.axle_offset.{}' = {offset} m: shaped noise is kept over {longest} m with \
-                 'roughness.spacing' = {} m, a larger spacing was expected",
+                 'roughness.spacing' = {} m; use a larger spacing",
                 place.name, p.ds
             ));
         }
@@ -245,7 +245,7 @@ pub(crate) fn check(p: &Road, d: &D, x: &X, u: &U) -> Result<(), String> {
     let next = x.s + u.u * p.sample_time;
     if !next.is_finite() {
         return Err(format!(
-            "'vehicle.speed' = {} m/s leads from 'road.distance' = {} m to {next} m, a finite distance was expected",
+            "'vehicle.speed' = {} m/s leads from 'road.distance' = {} m to {next} m; the distance must stay finite",
             u.u, x.s
         ));
     }
@@ -256,7 +256,7 @@ pub(crate) fn check(p: &Road, d: &D, x: &X, u: &U) -> Result<(), String> {
         if most > MOST_POINTS {
             return Err(format!(
                 "'vehicle.speed' = {} m/s at 'road.distance' = {} m passes over {most:e} grid points of \
-                 'roughness.spacing' = {} m in one sample, at most {MOST_POINTS:e} were expected",
+                 'roughness.spacing' = {} m in one sample; at most {MOST_POINTS:e} are possible",
                 u.u, x.s, p.ds
             ));
         }
@@ -962,25 +962,29 @@ mod tests {
         for (parameters, message) in [
             (
                 Road { obstacle: ObstacleShape::Bump, x_l: 0.0, ..p() },
-                "'obstacle.length' = 0, a number above 0 was expected for a bump or trapezoid",
+                "'obstacle.length' must be positive for a bump or trapezoid, got 0",
             ),
             (
                 Road { profile: Profile::Table, ..p() },
-                "'table.file' is empty, the path of a CSV file was expected for 'profile' = 3 (table)",
+                "'table.file' must be the path of a CSV file for 'profile' = 3 (table), it is empty",
             ),
             (
                 Road { l: RearAxles([0.0, 10.3]), ..p() },
-                "'geometry.axle_offset.rear' = 10.3 m: shaped noise is kept over 10.21 m with 'roughness.spacing' = 0.01 m, a larger spacing was expected",
+                "'geometry.axle_offset.rear' = 10.3 m: shaped noise is kept over 10.21 m with 'roughness.spacing' = \
+                 0.01 m; use a larger spacing",
             ),
             (
                 // sigma^2 = pi 0.01 256e-6/(2e-6) m2 = (2.005 m)^2
                 Road { n_00: 1e-6, ..p() },
-                "'roughness.cutoff' = 0.000001 1/m: the heights of this roughness would have a standard deviation of 2.005 m, at most 1 m is allowed; use a cutoff of 4.021e-6 1/m or more",
+                "'roughness.cutoff' = 0.000001 1/m: the heights of this roughness would have a standard deviation of \
+                 2.005 m, at most 1 m is allowed; use a cutoff of 4.021e-6 1/m or more",
             ),
             (
                 // class 6 has 64 times the density of class 3
                 Road { n_00: 1e-4, t_change: 3.0, ..p() },
-                "'roughness.cutoff' = 0.0001 1/m: the heights of this roughness ('roughness.change_class' included) would have a standard deviation of 1.604 m, at most 1 m is allowed; use a cutoff of 2.574e-4 1/m or more",
+                "'roughness.cutoff' = 0.0001 1/m: the heights of this roughness ('roughness.change_class' included) \
+                 would have a standard deviation of 1.604 m, at most 1 m is allowed; use a cutoff of 2.574e-4 1/m or \
+                 more",
             ),
         ] {
             assert_eq!(derived(&parameters, None).unwrap_err(), message);
@@ -1003,12 +1007,13 @@ mod tests {
         };
         assert_eq!(
             refused(Road::default(), 1e9),
-            "'vehicle.speed' = 1000000000 m/s at 'road.distance' = 1 m passes over 1e8 grid points of 'roughness.spacing' = 0.01 m in one sample, at most 1e6 were expected"
+            "'vehicle.speed' = 1000000000 m/s at 'road.distance' = 1 m passes over 1e8 grid points of \
+             'roughness.spacing' = 0.01 m in one sample; at most 1e6 are possible"
         );
         let flat = Road { profile: Profile::Flat, sample_time: 10.0, ..Road::default() };
         let message = refused(flat, 1e308);
         assert!(
-            message.ends_with("leads from 'road.distance' = 10000 m to inf m, a finite distance was expected"),
+            message.ends_with("leads from 'road.distance' = 10000 m to inf m; the distance must stay finite"),
             "{message}"
         );
     }

@@ -149,7 +149,7 @@ fn table_comes_from_a_file() {
     std::fs::write(&path, TABLE).unwrap();
     let mut fmu = Fmu::new(folder.path());
     fmu.choose("profile", 3).unwrap();
-    assert_eq!(fmu.initialize().unwrap_err(), "Road: 'table.file' is empty, the path of a CSV file was expected");
+    assert_eq!(fmu.initialize().unwrap_err(), "Road: 'table.file' must be the path of a CSV file, it is empty");
     let mut fmu = Fmu::new(folder.path());
     fmu.choose("profile", 3).unwrap();
     fmu.take_file("no.csv");
