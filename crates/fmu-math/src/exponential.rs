@@ -1,0 +1,141 @@
+//! Exponential function and hyperbolic functions.
+//!
+//! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions are made of exp(x) and exp(x) - 1 in two parts each, so
+//! that they lose nothing near zero.
+
+use crate::bits::{INFINITY, ROUNDER, abs, below, choose, fast_sum, flip, keep, magnitude, sign, sum};
+use crate::coefficients::{EXPM1, INV_LN2, LN2_HI, LN2_LO};
+use crate::lanes::{function, polynomial11};
+
+/// Up to here neither the result nor its reciprocal leaves the normal range.
+const LIMIT: u64 = 708f64.to_bits();
+
+#[inline(always)]
+fn outside(x: f64) -> u64 {
+    LIMIT.wrapping_sub(magnitude(x))
+}
+
+/// n of 2^n in the lowest bits, and r in two parts.
+#[inline(always)]
+pub(crate) fn reduce(x: f64, x_low: f64) -> (u64, f64, f64) {
+    let shifted = x * INV_LN2 + ROUNDER;
+    let n = shifted - ROUNDER;
+    // The product is exact, and so is the difference.
+    let (high, low) = fast_sum(x - n * LN2_HI, -(n * LN2_LO));
+    (shifted.to_bits(), high, low + x_low)
+}
+
+/// 2^n for a normal result; n in the lowest bits.
+#[inline(always)]
+pub(crate) fn power_of_two(n: u64) -> f64 {
+    f64::from_bits(n.wrapping_add(1023) << 52)
+}
+
+/// exp(r) in two parts.
+#[inline(always)]
+pub(crate) fn exponential(high: f64, low: f64) -> (f64, f64) {
+    let tail = high * high * polynomial11(&EXPM1, high);
+    let (one, error) = fast_sum(1.0, high);
+    (one, error + (tail + low * (one + tail)))
+}
+
+#[inline(always)]
+fn exp_kernel(x: f64) -> f64 {
+    let (n, high, low) = reduce(x, 0.0);
+    let (one, rest) = exponential(high, low);
+    (one + rest) * power_of_two(n)
+}
+
+/// Overflow, underflow, and results that are not normal numbers.
+#[cold]
+fn exp_full(x: f64) -> f64 {
+    if x.is_nan() {
+        return f64::NAN;
+    }
+    if x > 710.0 {
+        return f64::INFINITY;
+    }
+    if x < -746.0 {
+        return 0.0;
+    }
+    let (n, high, low) = reduce(x, 0.0);
+    let (one, rest) = exponential(high, low);
+    // In two steps, because 2^n itself may be out of range.
+    let half = ((n as i64) << 13 >> 13) / 2;
+    (one + rest) * power_of_two(half as u64) * power_of_two(n.wrapping_sub(half as u64))
+}
+
+function!(
+    /// Exponential function, within 0.8 ulp; within 1 ulp where the result is subnormal.
+    exp, exp_each, outside, exp_kernel, exp_full
+);
+
+/// exp(x) - 1 in two parts, for x >= 0.
+#[inline(always)]
+fn exp_minus_one(x: f64) -> (f64, f64) {
+    let (n, high, low) = reduce(x, 0.0);
+    let tail = high * high * polynomial11(&EXPM1, high);
+    let (rest, rest_low) = fast_sum(high, tail);
+    let rest_low = rest_low + low * (1.0 + rest);
+    let scale = power_of_two(n);
+    let (whole, whole_low) = fast_sum(scale, -1.0);
+    let (sum, sum_low) = fast_sum(whole, scale * rest);
+    (sum, sum_low + (whole_low + scale * rest_low))
+}
+
+/// From here on the hyperbolic tangent is 1.
+const FLAT: f64 = 22.0;
+
+#[inline(always)]
+fn tanh_outside(x: f64) -> u64 {
+    INFINITY.wrapping_sub(magnitude(x))
+}
+
+#[inline(always)]
+fn tanh_kernel(x: f64) -> f64 {
+    let ax = abs(x);
+    let ax = choose(below(ax.to_bits(), FLAT.to_bits()), ax, FLAT);
+    let (n, n_low) = exp_minus_one(ax + ax);
+    let (d, d_low) = sum(n, 2.0);
+    // n/d for small arguments, 1 - 2/d for others.
+    let small = below(ax.to_bits(), 0.55f64.to_bits());
+    let quotient = choose(small, n, -2.0) / d;
+    let quotient_low = (keep(small, n_low) - quotient * (d_low + n_low)) / d;
+    let (value, error) = fast_sum(keep(!small, 1.0), quotient);
+    let value = value + (error + quotient_low);
+    flip(value, sign(x))
+}
+
+#[inline(always)]
+fn sinh_kernel(x: f64) -> f64 {
+    let (n, n_low) = exp_minus_one(abs(x));
+    let (d, d_low) = sum(n, 1.0);
+    let quotient = n / d;
+    let quotient_low = (n_low - quotient * (d_low + n_low)) / d;
+    let (sum, sum_low) = fast_sum(n, quotient);
+    flip(0.5 * (sum + (sum_low + (n_low + quotient_low))), sign(x))
+}
+
+#[inline(always)]
+fn cosh_kernel(x: f64) -> f64 {
+    let (n, high, low) = reduce(abs(x), 0.0);
+    let (one, rest) = exponential(high, low);
+    let scale = power_of_two(n);
+    let (value, value_low) = fast_sum(one, rest);
+    let (value, value_low) = (value * scale, value_low * scale);
+    let (sum, sum_low) = fast_sum(value, 1.0 / value);
+    0.5 * (sum + (sum_low + value_low))
+}
+
+function!(
+    /// Hyperbolic sine, within 1.2 ulp.
+    sinh, sinh_each, outside, sinh_kernel, libm::sinh
+);
+function!(
+    /// Hyperbolic cosine, within 0.9 ulp.
+    cosh, cosh_each, outside, cosh_kernel, libm::cosh
+);
+function!(
+    /// Hyperbolic tangent, within 1.3 ulp.
+    tanh, tanh_each, tanh_outside, tanh_kernel, |_| f64::NAN
+);

@@ -1,0 +1,108 @@
+//! Arctangent, arcsine and arccosine.
+
+use crate::bits::{SIGN, abs, below, choose, fast_sum, flip, keep, magnitude, sign, spread, sqrt, upper};
+use crate::coefficients::{ASIN, ATAN, PIO4_HI, PIO4_LO};
+use crate::lanes::{function, function2, polynomial13};
+
+/// Greatest magnitude of the arguments of the arctangent of two numbers: their sum must not overflow.
+const LARGE: u64 = 1e300f64.to_bits();
+const ONE: u64 = 1f64.to_bits();
+const HALF: u64 = 0.5f64.to_bits();
+/// The bits of `1/x` are about this minus the bits of `x`, within 7 % of the number.
+const RECIPROCAL: u64 = 0x7fde_6238_0000_0000;
+
+/// The quotient of the smaller magnitude and the greater, or the tangent of the angle without pi/4, is between -1/3 and 1/2
+/// and goes into a polynomial. A multiple of pi/4 in two parts is added.
+#[inline(always)]
+fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
+    let (ay, ax) = (magnitude(y), magnitude(x));
+    let steep = below(ax, ay);
+    let exchange = (ay ^ ax) & steep;
+    let small = f64::from_bits(ay ^ exchange);
+    // 0/0 is 0 here.
+    let great = ax ^ exchange;
+    let great = f64::from_bits(great | (ONE & spread(great.wrapping_sub(1))));
+    let back = spread(x.to_bits());
+
+    let diagonal = below(great.to_bits(), (small + small).to_bits());
+    let numerator = small - keep(diagonal, great);
+    let (denominator, error) = fast_sum(great, keep(diagonal, small));
+    let t = numerator / denominator;
+    // What the rounded denominator changes, which a rough reciprocal suffices for.
+    let correction = t * (error * f64::from_bits(RECIPROCAL.wrapping_sub(denominator.to_bits())));
+    let z = t * t;
+    let tail = t * (z * polynomial13(&ATAN, z)) - correction;
+
+    let turn = (steep ^ back) & SIGN;
+    let eighths = flip(keep(diagonal, 1.0), turn) + (keep(steep, 2.0) + keep(back & !steep, 4.0));
+    let (angle, error) = fast_sum(eighths * PIO4_HI, flip(t, turn));
+    let angle = angle + (error + (eighths * PIO4_LO + flip(tail, turn)));
+    (flip(abs(angle), sign(y)), LARGE.wrapping_sub(ay) | LARGE.wrapping_sub(ax))
+}
+
+#[inline(always)]
+fn atan_outside(x: f64) -> u64 {
+    LARGE.wrapping_sub(magnitude(x))
+}
+
+#[inline(always)]
+fn atan_kernel(x: f64) -> f64 {
+    atan2_kernel(x, 1.0).0
+}
+
+#[inline(always)]
+fn unit_outside(x: f64) -> u64 {
+    ONE.wrapping_sub(magnitude(x))
+}
+
+/// For `|x| >= 1/2` the arcsine of `sqrt((1 - |x|)/2)`, twice, from pi/2. Returns the mask of that case, the argument of the
+/// polynomial in two parts, and what the polynomial adds.
+#[inline(always)]
+fn half_angle(x: f64) -> (u64, f64, f64, f64) {
+    let ax = abs(x);
+    let wide = !below(ax.to_bits(), HALF);
+    let z = choose(wide, (1.0 - ax) * 0.5, ax * ax);
+    let s = choose(wide, sqrt(z), ax);
+    let tail = s * (z * polynomial13(&ASIN, z));
+    // The square of the upper half is exact. The small number is for x = 1.
+    let high = choose(wide, upper(s), s);
+    let low = keep(wide, (z - high * high) / (s + high + 1e-300));
+    (wide, high, low, tail)
+}
+
+#[inline(always)]
+fn asin_kernel(x: f64) -> f64 {
+    let (wide, high, low, tail) = half_angle(x);
+    let (angle, error) = fast_sum(2.0 * PIO4_HI, -2.0 * high);
+    let wide_angle = angle + (error + (2.0 * PIO4_LO - 2.0 * (low + tail)));
+    flip(choose(wide, wide_angle, high + tail), sign(x))
+}
+
+#[inline(always)]
+fn acos_kernel(x: f64) -> f64 {
+    let (wide, high, low, tail) = half_angle(x);
+    let negative = spread(x.to_bits());
+    let eighths = choose(wide, keep(negative, 4.0), 2.0);
+    let scale = choose(wide, 2.0, 1.0);
+    // Subtracted from the multiple of pi/4: the angle itself, for 1/2 <= x its negative.
+    let side = sign(x) ^ (wide & SIGN);
+    let (angle, error) = fast_sum(eighths * PIO4_HI, -flip(high * scale, side));
+    angle + (error + (eighths * PIO4_LO - flip((low + tail) * scale, side)))
+}
+
+function!(
+    /// Arctangent, in [-pi/2, pi/2], within 1.2 ulp.
+    atan, atan_each, atan_outside, atan_kernel, libm::atan
+);
+function2!(
+    /// The angle of the point (`x`, `y`), in [-pi, pi], within 1.5 ulp. Zeros and infinities as in C: `atan2(0.0, 0.0)` is 0.
+    atan2, atan2_each, y, x, atan2_kernel, libm::atan2
+);
+function!(
+    /// Arcsine, in [-pi/2, pi/2], within 0.8 ulp; NaN outside of [-1, 1].
+    asin, asin_each, unit_outside, asin_kernel, |_| f64::NAN
+);
+function!(
+    /// Arccosine, in [0, pi], within 0.8 ulp; NaN outside of [-1, 1].
+    acos, acos_each, unit_outside, acos_kernel, |_| f64::NAN
+);

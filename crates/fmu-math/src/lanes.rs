@@ -1,0 +1,125 @@
+//! From a kernel to a function of a number and a function of an array.
+
+/// Defines a function of one number and its array form.
+///
+/// `outside` has its highest bit set where the kernel does not hold; there `full` computes the result. Neither form is
+/// inlined: an FMU has one copy of each, and the compiler sees the lanes of an array together.
+macro_rules! function {
+    ($(#[$doc:meta])* $name:ident, $each:ident, $outside:expr, $kernel:expr, $full:expr) => {
+        $(#[$doc])*
+        #[inline(never)]
+        #[must_use]
+        pub fn $name(x: f64) -> f64 {
+            if $outside(x) >> 63 == 0 { $kernel(x) } else { crate::bits::canonical($full(x)) }
+        }
+
+        #[doc = concat!("[`", stringify!($name), "`] of each element, with the same bits.")]
+        #[inline(never)]
+        #[must_use]
+        pub fn $each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
+            #[cold]
+            #[inline(never)]
+            fn singles(x: &mut [f64]) {
+                x.iter_mut().for_each(|x| *x = $name(*x));
+            }
+            let mut any = 0;
+            for &x in &x {
+                any |= $outside(x);
+            }
+            if any >> 63 == 0 {
+                for x in &mut x {
+                    *x = $kernel(*x);
+                }
+            } else {
+                singles(&mut x);
+            }
+            x
+        }
+    };
+}
+
+/// Defines a function of two numbers and its array form. The kernel returns its result and what `outside` is above.
+macro_rules! function2 {
+    ($(#[$doc:meta])* $name:ident, $each:ident, $a:ident, $b:ident, $kernel:expr, $full:expr) => {
+        $(#[$doc])*
+        #[inline(never)]
+        #[must_use]
+        pub fn $name($a: f64, $b: f64) -> f64 {
+            let (value, outside) = $kernel($a, $b);
+            if outside >> 63 == 0 { value } else { crate::bits::canonical($full($a, $b)) }
+        }
+
+        #[doc = concat!("[`", stringify!($name), "`] of each pair of elements, with the same bits.")]
+        #[inline(never)]
+        #[must_use]
+        pub fn $each<const N: usize>($a: [f64; N], $b: [f64; N]) -> [f64; N] {
+            #[cold]
+            #[inline(never)]
+            fn singles(result: &mut [f64], a: &[f64], b: &[f64]) {
+                for (result, (a, b)) in result.iter_mut().zip(a.iter().zip(b)) {
+                    *result = $name(*a, *b);
+                }
+            }
+            let mut any = 0;
+            let mut result = [0.0; N];
+            for (result, (a, b)) in result.iter_mut().zip($a.iter().zip(&$b)) {
+                let (value, outside) = $kernel(*a, *b);
+                *result = value;
+                any |= outside;
+            }
+            if any >> 63 != 0 {
+                singles(&mut result, &$a, &$b);
+            }
+            result
+        }
+    };
+}
+
+pub(crate) use {function, function2};
+
+/// A polynomial of degree 5 in `z`, evaluated in pairs so that the additions do not wait for each other.
+#[inline(always)]
+pub(crate) fn polynomial6(c: &[f64; 6], z: f64) -> f64 {
+    let z2 = z * z;
+    let high = (c[2] + c[3] * z) + z2 * (c[4] + c[5] * z);
+    (c[0] + c[1] * z) + z2 * high
+}
+
+/// A polynomial of degree 6.
+#[inline(always)]
+pub(crate) fn polynomial7(c: &[f64; 7], z: f64) -> f64 {
+    let z2 = z * z;
+    let high = (c[2] + c[3] * z) + z2 * ((c[4] + c[5] * z) + z2 * c[6]);
+    (c[0] + c[1] * z) + z2 * high
+}
+
+/// A polynomial of degree 7.
+#[inline(always)]
+pub(crate) fn polynomial8(c: &[f64; 8], z: f64) -> f64 {
+    let z2 = z * z;
+    let low = (c[0] + c[1] * z) + z2 * (c[2] + c[3] * z);
+    let high = (c[4] + c[5] * z) + z2 * (c[6] + c[7] * z);
+    low + (z2 * z2) * high
+}
+
+/// A polynomial of degree 10.
+#[inline(always)]
+pub(crate) fn polynomial11(c: &[f64; 11], z: f64) -> f64 {
+    let z2 = z * z;
+    let z4 = z2 * z2;
+    let low = (c[0] + c[1] * z) + z2 * (c[2] + c[3] * z);
+    let middle = (c[4] + c[5] * z) + z2 * (c[6] + c[7] * z);
+    let high = (c[8] + c[9] * z) + z2 * c[10];
+    low + z4 * (middle + z4 * high)
+}
+
+/// A polynomial of degree 12.
+#[inline(always)]
+pub(crate) fn polynomial13(c: &[f64; 13], z: f64) -> f64 {
+    let z2 = z * z;
+    let z4 = z2 * z2;
+    let low = (c[0] + c[1] * z) + z2 * (c[2] + c[3] * z);
+    let middle = (c[4] + c[5] * z) + z2 * (c[6] + c[7] * z);
+    let high = (c[8] + c[9] * z) + z2 * (c[10] + c[11] * z);
+    low + z4 * (middle + z4 * (high + z4 * c[12]))
+}

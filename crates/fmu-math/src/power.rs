@@ -1,0 +1,106 @@
+//! Powers, and the length of a vector.
+
+use crate::bits::{abs, fast_sum, magnitude, product, sqrt, sum};
+use crate::coefficients::{LN_TAIL, LN2_HI, LN2_LO, THIRD_HI, THIRD_LO};
+use crate::exponential::{exponential, power_of_two, reduce};
+use crate::lanes::{function2, polynomial8};
+use crate::logarithm;
+
+/// ln(x) in two parts, to 2^-64 of its value.
+///
+/// As in `logarithm`, but ln(m) = 2s (1 + s^2/3 + s^4 (1/5 + ...)), with all but the bracket in two parts.
+#[inline(always)]
+fn logarithm(x: f64) -> (f64, f64) {
+    let (k, m) = logarithm::split(x);
+    let f = m - 1.0;
+    let (d, d_low) = sum(m, 1.0);
+    let s = f / d;
+    let (back, back_low) = product(s, d);
+    let s_low = (((f - back) - back_low) - s * d_low) / d;
+
+    let (z, z_low) = product(s, s);
+    let z_low = z_low + 2.0 * s * s_low;
+    let (third, third_low) = product(z, THIRD_HI);
+    let third_low = third_low + (z * THIRD_LO + z_low * THIRD_HI);
+    let (v, v_low) = fast_sum(third, z * z * polynomial8(&LN_TAIL, z));
+    let v_low = v_low + third_low;
+
+    let (s, s_low) = (s + s, s_low + s_low);
+    let (q, q_low) = product(s, v);
+    let q_low = q_low + (s * v_low + s_low * v);
+    let (value, value_low) = fast_sum(s, q);
+    let value_low = value_low + (q_low + s_low);
+    let (sum, sum_low) = fast_sum(k * LN2_HI, value);
+    fast_sum(sum, sum_low + (value_low + k * LN2_LO))
+}
+
+/// The power, and a number whose highest bit is set where it does not hold.
+#[inline(always)]
+fn pow_kernel(x: f64, y: f64) -> (f64, u64) {
+    const EXPONENT: u64 = 1e100f64.to_bits();
+    const ARGUMENT: u64 = 708f64.to_bits();
+    let (log, log_low) = logarithm(x);
+    let (t, t_low) = product(y, log);
+    let t_low = t_low + y * log_low;
+    let outside = logarithm::outside(x) | EXPONENT.wrapping_sub(magnitude(y)) | ARGUMENT.wrapping_sub(magnitude(t));
+    let (n, high, low) = reduce(t, t_low);
+    let (one, rest) = exponential(high, low);
+    ((one + rest) * power_of_two(n), outside)
+}
+
+function2!(
+    /// `x` to the power `y`, within 1.2 ulp. Special values as in C: `pow(x, 0.0)` and `pow(1.0, y)` are 1, a negative `x` has
+    /// powers for integers `y` only.
+    pow, pow_each, x, y, pow_kernel, libm::pow
+);
+
+/// `x` to an integer power by repeated squaring. Each of the about 2 log2(n) multiplications rounds.
+#[inline]
+#[must_use]
+pub fn powi(x: f64, n: i32) -> f64 {
+    let mut power = 1.0;
+    let mut square = x;
+    let mut rest = n.unsigned_abs();
+    while rest != 0 {
+        if rest & 1 == 1 {
+            power *= square;
+        }
+        rest >>= 1;
+        if rest != 0 {
+            square *= square;
+        }
+    }
+    if n < 0 { 1.0 / power } else { power }
+}
+
+/// Holds if the squares of both and their sum neither overflow nor lose anything that counts.
+#[inline(always)]
+fn hypot_kernel(x: f64, y: f64) -> (f64, u64) {
+    const LARGE: u64 = 1e150f64.to_bits();
+    const SMALL: u64 = 1e-140f64.to_bits();
+    let (ax, ay) = (magnitude(x), magnitude(y));
+    let both_small = ax.wrapping_sub(SMALL) & ay.wrapping_sub(SMALL);
+    let both_zero = (ax | ay).wrapping_sub(1);
+    let outside = LARGE.wrapping_sub(ax) | LARGE.wrapping_sub(ay) | (both_small & !both_zero);
+    (sqrt(x * x + y * y), outside)
+}
+
+#[cold]
+fn hypot_full(x: f64, y: f64) -> f64 {
+    let (x, y) = (abs(x), abs(y));
+    if x == f64::INFINITY || y == f64::INFINITY {
+        f64::INFINITY
+    } else if x.is_nan() || y.is_nan() {
+        f64::NAN
+    } else {
+        // Powers of two: the scaling is exact, or of no weight beside the other number.
+        let exponent: i64 = if x > 1.0 || y > 1.0 { -600 } else { 600 };
+        let scale = power_of_two(exponent as u64);
+        hypot_kernel(x * scale, y * scale).0 / scale
+    }
+}
+
+function2!(
+    /// Length of the vector (`x`, `y`), within 1.3 ulp; infinite if one of them is.
+    hypot, hypot_each, x, y, hypot_kernel, hypot_full
+);
