@@ -142,7 +142,8 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
     let p = M::Parameters::read(values.view(), Counts::ZERO);
     let no_resources = Path::new("");
     let derived = M::load(&p, no_resources).expect("the start values suit each other");
-    let mut memory = M::begin(&p, &derived, no_resources).expect("the start values suit each other");
+    let mut memory =
+        M::begin(&p, &derived, no_resources, layout, &values, 0.0).expect("the start values suit each other");
     let inputs = layout.inputs.reals();
     let start = values.reals[inputs.clone()].to_vec();
     let mut step = Step { start: 0.0, reached: 0.0, time: 0.0, step: STEP, sample: 0 };

@@ -187,7 +187,12 @@ fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Vec<Dependen
             }
         }
         let p = values.parameters::<M>();
-        let begun = M::load(&p, resources).and_then(|d| M::begin(&p, &d, resources).map(|memory| (d, memory)));
+        let begun = M::load(&p, resources).and_then(|derived| {
+            let mut values = values.clone();
+            M::initialize(&p, &derived, layout, &mut values);
+            let memory = M::begin(&p, &derived, resources, layout, &values, 0.0)?;
+            Ok((derived, memory))
+        });
         match begun {
             Ok((derived, memory)) => {
                 has_derived = true;

@@ -81,6 +81,17 @@ impl ValueStore {
         Values { reals: &[], integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
     }
 
+    /// Whether a variable has another value there.
+    pub(crate) fn differs(&self, other: &Self, variable: &Variable) -> bool {
+        let index = variable.index;
+        match variable.declaration.kind {
+            Kind::Real(_) => self.reals[index] != other.reals[index],
+            Kind::Integer { .. } => self.integers[index] != other.integers[index],
+            Kind::Boolean { .. } => self.booleans[index] != other.booleans[index],
+            Kind::String { .. } => self.strings[index] != other.strings[index],
+        }
+    }
+
     pub(crate) fn parameters<M: Model>(&self) -> M::Parameters {
         M::Parameters::read(self.view(), Counts::ZERO)
     }
@@ -264,7 +275,9 @@ impl<M: Model> Instance<M> {
             return Ok(Arc::clone(derived));
         }
         if let Some(derived) = &self.derived {
-            self.memory = Some(M::begin(&self.parameters, derived, &self.resources).map_err(named)?);
+            let (layout, start) = (&self.description.layout, self.clock.start);
+            let memory = M::begin(&self.parameters, derived, &self.resources, layout, &self.values, start);
+            self.memory = Some(memory.map_err(named)?);
             return Ok(Arc::clone(derived));
         }
         let derived = Arc::new(M::load(&self.parameters, &self.resources).map_err(named)?);
@@ -284,14 +297,25 @@ impl<M: Model> Instance<M> {
                 .into());
             }
         }
-        let memory = M::begin(&self.parameters, &derived, &self.resources).map_err(named)?;
+        let memory = M::begin(&self.parameters, &derived, &self.resources, layout, &values, self.clock.start);
+        let memory = memory.map_err(named)?;
         self.values = values;
         self.memory = Some(memory);
         self.derived = Some(Arc::clone(&derived));
         Ok(derived)
     }
 
-    /// After parameters, inputs or states have changed.
+    /// After parameters, inputs or states were set.
+    #[inline]
+    fn values_changed(&mut self) {
+        if M::KIND == ModelKind::Continuous && self.mode != Mode::Step {
+            // The discrete state at the start follows from them.
+            self.memory = None;
+        }
+        self.forget_results();
+    }
+
+    /// Outputs and derivatives are computed again when they are read.
     #[inline]
     fn forget_results(&mut self) {
         self.outputs_are_old = true;
@@ -544,7 +568,7 @@ impl<M: Model> Instance<M> {
         if parameter {
             self.parameters_changed(fixed);
         }
-        self.forget_results();
+        self.values_changed();
         Ok(())
     }
 
@@ -626,7 +650,7 @@ impl<M: Model> Instance<M> {
             let fixed = parameters.any(|variable| !variable.declaration.tunable);
             self.parameters_changed(fixed);
         }
-        self.forget_results();
+        self.values_changed();
     }
 
     /// fmi2DoStep.

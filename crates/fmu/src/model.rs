@@ -94,18 +94,30 @@ pub struct Event<'a, M: Continuous> {
 
 impl<M: Continuous> Event<'_, M> {
     /// Whether the zero crossing of this index went from positive or zero to negative.
+    ///
+    /// # Panics
+    /// If the model has no zero crossing of this index.
     #[must_use]
     pub fn fell(&self, index: usize) -> bool {
         self.changed(index) && self.after[index] < 0.0
     }
 
     /// Whether the zero crossing of this index went from negative to positive or zero.
+    ///
+    /// # Panics
+    /// If the model has no zero crossing of this index.
     #[must_use]
     pub fn rose(&self, index: usize) -> bool {
         self.changed(index) && self.after[index] >= 0.0
     }
 
     fn changed(&self, index: usize) -> bool {
+        let count = size_of::<M::Crossings>() / size_of::<f64>();
+        assert!(
+            index < count,
+            "there is no zero crossing {index}: `type Crossings` has the length {count} and counts from 0"
+        );
+        // A time event has no values.
         self.before.get(index).zip(self.after.get(index)).is_some_and(|(before, after)| is_crossing(*before, *after))
     }
 }
@@ -159,8 +171,9 @@ pub trait Continuous: Parameters {
     }
     /// Writes the states with `#[var(calculated)]`; the others keep their start value.
     fn initialize(&self, _derived: &Self::Derived, _state: &mut Self::State<f64>) {}
-    /// The discrete state at the start.
-    fn initial_discrete_state(&self, _derived: &Self::Derived) -> Self::DiscreteState {
+    /// The discrete state at the start, from the state and the inputs at the end of initialization. `at.discrete` holds the
+    /// default. A quantity that starts on its positive side has not risen: what an event would have set belongs here.
+    fn initial_discrete_state(&self, _at: At<'_, f64, Self>) -> Self::DiscreteState {
         Self::DiscreteState::default()
     }
     /// Time derivative of the state.

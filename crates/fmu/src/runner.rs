@@ -99,11 +99,18 @@ pub trait Model: 'static {
     fn load(p: &Self::Parameters, resources: &Path) -> Result<Self::Derived, String>;
     /// Hash of the loaded files.
     fn fingerprint(derived: &Self::Derived) -> u64;
-    /// The memory at the start.
+    /// The memory at the start, for these values and at this time.
     ///
     /// # Errors
     /// A sentence that names the parameter, its value and the rule.
-    fn begin(p: &Self::Parameters, derived: &Self::Derived, resources: &Path) -> Result<Self::Memory, String>;
+    fn begin(
+        p: &Self::Parameters,
+        derived: &Self::Derived,
+        resources: &Path,
+        layout: &Layout,
+        values: &ValueStore,
+        time: f64,
+    ) -> Result<Self::Memory, String>;
     /// Writes the states that follow from the parameters.
     fn initialize(_p: &Self::Parameters, _derived: &Self::Derived, _layout: &Layout, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are refused.

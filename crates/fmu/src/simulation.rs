@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::instance::ValueStore;
 use crate::model::{Continuous, Discrete, Sample};
 use crate::runner::{ContinuousModel, DiscreteModel, MOST_PARTS, Model, Step, StepError};
-use crate::variable::Layout;
+use crate::variable::{Layout, Role, Variable};
 use crate::variables::{Counts, Variables as _};
 
 /// A run of a continuous-time model, as its FMU would do it: same solver, same bits.
@@ -90,7 +90,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         let mut values = ValueStore::start(&layout);
         model.write(&mut values.view_mut(), Counts::ZERO);
         ContinuousModel::<M>::initialize(&model, &derived, &layout, &mut values);
-        let memory = ContinuousModel::<M>::begin(&model, &derived, resources)?;
+        let memory = ContinuousModel::<M>::begin(&model, &derived, resources, &layout, &values, 0.0)?;
         Ok(Self { model: model.into(), derived: derived.into(), layout: layout.into(), memory, values, time: 0.0 })
     }
 
@@ -106,9 +106,32 @@ impl<M: Continuous> ContinuousSimulation<M> {
         M::State::read(self.values.view(), self.layout.states.at)
     }
 
-    /// Replaces the state.
+    /// Replaces the state. At time 0 it is the start state, and the discrete state is that of the start.
     pub fn set_state(&mut self, state: &M::State<f64>) {
         state.write(&mut self.values.view_mut(), self.layout.states.at);
+        if self.time == 0.0 {
+            let Self { model, derived, layout, values, .. } = self;
+            self.memory = ContinuousModel::<M>::memory(model, derived, layout, values, 0.0);
+        }
+    }
+
+    /// Replaces the tunable parameters. The fixed parameters must be those of the start.
+    ///
+    /// # Errors
+    /// A fixed parameter differs.
+    pub fn set_parameters(&mut self, model: M) -> Result<(), String> {
+        let mut values = self.values.clone();
+        model.write(&mut values.view_mut(), Counts::ZERO);
+        let is_fixed = |v: &&Variable| v.role == Role::Parameter && !v.declaration.tunable;
+        if let Some(variable) =
+            self.layout.variables.iter().filter(is_fixed).find(|variable| values.differs(&self.values, variable))
+        {
+            let name = &variable.declaration.name;
+            return Err(format!("`{name}` is fixed, it cannot change after the start"));
+        }
+        self.model = model.into();
+        self.values = values;
+        Ok(())
     }
 
     /// The derived parameters.

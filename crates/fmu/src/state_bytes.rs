@@ -212,7 +212,8 @@ pub(crate) fn read<M: Model>(
         return Err("a file that the state was made with has another content now".to_owned());
     }
     // In place: the state of a model may be large, and a thread's stack small.
-    let memory = snapshot.memory.insert(M::begin(&parameters, &derived, resources)?);
+    let Snapshot { values, clock, memory, .. } = &mut snapshot;
+    let memory = memory.insert(M::begin(&parameters, &derived, resources, layout, values, clock.start)?);
     if initialized {
         let mut next = || match source.u8()? {
             0 => source.f64().map(OwnedWord::Real),

@@ -27,7 +27,7 @@ pub struct Memory<D> {
     discrete: D,
     /// Step that the solver with error control proposes next in s; 0 before the first one.
     proposed: f64,
-    /// The quantities whose zero crossings are events, where the last step ended; empty before the first one.
+    /// The quantities whose zero crossings are events, at the start or where the last step ended.
     crossings: Vec<f64>,
     scratch: Scratch,
 }
@@ -368,6 +368,31 @@ fn error_norm<M: Continuous>(
     (sum / n as f64).sqrt()
 }
 
+impl<M: Continuous> ContinuousModel<M> {
+    /// The memory at the start.
+    pub(crate) fn memory(
+        p: &M,
+        derived: &M::Derived,
+        layout: &Layout,
+        values: &ValueStore,
+        time: f64,
+    ) -> Memory<M::DiscreteState> {
+        // Here, so that no step allocates.
+        let mut scratch = Scratch::default();
+        scratch.resize::<M>();
+        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+        let state = &M::State::read(values.view(), layout.states.at);
+        let default = M::DiscreteState::default();
+        let discrete = p.initial_discrete_state(At { time, state, inputs, derived, discrete: &default });
+        let mut crossings = Vec::new();
+        if size_of::<M::Crossings>() > 0 {
+            let at = At { time, state, inputs, derived, discrete: &discrete };
+            crossings.extend_from_slice(p.zero_crossings(at).as_ref());
+        }
+        Memory { discrete, proposed: 0.0, crossings, scratch }
+    }
+}
+
 impl<M: Continuous> Model for ContinuousModel<M> {
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Continuous;
@@ -402,12 +427,15 @@ impl<M: Continuous> Model for ContinuousModel<M> {
         M::fingerprint(derived)
     }
 
-    fn begin(p: &M, derived: &M::Derived, _: &Path) -> Result<Self::Memory, String> {
-        // Here, so that no step allocates.
-        let mut scratch = Scratch::default();
-        scratch.resize::<M>();
-        let crossings = Vec::with_capacity(size_of::<M::Crossings>() / size_of::<f64>());
-        Ok(Memory { discrete: p.initial_discrete_state(derived), proposed: 0.0, crossings, scratch })
+    fn begin(
+        p: &M,
+        derived: &M::Derived,
+        _: &Path,
+        layout: &Layout,
+        values: &ValueStore,
+        time: f64,
+    ) -> Result<Self::Memory, String> {
+        Ok(Self::memory(p, derived, layout, values, time))
     }
 
     fn initialize(p: &M, derived: &M::Derived, layout: &Layout, values: &mut ValueStore) {

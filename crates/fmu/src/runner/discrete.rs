@@ -52,7 +52,7 @@ impl<M: Discrete> Model for DiscreteModel<M> {
         M::fingerprint(derived)
     }
 
-    fn begin(p: &M, derived: &M::Derived, _: &Path) -> Result<M::State, String> {
+    fn begin(p: &M, derived: &M::Derived, _: &Path, _: &Layout, _: &ValueStore, _: f64) -> Result<M::State, String> {
         Ok(p.initial_state(derived))
     }
 

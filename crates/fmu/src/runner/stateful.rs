@@ -39,7 +39,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
         0
     }
 
-    fn begin(p: &M, (): &(), resources: &Path) -> Result<M::Simulation, String> {
+    fn begin(p: &M, (): &(), resources: &Path, _: &Layout, _: &ValueStore, _: f64) -> Result<M::Simulation, String> {
         p.start(resources)
     }
 

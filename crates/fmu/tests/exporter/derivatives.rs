@@ -175,7 +175,7 @@ fn dependencies_hold_for_every_value_of_every_parameter() {
     let set = |law| {
         let p = CartPair { law, ..Default::default() };
         let derived = M::load(&p, none).unwrap();
-        let memory = M::begin(&p, &derived, none).unwrap();
+        let memory = M::begin(&p, &derived, none, layout, &values, 0.0).unwrap();
         M::dependencies(&p, &derived, &memory, layout, &values).swap_remove(0)
     };
     let ground = 2;

@@ -360,3 +360,151 @@ fn an_input_that_changes_a_sign_between_steps_is_an_event_at_the_start_of_the_ne
     assert_eq!(run(-0.6, false), (false, 2, 0.25));
     assert_eq!(run(0.7, true), (true, 3, 0.25));
 }
+
+#[derive(Parameters)]
+struct Thermostat {
+    /// Switched off at this temperature (degC)
+    #[var(start = 22.0, tunable)]
+    upper: f64,
+    /// Switched on below this temperature (degC)
+    #[var(start = 18.0, tunable)]
+    lower: f64,
+}
+
+#[derive(State)]
+struct Room<T> {
+    /// Temperature (degC)
+    #[var(start = 20.0)]
+    temperature: T,
+}
+
+#[derive(Inputs)]
+struct Outside<T> {
+    /// Temperature outside (degC)
+    #[var(start = 10.0)]
+    outside: T,
+}
+
+#[derive(Outputs)]
+struct Heating {
+    /// Whether the heater is on
+    is_on: bool,
+}
+
+#[derive(DiscreteState, Clone, Default)]
+struct Heater {
+    is_on: bool,
+}
+
+/// Room with a heater and a thermostat that starts on if it is cold
+#[fmu::model(stop_time = 3600.0, step_size = 10.0)]
+impl Continuous for Thermostat {
+    type State<T: Scalar> = Room<T>;
+    type Inputs<T: Scalar> = Outside<T>;
+    type Outputs<T: Scalar> = Heating;
+    type DiscreteState = Heater;
+    type Crossings = [f64; 2];
+
+    fn initial_discrete_state(&self, at: At<f64, Self>) -> Heater {
+        assert!(!at.discrete.is_on, "the default");
+        Heater { is_on: at.state.temperature < self.lower || at.inputs.outside < 0.0 }
+    }
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> Room<T> {
+        let heat = if at.discrete.is_on { 0.02 } else { 0.0 };
+        Room { temperature: (at.inputs.outside - at.state.temperature) * 1e-3 + heat }
+    }
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Heating {
+        Heating { is_on: at.discrete.is_on }
+    }
+    fn zero_crossings(&self, at: At<f64, Self>) -> [f64; 2] {
+        [at.state.temperature - self.upper, at.state.temperature - self.lower]
+    }
+    fn on_event(&self, event: Event<Self>) {
+        if event.rose(0) {
+            event.discrete.is_on = false;
+        } else if event.fell(1) {
+            event.discrete.is_on = true;
+        }
+    }
+}
+
+fn is_on(fmu: &mut Fmu<Thermostat>) -> bool {
+    fmu.0.get_boolean(crate::models::reference::<Thermostat>("is_on")).unwrap()
+}
+
+#[test]
+fn the_discrete_state_at_the_start_follows_from_the_start_values() {
+    for (temperature, outside, expected) in
+        [(20.0, 10.0, false), (18.5, 10.0, false), (17.9, 10.0, true), (20.0, -1.0, true)]
+    {
+        let mut fmu = Fmu::<Thermostat>::new();
+        fmu.0.setup_experiment(0.0, None).unwrap();
+        fmu.set("temperature", temperature).unwrap();
+        fmu.0.enter_initialization().unwrap();
+        // Not from what it was when the output was first read.
+        is_on(&mut fmu);
+        fmu.set("outside", outside).unwrap();
+        assert_eq!(is_on(&mut fmu), expected);
+        fmu.0.exit_initialization().unwrap();
+        assert_eq!(is_on(&mut fmu), expected);
+        fmu.step(1.0).unwrap();
+        assert_eq!(is_on(&mut fmu), expected, "{temperature} degC, {outside} degC outside");
+    }
+}
+
+#[test]
+fn a_sign_that_changes_between_the_start_and_the_first_step_is_an_event() {
+    let mut fmu = Fmu::<Thermostat>::ready();
+    fmu.set("lower", 21.0).unwrap();
+    assert!(!is_on(&mut fmu));
+    fmu.step(1.0).unwrap();
+    assert!(is_on(&mut fmu));
+}
+
+#[test]
+fn a_simulation_takes_tunable_parameters_between_steps() {
+    use fmu::simulation::ContinuousSimulation;
+
+    let mut run = ContinuousSimulation::new(Thermostat::default()).unwrap();
+    let inputs = Outside { outside: 10.0 };
+    run.step(&inputs, 1.0).unwrap();
+    run.set_parameters(Thermostat { lower: 21.0, ..Default::default() }).unwrap();
+    run.step(&inputs, 1.0).unwrap();
+    assert!(run.outputs(&inputs).is_on);
+    // Before the first step a new state is the start state, which the discrete state follows from.
+    let mut run = ContinuousSimulation::new(Thermostat::default()).unwrap();
+    run.set_state(&Room { temperature: 5.0 });
+    assert!(run.outputs(&inputs).is_on);
+
+    let mut run = ContinuousSimulation::new(EqualSteps::default()).unwrap();
+    let error = run.set_parameters(EqualSteps { restitution: 0.5 }).unwrap_err();
+    assert_eq!(error, "`restitution` is fixed, it cannot change after the start");
+}
+
+#[derive(Parameters)]
+struct Asking;
+
+/// Asks for a zero crossing that is not there
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Asking {
+    type State<T: Scalar> = BallState<T>;
+    type Crossings = [f64; 1];
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> BallState<T> {
+        BallState { height: at.state.velocity, velocity: T::from(-GRAVITY) }
+    }
+    fn zero_crossings(&self, at: At<f64, Self>) -> [f64; 1] {
+        [at.state.height]
+    }
+    fn on_event(&self, event: Event<Self>) {
+        for i in 0..2 {
+            let _ = event.rose(i);
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "there is no zero crossing 1: `type Crossings` has the length 1 and counts from 0")]
+fn a_zero_crossing_that_is_not_there_is_an_error() {
+    let mut run = fmu::simulation::ContinuousSimulation::new(Asking).unwrap();
+    let _ = run.step(&(), 1.0);
+}
