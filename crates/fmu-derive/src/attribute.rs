@@ -34,7 +34,8 @@ pub(crate) struct Variable {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Content {
     Real,
-    /// Integer, Boolean, String.
+    Integer,
+    /// Boolean, String.
     Other,
     /// An enumeration, an alias, or a mistake; the compiler knows.
     Unknown,
@@ -150,6 +151,9 @@ impl Variable {
             );
             let message = match text.as_str() {
                 "unit" => "only real variables have a unit".to_owned(),
+                "min" | "max" | "positive" if allowed.contains(&"tunable") => {
+                    format!("`{key}` belongs to numbers: this variable has no limits")
+                }
                 "min" | "max" | "positive" | "tunable" => format!("`{key}` belongs to parameters"),
                 "local" | "calculated" => format!("`{key}` belongs to continuous states"),
                 "always_finite" => format!("`{key}` belongs to discrete states"),
@@ -178,9 +182,6 @@ impl Variable {
         name: &LitStr,
     ) -> Result<(Option<TokenStream>, Option<Unit>, &'a str)> {
         if let Some(unit) = self.value("unit")? {
-            if content == Content::Other {
-                return Ok((None, None, doc));
-            }
             return match unit {
                 Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) => {
                     let unit = Unit::parse(&text.value(), text.span())?;
@@ -202,9 +203,6 @@ impl Variable {
                 other => Ok((Some(other.to_token_stream()), None, doc)),
             };
         }
-        if content == Content::Other {
-            return Ok((None, None, doc));
-        }
         let in_parentheses = doc.strip_suffix(')').and_then(|doc| {
             // The denominator may have parentheses too.
             let open = doc.rfind(" (")?;
@@ -216,6 +214,13 @@ impl Variable {
                     Error::new(name.span(), format!("{error} (at the end of the doc comment of this field)"))
                 })?;
                 Ok((Some(unit.tokens(root)), Some(unit), description))
+            }
+            // The words on an Integer may end in a letter that is a unit too: `1 (A) to 8 (H)`.
+            Some((_, unit)) if content == Content::Other && Unit::parse(unit, name.span()).is_ok() => {
+                let message = format!(
+                    "only real variables have a unit: the doc comment of this field ends with the unit `({unit})`"
+                );
+                Err(Error::new(name.span(), message))
             }
             None if content == Content::Real && !doc.is_empty() => Err(Error::new(
                 name.span(),
@@ -416,7 +421,8 @@ pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
             }
             match last.ident.to_string().as_str() {
                 "f64" => Content::Real,
-                "bool" | "i32" | "String" => Content::Other,
+                "i32" => Content::Integer,
+                "bool" | "String" => Content::Other,
                 _ if number.is_some_and(|number| path.path.is_ident(number)) => Content::Real,
                 _ => Content::Unknown,
             }

@@ -28,6 +28,7 @@
 //! `#[fmu(crate = path)]` on a struct names the crate `fmu` if the dependency is renamed.
 
 mod attribute;
+mod comparison;
 mod enumeration;
 mod errors;
 mod model;

@@ -5,9 +5,14 @@ use quote::{ToTokens, quote, quote_spanned};
 use syn::parse::Parser;
 use syn::punctuated::Punctuated;
 use syn::spanned::Spanned as _;
-use syn::{Error, Expr, ExprLit, ImplItem, ItemImpl, Lit, LitStr, Meta, Path, Token, Type, parse_quote};
+use syn::visit::{self, Visit};
+use syn::{
+    Error, Expr, ExprLit, ExprMethodCall, ImplItem, ItemImpl, Lit, LitInt, LitStr, Meta, Path, ReturnType, Token, Type,
+    parse_quote,
+};
 
 use crate::attribute::{doc, literal};
+use crate::comparison;
 use crate::errors::Errors;
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
@@ -136,6 +141,10 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             return TokenStream::new();
         }
     };
+    let declared = block.items.clone();
+    if kind == Kind::Continuous {
+        comparison::replace(&mut block.items, &root);
+    }
     let written: Vec<String> = block.items.iter().filter_map(name).collect();
     let has = |name: &str| written.iter().any(|written| written == name);
     let mut add = |name: &str, item: TokenStream| {
@@ -167,7 +176,8 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
                 add(name, quote! { type #ident<T: #root::Scalar> = (); });
             }
             add("DiscreteState", quote! { type DiscreteState = (); });
-            add("Crossings", quote! { type Crossings = [f64; 0]; });
+            let crossings = crossings(&declared, errors);
+            add("Crossings", quote! { type Crossings = #crossings; });
             if has("next_time_event") {
                 add("HAS_TIME_EVENTS", quote! { const HAS_TIME_EVENTS: bool = true; });
             }
@@ -219,7 +229,8 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
     }
     if errors.is_empty() {
         let export = export(&block.self_ty, &root, &runner);
-        quote!(#block #export)
+        let numbers = crossing_numbers(&block.items, &block.self_ty, &root);
+        quote!(#block #export #numbers)
     } else {
         block.to_token_stream()
     }
@@ -232,6 +243,72 @@ fn name(item: &ImplItem) -> Option<String> {
         ImplItem::Fn(item) => Some(item.sig.ident.to_string()),
         ImplItem::Type(item) => Some(item.ident.to_string()),
         _ => None,
+    }
+}
+
+/// The type of the zero crossings, which belongs to the function; that of the function after a mistake.
+fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
+    let declared = items.iter().find_map(|item| match item {
+        ImplItem::Type(item) if item.ident == "Crossings" => Some(item),
+        _ => None,
+    });
+    let function = items.iter().find_map(|item| match item {
+        ImplItem::Fn(item) if item.sig.ident == "zero_crossings" => Some(item),
+        _ => None,
+    });
+    match (declared, function) {
+        (Some(declared), None) => {
+            let message = "`zero_crossings` is missing: the function that computes these quantities, as in \
+                           `fn zero_crossings(&self, at: At<f64, Self>) -> [f64; 1]`";
+            errors.add(Error::new_spanned(declared, message));
+        }
+        (None, Some(function)) => {
+            let message = "`type Crossings` is missing, as in `type Crossings = [f64; 1];` for one quantity";
+            errors.add(Error::new_spanned(&function.sig.ident, message));
+        }
+        _ => {}
+    }
+    match function.map(|function| &function.sig.output) {
+        Some(ReturnType::Type(_, ty)) => ty.to_token_stream(),
+        _ => quote!([f64; 0]),
+    }
+}
+
+/// Checks the numbers of zero crossings that `on_event` asks for, as far as they are written in place.
+fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> TokenStream {
+    let handler = items.iter().find_map(|item| match item {
+        ImplItem::Fn(item) if item.sig.ident == "on_event" => Some(item),
+        _ => None,
+    });
+    let mut numbers = Vec::new();
+    if let Some(handler) = handler {
+        CrossingNumbers(&mut numbers).visit_block(&handler.block);
+    }
+    let checks = numbers.iter().filter_map(|number| {
+        let value: usize = number.base10_parse().ok()?;
+        let message = format!("there is no zero crossing {number}: `type Crossings` is shorter and counts from 0");
+        // At the place of the number, but not as if the author had written it: lints leave it alone.
+        Some(quote_spanned! {number.span().resolved_at(Span::call_site())=>
+            const _: () = ::core::assert!(
+                #value < ::core::mem::size_of::<<#model as #root::Continuous>::Crossings>() / 8,
+                #message
+            );
+        })
+    });
+    quote!(#(#checks)*)
+}
+
+/// Arguments of `fell` and `rose` that are written as numbers.
+struct CrossingNumbers<'a>(&'a mut Vec<LitInt>);
+
+impl<'ast> Visit<'ast> for CrossingNumbers<'_> {
+    fn visit_expr_method_call(&mut self, call: &'ast ExprMethodCall) {
+        if (call.method == "fell" || call.method == "rose")
+            && let Some(Expr::Lit(ExprLit { lit: Lit::Int(number), .. })) = call.args.first()
+        {
+            self.0.push(number.clone());
+        }
+        visit::visit_expr_method_call(self, call);
     }
 }
 

@@ -220,6 +220,12 @@ impl Unit {
             if factor == "1" {
                 continue;
             }
+            if factor.contains(['^', '*']) {
+                let better = text.replace("**", "").replace('^', "").replace('*', ".");
+                let message =
+                    format!("the unit `{text}` is written `{better}`: exponents follow the name, a dot multiplies");
+                return Err(Error::new(span, message));
+            }
             let letters = factor.trim_end_matches(|c: char| c.is_ascii_digit());
             let letters = letters.strip_suffix('-').unwrap_or(letters);
             let exponent = &factor[letters.len()..];
@@ -460,6 +466,10 @@ mod tests {
         assert_eq!(error("degC/s"), "`degC` has an offset, so it cannot be part of the unit `degC/s`; use K");
         assert_eq!(error("1/rad.s"), "write parentheses around the denominator of `1/rad.s`, as in `1/(rad.s)`");
         assert_eq!(error("kkg"), "unknown unit `kkg`; did you mean `kg`?");
+        let rule = "exponents follow the name, a dot multiplies";
+        assert_eq!(error("m^3/s"), format!("the unit `m^3/s` is written `m3/s`: {rule}"));
+        assert_eq!(error("N*m"), format!("the unit `N*m` is written `N.m`: {rule}"));
+        assert_eq!(error("kg*m**2"), format!("the unit `kg*m**2` is written `kg.m2`: {rule}"));
     }
 
     #[test]

@@ -23,9 +23,10 @@ impl Block {
     /// The keys of its fields.
     const fn keys(self, content: Content) -> &'static [&'static str] {
         match (self, content) {
-            (Self::Parameters, Content::Other) => {
+            (Self::Parameters, Content::Integer) => {
                 &["start", "min", "max", "tunable", "elements", "description", "nested", "flatten"]
             }
+            (Self::Parameters, Content::Other) => &["start", "tunable", "elements", "description", "nested", "flatten"],
             (Self::Parameters, Content::Real) => &[
                 "unit",
                 "start",
@@ -55,6 +56,9 @@ impl Block {
                 "nested",
                 "flatten",
             ],
+            (Self::Inputs | Self::Outputs, Content::Integer | Content::Other) => {
+                &["start", "elements", "description", "nested", "flatten"]
+            }
             (Self::Inputs | Self::Outputs, _) => {
                 &["unit", "start", "nominal", "display", "elements", "description", "enumeration", "nested", "flatten"]
             }
@@ -70,6 +74,7 @@ impl Block {
                 "nested",
                 "flatten",
             ],
+            (Self::Derived, Content::Integer | Content::Other) => &["elements", "description"],
             (Self::Derived, _) => &["unit", "nominal", "display", "elements", "description"],
         }
     }
@@ -216,7 +221,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
 fn may_be_real(field: &Field) -> bool {
     match content(&field.ty, None) {
         Content::Real => true,
-        Content::Other => false,
+        Content::Integer | Content::Other => false,
         // An enumeration has no unit; another name of `f64` has one, and a nested struct may have some.
         Content::Unknown => Variable::of(field)
             .is_ok_and(|variable| ["unit", "nested", "flatten"].iter().any(|key| variable.key(key).is_some())),
@@ -229,7 +234,9 @@ fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream) -> TokenStream 
     match (element(ty), start) {
         (Some(ty), Expr::Array(starts)) => {
             let each = starts.elems.iter().map(|start| start_value(ty, start, root));
-            quote_spanned!(span=> #root::variables::Starts::Each([#(#each),*]))
+            // Without the number the compiler would infer the length, and report the array with words of its own.
+            let count = starts.elems.len();
+            quote_spanned!(span=> #root::variables::Starts::listed::<#count>([#(#each),*]))
         }
         (Some(ty), Expr::Lit(_) | Expr::Unary(_)) => {
             let all = start_value(ty, start, root);
@@ -319,7 +326,7 @@ fn part(
             combine: quote!(ContinuousState),
         });
     }
-    if block == Block::State && content == Content::Other {
+    if block == Block::State && matches!(content, Content::Integer | Content::Other) {
         errors.add(Error::new_spanned(&ty, "a continuous state is real: `T`, or an array of it"));
     }
     if block == Block::Parameters && !variable.is_explicit {

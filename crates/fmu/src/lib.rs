@@ -52,6 +52,8 @@ pub mod abi;
 pub mod calls;
 mod clock;
 #[doc(hidden)]
+pub mod comparison;
+#[doc(hidden)]
 pub mod declare;
 pub mod definition;
 pub mod description;

@@ -233,6 +233,32 @@ impl<S, const N: usize> From<[S; N]> for Starts<S, N> {
     }
 }
 
+/// How many start values are listed.
+#[doc(hidden)]
+#[derive(Debug)]
+pub struct Listed<const M: usize>;
+
+/// Whether that many start values are right for an array of `N`.
+#[doc(hidden)]
+#[diagnostic::on_unimplemented(
+    message = "wrong number of start values: the array has {N} elements",
+    label = "list one start value for each of the {N} elements, or write one for all"
+)]
+pub trait FitsArrayOf<const N: usize> {}
+impl<const N: usize> FitsArrayOf<N> for Listed<N> {}
+
+impl<S, const N: usize> Starts<S, N> {
+    /// One start value per element.
+    #[doc(hidden)]
+    pub fn listed<const M: usize>(starts: [S; M]) -> Self
+    where
+        Listed<M>: FitsArrayOf<N>,
+    {
+        let mut starts = starts.into_iter();
+        Self::Each(std::array::from_fn(|_| starts.next().expect("as many as elements")))
+    }
+}
+
 impl<S: Clone, const N: usize> Starts<S, N> {
     /// The start value of each element.
     pub fn each(self) -> [S; N] {

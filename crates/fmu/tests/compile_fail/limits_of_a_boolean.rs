@@ -21,7 +21,7 @@ pub struct Gain {
     #[var(start = 2, min = 1, max = 4)]
     order: i32,
     /// Active
-    #[var(start = true, nominal = 1.0)]
+    #[var(start = true, min = 0.0, max = 1.0)]
     on: bool,
     /// Limits (1)
     #[var(start = [-1.0, 1.0], min = -5.0, max = 5.0)]
