@@ -12,7 +12,8 @@ use crate::worker;
 pub(crate) struct Arguments {
     /// Name of an FMU of this workspace (packed before), or path of any .fmu file with directional derivatives
     fmu: String,
-    /// Operating point: a parameter, an input or a state, such as --set driver.speed=9.7; may be repeated
+    /// Operating point: a parameter, an input or a state, such as --set driver.speed=9.7; a Boolean is true or false, an
+    /// enumeration takes its names; may be repeated
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
     /// Prints the matrices and modes as JSON
@@ -63,12 +64,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-fn parse(setting: &str) -> Result<(String, f64)> {
+fn parse(setting: &str) -> Result<(String, String)> {
     let (name, value) = setting
         .split_once('=')
         .ok_or_else(|| miette!("--set {setting}: expected NAME=VALUE, as in driver.speed=9.7"))?;
-    let value: f64 = value.trim().parse().map_err(|_| miette!("--set {setting}: '{value}' is not a number"))?;
-    Ok((name.trim().to_owned(), value))
+    Ok((name.trim().to_owned(), value.trim().to_owned()))
 }
 
 /// Only nonzero elements, by name: the matrices are large and sparse.

@@ -3,6 +3,7 @@
 use crate::description::{BaseType, Causality, Initial, ModelDescription, Value, Variable};
 use crate::fmu::Fmu;
 use crate::loader::Instance;
+use crate::named_values::listed;
 use crate::names::suggestion;
 use std::path::Path;
 
@@ -24,7 +25,7 @@ pub struct Linear {
 ///
 /// # Errors
 /// The FMU cannot be used or has no states with directional derivatives, or a value cannot be set.
-pub fn linearize(path: &Path, settings: &[(String, f64)]) -> Result<Linear, String> {
+pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, String> {
     let fmu = Fmu::open(path).map_err(|error| error.to_string())?;
     let description = fmu.description();
     if !fmu.co_simulation().provides_directional_derivative || description.derivatives.is_empty() {
@@ -37,7 +38,7 @@ pub fn linearize(path: &Path, settings: &[(String, f64)]) -> Result<Linear, Stri
     let mut instance = fmu.instantiate("linearize").map_err(|error| error.to_string())?;
     instance.setup_experiment(0.0, None).map_err(call)?;
     for (name, value) in settings {
-        set(&mut instance, description, name, *value).map_err(|message| format!("--set {name}={value}: {message}"))?;
+        set(&mut instance, description, name, value).map_err(|message| format!("--set {name}={value}: {message}"))?;
     }
     instance.enter_initialization_mode().map_err(call)?;
 
@@ -65,7 +66,7 @@ pub fn linearize(path: &Path, settings: &[(String, f64)]) -> Result<Linear, Stri
     Ok(Linear { states: names(&states), inputs: names(&inputs), outputs: names(&outputs), jacobian })
 }
 
-fn set(instance: &mut Instance, description: &ModelDescription, name: &str, value: f64) -> Result<(), String> {
+fn set(instance: &mut Instance, description: &ModelDescription, name: &str, value: &str) -> Result<(), String> {
     let variable = description.variable(name).ok_or_else(|| {
         let near = suggestion(name, description.variables.iter().map(|variable| variable.name.as_str()));
         let hint = near.map_or_else(String::new, |near| format!("; {near}"));
@@ -77,19 +78,58 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
         return Err(format!("`{name}` is neither a parameter, an input nor a state"));
     }
     let references = [variable.reference];
-    let result = match &variable.start {
-        Some(Value::Integer(_)) => instance.set_integer(&references, &[whole(value)?]),
-        Some(Value::Boolean(_)) => instance.set_boolean(&references, &[whole(value)?]),
-        Some(Value::Real(_)) => instance.set_real(&references, &[value]),
-        _ => return Err(format!("`{name}` is not a number")),
+    let result = match parse(variable, value)? {
+        Value::Real(value) => instance.set_real(&references, &[value]),
+        Value::Integer(value) => instance.set_integer(&references, &[value]),
+        Value::Boolean(value) => instance.set_boolean(&references, &[i32::from(value)]),
+        Value::String(_) => return Err(format!("`{name}` is a String, on which no linear model depends")),
     };
     result.map_err(|error| error.to_string())
 }
 
-fn whole(value: f64) -> Result<i32, String> {
-    if value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX) {
-        #[expect(clippy::cast_possible_truncation, reason = "checked to be whole and in range")]
-        return Ok(value as i32);
+/// A value as it is written on the command line. An Integer may be written by the name of its value.
+fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
+    let expected = |what: &str| format!("`{}` must be {what}", variable.name);
+    match variable.base_type {
+        BaseType::Real => text.parse().map(Value::Real).map_err(|_| expected("a number")),
+        BaseType::Boolean => match text {
+            "true" | "1" => Ok(Value::Boolean(true)),
+            "false" | "0" => Ok(Value::Boolean(false)),
+            _ => Err(expected("true or false")),
+        },
+        BaseType::Integer => {
+            let values = variable.named_values();
+            let named = values.iter().find(|(_, name)| *name == text).map(|(value, _)| *value);
+            let value = named.map_or_else(|| text.parse(), Ok);
+            value.map(Value::Integer).map_err(|_| match values.as_slice() {
+                [] => expected("a whole number"),
+                values => expected(&format!("one of {}", listed(values))),
+            })
+        }
+        BaseType::String => Ok(Value::String(text.to_owned())),
     }
-    Err(format!("{value} is not a whole number"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_read_by_the_type_of_the_variable() {
+        let description = ModelDescription::parse(include_str!("../tests/data/Vehicle.xml")).unwrap();
+        let of = |is_wanted: &dyn Fn(&&Variable) -> bool| description.variables.iter().find(is_wanted).unwrap();
+        let real = description.variable("vehicle.mass").unwrap();
+        assert_eq!(parse(real, "1e3"), Ok(Value::Real(1000.0)));
+        assert_eq!(parse(real, "true").unwrap_err(), "`vehicle.mass` must be a number");
+        let enumeration = description.variable("tire.mode").unwrap();
+        assert_eq!(parse(enumeration, "linear"), Ok(Value::Integer(1)));
+        assert_eq!(parse(enumeration, "0"), Ok(Value::Integer(0)));
+        let message = "`tire.mode` must be one of magic (0), linear (1)";
+        assert_eq!(parse(enumeration, "linea").unwrap_err(), message);
+        let boolean = of(&|variable| variable.base_type == BaseType::Boolean);
+        for (text, value) in [("true", true), ("1", true), ("false", false), ("0", false)] {
+            assert_eq!(parse(boolean, text), Ok(Value::Boolean(value)));
+        }
+        assert!(parse(boolean, "yes").unwrap_err().ends_with("must be true or false"));
+    }
 }

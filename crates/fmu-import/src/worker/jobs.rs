@@ -16,8 +16,8 @@ pub const JOB: &str = "import";
 enum Request {
     /// To check a `.fmu` file.
     Check(PathBuf),
-    /// To linearize a `.fmu` file with other values of these variables, which are in the body.
-    Linearize { path: PathBuf, names: Vec<String> },
+    /// To linearize a `.fmu` file with other values of these variables, by name.
+    Linearize { path: PathBuf, changes: Vec<(String, String)> },
 }
 
 /// What a worker responds.
@@ -43,7 +43,7 @@ pub fn serve(board: &Path) -> io::Result<()> {
     serve_requests(board, respond)
 }
 
-fn respond(request: Request, body: &[f64], replies: &mut Replies) -> io::Result<()> {
+fn respond(request: Request, _: &[f64], replies: &mut Replies) -> io::Result<()> {
     match request {
         Request::Check(path) => {
             let mut sent = Ok(());
@@ -55,16 +55,13 @@ fn respond(request: Request, body: &[f64], replies: &mut Replies) -> io::Result<
             sent?;
             replies.send(&Response::Done, &[])
         }
-        Request::Linearize { path, names } => {
-            let settings: Vec<(String, f64)> = names.into_iter().zip(body.iter().copied()).collect();
-            match linearize::linearize(&path, &settings) {
-                Ok(mut linear) => {
-                    let jacobian = std::mem::take(&mut linear.jacobian);
-                    replies.send(&Response::Linear(linear), &[&jacobian])
-                }
-                Err(message) => replies.send(&Response::Failed(message), &[]),
+        Request::Linearize { path, changes } => match linearize::linearize(&path, &changes) {
+            Ok(mut linear) => {
+                let jacobian = std::mem::take(&mut linear.jacobian);
+                replies.send(&Response::Linear(linear), &[&jacobian])
             }
-        }
+            Err(message) => replies.send(&Response::Failed(message), &[]),
+        },
     }
 }
 
@@ -101,11 +98,10 @@ pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Chec
 /// # Errors
 /// Why that does not work: the worker cannot be started, the FMU ends it, has no states with directional derivatives, or
 /// does not take a value.
-pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, f64)]) -> Result<Linear, String> {
+pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, String)]) -> Result<Linear, String> {
     let mut process =
         Process::start(settings, JOB, true).map_err(|error| format!("cannot start a worker process: {error}"))?;
-    let (names, values): (Vec<String>, Vec<f64>) = changes.iter().cloned().unzip();
-    process.send(&Request::Linearize { path: path.to_path_buf(), names }, &values);
+    process.send(&Request::Linearize { path: path.to_path_buf(), changes: changes.to_vec() }, &[]);
     match process.receive(&mut Watch::of_all(settings.timeout), &mut |_| ()) {
         Ok(Response::Linear(linear)) => {
             let jacobian = process.body().rest();
