@@ -229,17 +229,19 @@ fn may_be_real(field: &Field) -> bool {
 }
 
 /// A start value, or the start values of an array: one for all elements, or one for each.
-fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream) -> TokenStream {
+fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenStream) -> TokenStream {
     let span = start.span();
     match (element(ty), start) {
-        (Some(ty), Expr::Array(starts)) => {
-            let each = starts.elems.iter().map(|start| start_value(ty, start, root));
-            // Without the number the compiler would infer the length, and report the array with words of its own.
+        (Some(inner), Expr::Array(starts)) => {
+            let each = starts.elems.iter().map(|start| start_value(inner, start, root, number));
+            // Both lengths are stated: one that is inferred would be reported in words of the compiler.
             let count = starts.elems.len();
-            quote_spanned!(span=> #root::variables::Starts::listed::<#count>([#(#each),*]))
+            quote_spanned! {span=>
+                <<#ty as #root::Field<#number>>::Start>::listed::<#count>([#(#each),*])
+            }
         }
-        (Some(ty), Expr::Lit(_) | Expr::Unary(_)) => {
-            let all = start_value(ty, start, root);
+        (Some(inner), Expr::Lit(_) | Expr::Unary(_)) => {
+            let all = start_value(inner, start, root, number);
             quote_spanned!(span=> #root::variables::Starts::All(#all))
         }
         _ => quote_spanned!(span=> #root::declare::start(#start)),
@@ -377,7 +379,7 @@ fn declaration(
     let spec = variable.spec(root, doc, content)?;
     let start = match start {
         Some(start) => {
-            let start = start_value(ty, start, root);
+            let start = start_value(ty, start, root, number);
             quote_spanned!(start.span()=> ::core::option::Option::Some(#start))
         }
         None => quote!(::core::option::Option::None),

@@ -4,6 +4,7 @@
 /// What `<`, `<=`, `>` and `>=` compare.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` has no comparison, use `if_greater`, `min`, `max`, `clamp` or `sign`",
+    label = "a number of the equations",
     note = "a branch on a number of the equations would hide the dependencies of its other side",
     note = "as in `x.if_greater(T::from(limit), then, otherwise)`; `x.value()` is a plain number to compare"
 )]
@@ -21,6 +22,7 @@ pub trait Ordered<Rhs: ?Sized> {
 /// What `==` and `!=` compare.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` has no comparison, use `if_greater`, `min`, `max`, `clamp` or `sign`",
+    label = "a number of the equations",
     note = "a branch on a number of the equations would hide the dependencies of its other side",
     note = "`x.value()` is a plain number to compare; other types derive `PartialEq`"
 )]

@@ -3,6 +3,7 @@
 mod allocations;
 mod arrays;
 mod c_interface;
+mod comparisons;
 mod derivatives;
 mod description;
 mod events;
