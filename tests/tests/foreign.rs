@@ -123,6 +123,8 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
     for kind in ["continuous", "discrete", "stateful"] {
         let name = format!("my-{kind}");
         place.fmu(&["new", &name, "--kind", kind, "--exporter-path", exporter]);
+        let ignored = std::fs::read_to_string(place.path().join(&name).join(".gitignore"));
+        assert_eq!(ignored.expect("a package of its own ignores its builds"), "/target\n");
         let manifest = format!("{name}/Cargo.toml");
         let output = place.cargo(&["test", "--quiet", "--lib", "--manifest-path", &manifest]);
         let report = String::from_utf8_lossy(&output.stdout);
@@ -279,6 +281,93 @@ impl Continuous for Stiff {
     let report = String::from_utf8_lossy(&output.stdout);
     assert!(report.contains("no error, 1 warning"), "{report}");
     assert!(report.contains("variable `max_step`: in the default experiment `x` differs by"), "{report}");
+}
+
+/// A branch on a real parameter hides what only the other side reads: the model structure is that of the start value, and
+/// `check` tries the limits. `if_greater`, and a product with the parameter, hide nothing.
+#[test]
+fn an_input_that_is_hidden_at_the_start_value_is_reported() {
+    const MODEL: &str = r#"use fmu::prelude::*;
+
+#[derive(Parameters)]
+pub struct Hiding {
+    /// Feedthrough (1)
+    #[var(start = 0.0, min = 0.0, max = 4.0)]
+    feedthrough: f64,
+    /// Damping (1/s)
+    #[var(start = 1.0, min = 0.5)]
+    damping: f64,
+    /// Leakage (1/s)
+    #[var(start = 0.0, min = 0.0, max = 1.0)]
+    leakage: f64,
+}
+
+#[derive(Inputs)]
+pub struct U<T> {
+    /// First input (1)
+    first: T,
+    /// Second input (1)
+    second: T,
+}
+
+#[derive(State)]
+pub struct X<T> {
+    /// State (1)
+    #[var(nominal = 1.0)]
+    x: T,
+}
+
+#[derive(Outputs)]
+pub struct Y<T> {
+    /// Output (1)
+    y: T,
+    /// Product (1)
+    product: T,
+}
+
+/// Hides inputs
+#[fmu::model(stop_time = 1.0, step_size = 0.01)]
+impl Continuous for Hiding {
+    type Inputs<T: Scalar> = U<T>;
+    type State<T: Scalar> = X<T>;
+    type Outputs<T: Scalar> = Y<T>;
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        let push = if self.damping > 1.5 { at.inputs.second } else { T::from(0.0) };
+        X { x: push - at.state.x * self.damping }
+    }
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
+        let through = if self.feedthrough > 0.0 { at.inputs.first } else { T::from(0.0) };
+        Y { y: at.state.x + through, product: at.state.x + at.inputs.first * self.leakage }
+    }
+}
+"#;
+    let place = Place::new();
+    let manifest = "\n[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n\n[dependencies]\nfmu = { path = \"EXPORTER\" }\n";
+    place.package("hiding", manifest, MODEL);
+    let folder = place.path().join("hiding");
+    let run = |arguments: &[&str]| {
+        let output = Command::new(tests::cargo_fmu())
+            .current_dir(&folder)
+            .args(arguments)
+            .env("CARGO_TARGET_DIR", Place::target())
+            .env("CARGO_NET_OFFLINE", "true")
+            .output()
+            .expect("the command runs");
+        (output.status.success(), String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    assert!(run(&["pack", "--out", "../out"]).0);
+    let (is_clean, report) = run(&["check", "../out/Hiding.fmu"]);
+    assert!(!is_clean);
+    let errors: Vec<&str> = report.lines().map(str::trim).filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(
+        errors,
+        [
+            "error: variable `der(x)`: changes with `second`, which its dependencies in Derivatives do not name; seen with \
+             `damping` = 2",
+            "error: variable `y`: changes with `first`, which its dependencies in Outputs do not name; seen with \
+             `feedthrough` = 4",
+        ]
+    );
 }
 
 /// A package without a model, and one with a contradiction, end with a message that says what to do.

@@ -245,7 +245,6 @@ pub struct Listed<const M: usize>;
     label = "list one start value for each of the {N} elements, or write one for all"
 )]
 pub trait FitsArrayOf<const N: usize> {}
-#[diagnostic::do_not_recommend]
 impl<const N: usize> FitsArrayOf<N> for Listed<N> {}
 
 impl<S, const N: usize> Starts<S, N> {

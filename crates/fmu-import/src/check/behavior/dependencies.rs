@@ -13,11 +13,18 @@ const MOST_CHOICES: f64 = 8.0;
 /// Most values that are read in search of the dependencies of one list: some seconds.
 const MOST_READ: usize = 50_000_000;
 
-/// Another value of a parameter that is a Boolean (0 or 1) or a whole number.
+/// Another value of a parameter.
 #[derive(Clone, Copy)]
 struct Choice {
     parameter: usize,
-    value: i32,
+    value: Number,
+}
+
+#[derive(Clone, Copy)]
+enum Number {
+    Real(f64),
+    /// An Integer, or a Boolean (0 or 1).
+    Whole(i32),
 }
 
 impl Trial<'_> {
@@ -26,9 +33,10 @@ impl Trial<'_> {
         let mut instance = self.instance(name)?;
         if let Some(Choice { parameter, value }) = choice {
             let reference = [self.variable(parameter).reference];
-            match self.variable(parameter).base_type {
-                BaseType::Boolean => instance.set_boolean(&reference, &[value])?,
-                _ => instance.set_integer(&reference, &[value])?,
+            match (value, self.variable(parameter).base_type) {
+                (Number::Real(value), _) => instance.set_real(&reference, &[value])?,
+                (Number::Whole(value), BaseType::Boolean) => instance.set_boolean(&reference, &[value])?,
+                (Number::Whole(value), _) => instance.set_integer(&reference, &[value])?,
             }
         }
         instance.setup_experiment(self.start, None)?;
@@ -49,7 +57,26 @@ impl Trial<'_> {
         parameters
             .filter(|(_, variable)| variable.causality == Causality::Parameter)
             .flat_map(|(parameter, variable)| {
-                values(variable).into_iter().map(move |value| Choice { parameter, value })
+                values(variable).into_iter().map(move |value| Choice { parameter, value: Number::Whole(value) })
+            })
+            .collect()
+    }
+
+    /// The ends of the ranges of real parameters, where equations may have another structure than at the start value: the
+    /// limits, or where there are none a change as large as the value.
+    fn limits(&self) -> Vec<Choice> {
+        let ends = |variable: &Variable| match variable.start {
+            Some(Value::Real(start)) => {
+                let ends = [variable.min.unwrap_or(start - size(start)), variable.max.unwrap_or(start + size(start))];
+                ends.into_iter().filter(|end| *end != start).collect()
+            }
+            _ => Vec::new(),
+        };
+        let parameters = self.filtered(|variable| variable.causality == Causality::Parameter).into_iter();
+        parameters
+            .flat_map(|parameter| {
+                let choice = move |value| Choice { parameter, value: Number::Real(value) };
+                ends(self.variable(parameter)).into_iter().map(choice)
             })
             .collect()
     }
@@ -79,26 +106,41 @@ impl Trial<'_> {
         std::iter::once(None).chain(self.choices().into_iter().map(Some))
     }
 
-    /// Outputs: what follows inputs between two steps, if the FMU answers for inputs that were just set.
-    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
-        let mut search = self.search("Outputs", &self.description.outputs);
+    /// What follows inputs between two steps in a list, if the FMU answers for inputs that were just set.
+    fn search_between_steps<'a>(
+        &'a self,
+        list: &'static str,
+        unknowns: &'a [Unknown],
+        tell: Tell<'_>,
+    ) -> Answer<Search<'a>> {
+        let mut search = self.search(list, unknowns);
         if search.unknowns.is_empty() || self.inputs.is_empty() {
-            return Ok(());
+            return Ok(search);
         }
-        for choice in self.all_choices() {
+        let limits = self.limits().into_iter().map(|limit| (Some(limit), 1, 1));
+        for (choice, points, steps) in self.all_choices().map(|choice| (choice, POINTS, 5)).chain(limits) {
             let started = self.configured("dependencies", choice).and_then(|mut instance| {
                 instance.exit_initialization_mode()?;
                 Ok(instance)
             });
+            // Values that do not suit each other show nothing.
             let Ok(mut instance) = started else { continue };
-            for point in 0..POINTS {
-                if self.go(&mut instance, point * 5..point * 5 + 5, 1).is_err() {
+            search.choice = choice;
+            for point in 0..points {
+                if self.go(&mut instance, point * steps..(point + 1) * steps, 1).is_err() {
                     break;
                 }
                 search.look(self, &self.inputs, &mut instance, tell)?;
             }
         }
         search.end(tell);
+        Ok(search)
+    }
+
+    /// Outputs and Derivatives.
+    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
+        self.search_between_steps("Derivatives", &self.description.derivatives, tell)?;
+        let search = self.search_between_steps("Outputs", &self.description.outputs, tell)?;
         // An FMU that computes its outputs in fmi2DoStep only follows no input between steps.
         if search.followed.is_empty() || search.is_cut() {
             return Ok(());
@@ -128,6 +170,7 @@ impl Trial<'_> {
             followed: BTreeSet::new(),
             told: HashSet::new(),
             read: 0,
+            choice: None,
         }
     }
 }
@@ -147,6 +190,8 @@ struct Search<'a> {
     told: HashSet<(usize, usize)>,
     /// Values read.
     read: usize,
+    /// The parameter that has another value than at the start.
+    choice: Option<Choice>,
 }
 
 impl Search<'_> {
@@ -175,8 +220,12 @@ impl Search<'_> {
                     let is_missing = self.named[i].as_ref().is_some_and(|named| !named.contains(&j));
                     if is_missing && self.told.insert((unknown, j)) {
                         let (name, known) = (&trial.variable(unknown).name, &trial.variable(j).name);
-                        let message =
+                        let mut message =
                             format!("changes with `{known}`, which its dependencies in {} do not name", self.list);
+                        if let Some(Choice { parameter, value: Number::Real(value) }) = self.choice {
+                            let parameter = &trial.variable(parameter).name;
+                            message.push_str(&format!("; seen with `{parameter}` = {value}"));
+                        }
                         found(tell, Finding::error(format!("variable `{name}`"), message));
                     }
                 }
