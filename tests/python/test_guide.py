@@ -80,6 +80,14 @@ def test_the_python_of_the_readme_prints_what_it_says() -> None:
     assert [output.strip()] == promised(ROOT / "README.md")
 
 
+def test_the_readme_counts_its_lines_as_the_benchmarks_do() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (code,) = blocks(ROOT / "README.md", "rust")
+    # docs/benchmarks.md: lines that are neither empty nor comments.
+    lines = [line for line in code.splitlines() if line.strip() and not line.strip().startswith("//")]
+    assert re.findall(r"Export a model in (\d+) lines", text) == [str(len(lines))]
+
+
 def cargo_fmu() -> str:
     subprocess.run(
         ["cargo", "build", "--quiet", "--release", "--locked", "--package", "cargo-fmu"], cwd=ROOT, check=True

@@ -80,6 +80,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     // cargo knows how a package joins a workspace, and what it inherits.
     let made = succeed(cargo().args(["new", "--lib", "--quiet", "--vcs", "none"]).arg(&folder))
         .and_then(|()| fill(&folder, name, arguments))
+        .and_then(|()| match workspace {
+            // A workspace ignores its folder `target` already.
+            Some(_) => Ok(()),
+            None => write_whole(&folder.join(".gitignore"), b"/target\n"),
+        })
         .wrap_err_with(|| format!("writing {}", folder.display()));
     if made.is_err() {
         // Nothing half-written stays; what was not written by this call does not exist.

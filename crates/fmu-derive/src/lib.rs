@@ -11,8 +11,8 @@
 //! |---|---|---|
 //! | `unit = "m/s"` | real variables | unit of measure; without it the doc comment ends with the unit in parentheses: `/// Height of the road (m)`, `(1)` for none. An array takes one unit, or one per element. |
 //! | `start = 1.0` | all | start value; one for all elements of an array, or an array. Parameters must have one. |
-//! | `min = 0.0`, `max = 1.0` | parameters | limits |
-//! | `positive` | parameters | at least `fmu::definition::LEAST_POSITIVE` |
+//! | `min = 0.0`, `max = 1.0` | real and Integer parameters | limits |
+//! | `positive` | real parameters | at least `fmu::definition::LEAST_POSITIVE` |
 //! | `tunable` | parameters | may change between steps |
 //! | `nominal = 1e5` | real variables | usual magnitude; states should have one |
 //! | `display = "deg"` | real variables | unit to display values in |
