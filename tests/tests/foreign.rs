@@ -214,16 +214,18 @@ fn a_workspace_of_several_models_packs() {
     }
 }
 
-/// The crates that a model depends on, as they would be published, are complete: a model builds from the files alone.
+/// The crates that would be published have their readme and their licenses, and depend on no other crate of the workspace.
+/// Those that a model depends on are complete: a model builds from the files alone.
 #[test]
 fn a_model_builds_from_the_packaged_crates() {
     let place = Place::new();
     let target = place.path().join("packaged");
     let folder = target.to_str().expect("the path is UTF-8");
     let package = ["package", "--no-verify", "--allow-dirty", "--offline", "--target-dir", folder];
-    let packages = ["--package", "fmu", "--package", "fmu-derive"];
+    let names = ["fmu", "fmu-derive", "fmu-import", "fmu-system", "fmu-study", "cargo-fmu"];
+    let packages = names.iter().flat_map(|name| ["--package", name]);
     tests::successful(Command::new(tests::cargo()).args(package).args(packages).current_dir(workspace()));
-    for name in ["fmu", "fmu-derive"] {
+    for name in names {
         let file = target.join(format!("package/{name}-0.1.0.crate"));
         tests::successful(Command::new("tar").arg("xzf").arg(&file).arg("-C").arg(place.path()));
         for text in ["README.md", "LICENSE-MIT", "LICENSE-APACHE"] {

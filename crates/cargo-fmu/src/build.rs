@@ -8,7 +8,6 @@ use std::process::{Command, Stdio};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
-use crate::licenses::{self, Component};
 use crate::platform::Platform;
 use crate::win64;
 use crate::workspace::{Model, Workspace};
@@ -108,6 +107,13 @@ fn host() -> Result<String> {
     host.map(str::to_owned).ok_or_else(|| miette!("`rustc -vV` does not name its host"))
 }
 
+/// From `registry+https://…#libm@0.2.16`, or `path+file:///…/road#0.1.0` if the folder is named like the package.
+pub(crate) fn name_and_version(id: &str) -> Option<(String, String)> {
+    let (url, fragment) = id.rsplit_once('#')?;
+    let (name, version) = fragment.split_once('@').unwrap_or((url.rsplit('/').next()?, fragment));
+    Some((name.to_owned(), version.to_owned()))
+}
+
 /// The dynamic libraries that a build reports, by package.
 fn artifacts(messages: &str) -> Result<BTreeMap<String, PathBuf>> {
     #[derive(Deserialize)]
@@ -130,7 +136,7 @@ fn artifacts(messages: &str) -> Result<BTreeMap<String, PathBuf>> {
         let is_library = |path: &PathBuf| {
             path.extension().is_some_and(|extension| ["so", "dll", "dylib"].iter().any(|known| extension == *known))
         };
-        if let Some((package, _)) = licenses::name_and_version(&id)
+        if let Some((package, _)) = name_and_version(&id)
             && target.crate_types.iter().any(|kind| kind == "cdylib")
             && let Some(path) = message.filenames.into_iter().find(is_library)
         {
@@ -230,11 +236,13 @@ pub(crate) enum Builder {
     Win64(win64::Toolchain),
 }
 
-/// A library of a model and what is linked into it.
+/// What a builder has built.
 #[derive(Debug)]
-pub(crate) struct Library {
-    pub(crate) path: PathBuf,
-    pub(crate) components: Vec<Component>,
+pub(crate) struct Built {
+    /// Libraries in the order of the models.
+    pub(crate) libraries: Vec<PathBuf>,
+    /// Messages of cargo in JSON, about all that was built.
+    pub(crate) messages: String,
 }
 
 /// One builder for each platform, in the order of the platforms; all they need is there.
@@ -296,7 +304,7 @@ impl Builder {
         models: &[Model],
         guids: &[(String, String)],
         options: &Options,
-    ) -> Result<Vec<Library>> {
+    ) -> Result<Built> {
         let mut messages = String::new();
         let mut libraries = BTreeMap::new();
         for round in rounds(models) {
@@ -314,10 +322,8 @@ impl Builder {
             libraries.extend(kept(artifacts(&built)?, &round, &folder)?);
             messages.push_str(&built);
         }
-        let components = licenses::components(self, workspace, models, options, &messages)
-            .wrap_err("collecting the licenses of what is linked")?;
-        let library = |(model, components): (&Model, _)| Ok(Library { path: artifact(&libraries, model)?, components });
-        models.iter().zip(components).map(library).collect()
+        let libraries = models.iter().map(|model| artifact(&libraries, model)).collect::<Result<_>>()?;
+        Ok(Built { libraries, messages })
     }
 
     /// A call of cargo, without packages.

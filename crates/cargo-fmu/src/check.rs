@@ -1,4 +1,4 @@
-//! `cargo fmu check`: judges FMUs by their description and by what they do.
+//! `cargo fmu check`: validates FMUs by their description and by their behavior.
 
 use std::path::PathBuf;
 

@@ -14,7 +14,7 @@ use std::process::Command;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
-use crate::build::{Builder, Options, cargo};
+use crate::build::{Builder, Options, cargo, name_and_version};
 use crate::platform::Platform;
 use crate::workspace::{Model, Workspace};
 use crate::{win64, zigbuild};
@@ -297,13 +297,6 @@ fn standard_library(messages: &[Message]) -> Result<Vec<Component>> {
         });
     }
     Ok(components)
-}
-
-/// From `registry+https://…#libm@0.2.16`, or `path+file:///…/road#0.1.0` if the folder is named like the package.
-pub(crate) fn name_and_version(id: &str) -> Option<(String, String)> {
-    let (url, fragment) = id.rsplit_once('#')?;
-    let (name, version) = fragment.split_once('@').unwrap_or((url.rsplit('/').next()?, fragment));
-    Some((name.to_owned(), version.to_owned()))
 }
 
 /// The license files of a package: in its folder, or, if it is local, in the nearest folder above with a Cargo.toml.

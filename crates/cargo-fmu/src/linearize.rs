@@ -3,6 +3,7 @@
 use miette::{Result, miette};
 use nalgebra::DMatrix;
 
+use crate::eigenvalues::eigenvalues;
 use crate::inspect::locate;
 use crate::output::outln;
 use crate::worker;
@@ -37,8 +38,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let part = |at: (usize, usize), size: (usize, usize)| jacobian.view(at, size).into_owned();
     let (a, b) = (part((0, 0), (n, n)), part((0, n), (n, m)));
     let (c, d) = (part((n, 0), (p, n)), part((n, n), (p, m)));
-    let poles =
-        chassis_control::riccati::eigenvalues(&a).ok_or_else(|| miette!("the eigenvalues of A do not converge"))?;
+    let poles = eigenvalues(&a).ok_or_else(|| miette!("the eigenvalues of A do not converge"))?;
     if arguments.json {
         let rows =
             |m: &DMatrix<f64>| -> Vec<Vec<f64>> { m.row_iter().map(|row| row.iter().copied().collect()).collect() };

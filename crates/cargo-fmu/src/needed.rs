@@ -1,18 +1,10 @@
 //! FMUs that a scenario or a study needs.
 
-use std::collections::BTreeSet;
-use std::path::Path;
+#[cfg(feature = "system")]
+pub(crate) use crate::system::needed::fmus;
 
-use miette::Result;
-
-/// Names of the FMUs of a scenario, or of the scenario of a study.
-///
-/// # Errors
-/// The file cannot be read or does not have the layout of either.
-pub(crate) fn fmus(file: &Path) -> Result<BTreeSet<String>> {
-    Ok(if fmu_study::study::is_study(file) {
-        fmu_system::resolve::fmu_names(&fmu_study::study::scenario(file)?)?
-    } else {
-        fmu_system::resolve::fmu_names(file)?
-    })
+/// Without the feature `system`, scenarios cannot be read.
+#[cfg(not(feature = "system"))]
+pub(crate) fn fmus(_file: &std::path::Path) -> miette::Result<std::collections::BTreeSet<String>> {
+    Err(miette::miette!("`--for` needs a `cargo fmu` with the feature `system`"))
 }

@@ -7,6 +7,7 @@ use std::io::{ErrorKind, IsTerminal as _, Write as _};
 use fmu_import::terminal::escaped;
 
 /// Prints to the standard output; [`outln`] adds the end of the line.
+#[cfg(feature = "system")]
 macro_rules! out {
     ($($text:tt)*) => { $crate::output::write(format_args!($($text)*)) };
 }
@@ -17,11 +18,14 @@ macro_rules! outln {
 }
 
 /// Prints a line to the standard error.
+#[cfg(feature = "system")]
 macro_rules! errln {
     ($($text:tt)*) => { eprintln!("{}", fmu_import::terminal::escaped(&format!($($text)*))) };
 }
 
-pub(crate) use {errln, out, outln};
+pub(crate) use outln;
+#[cfg(feature = "system")]
+pub(crate) use {errln, out};
 
 /// Ends the program if nobody reads any more.
 pub(crate) fn write(text: Arguments<'_>) {

@@ -12,7 +12,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use crate::build::{self, Asked, Linux};
 use crate::documentation;
-use crate::licenses::Licenses;
+use crate::licenses::{self, Licenses};
 use crate::needed;
 use crate::output::outln;
 use crate::platform::Platform;
@@ -104,9 +104,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut licenses = vec![Licenses::default(); models.len()];
     for builder in &builders {
         let built = builder.build(&workspace, &models, &guids, &arguments.cargo)?;
-        for (i, library) in built.into_iter().enumerate() {
-            licenses[i].add(library.components);
-            libraries[i].push((builder.platform(), library.path));
+        let components = licenses::components(builder, &workspace, &models, &arguments.cargo, &built.messages)
+            .wrap_err("collecting the licenses of what is linked")?;
+        for (i, (library, components)) in built.libraries.into_iter().zip(components).enumerate() {
+            licenses[i].add(components);
+            libraries[i].push((builder.platform(), library));
         }
     }
     let bar = ProgressBar::new(models.len() as u64).with_style(

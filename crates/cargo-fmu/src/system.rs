@@ -1,88 +1,55 @@
-//! `cargo fmu system`: writes a run of a scenario for other masters.
+//! Commands about systems of FMUs.
 
-use clap::Args;
-use fmu_import::names::suggestion;
-use fmu_system::export::System;
-use fmu_system::plan::Plan;
-use fmu_system::resolve::{Options, resolve};
-use fmu_system::run::Run;
-use miette::{IntoDiagnostic, miette};
-use std::path::PathBuf;
+mod compat;
+mod export;
+mod folders;
+mod jobs;
+pub(crate) mod needed;
+mod plan;
+mod run;
+mod selection;
+mod study;
 
-use crate::output::outln;
-use crate::workspace::folders;
+use miette::Result;
 
-/// Which run of which scenario, and where it goes.
-#[derive(Debug, Args)]
-pub(crate) struct Arguments {
-    /// Scenario file (TOML)
-    scenario: PathBuf,
-
-    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
-    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
-    fmus: Vec<PathBuf>,
-
-    /// Case [default: the first]
-    #[arg(long, value_name = "NAME")]
-    case: Option<String>,
-
-    /// Point of the sweep [default: the first]
-    #[arg(long, value_name = "NAME")]
-    point: Option<String>,
-
-    /// Seed, one of the scenario's [default: the first]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    seed: Option<i32>,
-
-    /// Stop at this time instead, s
-    #[arg(long, value_name = "T", allow_negative_numbers = true)]
-    stop: Option<f64>,
-
-    /// Folder for the files; it must be empty or not there
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-
-    /// Replace what an earlier call wrote there
-    #[arg(long)]
-    overwrite: bool,
+/// What to do with a system.
+#[derive(clap::Subcommand, Debug)]
+pub(crate) enum Command {
+    /// Checks a scenario and shows what it runs and how it is wired
+    ///
+    /// Components without inputs are run alone for a moment, in a process of their own, to find parameters without an effect.
+    Plan(plan::Arguments),
+    /// Executes all runs of a scenario and writes a CSV file for each
+    Run(run::Arguments),
+    /// Writes a run of a scenario for other masters: an SSP file and a system structure of libcosim, with the FMUs
+    ///
+    /// OUT/NAME.ssp holds the structure with units of measure, parameter sets and the FMUs, for Ecos, libcosim and
+    /// OMSimulator; OUT/OspSystemStructure.xml is for libcosim. Inputs that keep one value are start values. Neither file
+    /// says in which order the units of a step follow each other: Ecos and libcosim step all at once (`--order jacobi`
+    /// of `cargo fmu run`). What is recorded becomes a connector; metrics and figures are left out.
+    Export(export::Arguments),
+    /// Searches parameters of a scenario as a study describes
+    Study(study::Arguments),
+    /// Shows which FMUs fit which plants by their signals
+    ///
+    /// A plant is an FMU with continuous states, unless it writes inputs of one with more states: then it is an actuator.
+    /// Signals go from an output to an input of the same name, type and unit of measure. Every FMU that is no plant fits a
+    /// plant if all its inputs are written by the plant or by others that are supplied this way, and if it writes an input
+    /// of the plant or of another one that acts on it. `idle`: supplied, but it acts on nothing. `lacks 3`: nothing writes
+    /// three of its inputs; in a scenario constants may stand in for them. Other plants never count.
+    ///
+    /// That signals fit does not say that a law suits a vehicle: vehicle data in it may have to be changed, and outputs that
+    /// nothing reads go nowhere.
+    Compat(compat::Arguments),
 }
 
-/// Writes the files.
-pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
-    let options = Options { stop: arguments.stop, ..Options::default() };
-    let plan = resolve(&arguments.scenario, &folders(&arguments.fmus), &options)?;
-    let run = chosen(&plan, arguments)?;
-    let system = System::new(&plan, run).into_diagnostic()?;
-    let files = system.write(&arguments.out, arguments.overwrite).into_diagnostic()?;
-    outln!("run {} for other masters, step {:?} s, until {:?} s:", run.id, system.step, system.stop);
-    for file in files {
-        outln!("  {}", file.display());
+/// Carries out a command.
+pub(crate) fn run(command: &Command) -> Result<()> {
+    match command {
+        Command::Plan(arguments) => plan::run(arguments),
+        Command::Run(arguments) => run::run(arguments),
+        Command::Export(arguments) => export::run(arguments),
+        Command::Study(arguments) => study::run(arguments),
+        Command::Compat(arguments) => compat::run(arguments),
     }
-    Ok(())
-}
-
-/// The run of the given case, point and seed; the first where nothing is said.
-fn chosen<'a>(plan: &'a Plan, arguments: &Arguments) -> miette::Result<&'a Run> {
-    let known = |what: &str, wanted: Option<&String>, names: Vec<String>| match wanted {
-        Some(name) if !names.contains(name) => {
-            let hint = match suggestion(name, names.iter().map(String::as_str)) {
-                Some(hint) => hint,
-                None if names.is_empty() => "it has none".to_string(),
-                None => format!("it has {}", names.join(", ")),
-            };
-            Err(miette!("{} has no {what} `{name}`; {hint}", plan.file))
-        }
-        _ => Ok(()),
-    };
-    let seed = arguments.seed.map(|seed| seed.to_string());
-    known("case", arguments.case.as_ref(), plan.cases.iter().map(|c| c.name.clone()).collect())?;
-    known("point", arguments.point.as_ref(), plan.points.iter().map(|p| p.name.clone()).collect())?;
-    known("seed", seed.as_ref(), plan.seeds.iter().map(i32::to_string).collect())?;
-    let fits = |run: &&Run| {
-        arguments.case.as_ref().is_none_or(|case| run.case == *case)
-            && arguments.point.as_ref().is_none_or(|point| run.point.as_ref() == Some(point))
-            && arguments.seed.is_none_or(|seed| run.seed == Some(seed))
-    };
-    // Every case runs at every point with every seed.
-    plan.runs.iter().find(fits).ok_or_else(|| miette!("{} has no runs", plan.file))
 }

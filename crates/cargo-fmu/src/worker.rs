@@ -1,7 +1,6 @@
 //! `cargo fmu worker`: the processes that execute FMUs for the other commands, and the options of these about them.
 
 use std::ffi::OsString;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,7 +11,6 @@ use miette::{IntoDiagnostic, Result, WrapErr};
 /// What to work at, and the file in which calls of FMUs are announced.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    #[arg(value_parser = [fmu_import::worker::JOB, fmu_system::worker::JOB])]
     job: String,
     board: PathBuf,
 }
@@ -20,8 +18,10 @@ pub(crate) struct Arguments {
 /// Works for the process that started this one.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let serve = match arguments.job.as_str() {
+        fmu_import::worker::JOB => fmu_import::worker::serve,
+        #[cfg(feature = "system")]
         fmu_system::worker::JOB => fmu_system::worker::serve,
-        _ => fmu_import::worker::serve,
+        job => return Err(miette::miette!("there is no worker for `{job}`")),
     };
     serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
 }
@@ -44,6 +44,7 @@ fn timeout(text: &str) -> Result<Duration, String> {
 }
 
 /// What other commands use: those of no FMU made with Python.
+#[cfg(feature = "system")]
 impl Default for Options {
     fn default() -> Self {
         Self { timeout: Duration::from_secs(60), libpython: None }
@@ -69,9 +70,4 @@ impl Options {
             printed,
         })
     }
-}
-
-/// Number of processes: as asked for, or that of the processors.
-pub(crate) fn jobs(asked: Option<NonZeroUsize>) -> NonZeroUsize {
-    asked.or_else(|| std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN)
 }

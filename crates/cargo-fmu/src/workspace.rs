@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use fmu_import::names::suggestion;
-use fmu_system::resolve::FmuFolder;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
@@ -159,12 +158,6 @@ impl Workspace {
     pub(crate) fn fmus(&self) -> PathBuf {
         self.target.join("fmu")
     }
-}
-
-/// FMUs in folders; that of this workspace, if there is one, can build some of those that are not there.
-pub(crate) fn folders(folders: &[PathBuf]) -> FmuFolder {
-    let buildable = || Workspace::find().map_or(Vec::new(), |w| w.models.into_iter().map(|model| model.name).collect());
-    FmuFolder::new(folders).with_buildable(buildable)
 }
 
 /// The packages of the workspace that a package depends on, directly or not.

@@ -46,8 +46,8 @@ fn wrong_usage_ends_with_2() {
         &["check", "Ramp.fmu", "--timeout", "soon"],
         &["plan", "ramp.toml", "--order", "random"],
         &["pack", "--platforms", "amiga68k"],
-        &["tune", "study.toml", "--budget", "0"],
-        &["tune", "study.toml", "--resume", "--overwrite"],
+        &["study", "study.toml", "--budget", "0"],
+        &["study", "study.toml", "--resume", "--overwrite"],
     ] {
         assert_eq!(command(folder.path(), arguments).status.code(), Some(2), "{arguments:?}");
     }
@@ -249,7 +249,7 @@ fn a_stop_that_does_not_fit_is_named() {
         ("-3", "--stop -3: the stop must be later than the start, 0 s"),
         ("1e12", "--stop 1000000000000: from start 0 s"),
     ] {
-        for arguments in [&["plan", "ramp.toml"][..], &["run", "ramp.toml"], &["system", "ramp.toml", "--out", "out"]] {
+        for arguments in [&["plan", "ramp.toml"][..], &["run", "ramp.toml"], &["export", "ramp.toml", "--out", "out"]] {
             let output = command(folder.path(), &[arguments, &["--stop", stop]].concat());
             assert_eq!(output.status.code(), Some(1), "{arguments:?}");
             let error = message(&output.stderr);
@@ -352,7 +352,7 @@ fn study() -> TempDir {
 #[test]
 fn a_study_is_carried_out() {
     let folder = study();
-    let output = command(folder.path(), &["tune", "study.toml", "--budget", "30"]);
+    let output = command(folder.path(), &["study", "study.toml", "--budget", "30"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let summary = text(&output.stdout);
     assert!(summary.contains("PACSA: 30 evaluations (0 not feasible)"), "{summary}");
@@ -373,28 +373,28 @@ fn a_study_is_carried_out() {
     // The same sum in the same order.
     assert_eq!((x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt(), best);
 
-    let output = command(folder.path(), &["tune", "study.toml"]);
+    let output = command(folder.path(), &["study", "study.toml"]);
     assert_eq!(output.status.code(), Some(1));
     let error = message(&output.stderr);
     assert!(error.contains("`--resume` goes on with it, `--overwrite` begins anew"), "{error}");
-    let output = command(folder.path(), &["tune", "study.toml", "--resume", "--budget", "20"]);
+    let output = command(folder.path(), &["study", "study.toml", "--resume", "--budget", "20"]);
     assert_eq!(output.status.code(), Some(1));
     let error = message(&output.stderr);
     assert!(error.contains("has 30 evaluations, more than the budget of 20"), "{error}");
-    let output = command(folder.path(), &["tune", "study.toml", "--overwrite", "--budget", "20"]);
+    let output = command(folder.path(), &["study", "study.toml", "--overwrite", "--budget", "20"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
 
     // Gains far above the scenario's own.
     std::fs::write(folder.path().join("far.toml"), STUDY.replace("min = -1.0\nmax = 9.0", "min = 8.0\nmax = 9.0"))
         .unwrap();
-    let output = command(folder.path(), &["tune", "far.toml", "--budget", "8"]);
+    let output = command(folder.path(), &["study", "far.toml", "--budget", "8"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let summary = text(&output.stdout);
     assert!(summary.starts_with("As in the scenario: "), "{summary}");
     assert!(summary.contains("no method improved on the scenario's own values\n"), "{summary}");
 
     std::fs::write(folder.path().join("study.toml"), STUDY.replace("pacsa", "pasca")).unwrap();
-    let output = command(folder.path(), &["tune", "study.toml", "--resume"]);
+    let output = command(folder.path(), &["study", "study.toml", "--resume"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("study.toml:19:8"), "{}", text(&output.stderr));
 }
@@ -409,7 +409,7 @@ fn a_killed_study_goes_on_to_the_same_results() {
         files.map(|name| std::fs::read_to_string(folder.path().join("results/study").join(name)).unwrap())
     };
     let whole = study();
-    assert!(command(whole.path(), &["tune", "study.toml"]).status.success());
+    assert!(command(whole.path(), &["study", "study.toml"]).status.success());
     let expected = read(&whole);
 
     let killed = study();
@@ -418,7 +418,7 @@ fn a_killed_study_goes_on_to_the_same_results() {
     std::fs::copy(whole.path().join(fmu), killed.path().join(fmu)).unwrap();
     for lines in [5, 30, 90] {
         let mut child = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
-            .args(["tune", "study.toml", "--resume", "--jobs", "3"])
+            .args(["study", "study.toml", "--resume", "--jobs", "3"])
             .current_dir(killed.path())
             .stdout(std::process::Stdio::null())
             .spawn()
@@ -433,7 +433,7 @@ fn a_killed_study_goes_on_to_the_same_results() {
         }
         assert!(!child.wait().unwrap().success(), "killed, not finished");
     }
-    assert!(command(killed.path(), &["tune", "study.toml", "--resume"]).status.success());
+    assert!(command(killed.path(), &["study", "study.toml", "--resume"]).status.success());
     assert_eq!(read(&killed), expected);
 }
 
@@ -469,7 +469,7 @@ fn systems_are_shown_as_a_matrix() {
     }
     let (mine, theirs) = (folder.path().join("mine"), folder.path().join("theirs"));
     let systems = |arguments: &[&str]| {
-        let output = command(folder.path(), &[&["systems", "--fmus", "mine", "--fmus", "theirs"], arguments].concat());
+        let output = command(folder.path(), &[&["compat", "--fmus", "mine", "--fmus", "theirs"], arguments].concat());
         (output.status.success(), text(&output.stdout), text(&output.stderr))
     };
     let (_, _, error) = systems(&[]);
@@ -507,7 +507,7 @@ fn a_system_is_written_for_other_masters() {
     std::fs::create_dir_all(&fmus).unwrap();
     support::Build::new("Ramp", "u", "x").pack(&fmus);
     let system = |arguments: &[&str]| {
-        command(folder.path(), &[&["system", "ramp.toml", "--out", "out/flat"], arguments].concat())
+        command(folder.path(), &[&["export", "ramp.toml", "--out", "out/flat"], arguments].concat())
     };
     for (arguments, expected) in [
         (&["--case", "flatt"][..], "has no case `flatt`; did you mean `flat`?"),
@@ -542,4 +542,16 @@ fn a_system_is_written_for_other_masters() {
         text(&output.stderr)
     );
     assert_eq!(system(&["--overwrite"]).status.code(), Some(0));
+}
+
+/// Commands of earlier versions end with the new name.
+#[test]
+fn renamed_commands_say_so() {
+    let folder = tempfile::tempdir().unwrap();
+    for (old, new) in [("tune", "study"), ("system", "export"), ("systems", "compat")] {
+        let output = command(folder.path(), &[old, "x.toml"]);
+        assert_eq!(output.status.code(), Some(1));
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(message.contains(&format!("`cargo fmu {old}` is called `cargo fmu {new}` now")), "{message}");
+    }
 }

@@ -45,12 +45,12 @@ const COMMANDS: [(&str, Part); 9] = [
     ("inspect --xml Ramp.fmu", Archive),
     ("inspect Ramp.fmu", Description),
     ("plan ramp.toml --fmus .", Description),
-    ("system ramp.toml --fmus . --out system", Description),
-    ("systems --fmus .", Description),
+    ("export ramp.toml --fmus . --out system", Description),
+    ("compat --fmus .", Description),
     ("check Ramp.fmu", Binary),
     ("run ramp.toml --fmus .", Binary),
     ("linearize Ramp.fmu", Binary),
-    ("tune study.toml --fmus .", Binary),
+    ("study study.toml --fmus .", Binary),
 ];
 
 /// Processor time of a command in s, which does not depend on what else runs: what is hostile must not keep it busy. A
@@ -218,7 +218,7 @@ fn a_sound_fmu_is_accepted() {
     for (line, _) in COMMANDS {
         let output = command(folder.path(), line);
         // It is none of ours: `check` finds faults, it is no plant, and it has no derivatives.
-        let is_due = !["check", "linearize", "systems"].contains(&line.split(' ').next().unwrap());
+        let is_due = !["check", "linearize", "compat"].contains(&line.split(' ').next().unwrap());
         assert_eq!(output.status.success(), is_due, "{line}: {}", message(&output));
         assert_eq!(names(&folder.path().join("temporary")), [""; 0], "{line}");
     }
@@ -525,7 +525,7 @@ fn a_wrong_study_leaves_nothing_behind() {
         let text = std::fs::read_to_string(folder.join(file)).unwrap();
         assert!(text.contains(from), "not in {file}: {from}");
         std::fs::write(folder.join(file), text.replacen(from, to, 1)).unwrap();
-        let output = command(folder, "tune study.toml --fmus .");
+        let output = command(folder, "study study.toml --fmus .");
         let said = message(&output);
         assert_eq!(output.status.code(), Some(1), "{to}: {said}");
         assert!(said.contains(expected) && said.contains(file) && !said.contains("panicked"), "{to}: {said}");

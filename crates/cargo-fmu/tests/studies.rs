@@ -5,8 +5,8 @@
 mod support;
 
 use fmu_import::worker::{Launch, Settings};
+use fmu_study::execution::{ExecutionError, Existing, Summary, execute};
 use fmu_study::study::{self, Study, StudyError, Workers};
-use fmu_study::tune::{Existing, Summary, TuneError, tune};
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
 use fmu_system::resolve::{FmuFolder, Options, resolve};
@@ -142,9 +142,9 @@ impl Place {
         study::read(&path, &FmuFolder::new([self.folder.path()]), workers(jobs))
     }
 
-    fn tune(&self, text: &str, jobs: usize, out: &str, existing: Existing) -> Result<Summary, TuneError> {
+    fn execute(&self, text: &str, jobs: usize, out: &str, existing: Existing) -> Result<Summary, ExecutionError> {
         let study = self.read(text, jobs).unwrap_or_else(|e| panic!("{}", lines(&e)));
-        tune(&study, &self.path(out), existing, &|_, _| ())
+        execute(&study, &self.path(out), existing, &|_, _| ())
     }
 
     /// All files of the results by their path.
@@ -203,7 +203,7 @@ fn objective(place: &Place, scenario: &str, gains: Option<[f64; 2]>) -> f64 {
 #[test]
 fn a_study_from_the_file_to_the_results() {
     let place = Place::new();
-    let summary = place.tune(STUDY, 2, "out", Existing::Refuse).unwrap();
+    let summary = place.execute(STUDY, 2, "out", Existing::Refuse).unwrap();
     let names: Vec<_> = summary.methods.iter().map(|m| m.method.name.as_str()).collect();
     assert_eq!(names, ["pacsa", "ga", "yardstick"]);
     assert_eq!(summary.runs, ["free", "inverted"]);
@@ -240,7 +240,7 @@ fn a_study_from_the_file_to_the_results() {
 fn results_do_not_depend_on_the_number_of_processes() {
     let place = Place::new();
     for jobs in [1, 2, 5] {
-        place.tune(STUDY, jobs, &format!("out{jobs}"), Existing::Refuse).unwrap();
+        place.execute(STUDY, jobs, &format!("out{jobs}"), Existing::Refuse).unwrap();
     }
     let one = place.results("out1");
     assert_eq!(one.len(), 3 * 3 + 2, "{:?}", one.keys());
@@ -252,31 +252,31 @@ fn results_do_not_depend_on_the_number_of_processes() {
 #[test]
 fn going_on_equals_never_stopping() {
     let place = Place::new();
-    place.tune(STUDY, 2, "whole", Existing::Refuse).unwrap();
+    place.execute(STUDY, 2, "whole", Existing::Refuse).unwrap();
     let whole = place.results("whole");
     for share in [0.0, 0.3, 0.8, 1.0] {
         let less = STUDY.replacen("evaluations = 60", "evaluations = 25", 1);
-        place.tune(&less, 2, "parts", Existing::Overwrite).unwrap();
+        place.execute(&less, 2, "parts", Existing::Overwrite).unwrap();
         for unfinished in ["yardstick/history.csv", "yardstick/state.json", "yardstick/best.ssv", "summary.json"] {
             std::fs::remove_file(place.path("parts/study").join(unfinished)).unwrap();
         }
         let history = place.path("parts/study/ga/history.csv");
         let content = std::fs::read(&history).unwrap();
         std::fs::write(&history, &content[..(content.len() as f64 * share) as usize]).unwrap();
-        place.tune(STUDY, 3, "parts", Existing::Resume).unwrap();
+        place.execute(STUDY, 3, "parts", Existing::Resume).unwrap();
         assert!(place.results("parts") == whole, "cut at {share}");
     }
     // Finished: nothing changes.
-    place.tune(STUDY, 1, "whole", Existing::Resume).unwrap();
+    place.execute(STUDY, 1, "whole", Existing::Resume).unwrap();
     assert!(place.results("whole") == whole);
 }
 
 #[test]
 fn results_are_not_lost_by_a_slip() {
     let place = Place::new();
-    place.tune(STUDY, 2, "out", Existing::Refuse).unwrap();
+    place.execute(STUDY, 2, "out", Existing::Refuse).unwrap();
     let before = place.results("out");
-    let error = place.tune(STUDY, 2, "out", Existing::Refuse).unwrap_err().to_string();
+    let error = place.execute(STUDY, 2, "out", Existing::Refuse).unwrap_err().to_string();
     assert!(error.contains("history.csv is there: `--resume` goes on"), "{error}");
     for (from, to) in [
         ("max = 8.0", "max = 7.0"),
@@ -288,13 +288,13 @@ fn results_are_not_lost_by_a_slip() {
         ("kind = \"pacsa\"", "kind = \"pacsa\"\nsettings = { selected = 9 }"),
         ("magnitude = 40.0", "magnitude = 41.0"),
     ] {
-        let error = place.tune(&STUDY.replacen(from, to, 1), 2, "out", Existing::Resume).unwrap_err().to_string();
+        let error = place.execute(&STUDY.replacen(from, to, 1), 2, "out", Existing::Resume).unwrap_err().to_string();
         assert!(error.contains("belongs to another version of the study"), "{to}: {error}");
     }
     // Another binary behind the same description.
     let rebuilt = Build { states: false, ..Build::new("Velocity", "x", "y") };
     rebuilt.pack(place.folder.path());
-    let error = place.tune(STUDY, 2, "out", Existing::Resume).unwrap_err().to_string();
+    let error = place.execute(STUDY, 2, "out", Existing::Resume).unwrap_err().to_string();
     assert!(error.contains("belongs to another version"), "{error}");
     assert!(place.results("out") == before);
 }
@@ -303,18 +303,18 @@ fn results_are_not_lost_by_a_slip() {
 #[test]
 fn a_smaller_budget_is_refused() {
     let place = Place::new();
-    place.tune(STUDY, 2, "out", Existing::Refuse).unwrap();
+    place.execute(STUDY, 2, "out", Existing::Refuse).unwrap();
     let before = place.results("out");
     let less = STUDY.replacen("evaluations = 60", "evaluations = 59", 1);
-    let error = place.tune(&less, 2, "out", Existing::Resume).unwrap_err();
-    assert!(matches!(error, TuneError::Budget { evaluations: 60, budget: 59, .. }), "{error}");
+    let error = place.execute(&less, 2, "out", Existing::Resume).unwrap_err();
+    assert!(matches!(error, ExecutionError::Budget { evaluations: 60, budget: 59, .. }), "{error}");
     let error = error.to_string();
     assert!(error.contains("history.csv has 60 evaluations, more than the budget of 59"), "{error}");
     assert!(error.contains("a budget of at least 60; `--overwrite` begins anew"), "{error}");
     assert!(place.results("out") == before);
     // Another target neither: what is there is used to its end.
     let early = STUDY.replacen("evaluations = 60", "evaluations = 60\ntarget = 1e5", 1);
-    let summary = place.tune(&early, 2, "out", Existing::Resume).unwrap();
+    let summary = place.execute(&early, 2, "out", Existing::Resume).unwrap();
     assert_eq!(summary.methods.iter().map(|m| m.progress.evaluations).collect::<Vec<_>>(), [60; 3]);
     for name in ["best.ssv", "ga/best.ssv", "ga/history.csv"] {
         assert_eq!(place.results("out")[Path::new(name)], before[Path::new(name)]);
@@ -330,7 +330,7 @@ fn the_scenarios_own_values_are_compared_with() {
         .unwrap();
     let text = STUDY.replacen("[[compare]]\ntitle = \"As it is\"\n\n", "", 1);
     assert!(text.len() < STUDY.len());
-    let summary = place.tune(&text, 2, "two", Existing::Refuse).unwrap();
+    let summary = place.execute(&text, 2, "two", Existing::Refuse).unwrap();
     assert_eq!(summary.baseline.title, "As in the scenario");
     assert_eq!(summary.baseline.values, [Some(1.0), None], "the cases differ in the second");
     assert_eq!(summary.comparisons.len(), 1);
@@ -338,7 +338,7 @@ fn the_scenarios_own_values_are_compared_with() {
     // Ranges where y swings by sqrt(8/0.6) at least, not by sqrt(3) as in the scenario.
     let text = text.replacen("cases = [\"free\", \"inverted\"]", "cases = [\"inverted\"]", 1);
     let far = text.replacen("min = -2.0\nmax = 8.0", "min = 0.5\nmax = 0.6", 1).replacen("min = 0.1", "min = 8.0", 1);
-    let summary = place.tune(&far, 2, "far", Existing::Refuse).unwrap();
+    let summary = place.execute(&far, 2, "far", Existing::Refuse).unwrap();
     assert_eq!(summary.baseline.values, [Some(1.0), Some(3.0)]);
     let name = summary.best.as_ref().unwrap();
     let best = summary.methods.iter().find(|m| m.method.name == *name).unwrap().progress.best.as_ref().unwrap();
@@ -370,7 +370,7 @@ fn a_wrong_unit_of_a_signal_is_named() {
 fn what_is_not_feasible_is_bad_and_no_more() {
     let place = Place::new();
     let read = |out: &str| std::fs::read_to_string(place.path(out).join("study/pacsa/history.csv")).unwrap();
-    let summary = place.tune(STUDY, 2, "some", Existing::Refuse).unwrap();
+    let summary = place.execute(STUDY, 2, "some", Existing::Refuse).unwrap();
     let history = read("some");
     assert!(history.contains(",1000000.0,false,constraint product\n"), "{history}");
     let infeasible = history.matches(",false,").count() as u64;
@@ -379,19 +379,19 @@ fn what_is_not_feasible_is_bad_and_no_more() {
 
     // A limit that the gains of some candidates pass; another penalty.
     let text = STUDY.replacen("magnitude = 40.0", "magnitude = 1.5", 1).replacen("stop", "penalty = 777.0\nstop", 1);
-    place.tune(&text, 2, "limit", Existing::Refuse).unwrap();
+    place.execute(&text, 2, "limit", Existing::Refuse).unwrap();
     let history = read("limit");
     assert!(history.contains(",777.0,false,") && history.contains("the limit is 1.5"), "{history}");
 
     // Overflow: 1e308 steps of a ring that grows.
     let text = STUDY.replacen("reference = 2.0", "reference = 1e-200", 1);
-    let summary = place.tune(&text, 2, "overflow", Existing::Refuse).unwrap();
+    let summary = place.execute(&text, 2, "overflow", Existing::Refuse).unwrap();
     assert!(read("overflow").contains("the term of `y` is inf"), "{}", read("overflow"));
     assert_eq!(summary.best, None);
 
     // Every run fails at 0.5 s.
     let text = STUDY.replacen("cases = [\"free\", \"inverted\"]", "cases = [\"failing\"]", 1);
-    let summary = place.tune(&text, 2, "failing", Existing::Refuse).unwrap();
+    let summary = place.execute(&text, 2, "failing", Existing::Refuse).unwrap();
     let history = read("failing");
     assert!(
         history.contains("run failing, step from 0.5 s: ") && history.contains("x left 90% of its range"),
@@ -431,8 +431,8 @@ fn a_method_runs_with_several_seeds() {
     let other = study.methods.iter().find(|m| m.name == "yardstick").unwrap();
     assert_eq!((other.title.as_str(), other.group.as_str()), ("CMA-ES, other seed", "CMA-ES, other seed"));
 
-    let single = place.tune(STUDY, 2, "single", Existing::Refuse).unwrap();
-    let several = place.tune(&text, 2, "several", Existing::Refuse).unwrap();
+    let single = place.execute(STUDY, 2, "single", Existing::Refuse).unwrap();
+    let several = place.execute(&text, 2, "several", Existing::Refuse).unwrap();
     assert_eq!(single.methods[1].progress, several.methods[1].progress, "the study's seed is 3");
     assert_ne!(several.methods[1].progress, several.methods[2].progress);
 }

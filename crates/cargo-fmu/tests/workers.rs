@@ -254,7 +254,7 @@ fn a_study_goes_on_when_an_fmu_ends_its_process() {
         let folder = folder(&ramp(&step));
         std::fs::write(folder.path().join("study.toml"), STUDY).unwrap();
         let history = |jobs: &str| {
-            let arguments = ["tune", "study.toml", "--overwrite", "--jobs", jobs, "--timeout", "0.5"];
+            let arguments = ["study", "study.toml", "--overwrite", "--jobs", jobs, "--timeout", "0.5"];
             let output = command(folder.path(), &arguments);
             assert!(output.status.success(), "{end}: {}", text(&output.stderr));
             std::fs::read_to_string(folder.path().join("results/study/ga/history.csv")).unwrap()
@@ -268,7 +268,7 @@ fn a_study_goes_on_when_an_fmu_ends_its_process() {
     }
     let folder = folder(&Build { declarations: "__attribute__((constructor)) void f(void) { exit(0); }", ..ramp("") });
     std::fs::write(folder.path().join("study.toml"), STUDY).unwrap();
-    let output = command(folder.path(), &["tune", "study.toml"]);
+    let output = command(folder.path(), &["study", "study.toml"]);
     assert_eq!(output.status.code(), Some(1), "a study whose FMUs cannot be loaded does not begin");
     let expected = "target/fmu/Ramp.fmu: the process ended (exit code 0) while its library was loaded";
     assert!(message(&output.stderr).contains(expected), "{}", text(&output.stderr));
@@ -330,7 +330,7 @@ fn an_end_by_signal_leaves_no_process_and_no_file() {
     for arguments in [
         &["run", "ramp.toml", "--jobs", "1"][..],
         &["check", "target/fmu/Ramp.fmu"],
-        &["tune", "study.toml", "--jobs", "1"],
+        &["study", "study.toml", "--jobs", "1"],
     ] {
         for signal in ["TERM", "INT", "HUP"] {
             let (mut child, number) = hanging(folder, arguments, &["--default-signal=HUP,INT"]);

@@ -26,3 +26,8 @@ pub mod xml;
 
 mod directory;
 mod python;
+
+/// The example in the readme compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -5,7 +5,7 @@
 //! is not the one in the history shows that the study has changed. A line that was cut off by the interruption is
 //! dropped.
 
-use crate::search::{Evaluate, Stop};
+use crate::search::{Evaluate, JournalError, Stop};
 use crate::space::Parameter;
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -53,29 +53,6 @@ pub struct Progress {
     pub infeasible: u64,
     /// The best feasible candidate.
     pub best: Option<Candidate>,
-}
-
-/// Why the history cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum JournalError {
-    /// A file cannot be read or written.
-    #[error("{}: {cause}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        cause: io::Error,
-    },
-    /// A line is not what the file should hold.
-    #[error("{}, line {line}: {message}", path.display())]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// What is wrong.
-        message: String,
-    },
 }
 
 /// Told about every evaluation that is computed or read.

@@ -1,4 +1,4 @@
-//! Tunes parameters of FMUs in a scenario.
+//! Searches parameters of FMUs in a scenario.
 //!
 //! A [`study`] names a scenario, the parameters with their ranges, inequalities they must fulfill, an objective made of
 //! recorded signals, and one or more methods. From the bottom up:
@@ -8,7 +8,7 @@
 //!   [`Evaluate::evaluate`](search::Evaluate::evaluate), which takes a population and gives its objectives,
 //! - [`simulation`] computes objectives by runs of the FMUs on all processors, [`journal`] keeps every evaluation on disk
 //!   and makes an interrupted study go on to the bit,
-//! - [`tune`](tune::tune) does it all and writes the results.
+//! - [`execute`](execution::execute) does it all and writes the results.
 //!
 //! # Evaluations
 //! Every candidate a method asks for is an evaluation and counts against the budget: also one that violates a constraint
@@ -22,6 +22,7 @@
 
 pub mod ahp;
 pub mod cma_es;
+pub mod execution;
 pub mod expression;
 pub mod genetic;
 pub mod journal;
@@ -30,4 +31,3 @@ pub mod search;
 pub mod simulation;
 pub mod space;
 pub mod study;
-pub mod tune;

@@ -2,6 +2,31 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::io;
+use std::path::PathBuf;
+
+/// Why the history of the evaluations cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// A file cannot be read or written.
+    #[error("{}: {cause}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        cause: io::Error,
+    },
+    /// A line is not what the file should hold.
+    #[error("{}, line {line}: {message}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
+}
 
 /// Why a search ends before its own end.
 #[derive(Debug, thiserror::Error)]
@@ -14,7 +39,7 @@ pub enum Stop {
     Target,
     /// What was found cannot be kept.
     #[error(transparent)]
-    Failed(#[from] crate::journal::JournalError),
+    Failed(#[from] JournalError),
 }
 
 /// Judges candidates. The coordinates of a candidate are shares of the ranges of the parameters, 0 to 1.

@@ -30,7 +30,7 @@ const MAX_POPULATION: i64 = 100_000;
 /// Title of the scenario's own values, unless a `[[compare]]` names them.
 const BASELINE: &str = "As in the scenario";
 
-/// Why there is nothing to tune.
+/// Why a study cannot be carried out.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub enum StudyError {
     /// The study cannot be read.

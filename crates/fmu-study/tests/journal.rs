@@ -1,7 +1,7 @@
 //! The history: what is written, what an interruption leaves, what the number of threads changes.
 
-use fmu_study::journal::{Checkpoint, Journal, JournalError, Objective, Outcome, Progress, Report};
-use fmu_study::search::{Evaluate, Stop};
+use fmu_study::journal::{Checkpoint, Journal, Objective, Outcome, Progress, Report};
+use fmu_study::search::{Evaluate, JournalError, Stop};
 use fmu_study::space::Parameter;
 use fmu_study::{cma_es, genetic, pacsa};
 use std::path::Path;

@@ -1,8 +1,9 @@
 //! `cargo fmu run`: executes a scenario.
 
+use super::jobs::jobs;
+use super::plan::print_warnings;
+use super::selection::Selection;
 use crate::output::{errln, outln};
-use crate::plan::print_warnings;
-use crate::selection::Selection;
 use crate::worker;
 use clap::Args;
 use fmu_import::terminal::indented;
@@ -77,7 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let bar = progress_bar(&plan)?;
     let printing = bar.clone();
     let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
-    let pool = Pool::new(arguments.workers.settings(printed)?, worker::jobs(arguments.jobs), &fmus);
+    let pool = Pool::new(arguments.workers.settings(printed)?, jobs(arguments.jobs), &fmus);
 
     let began = Instant::now();
     let names: Vec<String> = plan.columns.iter().map(|column| column.name.clone()).collect();

@@ -1,7 +1,7 @@
 //! `cargo fmu plan`: checks a scenario and shows what it is made of.
 
+use super::selection::Selection;
 use crate::output::{errln, out, outln};
-use crate::selection::Selection;
 use crate::worker;
 use clap::Args;
 use fmu_import::description::Value;

@@ -1,9 +1,9 @@
-//! `cargo fmu tune`: carries out a study.
+//! `cargo fmu study`: carries out a study.
 
 use clap::Args;
+use fmu_study::execution::{End, Existing, Summary, execute};
 use fmu_study::journal::Progress;
 use fmu_study::study::{self, Method, Study, Workers};
-use fmu_study::tune::{End, Existing, Summary, tune};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::IntoDiagnostic;
 use std::num::{NonZeroU64, NonZeroUsize};
@@ -11,9 +11,10 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use super::folders::folders;
+use super::jobs::jobs;
 use crate::output::outln;
 use crate::worker;
-use crate::workspace::folders;
 
 /// Which study, and where the results go. An interrupted study goes on with `--resume`, to the same results.
 #[derive(Debug, Args)]
@@ -84,7 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let bar = ProgressBar::no_length();
     let printing = bar.clone();
     let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
-    let workers = Workers { settings: arguments.workers.settings(printed)?, jobs: worker::jobs(arguments.jobs) };
+    let workers = Workers { settings: arguments.workers.settings(printed)?, jobs: jobs(arguments.jobs) };
     let mut study = study::read(&arguments.study, &folders(&arguments.fmus), workers)?;
     if let Some(budget) = arguments.budget {
         study.evaluations = budget.get();
@@ -106,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
             bars.show(method, progress);
         }
     };
-    let summary = tune(&study, &arguments.out, existing, &report);
+    let summary = execute(&study, &arguments.out, existing, &report);
     let seconds = bars.into_inner().map_or(Vec::new(), |mut bars| {
         bars.finish();
         bars.bar.finish_and_clear();

@@ -1,4 +1,4 @@
-//! `cargo fmu systems`: which FMUs fit which plants by their signals.
+//! `cargo fmu compat`: which FMUs fit which plants by their signals.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

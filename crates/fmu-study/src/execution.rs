@@ -10,8 +10,8 @@
 //!
 //! Apart from the history, a file is complete or not there.
 
-use crate::journal::{self, Candidate, Journal, JournalError, Progress};
-use crate::search::Stop;
+use crate::journal::{self, Candidate, Journal, Progress};
+use crate::search::{JournalError, Stop};
 use crate::simulation::{Limit, Term};
 use crate::space::Parameter;
 use crate::study::{Method, Search, Study};
@@ -44,7 +44,7 @@ pub enum Existing {
 
 /// Why a study was not carried out.
 #[derive(Debug, thiserror::Error)]
-pub enum TuneError {
+pub enum ExecutionError {
     /// There are results.
     #[error("{} is there: `--resume` goes on with it, `--overwrite` begins anew", .0.display())]
     Exists(PathBuf),
@@ -196,20 +196,20 @@ struct State<P> {
 /// # Errors
 /// An FMU cannot be loaded, there are results that must not be touched or are those of another study, or a file cannot be
 /// read or written.
-pub fn tune(
+pub fn execute(
     study: &Study,
     out: &Path,
     existing: Existing,
     report: &(dyn Fn(&Method, &Progress) + Sync),
-) -> Result<Summary, TuneError> {
+) -> Result<Summary, ExecutionError> {
     // A study whose runs all fail would find nothing.
-    study.simulation.pool.load().map_err(TuneError::Load)?;
+    study.simulation.pool.load().map_err(ExecutionError::Load)?;
     let folder = out.join(&study.name);
     let names = ["history.csv", "state.json", "best.ssv"];
     for method in &study.methods {
         let [history, state, best] = names.map(|name| folder.join(&method.name).join(name));
         match existing {
-            Existing::Refuse if history.exists() => return Err(TuneError::Exists(history)),
+            Existing::Refuse if history.exists() => return Err(ExecutionError::Exists(history)),
             Existing::Overwrite => {
                 for path in [history, state, best] {
                     remove(&path)?;
@@ -238,7 +238,7 @@ pub fn tune(
 }
 
 /// Refuses histories of another study and those that the budget would cut.
-fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>) -> Result<(), TuneError> {
+fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>) -> Result<(), ExecutionError> {
     let mut longest: Option<(u64, PathBuf)> = None;
     for method in &study.methods {
         let folder = folder.join(&method.name);
@@ -250,11 +250,11 @@ fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>)
         let known = match std::fs::read(&path) {
             Ok(bytes) => serde_json::from_slice::<State<serde_json::Value>>(&bytes).ok(),
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
-            Err(cause) => return Err(TuneError::Io { path, cause }),
+            Err(cause) => return Err(ExecutionError::Io { path, cause }),
         };
         let fingerprint = fingerprint(study, method, fmus);
         if known.is_none_or(|state| state.format != HISTORY_FORMAT || state.fingerprint != fingerprint) {
-            return Err(TuneError::Changed(history));
+            return Err(ExecutionError::Changed(history));
         }
         let evaluations = journal::evaluations(&history)?;
         if longest.as_ref().is_none_or(|(most, _)| evaluations > *most) {
@@ -263,7 +263,7 @@ fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>)
     }
     match longest {
         Some((evaluations, path)) if evaluations > study.evaluations => {
-            Err(TuneError::Budget { path, evaluations, budget: study.evaluations })
+            Err(ExecutionError::Budget { path, evaluations, budget: study.evaluations })
         }
         _ => Ok(()),
     }
@@ -276,7 +276,7 @@ fn search(
     folder: &Path,
     fmus: &BTreeMap<String, String>,
     report: &(dyn Fn(&Progress) + Sync),
-) -> Result<(End, Progress), TuneError> {
+) -> Result<(End, Progress), ExecutionError> {
     let fingerprint = fingerprint(study, method, fmus);
     let state_path = folder.join("state.json");
     let history = folder.join("history.csv");
@@ -290,12 +290,12 @@ fn search(
     let written = Cell::new(0);
     let checkpoint = |progress: &Progress| {
         let to_journal = |error| match error {
-            TuneError::Io { path, cause } => JournalError::Io { path, cause },
-            TuneError::Journal(error) => error,
-            TuneError::Exists(path) | TuneError::Changed(path) | TuneError::Budget { path, .. } => {
+            ExecutionError::Io { path, cause } => JournalError::Io { path, cause },
+            ExecutionError::Journal(error) => error,
+            ExecutionError::Exists(path) | ExecutionError::Changed(path) | ExecutionError::Budget { path, .. } => {
                 JournalError::Io { path, cause: io::ErrorKind::AlreadyExists.into() }
             }
-            TuneError::Load(message) => {
+            ExecutionError::Load(message) => {
                 JournalError::Io { path: folder.to_path_buf(), cause: io::Error::other(message) }
             }
         };
@@ -371,12 +371,12 @@ fn summary(study: &Study) -> Summary {
 }
 
 /// A hash of each FMU file: the GUID only stands for its interface.
-fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, TuneError> {
+fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, ExecutionError> {
     let mut hashes = BTreeMap::new();
     for unit in study.simulation.runs.iter().flat_map(|run| &run.units) {
         if !hashes.contains_key(&unit.fmu) {
             let path = PathBuf::from(&unit.fmu);
-            let bytes = std::fs::read(&path).map_err(|cause| TuneError::Io { path, cause })?;
+            let bytes = std::fs::read(&path).map_err(|cause| ExecutionError::Io { path, cause })?;
             hashes.insert(unit.fmu.clone(), hash(&bytes));
         }
     }
@@ -448,7 +448,7 @@ fn json<T: Serialize>(value: &T) -> String {
 }
 
 /// Writes a file that appears complete or not at all.
-fn write(path: &Path, content: &[u8]) -> Result<(), TuneError> {
+fn write(path: &Path, content: &[u8]) -> Result<(), ExecutionError> {
     let folder = path.parent().unwrap_or(Path::new("."));
     let written = std::fs::create_dir_all(folder).and_then(|()| {
         let mut part = tempfile::Builder::new().prefix(".").suffix(".part").tempfile_in(folder)?;
@@ -457,7 +457,7 @@ fn write(path: &Path, content: &[u8]) -> Result<(), TuneError> {
         readable(part.as_file())?;
         part.persist(path).map_err(|error| error.error)
     });
-    written.map(drop).map_err(|cause| TuneError::Io { path: path.to_path_buf(), cause })
+    written.map(drop).map_err(|cause| ExecutionError::Io { path: path.to_path_buf(), cause })
 }
 
 /// Temporary files are for their owner alone; results are as other files.
@@ -472,9 +472,11 @@ fn readable(_: &std::fs::File) -> io::Result<()> {
     Ok(())
 }
 
-fn remove(path: &Path) -> Result<(), TuneError> {
+fn remove(path: &Path) -> Result<(), ExecutionError> {
     match std::fs::remove_file(path) {
-        Err(cause) if cause.kind() != io::ErrorKind::NotFound => Err(TuneError::Io { path: path.to_path_buf(), cause }),
+        Err(cause) if cause.kind() != io::ErrorKind::NotFound => {
+            Err(ExecutionError::Io { path: path.to_path_buf(), cause })
+        }
         _ => Ok(()),
     }
 }

@@ -1,7 +1,7 @@
 //! Arguments that say which scenario is meant and what is changed about it.
 
+use super::folders::folders;
 use crate::worker;
-use crate::workspace::folders;
 use clap::{Args, ValueEnum};
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{Options, resolve};

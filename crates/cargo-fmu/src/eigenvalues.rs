@@ -1,0 +1,53 @@
+//! Eigenvalues of a matrix.
+
+use nalgebra::{Complex, DMatrix, Schur};
+
+/// Eigenvalues of a square matrix, sorted by falling real part, then by falling imaginary part; None
+/// if the QR iteration does not converge or an element is not finite.
+///
+/// nalgebra's own `complex_eigenvalues` has no limit of iterations and may never return.
+///
+/// # Panics
+///
+/// If the matrix is not square.
+pub(crate) fn eigenvalues(m: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
+    let n = m.nrows();
+    if !m.norm().is_finite() {
+        return None;
+    }
+    let schur = |m| Schur::try_new(m, f64::EPSILON, 100 * n).map(|schur| schur.unpack().1);
+    let direct = schur(m.clone()).map(|t| quasi_diagonal(&t));
+    let mut values = direct.or_else(|| {
+        // nalgebra's iteration has no exceptional shifts and now and then gets stuck, above all
+        // where eigenvalues come in pairs +-x, as those of a Hamiltonian matrix do. The inverse of
+        // M - s I has other eigenvalues, 1 / (x - s), with which it does not.
+        [1.5, -2.5].into_iter().find_map(|factor| {
+            let s = factor * m.norm();
+            let inverse = (m - DMatrix::identity(n, n) * s).try_inverse()?;
+            let inverted = quasi_diagonal(&schur(inverse)?);
+            Some(inverted.into_iter().map(|x| s + x.inv()).collect())
+        })
+    })?;
+    values.sort_by(|x, y| y.re.total_cmp(&x.re).then(y.im.total_cmp(&x.im)));
+    Some(values)
+}
+
+/// Eigenvalues of an upper triangular matrix with blocks of up to 2 x 2 on the diagonal.
+fn quasi_diagonal(t: &DMatrix<f64>) -> Vec<Complex<f64>> {
+    let n = t.nrows();
+    let mut values = Vec::with_capacity(n);
+    while values.len() < n {
+        let i = values.len();
+        if i + 1 == n || t[(i + 1, i)] == 0.0 {
+            values.push(Complex::new(t[(i, i)], 0.0));
+            continue;
+        }
+        // A block of 2 x 2: mean +- sqrt(discriminant).
+        let mean = 0.5 * (t[(i, i)] + t[(i + 1, i + 1)]);
+        let half = 0.5 * (t[(i, i)] - t[(i + 1, i + 1)]);
+        let root = Complex::new(half * half + t[(i, i + 1)] * t[(i + 1, i)], 0.0).sqrt();
+        values.push(mean + root);
+        values.push(mean - root);
+    }
+    values
+}

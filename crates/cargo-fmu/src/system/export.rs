@@ -1,0 +1,88 @@
+//! `cargo fmu export`: writes a run of a scenario for other masters.
+
+use clap::Args;
+use fmu_import::names::suggestion;
+use fmu_system::export::System;
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{Options, resolve};
+use fmu_system::run::Run;
+use miette::{IntoDiagnostic, miette};
+use std::path::PathBuf;
+
+use super::folders::folders;
+use crate::output::outln;
+
+/// Which run of which scenario, and where it goes.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// Scenario file (TOML)
+    scenario: PathBuf,
+
+    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    fmus: Vec<PathBuf>,
+
+    /// Case [default: the first]
+    #[arg(long, value_name = "NAME")]
+    case: Option<String>,
+
+    /// Point of the sweep [default: the first]
+    #[arg(long, value_name = "NAME")]
+    point: Option<String>,
+
+    /// Seed, one of the scenario's [default: the first]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<i32>,
+
+    /// Stop at this time instead, s
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    stop: Option<f64>,
+
+    /// Folder for the files; it must be empty or not there
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+
+    /// Replace what an earlier call wrote there
+    #[arg(long)]
+    overwrite: bool,
+}
+
+/// Writes the files.
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
+    let options = Options { stop: arguments.stop, ..Options::default() };
+    let plan = resolve(&arguments.scenario, &folders(&arguments.fmus), &options)?;
+    let run = chosen(&plan, arguments)?;
+    let system = System::new(&plan, run).into_diagnostic()?;
+    let files = system.write(&arguments.out, arguments.overwrite).into_diagnostic()?;
+    outln!("run {} for other masters, step {:?} s, until {:?} s:", run.id, system.step, system.stop);
+    for file in files {
+        outln!("  {}", file.display());
+    }
+    Ok(())
+}
+
+/// The run of the given case, point and seed; the first where nothing is said.
+fn chosen<'a>(plan: &'a Plan, arguments: &Arguments) -> miette::Result<&'a Run> {
+    let known = |what: &str, wanted: Option<&String>, names: Vec<String>| match wanted {
+        Some(name) if !names.contains(name) => {
+            let hint = match suggestion(name, names.iter().map(String::as_str)) {
+                Some(hint) => hint,
+                None if names.is_empty() => "it has none".to_string(),
+                None => format!("it has {}", names.join(", ")),
+            };
+            Err(miette!("{} has no {what} `{name}`; {hint}", plan.file))
+        }
+        _ => Ok(()),
+    };
+    let seed = arguments.seed.map(|seed| seed.to_string());
+    known("case", arguments.case.as_ref(), plan.cases.iter().map(|c| c.name.clone()).collect())?;
+    known("point", arguments.point.as_ref(), plan.points.iter().map(|p| p.name.clone()).collect())?;
+    known("seed", seed.as_ref(), plan.seeds.iter().map(i32::to_string).collect())?;
+    let fits = |run: &&Run| {
+        arguments.case.as_ref().is_none_or(|case| run.case == *case)
+            && arguments.point.as_ref().is_none_or(|point| run.point.as_ref() == Some(point))
+            && arguments.seed.is_none_or(|seed| run.seed == Some(seed))
+    };
+    // Every case runs at every point with every seed.
+    plan.runs.iter().find(fits).ok_or_else(|| miette!("{} has no runs", plan.file))
+}
