@@ -27,7 +27,7 @@ def commands(program: Path, out: Path) -> dict[str, list[str]]:
     more = ["--jobs", "2", "--fmus", str(ROOT / "target" / "fmu"), "--out", str(out)]
     return {
         "run": [str(program), "fmu", "run", str(SCENARIO), *more],
-        "tune": [str(program), "fmu", "tune", str(STUDY), "--budget", "30", "--overwrite", *more],
+        "study": [str(program), "fmu", "study", str(STUDY), "--budget", "30", "--overwrite", *more],
     }
 
 

@@ -1,4 +1,4 @@
-"""Runs in another tool what `cargo fmu system` wrote: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
+"""Runs in another tool what `cargo fmu export` wrote: `scripts/run_system.py FOLDER --tool TOOL`, see `--help`.
 
 Ecos reads the SSP file, libcosim OspSystemStructure.xml or, with `-ssp`, the SSP file; with `-calls` the same structure
 is built by calls of their libraries.
@@ -34,7 +34,7 @@ TOOLS = ("fmpy", "ecos", "ecos-calls", *LIBCOSIM, "container")
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="what `cargo fmu system --out FOLDER` wrote")
+    parser.add_argument("folder", type=Path, help="what `cargo fmu export --out FOLDER` wrote")
     parser.add_argument("--tool", required=True, choices=TOOLS)
     parser.add_argument(
         "--order",

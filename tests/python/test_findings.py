@@ -588,7 +588,7 @@ def test_every_table_has_its_references() -> None:
 @pytest.mark.parametrize(("study", "bound"), [("hydro_pneumatic_ride", 0.82), ("hydro_pneumatic_handling", 0.30)])
 def test_the_tuner_stays_below_the_bounds(study: str, bound: float, tmp_path: Path) -> None:
     """PACSA with any seed (section 6 of the half car): ride below 0.82, handling below 0.30."""
-    command = ["cargo", "fmu", "tune", f"studies/{study}.toml", "--out", str(tmp_path)]
+    command = ["cargo", "fmu", "study", f"studies/{study}.toml", "--out", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / study / "summary.json").read_text(encoding="utf-8"))

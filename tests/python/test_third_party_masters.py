@@ -1,4 +1,4 @@
-"""One closed loop of each vehicle, written by `cargo fmu system`, runs in masters that others made.
+"""One closed loop of each vehicle, written by `cargo fmu export`, runs in masters that others made.
 
 The reference is the native master in the same order of stepping: libcosim and Ecos step all units at once, which is its
 order `jacobi`. All recorded signals are compared at every step; a difference is the largest one over the peak of its
@@ -96,7 +96,7 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     folder = tmp_path_factory.mktemp(loop.scenario)
     scenario = str(ROOT / "scenarios" / f"{loop.scenario}.toml")
     shared = ("--fmus", str(FMUS), "--stop", str(loop.stop))
-    cargo("system", scenario, *loop.options, *shared, "--out", str(folder / "system"))
+    cargo("export", scenario, *loop.options, *shared, "--out", str(folder / "system"))
     native = {}
     for order in ("sequential", "jacobi"):
         cargo("run", scenario, *shared, "--seeds", "1", "--order", order, "--out", str(folder / order))

@@ -429,7 +429,7 @@ fn a_broken_package_blocks_only_what_needs_it() {
     assert_eq!(pack("elsewhere.toml"), (true, String::new(), String::new()));
     let (is_fine, _, messages) = pack("broken.toml");
     assert!(!is_fine && messages.contains("fmu-plant/road/src/lib.rs"), "{messages}");
-    // A study that is not complete is told as `cargo fmu tune` tells it.
+    // A study that is not complete is told as `cargo fmu study` tells it.
     let (is_fine, _, messages) = pack("study.toml");
     assert!(!is_fine && messages.contains("study.toml") && messages.contains("missing key `title`"), "{messages}");
 }

@@ -1,4 +1,4 @@
-"""Studies: `cargo fmu tune` does the work; here its history becomes Parquet, a plot of the convergence and a page."""
+"""Studies: `cargo fmu study` does the work; here its history becomes Parquet, a plot of the convergence and a page."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ LINE = 0.045
 Array = NDArray[np.floating[Any]]
 
 
-class TuningError(Exception):
+class StudyError(Exception):
     """Results of a study that cannot be read, or a call that cannot be made."""
 
 
@@ -112,7 +112,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Study:
-    """The summary that `cargo fmu tune` writes."""
+    """The summary that `cargo fmu study` writes."""
 
     raw: dict[str, Any]
     parameters: tuple[Parameter, ...]
@@ -137,7 +137,7 @@ def parse(text: str) -> Study:
     try:
         raw = json.loads(text)
         if raw["format"] != FORMAT:
-            raise TuningError(
+            raise StudyError(
                 f"summary of format {raw['format']}, this version reads {FORMAT}: "
                 "--resume makes it anew from the history"
             )
@@ -166,7 +166,7 @@ def parse(text: str) -> Study:
             for c in raw["comparisons"]
         )
     except (ValueError, KeyError, TypeError) as error:
-        raise TuningError(f"not a summary of a study: {error!r}") from error
+        raise StudyError(f"not a summary of a study: {error!r}") from error
     return Study(raw, parameters, methods, baseline, comparisons)
 
 
@@ -183,7 +183,7 @@ def read_history(study: Study, folder: Path) -> pa.Table:
             # A history may be longer than what a smaller budget used of it.
             table = pyarrow.csv.read_csv(path, convert_options=options).slice(0, method.evaluations)
         except (OSError, pa.ArrowException) as error:
-            raise TuningError(f"{path}: cannot read the history: {error}") from error
+            raise StudyError(f"{path}: cannot read the history: {error}") from error
         parts.append(table.add_column(0, "method", pa.array([method.name] * len(table), pa.string())))
     return pa.concat_tables(parts)
 
@@ -379,7 +379,7 @@ def render(study: Study, svg: str | None, command: str) -> str:
     found = [m.best.objective for m in study.methods if m.best is not None]
     columns: list[tuple[str, Candidate | None, int | None]] = [(g.title, g.best, i) for i, g in enumerate(study.groups)]
     columns += [(title, candidate, None) for title, candidate in study.references]
-    return environment.get_template("tuning.html.j2").render(
+    return environment.get_template("study.html.j2").render(
         study=study.raw,
         paragraphs=[" ".join(p.split()) for p in re.split(r"\n\s*\n", study.raw["description"]) if p.strip()],
         groups=study.groups,
@@ -401,8 +401,8 @@ def report(folder: Path, command: str) -> None:
     path = folder / "summary.json"
     try:
         study = parse(path.read_text(encoding="utf-8"))
-    except (OSError, TuningError) as error:
-        raise TuningError(f"{path}: {error}") from error
+    except (OSError, StudyError) as error:
+        raise StudyError(f"{path}: {error}") from error
     table = read_history(study, folder)
     write_history(study, table, folder / "history.parquet")
     drawing = draw(study, table)
@@ -418,8 +418,8 @@ def report(folder: Path, command: str) -> None:
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
-        prog="tune.py",
-        description="Tunes parameters of FMUs as a study says, and shows how the methods converged.",
+        prog="study.py",
+        description="Searches parameters of FMUs as a study describes, and shows how the methods converged.",
     )
     parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
     parser.add_argument(
@@ -439,7 +439,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _options(options: argparse.Namespace) -> list[str]:
-    """Return the arguments of `cargo fmu tune`."""
+    """Return the arguments of `cargo fmu study`."""
     out = [str(options.study.resolve()), "--out", str(options.out.resolve())]
     if options.fmus is not None:
         out += ["--fmus", str(options.fmus.resolve())]
@@ -452,13 +452,13 @@ def _run(options: argparse.Namespace) -> int:
     shared = _options(options)
     folder = options.out.resolve() / options.study.stem
     if not options.report_only:
-        code, _ = shell.cargo_fmu(["tune", *shared, *shell.workers(options)], "carry out studies")
+        code, _ = shell.cargo_fmu(["study", *shared, *shell.workers(options)], "carry out studies")
         if code != 0:
             # cargo fmu has said why
             return code
     # How it was interrupted and gone on with does not matter: the results are the same.
     repeat = [a for a in shared if a not in ("--resume", "--overwrite")]
-    report(folder, shlex.join(["scripts/tune", *repeat]))
+    report(folder, shlex.join(["scripts/study", *repeat]))
     print(folder / "index.html")
     return 0
 
@@ -470,7 +470,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except shell.NoCargoError as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return error.code
-    except (TuningError, results.ResultsError, OSError) as error:
+    except (StudyError, results.ResultsError, OSError) as error:
         print(f"error: {escaped(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

@@ -1,0 +1,8 @@
+"""Carries out a study and reports it: `scripts/study.py STUDY`, see `--help`."""
+
+import sys
+
+from chassis_fmu.studies import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,8 +1,0 @@
-"""Carries out a study and reports it: `scripts/tune.py STUDY`, see `--help`."""
-
-import sys
-
-from chassis_fmu.tuning import main
-
-if __name__ == "__main__":
-    sys.exit(main())
