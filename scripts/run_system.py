@@ -39,7 +39,7 @@ def main() -> int:
     parser.add_argument(
         "--order",
         choices=("sequential", "jacobi"),
-        help="of the units within a step [default: sequential with fmpy and container, jacobi with the others]",
+        help="of the components within a step [default: sequential with fmpy and container, jacobi with the others]",
     )
     parser.add_argument(
         "--out", type=Path, help="CSV file, or FMU [default: FOLDER-TOOL.csv or FOLDER_container.fmu beside the folder]"
@@ -48,7 +48,7 @@ def main() -> int:
     folder: Path = arguments.folder
     has_choice = arguments.tool in ("fmpy", "container")
     if arguments.order == "sequential" and not has_choice:
-        parser.error(f"{arguments.tool} steps all units at once: --order jacobi is the only one")
+        parser.error(f"{arguments.tool} steps all components at once: --order jacobi is the only one")
     order: systems.Order = arguments.order or ("sequential" if has_choice else "jacobi")
     # The name of an FMU is an identifier.
     name = f"{folder.name}_container.fmu" if arguments.tool == "container" else f"{folder.name}-{arguments.tool}.csv"

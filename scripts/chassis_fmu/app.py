@@ -47,7 +47,9 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--jobs", type=shell.positive, metavar="N", help="runs at a time (default: all processors)")
     shell.add_timeout(parser)
     shell.add_out(parser)
-    parser.add_argument("--inputs", type=Path, metavar="CSV", help="signals from a file instead of the units' outputs")
+    parser.add_argument(
+        "--inputs", type=Path, metavar="CSV", help="signals from a file instead of the components' outputs"
+    )
     parser.add_argument("--stop", type=float, metavar="T", help="stop at this time (s)")
     parser.add_argument("--seeds", type=shell.positive, metavar="N", help="the first N seeds only")
     parser.add_argument("--order", choices=("sequential", "jacobi"), help="order of execution")

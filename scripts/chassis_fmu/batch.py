@@ -43,7 +43,7 @@ class _Task:
 
 @dataclass(frozen=True)
 class _Verdict:
-    """The end of a run: what went wrong, or what the units logged although nothing did."""
+    """The end of a run: what went wrong, or what the components logged although nothing did."""
 
     error: str | None
     warnings: tuple[str, ...] = ()
@@ -51,7 +51,7 @@ class _Verdict:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Error messages of the runs that failed and messages of the units of the others, by run id."""
+    """Error messages of the runs that failed and messages of the components of the others, by run id."""
 
     failures: dict[str, str]
     warnings: dict[str, tuple[str, ...]]
@@ -79,8 +79,8 @@ class _Running:
         where = self.board.where()
         if where is None:
             return _Verdict(f"{how} outside of the FMUs")
-        unit, function, at = where
-        return _Verdict(str(master.RunError(self.run.units[unit].name, function, at, how)))
+        component, function, at = where
+        return _Verdict(str(master.RunError(self.run.components[component].name, function, at, how)))
 
 
 def _end_with_parent() -> None:
@@ -110,14 +110,14 @@ def _execute(task: _Task, pipe: Connection) -> None:
         times, rows = master.simulate(
             task.run,
             task.simulation,
-            lambda unit: master.FmpyInstance(unit, task.folders[unit.fmu]),
+            lambda component: master.FmpyInstance(component, task.folders[component.fmu]),
             progress,
             board=task.board,
         )
         present = [i for i, slot in enumerate(task.run.columns) if slot is not None]
         names = [task.names[i] for i in present]
         results.write_csv(task.out / f"{task.run.stem}.csv", names, times, rows)
-        pipe.send(_Verdict(None, tuple(f"unit {unit}: {text}" for unit, text in master.messages())))
+        pipe.send(_Verdict(None, tuple(f"component {component}: {text}" for component, text in master.messages())))
     except master.RunError as error:
         pipe.send(_Verdict(str(error)))
     except Exception as error:
@@ -131,15 +131,15 @@ def _extract(plan: Plan, folder: Path) -> tuple[dict[Path, Path], dict[Path, str
     folders: dict[Path, Path] = {}
     broken: dict[Path, str] = {}
     for run in plan.runs:
-        for unit in run.units:
-            if unit.fmu in folders or unit.fmu in broken:
+        for component in run.components:
+            if component.fmu in folders or component.fmu in broken:
                 continue
             target = folder / str(len(folders))
             try:
-                fmpy.extract(str(unit.fmu), str(target))
-                folders[unit.fmu] = target
+                fmpy.extract(str(component.fmu), str(target))
+                folders[component.fmu] = target
             except Exception as error:  # fmpy raises bare Exceptions for illegal archives
-                broken[unit.fmu] = f"{type(error).__name__}: {error}"
+                broken[component.fmu] = f"{type(error).__name__}: {error}"
     return folders, broken
 
 
@@ -168,11 +168,11 @@ def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
         folders, broken = _extract(plan, folder)
         waiting = []
         for run in plan.runs:
-            bad = next((u for u in run.units if u.fmu in broken), None)
+            bad = next((u for u in run.components if u.fmu in broken), None)
             if bad is None:
                 waiting.append(run)
             else:
-                failures[run.id] = f"unit {bad.name}, loading: {bad.fmu}: {broken[bad.fmu]}"
+                failures[run.id] = f"component {bad.name}, loading: {bad.fmu}: {broken[bad.fmu]}"
         waiting.reverse()
         try:
             while waiting or running:

@@ -1,4 +1,4 @@
-"""The call board: which function of which unit a process is in, in memory that another process can read.
+"""The call board: which function of which component a process is in, in memory that another process can read.
 
 It outlives the process, so whoever started it can tell what it was doing when it crashed, exited or hung.
 """
@@ -51,13 +51,13 @@ class Board(ctypes.Structure):
         self.pulse += 1
 
     def where(self) -> tuple[int, str, float | None] | None:
-        """Return the index of the unit, the function and the start of the step; None outside of all units."""
+        """Return the index of the component, the function and the start of the step; None outside of all components."""
         if self.call < 0:
             return None
-        unit, function = divmod(self.call, len(FUNCTIONS))
-        return unit, FUNCTIONS[function], None if math.isnan(self.time) else self.time
+        component, function = divmod(self.call, len(FUNCTIONS))
+        return component, FUNCTIONS[function], None if math.isnan(self.time) else self.time
 
 
-def code(unit: int, function: str) -> int:
+def code(component: int, function: str) -> int:
     """Return the number of a call on the board."""
-    return unit * len(FUNCTIONS) + FUNCTIONS.index(function)
+    return component * len(FUNCTIONS) + FUNCTIONS.index(function)

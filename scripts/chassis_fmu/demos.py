@@ -155,7 +155,7 @@ def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> t
             feeds.append(plan.Feed(slot, (0.0,), (signal,)))
     inputs = tuple(wire(name, slot) for slot, name in enumerate(demo.inputs))
     outputs = tuple(wire(name, slot) for slot, name in enumerate(demo.outputs, start=len(inputs)))
-    unit = plan.Unit(
+    component = plan.Component(
         name=description.modelName,
         fmu=fmu,
         model_identifier=description.coSimulation.modelIdentifier,
@@ -170,7 +170,7 @@ def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> t
         case="demo",
         point=None,
         seed=None,
-        units=(unit,),
+        components=(component,),
         feeds=tuple(feeds),
         slots=len(inputs) + len(outputs),
         columns=tuple(w.slot for w in outputs),

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from . import calls
 from .calls import Board
-from .plan import Feed, Kind, Run, Setting, Simulation, Unit, Wire
+from .plan import Component, Feed, Kind, Run, Setting, Simulation, Wire
 
 WARNING = 1
 FATAL = 4
@@ -44,11 +44,11 @@ Array = NDArray[np.floating[Any]]
 
 
 class RunError(Exception):
-    """A run that could not be finished: which unit, which function, when, and what the unit logged."""
+    """A run that could not be finished: which component, which function, when, and what the component logged."""
 
     def __init__(
         self,
-        unit: str,
+        component: str,
         function: str,
         time: float | None,
         detail: str,
@@ -56,8 +56,8 @@ class RunError(Exception):
         fatal: bool = False,
     ) -> None:
         self.messages = tuple(messages)
-        super().__init__(unit, function, time, detail, self.messages, fatal)
-        self.unit = unit
+        super().__init__(component, function, time, detail, self.messages, fatal)
+        self.component = component
         self.function = function
         self.time = time
         self.detail = detail
@@ -65,7 +65,7 @@ class RunError(Exception):
 
     def __str__(self) -> str:
         when = "" if self.time is None else f" at t = {self.time:.9g} s"
-        lines = [f"unit {self.unit}, {self.function}{when}: {self.detail}"]
+        lines = [f"component {self.component}, {self.function}{when}: {self.detail}"]
         lines += [f"  log: {m}" for m in self.messages]
         return "\n".join(lines)
 
@@ -74,7 +74,7 @@ class RunError(Exception):
 # expands the printf arguments) keeps a single target.
 _log: dict[str, deque[str]] = {}
 
-# As many of the latest messages of a unit are kept.
+# As many of the latest messages of a component are kept.
 KEPT_MESSAGES = 20
 
 
@@ -89,8 +89,8 @@ def _logger(_environment: object, instance: bytes | None, status: int, category:
 
 
 def messages() -> list[tuple[str, str]]:
-    """Return what the units logged during the latest run: pairs of unit and message."""
-    return [(unit, text) for unit, texts in _log.items() for text in texts]
+    """Return what the components logged during the latest run: pairs of component and message."""
+    return [(component, text) for component, texts in _log.items() for text in texts]
 
 
 _callbacks = fmi2CallbackFunctions()
@@ -133,20 +133,20 @@ class Instance(Protocol):
 class FmpyInstance:
     """An instance made by fmpy."""
 
-    def __init__(self, unit: Unit, folder: Path) -> None:
+    def __init__(self, component: Component, folder: Path) -> None:
         try:
             self._slave = FMU2Slave(
-                guid=unit.guid,
+                guid=component.guid,
                 unzipDirectory=str(folder),
-                modelIdentifier=unit.model_identifier,
-                instanceName=unit.name,
+                modelIdentifier=component.model_identifier,
+                instanceName=component.name,
             )
         except Exception as error:  # fmpy raises bare Exceptions here
-            raise RunError(unit.name, "loading", None, f"{unit.fmu.name}: {error}") from error
+            raise RunError(component.name, "loading", None, f"{component.fmu.name}: {error}") from error
         try:
             self._slave.instantiate(callbacks=_callbacks, loggingOn=False)
         except Exception as error:
-            raise RunError(unit.name, "fmi2Instantiate", None, str(error), _log.get(unit.name, ())) from error
+            raise RunError(component.name, "fmi2Instantiate", None, str(error), _log.get(component.name, ())) from error
         self.functions: Functions = self._slave.dll
         self.component = self._slave.component
         self._folder = folder
@@ -226,10 +226,10 @@ def _of(wires: Iterable[Wire], kind: Kind) -> list[Wire]:
 
 
 class Slave:
-    """A unit in execution: its instance and its connection to the bus."""
+    """A component in execution: its instance and its connection to the bus."""
 
-    def __init__(self, unit: Unit, instance: Instance, bus: Array, board: Board, index: int) -> None:
-        self.unit = unit
+    def __init__(self, component: Component, instance: Instance, bus: Array, board: Board, index: int) -> None:
+        self.component = component
         self.instance = instance
         self._board = board
         self._index = index
@@ -239,23 +239,23 @@ class Slave:
         self._do_step = self._functions.fmi2DoStep
         self._set_real = self._functions.fmi2SetReal
         self._get_real = self._functions.fmi2GetReal
-        self._inputs = _RealInputs(_of(unit.inputs, "Real"), bus)
-        self._outputs = _RealOutputs(_of(unit.outputs, "Real"), bus)
+        self._inputs = _RealInputs(_of(component.inputs, "Real"), bus)
+        self._outputs = _RealOutputs(_of(component.outputs, "Real"), bus)
         f = self._functions
         # The rare base types; the name of the function is kept for error messages.
         self._whole_inputs = [
             (group, name, call)
             for group, name, call in (
-                (_WholeGroup(_of(unit.inputs, "Integer"), bus, False), "fmi2SetInteger", f.fmi2SetInteger),
-                (_WholeGroup(_of(unit.inputs, "Boolean"), bus, True), "fmi2SetBoolean", f.fmi2SetBoolean),
+                (_WholeGroup(_of(component.inputs, "Integer"), bus, False), "fmi2SetInteger", f.fmi2SetInteger),
+                (_WholeGroup(_of(component.inputs, "Boolean"), bus, True), "fmi2SetBoolean", f.fmi2SetBoolean),
             )
             if group.count
         ]
         self._whole_outputs = [
             (group, name, call)
             for group, name, call in (
-                (_WholeGroup(_of(unit.outputs, "Integer"), bus, False), "fmi2GetInteger", f.fmi2GetInteger),
-                (_WholeGroup(_of(unit.outputs, "Boolean"), bus, True), "fmi2GetBoolean", f.fmi2GetBoolean),
+                (_WholeGroup(_of(component.outputs, "Integer"), bus, False), "fmi2GetInteger", f.fmi2GetInteger),
+                (_WholeGroup(_of(component.outputs, "Boolean"), bus, True), "fmi2GetBoolean", f.fmi2GetBoolean),
             )
             if group.count
         ]
@@ -265,8 +265,8 @@ class Slave:
         if status > WARNING:
             label = STATUS[status] if status < len(STATUS) else "unknown"
             detail = f"status {status} ({label})" + (f", {subject}" if subject else "")
-            messages = _log.get(self.unit.name, ())
-            raise RunError(self.unit.name, function, time, detail, messages, status == FATAL)
+            messages = _log.get(self.component.name, ())
+            raise RunError(self.component.name, function, time, detail, messages, status == FATAL)
 
     def _enter(self, function: str) -> None:
         self._board.call = calls.code(self._index, function)
@@ -370,22 +370,22 @@ class _Player:
 
 
 def _non_finite(slaves: Sequence[Slave], bus: Array) -> tuple[str, str] | None:
-    """Return the unit that wrote the first non-finite value of the bus, and a sentence about it."""
+    """Return the component that wrote the first non-finite value of the bus, and a sentence about it."""
     bad = np.flatnonzero(~np.isfinite(bus))
     if not bad.size:
         return None
     slot, value = int(bad[0]), float(bus[bad[0]])
     for slave in slaves:
-        for wire in slave.unit.outputs:
+        for wire in slave.component.outputs:
             if wire.slot == slot:
-                return slave.unit.name, f"output {slave.instance.name_of(wire.reference)} is {value}"
+                return slave.component.name, f"output {slave.instance.name_of(wire.reference)} is {value}"
     return "input file", f"the value for bus slot {slot} is {value}"
 
 
 def simulate(
     run: Run,
     simulation: Simulation,
-    instantiate: Callable[[Unit], Instance],
+    instantiate: Callable[[Component], Instance],
     progress: Callable[[int], None] = lambda _steps: None,
     fresh: bool = False,
     board: Board | None = None,
@@ -393,7 +393,7 @@ def simulate(
     """Execute a run.
 
     Returns the times (s) and the rows of the recorded columns that exist in this run, in the order of the plan.
-    `instantiate` makes the instance of a unit, `progress` hears of finished steps.
+    `instantiate` makes the instance of a component, `progress` hears of finished steps.
     With `fresh` the rows hold the outputs read again after the inputs were passed on, as Ecos does, and not those that
     are passed on. The standard leaves open what an FMU answers then; those of this project answer for the new inputs.
     Every call is announced on the `board`.
@@ -437,21 +437,21 @@ def simulate(
                 raise RunError(bad[0], function, t, bad[1], _log.get(bad[0], ()))
 
     try:
-        for index, unit in enumerate(run.units):
+        for index, component in enumerate(run.components):
             board.begin()
             board.call = calls.code(index, calls.LOADING)
-            slaves.append(Slave(unit, instantiate(unit), bus, board, index))
+            slaves.append(Slave(component, instantiate(component), bus, board, index))
         for slave in slaves:
             slave.setup(simulation)
         for slave in slaves:
-            slave.apply(slave.unit.parameters, start)
+            slave.apply(slave.component.parameters, start)
         for slave in slaves:
             slave.enter(start)
         feed(start)
         for slave in slaves:
             slave.read(start)
         for slave in slaves:
-            slave.apply(slave.unit.constants, start)
+            slave.apply(slave.component.constants, start)
             slave.set(start)
             slave.read(start)
         for slave in slaves:
@@ -495,9 +495,9 @@ def simulate(
             raise
         # An FMU that refuses a value is the messenger: say where the value came from.
         bad = _non_finite(slaves, bus)
-        if bad is not None and bad[0] != error.unit:
-            messages = (*error.messages, f"unit {bad[0]}: {bad[1]}")
-            raise RunError(error.unit, error.function, error.time, error.detail, messages) from error
+        if bad is not None and bad[0] != error.component:
+            messages = (*error.messages, f"component {bad[0]}: {bad[1]}")
+            raise RunError(error.component, error.function, error.time, error.detail, messages) from error
         raise
     finally:
         for slave in slaves:

@@ -17,7 +17,7 @@ import markupsafe
 from . import plots, tables, texts
 from .describe import Description, Variable, describe
 from .numbers import Numbers, Row
-from .plan import Plan, Run, Setting, Unit
+from .plan import Component, Plan, Run, Setting
 from .verdict import MEANINGS, TITLES, Status
 
 
@@ -47,8 +47,8 @@ class ParameterRow:
 
 
 @dataclass
-class UnitSection:
-    """A unit of the scenario with its FMU. `cases` is empty if it takes part in all of them."""
+class ComponentSection:
+    """A component of the scenario with its FMU. `cases` is empty if it takes part in all of them."""
 
     name: str
     fmu: str
@@ -194,21 +194,21 @@ def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple
     return tuple((f"{cases[c]}, {points.get(p, '')}", v) for (c, p), v in values.items())
 
 
-def units(plan: Plan) -> list[UnitSection]:
-    """Collect the units of all runs with the parameters that differ from the defaults of their FMUs."""
+def components(plan: Plan) -> list[ComponentSection]:
+    """Collect the components of all runs with the parameters that differ from the defaults of their FMUs."""
     runs = [r for r in plan.runs if r.seed == plan.seed_values[0]]
-    found: dict[tuple[str, Path], list[tuple[Run, Unit]]] = {}
+    found: dict[tuple[str, Path], list[tuple[Run, Component]]] = {}
     for run in runs:
-        for unit in run.units:
-            found.setdefault((unit.name, unit.fmu), []).append((run, unit))
-    # The order of the scenario, also for units that not every run has.
-    order = {name: i for r in reversed(runs) for i, name in enumerate(u.name for u in r.units)}
+        for component in run.components:
+            found.setdefault((component.name, component.fmu), []).append((run, component))
+    # The order of the scenario, also for components that not every run has.
+    order = {name: i for r in reversed(runs) for i, name in enumerate(u.name for u in r.components)}
     descriptions: dict[Path, Description] = {}
     sections = []
     for (name, fmu), places in sorted(found.items(), key=lambda item: order[item[0][0]]):
         text = descriptions.setdefault(fmu, describe(fmu))
         inside = {run.case for run, _ in places}
-        section = UnitSection(
+        section = ComponentSection(
             name=name,
             fmu=fmu.stem,
             guid=places[0][1].guid,
@@ -216,13 +216,13 @@ def units(plan: Plan) -> list[UnitSection]:
             cases=() if len(inside) == len(plan.cases) else tuple(c.title for c in plan.cases if c.name in inside),
         )
         # A run that leaves a parameter alone has the default.
-        settings = {s.name: s for _, unit in places for s in unit.parameters}
+        settings = {s.name: s for _, component in places for s in component.parameters}
         for setting in settings.values():
             variable = text.variables.get(setting.name)
             default = _default(setting, variable)
             values = {}
-            for run, unit in places:
-                own = next((s for s in unit.parameters if s.name == setting.name), None)
+            for run, component in places:
+                own = next((s for s in component.parameters if s.name == setting.name), None)
                 values[run.case, run.point] = default if own is None else _value(own, variable)
             seeded = len({_of(r, name, setting.name) for r in plan.runs if r.case in inside}) > len(
                 set(values.values())
@@ -244,9 +244,9 @@ def units(plan: Plan) -> list[UnitSection]:
     return sections
 
 
-def _of(run: Run, unit: str, parameter: str) -> object:
-    for u in run.units:
-        if u.name == unit:
+def _of(run: Run, component: str, parameter: str) -> object:
+    for u in run.components:
+        if u.name == component:
             return next((s.value for s in u.parameters if s.name == parameter), None)
     return None
 
@@ -320,7 +320,7 @@ def render(
         findings=findings,
         legend=legend(cells, findings),
         figures=[(d.figure, texts.fill(d.figure.caption, numbers), inline_svg(d)) for d in drawings],
-        units=units(plan),
+        components=components(plan),
         failures=failures,
         context=context,
         duration=f"{s.stop - s.start:g} s",

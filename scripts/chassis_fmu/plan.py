@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-FORMAT = 2
+FORMAT = 3
 
 Kind = Literal["Real", "Integer", "Boolean", "String"]
 
@@ -51,7 +51,7 @@ class Wire:
 
 
 @dataclass(frozen=True)
-class Unit:
+class Component:
     """An FMU instance of a run."""
 
     name: str
@@ -81,7 +81,7 @@ class Run:
     case: str
     point: str | None
     seed: int | None
-    units: tuple[Unit, ...]
+    components: tuple[Component, ...]
     feeds: tuple[Feed, ...]
     slots: int
     columns: tuple[int | None, ...]
@@ -335,8 +335,8 @@ def _wires(items: Sequence[Mapping[str, Any]]) -> tuple[Wire, ...]:
     return tuple(Wire(int(w["reference"]), w["type"], int(w["slot"])) for w in items)
 
 
-def _unit(item: Mapping[str, Any], root: Path) -> Unit:
-    return Unit(
+def _component(item: Mapping[str, Any], root: Path) -> Component:
+    return Component(
         name=item["name"],
         fmu=root / item["fmu"],
         model_identifier=item["model_identifier"],
@@ -354,7 +354,7 @@ def _run(item: Mapping[str, Any], root: Path) -> Run:
         case=item["case"],
         point=item["point"],
         seed=item["seed"],
-        units=tuple(_unit(u, root) for u in item["units"]),
+        components=tuple(_component(c, root) for c in item["components"]),
         feeds=tuple(
             Feed(int(f["slot"]), tuple(map(float, f["times"])), tuple(map(float, f["values"]))) for f in item["feeds"]
         ),

@@ -1,6 +1,6 @@
 """Runs what `cargo fmu export` wrote in other tools: FMPy, Ecos and libcosim; packs it into one FMU.
 
-Every function takes the folder and returns the outputs that are connectors of the SSP file, named `unit:signal`.
+Every function takes the folder and returns the outputs that are connectors of the SSP file, named `component:signal`.
 FMPy applies no parameter sets of an SSP file, so the file is read here and executed by the master that
 `scripts/cosim.py` uses; Ecos and libcosim read the files by themselves, or are given the structure by calls.
 """
@@ -23,7 +23,7 @@ from fmpy import extract, read_model_description
 from lxml import etree
 
 from .master import Array, FmpyInstance, simulate
-from .plan import Kind, Run, Setting, Simulation, Unit, Wire
+from .plan import Component, Kind, Run, Setting, Simulation, Wire
 from .results import Recording, replacing
 
 NAMESPACES = {
@@ -41,7 +41,7 @@ OUT = "out."
 
 Order = Literal["sequential", "jacobi"]
 
-# Unit, name and type of a recorded output.
+# Component, name and type of a recorded output.
 Output = tuple[str, str, Kind]
 
 
@@ -114,14 +114,14 @@ class Structure:
         return [(p.get("name"), *_kind(p, "ssv")) for p in parameters]
 
     def writers(self) -> dict[tuple[str, str], tuple[str, str]]:
-        """Return what writes each input that is written, as pairs of unit and variable."""
+        """Return what writes each input that is written, as pairs of component and variable."""
         return {
             (c.get("endElement"), c.get("endConnector")): (c.get("startElement"), c.get("startConnector"))
             for c in self._all("ssd:System/ssd:Connections/ssd:Connection")
         }
 
     def wires(self) -> Iterator[tuple[Kind, tuple[str, str], tuple[str, str]]]:
-        """Type, output and input of every connection; the latter two are pairs of unit and variable."""
+        """Type, output and input of every connection; the latter two are pairs of component and variable."""
         writers = self.writers()
         for component in self.components:
             for name, kind in self.connectors(component, "input"):
@@ -153,7 +153,7 @@ def _value(kind: Kind, text: str) -> float | int | bool | str:
 
 
 def _recording(structure: Structure, times: Array, rows: Array) -> Recording:
-    return Recording(times, {f"{unit}:{name}": rows[:, i] for i, (unit, name, _) in enumerate(structure.outputs)})
+    return Recording(times, {f"{owner}:{name}": rows[:, i] for i, (owner, name, _) in enumerate(structure.outputs)})
 
 
 def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) -> Recording:
@@ -167,7 +167,7 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
     with tempfile.TemporaryDirectory(prefix="system-") as temporary:
         with zipfile.ZipFile(structure.path) as archive:
             archive.extractall(temporary)
-        units, folders = [], {}
+        components, folders = [], {}
         for component in structure.components:
             name, fmu = component.get("name"), Path(temporary) / component.get("source")
             folders[name] = Path(extract(str(fmu), str(Path(temporary) / name)))
@@ -177,8 +177,8 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
                 Setting(key, kind, variables[key].valueReference, _value(kind, text))
                 for key, kind, text in structure.values(component)
             ]
-            units.append(
-                Unit(
+            components.append(
+                Component(
                     name=name,
                     fmu=fmu,
                     model_identifier=description.coSimulation.modelIdentifier,
@@ -196,14 +196,16 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
                 )
             )
         columns = tuple(range(len(slots)))
-        run = Run(structure.path.stem, "", None, None, tuple(units), (), len(slots), columns)
+        run = Run(structure.path.stem, "", None, None, tuple(components), (), len(slots), columns)
         simulation = Simulation(structure.start, structure.stop, structure.step, structure.steps, order, 1)
-        times, rows = simulate(run, simulation, lambda unit: FmpyInstance(unit, folders[unit.name]), fresh=fresh)
+        times, rows = simulate(
+            run, simulation, lambda component: FmpyInstance(component, folders[component.name]), fresh=fresh
+        )
     return _recording(structure, times, rows)
 
 
 def with_ecos(folder: Path, calls: bool = False) -> Recording:
-    """Run the SSP file, or the same structure built by calls, through Ecos, which steps all units at once."""
+    """Run the SSP file, or the same structure built by calls, through Ecos, which steps all components at once."""
     structure = Structure(package(folder))
     rows = np.empty((structure.steps + 1, len(structure.outputs)))
     with _loading("ecospy (it needs the library libtbb.so.12, Debian's libtbb12)"):
@@ -216,7 +218,7 @@ def with_ecos(folder: Path, calls: bool = False) -> Recording:
         except Exception as error:
             raise StructureError(f"{structure.path}: Ecos: {error}") from error
         read = {"Real": simulation.get_real, "Integer": simulation.get_integer, "Boolean": simulation.get_bool}
-        names = [(f"{unit}::{name}", read[kind]) for unit, name, kind in structure.outputs]
+        names = [(f"{owner}::{name}", read[kind]) for owner, name, kind in structure.outputs]
         if not simulation.init(start_time=structure.start, parameter_set=PARAMETERS):
             raise StructureError(f"{structure.path}: Ecos could not initialize it")
         for k in range(structure.steps + 1):
@@ -233,9 +235,9 @@ def _ecos_structure(structure: Structure, stack: ExitStack) -> Any:
     system = stack.enter_context(EcosSimulationStructure())
     values = {}
     for component in structure.components:
-        unit = component.get("name")
-        system.add_model(unit, str(structure.fmu(component)))
-        values.update({f"{unit}::{name}": _value(kind, text) for name, kind, text in structure.values(component)})
+        owner = component.get("name")
+        system.add_model(owner, str(structure.fmu(component)))
+        values.update({f"{owner}::{name}": _value(kind, text) for name, kind, text in structure.values(component)})
     system.add_parameter_set(PARAMETERS, values)
     connect = {
         "Real": system.make_real_connection,
@@ -277,13 +279,13 @@ def with_libcosim(folder: Path, source: Literal["osp", "ssp", "calls"] = "osp") 
         "Integer": observer.last_integer_values,
         "Boolean": observer.last_boolean_values,
     }
-    # One call for the outputs of a unit and type.
+    # One call for the outputs of a component and type.
     groups: dict[tuple[str, Kind], list[tuple[int, str]]] = {}
-    for column, (unit, name, kind) in enumerate(structure.outputs):
-        groups.setdefault((unit, kind), []).append((column, name))
+    for column, (owner, name, kind) in enumerate(structure.outputs):
+        groups.setdefault((owner, kind), []).append((column, name))
     reads = []
-    for (unit, kind), members in groups.items():
-        index = execution.slave_index_from_instance_name(unit)
+    for (owner, kind), members in groups.items():
+        index = execution.slave_index_from_instance_name(owner)
         references = _libcosim_references(execution, index)
         reads.append((read[kind], index, [references[n] for _, n in members], [c for c, _ in members]))
     rows = np.empty((structure.steps, len(structure.outputs)))
@@ -321,20 +323,20 @@ def _libcosim_execution(structure: Structure) -> Any:
         "Boolean": execution.connect_boolean_variables,
         "String": execution.connect_string_variables,
     }
-    units = {}
+    slaves = {}
     for component in structure.components:
-        unit, fmu = component.get("name"), structure.fmu(component)
-        slave = CosimLocalSlave(str(fmu), unit)
+        owner, fmu = component.get("name"), structure.fmu(component)
+        slave = CosimLocalSlave(str(fmu), owner)
         # libcosimpy passes on a null pointer, which ends the process.
         if not slave.ptr():
             raise StructureError(f"{fmu}: libcosim cannot load it")
         index = execution.add_local_slave(slave)
-        units[unit] = index, _libcosim_references(execution, index)
+        slaves[owner] = index, _libcosim_references(execution, index)
         for name, kind, text in structure.values(component):
-            if not start[kind](index, units[unit][1][name], _value(kind, text)):
-                raise StructureError(f"{unit}:{name}: libcosim does not take the start value {text}")
+            if not start[kind](index, slaves[owner][1][name], _value(kind, text)):
+                raise StructureError(f"{owner}:{name}: libcosim does not take the start value {text}")
     for kind, *ends in structure.wires():
-        numbers = [number for unit, name in ends for number in (units[unit][0], units[unit][1][name])]
+        numbers = [number for owner, name in ends for number in (slaves[owner][0], slaves[owner][1][name])]
         if connect[kind](*numbers) != CosimConstants.success:
             raise StructureError(f"{':'.join(ends[0])} and {':'.join(ends[1])}: libcosim does not connect them")
     return execution
@@ -343,8 +345,8 @@ def _libcosim_execution(structure: Structure) -> Any:
 def container(folder: Path, out: Path, order: Order = "sequential") -> None:
     """Pack the whole system into one FMU by fmucontainer of the FMU manipulation toolbox.
 
-    Its outputs are named `out.unit.signal`: the toolbox uses `unit.signal` for the signals between the units. The
-    order is that of the components (sequential) or all at once (jacobi).
+    Its outputs are named `out.component.signal`: the toolbox uses `component.signal` for the signals between the
+    components. The order is that of the components (sequential) or all at once (jacobi).
     """
     structure = Structure(package(folder))
     fmus = {c.get("name"): f"{c.get('name')}.fmu" for c in structure.components}
@@ -360,11 +362,11 @@ def container(folder: Path, out: Path, order: Order = "sequential") -> None:
         "start": [
             [fmus[c.get("name")], name, text] for c in structure.components for name, _, text in structure.values(c)
         ],
-        "output": [[fmus[unit], name, f"{OUT}{unit}.{name}"] for unit, name, _ in structure.outputs],
+        "output": [[fmus[owner], name, f"{OUT}{owner}.{name}"] for owner, name, _ in structure.outputs],
     }
     tool = Path(sys.executable).with_name("fmucontainer")
     with tempfile.TemporaryDirectory(prefix="container-") as temporary, zipfile.ZipFile(structure.path) as archive:
-        # A file for each unit: the toolbox tells units apart by their files.
+        # A file for each component: the toolbox tells components apart by their files.
         for component in structure.components:
             Path(temporary, fmus[component.get("name")]).write_bytes(archive.read(component.get("source")))
         Path(temporary, "system.json").write_text(json.dumps(assembly), encoding="utf-8")

@@ -26,7 +26,7 @@ def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         f"""#!/bin/sh
 printf '%s\\n' "$*" >> '{folder}/log'
 case "$*" in
-*broken*) echo 'scenario.toml:3:7: unknown unit `rod`, did you mean `road`?' >&2; exit 3 ;;
+*broken*) echo 'scenario.toml:3:7: unknown component `rod`, did you mean `road`?' >&2; exit 3 ;;
 *' plan --json '*) cat '{HERE}/plan.json' ;;
 *' run '*)
     mkdir -p '{tmp_path}/out/trial/runs'
@@ -120,7 +120,7 @@ def test_options_are_passed_on(cargo: Path, recorded: Path, tmp_path: Path) -> N
 
 def test_a_scenario_error_is_shown_as_it_is(cargo: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert app.main(["broken.toml", "--out", str(tmp_path / "out")]) == 3
-    assert capfd.readouterr().err == "scenario.toml:3:7: unknown unit `rod`, did you mean `road`?\n"
+    assert capfd.readouterr().err == "scenario.toml:3:7: unknown component `rod`, did you mean `road`?\n"
     assert not (tmp_path / "out").exists()
     assert cargo.exists()
 
@@ -192,7 +192,7 @@ def test_an_fmu_that_cannot_be_opened_fails_its_runs(
     old = tmp_path / "out" / "trial" / "runs" / "passive_1.csv"
     results.write_text(old, "stale")
     assert app.main(["trial.toml", "--out", str(tmp_path / "out")]) == 1
-    assert "error: run passive#1: unit source, loading:" in capsys.readouterr().err
+    assert "error: run passive#1: component source, loading:" in capsys.readouterr().err
     assert not old.exists()
     assert cargo.exists()
 

@@ -17,7 +17,7 @@ import fmpy
 import pytest
 
 from chassis_fmu import batch, results, temporary
-from chassis_fmu.plan import Plan, Setting, Unit, Wire
+from chassis_fmu.plan import Component, Plan, Setting, Wire
 
 SOURCE = Path(__file__).parents[2] / "crates" / "fmu-import" / "tests" / "data" / "stranger.c"
 
@@ -55,8 +55,12 @@ def planned(scenario: Plan, fmu: Path) -> Plan:
     for name, gain in (("bad", 1.0), ("good", 0.5)):
         gains = (Setting("gain", "Real", 2, gain),)
         inputs = (Setting("u", "Real", 0, 2.0),)
-        unit = Unit("ramp", fmu, "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0),))
-        runs.append(dataclasses.replace(scenario.runs[0], id=name, units=(unit,), feeds=(), slots=1, columns=(0, None)))
+        component = Component("ramp", fmu, "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0),))
+        runs.append(
+            dataclasses.replace(
+                scenario.runs[0], id=name, components=(component,), feeds=(), slots=1, columns=(0, None)
+            )
+        )
     return dataclasses.replace(scenario, runs=tuple(runs))
 
 
@@ -72,7 +76,7 @@ def planned(scenario: Plan, fmu: Path) -> Plan:
 def test_an_fmu_costs_its_run_only(scenario: Plan, tmp_path: Path, end: str, expected: str) -> None:
     plan = planned(scenario, build(tmp_path, f"if (t > 0.05 && i->v.real[2] == 1) {{ {end}; }}"))
     outcome = batch.execute(plan, tmp_path / "runs", 2, 2.0)
-    assert outcome.failures == {"bad": f"unit ramp, fmi2DoStep at t = 0.1 s: {expected}"}
+    assert outcome.failures == {"bad": f"component ramp, fmi2DoStep at t = 0.1 s: {expected}"}
     # exact but for the rounding of three sums
     recording = results.read_csv(tmp_path / "runs" / "good.csv")
     assert recording.values[scenario.columns[0].name][-1] == pytest.approx(0.3, abs=1e-15)
@@ -81,7 +85,7 @@ def test_an_fmu_costs_its_run_only(scenario: Plan, tmp_path: Path, end: str, exp
 
 def test_a_library_that_does_not_load_in_time_is_named(scenario: Plan, tmp_path: Path) -> None:
     fmu = build(tmp_path, "", "__attribute__((constructor)) static void begin(void) { for (;;) sleep(1); }")
-    expected = "unit ramp, loading or fmi2Instantiate: not done after 2 s (--timeout), stopped"
+    expected = "component ramp, loading or fmi2Instantiate: not done after 2 s (--timeout), stopped"
     outcome = batch.execute(planned(scenario, fmu), tmp_path / "runs", 2, 2.0)
     assert outcome.failures == {"bad": expected, "good": expected}
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from chassis_fmu import master
-from chassis_fmu.plan import Feed, Plan, Run, Unit
+from chassis_fmu.plan import Component, Feed, Plan, Run
 
 OK, WARNING, ERROR, FATAL = 0, 1, 3, 4
 
@@ -79,17 +79,17 @@ def integrate(values: dict[int, Any], step: float) -> int:
 
 
 class System:
-    """The two units of the fixture as stand-ins."""
+    """The two components of the fixture as stand-ins."""
 
     def __init__(self, source: Any = count, plant: Any = integrate) -> None:
         self.calls: list[str] = []
-        self.units: dict[str, StandIn] = {}
+        self.components: dict[str, StandIn] = {}
         self.steps = {"source": source, "plant": plant}
 
-    def __call__(self, unit: Unit) -> StandIn:
-        self.calls.append(f"{unit.name} Instantiate")
-        self.units[unit.name] = StandIn(unit.name, self.calls, self.steps[unit.name])
-        return self.units[unit.name]
+    def __call__(self, component: Component) -> StandIn:
+        self.calls.append(f"{component.name} Instantiate")
+        self.components[component.name] = StandIn(component.name, self.calls, self.steps[component.name])
+        return self.components[component.name]
 
 
 @pytest.fixture
@@ -154,7 +154,7 @@ def test_every_records_every_nth_step(scenario: Plan, run: Run) -> None:
     assert rows[:, 0].tolist() == [0.0, 2.0, 4.0]
 
 
-def test_columns_of_absent_units_are_left_out(scenario: Plan, run: Run) -> None:
+def test_columns_of_absent_components_are_left_out(scenario: Plan, run: Run) -> None:
     _, rows = master.simulate(dataclasses.replace(run, columns=(None, 1)), scenario.simulation, System())
     assert rows.shape == (4, 1)
 
@@ -162,20 +162,20 @@ def test_columns_of_absent_units_are_left_out(scenario: Plan, run: Run) -> None:
 def test_a_feed_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
     # The row at 3*0.1 counts at t = 0.3 although 0.30000000000000004 is what the master computes, and vice versa.
     feed = Feed(2, (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
-    plant = dataclasses.replace(run.units[1], inputs=(dataclasses.replace(run.units[1].inputs[0], slot=2),))
-    fed = dataclasses.replace(run, units=(run.units[0], plant), feeds=(feed,), slots=3, columns=(2, 1))
+    plant = dataclasses.replace(run.components[1], inputs=(dataclasses.replace(run.components[1].inputs[0], slot=2),))
+    fed = dataclasses.replace(run, components=(run.components[0], plant), feeds=(feed,), slots=3, columns=(2, 1))
     longer = dataclasses.replace(scenario.simulation, steps=4, stop=0.4)
     _, rows = master.simulate(fed, longer, System())
     assert rows[:, 0].tolist() == [7.0, 7.0, 8.0, 8.0, 9.0]
 
 
 def test_outputs_in_scattered_slots_arrive(scenario: Plan, run: Run) -> None:
-    wires = run.units[1].outputs
+    wires = run.components[1].outputs
     plant = dataclasses.replace(
-        run.units[1],
+        run.components[1],
         outputs=(dataclasses.replace(wires[0], slot=3), dataclasses.replace(wires[0], reference=10, slot=1)),
     )
-    scattered = dataclasses.replace(run, units=(run.units[0], plant), slots=4, columns=(1, 3))
+    scattered = dataclasses.replace(run, components=(run.components[0], plant), slots=4, columns=(1, 3))
     _, rows = master.simulate(scattered, scenario.simulation, System())
     assert rows[:, 0].tolist() == [2.0] * 4
     assert rows[-1, 1] == pytest.approx(1.5, abs=1e-15)
@@ -196,7 +196,7 @@ def test_a_warning_does_not_stop(scenario: Plan, run: Run) -> None:
     assert rows[-1, 1] == pytest.approx(1.5, abs=1e-15)
 
 
-def test_an_error_names_unit_function_time_and_log(scenario: Plan, run: Run) -> None:
+def test_an_error_names_component_function_time_and_log(scenario: Plan, run: Run) -> None:
     def fail(values: dict[int, Any], step: float) -> int:
         if values[30] == 1:
             master._logger(None, b"source", ERROR, b"logStatusError", b"no more than ##1")
@@ -211,9 +211,9 @@ def test_an_error_names_unit_function_time_and_log(scenario: Plan, run: Run) -> 
     with pytest.raises(master.RunError) as caught:
         master.simulate(run, scenario.simulation, system)
     assert str(caught.value) == (
-        "unit source, fmi2DoStep at t = 0.1 s: status 3 (error)\n  log: [error, logStatusError] no more than #1"
+        "component source, fmi2DoStep at t = 0.1 s: status 3 (error)\n  log: [error, logStatusError] no more than #1"
     )
-    assert all(unit.freed for unit in system.units.values())
+    assert all(component.freed for component in system.components.values())
     assert not any("Terminate" in call for call in system.calls)
 
 
@@ -222,14 +222,14 @@ def test_nothing_is_called_after_fatal(scenario: Plan, run: Run) -> None:
     with pytest.raises(master.RunError, match="fatal"):
         master.simulate(run, scenario.simulation, system)
     assert system.calls[-1] == "plant DoStep 0"
-    assert not any(unit.freed for unit in system.units.values())
+    assert not any(component.freed for component in system.components.values())
 
 
 def test_a_refused_parameter_is_named(scenario: Plan, run: Run) -> None:
-    unit = run.units[1]
-    bad = dataclasses.replace(unit, parameters=(dataclasses.replace(unit.parameters[0], value=float("inf")),))
+    component = run.components[1]
+    bad = dataclasses.replace(component, parameters=(dataclasses.replace(component.parameters[0], value=float("inf")),))
     with pytest.raises(master.RunError, match=r"plant, fmi2SetReal at t = 0 s: status 3 \(error\), gain = inf"):
-        master.simulate(dataclasses.replace(run, units=(run.units[0], bad)), scenario.simulation, System())
+        master.simulate(dataclasses.replace(run, components=(run.components[0], bad)), scenario.simulation, System())
 
 
 def test_a_value_that_is_not_finite_is_an_error(scenario: Plan, run: Run) -> None:
@@ -241,18 +241,20 @@ def test_a_value_that_is_not_finite_is_an_error(scenario: Plan, run: Run) -> Non
         master.simulate(run, scenario.simulation, System(plant=explode))
 
 
-def test_a_unit_that_refuses_a_value_is_only_the_messenger(scenario: Plan, run: Run) -> None:
+def test_a_component_that_refuses_a_value_is_only_the_messenger(scenario: Plan, run: Run) -> None:
     def explode(values: dict[int, Any], _step: float) -> int:
         values[30] = float("inf")
         return OK
 
-    real = dataclasses.replace(run.units[0], outputs=(dataclasses.replace(run.units[0].outputs[0], kind="Real"),))
+    real = dataclasses.replace(
+        run.components[0], outputs=(dataclasses.replace(run.components[0].outputs[0], kind="Real"),)
+    )
     system = System(source=explode)
-    exploding = dataclasses.replace(run, units=(real, run.units[1]))
+    exploding = dataclasses.replace(run, components=(real, run.components[1]))
     with pytest.raises(master.RunError) as caught:
         master.simulate(exploding, scenario.simulation, system)
-    assert caught.value.unit == "plant"
-    assert caught.value.messages == ("unit source: output variable.30 is inf",)
+    assert caught.value.component == "plant"
+    assert caught.value.messages == ("component source: output variable.30 is inf",)
 
 
 def test_huge_finite_values_are_no_error(scenario: Plan, run: Run) -> None:
@@ -260,8 +262,8 @@ def test_huge_finite_values_are_no_error(scenario: Plan, run: Run) -> None:
         values[13] = values[14] = 1.7e308
         return OK
 
-    wire = run.units[1].outputs[0]
-    plant = dataclasses.replace(run.units[1], outputs=(wire, dataclasses.replace(wire, reference=14, slot=2)))
-    wide = dataclasses.replace(run, units=(run.units[0], plant), slots=3)
+    wire = run.components[1].outputs[0]
+    plant = dataclasses.replace(run.components[1], outputs=(wire, dataclasses.replace(wire, reference=14, slot=2)))
+    wide = dataclasses.replace(run, components=(run.components[0], plant), slots=3)
     _, rows = master.simulate(wide, scenario.simulation, System(plant=huge))
     assert rows[-1, 1] == 1.7e308

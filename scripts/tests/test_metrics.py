@@ -151,7 +151,7 @@ def test_a_metric_of_a_difference(scenario: Plan) -> None:
     assert metrics.of_recording(difference, scenario, recording) == 2.0
     until = dataclasses.replace(difference, until=Until(0, True, 2.5))
     assert metrics.of_recording(until, scenario, recording) == 1.0
-    # a case without the unit that it is compared with
+    # a case without the component that it is compared with
     assert metrics.of_recording(difference, scenario, Recording(times, {"source.count": times})) is None
 
 

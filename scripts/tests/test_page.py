@@ -29,7 +29,7 @@ def text(scenario: Plan) -> str:
     figures = [*scenario.figures, dataclasses.replace(scenario.figures[0], name="again")]
     drawings = [d for f in figures if (d := plots.draw(scenario, f, recordings, {}, cells)) is not None]
     assert len(drawings) == 2
-    return page.render(numbers, drawings, {"active#2": "unit <plant>: fmi2DoStep"}, CONTEXT)
+    return page.render(numbers, drawings, {"active#2": "component <plant>: fmi2DoStep"}, CONTEXT)
 
 
 def test_everything_is_escaped(text: str) -> None:
@@ -119,8 +119,11 @@ def test_the_parts_are_there(text: str) -> None:
     assert "1 not reproduced" in " ".join(tree.xpath("string(//ul[@class='facts'])").split())
     assert len(tree.xpath("//figure//svg")) == 2
     # A narrow window hides the head of the table.
-    assert {*tree.xpath("//table[@class='units']//td[contains(@class, 'number')]/@data-label")} == {"Default", "Here"}
-    assert not tree.xpath("//table[@class='units']//td[contains(@class, 'number')][not(@data-label)]")
+    assert {*tree.xpath("//table[@class='components']//td[contains(@class, 'number')]/@data-label")} == {
+        "Default",
+        "Here",
+    }
+    assert not tree.xpath("//table[@class='components']//td[contains(@class, 'number')][not(@data-label)]")
     assert tree.xpath("//table[@class='guids']//code/text()") == ["{22}", "{11}"]
     assert "1 of 4 runs failed" in text
 
@@ -145,7 +148,7 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
 
 def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None:
     first = scenario.runs[0]
-    plant = first.units[1]
+    plant = first.components[1]
     gain = plant.parameters[0]
     points = (Point("slow", "Slow", 1.0), Point("fast", "Fast", 2.0))
 
@@ -156,7 +159,7 @@ def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None
                 id=f"{c.name}@{p.name}",
                 case=c.name,
                 point=p.name,
-                units=(
+                components=(
                     dataclasses.replace(
                         plant,
                         parameters=(dataclasses.replace(gain, value=by_case[c.name] + by_point[p.name]),),
@@ -166,7 +169,7 @@ def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None
             for c in scenario.cases
             for p in points
         )
-        sections = page.units(dataclasses.replace(scenario, runs=runs, points=points))
+        sections = page.components(dataclasses.replace(scenario, runs=runs, points=points))
         return sections[0].parameters[0].values
 
     same = {"passive": 1.0, "active": 1.0}

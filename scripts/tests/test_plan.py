@@ -13,9 +13,9 @@ HERE = Path(__file__).parent
 def test_fields_arrive(scenario: plan.Plan) -> None:
     assert scenario.simulation.rows == 4
     assert [r.stem for r in scenario.runs] == ["passive_1", "passive_2", "active_1", "active_2"]
-    unit = scenario.run("passive", None, 1).units[1]
-    assert unit.fmu == HERE / "fmu" / "Plant.fmu"
-    assert unit.inputs == (plan.Wire(11, "Real", 0),)
+    component = scenario.run("passive", None, 1).components[1]
+    assert component.fmu == HERE / "fmu" / "Plant.fmu"
+    assert component.inputs == (plan.Wire(11, "Real", 0),)
     assert scenario.columns[0].display is None
     assert scenario.columns[1].display == plan.Conversion("deg", 57.29577951308232, 0.0)
     assert scenario.run("active", None, 2).columns == (None, 1)
@@ -31,7 +31,7 @@ def test_outputs_that_nothing_reads_are_grouped(scenario: plan.Plan) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": 1}, "plan format 1, expected 2"),
+        ({"format": 1}, "plan format 1, expected 3"),
         ({"simulation": None}, "unexpected type"),
         ({"cases": [{"name": "a"}]}, "no field 'title'"),
     ],

@@ -95,7 +95,7 @@ class System:
                         inputs.discard(port)
 
     def row(self) -> list[float]:
-        return [self.components[unit].get(name) for unit, name, _ in self.structure.outputs]
+        return [self.components[component].get(name) for component, name, _ in self.structure.outputs]
 
     def run(self) -> np.ndarray:
         """Return the outputs after every step, before they are passed on."""
@@ -130,7 +130,7 @@ def test_the_first_step_has_no_jump_under_the_order_of_omsimulator(folder: Path,
     system = System(folder, tmp_path / "unpacked")
     found = system.run()
     jacobi = systems.with_fmpy(folder, "jacobi").values
-    names = [f"{unit}:{name}" for unit, name, _ in system.structure.outputs]
+    names = [f"{component}:{name}" for component, name, _ in system.structure.outputs]
     expected = np.array([jacobi[name] for name in names]).T
     # The prescribed speed is there from the start, at the driver and at the plant that follows it.
     assert found[0, names.index("driver:driver.speed")] == found[1, names.index("driver:driver.speed")] > 9.0

@@ -1,8 +1,8 @@
 """One closed loop of each vehicle, written by `cargo fmu export`, runs in masters that others made.
 
-The reference is the native master in the same order of stepping: libcosim and Ecos step all units at once, which is its
-order `jacobi`. All recorded signals are compared at every step; a difference is the largest one over the peak of its
-signal. Measured:
+The reference is the native master in the same order of stepping: libcosim and Ecos step all components at once,
+which is its order `jacobi`. All recorded signals are compared at every step; a difference is the largest one over the
+peak of its signal. Measured:
 
 - FMPy, reading the SSP file, in both orders: equal to the last bit.
 - libcosim, from OspSystemStructure.xml, from the SSP file and by calls: up to 3e-13. It counts time in nanoseconds,
@@ -193,7 +193,7 @@ def test_the_loop_as_one_fmu(written: Written, order: str, tmp_path: Path) -> No
     )
     assert done.returncode == 0, done.stdout
     structure = systems.Structure(systems.package(written.folder))
-    names = {f"{systems.OUT}{unit}.{name}": f"{unit}:{name}" for unit, name, _ in structure.outputs}
+    names = {f"{systems.OUT}{component}.{name}": f"{component}:{name}" for component, name, _ in structure.outputs}
     rows = fmpy.simulate_fmu(
         str(path),
         start_time=structure.start,

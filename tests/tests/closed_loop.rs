@@ -20,32 +20,32 @@ use tests::{Fmu, bits, folder, ok, reals, workspace};
 const STEP: f64 = 0.001;
 
 const DRIVER: &str = r#"
-[[unit]]
+[[component]]
 name = "driver"
 fmu = "Driver"
 parameters = { maneuver = 1, "steer.start" = 1.0, "steer.amplitude" = 0.05, "speed.initial" = { value = 35.0, unit = "km/h" } }
 "#;
 
 const CONTROLLERS: &str = r#"
-[[unit]]
+[[component]]
 name = "coordination"
 fmu = "FuzzyCoordination"
-[[unit]]
+[[component]]
 name = "steering"
 fmu = "DualSlidingModeSteering"
-[[unit]]
+[[component]]
 name = "integrated"
 fmu = "IntegratedLqrSuspension"
-[[unit]]
+[[component]]
 name = "roll"
 fmu = "RollLqrSuspension"
-[[unit]]
+[[component]]
 name = "mixer"
 fmu = "SuspensionMixer"
 "#;
 
 const SMOOTH: &str = r#"
-[[unit]]
+[[component]]
 name = "plant"
 fmu = "RescueVehicle"
 inputs = { "road_height.*" = 0.0, "road_friction.*" = 1.0 }
@@ -53,11 +53,11 @@ inputs = { "road_height.*" = 0.0, "road_friction.*" = 1.0 }
 
 /// A class C road under the plant; the speed is prescribed, so the road moves on with the driver's demand.
 const ROUGH: &str = r#"
-[[unit]]
+[[component]]
 name = "road"
 fmu = "Road"
 parameters = { profile = 1, tracks = 1, "roughness.class" = 3, "roughness.start" = 2, "geometry.axle_offset.middle" = 2.95, "geometry.axle_offset.rear" = 4.6 }
-[[unit]]
+[[component]]
 name = "plant"
 fmu = "RescueVehicle"
 [[connection]]
@@ -118,7 +118,7 @@ impl Results {
         let run = self.plan.runs.iter().position(|one| one.id == run).unwrap_or_else(|| panic!("no run {run}"));
         let column = self.plan.columns.iter().position(|one| one.name == signal);
         let column = column.unwrap_or_else(|| panic!("no column {signal}"));
-        self.recordings[run].column(column).expect("the case has the unit")
+        self.recordings[run].column(column).expect("the case has the component")
     }
 
     /// Last value of a signal in a run.
@@ -131,7 +131,7 @@ impl Results {
     fn assert_finite(&self) {
         for (run, recording) in self.plan.runs.iter().zip(&self.recordings) {
             for (column, values) in self.plan.columns.iter().zip(&recording.columns) {
-                let values = values.as_ref().expect("all cases have all units");
+                let values = values.as_ref().expect("all cases have all components");
                 let broken = values.iter().position(|value| !value.is_finite());
                 assert_eq!(broken, None, "{}: {} is not finite in this row", run.id, column.name);
             }
@@ -461,7 +461,7 @@ fn results_do_not_depend_on_threads() {
     }
 }
 
-/// A loop as a user of the FMUs would write it: signals by name, units in their order, no bus, no plan.
+/// A loop as a user of the FMUs would write it: signals by name, components in their order, no bus, no plan.
 #[test]
 fn sequential_order_is_the_obvious_loop() {
     let mut plan = plan(&rough(), &Options::default());
@@ -528,7 +528,7 @@ fn sequential_order_is_the_obvious_loop() {
     }
     let compare = |signals: &HashMap<String, f64>, row: usize| {
         for (column, values) in plan.columns.iter().zip(&results.recordings[0].columns) {
-            let (value, expected) = (values.as_ref().expect("all units are there")[row], signals[&column.name]);
+            let (value, expected) = (values.as_ref().expect("all components are there")[row], signals[&column.name]);
             assert_eq!(value.to_bits(), expected.to_bits(), "{} in row {row}: {value}, {expected}", column.name);
         }
     };
@@ -543,9 +543,9 @@ fn sequential_order_is_the_obvious_loop() {
     }
 }
 
-/// In a chain without feedback a unit sees its input one step later for every unit before it; nothing else changes.
+/// In a chain without feedback a component sees its input one step later for every component before it; nothing else changes.
 #[test]
-fn jacobi_order_delays_a_chain_by_one_step_per_unit() {
+fn jacobi_order_delays_a_chain_by_one_step_per_component() {
     let chain = format!(
         "{DRIVER}{CHAIN}{}",
         r#"
@@ -560,14 +560,14 @@ signals = ["*"]
 "#
     );
     const CHAIN: &str = r#"
-[[unit]]
+[[component]]
 name = "coordination"
 fmu = "FuzzyCoordination"
-[[unit]]
+[[component]]
 name = "plant"
 fmu = "RescueVehicle"
 inputs = { "road_height.*" = 0.0, "road_friction.*" = 1.0, "suspension_force.*" = 0.0, "steer.middle" = 0.0, "steer.rear" = 0.0 }
-[[unit]]
+[[component]]
 name = "roll"
 fmu = "RollLqrSuspension"
 [[connection]]

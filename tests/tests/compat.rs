@@ -13,11 +13,11 @@ fn library() -> Systems {
     systems(&found.collect())
 }
 
-fn fit<'a>(systems: &'a Systems, unit: &str, plant: &str) -> &'a Fit {
+fn fit<'a>(systems: &'a Systems, component: &str, plant: &str) -> &'a Fit {
     let place = |names: &[String], name: &str| {
         names.iter().position(|other| other == name).unwrap_or_else(|| panic!("{name} is not in {names:?}"))
     };
-    &systems.fits[place(&systems.units, unit)][place(&systems.plants, plant)]
+    &systems.fits[place(&systems.components, component)][place(&systems.plants, plant)]
 }
 
 #[test]
@@ -53,9 +53,9 @@ fn the_systems_of_the_papers_fit() {
         ),
         ("HeavyVehicle", &["YawRateReference", "ActiveFrontSteering", "AllWheelSteering", "SemiActiveFuzzySuspension"]),
     ];
-    for (plant, units) in papers {
-        for unit in units.iter().chain(&["Driver", "Road"]) {
-            assert_eq!(*fit(&systems, unit, plant), Fit::Fits, "{unit}, {plant}");
+    for (plant, components) in papers {
+        for component in components.iter().chain(&["Driver", "Road"]) {
+            assert_eq!(*fit(&systems, component, plant), Fit::Fits, "{component}, {plant}");
         }
     }
 }
@@ -63,11 +63,11 @@ fn the_systems_of_the_papers_fit() {
 #[test]
 fn steering_laws_fit_the_other_three_axle_vehicle() {
     let systems = library();
-    for unit in
+    for component in
         ["DualSlidingModeSteering", "FuzzyCoordination", "YawRateReference", "ActiveFrontSteering", "AllWheelSteering"]
     {
         for plant in ["RescueVehicle", "HeavyVehicle"] {
-            assert_eq!(*fit(&systems, unit, plant), Fit::Fits, "{unit}, {plant}");
+            assert_eq!(*fit(&systems, component, plant), Fit::Fits, "{component}, {plant}");
         }
     }
     // The car has no second steered axle.

@@ -399,11 +399,14 @@ fn a_broken_package_blocks_only_what_needs_it() {
     let descriptions = "modelDescription";
     copy_times(&workspace().join(descriptions), &copy.root.join(descriptions)).expect("it can be copied");
     let scenario = |name: &str, fmus: [&str; 2]| {
-        let units: Vec<String> =
-            fmus.iter().enumerate().map(|(i, fmu)| format!("[[unit]]\nname = \"u{i}\"\nfmu = \"{fmu}\"\n")).collect();
+        let components: Vec<String> = fmus
+            .iter()
+            .enumerate()
+            .map(|(i, fmu)| format!("[[component]]\nname = \"u{i}\"\nfmu = \"{fmu}\"\n"))
+            .collect();
         let text = format!(
             "title = \"T\"\n[simulation]\nstop = 1.0\nstep = 0.1\n{}[[case]]\nname = \"a\"\ntitle = \"A\"\n[record]\nsignals = [\"*\"]\n",
-            units.join("")
+            components.join("")
         );
         std::fs::write(copy.root.join(name), text).expect("it can be written");
     };

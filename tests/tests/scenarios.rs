@@ -91,17 +91,18 @@ fn every_component_is_replaced_by_one_line() {
         let whole = plan(&file, &text, &source);
         for case in &whole.cases {
             let run = whole.runs.iter().find(|run| run.case == case.name).expect("every case is run");
-            for unit in &run.units {
-                let fmu = unit.fmu.strip_suffix(".fmu").expect("an FMU");
+            for component in &run.components {
+                let fmu = component.fmu.strip_suffix(".fmu").expect("an FMU");
                 for suffix in ["Copy", "Other"] {
-                    let line = format!("fmu.{} = \"{fmu}{suffix}\"", unit.name);
+                    let line = format!("fmu.{} = \"{fmu}{suffix}\"", component.name);
                     // A case may set parameters of the component itself, which another one does not have.
-                    if suffix == "Other" && case_sets(&text, &case.name, &unit.name) {
+                    if suffix == "Other" && case_sets(&text, &case.name, &component.name) {
                         continue;
                     }
                     let swapped = plan(&file, &with_line(&text, &case.name, &line), &source);
                     let run = swapped.runs.iter().find(|run| run.case == case.name).expect("the case is still there");
-                    let other = run.units.iter().find(|u| u.name == unit.name).expect("the unit is still there");
+                    let other =
+                        run.components.iter().find(|u| u.name == component.name).expect("the component is still there");
                     assert_eq!(other.fmu, format!("{fmu}{suffix}.fmu"), "{}: {line}", file.display());
                     // Nothing but points, seeds and the case itself reaches it.
                     assert!(suffix == "Copy" || other.parameters.is_empty(), "{}: {line}", file.display());
@@ -114,10 +115,10 @@ fn every_component_is_replaced_by_one_line() {
 }
 
 /// Whether a case has values for parameters of a component, in its own table or in a parameter set.
-fn case_sets(text: &str, case: &str, unit: &str) -> bool {
+fn case_sets(text: &str, case: &str, component: &str) -> bool {
     let name = format!("name = \"{case}\"\n");
     let of_case = text.split("[[").find(|part| part.starts_with("case]]") && part.contains(&name)).expect("the case");
-    of_case.contains(&format!("parameters.{unit} ")) || of_case.contains("parameter_set")
+    of_case.contains(&format!("parameters.{component} ")) || of_case.contains("parameter_set")
 }
 
 /// A copy that keeps the parameters is the same system.
@@ -129,12 +130,16 @@ fn kept_parameters_are_those_of_the_component() {
         let text = std::fs::read_to_string(&file).expect("the scenario can be read");
         let whole = plan(&file, &text, &source);
         let case = &whole.cases[0].name;
-        for unit in &whole.runs[0].units {
-            let fmu = unit.fmu.strip_suffix(".fmu").expect("an FMU");
-            let line = format!("fmu.{} = {{ fmu = \"{fmu}Copy\", keep_parameters = true }}", unit.name);
+        for component in &whole.runs[0].components {
+            let fmu = component.fmu.strip_suffix(".fmu").expect("an FMU");
+            let line = format!("fmu.{} = {{ fmu = \"{fmu}Copy\", keep_parameters = true }}", component.name);
             let swapped = plan(&file, &with_line(&text, case, &line), &source);
-            let other = swapped.runs[0].units.iter().find(|u| u.name == unit.name).expect("the unit is still there");
-            assert_eq!(other.parameters, unit.parameters, "{name}: {line}");
+            let other = swapped.runs[0]
+                .components
+                .iter()
+                .find(|u| u.name == component.name)
+                .expect("the component is still there");
+            assert_eq!(other.parameters, component.parameters, "{name}: {line}");
             assert_eq!(swapped.warnings, [""; 0], "{name}: {line}");
         }
     }

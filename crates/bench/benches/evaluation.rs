@@ -28,10 +28,10 @@ title = "Ride"
 [simulation]
 stop = 6.0
 step = 0.001
-[[unit]]
+[[component]]
 name = "comfort"
 fmu = "ComfortSlidingMode"
-[[unit]]
+[[component]]
 name = "plant"
 fmu = "HydroPneumaticHalfCar"
 [[connection]]

@@ -25,7 +25,7 @@ pub(crate) enum Command {
     ///
     /// OUT/NAME.ssp holds the structure with units of measure, parameter sets and the FMUs, for Ecos, libcosim and
     /// OMSimulator; OUT/OspSystemStructure.xml is for libcosim. Inputs that keep one value are start values. Neither file
-    /// says in which order the units of a step follow each other: Ecos and libcosim step all at once (`--order jacobi`
+    /// says in which order the components of a step follow each other: Ecos and libcosim step all at once (`--order jacobi`
     /// of `cargo fmu run`). What is recorded becomes a connector; metrics and figures are left out.
     Export(export::Arguments),
     /// Searches parameters of a scenario as a study describes

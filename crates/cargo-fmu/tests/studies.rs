@@ -24,11 +24,11 @@ title = "Ring"
 [simulation]
 stop = 1.0
 step = 0.01
-[[unit]]
+[[component]]
 name = "position"
 fmu = "Position"
 parameters = { start = 1.0 }
-[[unit]]
+[[component]]
 name = "velocity"
 fmu = "Velocity"
 [[case]]
@@ -189,8 +189,8 @@ fn objective(place: &Place, scenario: &str, gains: Option<[f64; 2]>) -> f64 {
     let mut sum = 0.0;
     for run in plan.runs.iter().take(2) {
         let mut run = run.clone();
-        for (unit, gain) in ["position", "velocity"].into_iter().zip(gains.into_iter().flatten()) {
-            run.set_parameter(&fmus, unit, "gain", fmu_import::description::Value::Real(gain)).unwrap();
+        for (component, gain) in ["position", "velocity"].into_iter().zip(gains.into_iter().flatten()) {
+            run.set_parameter(&fmus, component, "gain", fmu_import::description::Value::Real(gain)).unwrap();
         }
         let recording = master::execute(&plan.simulation, &run, &fmus).unwrap();
         let (x, y) = (&recording.column(0).unwrap()[20..=80], recording.column(1).unwrap());
@@ -354,9 +354,9 @@ fn a_wrong_case_is_one_mistake() {
     assert!(error.ends_with("study.toml:3:10: unknown case `fre`") && error.lines().count() == 1, "{error}");
 }
 
-/// A unit that does not write the signal: the one that does is suggested.
+/// A component that does not write the signal: the one that does is suggested.
 #[test]
-fn a_wrong_unit_of_a_signal_is_named() {
+fn a_wrong_component_of_a_signal_is_named() {
     let place = Place::new();
     let error = place.read(&STUDY.replacen("signal = \"position:x\"", "signal = \"position:y\"", 1), 1).unwrap_err();
     let StudyError::Problems(problems) = &error else { panic!("{error}") };
@@ -449,7 +449,11 @@ fn mistakes_are_reported_with_their_place() {
         ("scenario = \"ring.toml\"", "scenario = \"rong.toml\"", "2:12: there is no file"),
         ("\"free\", \"inverted\"", "\"fre\"", "3:10: unknown case `fre`"),
         ("cases = [\"free\", \"inverted\"]", "cases = []", "cases is empty"),
-        ("cases = [\"free\", \"inverted\"]", "cases = [\"alone\"]", "case `alone`: the run has no unit `velocity`"),
+        (
+            "cases = [\"free\", \"inverted\"]",
+            "cases = [\"alone\"]",
+            "case `alone`: the run has no component `velocity`",
+        ),
         ("stop = 0.8", "stop = 0.805", "4:8: from start 0 s to stop 0.805 s are 80.5 steps of 0.01 s"),
         ("stop = 0.8", "seeds = 0", "4:9: seeds is 0, expected at least 1"),
         ("stop = 0.8", "seeds = 2", "4:9: seeds is 2, the scenario has 0"),
@@ -457,8 +461,12 @@ fn mistakes_are_reported_with_their_place() {
         ("seed = 3", "penalty = 0.0", "penalty is 0.0, expected above 0"),
         ("evaluations = 60", "evaluations = 0", "8:15: evaluations is 0, expected at least 1"),
         ("evaluations = 60", "evaluations = 60\ntarget = inf", "expected a finite number"),
-        ("name = \"position:gain\"", "name = \"gain\"", "11:8: expected \"unit:parameter\""),
-        ("name = \"position:gain\"", "name = \"positon:gain\"", "11:8: case `free`: the run has no unit `positon`"),
+        ("name = \"position:gain\"", "name = \"gain\"", "11:8: expected \"component:parameter\""),
+        (
+            "name = \"position:gain\"",
+            "name = \"positon:gain\"",
+            "11:8: case `free`: the run has no component `positon`",
+        ),
         ("name = \"position:gain\"", "name = \"position:gian\"", "Position has no parameter `gian`"),
         ("name = \"position:gain\"", "name = \"position:x\"", "is not a parameter but an output"),
         ("name = \"position:gain\"", "name = \"velocity:gain\"", "the parameter `velocity:gain` is there twice"),

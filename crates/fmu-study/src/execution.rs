@@ -160,7 +160,7 @@ pub struct Baseline {
 pub struct Compared {
     /// Title.
     pub title: String,
-    /// Values that differ from the scenario's, by `unit:parameter`.
+    /// Values that differ from the scenario's, by `component:parameter`.
     pub values: BTreeMap<String, f64>,
     /// Objective.
     pub objective: f64,
@@ -373,11 +373,11 @@ fn summary(study: &Study) -> Summary {
 /// A hash of each FMU file: the GUID only stands for its interface.
 fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, ExecutionError> {
     let mut hashes = BTreeMap::new();
-    for unit in study.simulation.runs.iter().flat_map(|run| &run.units) {
-        if !hashes.contains_key(&unit.fmu) {
-            let path = PathBuf::from(&unit.fmu);
+    for component in study.simulation.runs.iter().flat_map(|run| &run.components) {
+        if !hashes.contains_key(&component.fmu) {
+            let path = PathBuf::from(&component.fmu);
             let bytes = std::fs::read(&path).map_err(|cause| ExecutionError::Io { path, cause })?;
-            hashes.insert(unit.fmu.clone(), hash(&bytes));
+            hashes.insert(component.fmu.clone(), hash(&bytes));
         }
     }
     Ok(hashes)
@@ -392,8 +392,8 @@ fn fingerprint(study: &Study, method: &Method, fmus: &BTreeMap<String, String>) 
         .iter()
         .cloned()
         .map(|mut run| {
-            for unit in &mut run.units {
-                unit.fmu = fmus.get(&unit.fmu).cloned().unwrap_or_default();
+            for component in &mut run.components {
+                component.fmu = fmus.get(&component.fmu).cloned().unwrap_or_default();
             }
             run
         })
@@ -414,7 +414,7 @@ fn hash(bytes: &[u8]) -> String {
     uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, bytes).to_string()
 }
 
-/// The values as an SSP parameter set with names `unit:parameter`.
+/// The values as an SSP parameter set with names `component:parameter`.
 fn parameter_set(study: &Study, values: &[f64]) -> String {
     let simulation = &study.simulation;
     let set = ParameterSet {
@@ -433,8 +433,8 @@ fn parameter_set(study: &Study, values: &[f64]) -> String {
     let units: Vec<Unit> = simulation
         .runs
         .iter()
-        .flat_map(|run| &run.units)
-        .filter_map(|unit| simulation.fmus.get(&unit.fmu).ok())
+        .flat_map(|run| &run.components)
+        .filter_map(|component| simulation.fmus.get(&component.fmu).ok())
         .flat_map(|fmu| &fmu.description().units)
         .cloned()
         .collect();

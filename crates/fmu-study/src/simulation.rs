@@ -156,8 +156,8 @@ impl Simulation {
             let (set, run) = place(index);
             let mut run = runs[run].clone();
             for (parameter, value) in &sets[set] {
-                let (unit, name) = self.parameters[*parameter].unit_and_name();
-                let changed = run.set_parameter(&self.fmus, unit, name, Value::Real(*value));
+                let (component, name) = self.parameters[*parameter].component_and_name();
+                let changed = run.set_parameter(&self.fmus, component, name, Value::Real(*value));
                 changed.map_err(|e| Failure { run: run.id.clone(), time: None, message: e.to_string() })?;
             }
             Ok(Task { run, csv: None })
@@ -189,11 +189,11 @@ impl Simulation {
     /// The value the scenario gives a parameter, or its start value; `None` if the runs differ.
     #[must_use]
     pub fn own_value(&self, index: usize) -> Option<f64> {
-        let (unit, name) = self.parameters[index].unit_and_name();
+        let (component, name) = self.parameters[index].component_and_name();
         let of = |run: &Run| {
-            let unit = run.units.iter().find(|u| u.name == unit)?;
-            let set = unit.parameters.iter().find(|p| p.name == name).map(|p| p.value.clone());
-            let start = || self.fmus.get(&unit.fmu).ok()?.description().variable(name)?.start.clone();
+            let component = run.components.iter().find(|u| u.name == component)?;
+            let set = component.parameters.iter().find(|p| p.name == name).map(|p| p.value.clone());
+            let start = || self.fmus.get(&component.fmu).ok()?.description().variable(name)?.start.clone();
             match set.or_else(start)? {
                 Value::Real(value) => Some(value),
                 _ => None,

@@ -1,13 +1,13 @@
 //! Parameters and their ranges.
 
-/// A parameter of a unit and the range it is searched in.
+/// A parameter of a component and the range it is searched in.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Parameter {
-    /// `unit:parameter`.
+    /// `component:parameter`.
     pub name: String,
     /// Name in constraints, if it has one.
     pub symbol: Option<String>,
-    /// Unit of measure.
+    /// Component of measure.
     pub unit: Option<String>,
     /// Lower bound.
     pub min: f64,
@@ -18,9 +18,9 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// Name of the unit and of its parameter.
+    /// Name of the component and of its parameter.
     #[must_use]
-    pub fn unit_and_name(&self) -> (&str, &str) {
+    pub fn component_and_name(&self) -> (&str, &str) {
         self.name.split_once(':').unwrap_or(("", &self.name))
     }
 
@@ -54,6 +54,6 @@ mod tests {
         assert_eq!([log.at(0.0), log.at(1.0)], [0.01, 100.0]);
         // one rounding of the power and one of the product
         assert!((log.at(0.5) - 1.0).abs() < 1e-15);
-        assert_eq!(linear.unit_and_name(), ("a", "b"));
+        assert_eq!(linear.component_and_name(), ("a", "b"));
     }
 }

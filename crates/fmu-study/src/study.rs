@@ -399,7 +399,7 @@ fn check_parameters<'a>(file: &'a File, problems: &mut Collector) -> Vec<&'a str
     for parameter in &file.parameters {
         let name = parameter.name.get_ref().as_str();
         if !name.contains(':') {
-            problems.add(parameter.name.span(), "expected \"unit:parameter\"");
+            problems.add(parameter.name.span(), "expected \"component:parameter\"");
         }
         if !seen.insert(name) {
             problems.add(parameter.name.span(), format!("the parameter `{name}` is there twice"));
@@ -719,19 +719,20 @@ fn chosen_runs(file: &File, plan: &Plan, problems: &mut Collector) -> Vec<Run> {
 fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut Collector) -> Vec<Parameter> {
     let mut parameters = Vec::new();
     for entry in &file.parameters {
-        let Some((unit, name)) = entry.name.get_ref().split_once(':') else { continue };
+        let Some((component, name)) = entry.name.get_ref().split_once(':') else { continue };
         for run in runs {
             for bound in [&entry.min, &entry.max] {
-                if let Err(error) = run.clone().set_parameter(fmus, unit, name, Value::Real(*bound.get_ref())) {
-                    let (help, in_range) = parameter_help(run, fmus, unit, name);
+                if let Err(error) = run.clone().set_parameter(fmus, component, name, Value::Real(*bound.get_ref())) {
+                    let (help, in_range) = parameter_help(run, fmus, component, name);
                     // A parameter that exists is wrong at its bound, any other by its name.
                     let span = if in_range { bound.span() } else { entry.name.span() };
                     problems.add_with_help(span, format!("case `{}`: {error}", run.case), help);
                 }
             }
         }
-        let of_unit = runs.iter().flat_map(|run| &run.units).find(|u| u.name == unit);
-        let variable = of_unit.and_then(|u| fmus.get(&u.fmu).ok()).and_then(|fmu| fmu.description().variable(name));
+        let of_component = runs.iter().flat_map(|run| &run.components).find(|u| u.name == component);
+        let variable =
+            of_component.and_then(|u| fmus.get(&u.fmu).ok()).and_then(|fmu| fmu.description().variable(name));
         parameters.push(Parameter {
             name: entry.name.get_ref().clone(),
             symbol: entry.symbol.as_ref().map(|s| s.get_ref().clone()),
@@ -745,9 +746,9 @@ fn parameters(file: &File, runs: &[Run], fmus: &Fmus, problems: &mut Collector) 
 }
 
 /// A near name for a wrong one, and whether the parameter is there.
-fn parameter_help(run: &Run, fmus: &Fmus, unit: &str, name: &str) -> (Option<String>, bool) {
-    let Some(found) = run.units.iter().find(|u| u.name == unit) else {
-        return (suggestion(unit, run.units.iter().map(|u| u.name.as_str())), false);
+fn parameter_help(run: &Run, fmus: &Fmus, component: &str, name: &str) -> (Option<String>, bool) {
+    let Some(found) = run.components.iter().find(|u| u.name == component) else {
+        return (suggestion(component, run.components.iter().map(|u| u.name.as_str())), false);
     };
     let Ok(fmu) = fmus.get(&found.fmu) else { return (None, false) };
     let description = fmu.description();
@@ -766,31 +767,31 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// The unit that writes a column.
+    /// The component that writes a column.
     fn writer(&self, index: usize) -> Option<&str> {
         self.plan.runs.iter().find_map(|run| {
             let slot = run.columns.get(index).copied().flatten()?;
-            let writes = |u: &&fmu_system::run::Unit| u.outputs.iter().any(|wire| wire.slot == slot);
-            run.units.iter().find(writes).map(|u| u.name.as_str())
+            let writes = |u: &&fmu_system::run::Component| u.outputs.iter().any(|wire| wire.slot == slot);
+            run.components.iter().find(writes).map(|u| u.name.as_str())
         })
     }
 
-    /// Column of `unit:signal`, or of `signal` where only one unit has it; every run must have it.
+    /// Column of `component:signal`, or of `signal` where only one component has it; every run must have it.
     fn find(&self, written: &Spanned<String>, problems: &mut Collector) -> Option<usize> {
         let text = written.get_ref();
         let names = || self.plan.columns.iter().map(|c| c.name.as_str());
-        // A column is named `signal` if only one unit has it; then the unit must be the one that writes it.
+        // A column is named `signal` if only one component has it; then the component must be the one that writes it.
         let column = names().position(|name| name == text).or_else(|| {
-            let (unit, signal) = text.split_once(':')?;
+            let (component, signal) = text.split_once(':')?;
             let index = names().position(|name| name == signal)?;
-            (self.writer(index)? == unit).then_some(index)
+            (self.writer(index)? == component).then_some(index)
         });
         let Some(index) = column else {
             let signal = text.split_once(':').map_or(text.as_str(), |(_, signal)| signal);
-            // Of the name as it is, the unit is wrong.
+            // Of the name as it is, the component is wrong.
             let writer = names().position(|name| name == signal).and_then(|index| self.writer(index));
             let near = match writer {
-                Some(unit) => Some(format!("did you mean `{unit}:{signal}`?")),
+                Some(component) => Some(format!("did you mean `{component}:{signal}`?")),
                 None => suggestion(signal, names()),
             };
             let near = near.map_or(String::new(), |s| format!("{s} Otherwise "));
@@ -857,9 +858,10 @@ fn comparisons(file: &File, plan: &Plan, runs: &[Run], fmus: &Fmus, problems: &m
                 problems.add_with_help(key.span(), format!("`{}` is no parameter of this study", key.get_ref()), help);
                 continue;
             };
-            if let Some((unit, name)) = file.parameters[index].name.get_ref().split_once(':') {
+            if let Some((component, name)) = file.parameters[index].name.get_ref().split_once(':') {
                 for run in &runs {
-                    if let Err(error) = run.clone().set_parameter(fmus, unit, name, Value::Real(*value.get_ref())) {
+                    if let Err(error) = run.clone().set_parameter(fmus, component, name, Value::Real(*value.get_ref()))
+                    {
                         problems.add(value.span(), error.to_string());
                     }
                 }

@@ -1,16 +1,16 @@
 //! Which FMUs fit which plants by their signals.
 //!
 //! A *plant* is an FMU with continuous states (the model structure lists derivatives) that writes no input of an FMU with
-//! more states; one that does is an actuator of the larger one. All FMUs that are no plants are *units*: controllers,
+//! more states; one that does is an actuator of the larger one. All FMUs that are no plants are *components*: controllers,
 //! sources, actuators.
 //!
 //! A signal goes from an output to an input of the same name, if base types and units of measure agree
-//! ([`Variable::mismatch`]). A unit *fits* a plant if
+//! ([`Variable::mismatch`]). A component *fits* a plant if
 //!
-//! - it is supplied: every input is written by the plant or by another unit that is supplied, and
-//! - it acts: an output is an input of the plant or of a supplied unit that acts.
+//! - it is supplied: every input is written by the plant or by another component that is supplied, and
+//! - it acts: an output is an input of the plant or of a supplied component that acts.
 //!
-//! Units may need each other in a circle. Other plants never count, as there is one in a system. Inputs that a scenario
+//! Components may need each other in a circle. Other plants never count, as there is one in a system. Inputs that a scenario
 //! could hold constant count as missing. That signals fit does not say that the law does the vehicle any good: vehicle
 //! data in it may have to be changed, and an output that the plant does not know goes nowhere.
 
@@ -19,21 +19,21 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;
 
-/// All pairs of a unit and a plant.
+/// All pairs of a component and a plant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Systems {
     /// Names of the plants, sorted.
     pub plants: Vec<String>,
     /// Names of the other FMUs, sorted.
-    pub units: Vec<String>,
-    /// By unit, then by plant.
+    pub components: Vec<String>,
+    /// By component, then by plant.
     pub fits: Vec<Vec<Fit>>,
 }
 
-/// How a unit fits a plant.
+/// How a component fits a plant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Fit {
-    /// All inputs are written, and it acts on the plant, directly or through other units.
+    /// All inputs are written, and it acts on the plant, directly or through other components.
     Fits,
     /// All inputs are written, but nothing that acts on the plant reads its outputs.
     Idle,
@@ -57,7 +57,7 @@ pub struct Missing {
 pub enum Reason {
     /// No other FMU has an output of this name.
     Unknown,
-    /// The plant or a unit has it, but as something else.
+    /// The plant or a component has it, but as something else.
     Mismatch {
         /// FMU that has it.
         writer: String,
@@ -66,7 +66,7 @@ pub enum Reason {
         /// What it should be.
         expected: String,
     },
-    /// Only these units write it, which lack inputs themselves.
+    /// Only these components write it, which lack inputs themselves.
     Unsupplied(Vec<String>),
     /// Only these other plants write it.
     OtherPlants(Vec<String>),
@@ -81,9 +81,9 @@ impl fmt::Display for Missing {
         match &self.reason {
             Reason::Unknown => write!(f, ": no FMU has it"),
             Reason::Mismatch { writer, is, expected } => write!(f, ": {writer} has it {is}, expected {expected}"),
-            Reason::Unsupplied(units) => {
-                let lack = if units.len() == 1 { "lacks" } else { "lack" };
-                write!(f, ": {} would write it, but {lack} inputs too", units.join(", "))
+            Reason::Unsupplied(components) => {
+                let lack = if components.len() == 1 { "lacks" } else { "lack" };
+                write!(f, ": {} would write it, but {lack} inputs too", components.join(", "))
             }
             Reason::OtherPlants(plants) => write!(f, ": only {} has it", plants.join(", ")),
         }
@@ -95,13 +95,13 @@ type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
 /// Compares all FMUs with all plants; the key is the name that a scenario uses.
 #[must_use]
 pub fn systems(fmus: &Descriptions) -> Systems {
-    let (plants, units): (Vec<&str>, Vec<&str>) =
+    let (plants, components): (Vec<&str>, Vec<&str>) =
         fmus.keys().map(String::as_str).partition(|name| is_plant(fmus, name));
-    let columns: Vec<Vec<Fit>> = plants.iter().map(|plant| fits_of(fmus, plant, &plants, &units)).collect();
+    let columns: Vec<Vec<Fit>> = plants.iter().map(|plant| fits_of(fmus, plant, &plants, &components)).collect();
     Systems {
-        fits: (0..units.len()).map(|row| columns.iter().map(|column| column[row].clone()).collect()).collect(),
+        fits: (0..components.len()).map(|row| columns.iter().map(|column| column[row].clone()).collect()).collect(),
         plants: plants.into_iter().map(str::to_string).collect(),
-        units: units.into_iter().map(str::to_string).collect(),
+        components: components.into_iter().map(str::to_string).collect(),
     }
 }
 
@@ -130,20 +130,20 @@ fn writes(writer: &ModelDescription, reader: &ModelDescription) -> bool {
     variables(reader, Causality::Input).any(|input| supplies(writer, input))
 }
 
-/// How each unit fits a plant.
-fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], units: &[&str]) -> Vec<Fit> {
-    // The largest set of units that write each other's inputs together with the plant: circles stay in it.
-    let mut supplied: BTreeSet<&str> = units.iter().copied().collect();
-    let unwritten = |unit: &str, supplied: &BTreeSet<&str>| -> Vec<&Variable> {
+/// How each component fits a plant.
+fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], components: &[&str]) -> Vec<Fit> {
+    // The largest set of components that write each other's inputs together with the plant: circles stay in it.
+    let mut supplied: BTreeSet<&str> = components.iter().copied().collect();
+    let unwritten = |component: &str, supplied: &BTreeSet<&str>| -> Vec<&Variable> {
         // An FMU cannot write its own inputs: names are unique in it.
         let writers = || supplied.iter().chain([&plant]);
-        variables(&fmus[unit], Causality::Input)
+        variables(&fmus[component], Causality::Input)
             .filter(|input| !writers().any(|writer| supplies(&fmus[*writer], input)))
             .collect()
     };
     loop {
         let kept: BTreeSet<&str> =
-            supplied.iter().copied().filter(|unit| unwritten(unit, &supplied).is_empty()).collect();
+            supplied.iter().copied().filter(|component| unwritten(component, &supplied).is_empty()).collect();
         if kept.len() == supplied.len() {
             break;
         }
@@ -153,9 +153,9 @@ fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], units: &[&str]) ->
     // Backwards from the plant.
     let mut acting: BTreeSet<&str> = BTreeSet::new();
     loop {
-        let acts = |unit: &&str| {
+        let acts = |component: &&str| {
             let mut readers = acting.iter().chain([&plant]);
-            readers.any(|reader| writes(&fmus[*unit], &fmus[*reader]))
+            readers.any(|reader| writes(&fmus[*component], &fmus[*reader]))
         };
         let grown: BTreeSet<&str> = supplied.iter().copied().filter(acts).collect();
         if grown.len() == acting.len() {
@@ -164,27 +164,27 @@ fn fits_of(fmus: &Descriptions, plant: &str, plants: &[&str], units: &[&str]) ->
         acting = grown;
     }
 
-    let fit = |unit: &&str| {
-        if acting.contains(unit) {
+    let fit = |component: &&str| {
+        if acting.contains(component) {
             Fit::Fits
-        } else if supplied.contains(unit) {
+        } else if supplied.contains(component) {
             Fit::Idle
         } else {
-            let missing = unwritten(unit, &supplied).into_iter();
-            Fit::Lacks(missing.map(|input| missing_input(fmus, input, plant, plants, units)).collect())
+            let missing = unwritten(component, &supplied).into_iter();
+            Fit::Lacks(missing.map(|input| missing_input(fmus, input, plant, plants, components)).collect())
         }
     };
-    units.iter().map(fit).collect()
+    components.iter().map(fit).collect()
 }
 
 /// Why an input is not written.
-fn missing_input(fmus: &Descriptions, input: &Variable, plant: &str, plants: &[&str], units: &[&str]) -> Missing {
+fn missing_input(fmus: &Descriptions, input: &Variable, plant: &str, plants: &[&str], components: &[&str]) -> Missing {
     let of = |names: &[&str], is_writer: &dyn Fn(&str) -> bool| -> Vec<String> {
         names.iter().filter(|name| is_writer(name)).map(|name| (*name).to_string()).collect()
     };
-    let writers = of(units, &|name| supplies(&fmus[name], input));
+    let writers = of(components, &|name| supplies(&fmus[name], input));
     let other_plants = of(plants, &|name| name != plant && supplies(&fmus[name], input));
-    let mismatch = units.iter().chain([&plant]).find_map(|name| {
+    let mismatch = components.iter().chain([&plant]).find_map(|name| {
         let [is, expected] = output(&fmus[*name], input)?.mismatch(input)?;
         Some(Reason::Mismatch { writer: (*name).to_string(), is, expected })
     });
@@ -225,8 +225,8 @@ mod tests {
         systems(&fmus.into_iter().map(|(name, fmu)| (name.to_string(), fmu)).collect())
     }
 
-    fn fit<'a>(systems: &'a Systems, unit: &str, plant: &str) -> &'a Fit {
-        let row = systems.units.iter().position(|name| name == unit).unwrap();
+    fn fit<'a>(systems: &'a Systems, component: &str, plant: &str) -> &'a Fit {
+        let row = systems.components.iter().position(|name| name == component).unwrap();
         let column = systems.plants.iter().position(|name| name == plant).unwrap();
         &systems.fits[row][column]
     }
@@ -243,17 +243,17 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_fits_if_it_is_supplied_and_acts() {
+    fn a_component_fits_if_it_is_supplied_and_acts() {
         let systems = toys([
             ("Car", car()),
             ("Driver", fmu(&[], &["demand rad", "speed m/s"], 0)),
             ("Steering", fmu(&["demand rad", "yaw_rate rad/s", "target rad/s"], &["steer rad"], 0)),
-            // acts through another unit only
+            // acts through another component only
             ("Target", fmu(&["demand rad"], &["target rad/s"], 0)),
             ("Display", fmu(&["roll rad"], &["needle rad"], 0)),
         ]);
         assert_eq!(systems.plants, ["Car"]);
-        assert_eq!(systems.units, ["Display", "Driver", "Steering", "Target"]);
+        assert_eq!(systems.components, ["Display", "Driver", "Steering", "Target"]);
         assert_eq!(systems.fits, [[Fit::Idle], [Fit::Fits], [Fit::Fits], [Fit::Fits]]);
     }
 
@@ -266,7 +266,7 @@ mod tests {
             ("Turned", fmu(&["yaw_rate rad/s"], &["steer deg"], 0)),
             ("Blind", fmu(&["pitch rad"], &["steer rad"], 0)),
         ]);
-        let reasons = |unit| reasons(fit(&systems, unit, "Car"));
+        let reasons = |component| reasons(fit(&systems, component, "Car"));
         assert_eq!(reasons("Degrees"), ["yaw_rate (deg/s): Car has it in rad/s, expected in deg/s"]);
         assert_eq!(reasons("Switch"), ["roll: Car has it Real, expected Boolean"]);
         assert_eq!(reasons("Blind"), ["pitch (rad): no FMU has it"]);
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_unit_lacks_is_traced_to_its_cause() {
+    fn what_a_component_lacks_is_traced_to_its_cause() {
         let systems = toys([
             ("Car", car()),
             ("Bike", fmu(&["steer rad"], &["lean rad", "roll rad"], 2)),
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn units_may_need_each_other() {
+    fn components_may_need_each_other() {
         let systems = toys([
             ("Car", car()),
             ("Brain", fmu(&["state 1", "roll rad"], &["command 1"], 0)),
@@ -318,7 +318,7 @@ mod tests {
     #[test]
     fn without_a_plant_there_is_nothing_to_fit() {
         let systems = toys([("Driver", fmu(&[], &["pedal 1"], 0))]);
-        assert_eq!((systems.plants.len(), &systems.units[..]), (0, &["Driver".to_string()][..]));
+        assert_eq!((systems.plants.len(), &systems.components[..]), (0, &["Driver".to_string()][..]));
         assert_eq!(systems.fits, [[]]);
     }
 }

@@ -3,11 +3,11 @@
 //! [`System`] is a run in names instead of numbers. [`System::write`] makes a folder with
 //!
 //! - `NAME.ssp`, System Structure and Parameterization 1.0: the structure with connectors, units of measure and
-//!   connections, a parameter set for every unit, the FMUs, and the annotations from which OMSimulator and libcosim take
+//!   connections, a parameter set for every component, the FMUs, and the annotations from which OMSimulator and libcosim take
 //!   the step (Ecos and FMPy are told),
 //! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs beside it.
 //!
-//! Inputs that keep one value are start values in both. Neither format says in which order the units of a step follow
+//! Inputs that keep one value are start values in both. Neither format says in which order the components of a step follow
 //! each other, nor what is recorded how often and computed from it; outputs that are recorded are connectors, so that a
 //! tool which records all of them records these.
 
@@ -57,10 +57,12 @@ pub enum ExportError {
     #[error("{0}: the name of an FMU may hold letters, digits, `_`, `-` and `.` only, because it is part of a URI")]
     FileName(String),
     /// A variable of a type that other masters do not set.
-    #[error("`{unit}:{variable}` is an enumeration, which libcosim and Ecos do not read; only Integer can be written")]
+    #[error(
+        "`{component}:{variable}` is an enumeration, which libcosim and Ecos do not read; only Integer can be written"
+    )]
     Enumeration {
-        /// Unit.
-        unit: String,
+        /// Component.
+        component: String,
         /// Variable.
         variable: String,
     },
@@ -105,7 +107,7 @@ pub struct System {
     pub stop: f64,
     /// Communication step, s.
     pub step: f64,
-    /// Units of the scenario in their order.
+    /// Components of the scenario in their order.
     pub components: Vec<Component>,
     /// Wires, in the order of the components that read and of their inputs.
     pub connections: Vec<Connection>,
@@ -113,7 +115,7 @@ pub struct System {
     pub units: Vec<Unit>,
 }
 
-/// A unit of the scenario.
+/// A component of the scenario.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Component {
     /// Name.
@@ -161,33 +163,35 @@ impl System {
             return Err(ExportError::Feeds);
         }
         let recorded: BTreeSet<usize> = run.columns.iter().flatten().copied().collect();
-        let read: BTreeSet<usize> = run.units.iter().flat_map(|unit| &unit.inputs).map(|wire| wire.slot).collect();
+        let read: BTreeSet<usize> =
+            run.components.iter().flat_map(|planned| &planned.inputs).map(|wire| wire.slot).collect();
         let mut writers: BTreeMap<usize, [String; 2]> = BTreeMap::new();
         let mut units = Definitions::default();
         let mut components = Vec::new();
-        for unit in &run.units {
-            let description = read_description(Path::new(&unit.fmu))?;
-            let fmu = PathBuf::from(&unit.fmu);
+        for planned in &run.components {
+            let description = read_description(Path::new(&planned.fmu))?;
+            let fmu = PathBuf::from(&planned.fmu);
             let mut component = Component {
-                name: unit.name.clone(),
+                name: planned.name.clone(),
                 file: file_name(&fmu)?,
                 fmu,
                 connectors: Vec::new(),
                 values: Vec::new(),
             };
             let wirable = wirable(&description);
-            for wire in &unit.inputs {
-                let variable = wired(&wirable, unit, wire, Causality::Input)?;
-                component.connectors.push(connector(variable, false, &description, &unit.name)?);
+            for wire in &planned.inputs {
+                let variable = wired(&wirable, planned, wire, Causality::Input)?;
+                component.connectors.push(connector(variable, false, &description, &planned.name)?);
             }
-            for wire in unit.outputs.iter().filter(|wire| read.contains(&wire.slot) || recorded.contains(&wire.slot)) {
-                let variable = wired(&wirable, unit, wire, Causality::Output)?;
-                component.connectors.push(connector(variable, true, &description, &unit.name)?);
-                writers.insert(wire.slot, [unit.name.clone(), variable.name.clone()]);
+            for wire in planned.outputs.iter().filter(|wire| read.contains(&wire.slot) || recorded.contains(&wire.slot))
+            {
+                let variable = wired(&wirable, planned, wire, Causality::Output)?;
+                component.connectors.push(connector(variable, true, &description, &planned.name)?);
+                writers.insert(wire.slot, [planned.name.clone(), variable.name.clone()]);
             }
-            for setting in unit.parameters.iter().chain(&unit.constants) {
+            for setting in planned.parameters.iter().chain(&planned.constants) {
                 let variable = description.variable(&setting.name);
-                refuse_enumeration(variable, &unit.name)?;
+                refuse_enumeration(variable, &planned.name)?;
                 let unit = variable.and_then(|v| v.unit.clone()).filter(|name| defined(&description, name).is_some());
                 component.values.push(Parameter { name: setting.name.clone(), value: setting.value.clone(), unit });
             }
@@ -198,11 +202,11 @@ impl System {
             components.push(component);
         }
         let mut connections = Vec::new();
-        for (unit, component) in run.units.iter().zip(&components) {
-            for (wire, connector) in unit.inputs.iter().zip(&component.connectors) {
+        for (planned, component) in run.components.iter().zip(&components) {
+            for (wire, connector) in planned.inputs.iter().zip(&component.connectors) {
                 if let Some(from) = writers.get(&wire.slot) {
                     connections
-                        .push(Connection { from: from.clone(), to: [unit.name.clone(), connector.name.clone()] });
+                        .push(Connection { from: from.clone(), to: [planned.name.clone(), connector.name.clone()] });
                 }
             }
         }
@@ -305,12 +309,12 @@ fn wirable(description: &ModelDescription) -> Wirable<'_> {
 
 fn wired<'a>(
     wirable: &Wirable<'a>,
-    unit: &run::Unit,
+    planned: &run::Component,
     wire: &Wire,
     causality: Causality,
 ) -> Result<&'a Variable, ExportError> {
     wirable.get(&(causality, wire.base_type, wire.reference)).copied().ok_or_else(|| ExportError::Changed {
-        fmu: unit.fmu.clone(),
+        fmu: planned.fmu.clone(),
         what: if causality == Causality::Input { "input" } else { "output" },
         base_type: wire.base_type,
         reference: wire.reference,
@@ -321,9 +325,9 @@ fn connector(
     variable: &Variable,
     output: bool,
     description: &ModelDescription,
-    unit: &str,
+    component: &str,
 ) -> Result<Connector, ExportError> {
-    refuse_enumeration(Some(variable), unit)?;
+    refuse_enumeration(Some(variable), component)?;
     Ok(Connector {
         name: variable.name.clone(),
         output,
@@ -332,11 +336,11 @@ fn connector(
     })
 }
 
-fn refuse_enumeration(variable: Option<&Variable>, unit: &str) -> Result<(), ExportError> {
+fn refuse_enumeration(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
     match variable {
         // Only enumerations have items.
         Some(variable) if !variable.items.is_empty() => {
-            Err(ExportError::Enumeration { unit: unit.to_string(), variable: variable.name.clone() })
+            Err(ExportError::Enumeration { component: component.to_string(), variable: variable.name.clone() })
         }
         _ => Ok(()),
     }

@@ -1,4 +1,4 @@
-//! Reads a CSV file of signals that stand in for outputs of units.
+//! Reads a CSV file of signals that stand in for outputs of components.
 
 use crate::problem::{Collector, Problems};
 use fmu_import::names::suggestion;
@@ -16,7 +16,7 @@ pub(crate) struct Feeds {
 
 /// A column of the file.
 pub(crate) struct Signal {
-    /// `signal` or `unit:signal`.
+    /// `signal` or `component:signal`.
     pub(crate) name: String,
     /// One value per time.
     pub(crate) values: Arc<[f64]>,

@@ -1,6 +1,6 @@
 //! The FMUs of a system.
 
-use crate::run::{Run, Unit};
+use crate::run::{Component, Run};
 use fmu_import::fmu::{Fmu, FmuError};
 use fmu_import::loader::{CallError, Instance};
 use std::collections::BTreeMap;
@@ -35,11 +35,11 @@ impl From<CallError> for FmusError {
 
 /// What a master gets instances from.
 pub trait Instances {
-    /// A new instance for a unit of a plan, with its name.
+    /// A new instance for a component of a plan, with its name.
     ///
     /// # Errors
     /// The FMU is not there, cannot be loaded, returns no instance, or allows only one and has it.
-    fn of(&self, unit: &Unit) -> Result<Instance, FmusError>;
+    fn of(&self, component: &Component) -> Result<Instance, FmusError>;
 }
 
 /// The FMUs of a plan, each opened once.
@@ -64,25 +64,25 @@ impl Fmus {
     /// # Errors
     /// As [`Fmu::unpack`]; also if a GUID is not that of the plan.
     pub fn unpack(runs: &[Run]) -> Result<Self, FmusError> {
-        Self::of_units(runs.iter().flat_map(|run| &run.units))
+        Self::of_components(runs.iter().flat_map(|run| &run.components))
     }
 
-    /// Opens the FMUs of these units, as [`Self::unpack`] does.
-    pub(crate) fn of_units<'a>(units: impl IntoIterator<Item = &'a Unit>) -> Result<Self, FmusError> {
+    /// Opens the FMUs of these components, as [`Self::unpack`] does.
+    pub(crate) fn of_components<'a>(components: impl IntoIterator<Item = &'a Component>) -> Result<Self, FmusError> {
         let mut fmus = BTreeMap::new();
-        for unit in units {
-            if fmus.contains_key(&unit.fmu) {
+        for component in components {
+            if fmus.contains_key(&component.fmu) {
                 continue;
             }
-            let fmu = Fmu::unpack(&unit.fmu)?;
-            if fmu.description().guid != unit.guid {
+            let fmu = Fmu::unpack(&component.fmu)?;
+            if fmu.description().guid != component.guid {
                 return Err(FmusError::Changed {
                     path: fmu.path().to_path_buf(),
                     found: fmu.description().guid.clone(),
-                    expected: unit.guid.clone(),
+                    expected: component.guid.clone(),
                 });
             }
-            fmus.insert(unit.fmu.clone(), fmu);
+            fmus.insert(component.fmu.clone(), fmu);
         }
         Ok(Self(fmus))
     }
@@ -101,7 +101,7 @@ impl Fmus {
 }
 
 impl Instances for Fmus {
-    fn of(&self, unit: &Unit) -> Result<Instance, FmusError> {
-        Ok(self.get(&unit.fmu)?.instantiate(&unit.name)?)
+    fn of(&self, component: &Component) -> Result<Instance, FmusError> {
+        Ok(self.get(&component.fmu)?.instantiate(&component.name)?)
     }
 }

@@ -1,20 +1,20 @@
 //! The master: executes the runs of a plan.
 //!
-//! Units are stepped with a fixed communication step, either one after the other (Gauss-Seidel) or
+//! Components are stepped with a fixed communication step, either one after the other (Gauss-Seidel) or
 //! all from the outputs of the step before (Jacobi); see [`Order`]. The sequence of calls is part of
 //! the plan's meaning: another master that makes the same calls gets the same bits.
 //!
-//! 1. Instantiate all units, `fmi2SetupExperiment` without tolerance and with the stop time.
+//! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
 //! 2. Set the parameters, `fmi2EnterInitializationMode` on all.
-//! 3. Bus at 0; feeds of the start time; read the outputs of all units; then unit by unit: set
+//! 3. Bus at 0; feeds of the start time; read the outputs of all components; then component by component: set
 //!    constants, set inputs from the bus, read outputs. `fmi2ExitInitializationMode` on all; read
 //!    the outputs of all.
-//! 4. Record. Step k goes from start + k*step: feeds of that time; sequential: unit by unit set
+//! 4. Record. Step k goes from start + k*step: feeds of that time; sequential: component by component set
 //!    inputs, `fmi2DoStep`, read outputs; Jacobi: set the inputs of all, step all, read all.
 //!    Record every n-th step.
 //! 5. `fmi2Terminate`, `fmi2FreeInstance`.
 //!
-//! Inputs and outputs of a unit are set and read by one call per base type: Real, Integer, Boolean.
+//! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean.
 
 use crate::fmus::{FmusError, Instances};
 use crate::run::{self, Order, Run, Setting, Simulation, Wire};
@@ -31,7 +31,7 @@ pub struct RunError {
     pub run: String,
     /// Start of the step that failed, s; `None` before the first step.
     pub time: Option<f64>,
-    /// Unit, function, status and what the unit logged.
+    /// Component, function, status and what the component logged.
     pub cause: Box<FmusError>,
 }
 
@@ -40,9 +40,9 @@ pub struct RunError {
 pub struct Recording {
     /// Time of each row, s.
     pub time: Vec<f64>,
-    /// Values of each of the columns of the run; `None` where the case leaves the unit out.
+    /// Values of each of the columns of the run; `None` where the case leaves the component out.
     pub columns: Vec<Option<Vec<f64>>>,
-    /// What the units logged although all went well, with the name of the unit: warnings.
+    /// What the components logged although all went well, with the name of the component: warnings.
     pub messages: Vec<(String, Message)>,
     /// Time the run took, instantiation included, s.
     pub seconds: f64,
@@ -99,7 +99,7 @@ impl<T: Copy + Default> Group<T> {
     }
 }
 
-/// The wires of a unit in one direction.
+/// The wires of a component in one direction.
 struct Port {
     reals: Group<f64>,
     integers: Group<i32>,
@@ -233,22 +233,26 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
     for member in &mut members {
         member.instance.terminate().map_err(|error| failed(Some(simulation.stop), error.into()))?;
         let messages = member.instance.take_messages();
-        let unit = member.instance.name();
-        recording.messages.extend(messages.into_iter().map(|m| (unit.to_string(), m)));
+        let component = member.instance.name();
+        recording.messages.extend(messages.into_iter().map(|m| (component.to_string(), m)));
     }
     recording.seconds = began.elapsed().as_secs_f64();
     Ok(recording)
 }
 
 fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Member>, FmusError> {
-    run.units
+    run.components
         .iter()
         .enumerate()
-        .map(|(index, unit)| {
+        .map(|(index, component)| {
             if let Some(board) = calls::board() {
                 board.component(index);
             }
-            Ok(Member { instance: fmus.of(unit)?, inputs: Port::new(&unit.inputs), outputs: Port::new(&unit.outputs) })
+            Ok(Member {
+                instance: fmus.of(component)?,
+                inputs: Port::new(&component.inputs),
+                outputs: Port::new(&component.outputs),
+            })
         })
         .collect()
 }
@@ -264,8 +268,8 @@ fn initialize(
     for member in members.iter_mut() {
         member.instance.setup_experiment(simulation.start, Some(simulation.stop))?;
     }
-    for (member, unit) in members.iter_mut().zip(&run.units) {
-        for parameter in &unit.parameters {
+    for (member, component) in members.iter_mut().zip(&run.components) {
+        for parameter in &component.parameters {
             member.set(parameter)?;
         }
     }
@@ -276,8 +280,8 @@ fn initialize(
     for member in members.iter_mut() {
         member.read_outputs(bus)?;
     }
-    for (member, unit) in members.iter_mut().zip(&run.units) {
-        for constant in &unit.constants {
+    for (member, component) in members.iter_mut().zip(&run.components) {
+        for constant in &component.constants {
             member.set(constant)?;
         }
         member.set_inputs(bus)?;

@@ -9,17 +9,17 @@ use fmu_import::names::suggestion;
 /// Why a parameter cannot be set.
 #[derive(Debug, thiserror::Error)]
 pub enum ParameterError {
-    /// The run has no such unit.
-    #[error("the run has no unit `{0}`")]
-    Unit(String),
+    /// The run has no such component.
+    #[error("the run has no component `{0}`")]
+    Component(String),
     /// The FMU is not loaded.
     #[error(transparent)]
     Fmu(#[from] FmusError),
     /// The name or the value does not fit.
-    #[error("`{unit}`: {reason}")]
+    #[error("`{component}`: {reason}")]
     Refused {
-        /// Unit.
-        unit: String,
+        /// Component.
+        component: String,
         /// What does not fit.
         reason: String,
     },
@@ -29,12 +29,21 @@ impl Run {
     /// Sets a parameter, on top of what the scenario says.
     ///
     /// # Errors
-    /// The run has no such unit, its FMU no such parameter, or the value has another type or lies
+    /// The run has no such component, its FMU no such parameter, or the value has another type or lies
     /// outside its limits.
-    pub fn set_parameter(&mut self, fmus: &Fmus, unit: &str, name: &str, value: Value) -> Result<(), ParameterError> {
-        let target =
-            self.units.iter_mut().find(|u| u.name == unit).ok_or_else(|| ParameterError::Unit(unit.to_string()))?;
-        let refused = |reason| ParameterError::Refused { unit: unit.to_string(), reason };
+    pub fn set_parameter(
+        &mut self,
+        fmus: &Fmus,
+        component: &str,
+        name: &str,
+        value: Value,
+    ) -> Result<(), ParameterError> {
+        let target = self
+            .components
+            .iter_mut()
+            .find(|u| u.name == component)
+            .ok_or_else(|| ParameterError::Component(component.to_string()))?;
+        let refused = |reason| ParameterError::Refused { component: component.to_string(), reason };
         let description = fmus.get(&target.fmu)?.description();
         let variable = parameter(description, name).map_err(|e| refused(e.message))?;
         check(variable, &value).map_err(refused)?;

@@ -50,7 +50,7 @@ pub struct ParameterSet {
 /// A value of a parameter set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// `parameter` in the set of a unit, `unit:parameter` in the set of a scenario.
+    /// `parameter` in the set of a component, `component:parameter` in the set of a scenario.
     pub name: String,
     /// Value.
     pub value: Value,

@@ -9,7 +9,7 @@ pub use fmu_import::description::{BaseType, Value};
 use serde::Serialize;
 
 /// Version of the plan's layout.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 /// A resolved scenario.
 #[derive(Debug, Clone, Serialize)]
@@ -135,7 +135,7 @@ pub struct Sweep {
 /// A recorded signal. Shown value = factor * value + offset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Column {
-    /// Name of the signal, or `unit:signal` where several units have it.
+    /// Name of the signal, or `component:signal` where several components have it.
     pub name: String,
     /// Unit of measure of the recorded values.
     pub unit: Option<String>,

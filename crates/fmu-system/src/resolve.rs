@@ -1,6 +1,6 @@
 //! Turns a scenario file into a [`Plan`].
 //!
-//! An input gets its value, in this order, from an explicit connection, from the only other unit
+//! An input gets its value, in this order, from an explicit connection, from the only other component
 //! that has an output of the same name, or from a constant; an input without any is an error.
 //! All mistakes of a file are reported together, each with file, line, column and the marked place.
 
@@ -21,7 +21,7 @@ use crate::plan::{self, Conversion, Plan};
 use crate::problem::{Collector, Context};
 pub use crate::problem::{Problem, Problems};
 use crate::run;
-use crate::scenario::{self, Case, Replacement, Scenario, Unit, unknown, whole_steps};
+use crate::scenario::{self, Case, Component, Replacement, Scenario, unknown, whole_steps};
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_import::names::{similar, suggestion};
 use miette::Diagnostic;
@@ -39,8 +39,8 @@ pub struct Options {
     pub order: Option<run::Order>,
     /// Use the first so many seeds only.
     pub seeds: Option<usize>,
-    /// CSV file with a column `time` and columns named `signal` or `unit:signal`, which write these
-    /// signals instead of the units; units that nothing needs any more are dropped.
+    /// CSV file with a column `time` and columns named `signal` or `component:signal`, which write these
+    /// signals instead of the components; components that nothing needs any more are dropped.
     pub inputs: Option<PathBuf>,
 }
 
@@ -80,7 +80,7 @@ pub fn resolve(file: &Path, source: &dyn Descriptions, options: &Options) -> Res
     resolve_text(file, &read(file, limits::TEXT_FILE)?, source, options)
 }
 
-/// Names of the FMUs of a scenario, of all its units and cases, each once.
+/// Names of the FMUs of a scenario, of all its components and cases, each once.
 ///
 /// # Errors
 /// The file cannot be read or does not have the layout of a scenario.
@@ -226,11 +226,11 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<run::Simulation,
     })
 }
 
-/// A unit of a case with its FMU.
+/// A component of a case with its FMU.
 struct Member<'a> {
-    unit: &'a Unit,
+    component: &'a Component,
     found: Found,
-    /// Set if the case names another FMU than the unit.
+    /// Set if the case names another FMU than the component.
     replaced: Option<Replaced>,
     /// Inputs in the order of the description, each with what writes it.
     inputs: Vec<(usize, Source)>,
@@ -240,7 +240,7 @@ struct Member<'a> {
 
 impl Member<'_> {
     fn name(&self) -> &str {
-        self.unit.name.get_ref()
+        self.component.name.get_ref()
     }
 
     fn variable(&self, index: usize) -> &Variable {
@@ -257,11 +257,11 @@ impl Member<'_> {
     }
 }
 
-/// What a case says about another FMU for a unit.
+/// What a case says about another FMU for a component.
 struct Replaced {
-    /// The unit's own FMU, if it is there.
+    /// The component's own FMU, if it is there.
     original: Option<Found>,
-    /// Whether the unit's own parameters apply.
+    /// Whether the component's own parameters apply.
     keep_parameters: bool,
 }
 
@@ -276,21 +276,21 @@ enum Source {
     Constant(Value),
 }
 
-/// A case with its units.
+/// A case with its components.
 struct System<'a> {
     case: &'a Case,
     members: Vec<Member<'a>>,
 }
 
 impl System<'_> {
-    fn member(&self, unit: &str) -> Option<usize> {
-        self.members.iter().position(|m| m.name() == unit)
+    fn member(&self, component: &str) -> Option<usize> {
+        self.members.iter().position(|m| m.name() == component)
     }
 }
 
 /// A recorded signal.
 struct Column {
-    unit: String,
+    component: String,
     variable: String,
     plan: plan::Column,
 }
@@ -308,34 +308,34 @@ struct Resolver<'a> {
 }
 
 impl<'a> Resolver<'a> {
-    /// The units of every case; `None` if an FMU is missing or unreadable.
+    /// The components of every case; `None` if an FMU is missing or unreadable.
     fn systems(&mut self, source: &dyn Descriptions) -> Option<Vec<System<'a>>> {
         let mut systems = Vec::new();
         let mut missing = Vec::new();
         for case in &self.scenario.cases {
             let mut members = Vec::new();
-            for unit in &self.scenario.units {
-                let name = unit.name.get_ref();
+            for component in &self.scenario.components {
+                let name = component.name.get_ref();
                 if case.leaves_out(name) {
                     continue;
                 }
-                self.problems.set_context(Some(context(case, Some(unit))));
-                let other = replacement(case, unit);
+                self.problems.set_context(Some(context(case, Some(component))));
+                let other = replacement(case, component);
                 let found = match other {
                     Some(other) => self.find(&other.get_ref().fmu, other.span(), source, &mut missing),
-                    None => self.find(unit.fmu.get_ref(), unit.fmu.span(), source, &mut missing),
+                    None => self.find(component.fmu.get_ref(), component.fmu.span(), source, &mut missing),
                 };
                 let Some(found) = found else { continue };
                 let replaced = other.map(|other| {
                     let keep_parameters = other.get_ref().keep_parameters;
                     let original = if keep_parameters {
-                        self.find(unit.fmu.get_ref(), unit.fmu.span(), source, &mut missing)
+                        self.find(component.fmu.get_ref(), component.fmu.span(), source, &mut missing)
                     } else {
-                        source.find(unit.fmu.get_ref()).ok().flatten()
+                        source.find(component.fmu.get_ref()).ok().flatten()
                     };
                     Replaced { original, keep_parameters }
                 });
-                members.push(Member { unit, found, replaced, inputs: Vec::new(), dropped: false });
+                members.push(Member { component, found, replaced, inputs: Vec::new(), dropped: false });
             }
             systems.push(System { case, members });
         }
@@ -438,51 +438,51 @@ impl<'a> Resolver<'a> {
         Ok(())
     }
 
-    /// Splits `unit:name` and checks the unit; also returns where the name stands.
-    fn unit_and_name<'s>(&mut self, written: &'s Spanned<String>) -> Option<(&'s str, &'s str, Range<usize>)> {
+    /// Splits `component:name` and checks the component; also returns where the name stands.
+    fn component_and_name<'s>(&mut self, written: &'s Spanned<String>) -> Option<(&'s str, &'s str, Range<usize>)> {
         let text = written.get_ref().as_str();
-        let Some((unit, name)) = text.split_once(':') else {
-            self.problems.add(written.span(), "expected \"unit:variable\"");
+        let Some((component, name)) = text.split_once(':') else {
+            self.problems.add(written.span(), "expected \"component:variable\"");
             return None;
         };
-        let units = self.scenario.units.iter().map(|u| u.name.get_ref().as_str());
-        if !units.clone().any(|u| u == unit) {
-            unknown("unit", unit, written.span(), units, &mut self.problems);
+        let components = self.scenario.components.iter().map(|u| u.name.get_ref().as_str());
+        if !components.clone().any(|u| u == component) {
+            unknown("component", component, written.span(), components, &mut self.problems);
             return None;
         }
-        Some((unit, name, written.span()))
+        Some((component, name, written.span()))
     }
 
-    fn is_recorded(&self, unit: &str, signal: &str) -> bool {
+    fn is_recorded(&self, component: &str, signal: &str) -> bool {
         self.scenario.record.signals.iter().any(|pattern| {
             let (of, pattern) = split_pattern(pattern.get_ref());
-            of.is_none_or(|of| of == unit) && matches(pattern, signal)
+            of.is_none_or(|of| of == component) && matches(pattern, signal)
         })
     }
 
-    /// All recorded signals: units in the order of the scenario, variables in that of the FMU.
+    /// All recorded signals: components in the order of the scenario, variables in that of the FMU.
     fn columns(&mut self, systems: &[System<'_>]) -> Vec<Column> {
         for pattern in &self.scenario.record.signals {
-            let (unit, text) = split_pattern(pattern.get_ref());
-            if unit.is_some() && self.unit_and_name(pattern).is_none() {
+            let (component, text) = split_pattern(pattern.get_ref());
+            if component.is_some() && self.component_and_name(pattern).is_none() {
                 continue;
             }
-            self.check_pattern(systems, pattern, unit, text);
+            self.check_pattern(systems, pattern, component, text);
         }
         let mut owners: HashMap<&str, usize> = HashMap::new();
         for (_, name) in outputs(systems, None) {
             *owners.entry(name).or_default() += 1;
         }
         let mut columns: Vec<Column> = Vec::new();
-        // (unit, variable) -> index; an FMU may have very many outputs.
+        // (component, variable) -> index; an FMU may have very many outputs.
         let mut indices: HashMap<(&str, &str), usize> = HashMap::new();
-        for unit in &self.scenario.units {
+        for component in &self.scenario.components {
             for system in systems {
-                let Some(m) = system.member(unit.name.get_ref()) else {
+                let Some(m) = system.member(component.name.get_ref()) else {
                     continue;
                 };
                 let member = &system.members[m];
-                self.problems.set_context(Some(context(system.case, Some(unit))));
+                self.problems.set_context(Some(context(system.case, Some(component))));
                 for (_, variable) in member.wirable(Causality::Output) {
                     if !self.is_recorded(member.name(), &variable.name) {
                         continue;
@@ -514,18 +514,28 @@ impl<'a> Resolver<'a> {
     }
 
     /// Reports a pattern of recorded signals that matches nothing, in any case or with the other FMU of a case.
-    fn check_pattern(&mut self, systems: &[System<'_>], pattern: &Spanned<String>, unit: Option<&str>, text: &str) {
-        let all = outputs(systems, unit);
+    fn check_pattern(
+        &mut self,
+        systems: &[System<'_>],
+        pattern: &Spanned<String>,
+        component: Option<&str>,
+        text: &str,
+    ) {
+        let all = outputs(systems, component);
         let matches_any = |outputs: &BTreeSet<(&str, &str)>| outputs.iter().any(|(_, name)| matches(text, name));
         let message = format!("no output matches `{}`", pattern.get_ref());
         let is_known = matches_any(&all);
         for system in systems {
-            let member = unit.and_then(|unit| system.member(unit)).map(|m| &system.members[m]);
-            self.problems.set_context(Some(context(system.case, member.map(|m| m.unit))));
-            if !is_known && (unit.is_none() || member.is_some()) {
-                self.problems.add_with_help(pattern.span(), message.clone(), Some(near_outputs(systems, unit, text)));
+            let member = component.and_then(|component| system.member(component)).map(|m| &system.members[m]);
+            self.problems.set_context(Some(context(system.case, member.map(|m| m.component))));
+            if !is_known && (component.is_none() || member.is_some()) {
+                self.problems.add_with_help(
+                    pattern.span(),
+                    message.clone(),
+                    Some(near_outputs(systems, component, text)),
+                );
             } else if member.is_some_and(|m| m.replaced.is_some())
-                && !matches_any(&outputs(std::slice::from_ref(system), unit))
+                && !matches_any(&outputs(std::slice::from_ref(system), component))
             {
                 self.problems.warn(pattern.span(), message.clone(), None);
             }
@@ -537,19 +547,19 @@ impl<'a> Resolver<'a> {
     }
 
     fn runs(&mut self, systems: &[System<'_>], columns: &[Column], seeds: &[i32]) -> Vec<run::Run> {
-        let seed_of = self.scenario.seeds.as_ref().and_then(|s| self.unit_and_name(&s.parameter));
+        let seed_of = self.scenario.seeds.as_ref().and_then(|s| self.component_and_name(&s.parameter));
         let points: Vec<Option<&scenario::Point>> =
             if self.scenario.points.is_empty() { vec![None] } else { self.scenario.points.iter().map(Some).collect() };
         let seeds: Vec<Option<i32>> =
             if seeds.is_empty() { vec![None] } else { seeds.iter().copied().map(Some).collect() };
         let mut runs = Vec::new();
         for system in systems {
-            if let Some((unit, ..)) = &seed_of
-                && system.member(unit).is_none()
+            if let Some((component, ..)) = &seed_of
+                && system.member(component).is_none()
             {
                 self.problems.add(
                     system.case.name.span(),
-                    format!("this case leaves out the unit `{unit}`, which takes the seeds"),
+                    format!("this case leaves out the component `{component}`, which takes the seeds"),
                 );
                 continue;
             }
@@ -566,15 +576,15 @@ impl<'a> Resolver<'a> {
                         run.seed = Some(*seed);
                     }
                     let members = system.members.iter().filter(|m| !m.dropped);
-                    for (unit, member) in run.units.iter_mut().zip(members) {
+                    for (component, member) in run.components.iter_mut().zip(members) {
                         let seed = match (&seed_of, seed) {
                             (Some((of, name, span)), Some(seed)) if *of == member.name() => {
                                 Some((*name, span.clone(), *seed))
                             }
                             _ => None,
                         };
-                        self.problems.set_context(Some(context(system.case, Some(member.unit))));
-                        unit.parameters = self.parameters(system.case, *point, member, seed);
+                        self.problems.set_context(Some(context(system.case, Some(member.component))));
+                        component.parameters = self.parameters(system.case, *point, member, seed);
                     }
                     runs.push(run);
                 }
@@ -585,19 +595,20 @@ impl<'a> Resolver<'a> {
     }
 }
 
-/// The FMU that a case names instead of the unit's own.
-fn replacement<'c>(case: &'c Case, unit: &Unit) -> Option<&'c Spanned<Replacement>> {
-    let other = case.fmu.get(unit.name.get_ref().as_str())?;
-    (other.get_ref().fmu != *unit.fmu.get_ref()).then_some(other)
+/// The FMU that a case names instead of the component's own.
+fn replacement<'c>(case: &'c Case, component: &Component) -> Option<&'c Spanned<Replacement>> {
+    let other = case.fmu.get(component.name.get_ref().as_str())?;
+    (other.get_ref().fmu != *component.fmu.get_ref()).then_some(other)
 }
 
-/// What messages call a case, with the FMU that it names for a unit.
-fn context(case: &Case, unit: Option<&Unit>) -> Context {
+/// What messages call a case, with the FMU that it names for a component.
+fn context(case: &Case, component: Option<&Component>) -> Context {
     let name = case.name.get_ref();
-    match unit.and_then(|unit| Some((unit.name.get_ref(), replacement(case, unit)?))) {
-        Some((unit, other)) => {
-            Context { label: format!("case `{name}` (fmu.{unit} = \"{}\")", other.get_ref().fmu), is_special: true }
-        }
+    match component.and_then(|component| Some((component.name.get_ref(), replacement(case, component)?))) {
+        Some((component, other)) => Context {
+            label: format!("case `{name}` (fmu.{component} = \"{}\")", other.get_ref().fmu),
+            is_special: true,
+        },
         None => Context { label: format!("case `{name}`"), is_special: false },
     }
 }
@@ -612,7 +623,7 @@ fn column(member: &Member<'_>, variable: &Variable, shared: bool) -> Column {
         .collect();
     let shown = variable.display_unit.as_ref().and_then(|name| units.iter().find(|u| u.name == *name));
     Column {
-        unit: member.name().to_string(),
+        component: member.name().to_string(),
         variable: variable.name.clone(),
         plan: plan::Column {
             name: if shared { format!("{}:{}", member.name(), variable.name) } else { variable.name.clone() },
@@ -626,25 +637,25 @@ fn column(member: &Member<'_>, variable: &Variable, shared: bool) -> Column {
     }
 }
 
-/// (unit, output) of all cases, each once, of one unit or of all.
-fn outputs<'s>(systems: &'s [System<'_>], unit: Option<&str>) -> BTreeSet<(&'s str, &'s str)> {
+/// (component, output) of all cases, each once, of one component or of all.
+fn outputs<'s>(systems: &'s [System<'_>], component: Option<&str>) -> BTreeSet<(&'s str, &'s str)> {
     systems
         .iter()
         .flat_map(|system| &system.members)
-        .filter(|member| unit.is_none_or(|unit| unit == member.name()))
+        .filter(|member| component.is_none_or(|component| component == member.name()))
         .flat_map(|member| member.wirable(Causality::Output).map(|(_, v)| (member.name(), v.name.as_str())))
         .collect()
 }
 
-/// A hint for a name that is not an output of a unit, or of any: near names, or else what there is.
-fn near_outputs(systems: &[System<'_>], unit: Option<&str>, name: &str) -> String {
+/// A hint for a name that is not an output of a component, or of any: near names, or else what there is.
+fn near_outputs(systems: &[System<'_>], component: Option<&str>, name: &str) -> String {
     const SHOWN: usize = 6;
     if let Some((other, _)) = outputs(systems, None).into_iter().find(|(_, output)| *output == name) {
         return format!("did you mean `{other}:{name}`?");
     }
-    let names: BTreeSet<&str> = outputs(systems, unit).into_iter().map(|(_, output)| output).collect();
+    let names: BTreeSet<&str> = outputs(systems, component).into_iter().map(|(_, output)| output).collect();
     similar(name, names.iter().copied()).unwrap_or_else(|| {
-        let of = unit.map_or("all components".to_string(), |unit| format!("`{unit}`"));
+        let of = component.map_or("all components".to_string(), |component| format!("`{component}`"));
         let mut list: Vec<String> = names.iter().take(SHOWN).map(|name| format!("`{name}`")).collect();
         match names.len().saturating_sub(SHOWN) {
             _ if names.is_empty() => list.push("none".to_string()),

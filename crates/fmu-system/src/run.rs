@@ -19,17 +19,17 @@ pub struct Simulation {
     pub step: f64,
     /// Number of steps.
     pub steps: u64,
-    /// Order of the units.
+    /// Order of the components.
     pub order: Order,
     /// Every how many steps a row is recorded, from 1.
     pub every: u64,
 }
 
-/// How the units of a system follow each other within a step.
+/// How the components of a system follow each other within a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// One after the other; a unit sees the new outputs of those before it (Gauss-Seidel).
+    /// One after the other; a component sees the new outputs of those before it (Gauss-Seidel).
     Sequential,
     /// All at once from the outputs of the step before.
     Jacobi,
@@ -46,19 +46,19 @@ pub struct Run {
     pub point: Option<String>,
     /// Seed.
     pub seed: Option<i32>,
-    /// Units in order of execution.
-    pub units: Vec<Unit>,
+    /// Components in order of execution.
+    pub components: Vec<Component>,
     /// Signals from a file.
     pub feeds: Vec<Feed>,
     /// Number of bus slots.
     pub slots: usize,
-    /// Slot of each column of the plan; `None` where the case leaves the unit out.
+    /// Slot of each column of the plan; `None` where the case leaves the component out.
     pub columns: Vec<Option<usize>>,
 }
 
 /// An instance of an FMU and its wires.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Unit {
+pub struct Component {
     /// Name, also of the instance.
     pub name: String,
     /// Path of the `.fmu` file.
@@ -138,7 +138,7 @@ pub struct Trial {
 /// A component of some run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Variant {
-    pub(crate) unit: Unit,
+    pub(crate) component: Component,
     /// Names of the outputs that are read in the case of the run.
     pub(crate) read: Vec<String>,
 }

@@ -14,8 +14,8 @@ use std::ops::Range;
 
 /// Variable or pattern -> value as written.
 pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
-/// Unit -> values.
-type ValuesByUnit = BTreeMap<Spanned<String>, Values>;
+/// Component -> values.
+type ValuesByComponent = BTreeMap<Spanned<String>, Values>;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -25,11 +25,11 @@ pub(crate) struct Scenario {
     pub(crate) description: String,
     #[serde(default)]
     pub(crate) reference: String,
-    /// Path of a parameter set of `unit:parameter` names, relative to the scenario.
+    /// Path of a parameter set of `component:parameter` names, relative to the scenario.
     pub(crate) parameter_set: Option<Spanned<String>>,
     pub(crate) simulation: Simulation,
-    #[serde(rename = "unit")]
-    pub(crate) units: Vec<Unit>,
+    #[serde(rename = "component")]
+    pub(crate) components: Vec<Component>,
     #[serde(rename = "connection", default)]
     pub(crate) connections: Vec<Connection>,
     #[serde(rename = "case")]
@@ -58,7 +58,7 @@ pub(crate) struct Simulation {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Unit {
+pub(crate) struct Component {
     pub(crate) name: Spanned<String>,
     pub(crate) fmu: Spanned<String>,
     /// Path of a parameter set of `parameter` names, relative to the scenario.
@@ -82,23 +82,23 @@ pub(crate) struct Case {
     pub(crate) name: Spanned<String>,
     pub(crate) title: String,
     pub(crate) baseline: Option<Spanned<String>>,
-    /// Path of a parameter set of `unit:parameter` names, relative to the scenario.
+    /// Path of a parameter set of `component:parameter` names, relative to the scenario.
     pub(crate) parameter_set: Option<Spanned<String>>,
     #[serde(default)]
-    pub(crate) parameters: ValuesByUnit,
+    pub(crate) parameters: ValuesByComponent,
     #[serde(default)]
     pub(crate) fmu: BTreeMap<Spanned<String>, Spanned<Replacement>>,
     #[serde(default)]
     pub(crate) without: Vec<Spanned<String>>,
     #[serde(default)]
-    pub(crate) inputs: ValuesByUnit,
+    pub(crate) inputs: ValuesByComponent,
 }
 
-/// Another FMU for a unit: `"Name"`, or `{ fmu = "Name", keep_parameters = true }`.
+/// Another FMU for a component: `"Name"`, or `{ fmu = "Name", keep_parameters = true }`.
 #[derive(Debug)]
 pub(crate) struct Replacement {
     pub(crate) fmu: String,
-    /// Whether the unit's own parameters apply to it, where it has the same.
+    /// Whether the component's own parameters apply to it, where it has the same.
     pub(crate) keep_parameters: bool,
 }
 
@@ -140,7 +140,7 @@ pub(crate) struct Point {
     pub(crate) title: String,
     pub(crate) value: Spanned<f64>,
     #[serde(default)]
-    pub(crate) parameters: ValuesByUnit,
+    pub(crate) parameters: ValuesByComponent,
 }
 
 #[derive(Debug, Deserialize)]
@@ -294,13 +294,13 @@ impl Scenario {
     /// Checks all that needs no FMU.
     pub(crate) fn check(&self, problems: &mut Collector) {
         self.check_times(problems);
-        let units = names("unit", self.units.iter().map(|u| &u.name), problems);
+        let components = names("component", self.components.iter().map(|u| &u.name), problems);
         let cases = names("case", self.cases.iter().map(|c| &c.name), problems);
         names("point", self.points.iter().map(|p| &p.name), problems);
         let metrics = names("metric", self.metrics.iter().map(|m| &m.name), problems);
         names("figure", self.figures.iter().map(|f| &f.name), problems);
-        if self.units.is_empty() {
-            problems.add(0..0, "a scenario needs at least one [[unit]]");
+        if self.components.is_empty() {
+            problems.add(0..0, "a scenario needs at least one [[component]]");
         }
         if self.cases.is_empty() {
             problems.add(0..0, "a scenario needs at least one [[case]]");
@@ -311,26 +311,26 @@ impl Scenario {
             }
         }
         for case in &self.cases {
-            let known = |name, problems: &mut Collector| known("unit", name, &units, problems);
+            let known = |name, problems: &mut Collector| known("component", name, &components, problems);
             for name in case.without.iter().chain(case.fmu.keys()) {
                 known(name, problems);
             }
             for name in case.parameters.keys().chain(case.inputs.keys()) {
                 if known(name, problems) && case.leaves_out(name.get_ref()) {
-                    problems.add(name.span(), format!("this case leaves the unit `{}` out", name.get_ref()));
+                    problems.add(name.span(), format!("this case leaves the component `{}` out", name.get_ref()));
                 }
             }
             if let Some(baseline) = &case.baseline {
                 self::known("case", baseline, &cases, problems);
             }
-            if self.units.iter().all(|u| case.leaves_out(u.name.get_ref())) && !self.units.is_empty() {
-                problems.add(case.name.span(), "this case leaves all units out");
+            if self.components.iter().all(|u| case.leaves_out(u.name.get_ref())) && !self.components.is_empty() {
+                problems.add(case.name.span(), "this case leaves all components out");
             }
         }
         for point in &self.points {
             finite(&point.value, problems);
             for name in point.parameters.keys() {
-                known("unit", name, &units, problems);
+                known("component", name, &components, problems);
             }
         }
         match (&self.sweep, self.points.first()) {
@@ -470,9 +470,9 @@ impl Scenario {
 
     /// Names of all FMUs of all cases, with their places.
     pub(crate) fn fmus(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
-        let of_units = self.units.iter().map(|u| (u.fmu.get_ref().as_str(), u.fmu.span()));
+        let of_components = self.components.iter().map(|u| (u.fmu.get_ref().as_str(), u.fmu.span()));
         let of_cases = self.cases.iter().flat_map(|c| c.fmu.values());
-        of_units.chain(of_cases.map(|r| (r.get_ref().fmu.as_str(), r.span())))
+        of_components.chain(of_cases.map(|r| (r.get_ref().fmu.as_str(), r.span())))
     }
 
     /// Start, 0 unless given.
@@ -588,9 +588,9 @@ impl Metric {
 }
 
 impl Case {
-    /// Whether this case does without a unit.
-    pub(crate) fn leaves_out(&self, unit: &str) -> bool {
-        self.without.iter().any(|name| name.get_ref() == unit)
+    /// Whether this case does without a component.
+    pub(crate) fn leaves_out(&self, component: &str) -> bool {
+        self.without.iter().any(|name| name.get_ref() == component)
     }
 }
 

@@ -7,7 +7,7 @@
 use crate::fmus::Fmus;
 use crate::master::{self, Recording};
 use crate::parameter;
-use crate::run::{Order, Run, Simulation, Suspect, Trial, Unit, Variant, Wire};
+use crate::run::{Component, Order, Run, Simulation, Suspect, Trial, Variant, Wire};
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 
 /// Variants of a component that are tried at most; more are those of a long sweep.
@@ -20,7 +20,7 @@ const MAX_RECORDED: u64 = 20_000_000;
 pub fn warnings(simulation: &Simulation, trials: &[Trial]) -> Vec<String> {
     let mut warnings = Vec::new();
     for trial in trials {
-        if let Ok(fmus) = Fmus::of_units(trial.variants.iter().map(|variant| &variant.unit)) {
+        if let Ok(fmus) = Fmus::of_components(trial.variants.iter().map(|variant| &variant.component)) {
             warnings.extend(trial.warnings(simulation, &fmus));
         }
     }
@@ -64,9 +64,9 @@ impl Trial {
 impl Variant {
     /// Names of the outputs that other values of a parameter change; `None` if no trial succeeds.
     fn changed_by(&self, parameter: &str, simulation: &Simulation, fmus: &Fmus) -> Option<Vec<String>> {
-        let description = fmus.get(&self.unit.fmu).ok()?.description();
+        let description = fmus.get(&self.component.fmu).ok()?.description();
         let variable = description.variable(parameter)?;
-        let Some(at) = self.unit.parameters.iter().position(|setting| setting.name == parameter) else {
+        let Some(at) = self.component.parameters.iter().position(|setting| setting.name == parameter) else {
             // Set in another case or at another point.
             return Some(Vec::new());
         };
@@ -74,13 +74,13 @@ impl Variant {
         if simulation.steps.saturating_mul(outputs.len() as u64 + 1) > MAX_RECORDED {
             return None;
         }
-        let run = |unit: Unit| execute(unit, &outputs, simulation, fmus);
-        let as_it_is = run(self.unit.clone())?;
+        let run = |component: Component| execute(component, &outputs, simulation, fmus);
+        let as_it_is = run(self.component.clone())?;
         let mut changed = None;
-        for value in other_values(variable, &self.unit.parameters[at].value) {
-            let mut unit = self.unit.clone();
-            unit.parameters[at].value = value;
-            let Some(other) = run(unit) else { continue };
+        for value in other_values(variable, &self.component.parameters[at].value) {
+            let mut component = self.component.clone();
+            component.parameters[at].value = value;
+            let Some(other) = run(component) else { continue };
             let differs = |column: usize| match (as_it_is.column(column), other.column(column)) {
                 (Some(one), Some(two)) => one.iter().zip(two).any(|(a, b)| a.to_bits() != b.to_bits()),
                 _ => false,
@@ -103,15 +103,15 @@ fn outputs(description: &ModelDescription) -> impl Iterator<Item = &Variable> {
 }
 
 /// Runs a component alone and records its outputs; `None` if that fails.
-fn execute(mut unit: Unit, outputs: &[&Variable], simulation: &Simulation, fmus: &Fmus) -> Option<Recording> {
+fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulation, fmus: &Fmus) -> Option<Recording> {
     let wire = |(slot, v): (usize, &&Variable)| Wire { reference: v.reference, base_type: v.base_type, slot };
-    unit.outputs = outputs.iter().enumerate().map(wire).collect();
+    component.outputs = outputs.iter().enumerate().map(wire).collect();
     let run = Run {
-        id: format!("trial of {}", unit.name),
+        id: format!("trial of {}", component.name),
         case: String::new(),
         point: None,
         seed: None,
-        units: vec![unit],
+        components: vec![component],
         feeds: Vec::new(),
         slots: outputs.len(),
         columns: (0..outputs.len()).map(Some).collect(),

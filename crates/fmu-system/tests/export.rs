@@ -21,22 +21,22 @@ use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
-/// A ring of two units, and a third that reads the first; one case replaces a unit, another leaves one out.
+/// A ring of two components, and a third that reads the first; one case replaces a component, another leaves one out.
 const SYSTEM: &str = r#"
 title = "Ring & more"
 [simulation]
 start = 0.5
 stop = 1.5
 step = 0.01
-[[unit]]
+[[component]]
 name = "position"
 fmu = "Position"
 parameters = { start = { value = 0.1, unit = "m" }, inverted = true }
-[[unit]]
+[[component]]
 name = "velocity"
 fmu = "Velocity"
 parameters = { gain = -1.0, label = "<v>" }
-[[unit]]
+[[component]]
 name = "meter"
 fmu = "Meter"
 [[connection]]
@@ -179,8 +179,8 @@ fn the_ssp_file_holds_structure_values_and_fmus() {
     );
     assert_eq!(
         inside("ssd:System/ssd:Elements/ssd:Component/ssd:ParameterBindings/"),
-        ["position", "velocity"].map(|unit| format!(
-            "ssd:ParameterBinding type=application/x-ssp-parameter-set source=resources/{unit}.ssv"
+        ["position", "velocity"].map(|component| format!(
+            "ssd:ParameterBinding type=application/x-ssp-parameter-set source=resources/{component}.ssv"
         ))
     );
     let wire = |from: [&str; 2], to: [&str; 2]| {
@@ -212,8 +212,8 @@ fn the_ssp_file_holds_structure_values_and_fmus() {
         "/osp:Algorithm/osp:FixedStepAlgorithm baseStepSize=0.01",
     );
 
-    let set = |unit: &str| {
-        let text = std::str::from_utf8(&entries[&format!("resources/{unit}.ssv")]).unwrap();
+    let set = |component: &str| {
+        let text = std::str::from_utf8(&entries[&format!("resources/{component}.ssv")]).unwrap();
         let set = ParameterSet::parse(text).unwrap();
         assert_eq!(set.name, PARAMETERS);
         set.parameters.into_iter().map(|p| (p.name, p.value, p.unit)).collect::<Vec<_>>()
@@ -291,7 +291,7 @@ fn the_structure_of_libcosim_stands_beside_the_fmus() {
 }
 
 #[test]
-fn a_case_has_its_own_fmus_units_and_constants() {
+fn a_case_has_its_own_fmus_components_and_constants() {
     let folder = fmus();
     let other = system(&folder, "other#0");
     assert_eq!(other.components[1].file, "Other.fmu");
@@ -383,10 +383,10 @@ title = "Pair"
 [simulation]
 stop = 1.0
 step = 0.1
-[[unit]]
+[[component]]
 name = "source"
 fmu = "Source"
-[[unit]]
+[[component]]
 name = "sink"
 fmu = "Sink"
 [[case]]
@@ -418,7 +418,7 @@ fn an_enumeration_is_refused() {
 }
 
 #[test]
-fn a_unit_of_measure_with_two_meanings_is_refused() {
+fn a_component_of_measure_with_two_meanings_is_refused() {
     let folder = TempDir::new().unwrap();
     let variable = |causality: &str, start: &str| {
         format!(

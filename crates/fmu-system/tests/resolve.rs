@@ -50,10 +50,10 @@ fn lines(error: &ResolveError) -> String {
     }
 }
 
-fn parameter(plan: &Plan, run: &str, unit: &str, name: &str) -> Option<Value> {
+fn parameter(plan: &Plan, run: &str, component: &str, name: &str) -> Option<Value> {
     let run = plan.runs.iter().find(|r| r.id == run).unwrap();
-    let unit = run.units.iter().find(|u| u.name == unit).unwrap();
-    let setting = unit.parameters.iter().find(|p| p.name == name)?;
+    let component = run.components.iter().find(|u| u.name == component).unwrap();
+    let setting = component.parameters.iter().find(|p| p.name == name)?;
     Some(setting.value.clone())
 }
 
@@ -87,9 +87,9 @@ fn an_fmu_without_units_takes_the_place_of_one_with_units() {
 #[test]
 fn parameters_are_layered_and_converted() {
     let plan = plan();
-    let of = |run, unit, name| parameter(&plan, run, unit, name);
+    let of = |run, component, name| parameter(&plan, run, component, name);
     let run = "active@slow#7";
-    assert_eq!(of(run, "steering", "strategy"), Some(Value::Integer(2)), "case over unit");
+    assert_eq!(of(run, "steering", "strategy"), Some(Value::Integer(2)), "case over component");
     assert_eq!(of("passive@slow#7", "steering", "strategy"), Some(Value::Integer(1)));
     assert_eq!(of(run, "driver", "seed"), Some(Value::Integer(7)));
     assert_eq!(of(run, "vehicle", "vehicle.mass"), Some(Value::Real(1200.0)));
@@ -105,15 +105,16 @@ fn parameters_are_layered_and_converted() {
 fn wires_constants_and_columns() {
     let plan = plan();
     let run = plan.runs.iter().find(|r| r.case == "active").unwrap();
-    let unit = |name: &str| run.units.iter().find(|u| u.name == name).unwrap();
-    let slot_of = |name: &str, reference| unit(name).outputs.iter().find(|w| w.reference == reference).unwrap().slot;
+    let component = |name: &str| run.components.iter().find(|u| u.name == name).unwrap();
+    let slot_of =
+        |name: &str, reference| component(name).outputs.iter().find(|w| w.reference == reference).unwrap().slot;
     // Steering takes driver.steer by name, vehicle.speed from the driver by connection.
-    let steering = &unit("steering").inputs;
+    let steering = &component("steering").inputs;
     assert_eq!(steering[0].slot, slot_of("driver", 3));
     assert_eq!(steering[1].slot, slot_of("driver", 4));
     assert_eq!(steering[0].base_type, BaseType::Real);
     // The vehicle: steer.front and driver.speed wired, friction constant, the left one its own.
-    let vehicle = unit("vehicle");
+    let vehicle = component("vehicle");
     assert_eq!(vehicle.inputs.len(), 2);
     let constants: Vec<_> = vehicle.constants.iter().map(|c| (c.name.as_str(), c.value.clone())).collect();
     assert_eq!(constants, [("road_friction.l", Value::Real(0.5)), ("road_friction.r", Value::Real(1.0))]);
@@ -128,9 +129,9 @@ fn wires_constants_and_columns() {
     let manual = plan.runs.iter().find(|r| r.case == "manual").unwrap();
     assert_eq!(manual.columns[0], None);
     assert!(manual.columns[1].is_some());
-    let vehicle = manual.units.iter().find(|u| u.name == "vehicle").unwrap();
+    let vehicle = manual.components.iter().find(|u| u.name == "vehicle").unwrap();
     assert!(vehicle.constants.iter().any(|c| c.name == "steer.front"));
-    let mut slots: Vec<_> = run.units.iter().flat_map(|u| &u.outputs).map(|w| w.slot).collect();
+    let mut slots: Vec<_> = run.components.iter().flat_map(|u| &u.outputs).map(|w| w.slot).collect();
     slots.sort_unstable();
     assert_eq!(slots, (0..run.slots).collect::<Vec<_>>(), "each slot has one writer");
 }
@@ -148,13 +149,13 @@ fn another_fmu_starts_from_its_own_defaults() {
     let settings = |line: &str| {
         let plan = plan_of(&with_case(line), &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
         let run = plan.runs.iter().find(|r| r.case == "other").unwrap();
-        let unit = run.units.iter().find(|u| u.fmu.starts_with("Other")).unwrap().clone();
-        let settings: Vec<_> = unit.parameters.iter().map(|p| format!("{}={}", p.name, p.value)).collect();
-        (unit, settings, plan.warnings)
+        let component = run.components.iter().find(|u| u.fmu.starts_with("Other")).unwrap().clone();
+        let settings: Vec<_> = component.parameters.iter().map(|p| format!("{}={}", p.name, p.value)).collect();
+        (component, settings, plan.warnings)
     };
-    let (unit, parameters, warnings) = settings("fmu.steering = \"OtherSteering\"");
-    assert_eq!((unit.guid.as_str(), unit.model_identifier.as_str()), ("{other}", "OtherSteering"));
-    assert_eq!(parameters, [""; 0], "none of the unit's own");
+    let (component, parameters, warnings) = settings("fmu.steering = \"OtherSteering\"");
+    assert_eq!((component.guid.as_str(), component.model_identifier.as_str()), ("{other}", "OtherSteering"));
+    assert_eq!(parameters, [""; 0], "none of the component's own");
     assert_eq!(warnings, [""; 0]);
     // What the case itself says applies.
     let (_, parameters, _) = settings("fmu.steering = \"OtherSteering\"\nparameters.steering = { mode = 2 }");
@@ -197,7 +198,7 @@ fn points_and_seeds_reach_another_fmu() {
         "<Real unit=\"rad\" start=\"10\"/>",
     ));
     let run = plan.runs.iter().find(|r| r.id == "other@slow#7").unwrap();
-    assert!(run.units[0].parameters.is_empty(), "{:?}", run.units[0].parameters);
+    assert!(run.components[0].parameters.is_empty(), "{:?}", run.components[0].parameters);
     let warnings = plan.warnings.join("\n");
     assert!(
         warnings.contains("`speed.initial` is not carried over: it is in rad there, in m/s in the FMU"),
@@ -258,7 +259,7 @@ fn values_by_name() {
         .replacen("{ \"speed.initial\" =", "{ maneuver = \"fishhook\", \"speed.initial\" =", 1)
         .replacen("maneuver = 1", "maneuver = \"ramp_step\"", 1);
     let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
-    let of = |run, unit, name| parameter(&plan, run, unit, name);
+    let of = |run, component, name| parameter(&plan, run, component, name);
     assert_eq!(of("passive@fast#3", "vehicle", "tire.mode"), Some(Value::Integer(0)), "an enumeration");
     assert_eq!(of("other@fast#3", "vehicle", "tire.mode"), Some(Value::Integer(1)), "in a case");
     assert_eq!(of("passive@fast#3", "driver", "maneuver"), Some(Value::Integer(1)), "an Integer");
@@ -291,8 +292,8 @@ fn values_by_name() {
     };
     let by_name = set(Value::String("fishhook".into())).to_xml(&[]).unwrap();
     let text = scenario_with_sets().replacen("maneuver = 1, ", "", 1);
-    for unit in [by_name.clone(), by_name.replace("ssv:String", "ssv:Enumeration")] {
-        let plan = plan_with_sets(&text, [&parameter_set(&[]), &unit, &parameter_set(&[])]);
+    for component in [by_name.clone(), by_name.replace("ssv:String", "ssv:Enumeration")] {
+        let plan = plan_with_sets(&text, [&parameter_set(&[]), &component, &parameter_set(&[])]);
         let plan = plan.unwrap_or_else(|e| panic!("{}", lines(&e)));
         assert_eq!(parameter(&plan, "passive@slow#3", "driver", "maneuver"), Some(Value::Integer(2)));
     }
@@ -411,10 +412,10 @@ fn what_nothing_reads_warns() {
     // Read in one of the cases: the parameter is set for that.
     let found = plan(separate, SCENARIO);
     assert_eq!((found.warnings, found.trials.len()), (Vec::new(), 0));
-    // A unit for nothing.
+    // A component for nothing.
     let text = SCENARIO.replacen(
-        "[[unit]]\nname = \"vehicle\"",
-        "[[unit]]\nname = \"spare\"\nfmu = \"OtherSteering\"\n[[unit]]\nname = \"vehicle\"",
+        "[[component]]\nname = \"vehicle\"",
+        "[[component]]\nname = \"spare\"\nfmu = \"OtherSteering\"\n[[component]]\nname = \"vehicle\"",
         1,
     );
     let text = text.replacen(
@@ -430,7 +431,7 @@ fn what_nothing_reads_warns() {
         found,
         [
             "scenarios/step.toml:20:8: nothing reads the outputs of `spare`, and none is recorded, in case `passive` and case \
-          `active`; leave the unit out with `without`, connect it or record its outputs"
+          `active`; leave the component out with `without`, connect it or record its outputs"
         ]
     );
 }
@@ -588,16 +589,16 @@ fn signals_beside_others_and_origins() {
 #[test]
 fn the_json_has_the_agreed_layout() {
     let json = serde_json::to_value(plan()).unwrap();
-    assert_eq!(json["format"], 2);
+    assert_eq!(json["format"], 3);
     assert_eq!(json["simulation"]["order"], "sequential");
     let run = &json["runs"][0];
     assert_eq!(run["seed"], 3);
-    let setting = &run["units"][0]["parameters"][0];
+    let setting = &run["components"][0]["parameters"][0];
     assert_eq!(setting["name"], "maneuver");
     assert_eq!(setting["type"], "Integer");
     assert_eq!(setting["reference"], 0);
     assert_eq!(setting["value"], 1);
-    assert!(run["units"][0]["outputs"][0]["slot"].is_u64());
+    assert!(run["components"][0]["outputs"][0]["slot"].is_u64());
     assert_eq!(json["cases"][0]["baseline"], serde_json::Value::Null);
     assert_eq!(json["figures"][0]["kind"], "time");
     assert_eq!(json["metrics"][0]["window"], serde_json::json!([0.5, 2.0]));
@@ -627,8 +628,8 @@ fn mistakes_are_reported_with_their_place() {
         ("step = 0.001", "step = -1.0", "6:8: step is -1"),
         ("stop = 2.0", "stop = -2", "5:8: stop is -2"),
         ("stop = 2.0", "stop = \"a\"", "5:8: `stop` must be a number, got the string \"a\""),
-        ("name = \"driver\"", "name = \"Driver\"", "the name of a unit is made of"),
-        ("name = \"driver\"", "name = \"vehicle\"", "the unit `vehicle` is there twice"),
+        ("name = \"driver\"", "name = \"Driver\"", "the name of a component is made of"),
+        ("name = \"driver\"", "name = \"vehicle\"", "the component `vehicle` is there twice"),
         ("fmu = \"Driver\"", "fmu = \"Drivr\"", "11:7: there is no Drivr.fmu in memory"),
         ("fmu = \"Driver\"", "fmu = \"../Driver\"", "file stem"),
         ("maneuver = 1", "manouver = 1", "Driver has no parameter `manouver`"),
@@ -651,8 +652,8 @@ fn mistakes_are_reported_with_their_place() {
         ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = -1.0", "expected at least 0"),
         ("\"road_friction.*\" = 1.0", "\"*\" = 1.0", "has this constant but is written by `driver`"),
         ("from = \"driver:driver.speed\"", "from = \"driver:driver.sped\"", "`driver` has no output `driver.sped`"),
-        ("from = \"driver:driver.speed\"", "from = \"diver:driver.speed\"", "unknown unit `diver`"),
-        ("from = \"driver:driver.speed\"", "from = \"driver.speed\"", "expected \"unit:variable\""),
+        ("from = \"driver:driver.speed\"", "from = \"diver:driver.speed\"", "unknown component `diver`"),
+        ("from = \"driver:driver.speed\"", "from = \"driver.speed\"", "expected \"component:variable\""),
         ("from = \"driver:driver.speed\"", "from = \"driver:maneuver\"", "is a parameter, expected an output"),
         (
             "from = \"driver:driver.speed\"",
@@ -667,15 +668,15 @@ fn mistakes_are_reported_with_their_place() {
         ),
         (
             "[[case]]\nname = \"passive\"",
-            "[[unit]]\nname = \"second\"\nfmu = \"Driver\"\n[[case]]\nname = \"passive\"",
+            "[[component]]\nname = \"second\"\nfmu = \"Driver\"\n[[case]]\nname = \"passive\"",
             "the input `driver.steer` of `steering` has several writers: `driver` and `second`",
         ),
-        ("without = [\"steering\"]", "without = [\"stearing\"]", "unknown unit `stearing`"),
-        ("without = [\"steering\"]", "without = [\"steering\", \"driver\", \"vehicle\"]", "leaves all units out"),
+        ("without = [\"steering\"]", "without = [\"stearing\"]", "unknown component `stearing`"),
+        ("without = [\"steering\"]", "without = [\"steering\", \"driver\", \"vehicle\"]", "leaves all components out"),
         (
             "without = [\"steering\"]",
             "without = [\"steering\"]\nparameters.steering = { strategy = 1 }",
-            "this case leaves the unit `steering` out",
+            "this case leaves the component `steering` out",
         ),
         ("baseline = \"passive\"", "baseline = \"pasive\"", "unknown case `pasive`"),
         ("values = [3, 7]", "values = [3, 3]", "this seed is there twice"),
@@ -685,12 +686,12 @@ fn mistakes_are_reported_with_their_place() {
         (
             "parameter = \"driver:seed\"",
             "parameter = \"steering:strategy\"",
-            "this case leaves out the unit `steering`, which takes the seeds",
+            "this case leaves out the component `steering`, which takes the seeds",
         ),
         ("[sweep]\ntitle = \"Speed\"\nunit = \"km/h\"\n", "", "points need a [sweep]"),
         ("value = 5.0\n", "value = inf\n", "expected a finite number"),
         ("\"vehicle:*\"", "\"vehicle:wheel*\"", "no output matches `vehicle:wheel*`"),
-        ("\"vehicle:*\"", "\"vehikle:*\"", "unknown unit `vehikle`"),
+        ("\"vehicle:*\"", "\"vehikle:*\"", "unknown component `vehikle`"),
         ("every = 2", "every = 0", "every is 0, expected at least 1"),
         ("kind = \"rms\"", "kind = \"rmss\"", "`kind`: unknown word `rmss`"),
         ("signal = \"body.roll\"", "signal = \"body.rol\"", "there is no output `body.rol`"),
@@ -988,18 +989,18 @@ fn inputs_from_a_file() {
     // The driver's speed also reaches the steering's vehicle.speed, which is wired to it.
     let plan = with("time,driver.speed,driver.steer\n0,10,0\n1,12,0.1\n").unwrap();
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
-    let names: Vec<_> = run.units.iter().map(|u| u.name.as_str()).collect();
+    let names: Vec<_> = run.components.iter().map(|u| u.name.as_str()).collect();
     assert_eq!(names, ["steering", "vehicle"], "the driver is dropped");
     assert_eq!(run.feeds.len(), 2);
     assert_eq!(*run.feeds[0].values, [10.0, 12.0]);
-    assert_eq!(run.units[0].inputs[0].slot, run.feeds[1].slot);
-    assert_eq!(run.units[0].inputs[1].slot, run.feeds[0].slot);
+    assert_eq!(run.components[0].inputs[0].slot, run.feeds[1].slot);
+    assert_eq!(run.components[0].inputs[1].slot, run.feeds[0].slot);
 
-    // One input of one unit only: the other readers keep the driver. It stands above a constant.
+    // One input of one component only: the other readers keep the driver. It stands above a constant.
     let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n").unwrap();
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
-    assert_eq!(run.units.len(), 3);
-    let vehicle = run.units.iter().find(|u| u.name == "vehicle").unwrap();
+    assert_eq!(run.components.len(), 3);
+    let vehicle = run.components.iter().find(|u| u.name == "vehicle").unwrap();
     assert_eq!(vehicle.constants.len(), 1);
     assert_eq!(vehicle.inputs.len(), 3);
 
@@ -1027,10 +1028,10 @@ fn parameter_set(values: &[(&str, f64, Option<&str>)]) -> String {
     ParameterSet { name: "test".into(), parameters }.to_xml(&["deg", "rad", "m"].map(unit)).unwrap()
 }
 
-/// A scenario beside its parameter sets: that of the scenario, of the unit `driver` and of the case `active`.
+/// A scenario beside its parameter sets: that of the scenario, of the component `driver` and of the case `active`.
 fn plan_with_sets(text: &str, sets: [&str; 3]) -> Result<Plan, ResolveError> {
     let folder = tempfile::tempdir().unwrap();
-    for (name, content) in ["scenario", "unit", "case"].iter().zip(sets) {
+    for (name, content) in ["scenario", "component", "case"].iter().zip(sets) {
         std::fs::write(folder.path().join(format!("{name}.ssv")), content).unwrap();
     }
     let file = folder.path().join("step.toml");
@@ -1040,32 +1041,36 @@ fn plan_with_sets(text: &str, sets: [&str; 3]) -> Result<Plan, ResolveError> {
 fn scenario_with_sets() -> String {
     SCENARIO
         .replacen("title = \"Step\"", "title = \"Step\"\nparameter_set = \"scenario.ssv\"", 1)
-        .replacen("fmu = \"Driver\"", "fmu = \"Driver\"\nparameter_set = \"unit.ssv\"", 1)
+        .replacen("fmu = \"Driver\"", "fmu = \"Driver\"\nparameter_set = \"component.ssv\"", 1)
         .replacen("baseline = \"passive\"", "baseline = \"passive\"\nparameter_set = \"case.ssv\"", 1)
 }
 
-/// From the bottom up: scenario's set, unit's set, unit's parameters, case's set, case's and point's parameters.
+/// From the bottom up: scenario's set, component's set, component's parameters, case's set, case's and point's parameters.
 #[test]
 fn parameter_sets_are_layers_of_their_own() {
     let amplitude = "driver:steer.amplitude";
     let scenario = parameter_set(&[(amplitude, 0.1, None), ("vehicle.vehicle.mass", 900.0, None)]);
-    let unit = parameter_set(&[("steer.amplitude", 28.647_889_756_541_16, Some("deg"))]);
+    let component = parameter_set(&[("steer.amplitude", 28.647_889_756_541_16, Some("deg"))]);
     let case = parameter_set(&[(amplitude, 0.3, Some("rad"))]);
     let text = scenario_with_sets();
-    let sets = [scenario.as_str(), &unit, &case];
-    let value = |text: &str, run: &str, unit: &str, name: &str| {
+    let sets = [scenario.as_str(), &component, &case];
+    let value = |text: &str, run: &str, component: &str, name: &str| {
         let plan = plan_with_sets(text, sets).unwrap_or_else(|e| panic!("{}", lines(&e)));
-        match parameter(&plan, run, unit, name) {
+        match parameter(&plan, run, component, name) {
             Some(Value::Real(v)) => v,
             other => panic!("{other:?}"),
         }
     };
     let (amplitude, mass) = ("steer.amplitude", "vehicle.mass");
-    assert_eq!(value(&text, "passive@slow#3", "vehicle", mass), 1200.0, "the unit's own stands above the set");
-    assert_eq!(value(&text, "active@slow#3", "driver", amplitude), 0.3, "the case's set stands above the unit's own");
+    assert_eq!(value(&text, "passive@slow#3", "vehicle", mass), 1200.0, "the component's own stands above the set");
+    assert_eq!(
+        value(&text, "active@slow#3", "driver", amplitude),
+        0.3,
+        "the case's set stands above the component's own"
+    );
     let bare = text.replacen(", \"steer.amplitude\" = { value = 30.0, unit = \"deg\" }", "", 1);
     // 0.5 rad in degrees, to the last digit or two of the conversion
-    assert!((value(&bare, "passive@slow#3", "driver", amplitude) - 0.5).abs() < 1e-15, "unit's over scenario's");
+    assert!((value(&bare, "passive@slow#3", "driver", amplitude) - 0.5).abs() < 1e-15, "component's over scenario's");
     let bare = bare.replacen("\"vehicle.mass\" = 1200, ", "", 1);
     assert_eq!(value(&bare, "passive@slow#3", "vehicle", mass), 900.0, "the scenario's set");
 }
@@ -1074,20 +1079,20 @@ fn parameter_sets_are_layers_of_their_own() {
 fn mistakes_in_parameter_sets_are_marked_where_the_file_is_named() {
     let empty = parameter_set(&[]);
     let text = scenario_with_sets();
-    for (scenario, unit, expected) in [
+    for (scenario, component, expected) in [
         ("<a/>", empty.as_str(), "scenario.ssv: line 1, column 1: expected <ssv:ParameterSet>"),
-        (&parameter_set(&[("seed", 1.0, None)]), &empty, "expected \"unit.parameter\""),
-        (&parameter_set(&[("steer.amplitude", 1.0, None)]), &empty, "unknown unit `steer`"),
-        (&parameter_set(&[("diver:seed", 1.0, None)]), &empty, "`diver:seed`: unknown unit `diver`"),
+        (&parameter_set(&[("seed", 1.0, None)]), &empty, "expected \"component.parameter\""),
+        (&parameter_set(&[("steer.amplitude", 1.0, None)]), &empty, "unknown component `steer`"),
+        (&parameter_set(&[("diver:seed", 1.0, None)]), &empty, "`diver:seed`: unknown component `diver`"),
         (&parameter_set(&[("driver:sed", 1.0, None)]), &empty, "2:17: scenario.ssv: Driver has no parameter `sed`"),
         (&parameter_set(&[("driver:seed", 1.0, None)]), &empty, "`seed` is Integer, got 1.0, Real"),
-        (&empty, &parameter_set(&[("steer.amplitude", 300.0, Some("deg"))]), "unit.ssv: `steer.amplitude` is 5.2"),
+        (&empty, &parameter_set(&[("steer.amplitude", 300.0, Some("deg"))]), "component.ssv: `steer.amplitude` is 5.2"),
         (&empty, &parameter_set(&[("steer.amplitude", 1.0, Some("m"))]), "cannot be given in `m`"),
     ] {
-        let error = lines(&plan_with_sets(&text, [scenario, unit, &empty]).unwrap_err());
+        let error = lines(&plan_with_sets(&text, [scenario, component, &empty]).unwrap_err());
         assert!(error.contains(expected), "expected {expected}\n  got {error}");
     }
-    let missing = text.replacen("unit.ssv", "none.ssv", 1);
+    let missing = text.replacen("component.ssv", "none.ssv", 1);
     let error = lines(&plan_with_sets(&missing, [&empty, &empty, &empty]).unwrap_err());
     assert!(error.contains("cannot read") && error.contains("none.ssv"), "{error}");
 }

@@ -23,11 +23,11 @@ title = "Ring"
 [simulation]
 stop = 1.0
 step = 0.01
-[[unit]]
+[[component]]
 name = "position"
 fmu = "Position"
 parameters = { start = 1.0 }
-[[unit]]
+[[component]]
 name = "velocity"
 fmu = "Velocity"
 parameters = { gain = -1.0, label = "v" }
@@ -84,7 +84,7 @@ fn oscillator(gain: f64, order: Order) -> Vec<(f64, f64)> {
 
 /// Equality to the bit: the operations and their order are the same.
 #[test]
-fn a_closed_loop_follows_the_order_of_the_units() {
+fn a_closed_loop_follows_the_order_of_the_components() {
     let folder = ring();
     for order in [Order::Sequential, Order::Jacobi] {
         let options = Options { order: Some(order), ..Options::default() };
@@ -105,7 +105,7 @@ fn a_closed_loop_follows_the_order_of_the_units() {
 }
 
 #[test]
-fn columns_times_and_absent_units() {
+fn columns_times_and_absent_components() {
     let folder = ring();
     let every = RING.replace("[record]\n", "[record]\nevery = 30\n");
     let plan = plan(&folder, &every, &Options::default());
@@ -132,7 +132,7 @@ fn feeds_hold_their_last_row() {
     let options = Options { inputs: Some(file), ..Options::default() };
     let text = RING.replace("signals = [\"x\", \"y\", \"velocity:count\", \"velocity:moved\"]", "signals = [\"x\"]");
     let plan = plan(&folder, &text, &options);
-    assert_eq!(plan.runs[0].units.len(), 1, "the velocity is dropped");
+    assert_eq!(plan.runs[0].components.len(), 1, "the velocity is dropped");
     let fmus = Fmus::load(&plan.runs).unwrap();
     let recording = run(&plan, &fmus, "free");
     let mut x = 1.0;
@@ -168,7 +168,7 @@ fn parameters_can_be_changed_between_runs() {
 }
 
 #[test]
-fn a_failing_unit_stops_the_run_and_says_why() {
+fn a_failing_component_stops_the_run_and_says_why() {
     let folder = ring();
     for (failure, status) in
         [(1, "fmi2Error"), (2, "fmi2Fatal"), (3, "fmi2Discard"), (5, "fmi2Pending"), (7, "the unknown status 7")]
@@ -191,8 +191,8 @@ fn warnings_are_kept() {
     let plan = plan(&folder, &text, &Options::default());
     let fmus = Fmus::load(&plan.runs).unwrap();
     let recording = run(&plan, &fmus, "free");
-    let (unit, message) = &recording.messages[0];
-    assert_eq!((unit.as_str(), message.text.as_str()), ("position", "100% done"));
+    let (component, message) = &recording.messages[0];
+    assert_eq!((component.as_str(), message.text.as_str()), ("position", "100% done"));
     assert_eq!(message.status, Status::Warning);
 }
 
@@ -302,7 +302,7 @@ fn unusable_fmus_are_clear_errors() {
 fn a_changed_fmu_is_noticed() {
     let folder = ring();
     let mut plan = plan(&folder, RING, &Options::default());
-    plan.runs[0].units[0].guid = "{older}".to_string();
+    plan.runs[0].components[0].guid = "{older}".to_string();
     let error = Fmus::load(&plan.runs).unwrap_err().to_string();
     assert!(error.contains("changed since the plan was made"), "{error}");
 }

@@ -32,7 +32,7 @@ enum Call {
 }
 
 impl Call {
-    fn unit(self) -> &'static str {
+    fn component(self) -> &'static str {
         let (Self::Set(name) | Self::Read(name) | Self::Step(name) | Self::Run(name)) = self;
         name
     }
@@ -146,7 +146,7 @@ fn matches(name: &str, patterns: &[&str]) -> bool {
 }
 
 /// An FMU with its wires: value references and places on the bus.
-struct Unit {
+struct Component {
     instance: Instance,
     inputs: Wires,
     outputs: Wires,
@@ -167,7 +167,7 @@ impl Wires {
     }
 }
 
-impl Unit {
+impl Component {
     fn set(&mut self, bus: &[f64]) {
         let wires = &mut self.inputs;
         wires.values.iter_mut().zip(&wires.places).for_each(|(value, &place)| *value = bus[place]);
@@ -181,10 +181,10 @@ impl Unit {
     }
 }
 
-/// The units of a case, wired by a bus of signals.
+/// The components of a case, wired by a bus of signals.
 struct System {
-    units: HashMap<String, Unit>,
-    /// Names of the units in the order in which they first act.
+    components: HashMap<String, Component>,
+    /// Names of the components in the order in which they first act.
     order: Vec<&'static str>,
     bus: Vec<f64>,
     /// Signals that the file gives, as columns and places on the bus.
@@ -196,8 +196,8 @@ impl System {
     fn new(case: &Case, table: &Table) -> Self {
         let mut order = Vec::new();
         for call in case.program {
-            if !order.contains(&call.unit()) {
-                order.push(call.unit());
+            if !order.contains(&call.component()) {
+                order.push(call.component());
             }
         }
         let fmus: Vec<_> = order.iter().map(|name| Fmu::named(name)).collect();
@@ -220,37 +220,38 @@ impl System {
         let feeds: Vec<_> = feeds.filter(|&(_, place)| place < given.len()).collect();
 
         let mut used = vec![false; places.len()];
-        let mut units = HashMap::new();
+        let mut components = HashMap::new();
         for fmu in &fmus {
-            let mut unit = Unit { instance: fmu.instance(), inputs: Wires::default(), outputs: Wires::default() };
+            let mut component =
+                Component { instance: fmu.instance(), inputs: Wires::default(), outputs: Wires::default() };
             for input in fmu.with(Causality::Input) {
                 let wire = case.wires.iter().find(|(name, to, _)| (*name, *to) == (&*fmu.name, &*input.name));
                 let source = wire.map_or(input.name.as_str(), |(_, _, from)| from);
                 if let Some(&place) = places.get(source) {
-                    unit.inputs.add(input.reference, place);
+                    component.inputs.add(input.reference, place);
                     used[place] = true;
                 }
             }
             for output in fmu.with(Causality::Output) {
                 let place = places[&output.name];
                 if place >= given.len() {
-                    unit.outputs.add(output.reference, place);
+                    component.outputs.add(output.reference, place);
                 }
             }
             for (_, name, value) in case.parameters.iter().filter(|parameter| parameter.0 == fmu.name) {
-                set_parameter(fmu, &mut unit.instance, name, *value);
+                set_parameter(fmu, &mut component.instance, name, *value);
             }
             for (_, name, file) in case.files.iter().filter(|parameter| parameter.0 == fmu.name) {
                 // Under Wine the workspace's path has no drive; the FMU would look for it on the drive of its resources.
                 let path = std::path::absolute(tests::workspace().join("tests/references").join(file));
                 let path = path.expect("the workspace has a path");
-                ok(unit.instance.set_string(&[fmu.reference(name)], &[path.to_str().expect("the path is UTF-8")]));
+                ok(component.instance.set_string(&[fmu.reference(name)], &[path.to_str().expect("the path is UTF-8")]));
             }
-            units.insert(fmu.name.clone(), unit);
+            components.insert(fmu.name.clone(), component);
         }
         let unused = given.iter().zip(used).find(|(_, used)| !used);
-        assert!(unused.is_none(), "{}: no unit has the input {}", case.file, unused.map_or("", |(name, _)| name));
-        Self { units, order, bus, feeds, places }
+        assert!(unused.is_none(), "{}: no component has the input {}", case.file, unused.map_or("", |(name, _)| name));
+        Self { components, order, bus, feeds, places }
     }
 
     fn feed(&mut self, row: &[f64]) {
@@ -261,24 +262,24 @@ impl System {
 
     fn initialize(&mut self) {
         for name in &self.order {
-            let unit = self.units.get_mut(*name).expect("all were inserted");
-            ok(unit.instance.setup_experiment(0.0, None));
-            ok(unit.instance.enter_initialization_mode());
-            unit.set(&self.bus);
-            ok(unit.instance.exit_initialization_mode());
+            let component = self.components.get_mut(*name).expect("all were inserted");
+            ok(component.instance.setup_experiment(0.0, None));
+            ok(component.instance.enter_initialization_mode());
+            component.set(&self.bus);
+            ok(component.instance.exit_initialization_mode());
         }
     }
 
     fn call(&mut self, call: Call, time: f64) {
-        let unit = self.units.get_mut(call.unit()).expect("all were inserted");
+        let component = self.components.get_mut(call.component()).expect("all were inserted");
         if matches!(call, Call::Set(_) | Call::Run(_)) {
-            unit.set(&self.bus);
+            component.set(&self.bus);
         }
         if matches!(call, Call::Step(_) | Call::Run(_)) {
-            ok(unit.instance.do_step(time, STEP));
+            ok(component.instance.do_step(time, STEP));
         }
         if matches!(call, Call::Read(_) | Call::Run(_)) {
-            unit.read(&mut self.bus);
+            component.read(&mut self.bus);
         }
     }
 }
@@ -297,7 +298,7 @@ fn set_parameter(fmu: &Fmu, instance: &mut Instance, name: &str, value: f64) {
 fn simulate(case: &Case, table: &Table, signals: &[&str]) -> Vec<Vec<f64>> {
     let mut system = System::new(case, table);
     let place_of =
-        |signal: &&str| *system.places.get(*signal).unwrap_or_else(|| panic!("no unit has the output {signal}"));
+        |signal: &&str| *system.places.get(*signal).unwrap_or_else(|| panic!("no component has the output {signal}"));
     let places: Vec<usize> = signals.iter().map(place_of).collect();
     system.feed(&table.rows[0]);
     system.initialize();

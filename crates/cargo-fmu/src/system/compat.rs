@@ -37,9 +37,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         return Err(miette!("there is no plant: none of the FMUs has continuous states"));
     }
     for name in &arguments.names {
-        let mut known = systems.plants.iter().chain(&systems.units);
+        let mut known = systems.plants.iter().chain(&systems.components);
         if !known.any(|other| other == name) {
-            let near = suggestion(name, systems.plants.iter().chain(&systems.units).map(String::as_str));
+            let near = suggestion(name, systems.plants.iter().chain(&systems.components).map(String::as_str));
             let hint = near.map_or_else(String::new, |near| format!("; {near}"));
             return Err(miette!("there is no FMU named '{name}'{hint}"));
         }
@@ -48,10 +48,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let any = all.iter().any(|name| arguments.names.contains(name));
         (0..all.len()).filter(|i| !any || arguments.names.contains(&all[*i])).collect()
     };
-    let (plants, units) = (shown(&systems.plants), shown(&systems.units));
-    out!("{}", matrix(&systems, &plants, &units));
+    let (plants, components) = (shown(&systems.plants), shown(&systems.components));
+    out!("{}", matrix(&systems, &plants, &components));
     if arguments.missing {
-        out!("{}", missing(&systems, &plants, &units));
+        out!("{}", missing(&systems, &plants, &components));
     }
     Ok(())
 }
@@ -69,8 +69,8 @@ fn descriptions(folders: &[PathBuf]) -> Result<BTreeMap<String, Arc<ModelDescrip
     Ok(found)
 }
 
-/// A line per unit, a column per plant.
-fn matrix(systems: &Systems, plants: &[usize], units: &[usize]) -> String {
+/// A line per component, a column per plant.
+fn matrix(systems: &Systems, plants: &[usize], components: &[usize]) -> String {
     let cell = |fit: &Fit| match fit {
         Fit::Fits => "fits".to_string(),
         Fit::Idle => "idle".to_string(),
@@ -78,9 +78,9 @@ fn matrix(systems: &Systems, plants: &[usize], units: &[usize]) -> String {
     };
     let mut rows = vec![vec![String::new()]];
     rows[0].extend(plants.iter().map(|plant| systems.plants[*plant].clone()));
-    rows.extend(units.iter().map(|unit| {
-        let cells = plants.iter().map(|plant| cell(&systems.fits[*unit][*plant]));
-        std::iter::once(systems.units[*unit].clone()).chain(cells).collect()
+    rows.extend(components.iter().map(|component| {
+        let cells = plants.iter().map(|plant| cell(&systems.fits[*component][*plant]));
+        std::iter::once(systems.components[*component].clone()).chain(cells).collect()
     }));
     let widths: Vec<usize> =
         (0..=plants.len()).map(|i| rows.iter().map(|row| row[i].len()).max().unwrap_or(0)).collect();
@@ -94,12 +94,12 @@ fn matrix(systems: &Systems, plants: &[usize], units: &[usize]) -> String {
 }
 
 /// A paragraph per pair that does not fit.
-fn missing(systems: &Systems, plants: &[usize], units: &[usize]) -> String {
+fn missing(systems: &Systems, plants: &[usize], components: &[usize]) -> String {
     let mut text = String::new();
-    for unit in units {
+    for component in components {
         for plant in plants {
-            let (name, vehicle) = (&systems.units[*unit], &systems.plants[*plant]);
-            match &systems.fits[*unit][*plant] {
+            let (name, vehicle) = (&systems.components[*component], &systems.plants[*plant]);
+            match &systems.fits[*component][*plant] {
                 Fit::Fits => (),
                 Fit::Idle => {
                     text += &format!("\n{name}, {vehicle}: nothing that acts on {vehicle} reads its outputs\n")

@@ -20,7 +20,7 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     selection: Selection,
 
-    /// Prints the plan as JSON: every run with its units, parameters, wires and recorded columns
+    /// Prints the plan as JSON: every run with its components, parameters, wires and recorded columns
     #[arg(long)]
     json: bool,
 }
@@ -109,10 +109,11 @@ fn summary(plan: &Plan) -> String {
 /// Name and FMU of all components, with the number of parameters that are set.
 fn components(plan: &Plan) -> Vec<String> {
     let mut rows: Vec<[String; 3]> = Vec::new();
-    for unit in plan.runs.iter().flat_map(|run| &run.units) {
-        let fmu =
-            std::path::Path::new(&unit.fmu).file_stem().map_or(String::new(), |s| s.to_string_lossy().into_owned());
-        let row = [unit.name.clone(), fmu, format!("{} set", counted(unit.parameters.len(), "parameter"))];
+    for component in plan.runs.iter().flat_map(|run| &run.components) {
+        let fmu = std::path::Path::new(&component.fmu)
+            .file_stem()
+            .map_or(String::new(), |s| s.to_string_lossy().into_owned());
+        let row = [component.name.clone(), fmu, format!("{} set", counted(component.parameters.len(), "parameter"))];
         match rows.iter().position(|known| known[0] == row[0]) {
             None => rows.push(row),
             // Another FMU, in another case.

@@ -54,7 +54,7 @@ struct Done {
 
 impl From<Recording> for Done {
     fn from(recording: Recording) -> Self {
-        let messages = recording.messages.iter().map(|(unit, message)| format!("{unit}: {}", message.text));
+        let messages = recording.messages.iter().map(|(component, message)| format!("{component}: {}", message.text));
         Self { seconds: recording.seconds, messages: messages.collect() }
     }
 }

@@ -19,8 +19,8 @@ pub(crate) struct Selection {
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 
-    /// CSV file with a column `time` and columns named like signals (or unit:signal), which write
-    /// these signals instead of the units
+    /// CSV file with a column `time` and columns named like signals (or component:signal), which write
+    /// these signals instead of the components
     #[arg(long, value_name = "FILE")]
     inputs: Option<PathBuf>,
 
@@ -32,12 +32,12 @@ pub(crate) struct Selection {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     seeds: Option<u32>,
 
-    /// Order of the units within a step, instead of the scenario's
+    /// Order of the components within a step, instead of the scenario's
     #[arg(long)]
     order: Option<Order>,
 }
 
-/// Order of the units within a step.
+/// Order of the components within a step.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Order {
     /// One after the other, each with the new outputs of those before it

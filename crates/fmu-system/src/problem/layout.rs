@@ -2,6 +2,9 @@
 
 use fmu_import::names::suggestion;
 
+/// Keys of earlier versions, and what they are called now.
+const RENAMED: [(&str, &str); 1] = [("unit", "component")];
+
 /// Message and hint for a text that does not have the layout of its file.
 pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<String>) {
     let message = error.message().replace('\n', ", ");
@@ -12,7 +15,12 @@ pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<St
     // serde writes "unknown field `a`, expected one of `b`, `c`".
     let mut quoted = message.split('`').skip(1).step_by(2);
     let unknown = quoted.next().filter(|_| message.starts_with("unknown "));
-    let help = unknown.and_then(|name| suggestion(name, quoted));
+    let known: Vec<&str> = quoted.collect();
+    let renamed = RENAMED.iter().find(|(old, new)| unknown == Some(old) && known.contains(new));
+    let help = match renamed {
+        Some((old, new)) => Some(format!("`{old}` is called `{new}` now")),
+        None => unknown.and_then(|name| suggestion(name, known)),
+    };
     let message = match key {
         // A field is a key itself.
         Some(key) if message.starts_with("unknown variant") => {
@@ -129,6 +137,23 @@ mod tests {
             let (message, _) = explain(&error, text);
             assert!(message.starts_with(expected), "{text}: {message}\n  expected {expected}");
         }
+    }
+
+    /// A key of an earlier version is an error that gives the new name, but only where the new one is a key.
+    #[test]
+    fn renamed_keys_are_named() {
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Scenario {
+            #[serde(rename = "component")]
+            _components: Vec<Layout>,
+        }
+        let text = "[[unit]]\nstop = 1.0";
+        let (message, help) = explain(&toml::from_str::<Scenario>(text).unwrap_err(), text);
+        assert!(message.starts_with("unknown key `unit`"), "{message}");
+        assert_eq!(help.as_deref(), Some("`unit` is called `component` now"));
+        let (_, help) = explain(&toml::from_str::<Layout>("unit = 1").unwrap_err(), "unit = 1");
+        assert_eq!(help, None);
     }
 
     #[test]

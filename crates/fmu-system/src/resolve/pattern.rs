@@ -1,9 +1,9 @@
 //! Patterns of signal names.
 
-/// `unit:pattern` or `pattern`.
+/// `component:pattern` or `pattern`.
 pub(super) fn split_pattern(text: &str) -> (Option<&str>, &str) {
     match text.split_once(':') {
-        Some((unit, pattern)) => (Some(unit), pattern),
+        Some((component, pattern)) => (Some(component), pattern),
         None => (None, text),
     }
 }

@@ -9,11 +9,11 @@ use serde_spanned::Spanned;
 impl Resolver<'_> {
     /// Column of a signal named in a metric or a figure.
     fn column_index(&mut self, written: &Spanned<String>, systems: &[System<'_>], columns: &[Column]) -> Option<usize> {
-        let (unit, name) = split_pattern(written.get_ref());
-        if unit.is_some() {
-            self.unit_and_name(written)?;
+        let (component, name) = split_pattern(written.get_ref());
+        if component.is_some() {
+            self.component_and_name(written)?;
         }
-        let candidates = outputs(systems, unit);
+        let candidates = outputs(systems, component);
         let owners: Vec<&str> =
             candidates.iter().filter(|(_, output)| *output == name).map(|(owner, _)| *owner).collect();
         match owners[..] {
@@ -21,12 +21,12 @@ impl Resolver<'_> {
                 self.problems.add_with_help(
                     written.span(),
                     format!("there is no output `{}`", written.get_ref()),
-                    Some(near_outputs(systems, unit, name)),
+                    Some(near_outputs(systems, component, name)),
                 );
                 None
             }
             [owner] => {
-                let at = columns.iter().position(|c| c.unit == owner && c.variable == name);
+                let at = columns.iter().position(|c| c.component == owner && c.variable == name);
                 if at.is_none() {
                     self.problems.add_with_help(
                         written.span(),
@@ -39,7 +39,7 @@ impl Resolver<'_> {
             [first, ..] => {
                 self.problems.add_with_help(
                     written.span(),
-                    format!("several units have an output `{name}`: {}", owners.join(", ")),
+                    format!("several components have an output `{name}`: {}", owners.join(", ")),
                     Some(format!("name one of them: \"{first}:{name}\"")),
                 );
                 None

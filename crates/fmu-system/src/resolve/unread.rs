@@ -4,7 +4,7 @@ use super::{Member, Resolver, System, context};
 use crate::plan::Wiring;
 use crate::run::{Run, Trial};
 use crate::run::{Suspect, Variant};
-use crate::scenario::Unit;
+use crate::scenario::Component;
 use fmu_import::description::{Causality, ModelDescription};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -28,8 +28,8 @@ impl Resolver<'_> {
     pub(super) fn unread(&mut self, systems: &[System<'_>], wirings: &[Wiring], runs: &[Run]) -> Vec<Trial> {
         let scenario = self.scenario;
         let mut trials = Vec::new();
-        for unit in &scenario.units {
-            let name = unit.name.get_ref().as_str();
+        for component in &scenario.components {
+            let name = component.name.get_ref().as_str();
             let mut places = Vec::new();
             for (system, wiring) in systems.iter().zip(wirings) {
                 let Some(member) = system.member(name).map(|m| &system.members[m]).filter(|m| !m.dropped) else {
@@ -39,11 +39,11 @@ impl Resolver<'_> {
                 let unread: BTreeSet<&str> = of_member.map(|signal| signal.variable.as_str()).collect();
                 let place = Place { case: system.case.name.get_ref(), member, unread };
                 if place.outputs().next().is_some() && place.outputs().all(|output| place.unread.contains(output)) {
-                    self.problems.set_context(Some(context(system.case, Some(unit))));
+                    self.problems.set_context(Some(context(system.case, Some(component))));
                     self.problems.warn(
-                        unit.name.span(),
+                        component.name.span(),
                         format!("nothing reads the outputs of `{name}`, and none is recorded"),
-                        Some("leave the unit out with `without`, connect it or record its outputs".to_string()),
+                        Some("leave the component out with `without`, connect it or record its outputs".to_string()),
                     );
                 }
                 places.push(place);
@@ -54,11 +54,11 @@ impl Resolver<'_> {
                 continue;
             }
             let applied = |parameter: &str| {
-                let units = runs.iter().flat_map(|run| &run.units).filter(|u| u.name == name);
-                units.flat_map(|u| &u.parameters).any(|setting| setting.name == parameter)
+                let components = runs.iter().flat_map(|run| &run.components).filter(|u| u.name == name);
+                components.flat_map(|u| &u.parameters).any(|setting| setting.name == parameter)
             };
             let (certain, open): (Vec<_>, Vec<_>) = self
-                .set_parameters(unit)
+                .set_parameters(component)
                 .into_iter()
                 // Another FMU of a case does not take all over.
                 .filter(|(parameter, _)| applied(parameter))
@@ -86,13 +86,13 @@ impl Resolver<'_> {
         trials
     }
 
-    /// Parameters that the tables of the scenario set for a unit, with their places.
-    fn set_parameters(&self, unit: &Unit) -> Vec<(String, Range<usize>)> {
-        let name = unit.name.get_ref().as_str();
+    /// Parameters that the tables of the scenario set for a component, with their places.
+    fn set_parameters(&self, component: &Component) -> Vec<(String, Range<usize>)> {
+        let name = component.name.get_ref().as_str();
         let of_cases = self.scenario.cases.iter().filter_map(|case| case.parameters.get(name));
         let of_points = self.scenario.points.iter().filter_map(|point| point.parameters.get(name));
         let mut seen = BTreeSet::new();
-        std::iter::once(&unit.parameters)
+        std::iter::once(&component.parameters)
             .chain(of_cases)
             .chain(of_points)
             .flatten()
@@ -108,12 +108,13 @@ fn variants(places: &[Place<'_>], runs: &[Run]) -> Vec<Variant> {
     for place in places {
         let read: Vec<String> =
             place.outputs().filter(|output| !place.unread.contains(output)).map(str::to_string).collect();
-        let units = runs.iter().filter(|run| run.case == place.case).flat_map(|run| &run.units);
-        for unit in units.filter(|unit| unit.name == place.member.name()) {
-            let is_known =
-                |v: &Variant| v.unit.parameters == unit.parameters && v.unit.fmu == unit.fmu && v.read == read;
+        let components = runs.iter().filter(|run| run.case == place.case).flat_map(|run| &run.components);
+        for component in components.filter(|component| component.name == place.member.name()) {
+            let is_known = |v: &Variant| {
+                v.component.parameters == component.parameters && v.component.fmu == component.fmu && v.read == read
+            };
             if !variants.iter().any(is_known) {
-                variants.push(Variant { unit: unit.clone(), read: read.clone() });
+                variants.push(Variant { component: component.clone(), read: read.clone() });
             }
         }
     }

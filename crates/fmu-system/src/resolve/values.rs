@@ -20,7 +20,7 @@ use std::path::Path;
 enum Names {
     /// All; another name is a mistake.
     All,
-    /// Those that the unit's own FMU has as well, with the same type and unit of measure.
+    /// Those that the component's own FMU has as well, with the same type and unit of measure.
     Shared,
 }
 
@@ -31,9 +31,9 @@ impl Resolver<'_> {
     /// Reads the parameter sets that the scenario names, relative to its folder, each once.
     pub(super) fn read_parameter_sets(&mut self, folder: &Path) {
         let scenario = self.scenario;
-        let of_units = scenario.units.iter().filter_map(|u| u.parameter_set.as_ref());
+        let of_components = scenario.components.iter().filter_map(|u| u.parameter_set.as_ref());
         let of_cases = scenario.cases.iter().filter_map(|c| c.parameter_set.as_ref());
-        for path in of_units.chain(of_cases).chain(&scenario.parameter_set) {
+        for path in of_components.chain(of_cases).chain(&scenario.parameter_set) {
             match ParameterSet::read(&folder.join(path.get_ref())) {
                 Ok(set) => {
                     self.sets.insert(path.get_ref().clone(), set);
@@ -44,17 +44,17 @@ impl Resolver<'_> {
         for path in scenario.cases.iter().filter_map(|c| c.parameter_set.as_ref()).chain(&scenario.parameter_set) {
             let Some(set) = self.sets.get(path.get_ref()) else { continue };
             for parameter in &set.parameters {
-                let of = split_unit(&parameter.name).map(|(unit, _)| unit);
-                let names = || scenario.units.iter().map(|u| u.name.get_ref().as_str());
+                let of = split_component(&parameter.name).map(|(component, _)| component);
+                let names = || scenario.components.iter().map(|u| u.name.get_ref().as_str());
                 match of {
                     None => self.problems.add(
                         path.span(),
-                        format!("{}: `{}`, expected \"unit.parameter\"", path.get_ref(), parameter.name),
+                        format!("{}: `{}`, expected \"component.parameter\"", path.get_ref(), parameter.name),
                     ),
-                    Some(unit) if !names().any(|name| name == unit) => self.problems.add_with_help(
+                    Some(component) if !names().any(|name| name == component) => self.problems.add_with_help(
                         path.span(),
-                        format!("{}: `{}`: unknown unit `{unit}`", path.get_ref(), parameter.name),
-                        suggestion(unit, names()),
+                        format!("{}: `{}`: unknown component `{component}`", path.get_ref(), parameter.name),
+                        suggestion(component, names()),
                     ),
                     Some(_) => (),
                 }
@@ -62,11 +62,11 @@ impl Resolver<'_> {
         }
     }
 
-    /// Parameters of a unit: from the bottom up the parameter set of the scenario and its own, its parameters, the
+    /// Parameters of a component: from the bottom up the parameter set of the scenario and its own, its parameters, the
     /// parameter set of the case, the parameters of the case and of the point, the seed.
     ///
-    /// Another FMU that the case names for the unit starts from its own defaults: the first three apply only if the case
-    /// says so; they, point and seed only to parameters that it shares with the unit's own FMU.
+    /// Another FMU that the case names for the component starts from its own defaults: the first three apply only if the case
+    /// says so; they, point and seed only to parameters that it shares with the component's own FMU.
     pub(super) fn parameters(
         &mut self,
         case: &Case,
@@ -85,10 +85,10 @@ impl Resolver<'_> {
             if let Some(path) = &self.scenario.parameter_set {
                 set(self.set_values(path, false, member, shared));
             }
-            if let Some(path) = &member.unit.parameter_set {
+            if let Some(path) = &member.component.parameter_set {
                 set(self.set_values(path, true, member, shared));
             }
-            set(self.written_values(&member.unit.parameters, member, shared));
+            set(self.written_values(&member.component.parameters, member, shared));
         }
         if let Some(path) = &case.parameter_set {
             set(self.set_values(path, false, member, Names::All));
@@ -151,9 +151,9 @@ impl Resolver<'_> {
         let why = match (found, original.map(|o| parameter::parameter(&o.description, name))) {
             (Ok(variable), Some(Ok(own))) => match own.mismatch_of_parameter(variable) {
                 None => return Some(variable),
-                Some([own, other]) => format!("it is {other} there, {own} in the FMU of the unit"),
+                Some([own, other]) => format!("it is {other} there, {own} in the FMU of the component"),
             },
-            (Ok(_), _) => format!("the FMU of the unit, {}, has none to compare", member.unit.fmu.get_ref()),
+            (Ok(_), _) => format!("the FMU of the component, {}, has none to compare", member.component.fmu.get_ref()),
             (Err(_), _) => format!("{} has no such parameter", description.model_name),
         };
         let message = format!("{file}`{name}` is not carried over: {why}");
@@ -161,11 +161,11 @@ impl Resolver<'_> {
         None
     }
 
-    /// What a parameter set says about a unit: all of it, or what is named `unit:parameter`.
+    /// What a parameter set says about a component: all of it, or what is named `component:parameter`.
     fn set_values<'m>(
         &mut self,
         path: &Spanned<String>,
-        of_unit: bool,
+        of_component: bool,
         member: &'m Member<'_>,
         names: Names,
     ) -> Vec<(&'m Variable, Value)> {
@@ -173,9 +173,9 @@ impl Resolver<'_> {
         let mut values = Vec::new();
         let written: Vec<Parameter> = self.sets.get(path.get_ref()).map_or(Vec::new(), |set| set.parameters.clone());
         for written in written {
-            let name = match split_unit(&written.name) {
-                _ if of_unit => written.name.as_str(),
-                Some((unit, name)) if unit == member.name() => name,
+            let name = match split_component(&written.name) {
+                _ if of_component => written.name.as_str(),
+                Some((component, name)) if component == member.name() => name,
                 _ => continue,
             };
             let Some(variable) = self.parameter(name, path.span(), Some(path.get_ref()), member, names) else {
@@ -204,12 +204,14 @@ impl Resolver<'_> {
         values
     }
 
-    /// Constants of the inputs of a unit: those of the case stand above those of the unit.
+    /// Constants of the inputs of a component: those of the case stand above those of the component.
     pub(super) fn constants(&mut self, case: &Case, member: &Member<'_>) -> BTreeMap<usize, (Value, Range<usize>)> {
         let mut constants = BTreeMap::new();
-        for (level, is_of_unit) in [(Some(&member.unit.inputs), true), (case.inputs.get(member.name()), false)] {
+        for (level, is_of_component) in
+            [(Some(&member.component.inputs), true), (case.inputs.get(member.name()), false)]
+        {
             let Some(level) = level else { continue };
-            constants.extend(self.constants_of_level(level, is_of_unit, member));
+            constants.extend(self.constants_of_level(level, is_of_component, member));
         }
         constants
     }
@@ -217,7 +219,7 @@ impl Resolver<'_> {
     fn constants_of_level(
         &mut self,
         level: &Values,
-        is_of_unit: bool,
+        is_of_component: bool,
         member: &Member<'_>,
     ) -> BTreeMap<usize, (Value, Range<usize>)> {
         let mut constants = BTreeMap::new();
@@ -243,8 +245,8 @@ impl Resolver<'_> {
                         constants.insert(v, (value, pattern.span()));
                     }
                 }
-                // Another FMU need not have all inputs of the unit's own.
-                let may_lack = is_of_unit && member.replaced.is_some();
+                // Another FMU need not have all inputs of the component's own.
+                let may_lack = is_of_component && member.replaced.is_some();
                 if !any && !may_lack {
                     let names = member.all(Causality::Input).map(|(_, v)| v.name.as_str());
                     let help = suggestion(text, names);
@@ -299,9 +301,9 @@ impl Resolver<'_> {
     }
 }
 
-/// Unit and parameter of a name in a parameter set for several units: `unit.parameter` as SSP writes it (names of units
-/// have no dot), or `unit:parameter` as in the rest of a scenario.
-fn split_unit(name: &str) -> Option<(&str, &str)> {
+/// Component and parameter of a name in a parameter set for several components: `component.parameter` as SSP writes it
+/// (names of components have no dot), or `component:parameter` as in the rest of a scenario.
+fn split_component(name: &str) -> Option<(&str, &str)> {
     name.split_once([':', '.'])
 }
 

@@ -50,8 +50,8 @@ fn swap(system: &System<'_>, reader: usize, input: &str, changes: [Change; 2]) -
 
 /// Place and words of a change that a swap makes for some inputs.
 fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> (Range<usize>, String) {
-    let unit = system.members[m].unit;
-    let (own, written) = (unit.fmu.get_ref(), replacement(system.case, unit));
+    let component = system.members[m].component;
+    let (own, written) = (component.fmu.get_ref(), replacement(system.case, component));
     let other = written.map_or(own, |other| &other.get_ref().fmu);
     let s = if inputs.len() == 1 { "" } else { "s" };
     let names = quoted(inputs);
@@ -60,7 +60,7 @@ fn cause(system: &System<'_>, (m, change): (usize, Change), inputs: &[&str]) -> 
         Change::NewOutput => format!("{other} has the output{s} {names}, which {own} does not have"),
         Change::LostOutput => format!("{other} has no output{s} {names}, which {own} has"),
     };
-    (written.map_or(unit.fmu.span(), Spanned::span), words)
+    (written.map_or(component.fmu.span(), Spanned::span), words)
 }
 
 fn quoted(names: &[&str]) -> String {
@@ -71,7 +71,7 @@ impl<'a> Resolver<'a> {
     /// Finds out what writes each input of a case.
     pub(super) fn wire(&mut self, system: &mut System<'a>) {
         let connections = self.connections(system);
-        // Outputs by name, to find the only other unit that has one.
+        // Outputs by name, to find the only other component that has one.
         let mut outputs: HashMap<&str, Vec<(usize, usize)>> = HashMap::new();
         for (m, member) in system.members.iter().enumerate() {
             for (v, variable) in member.wirable(Causality::Output) {
@@ -80,7 +80,7 @@ impl<'a> Resolver<'a> {
         }
         let mut wired = Vec::new();
         for (m, member) in system.members.iter().enumerate() {
-            self.problems.set_context(Some(context(system.case, Some(member.unit))));
+            self.problems.set_context(Some(context(system.case, Some(member.component))));
             let constants = self.constants(system.case, member);
             let mut inputs = Vec::new();
             let mut missing = Vec::new();
@@ -138,21 +138,21 @@ impl<'a> Resolver<'a> {
                 .iter()
                 .find_map(|name| suggestion(name, outputs.keys().copied()))
                 .map_or(String::new(), |s| format!("; there is an output of similar name: {s}"));
-            let help = format!("give the unit a constant in `inputs` or add a [[connection]]{near}");
+            let help = format!("give the component a constant in `inputs` or add a [[connection]]{near}");
             let which = match inputs[..] {
                 [input] => format!("the input `{input}`"),
                 _ if swap.is_some() => "these inputs".to_string(),
                 _ => format!("the inputs {}", quoted(&inputs)),
             };
-            let of = swap.map_or(member.unit, |(changed, _)| system.members[changed].unit);
+            let of = swap.map_or(member.component, |(changed, _)| system.members[changed].component);
             self.problems.set_context(Some(context(system.case, Some(of))));
             let (place, message) = match swap.map(|swap| cause(system, swap, &inputs)) {
                 Some((place, cause)) => (place, format!("{cause}; nobody writes {which} of `{name}`")),
-                None => (member.unit.name.span(), format!("nobody writes {which} of `{name}`")),
+                None => (member.component.name.span(), format!("nobody writes {which} of `{name}`")),
             };
             self.problems.add_with_help(place, message, Some(help));
         }
-        self.problems.set_context(Some(context(system.case, Some(member.unit))));
+        self.problems.set_context(Some(context(system.case, Some(member.component))));
     }
 
     /// Reports an input that several members write.
@@ -162,14 +162,14 @@ impl<'a> Resolver<'a> {
         let names: Vec<String> = writers.iter().map(|(w, _)| format!("`{}`", system.members[*w].name())).collect();
         let mut message =
             format!("the input `{input}` of `{}` has several writers: {}", member.name(), names.join(" and "));
-        let mut place = member.unit.name.span();
+        let mut place = member.component.name.span();
         if let Some(swap) = swap(system, m, input, [Change::NewInput, Change::NewOutput]) {
             let (at, cause) = cause(system, swap, &[input]);
             (place, message) = (at, format!("{cause}; {message}"));
-            self.problems.set_context(Some(context(system.case, Some(system.members[swap.0].unit))));
+            self.problems.set_context(Some(context(system.case, Some(system.members[swap.0].component))));
         }
         self.problems.add_with_help(place, message, Some("choose one with a [[connection]]".to_string()));
-        self.problems.set_context(Some(context(system.case, Some(member.unit))));
+        self.problems.set_context(Some(context(system.case, Some(member.component))));
     }
 
     /// What writes an input, constants aside. `Err`: a mistake was noted.
@@ -217,16 +217,16 @@ impl<'a> Resolver<'a> {
         if explicit.is_none()
             && let Err(message) = compatible((writer, output), (member, input))
         {
-            self.problems.add(member.unit.name.span(), message);
+            self.problems.add(member.component.name.span(), message);
             return Err(());
         }
         Ok(Some(Source::Output(w, o)))
     }
 
-    fn feed(&self, unit: Option<&str>, signal: &str) -> Option<usize> {
+    fn feed(&self, component: Option<&str>, signal: &str) -> Option<usize> {
         let feeds = self.feeds?;
-        match unit {
-            Some(unit) => feeds.index(&format!("{unit}:{signal}")),
+        match component {
+            Some(component) => feeds.index(&format!("{component}:{signal}")),
             None => feeds.index(signal),
         }
     }
@@ -243,7 +243,7 @@ impl<'a> Resolver<'a> {
         if let Some(signal) = signal
             && let Some(value) = signal.values.iter().copied().find(|v| is_implausible(input, *v))
         {
-            let place = member.unit.name.span();
+            let place = member.component.name.span();
             let message = format!("the input file has the value {value} rad for `{}`", signal.name);
             self.problems.warn(
                 place,
@@ -339,17 +339,20 @@ impl<'a> Resolver<'a> {
 
     /// One end of a connection.
     fn end(&mut self, system: &System<'_>, written: &Spanned<String>, causality: Causality) -> End {
-        let (unit, name, name_span) = self.unit_and_name(written).ok_or(())?;
-        // The case leaves the unit out.
-        let Some(m) = system.member(unit) else { return Ok(None) };
+        let (component, name, name_span) = self.component_and_name(written).ok_or(())?;
+        // The case leaves the component out.
+        let Some(m) = system.member(component) else { return Ok(None) };
         let member = &system.members[m];
-        self.problems.set_context(Some(context(system.case, Some(member.unit))));
+        self.problems.set_context(Some(context(system.case, Some(member.component))));
         let wanted = if causality == Causality::Output { "output" } else { "input" };
         match member.found.description.index(name) {
             Some(v) if member.variable(v).causality != causality => {
                 self.problems.add(
                     name_span,
-                    format!("`{name}` of `{unit}` is {}, expected an {wanted}", parameter::role(member.variable(v))),
+                    format!(
+                        "`{name}` of `{component}` is {}, expected an {wanted}",
+                        parameter::role(member.variable(v))
+                    ),
                 );
                 Err(())
             }
@@ -358,21 +361,21 @@ impl<'a> Resolver<'a> {
                 Err(())
             }
             Some(v) => Ok(Some((m, v))),
-            // Another FMU need not have all inputs of the unit's own.
+            // Another FMU need not have all inputs of the component's own.
             None if causality == Causality::Input && member.replaced.is_some() => Ok(None),
             None => {
                 let names: Vec<&str> = member.wirable(causality).map(|(_, v)| v.name.as_str()).collect();
                 let own = member.replaced.as_ref().and_then(|replaced| replaced.original.as_ref());
                 let had = own.filter(|own| own.description.variable(name).is_some());
-                let had = had.map_or(String::new(), |_| format!(", which {} has", member.unit.fmu.get_ref()));
-                let message = format!("`{unit}` has no {wanted} `{name}`{had}");
+                let had = had.map_or(String::new(), |_| format!(", which {} has", member.component.fmu.get_ref()));
+                let message = format!("`{component}` has no {wanted} `{name}`{had}");
                 self.problems.add_with_help(name_span, message, similar(name, names));
                 Err(())
             }
         }
     }
 
-    /// Marks the units from which no way leads to a recorded output.
+    /// Marks the components from which no way leads to a recorded output.
     fn drop_unneeded(&mut self, system: &mut System<'_>) {
         let mut needed = vec![false; system.members.len()];
         let mut open: Vec<usize> = (0..system.members.len())
@@ -400,7 +403,7 @@ impl<'a> Resolver<'a> {
     pub(super) fn wired(&self, system: &System<'_>, columns: &[Column]) -> run::Run {
         let kept: Vec<usize> = (0..system.members.len()).filter(|&m| !system.members[m].dropped).collect();
         let sources = || kept.iter().flat_map(|&m| &system.members[m].inputs).map(|(_, source)| source);
-        // Slots: feeds first, then outputs in the order of the units.
+        // Slots: feeds first, then outputs in the order of the components.
         let mut slots = 0..;
         let mut next = || slots.next().unwrap_or_default();
         let used: BTreeSet<usize> = sources()
@@ -425,7 +428,7 @@ impl<'a> Resolver<'a> {
                 }
             }
         }
-        let units = kept
+        let components = kept
             .iter()
             .map(|&m| {
                 let member = &system.members[m];
@@ -444,7 +447,7 @@ impl<'a> Resolver<'a> {
                         }
                     }
                 }
-                run::Unit {
+                run::Component {
                     name: member.name().to_string(),
                     fmu: member.found.path.clone(),
                     model_identifier: description
@@ -477,13 +480,13 @@ impl<'a> Resolver<'a> {
             case: case.clone(),
             point: None,
             seed: None,
-            units,
+            components,
             feeds,
             slots: feed_slots.len() + output_slots.len(),
             columns: columns
                 .iter()
                 .map(|column| {
-                    let m = system.member(&column.unit)?;
+                    let m = system.member(&column.component)?;
                     let v = system.members[m].found.description.index(&column.variable)?;
                     output_slots.get(&(m, v)).copied()
                 })

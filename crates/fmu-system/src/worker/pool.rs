@@ -5,7 +5,7 @@ use super::protocol::{self, Request, Response};
 use crate::fmus::Fmus;
 use crate::master::Recording;
 use crate::results;
-use crate::run::{Run, Simulation, Unit};
+use crate::run::{Component, Run, Simulation};
 use fmu_import::fmu::Binary;
 use fmu_import::worker::{Ended, Process, Settings, Watch};
 use std::num::NonZeroUsize;
@@ -136,8 +136,8 @@ impl Pool {
         let id = run.id.clone();
         let failed = |time, message| Failure { run: id.clone(), time, message };
         let path = csv.as_ref().map(|(_, path)| path.clone());
-        let units: Vec<(String, String)> =
-            run.units.iter().map(|Unit { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
+        let components: Vec<(String, String)> =
+            run.components.iter().map(|Component { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
         let worker = self.worker(slot).map_err(|message| failed(None, message))?;
         let (request, body) = Request::run(simulation, run, csv);
         worker.send(&request, &body);
@@ -147,9 +147,9 @@ impl Pool {
             Err(Ended { time, component, message }) => {
                 *slot = None;
                 path.iter().for_each(|path| results::remove_parts(path));
-                let unit = component.and_then(|index| units.get(index));
-                let unit = unit.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
-                return Err(failed(time, unit + &message));
+                let component = component.and_then(|index| components.get(index));
+                let component = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
+                return Err(failed(time, component + &message));
             }
         };
         let unexpected = |slot: &mut Option<Process>| {

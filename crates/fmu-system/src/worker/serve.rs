@@ -3,7 +3,7 @@
 use super::protocol::{self, Request, Response};
 use crate::fmus::{FmusError, Instances};
 use crate::master::{self, RunError};
-use crate::run::Unit;
+use crate::run::Component;
 use crate::{results, trial};
 use fmu_import::fmu::{Binary, FmuError};
 use fmu_import::loader::{CallProblem, Instance, Library, Status, calls};
@@ -89,8 +89,8 @@ impl Libraries {
 }
 
 impl Instances for Libraries {
-    fn of(&self, unit: &Unit) -> Result<Instance, FmusError> {
-        let (binary, library) = self.get(&unit.fmu)?;
-        Ok(binary.instantiate(&library, &unit.name)?)
+    fn of(&self, component: &Component) -> Result<Instance, FmusError> {
+        let (binary, library) = self.get(&component.fmu)?;
+        Ok(binary.instantiate(&library, &component.name)?)
     }
 }
