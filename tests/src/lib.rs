@@ -3,7 +3,7 @@
 //! The tests see FMUs as a stranger would: through the packed `.fmu` file and its C functions. They take every file
 //! `*.fmu` of the folder [`folder`] names, so a new model is tested from the day it is packed.
 
-pub mod abuse;
+pub mod fuzz;
 pub mod life;
 pub mod raw;
 pub mod signals;

@@ -101,7 +101,7 @@ enum Next {
 }
 
 /// Calls one FMU.
-struct Abuser<'a> {
+struct Fuzzer<'a> {
     raw: &'a Raw,
     random: Random,
     specs: Vec<Spec>,
@@ -133,7 +133,7 @@ pub fn state(fmu: &Fmu) -> Vec<u8> {
 ///
 /// # Errors
 /// When the FMU breaks a rule.
-pub fn abuse(
+pub fn fuzz(
     fmu: &Fmu,
     raw: &Raw,
     foreign: &[Vec<u8>],
@@ -156,7 +156,7 @@ pub fn abuse(
     let derivatives = fmu.description.derivatives.iter().map(|unknown| variables[unknown.variable].reference);
     // Every FMU has its own numbers, whichever others are called in the same process.
     let seed = seed ^ checksum(fmu.name.as_bytes());
-    let mut abuser = Abuser {
+    let mut fuzzer = Fuzzer {
         raw,
         random: Random(seed),
         specs: specs.collect(),
@@ -169,12 +169,12 @@ pub fn abuse(
         report: Report::default(),
         is_verbose,
     };
-    while goes_on(abuser.report.calls) {
-        if let Err(what) = abuser.once() {
-            return Err(Violation { what, call: abuser.report.calls, last: abuser.last.into() });
+    while goes_on(fuzzer.report.calls) {
+        if let Err(what) = fuzzer.once() {
+            return Err(Violation { what, call: fuzzer.report.calls, last: fuzzer.last.into() });
         }
     }
-    Ok(abuser.report)
+    Ok(fuzzer.report)
 }
 
 type Checked<T = ()> = Result<T, String>;
@@ -204,7 +204,7 @@ fn texts(entries: &[Entry], name: &[u8]) -> Checked<String> {
     Ok(all)
 }
 
-impl<'a> Abuser<'a> {
+impl<'a> Fuzzer<'a> {
     fn chance(&mut self, one_in: u64) -> bool {
         self.random.below(one_in) == 0
     }

@@ -1,12 +1,12 @@
-//! Long and crowded use of FMUs, for tests and by hand.
+//! Soak test: long use of FMUs, and of many instances, for tests and by hand.
 //!
-//! - `endure crowd INSTANCES THREADS SECONDS FMU...` keeps that many instances of mixed FMUs alive while the threads
+//! - `soak many INSTANCES THREADS SECONDS FMU...` keeps that many instances of mixed FMUs alive while the threads
 //!   create, step, save, serialize, restore, reset and free them; ends with 1 if the memory of the process grows after
 //!   the first quarter of the time;
-//! - `endure steps STEPS FMU` makes that many steps of 1 ms; ends with 1 if the time drifts or the memory grows;
-//! - `endure restore STATES FMU...` saves each FMU at that many random instants, goes on from each in another process,
+//! - `soak steps STEPS FMU` makes that many steps of 1 ms; ends with 1 if the time drifts or the memory grows;
+//! - `soak restore STATES FMU...` saves each FMU at that many random instants, goes on from each in another process,
 //!   and ends with 1 if a result differs in a bit;
-//! - `endure continue FMU STATES` is that other process.
+//! - `soak continue FMU STATES` is that other process.
 
 use fmu_import::loader::Instance;
 use std::path::Path;
@@ -27,8 +27,8 @@ fn main() -> ExitCode {
     let arguments: Vec<_> = arguments.iter().map(String::as_str).collect();
     let number = |text: &str| text.parse::<u64>().unwrap_or_else(|_| panic!("{text} is not a whole number"));
     let result = match arguments.as_slice() {
-        ["crowd", instances, threads, seconds, fmus @ ..] if !fmus.is_empty() => {
-            crowd(number(instances) as usize, number(threads) as usize, number(seconds), fmus)
+        ["many", instances, threads, seconds, fmus @ ..] if !fmus.is_empty() => {
+            many(number(instances) as usize, number(threads) as usize, number(seconds), fmus)
         }
         ["steps", steps, fmu] => steps_without_drift(number(steps), fmu),
         ["restore", states, fmus @ ..] => fmus.iter().try_for_each(|fmu| restore(number(states), fmu)),
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
         }
         _ => {
             eprintln!(
-                "usage: endure crowd INSTANCES THREADS SECONDS FMU... | steps STEPS FMU | restore STATES FMU... | continue FMU STATES"
+                "usage: soak many INSTANCES THREADS SECONDS FMU... | steps STEPS FMU | restore STATES FMU... | continue FMU STATES"
             );
             return ExitCode::from(2);
         }
@@ -73,7 +73,7 @@ fn flat(before: Option<u64>, after: Option<u64>) -> Result<(), String> {
     }
 }
 
-/// An instance in a crowd, with what is needed to use it.
+/// An instance among many, with what is needed to use it.
 struct Member<'a> {
     fmu: &'a Fmu,
     excitation: &'a Excitation,
@@ -108,7 +108,7 @@ impl<'a> Member<'a> {
     }
 }
 
-fn crowd(instances: usize, threads: usize, seconds: u64, paths: &[&str]) -> Result<(), String> {
+fn many(instances: usize, threads: usize, seconds: u64, paths: &[&str]) -> Result<(), String> {
     let fmus: Vec<_> = paths.iter().map(|path| Fmu::open(Path::new(path))).collect();
     let excitations: Vec<_> = fmus.iter().map(|fmu| Excitation::of(fmu, 1)).collect();
     let [lives, steps, restored] = [const { AtomicU64::new(0) }; 3];

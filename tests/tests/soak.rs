@@ -1,10 +1,10 @@
-//! Many instances at once, many steps, many states: short runs of `endure`; docs/robustness.md has the long ones.
+//! Many instances at once, many steps, many states: short runs of `soak`; docs/robustness.md has the long ones.
 #![cfg(target_os = "linux")]
 
 use std::process::Command;
 
-fn endure(arguments: &[&str], fmus: &[std::path::PathBuf]) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_endure"));
+fn soak(arguments: &[&str], fmus: &[std::path::PathBuf]) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_soak"));
     let output = command.args(arguments).args(fmus).output().expect("the program runs");
     assert!(
         output.status.success(),
@@ -16,16 +16,16 @@ fn endure(arguments: &[&str], fmus: &[std::path::PathBuf]) {
 
 #[test]
 fn a_thousand_instances_in_64_threads_do_not_grow() {
-    endure(&["crowd", "1000", "64", "12"], &tests::paths());
+    soak(&["many", "1000", "64", "12"], &tests::paths());
 }
 
 #[test]
 fn a_million_steps_do_not_drift() {
     let plant = tests::folder().join("HydroPneumaticHalfCar.fmu");
-    endure(&["steps", "1000000"], &[plant]);
+    soak(&["steps", "1000000"], &[plant]);
 }
 
 #[test]
 fn states_of_random_instants_go_on_in_another_process() {
-    endure(&["restore", "40"], &tests::paths());
+    soak(&["restore", "40"], &tests::paths());
 }

@@ -1,6 +1,6 @@
-//! Calls FMUs as no master should, and checks how they answer: see `tests::abuse`.
+//! Calls FMUs as no master should, and checks how they answer: see `tests::fuzz`.
 //!
-//! `abuse [--calls N] [--seconds T] [--seed S] [--verbose] FMU...` makes about N calls to each FMU, and more until T
+//! `fuzz [--calls N] [--seconds T] [--seed S] [--verbose] FMU...` makes about N calls to each FMU, and more until T
 //! seconds are over, in the same order whenever seed and FMUs are the same, and prints how often each function
 //! succeeded, was discarded and was refused. Calls that only observe are made besides. It ends with 1 at the first
 //! broken rule and prints the seed and the last calls. If a call ends the process, `--verbose` shows which: it prints
@@ -10,10 +10,10 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tests::Fmu;
-use tests::abuse::{Report, abuse, state};
+use tests::fuzz::{Report, fuzz, state};
 use tests::raw::Raw;
 
-const USAGE: &str = "usage: abuse [--calls N] [--seconds T] [--seed S] [--verbose] FMU...";
+const USAGE: &str = "usage: fuzz [--calls N] [--seconds T] [--seed S] [--verbose] FMU...";
 
 struct Options {
     calls: u64,
@@ -55,7 +55,7 @@ fn main() -> ExitCode {
         let foreign: Vec<_> = others.map(|(_, bytes)| bytes.clone()).collect();
         let begin = Instant::now();
         let goes_on = |calls: u64| calls < options.calls || begin.elapsed() < options.least;
-        match abuse(fmu, &raw, &foreign, options.seed, options.is_verbose, goes_on) {
+        match fuzz(fmu, &raw, &foreign, options.seed, options.is_verbose, goes_on) {
             Ok(report) => {
                 let (slowest, call) = &report.slowest;
                 println!(

@@ -1,9 +1,9 @@
 //! Calls that no master should make, from a generator with a fixed seed, in a process of their own: what is checked
-//! stands at `tests::abuse`, how to run more of them in docs/robustness.md.
+//! stands at `tests::fuzz`, how to run more of them in docs/robustness.md.
 
 use std::process::{Command, Output};
 
-const ABUSE: &str = env!("CARGO_BIN_EXE_abuse");
+const FUZZ: &str = env!("CARGO_BIN_EXE_fuzz");
 
 fn run(command: &mut Command) -> Output {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
@@ -28,7 +28,7 @@ fn no_call_breaks_an_fmu() {
     let paths = tests::paths();
     // A minute in all, and not less on a fast machine.
     let seconds = 60.0 / paths.len() as f64;
-    let mut command = Command::new(ABUSE);
+    let mut command = Command::new(FUZZ);
     let output = run(command.args(["--calls", "50000", "--seconds", &seconds.to_string()]).args(paths));
     // Calls that are always refused would test little: every function that can succeed did so now and then.
     let never = ["fmi2CancelStep", "fmi2GetRealOutputDerivatives", "fmi2SetRealInputDerivatives"];
@@ -46,7 +46,7 @@ fn no_call_breaks_an_fmu() {
 #[test]
 fn equal_seeds_make_equal_calls() {
     let paths = tests::paths();
-    let again = |seed| answers(&run(Command::new(ABUSE).args(["--calls", "10000", "--seed", seed]).args(&paths[..2])));
+    let again = |seed| answers(&run(Command::new(FUZZ).args(["--calls", "10000", "--seed", seed]).args(&paths[..2])));
     assert_eq!(again("7"), again("7"));
     assert_ne!(again("7"), again("8"));
 }
@@ -56,5 +56,5 @@ fn equal_seeds_make_equal_calls() {
 #[test]
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn valgrind_finds_nothing() {
-    run(tests::valgrind().arg(ABUSE).args(["--calls", "500", "--seed", "2"]).args(tests::paths()));
+    run(tests::valgrind().arg(FUZZ).args(["--calls", "500", "--seed", "2"]).args(tests::paths()));
 }
