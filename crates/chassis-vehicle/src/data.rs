@@ -83,7 +83,7 @@ pub mod hydro_pneumatic_half_car {
     pub const GRAVITY: f64 = 9.81;
 }
 
-/// Three-axle heavy truck with a balance suspension of its rear axles: Lu, Wang, Zhang, "Multiobjective Synchronous
+/// Three-axle heavy truck with a walking-beam suspension of its rear axles: Lu, Wang, Zhang, "Multiobjective Synchronous
 /// Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral Coupling Dynamics", 2022.
 ///
 /// The paper prints no data of the vehicle. "Calibrated" values are a rounded least-squares fit to its numbers without
@@ -102,9 +102,9 @@ pub mod heavy_vehicle {
     pub const ROLL_YAW_INERTIA: f64 = 2_000.0;
     /// One wheel position of the front, middle and rear axle, kg: half a steer axle, half a drive axle with dual wheels.
     pub const WHEEL_MASS: [f64; 3] = [300.0, 450.0, 450.0];
-    /// One balance beam, kg.
+    /// One walking beam, kg.
     pub const BEAM_MASS: f64 = 200.0;
-    /// One balance beam about its own center of mass, kg m2.
+    /// One walking beam about its own center of mass, kg m2.
     pub const BEAM_PITCH_INERTIA: f64 = 60.0;
     /// Beam against body, N m s/rad: 7 % of critical damping at the 9.4 Hz of the beam's pitch.
     pub const BEAM_PITCH_DAMPING: f64 = 4_000.0;

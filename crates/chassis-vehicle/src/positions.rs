@@ -46,13 +46,13 @@ fmu::named_array! {
 }
 
 fmu::named_array! {
-    /// The suspension struts of a three-axle vehicle whose rear axles hang on balance beams; left ones have even
+    /// The suspension struts of a three-axle vehicle whose rear axles hang on walking beams; left ones have even
     /// numbers.
     pub Struts[4] {
         fl: "front left strut",
         fr: "front right strut",
-        rl: "left strut of the balance suspension",
-        rr: "right strut of the balance suspension",
+        rl: "left strut of the walking-beam suspension",
+        rr: "right strut of the walking-beam suspension",
     }
 }
 

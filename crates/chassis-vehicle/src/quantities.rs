@@ -34,12 +34,12 @@ quantities! {
     BODY_ROLL_INERTIA, "body.roll_inertia", unit!("kg.m2"), None, Positive, "Roll inertia of the sprung mass about its own center of mass";
     BODY_PITCH_INERTIA, "body.pitch_inertia", unit!("kg.m2"), None, Positive, "Pitch inertia of the sprung mass about its own center of mass";
     BODY_ROLL_YAW_INERTIA, "body.roll_yaw_inertia", unit!("kg.m2"), None, Any, "Minus the integral of x z dm of the sprung mass";
-    BEAM_MASS, "beam.mass", unit!("kg"), None, Positive, "Mass of one balance beam";
-    BEAM_PITCH_INERTIA, "beam.pitch_inertia", unit!("kg.m2"), None, Positive, "Pitch inertia of one balance beam about its own center of mass";
+    BEAM_MASS, "beam.mass", unit!("kg"), None, Positive, "Mass of one walking beam";
+    BEAM_PITCH_INERTIA, "beam.pitch_inertia", unit!("kg.m2"), None, Positive, "Pitch inertia of one walking beam about its own center of mass";
     // Geometry
     CG_TO_FRONT_AXLE, "geometry.cg_to_front_axle", unit!("m"), None, Positive, "Center of mass to front axle, along x";
     CG_TO_REAR_AXLE, "geometry.cg_to_rear_axle", unit!("m"), None, Positive, "Center of mass to rear axle, along x";
-    CG_TO_REAR_SUSPENSION, "geometry.cg_to_rear_suspension", unit!("m"), None, Positive, "Center of mass to the trunnion of the balance beams, along x";
+    CG_TO_REAR_SUSPENSION, "geometry.cg_to_rear_suspension", unit!("m"), None, Positive, "Center of mass to the trunnion of the walking beams, along x";
     FRONT_TO_MIDDLE_AXLE, "geometry.front_to_middle_axle", unit!("m"), None, Positive, "Front to middle axle";
     MIDDLE_TO_REAR_AXLE, "geometry.middle_to_rear_axle", unit!("m"), None, Positive, "Middle to rear axle";
     TRACK, "geometry.track", unit!("m"), None, Positive, "Distance between the left and the right wheel of an axle";
@@ -56,7 +56,7 @@ quantities! {
     SUSPENSION_DAMPING, "suspension.damping", unit!("N.s/m"), Some("kN.s/m"), NonNegative, "Damping of one suspension strut";
     SUSPENSION_DAMPING_SIDE, "suspension.damping.side", unit!("N.s/m"), Some("kN.s/m"), NonNegative, "Damping of the suspension of one side, front and rear strut together";
     ANTI_ROLL_BAR_STIFFNESS, "anti_roll_bar.stiffness", unit!("N.m/rad"), Some("kN.m/rad"), NonNegative, "Moment of the anti-roll bar per roll angle between body and axle";
-    BEAM_PITCH_DAMPING, "beam.pitch_damping", unit!("N.m.s/rad"), None, NonNegative, "Damping between one balance beam and the body, moment per pitch rate";
+    BEAM_PITCH_DAMPING, "beam.pitch_damping", unit!("N.m.s/rad"), None, NonNegative, "Damping between one walking beam and the body, moment per pitch rate";
     TIRE_STIFFNESS, "tire.stiffness", unit!("N/m"), Some("kN/m"), AtLeast(1e3), "Vertical stiffness of one tire";
     TIRE_STIFFNESS_SIDE, "tire.stiffness.side", unit!("N/m"), Some("kN/m"), Positive, "Vertical stiffness of the tires of one side, front and rear tire together";
     TIRE_CORNERING_STIFFNESS, "tire.cornering_stiffness", unit!("N/rad"), Some("kN/rad"), Positive, "Cornering stiffness of one tire";

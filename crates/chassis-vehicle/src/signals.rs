@@ -63,9 +63,9 @@ signals! {
     WHEEL_HEIGHT, "wheel_height", unit!("m"), Some("mm"), 0.1, "Height of the unsprung mass above static equilibrium, {}";
     WHEEL_VELOCITY, "wheel_velocity", unit!("m/s"), Some("mm/s"), 1.0, "Vertical velocity of the unsprung mass, {}";
     WHEEL_SPEED, "wheel_speed", unit!("rad/s"), Some("rpm"), 100.0, "Speed of rotation of the {}, positive when it rolls forwards";
-    BEAM_HEIGHT, "beam_height", unit!("m"), Some("mm"), 0.02, "Height of the balance beam's trunnion above static equilibrium, {}";
-    BEAM_PITCH, "beam_pitch", unit!("rad"), Some("deg"), 0.02, "Pitch angle of the balance beam, positive when its front end is low, {}";
-    BEAM_PITCH_RATE, "beam_pitch_rate", unit!("rad/s"), Some("deg/s"), 0.5, "Pitch rate of the balance beam, {}";
+    BEAM_HEIGHT, "beam_height", unit!("m"), Some("mm"), 0.02, "Height of the walking beam's trunnion above static equilibrium, {}";
+    BEAM_PITCH, "beam_pitch", unit!("rad"), Some("deg"), 0.02, "Pitch angle of the walking beam, positive when its front end is low, {}";
+    BEAM_PITCH_RATE, "beam_pitch_rate", unit!("rad/s"), Some("deg/s"), 0.5, "Pitch rate of the walking beam, {}";
     SUSPENSION_DEFLECTION, "suspension_deflection", unit!("m"), Some("mm"), 0.1, "Body attachment height minus wheel height (compression negative), {}";
     SUSPENSION_VELOCITY, "suspension_velocity", unit!("m/s"), Some("mm/s"), 1.0, "Rate of the suspension deflection, {}";
     TIRE_DEFLECTION, "tire_deflection", unit!("m"), Some("mm"), 0.02, "Wheel height minus road height (compression negative), {}";

@@ -146,7 +146,7 @@ pub struct SemiActiveFuzzySuspension {
     sample_time: f64,
 }
 
-/// Motion of the body, and of the struts; `rl`, `rr` stand on the balance beams.
+/// Motion of the body, and of the struts; `rl`, `rr` stand on the walking beams.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(BODY_HEAVE_RATE)]

@@ -4,7 +4,7 @@
 //! | symbol | meaning |
 //! |---|---|
 //! | z, theta, phi | heave, pitch, roll of the sprung mass |
-//! | z_f, z_b, th_b | height of the front wheels; height and pitch of the balance beams |
+//! | z_f, z_b, th_b | height of the front wheels; height and pitch of the walking beams |
 //! | z_w, q | height of a wheel and of the road under it |
 //! | x, y | position of an axle in front of and of a side to the left of the center of mass |
 //! | d, t | deflection of a strut and of the tires (compression negative) |
@@ -100,7 +100,7 @@ pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
     })
 }
 
-/// Front axle (0) or balance suspension (1) of an axle.
+/// Front axle (0) or walking-beam suspension (1) of an axle.
 fn group_of(axle: usize) -> usize {
     axle.min(1)
 }

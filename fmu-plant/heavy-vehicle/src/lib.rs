@@ -1,5 +1,5 @@
-//! `HeavyVehicle`: a three-axle heavy truck with a balance suspension of its rear axles (heave, pitch, roll, front
-//! wheels, balance beams, lateral velocity, yaw rate) at a prescribed speed. Vertical and lateral motion are coupled by
+//! `HeavyVehicle`: a three-axle heavy truck with a walking-beam suspension of its rear axles (heave, pitch, roll, front
+//! wheels, walking beams, lateral velocity, yaw rate) at a prescribed speed. Vertical and lateral motion are coupled by
 //! the tire loads; either can also run alone.
 //!
 //! Lu, Wang, Zhang, "Multiobjective Synchronous Control of Heavy-Duty Vehicles Based on Longitudinal and Lateral
@@ -144,7 +144,7 @@ pub struct HeavyVehicle {
     max_step: f64,
 }
 
-/// Inputs. The struts `rl` and `rr` stand on the balance beams.
+/// Inputs. The struts `rl` and `rr` stand on the walking beams.
 #[derive(Inputs, Clone, Debug)]
 pub struct U<T> {
     #[var(DRIVER_SPEED, start = data::SPEED)]
@@ -172,7 +172,7 @@ pub struct X<T> {
     /// Height of the unsprung mass in the vertical motion
     #[var("state.wheel_height", unit = "m", nominal = 0.02, local)]
     z_f: FrontWheels<T>,
-    /// Height of the trunnion of the balance beam in the vertical motion
+    /// Height of the trunnion of the walking beam in the vertical motion
     #[var("state.beam_height", unit = "m", nominal = 0.02, local)]
     z_b: Sides<T>,
     #[var(BEAM_PITCH)]
@@ -272,7 +272,7 @@ pub struct D {
     magic: MagicFormula,
 }
 
-/// Three-axle heavy truck with balance suspension: heave, pitch, roll, front wheels, beams, lateral and yaw motion at
+/// Three-axle heavy truck with walking-beam suspension: heave, pitch, roll, front wheels, beams, lateral and yaw motion at
 /// a prescribed speed
 #[fmu::model(stop_time = 13.0, step_size = 0.001)]
 impl Continuous for HeavyVehicle {
