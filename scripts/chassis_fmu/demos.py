@@ -147,12 +147,12 @@ def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> t
 
     steps = round(demo.stop / STEP)
     grid = np.arange(steps + 1) * STEP
-    feeds = []
+    series = []
     for slot, signal in enumerate(demo.inputs.values()):
         if callable(signal):
-            feeds.append(plan.Feed(slot, tuple(grid.tolist()), tuple(signal(grid).tolist())))
+            series.append(plan.InputSeries(slot, tuple(grid.tolist()), tuple(signal(grid).tolist())))
         else:
-            feeds.append(plan.Feed(slot, (0.0,), (signal,)))
+            series.append(plan.InputSeries(slot, (0.0,), (signal,)))
     inputs = tuple(wire(name, slot) for slot, name in enumerate(demo.inputs))
     outputs = tuple(wire(name, slot) for slot, name in enumerate(demo.outputs, start=len(inputs)))
     component = plan.Component(
@@ -171,7 +171,7 @@ def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> t
         point=None,
         seed=None,
         components=(component,),
-        feeds=tuple(feeds),
+        series=tuple(series),
         slots=len(inputs) + len(outputs),
         columns=tuple(w.slot for w in outputs),
     )

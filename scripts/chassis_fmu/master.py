@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from . import calls
 from .calls import Board
-from .plan import Component, Feed, Kind, Run, Setting, Simulation, Wire
+from .plan import Component, InputSeries, Kind, Run, Setting, Simulation, Wire
 
 WARNING = 1
 FATAL = 4
@@ -37,8 +37,8 @@ STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
 # Steps between two reports of progress.
 PROGRESS_INTERVAL = 200
 
-# Slack of the zero-order hold of a feed, in steps: a row at t_k counts although t_k is rounded.
-FEED_SLACK = 1e-9
+# Slack of the zero-order hold of an input series, in steps: a row at t_k counts although t_k is rounded.
+SERIES_SLACK = 1e-9
 
 Array = NDArray[np.floating[Any]]
 
@@ -355,9 +355,9 @@ class Slave:
 
 
 class _Player:
-    """Plays a feed: zero-order hold of its rows."""
+    """Plays an input series: zero-order hold of its rows."""
 
-    def __init__(self, feed: Feed, slack: float) -> None:
+    def __init__(self, feed: InputSeries, slack: float) -> None:
         self.feed = feed
         self.slack = slack
         self.row = 0
@@ -405,7 +405,7 @@ def simulate(
     recorded = np.array([c for c in run.columns if c is not None], dtype=np.intp)
     times: Array = np.empty(simulation.rows)
     rows: Array = np.empty((simulation.rows, len(recorded)))
-    players = [_Player(f, FEED_SLACK * step) for f in run.feeds]
+    players = [_Player(f, SERIES_SLACK * step) for f in run.series]
     slaves: list[Slave] = []
     time = start
     board = board or Board()

@@ -65,7 +65,7 @@ class Component:
 
 
 @dataclass(frozen=True)
-class Feed:
+class InputSeries:
     """A signal from an input file, held between its rows."""
 
     slot: int
@@ -82,7 +82,7 @@ class Run:
     point: str | None
     seed: int | None
     components: tuple[Component, ...]
-    feeds: tuple[Feed, ...]
+    series: tuple[InputSeries, ...]
     slots: int
     columns: tuple[int | None, ...]
 
@@ -355,8 +355,9 @@ def _run(item: Mapping[str, Any], root: Path) -> Run:
         point=item["point"],
         seed=item["seed"],
         components=tuple(_component(c, root) for c in item["components"]),
-        feeds=tuple(
-            Feed(int(f["slot"]), tuple(map(float, f["times"])), tuple(map(float, f["values"]))) for f in item["feeds"]
+        series=tuple(
+            InputSeries(int(f["slot"]), tuple(map(float, f["times"])), tuple(map(float, f["values"])))
+            for f in item["series"]
         ),
         slots=int(item["slots"]),
         columns=tuple(None if c is None else int(c) for c in item["columns"]),

@@ -58,7 +58,7 @@ def planned(scenario: Plan, fmu: Path) -> Plan:
         component = Component("ramp", fmu, "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0),))
         runs.append(
             dataclasses.replace(
-                scenario.runs[0], id=name, components=(component,), feeds=(), slots=1, columns=(0, None)
+                scenario.runs[0], id=name, components=(component,), series=(), slots=1, columns=(0, None)
             )
         )
     return dataclasses.replace(scenario, runs=tuple(runs))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from chassis_fmu import master
-from chassis_fmu.plan import Component, Feed, Plan, Run
+from chassis_fmu.plan import Component, InputSeries, Plan, Run
 
 OK, WARNING, ERROR, FATAL = 0, 1, 3, 4
 
@@ -161,9 +161,9 @@ def test_columns_of_absent_components_are_left_out(scenario: Plan, run: Run) -> 
 
 def test_a_feed_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
     # The row at 3*0.1 counts at t = 0.3 although 0.30000000000000004 is what the master computes, and vice versa.
-    feed = Feed(2, (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
+    feed = InputSeries(2, (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
     plant = dataclasses.replace(run.components[1], inputs=(dataclasses.replace(run.components[1].inputs[0], slot=2),))
-    fed = dataclasses.replace(run, components=(run.components[0], plant), feeds=(feed,), slots=3, columns=(2, 1))
+    fed = dataclasses.replace(run, components=(run.components[0], plant), series=(feed,), slots=3, columns=(2, 1))
     longer = dataclasses.replace(scenario.simulation, steps=4, stop=0.4)
     _, rows = master.simulate(fed, longer, System())
     assert rows[:, 0].tolist() == [7.0, 7.0, 8.0, 8.0, 9.0]

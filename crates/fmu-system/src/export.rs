@@ -52,7 +52,7 @@ pub enum ExportError {
     },
     /// The run reads signals from a file.
     #[error("signals from a file cannot be written: neither SSP nor OSP structures hold them")]
-    Feeds,
+    InputSeries,
     /// A name that stands for something else in a path or URI.
     #[error("{0}: the name of an FMU may hold letters, digits, `_`, `-` and `.` only, because it is part of a URI")]
     FileName(String),
@@ -159,8 +159,8 @@ impl System {
     /// An FMU cannot be read or is another one than that of the plan, a file writes signals, an FMU has a name that is
     /// no part of a URI, an enumeration is set or wired, a unit of measure is defined in two ways.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
-        if !run.feeds.is_empty() {
-            return Err(ExportError::Feeds);
+        if !run.series.is_empty() {
+            return Err(ExportError::InputSeries);
         }
         let recorded: BTreeSet<usize> = run.columns.iter().flatten().copied().collect();
         let read: BTreeSet<usize> =

@@ -45,5 +45,5 @@ pub mod run;
 pub mod trial;
 pub mod worker;
 
-mod feeds;
+mod input_file;
 mod scenario;

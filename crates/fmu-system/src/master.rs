@@ -6,10 +6,10 @@
 //!
 //! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
 //! 2. Set the parameters, `fmi2EnterInitializationMode` on all.
-//! 3. Bus at 0; feeds of the start time; read the outputs of all components; then component by component: set
+//! 3. Bus at 0; input series of the start time; read the outputs of all components; then component by component: set
 //!    constants, set inputs from the bus, read outputs. `fmi2ExitInitializationMode` on all; read
 //!    the outputs of all.
-//! 4. Record. Step k goes from start + k*step: feeds of that time; sequential: component by component set
+//! 4. Record. Step k goes from start + k*step: input series of that time; sequential: component by component set
 //!    inputs, `fmi2DoStep`, read outputs; Jacobi: set the inputs of all, step all, read all.
 //!    Record every n-th step.
 //! 5. `fmi2Terminate`, `fmi2FreeInstance`.
@@ -141,7 +141,7 @@ impl Member {
             instance.set_real(&inputs.reals.references, &inputs.reals.values)?;
         }
         if !inputs.integers.is_empty() {
-            // Exact: the bus holds what an integer output or a checked feed put there.
+            // Exact: the bus holds what an integer output or a checked input series put there.
             inputs.integers.load(bus, |v| v as i32);
             instance.set_integer(&inputs.integers.references, &inputs.integers.values)?;
         }
@@ -172,14 +172,14 @@ impl Member {
 
 /// Signals from a file and the row each is at.
 struct Feeder<'a> {
-    feeds: Vec<(&'a run::Feed, usize)>,
+    series: Vec<(&'a run::InputSeries, usize)>,
     slack: f64,
 }
 
 impl Feeder<'_> {
     /// Puts the values of a time onto the bus. Times must rise from call to call.
     fn feed(&mut self, time: f64, bus: &mut [f64]) {
-        for (feed, row) in &mut self.feeds {
+        for (feed, row) in &mut self.series {
             while feed.times.get(*row + 1).is_some_and(|next| *next <= time + self.slack) {
                 *row += 1;
             }
@@ -203,7 +203,8 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
     }
     let mut members = instantiate(run, fmus).map_err(|error| failed(None, error))?;
     let mut bus = vec![0.0; run.slots];
-    let mut feeder = Feeder { feeds: run.feeds.iter().map(|feed| (feed, 0)).collect(), slack: 1e-9 * simulation.step };
+    let mut feeder =
+        Feeder { series: run.series.iter().map(|feed| (feed, 0)).collect(), slack: 1e-9 * simulation.step };
     initialize(simulation, run, &mut members, &mut bus, &mut feeder).map_err(|error| failed(None, error.into()))?;
 
     let rows = usize::try_from(simulation.steps / simulation.every).unwrap_or(0) + 1;

@@ -14,7 +14,7 @@ mod wiring;
 
 pub use self::fmus::{Descriptions, FmuFolder, Found};
 use self::pattern::{matches, split_pattern};
-use crate::feeds::Feeds;
+use crate::input_file::InputFile;
 use crate::limits;
 use crate::parameter_set::ParameterSet;
 use crate::plan::{self, Conversion, Plan};
@@ -121,14 +121,14 @@ pub fn resolve_text(
         Some(path) => {
             let text = read(path, limits::INPUT_FILE)?;
             let slack = 1e-9 * simulation.step;
-            let feeds = Feeds::parse(path, &text, simulation.start, slack)?;
-            Some((path, text, feeds))
+            let series = InputFile::parse(path, &text, simulation.start, slack)?;
+            Some((path, text, series))
         }
     };
     let mut resolver = Resolver {
         scenario: &scenario,
         problems,
-        feeds: inputs.as_ref().map(|(_, _, feeds)| feeds),
+        series: inputs.as_ref().map(|(_, _, series)| series),
         fed: BTreeSet::new(),
         misfits: Vec::new(),
         sets: HashMap::new(),
@@ -157,10 +157,10 @@ pub fn resolve_text(
     let (fed, misfits) = (resolver.fed, resolver.misfits);
     let warnings = resolver.problems.take_warnings();
     resolver.problems.finish()?;
-    if let Some((path, text, feeds)) = &inputs {
+    if let Some((path, text, series)) = &inputs {
         let unused: Vec<String> =
-            (0..feeds.signals.len()).filter(|i| !fed.contains(i)).map(|i| feeds.signals[i].name.clone()).collect();
-        Feeds::report(path, text, &unused, &misfits, &input_names(&systems))?;
+            (0..series.signals.len()).filter(|i| !fed.contains(i)).map(|i| series.signals[i].name.clone()).collect();
+        InputFile::report(path, text, &unused, &misfits, &input_names(&systems))?;
     }
     Ok(Plan {
         format: plan::FORMAT,
@@ -271,7 +271,7 @@ enum Source {
     /// An output: member and variable.
     Output(usize, usize),
     /// A column of the input file.
-    Feed(usize),
+    Series(usize),
     /// A value.
     Constant(Value),
 }
@@ -298,7 +298,7 @@ struct Column {
 struct Resolver<'a> {
     scenario: &'a Scenario,
     problems: Collector,
-    feeds: Option<&'a Feeds>,
+    series: Option<&'a InputFile>,
     /// Columns of the input file that write an input in some case.
     fed: BTreeSet<usize>,
     /// Values of the input file that do not fit.

@@ -49,7 +49,7 @@ pub struct Run {
     /// Components in order of execution.
     pub components: Vec<Component>,
     /// Signals from a file.
-    pub feeds: Vec<Feed>,
+    pub series: Vec<InputSeries>,
     /// Number of bus slots.
     pub slots: usize,
     /// Slot of each column of the plan; `None` where the case leaves the component out.
@@ -105,10 +105,10 @@ pub struct Wire {
 
 /// A signal from a file, held between its times.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Feed {
+pub struct InputSeries {
     /// Slot of the bus, written by nothing else.
     pub slot: usize,
-    /// Times, s, rising; the first is not after the start. Shared by the feeds of a file.
+    /// Times, s, rising; the first is not after the start. Shared by the series of a file.
     #[serde(serialize_with = "as_sequence", deserialize_with = "from_sequence")]
     pub times: Arc<[f64]>,
     /// Value from each time on.

@@ -112,7 +112,7 @@ fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulat
         point: None,
         seed: None,
         components: vec![component],
-        feeds: Vec::new(),
+        series: Vec::new(),
         slots: outputs.len(),
         columns: (0..outputs.len()).map(Some).collect(),
     };

@@ -356,7 +356,7 @@ fn what_cannot_be_written_is_said() {
     let inputs = folder.path().join("y.csv");
     std::fs::write(&inputs, "time,velocity:y\n0,1\n").unwrap();
     let fed = plan(&folder, SYSTEM, &Options { inputs: Some(inputs), ..Options::default() });
-    assert!(matches!(System::new(&fed, &fed.runs[0]), Err(ExportError::Feeds)));
+    assert!(matches!(System::new(&fed, &fed.runs[0]), Err(ExportError::InputSeries)));
 
     std::fs::copy(folder.path().join("Meter.fmu"), folder.path().join("My Meter.fmu")).unwrap();
     let named = plan(&folder, &SYSTEM.replace("\"Meter\"", "\"My Meter\""), &Options::default());

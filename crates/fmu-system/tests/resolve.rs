@@ -976,7 +976,7 @@ fn a_stop_that_is_too_late_is_marked() {
     assert_eq!(marked("9e4"), ["9e4", "2"], "stop and every");
 }
 
-/// Feeds stand in for outputs; what nothing needs any more is dropped.
+/// Input time series stand in for outputs; what nothing needs any more is dropped.
 #[test]
 fn inputs_from_a_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -991,10 +991,10 @@ fn inputs_from_a_file() {
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
     let names: Vec<_> = run.components.iter().map(|u| u.name.as_str()).collect();
     assert_eq!(names, ["steering", "vehicle"], "the driver is dropped");
-    assert_eq!(run.feeds.len(), 2);
-    assert_eq!(*run.feeds[0].values, [10.0, 12.0]);
-    assert_eq!(run.components[0].inputs[0].slot, run.feeds[1].slot);
-    assert_eq!(run.components[0].inputs[1].slot, run.feeds[0].slot);
+    assert_eq!(run.series.len(), 2);
+    assert_eq!(*run.series[0].values, [10.0, 12.0]);
+    assert_eq!(run.components[0].inputs[0].slot, run.series[1].slot);
+    assert_eq!(run.components[0].inputs[1].slot, run.series[0].slot);
 
     // One input of one component only: the other readers keep the driver. It stands above a constant.
     let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n").unwrap();

@@ -114,7 +114,7 @@ impl<'a> Resolver<'a> {
         for (member, inputs) in system.members.iter_mut().zip(wired) {
             member.inputs = inputs;
         }
-        if self.feeds.is_some() {
+        if self.series.is_some() {
             self.drop_unneeded(system);
         }
     }
@@ -224,17 +224,17 @@ impl<'a> Resolver<'a> {
     }
 
     fn feed(&self, component: Option<&str>, signal: &str) -> Option<usize> {
-        let feeds = self.feeds?;
+        let series = self.series?;
         match component {
-            Some(component) => feeds.index(&format!("{component}:{signal}")),
-            None => feeds.index(signal),
+            Some(component) => series.index(&format!("{component}:{signal}")),
+            None => series.index(signal),
         }
     }
 
-    /// Notes that a feed writes an input, and values that the input cannot take.
+    /// Notes that a series writes an input, and values that the input cannot take.
     fn use_feed(&mut self, feed: usize, member: &Member<'_>, input: &Variable) -> Source {
         self.fed.insert(feed);
-        let signal = self.feeds.map(|f| &f.signals[feed]);
+        let signal = self.series.map(|f| &f.signals[feed]);
         let fits = |value: f64| match input.base_type {
             BaseType::Integer => value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value),
             BaseType::Boolean => value == 0.0 || value == 1.0,
@@ -265,7 +265,7 @@ impl<'a> Resolver<'a> {
                 self.misfits.push(misfit);
             }
         }
-        Source::Feed(feed)
+        Source::Series(feed)
     }
 
     /// The wires of a case by name, and the outputs that nothing reads.
@@ -284,8 +284,8 @@ impl<'a> Resolver<'a> {
                         read.insert((*from, *output));
                         Origin::Output(signal(&system.members[*from], *output))
                     }
-                    Source::Feed(feed) => {
-                        Origin::File(self.feeds.map_or(String::new(), |feeds| feeds.signals[*feed].name.clone()))
+                    Source::Series(feed) => {
+                        Origin::File(self.series.map_or(String::new(), |series| series.signals[*feed].name.clone()))
                     }
                     Source::Constant(value) => {
                         Origin::Constant { value: value.clone(), unit: member.variable(*v).unit.clone() }
@@ -403,12 +403,12 @@ impl<'a> Resolver<'a> {
     pub(super) fn wired(&self, system: &System<'_>, columns: &[Column]) -> run::Run {
         let kept: Vec<usize> = (0..system.members.len()).filter(|&m| !system.members[m].dropped).collect();
         let sources = || kept.iter().flat_map(|&m| &system.members[m].inputs).map(|(_, source)| source);
-        // Slots: feeds first, then outputs in the order of the components.
+        // Slots: series first, then outputs in the order of the components.
         let mut slots = 0..;
         let mut next = || slots.next().unwrap_or_default();
         let used: BTreeSet<usize> = sources()
             .filter_map(|s| match s {
-                Source::Feed(feed) => Some(*feed),
+                Source::Series(feed) => Some(*feed),
                 _ => None,
             })
             .collect();
@@ -441,7 +441,7 @@ impl<'a> Resolver<'a> {
                         Source::Constant(value) => {
                             constants.push(setting(variable, value.clone()));
                         }
-                        Source::Feed(feed) => inputs.push(wire(variable, feed_slots[feed])),
+                        Source::Series(feed) => inputs.push(wire(variable, feed_slots[feed])),
                         Source::Output(m, o) => {
                             inputs.push(wire(variable, output_slots[&(*m, *o)]));
                         }
@@ -465,12 +465,12 @@ impl<'a> Resolver<'a> {
                 }
             })
             .collect();
-        let feeds = self.feeds.map_or(Vec::new(), |feeds| {
+        let series = self.series.map_or(Vec::new(), |series| {
             used.iter()
-                .map(|feed| run::Feed {
+                .map(|feed| run::InputSeries {
                     slot: feed_slots[feed],
-                    times: Arc::clone(&feeds.times),
-                    values: Arc::clone(&feeds.signals[*feed].values),
+                    times: Arc::clone(&series.times),
+                    values: Arc::clone(&series.signals[*feed].values),
                 })
                 .collect()
         });
@@ -481,7 +481,7 @@ impl<'a> Resolver<'a> {
             point: None,
             seed: None,
             components,
-            feeds,
+            series,
             slots: feed_slots.len() + output_slots.len(),
             columns: columns
                 .iter()

@@ -1,7 +1,7 @@
 //! What requests and responses about runs are made of.
 
 use crate::master::Recording;
-use crate::run::{Feed, Run, Simulation, Trial};
+use crate::run::{InputSeries, Run, Simulation, Trial};
 use fmu_import::fmu::Binary;
 use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
@@ -20,10 +20,10 @@ pub(super) enum Request {
     /// To execute a run.
     Run {
         simulation: Simulation,
-        /// Its feeds are in the body.
+        /// Its series are in the body.
         run: Box<Run>,
-        /// Slots of the feeds, number of rows, and whether a feed has the times of the one before.
-        feeds: Vec<(usize, usize, bool)>,
+        /// Slots of the input series, number of rows, and whether one has the times of the one before.
+        series: Vec<(usize, usize, bool)>,
         /// Names of the columns, and the file to write them to instead of returning them.
         csv: Option<(Vec<String>, PathBuf)>,
     },
@@ -55,36 +55,36 @@ impl Request {
     /// A run as header and body.
     pub(super) fn run(simulation: &Simulation, mut run: Run, csv: Option<(Vec<String>, PathBuf)>) -> (Self, Vec<f64>) {
         let mut body = Vec::new();
-        let mut feeds: Vec<(usize, usize, bool)> = Vec::new();
-        let taken = std::mem::take(&mut run.feeds);
+        let mut series: Vec<(usize, usize, bool)> = Vec::new();
+        let taken = std::mem::take(&mut run.series);
         for (at, feed) in taken.iter().enumerate() {
             let is_same = at > 0 && Arc::ptr_eq(&feed.times, &taken[at - 1].times);
             if !is_same {
                 body.extend_from_slice(&feed.times);
             }
             body.extend_from_slice(&feed.values);
-            feeds.push((feed.slot, feed.values.len(), is_same));
+            series.push((feed.slot, feed.values.len(), is_same));
         }
-        (Self::Run { simulation: *simulation, run: Box::new(run), feeds, csv }, body)
+        (Self::Run { simulation: *simulation, run: Box::new(run), series, csv }, body)
     }
 }
 
-/// The feeds of a run from its body.
-pub(super) fn feeds(list: &[(usize, usize, bool)], mut body: &[f64]) -> io::Result<Vec<Feed>> {
+/// The series of a run from its body.
+pub(super) fn series(list: &[(usize, usize, bool)], mut body: &[f64]) -> io::Result<Vec<InputSeries>> {
     let mut take = |count: usize| -> io::Result<Arc<[f64]>> {
         let (numbers, rest) = body.split_at_checked(count).ok_or_else(|| invalid("a body is too short"))?;
         body = rest;
         Ok(numbers.into())
     };
-    let mut feeds: Vec<Feed> = Vec::new();
+    let mut series: Vec<InputSeries> = Vec::new();
     for &(slot, rows, is_same) in list {
-        let times = match feeds.last().filter(|_| is_same) {
+        let times = match series.last().filter(|_| is_same) {
             Some(before) => Arc::clone(&before.times),
             None => take(rows)?,
         };
-        feeds.push(Feed { slot, times, values: take(rows)? });
+        series.push(InputSeries { slot, times, values: take(rows)? });
     }
-    Ok(feeds)
+    Ok(series)
 }
 
 impl Response {

@@ -42,8 +42,8 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
             });
             replies.send(&loaded.map_or_else(|error| failed(error.to_string()), |()| Response::Done), &[])
         }
-        Request::Run { simulation, mut run, feeds, csv } => {
-            run.feeds = protocol::feeds(&feeds, body)?;
+        Request::Run { simulation, mut run, series, csv } => {
+            run.series = protocol::series(&series, body)?;
             let (response, body) = match master::execute(&simulation, &run, libraries) {
                 Err(RunError { time, cause, .. }) => {
                     let is_fatal = matches!(&*cause, FmusError::Fmu(FmuError::Call(call)) if call.problem == CallProblem::Status(Status::Fatal));

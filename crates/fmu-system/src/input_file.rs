@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Signals over time. The file is read completely and checked.
-pub(crate) struct Feeds {
+pub(crate) struct InputFile {
     /// Times, s, rising.
     pub(crate) times: Arc<[f64]>,
     /// Signals in the order of the file.
@@ -22,7 +22,7 @@ pub(crate) struct Signal {
     pub(crate) values: Arc<[f64]>,
 }
 
-impl Feeds {
+impl InputFile {
     /// Reads the text of a file. `start` is the start of the simulation, `slack` how much later the
     /// first row may be, both in seconds.
     pub(crate) fn parse(file: &Path, text: &str, start: f64, slack: f64) -> Result<Self, Problems> {
@@ -139,18 +139,19 @@ fn line(text: &str, at: u64) -> Range<usize> {
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> Result<Feeds, String> {
-        Feeds::parse(Path::new("in.csv"), text, 0.0, 1e-12).map_err(|p| p.problems.iter().map(|p| p.line()).collect())
+    fn parse(text: &str) -> Result<InputFile, String> {
+        InputFile::parse(Path::new("in.csv"), text, 0.0, 1e-12)
+            .map_err(|p| p.problems.iter().map(|p| p.line()).collect())
     }
 
     #[test]
     fn columns_are_read() {
-        let feeds =
+        let series =
             parse("time, driver.steer,road:road_height.l\n0,0.1,true\n0.5,-2e-3,0\n").unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(*feeds.times, [0.0, 0.5]);
-        assert_eq!(feeds.index("road:road_height.l"), Some(1));
-        assert_eq!(*feeds.signals[0].values, [0.1, -2e-3]);
-        assert_eq!(*feeds.signals[1].values, [1.0, 0.0]);
+        assert_eq!(*series.times, [0.0, 0.5]);
+        assert_eq!(series.index("road:road_height.l"), Some(1));
+        assert_eq!(*series.signals[0].values, [0.1, -2e-3]);
+        assert_eq!(*series.signals[1].values, [1.0, 0.0]);
     }
 
     #[test]
