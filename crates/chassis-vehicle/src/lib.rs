@@ -1,4 +1,4 @@
-//! What the vehicles and controllers of the library share: the catalogue of [`signals`] and [`quantities`], the
+//! What the vehicles and controllers of the library share: the catalogue of [`signals`] and [`parameters`], the
 //! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), and
 //! the data of the vehicles.
 //!
@@ -7,8 +7,8 @@
 //! tire load is the compressive force on the road; a suspension force pushes the body up and the wheel down.
 
 pub mod data;
+pub mod parameters;
 pub mod positions;
-pub mod quantities;
 pub mod road;
 pub mod signals;
 pub mod statics;
@@ -18,7 +18,7 @@ pub mod tire;
 
 /// What a model file needs besides `fmu::prelude`.
 pub mod prelude {
+    pub use crate::parameters::*;
     pub use crate::positions::*;
-    pub use crate::quantities::*;
     pub use crate::signals::*;
 }

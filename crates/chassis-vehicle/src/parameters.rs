@@ -4,7 +4,7 @@
 use fmu::Range::{Any, AtLeast, NonNegative, Positive};
 use fmu::{Definition, unit};
 
-macro_rules! quantities {
+macro_rules! parameters {
     ($($name:ident, $text:literal, $unit:expr, $display:expr, $range:expr, $description:literal;)*) => {$(
         #[doc = concat!("`", $text, "`: ", $description, ".")]
         pub const $name: Definition = Definition {
@@ -19,7 +19,7 @@ macro_rules! quantities {
 }
 
 // A least value above that of `Positive` is one for which the regulators still have a numerical solution.
-quantities! {
+parameters! {
     // Masses and inertias
     VEHICLE_MASS, "vehicle.mass", unit!("kg"), None, AtLeast(1.0), "Mass of the whole vehicle";
     BODY_MASS, "body.mass", unit!("kg"), None, Positive, "Mass of the sprung mass";
