@@ -136,14 +136,14 @@ def paired(pairs: Iterable[tuple[float, float]]) -> Interval:
 
 
 def of_sign(difference: Interval, expected: int) -> Status:
-    """Judge a claim without a number: more (1) or less (-1)."""
+    """Decide on a claim without a number: more (1) or less (-1)."""
     if difference.sign != expected:
         return Status.NOT_REPRODUCED
     return Status.REPRODUCED if difference.is_clear else Status.PARTLY
 
 
 def of_change(difference: Interval, percent: float | None, paper: float) -> Status:
-    """Judge a change in percent (None: in percent of next to nothing) against the paper's."""
+    """Decide on a change in percent (None: in percent of next to nothing) against the paper's."""
     if paper == 0.0:
         return Status.NOT_REPRODUCED if percent is None else of_no_change(difference, percent)
     if percent is not None and percent * paper <= 0.0:
@@ -157,12 +157,12 @@ def of_change(difference: Interval, percent: float | None, paper: float) -> Stat
 
 
 def of_value(value: float, paper: float) -> Status:
-    """Judge an absolute value. There is no "partly": that a magnitude has the same sign says nothing."""
+    """Decide on an absolute value. There is no "partly": that a magnitude has the same sign says nothing."""
     return Status.REPRODUCED if abs(value - paper) <= VALUE_SHARE * abs(paper) else Status.NOT_REPRODUCED
 
 
 def of_no_change(difference: Interval, percent: float) -> Status:
-    """Judge the claim that nothing changes: within the percentage points that a change of zero allows.
+    """Decide on the claim that nothing changes: within the percentage points that a change of zero allows.
 
     A larger change that cannot be told from the scatter refutes nothing.
     """

@@ -2,7 +2,7 @@
 
 `extra/io.github.chassis-fmu/reference.csv` was made by an independent implementation of the model. The documentation
 inside the FMU gives the order of calls: set the inputs of a row, and for a plant read its outputs before the step, for
-a sampled unit after it. Plants are told by providesDirectionalDerivative. An empty cell is not compared.
+a discrete-time model after it. Plants are told by providesDirectionalDerivative. An empty cell is not compared.
 """
 
 from __future__ import annotations

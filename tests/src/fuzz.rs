@@ -87,7 +87,7 @@ struct Slot<'a> {
     all_logged: bool,
     /// Kept only if there is a logger, whose messages tell it.
     mode: &'static str,
-    /// With the mode that each was saved in; unknown for forged bytes.
+    /// With the mode that each was saved in; unknown for crafted bytes.
     states: Vec<(RawState, Option<&'static str>)>,
     freed: Vec<RawState>,
 }
@@ -884,14 +884,14 @@ impl<'a> Fuzzer<'a> {
                 self.other_version(&mut bytes);
                 ("of another version", Some(false))
             }
-            // What the checksum does not find: the values of another FMU of the same GUID, or a forgery.
+            // What the checksum does not find: the values of another FMU of the same GUID, or crafted ones.
             5 => {
                 for _ in 0..1 + self.random.below(3) {
-                    self.forge(&mut bytes);
+                    self.craft(&mut bytes);
                 }
                 seal(&mut bytes);
                 mode = None;
-                ("forged", None)
+                ("crafted", None)
             }
             6 if !self.foreign.is_empty() => {
                 let pick = self.index(self.foreign.len());
@@ -952,7 +952,7 @@ impl<'a> Fuzzer<'a> {
 
     /// Other bytes: a time or the number of samples, single bytes anywhere, eight anywhere that are a number, or the
     /// value of a real variable.
-    fn forge(&mut self, bytes: &mut [u8]) {
+    fn craft(&mut self, bytes: &mut [u8]) {
         let body = bytes.len() - 8;
         let reals: Vec<_> =
             self.specs.iter().filter(|spec| spec.base_type == BaseType::Real).map(|spec| spec.reference).collect();

@@ -151,7 +151,7 @@ fn every_variable_can_be_set_when_the_standard_says_so_and_not_otherwise() {
             let (at_start, later) = match variable.causality {
                 Causality::Input => (true, true),
                 Causality::Parameter => (true, variable.variability == Variability::Tunable),
-                // initial = exact: states, and the held outputs of sampled units.
+                // initial = exact: states, and the held outputs of discrete-time models.
                 Causality::Output | Causality::Local => (has_start, false),
                 Causality::CalculatedParameter | Causality::Independent => (false, false),
             };

@@ -26,7 +26,7 @@ fn files(folder: &str) -> Vec<PathBuf> {
 }
 
 /// A text with one to three mistakes.
-fn spoil(text: &str, random: &mut Random) -> String {
+fn damage(text: &str, random: &mut Random) -> String {
     const VALUES: [&str; 20] = [
         "0",
         "-1",
@@ -99,8 +99,8 @@ fn spoil(text: &str, random: &mut Random) -> String {
     lines.join("\n")
 }
 
-/// Spoils the files of a folder and reads them: how many were refused with a message, how many are still in order.
-fn read_spoiled<E: std::fmt::Display>(
+/// Damages the files of a folder and reads them: how many were refused with a message, how many are still in order.
+fn read_damaged<E: std::fmt::Display>(
     folder: &str,
     first_seed: u64,
     read: impl Fn(&Path, &str) -> Result<(), E>,
@@ -110,13 +110,13 @@ fn read_spoiled<E: std::fmt::Display>(
         let text = std::fs::read_to_string(file).expect("the file can be read");
         let mut random = Random(first_seed + number as u64);
         for change in 0..CHANGES {
-            let spoiled = spoil(&text, &mut random);
-            let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(file, &spoiled)));
-            match result.unwrap_or_else(|_| panic!("{}, change {change}: a panic on\n{spoiled}", file.display())) {
+            let damaged = damage(&text, &mut random);
+            let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(file, &damaged)));
+            match result.unwrap_or_else(|_| panic!("{}, change {change}: a panic on\n{damaged}", file.display())) {
                 Ok(()) => accepted += 1,
                 Err(error) => {
                     refused += 1;
-                    assert!(!error.to_string().trim().is_empty(), "no message for\n{spoiled}");
+                    assert!(!error.to_string().trim().is_empty(), "no message for\n{damaged}");
                 }
             }
         }
@@ -126,10 +126,10 @@ fn read_spoiled<E: std::fmt::Display>(
 }
 
 #[test]
-fn spoiled_scenarios_are_refused_with_a_message() {
+fn damaged_scenarios_are_refused_with_a_message() {
     let source = FmuFolder::new([tests::folder()]);
-    let (refused, accepted) = read_spoiled("scenarios", 0, |file, spoiled| {
-        resolve_text(file, spoiled, &source, &Options::default()).map(drop)
+    let (refused, accepted) = read_damaged("scenarios", 0, |file, damaged| {
+        resolve_text(file, damaged, &source, &Options::default()).map(drop)
     });
     assert!(refused > 1000 && accepted > 100, "{refused} refused, {accepted} accepted: what is changed tests little");
 }
@@ -142,7 +142,7 @@ fn workers() -> Workers {
 }
 
 #[test]
-fn spoiled_studies_are_refused_with_a_message() {
+fn damaged_studies_are_refused_with_a_message() {
     let source = FmuFolder::new([tests::folder()]);
     // A study names its scenario by a path from itself.
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -153,9 +153,9 @@ fn spoiled_studies_are_refused_with_a_message() {
     for file in files("scenarios") {
         std::fs::copy(&file, scenarios.join(file.file_name().expect("a name"))).expect("it can be copied");
     }
-    let (refused, accepted) = read_spoiled("studies", 1000, |file, spoiled| {
+    let (refused, accepted) = read_damaged("studies", 1000, |file, damaged| {
         let path = studies.join(file.file_name().expect("a name"));
-        std::fs::write(&path, spoiled).expect("it can be written");
+        std::fs::write(&path, damaged).expect("it can be written");
         fmu_study::study::read(&path, &source, workers()).map(drop)
     });
     assert!(refused > 100 && accepted > 10, "{refused} refused, {accepted} accepted: what is changed tests little");

@@ -188,7 +188,7 @@ fn a_start_at_another_time_changes_nothing() {
 }
 
 #[test]
-fn sampled_units_take_the_same_samples_in_steps_of_any_length() {
+fn discrete_time_models_take_the_same_samples_in_steps_of_any_length() {
     // Blocks of 10 ms with inputs held, divided once into ten steps of 1 ms and once at random: the same samples are
     // due in both, so the outputs at the end of a block are the same to the last bit.
     const BLOCK: f64 = 0.01;

@@ -43,7 +43,7 @@ are set before or in Initialization Mode, tunable ones also between steps. A ref
 and says in the log what, where and what was expected. A step whose result is not a finite number restores what was before it \
 and returns fmi2Error. The complete state can be saved, serialized and restored in another process.</p>\n\
 <p><code>REFERENCE_RUN</code>, where it exists, holds a reference run made by an independent implementation: \
-set the inputs of a row, and for a plant read its outputs before the step, for a sampled unit after it.</p>\n";
+set the inputs of a row, and for a plant read its outputs before the step, for a discrete-time model after it.</p>\n";
 
 /// The variables of one causality.
 fn table(description: &ModelDescription, causality: Causality, title: &str) -> String {

@@ -524,7 +524,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// Vertical model of the rescue vehicle (Chen et al., Mathematics 2022, 10, 3562, appendix A as
-    /// mended in the model specification): states heave, pitch, roll, six wheel heights (fl fr ml mr
+    /// corrected in the model specification): states heave, pitch, roll, six wheel heights (fl fr ml mr
     /// rl rr) and their rates, inputs the six suspension forces.
     struct RescueVehicle {
         a: DMatrix<f64>,

@@ -1,6 +1,6 @@
 //! Text of an FMU on a terminal: names, descriptions and messages must not control it.
 //!
-//! An escape sequence can hide or forge lines, set the title or answer as if the user had typed. Marks for the direction
+//! An escape sequence can hide or fake lines, set the title or answer as if the user had typed. Marks for the direction
 //! of writing show names in another order than they are compared in. Both are shown as `\u001b`, the notation of JSON, so
 //! that JSON remains what it is.
 

@@ -42,7 +42,7 @@ pub enum Stop {
     Failed(#[from] JournalError),
 }
 
-/// Judges candidates. The coordinates of a candidate are shares of the ranges of the parameters, 0 to 1.
+/// Evaluates candidates. The coordinates of a candidate are shares of the ranges of the parameters, 0 to 1.
 pub trait Evaluate {
     /// Objectives of a population, in its order: finite, the smaller the better. Each call is a generation.
     ///

@@ -1,4 +1,4 @@
-//! Judges FMUs, ours or a stranger's: does the description keep the rules of FMI 2.0 for co-simulation, and does the
+//! Validates FMUs made with any tool: does the description keep the rules of FMI 2.0 for co-simulation, and does the
 //! binary do what the description says?
 //!
 //! The rules of the description stand in FMI 2.0.4, section 2.2 and 4.3; `rules` goes through them. Validators that
