@@ -6,62 +6,18 @@ use crate::space::Parameter;
 use fmu_import::description::Value;
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
+use fmu_system::metrics::{self, Kind, Summation};
 use fmu_system::run;
 use fmu_system::run::Run;
 use fmu_system::worker::{Failure, Pool, Task};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Rows this share of a step outside a window belong to it: times are rounded.
-const WINDOW_SLACK: f64 = 1e-6;
-
-/// How a signal becomes a number. Except for the mean square, the magnitude of it counts: an objective is not negative.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// Mean of the squares.
-    MeanSquare,
-    /// Root of the mean square.
-    Rms,
-    /// Largest magnitude.
-    Peak,
-    /// Largest value.
-    Max,
-    /// Smallest value.
-    Min,
-    /// Mean.
-    Mean,
-    /// Last value.
-    Final,
-    /// Largest minus smallest value.
-    PeakToPeak,
-}
-
-impl Kind {
-    /// The number, not negative; NaN without values.
-    fn of(self, values: &[f64]) -> f64 {
-        let count = values.len() as f64;
-        let mean_square = || values.iter().map(|v| v * v).sum::<f64>() / count;
-        let max = || values.iter().copied().fold(f64::NAN, f64::max);
-        let min = || values.iter().copied().fold(f64::NAN, f64::min);
-        match self {
-            Self::MeanSquare => mean_square(),
-            Self::Rms => mean_square().sqrt(),
-            Self::Peak => values.iter().map(|v| v.abs()).fold(f64::NAN, f64::max),
-            Self::Max => max().abs(),
-            Self::Min => min().abs(),
-            Self::Mean => (values.iter().sum::<f64>() / count).abs(),
-            Self::Final => values.last().map_or(f64::NAN, |v| v.abs()),
-            Self::PeakToPeak => max() - min(),
-        }
-    }
-}
-
-/// A term of the objective: factor * kind(signal).
+/// A term of the objective: factor * |kind(signal)|. The magnitude counts, because an objective is not negative.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Term {
     /// Signal as named in the study.
     pub signal: String,
-    /// How it becomes a number.
+    /// How it becomes a number; one of those that need neither a threshold nor times, and are never undefined.
     pub kind: Kind,
     /// Rows with from <= time <= to, s; `None`: all.
     pub window: Option<[f64; 2]>,
@@ -213,8 +169,12 @@ impl Simulation {
         }
         let mut objective = 0.0;
         for term in &self.terms {
-            let values = window(recording, term.column, term.window, self.times.step);
-            let value = term.factor() * term.kind.of(values);
+            let rows = metrics::window(&recording.time, term.window, self.times.step);
+            let values = recording.column(term.column).and_then(|values| values.get(rows)).unwrap_or_default();
+            let Some(number) = term.kind.of_values(values, Summation::InOrder) else {
+                return Err(format!("run {run}: the window of the term of `{}` contains no recorded row", term.signal));
+            };
+            let value = term.factor() * number.abs();
             if !value.is_finite() {
                 return Err(format!("run {run}: the term of `{}` is {value:?}", term.signal));
             }
@@ -253,51 +213,9 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The values of a column in a window; none if the run does not have it.
-fn window(recording: &Recording, column: usize, window: Option<[f64; 2]>, step: f64) -> &[f64] {
-    let values = recording.column(column).unwrap_or_default();
-    let Some([from, to]) = window else { return values };
-    let slack = WINDOW_SLACK * step;
-    let first = recording.time.partition_point(|t| *t < from - slack);
-    let end = recording.time.partition_point(|t| *t <= to + slack);
-    &values[first.min(end)..end]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// By hand; squares and a root of small numbers, so the results are exact.
-    #[test]
-    fn kinds() {
-        let values = [-4.0, 2.0, -2.0, 0.0];
-        for (kind, expected) in [
-            (Kind::MeanSquare, 6.0),
-            (Kind::Rms, 6.0_f64.sqrt()),
-            (Kind::Peak, 4.0),
-            (Kind::Max, 2.0),
-            (Kind::Min, 4.0),
-            (Kind::Mean, 1.0),
-            (Kind::Final, 0.0),
-            (Kind::PeakToPeak, 6.0),
-        ] {
-            assert_eq!(kind.of(&values), expected, "{kind:?}");
-            assert!(kind.of(&[]).is_nan(), "{kind:?}");
-        }
-    }
-
-    #[test]
-    fn windows_hold_both_ends() {
-        let recording = Recording {
-            time: vec![0.0, 0.1, 0.2, 0.1 + 0.2, 0.4],
-            columns: vec![Some(vec![0.0, 1.0, 2.0, 3.0, 4.0]), None],
-            messages: Vec::new(),
-            seconds: 0.0,
-        };
-        assert_eq!(window(&recording, 0, Some([0.1, 0.3]), 0.1), [1.0, 2.0, 3.0]);
-        assert_eq!(window(&recording, 0, None, 0.1).len(), 5);
-        assert!(window(&recording, 1, None, 0.1).is_empty());
-    }
 
     /// Reference values square with a mean square: half the reference is a quarter of the weight.
     #[test]

@@ -3,13 +3,14 @@
 //! All mistakes of a file are reported together, each with file, line, column and the marked place.
 
 use crate::expression::{FUNCTIONS, Inequality};
-use crate::simulation::{Constraint, Kind, Limit, Simulation, Term};
+use crate::simulation::{Constraint, Limit, Simulation, Term};
 use crate::space::Parameter;
 use crate::{ahp, cma_es, genetic, pacsa};
 use fmu_import::description::Value;
 use fmu_import::names::suggestion;
 use fmu_import::worker::Settings as WorkerSettings;
 use fmu_system::fmus::{Fmus, FmusError};
+use fmu_system::metrics::Kind;
 use fmu_system::plan::Plan;
 use fmu_system::problem::{Collector, Problems};
 use fmu_system::resolve::{Descriptions, Options, ResolveError, resolve};
@@ -215,7 +216,7 @@ enum Judgment {
 #[serde(deny_unknown_fields)]
 struct TermEntry {
     signal: Spanned<String>,
-    kind: Kind,
+    kind: Spanned<Kind>,
     weight: Option<Spanned<f64>>,
     reference: Option<Spanned<f64>>,
     window: Option<Spanned<[f64; 2]>>,
@@ -813,6 +814,12 @@ fn terms(file: &File, judged: Option<&ahp::Weights>, columns: &Columns<'_>, prob
     let simulation = &columns.plan.simulation;
     let mut terms = Vec::new();
     for (index, entry) in file.objective.get_ref().terms.iter().enumerate() {
+        if !entry.kind.get_ref().needs_only_values() {
+            problems.add(
+                entry.kind.span(),
+                "a term has a kind without a threshold or times, and one that is always defined",
+            );
+        }
         if let Some(window) = &entry.window {
             let [from, to] = *window.get_ref();
             let (start, stop) = (simulation.start, simulation.stop);
@@ -827,7 +834,7 @@ fn terms(file: &File, judged: Option<&ahp::Weights>, columns: &Columns<'_>, prob
         if let Some(column) = columns.find(&entry.signal, problems) {
             terms.push(Term {
                 signal: entry.signal.get_ref().clone(),
-                kind: entry.kind,
+                kind: *entry.kind.get_ref(),
                 window: entry.window.as_ref().map(|w| *w.get_ref()),
                 weight,
                 reference: entry.reference.as_ref().map_or(1.0, |r| *r.get_ref()),

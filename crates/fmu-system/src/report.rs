@@ -3,157 +3,26 @@
 //! Nothing is computed here. The plan holds references, and whoever has the results fills them in. What executes runs
 //! knows nothing of this module.
 
+use crate::metrics::Definition;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A number computed from a column, each of whose values is factor * recorded value + offset.
+/// A number of the results.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Metric {
     /// Name.
     pub name: String,
     /// Title.
     pub title: String,
-    /// Indices into the columns of the plan; several are combined row by row.
-    pub columns: Vec<usize>,
-    /// How they are combined; `None` for a single one.
-    pub combine: Option<Combine>,
-    /// Weight of each column, for [`Combine::Squares`].
-    pub weights: Vec<f64>,
-    /// How it is computed.
-    pub kind: MetricKind,
-    /// Rows with from <= time <= to, s; `None`: all.
-    pub window: Option<[f64; 2]>,
-    /// What ends the window before its end.
-    pub until: Option<Until>,
-    /// Index of the column that is subtracted before.
-    pub minus: Option<usize>,
-    /// Whether the signal of the run of the case's baseline is subtracted before; no number for a case without one.
-    pub from_baseline: bool,
-    /// Frequencies of [`MetricKind::BandPower`], Hz.
-    pub band: Option<[f64; 2]>,
-    /// Level that the kind refers to, in the unit the signal is converted to.
-    pub threshold: Option<f64>,
+    /// How it is computed; its columns are indices into those of the plan.
+    #[serde(flatten)]
+    pub definition: Definition,
     /// Unit of measure of the number.
     pub unit: Option<String>,
-    /// Factor that the signal is multiplied with before.
-    pub factor: f64,
-    /// Offset that is added to it then.
-    pub offset: f64,
     /// Decimal places to show.
     pub digits: Option<u8>,
     /// The paper's numbers, in the same unit.
     pub paper: Option<Paper>,
-}
-
-/// The end of a window: the rows from the first one on where a signal is above or below a level do not count.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Until {
-    /// Index into the columns of the plan.
-    pub column: usize,
-    /// Above the level, else below.
-    pub above: bool,
-    /// Level, in the unit of the column.
-    pub level: f64,
-}
-
-/// How several signals become one, row by row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Combine {
-    /// The smallest.
-    Min,
-    /// The largest.
-    Max,
-    /// Root of the sum of the squares.
-    Norm,
-    /// Weighted sum of the squares.
-    Squares,
-}
-
-/// How a metric is computed over the rows of its window.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum MetricKind {
-    /// Root of the mean square.
-    Rms,
-    /// Largest magnitude.
-    Peak,
-    /// Largest value.
-    Max,
-    /// Smallest value.
-    Min,
-    /// Mean.
-    Mean,
-    /// Last value.
-    Final,
-    /// Largest minus smallest value.
-    PeakToPeak,
-    /// Standard deviation: root of the mean square of what differs from the mean.
-    Deviation,
-    /// Integral over time (sum of the rows times their distance).
-    Integral,
-    /// Integral of the power spectral density over a band of frequencies.
-    BandPower,
-    /// Share of the rows below the threshold, 0 to 1.
-    ShareBelow,
-    /// Time, s, of the first row above the threshold; no number if there is none.
-    Crossing,
-    /// Time, s, of the first row whose magnitude is above the threshold; no number if there is none.
-    MagnitudeCrossing,
-    /// Share of the rows above the threshold, 0 to 1.
-    Share,
-    /// Share of the rows whose magnitude is above the threshold, 0 to 1.
-    MagnitudeShare,
-    /// How often the value differs from that of the row before.
-    Changes,
-    /// How far the value goes beyond its last one, as a share of that; no number if the last value is 0.
-    Overshoot,
-    /// Time, s, from the first row to the first one whose value is the share `threshold` of the last value; no number if
-    /// the last value is 0.
-    RiseTime,
-    /// Time, s, from the first row to the first one from which on the value stays within the share `threshold` of the
-    /// last value; no number if the last value is 0.
-    SettlingTime,
-}
-
-impl MetricKind {
-    /// Whether the kind refers to a threshold.
-    #[must_use]
-    pub fn has_threshold(self) -> bool {
-        matches!(
-            self,
-            Self::Crossing
-                | Self::MagnitudeCrossing
-                | Self::Share
-                | Self::ShareBelow
-                | Self::MagnitudeShare
-                | Self::RiseTime
-                | Self::SettlingTime
-        )
-    }
-
-    /// Whether the number can be drawn over a window that grows.
-    #[must_use]
-    pub fn can_run(self) -> bool {
-        matches!(self, Self::Rms | Self::Mean | Self::Integral)
-    }
-
-    /// Unit of measure of the number for signals of a unit; `None`: none is known.
-    #[must_use]
-    pub fn unit(self, of_signal: Option<&str>) -> Option<String> {
-        match self {
-            Self::Crossing | Self::MagnitudeCrossing | Self::RiseTime | Self::SettlingTime => Some("s".into()),
-            Self::Share | Self::ShareBelow | Self::MagnitudeShare | Self::Changes | Self::Overshoot => Some("1".into()),
-            // m/s2 becomes m/s, m/s becomes m, N becomes N.s
-            Self::Integral => of_signal.map(|unit| match (unit.strip_suffix("/s2"), unit.strip_suffix("/s")) {
-                (Some(rest), _) => format!("{rest}/s"),
-                (None, Some(rest)) => rest.to_string(),
-                (None, None) => format!("{unit}.s"),
-            }),
-            Self::BandPower => of_signal.map(|unit| format!("({unit})2")),
-            _ => of_signal.map(str::to_string),
-        }
-    }
 }
 
 /// Numbers printed in a paper.

@@ -1,8 +1,9 @@
 //! A scenario file: its layout, and the checks that need no FMU.
 
 use crate::limits::{RUNS, STEPS};
+use crate::metrics::{Combine, Kind};
 use crate::problem::Collector;
-use crate::report::{Combine, Expect, FigureKind, Level, MetricKind};
+use crate::report::{Expect, FigureKind, Level};
 use crate::run::Order;
 use fmu_import::names::suggestion;
 use serde::de::value::MapAccessDeserializer;
@@ -176,7 +177,7 @@ pub(crate) struct Metric {
     pub(crate) combine: Option<Spanned<Combine>>,
     /// Weights of the signals.
     pub(crate) weights: Option<Spanned<Vec<f64>>>,
-    pub(crate) kind: MetricKind,
+    pub(crate) kind: Kind,
     /// Level that the kind refers to, in `unit`.
     pub(crate) threshold: Option<Spanned<f64>>,
     /// Frequencies that the kind refers to, Hz.
@@ -455,7 +456,7 @@ impl Scenario {
                     for name in &figure.metrics {
                         let metric = self.metrics.iter().find(|m| m.name == *name);
                         if let Some(metric) = metric
-                            && (!metric.kind.can_run() || metric.until.is_some() || metric.from_baseline)
+                            && (!metric.kind.has_running_values() || metric.until.is_some() || metric.from_baseline)
                         {
                             let message =
                                 "only a mean, an RMS or an integral over a plain window can be drawn as it grows";
@@ -567,14 +568,14 @@ impl Metric {
             );
         }
         match &self.band {
-            Some(band) if self.kind != MetricKind::BandPower => {
+            Some(band) if self.kind != Kind::BandPower => {
                 problems.add(band.span(), "only a metric of kind \"band_power\" has a `band`");
             }
             // Written so that a NaN fails as well.
             Some(band) if !(band.get_ref()[0] >= 0.0 && band.get_ref()[0] < band.get_ref()[1]) => {
                 problems.add(band.span(), "expected a band [from, to] with 0 <= from < to, Hz");
             }
-            None if self.kind == MetricKind::BandPower => {
+            None if self.kind == Kind::BandPower => {
                 problems.add(at, "a metric of kind \"band_power\" needs a `band`");
             }
             _ => (),

@@ -2,9 +2,10 @@
 
 use fmu_import::description::{BaseType, Value};
 use fmu_import::description::{BaseUnit, ModelDescription, Unit};
+use fmu_system::metrics::{Combine, Kind};
 use fmu_system::parameter_set::{Parameter, ParameterSet};
 use fmu_system::plan::Plan;
-use fmu_system::report::{Cell, Combine, Expect, FigureKind, MetricKind, Part};
+use fmu_system::report::{Cell, Expect, FigureKind, Part};
 use fmu_system::resolve::{Descriptions, Found, Options, ResolveError, resolve_text};
 use fmu_system::run::Order;
 use std::collections::BTreeMap;
@@ -453,8 +454,8 @@ fn options_change_the_plan() {
 fn metrics_and_figures() {
     let plan = plan();
     let metric = &plan.metrics[0];
-    assert_eq!((&metric.columns[..], metric.unit.as_deref()), (&[1][..], Some("deg")));
-    assert_eq!(metric.factor, 57.295_779_513_082_32);
+    assert_eq!((&metric.definition.columns[..], metric.unit.as_deref()), (&[1][..], Some("deg")));
+    assert_eq!(metric.definition.factor, 57.295_779_513_082_32);
     assert_eq!(metric.paper.as_ref().unwrap().values["passive@slow"], 1.5);
     assert_eq!(plan.metrics[1].unit.as_deref(), Some("rad"), "the variable's own");
     assert_eq!(plan.figures[0].columns, [1, 0]);
@@ -473,14 +474,14 @@ fn metrics_and_figures() {
         );
     let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let metric = &plan.metrics[0];
-    assert_eq!((metric.threshold, metric.unit.as_deref()), (Some(3.0), Some("s")));
-    assert_eq!(metric.factor, 57.295_779_513_082_32);
-    assert_eq!((plan.metrics[1].threshold, plan.metrics[1].unit.as_deref()), (Some(0.05), Some("1")));
+    assert_eq!((metric.definition.threshold, metric.unit.as_deref()), (Some(3.0), Some("s")));
+    assert_eq!(metric.definition.factor, 57.295_779_513_082_32);
+    assert_eq!((plan.metrics[1].definition.threshold, plan.metrics[1].unit.as_deref()), (Some(0.05), Some("1")));
     let magnitude = text.replace("\"crossing\"", "\"magnitude_crossing\"");
     let plan_of_magnitude = plan_of(&magnitude, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let metric = &plan_of_magnitude.metrics[0];
-    assert_eq!((metric.kind, metric.threshold), (MetricKind::MagnitudeCrossing, Some(3.0)));
-    assert_eq!((metric.unit.as_deref(), metric.factor), (Some("s"), plan.metrics[0].factor));
+    assert_eq!((metric.definition.kind, metric.definition.threshold), (Kind::MagnitudeCrossing, Some(3.0)));
+    assert_eq!((metric.unit.as_deref(), metric.definition.factor), (Some("s"), plan.metrics[0].definition.factor));
     assert_eq!((&plan.figures[0].cases[..], plan.figures[0].separate), (&["active".to_string()][..], true));
     assert_eq!((plan.figures[0].levels[0].value, plan.figures[0].levels[0].title.as_str()), (0.1, "L"));
     // Numbers that refer to the last value: a share, and a time.
@@ -489,7 +490,7 @@ fn metrics_and_figures() {
         .replace("kind = \"peak\"", "kind = \"overshoot\"");
     let plan = plan_of(&text_of_last, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     assert_eq!(plan.metrics[0].unit.as_deref(), Some("s"));
-    assert_eq!((plan.metrics[1].threshold, plan.metrics[1].unit.as_deref()), (None, Some("1")));
+    assert_eq!((plan.metrics[1].definition.threshold, plan.metrics[1].unit.as_deref()), (None, Some("1")));
     let spectrum = text.replace("kind = \"time\"", "kind = \"spectrum\"");
     let spectrum = spectrum.replace("separate = true\nlevels = [{ value = 0.1, title = \"L\" }]", "");
     let plan = plan_of(&spectrum, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
@@ -550,16 +551,19 @@ fn metrics_of_several_signals_and_units_of_kinds() {
     };
     let both = "signals = [\"body.roll\", \"steer.front\"]\n";
     let metric = of(&format!("{both}combine = \"min\"\nkind = \"share_below\"\nthreshold = 1.0"));
-    assert_eq!((metric.columns.len(), metric.combine, metric.unit.as_deref()), (2, Some(Combine::Min), Some("1")));
+    assert_eq!(
+        (metric.definition.columns.len(), metric.definition.combine, metric.unit.as_deref()),
+        (2, Some(Combine::Min), Some("1"))
+    );
     let metric = of(&format!("{both}combine = \"squares\"\nweights = [1.0, 2.0]\nkind = \"mean\""));
-    assert_eq!((metric.weights, metric.unit.as_deref()), (vec![1.0, 2.0], Some("1")));
+    assert_eq!((metric.definition.weights, metric.unit.as_deref()), (vec![1.0, 2.0], Some("1")));
     for (signal, unit) in [("body.roll", "rad.s"), ("body.roll_rate", "rad"), ("vehicle.speed", "m")] {
         let metric = of(&format!("signal = \"vehicle:{signal}\"\nkind = \"integral\""));
         assert_eq!(metric.unit.as_deref(), Some(unit), "{signal}");
     }
     let metric = of("signal = \"body.roll\"\nkind = \"band_power\"\nband = [1.0, 3.0]\nfrom_baseline = true");
-    assert_eq!((metric.band, metric.unit.as_deref()), (Some([1.0, 3.0]), Some("(rad)2")));
-    assert!(metric.from_baseline);
+    assert_eq!((metric.definition.band, metric.unit.as_deref()), (Some([1.0, 3.0]), Some("(rad)2")));
+    assert!(metric.definition.from_baseline);
 }
 
 #[test]
@@ -575,12 +579,12 @@ fn signals_beside_others_and_origins() {
         .replace("kind = \"time\"", "kind = \"time\"\nagainst = \"steer.front\"");
     let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let steer = plan.columns.iter().position(|c| c.name == "steer.front");
-    assert_eq!((plan.metrics[0].minus, plan.metrics[1].minus), (steer, None));
+    assert_eq!((plan.metrics[0].definition.minus, plan.metrics[1].definition.minus), (steer, None));
     // The level is in the unit of the signal, whatever it was written in.
-    let until = plan.metrics[0].until.unwrap();
+    let until = plan.metrics[0].definition.until.unwrap();
     assert!((until.level - 9f64.to_radians()).abs() < 1e-15 && until.above);
     assert_eq!(plan.columns[until.column].name, "body.roll");
-    let until = plan.metrics[1].until.unwrap();
+    let until = plan.metrics[1].definition.until.unwrap();
     assert_eq!((until.level, until.above), (-0.5, false));
     assert_eq!(plan.metrics[0].paper.as_ref().unwrap().calibrated, Some(vec!["passive@slow".to_string()]));
     assert_eq!((plan.figures[0].against, plan.figures[1].against), (steer, None));

@@ -106,7 +106,7 @@ mod tests {
         #[serde(rename = "seeds")]
         _seeds: Option<Vec<Spanned<i32>>>,
         #[serde(rename = "kind")]
-        _kind: Option<crate::report::MetricKind>,
+        _kind: Option<crate::metrics::Kind>,
         #[serde(rename = "inner")]
         _inner: Option<Box<Layout>>,
         #[serde(rename = "a.b", default)]

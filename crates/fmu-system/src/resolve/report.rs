@@ -2,6 +2,7 @@
 
 use super::pattern::split_pattern;
 use super::{Column, Resolver, System, findings, near_outputs, outputs};
+use crate::metrics::{self, Combine, Definition};
 use crate::{plan, report, scenario};
 use fmu_import::names::suggestion;
 use serde_spanned::Spanned;
@@ -80,7 +81,7 @@ impl Resolver<'_> {
                 continue;
             };
             let combine = metric.combine.as_ref().map(|c| *c.get_ref());
-            let is_squares = combine == Some(report::Combine::Squares);
+            let is_squares = combine == Some(Combine::Squares);
             for signal in metric.signals.iter().filter(|_| !is_squares) {
                 self.beside(Some(signal), &indices[..1], systems, columns);
             }
@@ -95,20 +96,22 @@ impl Resolver<'_> {
             metrics.push(report::Metric {
                 name: metric.name.get_ref().clone(),
                 title: metric.title.clone(),
-                columns: indices,
-                combine,
-                weights: metric.weights.as_ref().map_or(Vec::new(), |w| w.get_ref().clone()),
-                kind: metric.kind,
-                window: metric.window.as_ref().map(|w| *w.get_ref()),
-                until,
-                minus,
-                from_baseline: metric.from_baseline,
-                band: metric.band.as_ref().map(|b| *b.get_ref()),
-                threshold: metric.threshold.as_ref().map(|t| *t.get_ref()),
+                definition: Definition {
+                    columns: indices,
+                    combine,
+                    weights: metric.weights.as_ref().map_or(Vec::new(), |w| w.get_ref().clone()),
+                    kind: metric.kind,
+                    window: metric.window.as_ref().map(|w| *w.get_ref()),
+                    until,
+                    minus,
+                    from_baseline: metric.from_baseline,
+                    band: metric.band.as_ref().map(|b| *b.get_ref()),
+                    threshold: metric.threshold.as_ref().map(|t| *t.get_ref()),
+                    factor,
+                    // A difference has none.
+                    offset: if minus.is_some() || metric.from_baseline { 0.0 } else { offset },
+                },
                 unit: metric.kind.unit(unit.as_deref()),
-                factor,
-                // A difference has none.
-                offset: if minus.is_some() || metric.from_baseline { 0.0 } else { offset },
                 digits: metric.digits.as_ref().map(|d| *d.get_ref()),
                 paper: metric.paper.as_ref().map(|paper| report::Paper {
                     table: paper.table.clone(),
@@ -143,12 +146,12 @@ impl Resolver<'_> {
         Some(index)
     }
 
-    fn until(&mut self, until: &scenario::Until, systems: &[System<'_>], columns: &[Column]) -> Option<report::Until> {
+    fn until(&mut self, until: &scenario::Until, systems: &[System<'_>], columns: &[Column]) -> Option<metrics::Until> {
         let column = self.column_index(&until.signal, systems, columns)?;
         let (factor, offset) = self.conversion(until.unit.as_ref(), &columns[column].plan)?;
         // Checked to be one of the two.
         let level = until.above.or(until.below)?;
-        Some(report::Until { column, above: until.above.is_some(), level: (level - offset) / factor })
+        Some(metrics::Until { column, above: until.above.is_some(), level: (level - offset) / factor })
     }
 
     pub(super) fn figures(&mut self, systems: &[System<'_>], columns: &[Column], text: &str) -> Vec<report::Figure> {

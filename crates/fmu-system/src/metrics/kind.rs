@@ -1,0 +1,217 @@
+//! Kinds of metrics: how the rows of a signal become a number.
+
+use super::spectrum::spectrum;
+use super::{MetricError, Summation, interval, sum};
+use serde::{Deserialize, Serialize};
+
+/// How a metric is computed from the n rows x\[0\] … x\[n-1\] of its window, at the times t\[0\] … t\[n-1\].
+///
+/// n is at least 1. Where an entry says so, there may be no number ("undefined"). Rows that are not numbers make a result that
+/// is not a number, or count as neither above nor below a threshold. Sums are rounded once ([`Summation::Exact`]).
+///
+/// The unit of the number is that of the signal unless an entry says otherwise, see [`Kind::unit`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Root mean square: sqrt(sum(x\[i\]^2)/n).
+    Rms,
+    /// Mean square: sum(x\[i\]^2)/n. Unit: square of the signal's.
+    MeanSquare,
+    /// Largest magnitude: max |x\[i\]|.
+    Peak,
+    /// Largest value.
+    Max,
+    /// Smallest value.
+    Min,
+    /// Mean: sum(x\[i\])/n.
+    Mean,
+    /// Last value: x\[n-1\].
+    Final,
+    /// Largest minus smallest value.
+    PeakToPeak,
+    /// Standard deviation of the rows (divided by n): sqrt(sum((x\[i\] - mean)^2)/n).
+    Deviation,
+    /// Number of rows whose value differs from that of the row before. Unit: 1.
+    Changes,
+    /// Integral over time: sum(x\[i\]) dt with dt = (t\[n-1\] - t\[0\])/(n - 1). Each row counts for the interval dt, the last
+    /// one too. An error for a single row. Unit: that of the signal times s.
+    Integral,
+    /// Power in the band \[from, to): integral of the [power spectral density](super::spectrum()). An error for fewer than 18
+    /// rows. Unit: square of the signal's.
+    BandPower,
+    /// Time t\[i\] of the first row with x\[i\] > threshold. Undefined if there is none. Unit: s.
+    Crossing,
+    /// Time t\[i\] of the first row with |x\[i\]| > threshold. Undefined if there is none. Unit: s.
+    MagnitudeCrossing,
+    /// Share of the rows with x\[i\] > threshold, 0 to 1. Unit: 1.
+    Share,
+    /// Share of the rows with x\[i\] < threshold, 0 to 1. Unit: 1.
+    ShareBelow,
+    /// Share of the rows with |x\[i\]| > threshold, 0 to 1. Unit: 1.
+    MagnitudeShare,
+    /// How far the signal goes beyond its last value, as a share of that: max(x\[i\]/x\[n-1\]) - 1. Undefined if the last
+    /// value is 0. Unit: 1.
+    Overshoot,
+    /// Time t\[i\] - t\[0\] of the first row with x\[i\]/x\[n-1\] >= threshold. Undefined if there is none or the last value
+    /// is 0. Unit: s.
+    RiseTime,
+    /// Time t\[i\] - t\[0\] of the first row from which on |x\[i\]/x\[n-1\] - 1| <= threshold. Undefined if the last value is
+    /// 0. Unit: s.
+    SettlingTime,
+}
+
+impl Kind {
+    /// Whether the kind refers to a threshold.
+    #[must_use]
+    pub fn has_threshold(self) -> bool {
+        matches!(
+            self,
+            Self::Crossing
+                | Self::MagnitudeCrossing
+                | Self::Share
+                | Self::ShareBelow
+                | Self::MagnitudeShare
+                | Self::RiseTime
+                | Self::SettlingTime
+        )
+    }
+
+    /// Whether the number follows from the values alone, without times or settings, and is never undefined.
+    #[must_use]
+    pub fn needs_only_values(self) -> bool {
+        matches!(
+            self,
+            Self::MeanSquare
+                | Self::Rms
+                | Self::Peak
+                | Self::Max
+                | Self::Min
+                | Self::Mean
+                | Self::Final
+                | Self::PeakToPeak
+                | Self::Deviation
+                | Self::Changes
+        )
+    }
+
+    /// Whether there is a value for each row of a window: that of the window that ends there.
+    #[must_use]
+    pub fn has_running_values(self) -> bool {
+        matches!(self, Self::Rms | Self::Mean | Self::Integral)
+    }
+
+    /// Unit of measure of the number for a signal in a unit; `None`: none is known.
+    #[must_use]
+    pub fn unit(self, of_signal: Option<&str>) -> Option<String> {
+        match self {
+            Self::Crossing | Self::MagnitudeCrossing | Self::RiseTime | Self::SettlingTime => Some("s".into()),
+            Self::Share | Self::ShareBelow | Self::MagnitudeShare | Self::Changes | Self::Overshoot => Some("1".into()),
+            // m/s2 becomes m/s, m/s becomes m, N becomes N.s
+            Self::Integral => of_signal.map(|unit| match (unit.strip_suffix("/s2"), unit.strip_suffix("/s")) {
+                (Some(rest), _) => format!("{rest}/s"),
+                (None, Some(rest)) => rest.to_string(),
+                (None, None) => format!("{unit}.s"),
+            }),
+            Self::BandPower | Self::MeanSquare => of_signal.map(|unit| format!("({unit})2")),
+            _ => of_signal.map(str::to_string),
+        }
+    }
+
+    /// The number of a signal; `None` for kinds that [need more](Self::needs_only_values), and without values.
+    #[must_use]
+    pub fn of_values(self, values: &[f64], summation: Summation) -> Option<f64> {
+        let last = *values.last()?;
+        let squares = || summation.mean(values.iter().map(|x| x * x));
+        Some(match self {
+            Self::MeanSquare => squares(),
+            Self::Rms => squares().sqrt(),
+            Self::Peak => largest(values.iter().map(|x| x.abs())),
+            Self::Max => largest(values.iter().copied()),
+            Self::Min => smallest(values),
+            Self::Mean => summation.mean(values.iter().copied()),
+            Self::Final => last,
+            Self::PeakToPeak => largest(values.iter().copied()) - smallest(values),
+            Self::Deviation => {
+                let mean = summation.mean(values.iter().copied());
+                summation.mean(values.iter().map(|x| (x - mean) * (x - mean))).sqrt()
+            }
+            // A difference that is not a number counts.
+            Self::Changes => values.windows(2).filter(|pair| pair[1] - pair[0] != 0.0).count() as f64,
+            _ => return None,
+        })
+    }
+
+    /// The number of a signal; `Ok(None)` if it is undefined.
+    pub(super) fn of_rows(
+        self,
+        times: &[f64],
+        values: &[f64],
+        threshold: Option<f64>,
+        band: Option<[f64; 2]>,
+    ) -> Result<Option<f64>, MetricError> {
+        if values.is_empty() {
+            return Err(MetricError::NoRows);
+        }
+        if let Some(number) = self.of_values(values, Summation::Exact) {
+            return Ok(Some(number));
+        }
+        let threshold = match threshold {
+            None if self.has_threshold() => return Err(MetricError::NoThreshold),
+            given => given.unwrap_or_default(),
+        };
+        let share = |is_inside: &dyn Fn(f64) -> bool| {
+            let inside = values.iter().filter(|x| is_inside(**x)).count();
+            Some(inside as f64 / values.len() as f64)
+        };
+        let first = |is_reached: &dyn Fn(f64) -> bool| values.iter().position(|x| is_reached(*x)).map(|row| times[row]);
+        // What refers to a last value of 0 is undefined.
+        let last = values.last().copied().filter(|last| *last != 0.0);
+        Ok(match self {
+            Self::Integral => Some(sum::exact(values.iter().copied()) * interval(times)?),
+            Self::BandPower => Some(spectrum(times, values)?.power(band.ok_or(MetricError::NoBand)?)),
+            Self::Crossing => first(&|x| x > threshold),
+            Self::MagnitudeCrossing => first(&|x| x.abs() > threshold),
+            Self::Share => share(&|x| x > threshold),
+            Self::ShareBelow => share(&|x| x < threshold),
+            Self::MagnitudeShare => share(&|x| x.abs() > threshold),
+            Self::Overshoot => last.map(|last| largest(values.iter().map(|x| x / last)) - 1.0),
+            Self::RiseTime => last.and_then(|last| first(&|x| x / last >= threshold)).map(|time| time - times[0]),
+            Self::SettlingTime => last.and_then(|last| {
+                let outside = values.iter().rposition(|x| (x / last - 1.0).abs() > threshold);
+                times.get(outside.map_or(0, |row| row + 1)).map(|time| time - times[0])
+            }),
+            _ => None,
+        })
+    }
+
+    /// The numbers of the windows that end at each row, summed in order; `None` for kinds without.
+    pub(super) fn running(self, times: &[f64], values: &[f64]) -> Result<Option<Vec<f64>>, MetricError> {
+        let sums = |of: &dyn Fn(f64) -> f64, shown: &dyn Fn(f64, usize) -> f64| {
+            let mut sum = 0.0;
+            let running = values.iter().enumerate().map(|(row, x)| {
+                sum += of(*x);
+                shown(sum, row + 1)
+            });
+            Some(running.collect())
+        };
+        Ok(match self {
+            Self::Mean => sums(&|x| x, &|sum, count| sum / count as f64),
+            Self::Rms => sums(&|x| x * x, &|sum, count| (sum / count as f64).sqrt()),
+            Self::Integral => {
+                let interval = interval(times)?;
+                sums(&|x| x, &|sum, _| sum * interval)
+            }
+            _ => None,
+        })
+    }
+}
+
+/// The largest number; NaN if one of them is.
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(f64::NEG_INFINITY, |largest, x| if x > largest || x.is_nan() { x } else { largest })
+}
+
+/// The smallest number; NaN if one of them is.
+fn smallest(values: &[f64]) -> f64 {
+    -largest(values.iter().map(|x| -x))
+}

@@ -1,0 +1,357 @@
+//! Metrics: numbers, spectra and running values of recorded signals.
+//!
+//! This is the only implementation: scenarios and studies are computed with it, and so is what Python reports. It uses no file,
+//! thread or foreign function. The tests compare it with numpy and scipy (`python/tests/test_metrics.py`).
+//!
+//! A metric takes its signal from one column or several that are combined row by row, subtracts another column and the signal
+//! of the baseline's run if it says so, converts the unit and computes the number of its [`Kind`] over the rows of its window.
+
+mod kind;
+mod spectrum;
+mod sum;
+
+pub use kind::Kind;
+pub use spectrum::{Spectrum, spectrum};
+pub use sum::Summation;
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Rows that lie outside of a window by less than this share of a step are in it: the times t\[k\] = start + k step are
+/// rounded.
+const WINDOW_SLACK: f64 = 1e-6;
+
+/// Why a metric has no number.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum MetricError {
+    /// The window, or what is left of it, is empty.
+    #[error("the window contains no recorded row")]
+    NoRows,
+    /// The kind needs a threshold.
+    #[error("this kind needs a threshold")]
+    NoThreshold,
+    /// The kind needs a band.
+    #[error("this kind needs a band")]
+    NoBand,
+    /// The distance of the rows is needed.
+    #[error("a single row has no extent in time")]
+    SingleRow,
+    /// Too few rows for a spectrum.
+    #[error("{0} rows are too few for a spectrum, it takes 18")]
+    TooShort(usize),
+    /// The kind has no running values.
+    #[error("this kind has no running values")]
+    NotRunning,
+    /// A column and the times have different numbers of rows.
+    #[error("a column has {column} rows, the times have {times}")]
+    Lengths {
+        /// Rows of the column.
+        column: usize,
+        /// Rows of the times.
+        times: usize,
+    },
+}
+
+/// Columns of a recording by their index. A run need not have all of them.
+pub type Columns<'a> = BTreeMap<usize, &'a [f64]>;
+
+/// What is computed: x = factor * signal + offset over the rows of a window.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Definition {
+    /// Indices of the columns; several are combined row by row.
+    pub columns: Vec<usize>,
+    /// How they are combined; `None` for a single one.
+    pub combine: Option<Combine>,
+    /// Weight of each column, for [`Combine::Squares`].
+    pub weights: Vec<f64>,
+    /// How the rows become a number.
+    pub kind: Kind,
+    /// Rows with from <= time <= to, s; `None`: all.
+    pub window: Option<[f64; 2]>,
+    /// What ends the window before its end.
+    pub until: Option<Until>,
+    /// Index of the column that is subtracted before.
+    pub minus: Option<usize>,
+    /// Whether the signal of the run of the case's baseline is subtracted before; no number for a case without one.
+    pub from_baseline: bool,
+    /// Frequencies of [`Kind::BandPower`], Hz: from <= f < to.
+    pub band: Option<[f64; 2]>,
+    /// Level that the kind refers to, in the unit the signal is converted to.
+    pub threshold: Option<f64>,
+    /// Factor that the signal is multiplied with before.
+    pub factor: f64,
+    /// Offset that is added to it then.
+    pub offset: f64,
+}
+
+/// Numbers of windows that end at each row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Running {
+    /// The rows.
+    pub rows: Range<usize>,
+    /// A number for each.
+    pub values: Vec<f64>,
+}
+
+/// How several signals become one, row by row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Combine {
+    /// The smallest.
+    Min,
+    /// The largest.
+    Max,
+    /// Root of the sum of the squares.
+    Norm,
+    /// Weighted sum of the squares.
+    Squares,
+}
+
+/// The end of a window: the rows from the first one on where a signal is above or below a level do not count. Without such a
+/// row in the window there is no number.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Until {
+    /// Index of the column.
+    pub column: usize,
+    /// Above the level, else below.
+    pub above: bool,
+    /// Level, in the unit of the column.
+    pub level: f64,
+}
+
+impl Definition {
+    /// The number of a run: of its rows at rising times, s, recorded with a communication step, s.
+    ///
+    /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`]; a column is missing; or there is no baseline.
+    ///
+    /// # Errors
+    /// The window contains no row, the kind needs a threshold or band or more rows, or a column has another number of rows
+    /// than the times.
+    pub fn value(
+        &self,
+        times: &[f64],
+        columns: &Columns<'_>,
+        baseline: Option<&Columns<'_>>,
+        step: f64,
+    ) -> Result<Option<f64>, MetricError> {
+        let needed = self.columns.iter().chain(&self.minus).chain(self.until.as_ref().map(|until| &until.column));
+        let is_present = needed.clone().all(|index| columns.contains_key(index));
+        let others = if self.from_baseline { baseline } else { None };
+        let has_baseline = others.is_some_and(|others| self.columns.iter().all(|index| others.contains_key(index)));
+        if !is_present || (self.from_baseline && !has_baseline) {
+            return Ok(None);
+        }
+        let of_baseline = others.iter().flat_map(|others| others.values());
+        for column in needed.map(|index| &columns[index]).chain(of_baseline) {
+            same_length(column, times)?;
+        }
+        let mut rows = window(times, self.window, step);
+        if let Some(until) = self.until.filter(|_| !rows.is_empty()) {
+            let ends = |x: &f64| if until.above { *x > until.level } else { *x < until.level };
+            let Some(end) = columns[&until.column][rows.clone()].iter().position(ends) else { return Ok(None) };
+            rows.end = rows.start + end;
+        }
+        let mut values = self.combined(columns, &rows);
+        if let Some(minus) = self.minus {
+            subtract(&mut values, &columns[&minus][rows.clone()]);
+        }
+        if let Some(others) = others {
+            subtract(&mut values, &self.combined(others, &rows));
+        }
+        self.convert(&mut values);
+        self.kind.of_rows(&times[rows], &values, self.threshold, self.band)
+    }
+
+    /// The numbers of the windows that begin with that of the metric and end at each row of it.
+    ///
+    /// `Ok(None)`: a column is missing, or the run has less than two rows in the window.
+    ///
+    /// # Errors
+    /// The kind has no running values, or a column has another number of rows than the times.
+    pub fn running(&self, times: &[f64], columns: &Columns<'_>, step: f64) -> Result<Option<Running>, MetricError> {
+        if !self.kind.has_running_values() {
+            return Err(MetricError::NotRunning);
+        }
+        let rows = window(times, self.window, step);
+        if rows.len() < 2 || !self.columns.iter().all(|index| columns.contains_key(index)) {
+            return Ok(None);
+        }
+        for index in &self.columns {
+            same_length(columns[index], times)?;
+        }
+        let mut values = self.combined(columns, &rows);
+        self.convert(&mut values);
+        let running = self.kind.running(&times[rows.clone()], &values)?;
+        Ok(running.map(|values| Running { rows, values }))
+    }
+
+    /// The signal in some rows.
+    fn combined(&self, columns: &Columns<'_>, rows: &Range<usize>) -> Vec<f64> {
+        let of = |index: &usize| &columns[index][rows.clone()];
+        let mut signals = self.columns.iter().map(of);
+        let first = signals.next().unwrap_or_default().to_vec();
+        let reduced = |choose: fn(f64, f64) -> f64| {
+            signals.clone().fold(first.clone(), |mut chosen, signal| {
+                chosen.iter_mut().zip(signal).for_each(|(x, other)| *x = choose(*x, *other));
+                chosen
+            })
+        };
+        // Written so that a NaN stays.
+        match self.combine {
+            None => first,
+            Some(Combine::Min) => reduced(|a, b| if b < a || b.is_nan() { b } else { a }),
+            Some(Combine::Max) => reduced(|a, b| if b > a || b.is_nan() { b } else { a }),
+            Some(Combine::Norm) => {
+                let mut sums = self.squares(columns, rows, std::iter::repeat(1.0));
+                sums.iter_mut().for_each(|sum| *sum = sum.sqrt());
+                sums
+            }
+            Some(Combine::Squares) => self.squares(columns, rows, self.weights.iter().copied()),
+        }
+    }
+
+    fn squares(&self, columns: &Columns<'_>, rows: &Range<usize>, weights: impl Iterator<Item = f64>) -> Vec<f64> {
+        let mut sums = vec![0.0; rows.len()];
+        for (index, weight) in self.columns.iter().zip(weights) {
+            for (sum, x) in sums.iter_mut().zip(&columns[index][rows.clone()]) {
+                *sum += weight * x * x;
+            }
+        }
+        sums
+    }
+
+    fn convert(&self, values: &mut [f64]) {
+        values.iter_mut().for_each(|x| *x = *x * self.factor + self.offset);
+    }
+}
+
+fn subtract(values: &mut [f64], others: &[f64]) {
+    values.iter_mut().zip(others).for_each(|(x, other)| *x -= other);
+}
+
+fn same_length(column: &[f64], times: &[f64]) -> Result<(), MetricError> {
+    if column.len() == times.len() {
+        return Ok(());
+    }
+    Err(MetricError::Lengths { column: column.len(), times: times.len() })
+}
+
+/// Distance of evenly spaced rows, s.
+fn interval(times: &[f64]) -> Result<f64, MetricError> {
+    match times {
+        [first, .., last] => Ok((last - first) / (times.len() - 1) as f64),
+        _ => Err(MetricError::SingleRow),
+    }
+}
+
+/// Rows at rising times, s, that lie in a window, both ends included; all rows without a window. `step` is the communication
+/// step, s.
+#[must_use]
+pub fn window(times: &[f64], window: Option<[f64; 2]>, step: f64) -> Range<usize> {
+    let Some([from, to]) = window else { return 0..times.len() };
+    let slack = WINDOW_SLACK * step;
+    let end = times.partition_point(|t| *t <= to + slack);
+    times.partition_point(|t| *t < from - slack).min(end)..end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn definition(kind: Kind) -> Definition {
+        Definition {
+            columns: vec![0],
+            combine: None,
+            weights: Vec::new(),
+            kind,
+            window: None,
+            until: None,
+            minus: None,
+            from_baseline: false,
+            band: None,
+            threshold: None,
+            factor: 1.0,
+            offset: 0.0,
+        }
+    }
+
+    #[test]
+    fn windows_contain_both_ends() {
+        let times = [0.0, 0.1, 0.2, 0.1 + 0.2, 0.4];
+        assert!(times[3] > 0.3);
+        assert_eq!(window(&times, Some([0.1, 0.3]), 0.1), 1..4);
+        assert_eq!(window(&times, None, 0.1), 0..5);
+        assert!(window(&times, Some([0.25, 0.28]), 0.1).is_empty());
+        assert!(window(&times, Some([0.3, 0.1]), 0.1).is_empty());
+    }
+
+    /// By hand; squares and a root of small numbers, so the results are exact.
+    #[test]
+    fn kinds_of_values() {
+        let values = [-4.0, 2.0, -2.0, 0.0];
+        for (kind, expected) in [
+            (Kind::MeanSquare, 6.0),
+            (Kind::Rms, 6.0_f64.sqrt()),
+            (Kind::Peak, 4.0),
+            (Kind::Max, 2.0),
+            (Kind::Min, -4.0),
+            (Kind::Mean, -1.0),
+            (Kind::Final, 0.0),
+            (Kind::PeakToPeak, 6.0),
+            (Kind::Deviation, 5.0_f64.sqrt()),
+            (Kind::Changes, 3.0),
+        ] {
+            assert!(kind.needs_only_values());
+            for summation in [Summation::Exact, Summation::InOrder] {
+                assert_eq!(kind.of_values(&values, summation), Some(expected), "{kind:?}");
+                assert_eq!(kind.of_values(&[], summation), None, "{kind:?}");
+            }
+        }
+        assert_eq!(Kind::Overshoot.of_values(&values, Summation::Exact), None);
+        assert!(Kind::Peak.of_values(&[1.0, f64::NAN, 2.0], Summation::Exact).is_some_and(f64::is_nan));
+    }
+
+    /// Steps in the order that the documentation gives: combine, subtract, subtract the baseline, convert. By hand.
+    #[test]
+    fn a_signal_is_made_in_order() {
+        let times = [0.0, 1.0, 2.0];
+        let columns = Columns::from([(0, [3.0, 1.0, 0.0].as_slice()), (4, &[4.0, 5.0, 1.0]), (5, &[1.0, 2.0, 0.0])]);
+        let baseline = Columns::from([(0, [3.0, 3.0, 0.0].as_slice()), (4, &[4.0, 4.0, 0.0])]);
+        let of = |definition: &Definition| definition.value(&times, &columns, Some(&baseline), 1.0);
+        let mut metric = Definition { columns: vec![0, 4], combine: Some(Combine::Norm), ..definition(Kind::Max) };
+        metric.window = Some([0.0, 0.0]);
+        assert_eq!(of(&metric), Ok(Some(5.0)));
+        metric.minus = Some(5);
+        assert_eq!(of(&metric), Ok(Some(4.0)));
+        metric.from_baseline = true;
+        assert_eq!(of(&metric), Ok(Some(-1.0)));
+        (metric.factor, metric.offset) = (2.0, 10.0);
+        assert_eq!(of(&metric), Ok(Some(8.0)));
+        assert_eq!(metric.value(&times, &columns, None, 1.0), Ok(None));
+        metric.minus = Some(6);
+        assert_eq!(of(&metric), Ok(None));
+    }
+
+    #[test]
+    fn columns_have_the_length_of_the_times() {
+        let metric = Definition { from_baseline: true, ..definition(Kind::Mean) };
+        let (long, short) = (Columns::from([(0, [1.0, 2.0].as_slice())]), Columns::from([(0, [1.0].as_slice())]));
+        let expected = Err(MetricError::Lengths { column: 1, times: 2 });
+        assert_eq!(metric.value(&[0.0, 1.0], &long, Some(&short), 1.0), expected);
+        assert_eq!(metric.value(&[0.0, 1.0], &short, Some(&long), 1.0), expected);
+        assert_eq!(metric.running(&[0.0, 1.0], &short, 1.0), Err(MetricError::Lengths { column: 1, times: 2 }));
+    }
+
+    #[test]
+    fn units_follow_the_kind() {
+        let unit = |kind: Kind, of: &str| kind.unit(Some(of)).unwrap();
+        assert_eq!(unit(Kind::Integral, "m/s2"), "m/s");
+        assert_eq!(unit(Kind::Integral, "m/s"), "m");
+        assert_eq!(unit(Kind::Integral, "N"), "N.s");
+        assert_eq!(unit(Kind::MeanSquare, "m/s2"), "(m/s2)2");
+        assert_eq!(unit(Kind::Crossing, "m"), "s");
+        assert_eq!(unit(Kind::Share, "m"), "1");
+        assert_eq!(Kind::Rms.unit(None), None);
+    }
+}
