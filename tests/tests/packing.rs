@@ -273,6 +273,8 @@ impl Copy {
             "examples",
             "fmu-plant",
             "fmu-controllers",
+            "python/Cargo.toml",
+            "python/src",
             "tests",
         ] {
             copy_times(&from.join(entry), &copy.root.join(entry)).unwrap_or_else(|error| panic!("{entry}: {error}"));

@@ -3,7 +3,7 @@
 //! All folders of a process are in one, `cargo-fmu-ID` in the system's folder for temporary files, beside the file
 //! `cargo-fmu-ID.lock` that the process keeps locked. They are removed when the last of them is dropped, by [`remove`], and
 //! on SIGINT, SIGTERM and SIGHUP after [`remove_on_signals`]. What a killed process leaves is removed by the next one that
-//! makes a folder: the system has given up its lock. `scripts/chassis_fmu/temporary.py` keeps to the same rules.
+//! makes a folder: the system has given up its lock. `python/chassis_fmu/temporary.py` keeps to the same rules.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io;

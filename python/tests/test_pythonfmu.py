@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from chassis_fmu import libpython
 
@@ -66,7 +67,7 @@ def options(folder: Path) -> list[str]:
     return [str(folder / "swapped.toml"), "--fmus", str(folder), "--fmus", str(FOLDER)]
 
 
-def columns(folder: Path, case: str) -> dict[str, np.ndarray]:
+def columns(folder: Path, case: str) -> dict[str, NDArray[np.float64]]:
     with (folder / "fmpy" / "swapped" / "runs" / f"{case}.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return {name: np.array([float(row[name]) for row in rows if row[name]]) for name in rows[0]}

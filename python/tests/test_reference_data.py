@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 ROOT = Path(__file__).parents[2]
 
@@ -21,7 +22,7 @@ runs = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(runs)
 
 
-def numbers(table: str) -> np.ndarray:
+def numbers(table: str) -> NDArray[np.float64]:
     names, *rows = table.splitlines()
     cells = [[float(cell) if cell else np.nan for cell in row.split(",")] for row in rows]
     return np.array(cells).reshape(-1, names.count(",") + 1)

@@ -8,12 +8,18 @@ from __future__ import annotations
 
 import math
 import subprocess
+import sys
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
-import tomllib
+from numpy.typing import NDArray
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(
@@ -48,8 +54,9 @@ def fmu(folder: Path, package: str) -> str:
     return str(folder / f"{''.join(word.capitalize() for word in package.split('-'))}.fmu")
 
 
-def simulate(folder: Path, package: str, **options: object) -> np.ndarray:
-    return fmpy.simulate_fmu(fmu(folder, package), fmi_type="CoSimulation", **options)
+def simulate(folder: Path, package: str, **options: object) -> NDArray[np.void]:
+    result: NDArray[np.void] = fmpy.simulate_fmu(fmu(folder, package), fmi_type="CoSimulation", **options)
+    return result
 
 
 @pytest.mark.parametrize("package", NAMES)
@@ -62,7 +69,7 @@ def test_the_check_has_no_finding(folder: Path, package: str) -> None:
 @pytest.mark.parametrize("package", NAMES)
 def test_the_default_experiment_runs(folder: Path, package: str) -> None:
     result = simulate(folder, package)
-    for name in result.dtype.names:
+    for name in result.dtype.names or ():
         if result[name].dtype.kind == "f":
             assert np.isfinite(result[name]).all(), name
 

@@ -24,6 +24,7 @@ import pytest
 from fmpy.model_description import ModelDescription
 from fmpy.validation import validate_fmu
 from lxml import etree
+from numpy.typing import NDArray
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR", ROOT / "target" / "fmu"))
@@ -152,7 +153,7 @@ def test_fmi_sim_runs_as_fmpy_does(path: Path, tmp_path: Path) -> None:
         assert float(np.abs(found[:, column] - values).max()) / peak < TOLERANCE, name
 
 
-def waves(description: ModelDescription, step: float) -> np.ndarray | None:
+def waves(description: ModelDescription, step: float) -> NDArray[np.float64] | None:
     """Return inputs about their start values and within their limits, no two equal, at the start of every step."""
     inputs = [v for v in description.modelVariables if v.causality == "input"]
     if not inputs:

@@ -240,25 +240,26 @@ def _time(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Ca
         # States and switches have no values between.
         whole = not figure.levels
         for case, recording in lines:
-            mask = metrics.window_mask(recording.times, figure.window, plan.simulation.step)
-            if not mask.any():
+            rows = metrics.window(recording.times, figure.window, plan.simulation.step)
+            times = recording.times[rows]
+            if not len(times):
                 # A run stopped before the window.
                 continue
-            values = recording.values[column.name][mask] * shown.factor + shown.offset
+            values = recording.values[column.name][rows] * shown.factor + shown.offset
             whole = whole and bool(np.all(values == np.round(values)))
-            times, values = decimate(recording.times[mask], values)
-            noisy = is_noisy(values)
+            line = decimate(times, values)
+            noisy = is_noisy(line[1])
             color = color_of(plan, case)
             # The first line is the widest, so that it shows even where the others lie on it.
             width = 0.6 if noisy else 2.0 if case is lines[0][0] and len(lines) > 1 else 1.2
             dashes = dashes_of(plan, case)
-            ax.plot(times, values, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
+            ax.plot(*line, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
             used[case.name] = Line2D([], [], color=color, linewidth=2.0, linestyle=dashes, label=case.title)
             if beside is not None and beside.name in recording.values:
-                values = recording.values[beside.name][mask] * shown.factor + shown.offset
+                values = recording.values[beside.name][rows] * shown.factor + shown.offset
                 # In ink where a case has the panel for itself, in its color among others.
                 style: dict[str, Any] = {"color": INK if figure.separate else color, "linestyle": (0, (3, 2))}
-                ax.plot(*decimate(recording.times[mask], values), linewidth=0.9, **style)
+                ax.plot(*decimate(times, values), linewidth=0.9, **style)
                 used[""] = Line2D([], [], color=INK, linewidth=1.2, linestyle=(0, (3, 2)), label=_label(beside))
         for level in figure.levels:
             ax.axhline(level.value, color=INK, linewidth=0.9, linestyle=(0, (5, 3)))
@@ -349,12 +350,12 @@ def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, in
     for figure in plan.figures:
         if figure.kind != "spectrum" or run.case not in figure.cases:
             continue
-        mask = metrics.window_mask(recording.times, figure.window, plan.simulation.step)
+        rows = metrics.window(recording.times, figure.window, plan.simulation.step)
         for index in figure.columns:
             column = plan.columns[index]
             if column.name in recording.values:
-                values = recording.values[column.name][mask] * _shown(column, figure).factor
-                out[figure.name, index] = metrics.spectrum(recording.times[mask], values)
+                values = recording.values[column.name][rows] * _shown(column, figure).factor
+                out[figure.name, index] = metrics.spectrum(recording.times[rows], values)
     return out
 
 

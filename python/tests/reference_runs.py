@@ -5,7 +5,7 @@ README files. Whole signals are computed at once with numpy; the all-pass is int
 summed one by one, and the generator ChaCha8 is written from its definition (Bernstein, "ChaCha, a variant of Salsa20",
 2008; as in RFC 8439, but with 8 rounds, and 64 bits each for the counter and the stream).
 
-    .venv/bin/python tests/python/reference_runs.py
+    .venv/bin/python python/tests/reference_runs.py
 
 writes `tests/references/sources` and the `reference.csv` of the three packages; test_reference_data.py compares them
 with a new computation.

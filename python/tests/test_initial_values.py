@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
+from fmpy.model_description import ScalarVariable
+from numpy.typing import NDArray
 
 from chassis_fmu import systems
 
@@ -35,7 +37,7 @@ class Component:
     """An instance, its variables by name, and the inputs that each output depends on."""
 
     slave: FMU2Slave
-    variables: dict[str, object]
+    variables: dict[str, ScalarVariable]
     feedthrough: dict[str, set[str]]
 
     def set(self, name: str, value: object) -> None:
@@ -97,7 +99,7 @@ class System:
     def row(self) -> list[float]:
         return [self.components[component].get(name) for component, name, _ in self.structure.outputs]
 
-    def run(self) -> np.ndarray:
+    def run(self) -> NDArray[np.float64]:
         """Return the outputs after every step, before they are passed on."""
         slaves = [component.slave for component in self.components.values()]
         for slave in slaves:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 CARGO = """#!/bin/sh
+# scripts/setup builds the Python package with the real one.
+[ "$1" = fmu ] || exec '{cargo}' "$@"
 printf '%s\\n' "$*" >> '{log}'
 test ! -e '{failing}' || exit 1
 while [ "$1" != --out ]; do shift; done
@@ -22,11 +25,11 @@ printf 'second' > "$2/B.fmu"
 
 @pytest.fixture
 def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Put a `cargo` on the path that notes its arguments, and fails if the file `failing` exists."""
+    """Put a `cargo` on the path that notes the arguments of `cargo fmu`, and fails if the file `failing` exists."""
     log = tmp_path / "log"
     script = tmp_path / "bin" / "cargo"
     script.parent.mkdir()
-    script.write_text(CARGO.format(log=log, failing=tmp_path / "failing"))
+    script.write_text(CARGO.format(cargo=shutil.which("cargo"), log=log, failing=tmp_path / "failing"))
     script.chmod(0o755)
     monkeypatch.setenv("PATH", f"{script.parent}{os.pathsep}{os.environ['PATH']}")
     return log

@@ -1,0 +1,80 @@
+"""Metrics of recordings: numbers, spectra and running values.
+
+The definitions are those of the native code, the Rust module `metrics`; this module passes recordings to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._native import MetricError
+from .plan import Metric, Plan
+from .results import Array, Recording
+
+__all__ = ["MetricError", "columns_of", "of_recording", "running", "spectrum", "window"]
+
+
+def _native_array(values: Array) -> NDArray[np.float64]:
+    """Return the array as the native code takes it: a recording's own is passed as it is."""
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def columns_of(metric: Metric) -> set[int]:
+    """Return the columns that a metric needs."""
+    others = (metric.minus, None if metric.until is None else metric.until.column)
+    return {*metric.columns, *(c for c in others if c is not None)}
+
+
+def _columns(metric: Metric, plan: Plan, recording: Recording) -> dict[int, NDArray[np.float64]]:
+    """Return those columns of a metric that a recording has."""
+    names = {index: plan.columns[index].name for index in columns_of(metric)}
+    return {i: _native_array(recording.values[name]) for i, name in names.items() if name in recording.values}
+
+
+def of_recording(metric: Metric, plan: Plan, recording: Recording, baseline: Recording | None = None) -> float | None:
+    """Compute a metric of a recording, in its unit. `baseline` is the recording of the baseline's run.
+
+    None: the metric is undefined for this signal, a signal that it needs was not recorded, or there is no baseline that
+    it refers to.
+
+    Raises MetricError for an unknown kind, a threshold or band that is missing, and a window without rows.
+    """
+    return _native.value(
+        metric,
+        _native_array(recording.times),
+        _columns(metric, plan, recording),
+        None if baseline is None else _columns(metric, plan, baseline),
+        plan.simulation.step,
+    )
+
+
+def running(metric: Metric, plan: Plan, recording: Recording) -> tuple[Array, Array] | None:
+    """Compute a metric over windows that begin with its own and end at each row of it: times and values.
+
+    None: a signal that it needs was not recorded, or fewer than two rows lie in the window.
+
+    Raises MetricError for a kind that has no such values.
+    """
+    times = _native_array(recording.times)
+    found = _native.running(metric, times, _columns(metric, plan, recording), plan.simulation.step)
+    if found is None:
+        return None
+    first, end, values = found
+    return times[first:end], values
+
+
+def window(times: Array, limits: tuple[float, float] | None, step: float) -> slice:
+    """Return the rows at rising times that lie in a window, both ends included; all rows for None."""
+    return slice(*_native.window(_native_array(times), limits, step))
+
+
+def spectrum(times: Array, values: Array) -> tuple[Array, Array]:
+    """Estimate the one-sided power spectral density of a signal: frequencies (Hz) and densities (square per Hz).
+
+    Welch's method with eight half overlapping Hann windows, the mean of each subtracted. The frequency 0 is left out.
+
+    Raises MetricError for a signal of fewer than 18 rows.
+    """
+    return _native.spectrum(_native_array(times), _native_array(values))

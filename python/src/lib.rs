@@ -1,0 +1,136 @@
+//! Native code of the Python package `chassis_fmu`: metrics of arrays, which are not copied.
+//!
+//! `chassis_fmu/_native.pyi` has the types. `chassis_fmu.metrics` is the interface for users.
+
+use fmu_system::metrics::{self, Columns, Combine, Definition, Kind};
+use numpy::{IntoPyArray as _, PyArray1, PyReadonlyArray1};
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+use serde::Deserialize;
+use serde::de::IntoDeserializer as _;
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
+create_exception!(chassis_fmu._native, MetricError, PyException, "A metric that has no number.");
+
+type Array<'py> = PyReadonlyArray1<'py, f64>;
+
+/// The columns of a recording, by their index in the plan.
+type Arrays<'py> = BTreeMap<usize, Array<'py>>;
+
+/// `chassis_fmu.plan.Metric`.
+#[derive(FromPyObject)]
+struct Metric {
+    name: String,
+    columns: Vec<usize>,
+    combine: Option<String>,
+    weights: Vec<f64>,
+    kind: String,
+    window: Option<[f64; 2]>,
+    until: Option<Until>,
+    minus: Option<usize>,
+    from_baseline: bool,
+    band: Option<[f64; 2]>,
+    threshold: Option<f64>,
+    conversion: Conversion,
+}
+
+/// `chassis_fmu.plan.Conversion`.
+#[derive(FromPyObject)]
+struct Conversion {
+    factor: f64,
+    offset: f64,
+}
+
+/// `chassis_fmu.plan.Until`.
+#[derive(FromPyObject)]
+struct Until {
+    column: usize,
+    above: bool,
+    level: f64,
+}
+
+impl Metric {
+    fn error(&self, error: impl Display) -> PyErr {
+        MetricError::new_err(format!("metric {}: {error}", self.name))
+    }
+
+    fn definition(&self) -> PyResult<Definition> {
+        Ok(Definition {
+            columns: self.columns.clone(),
+            combine: self.combine.as_deref().map(|name| self.named::<Combine>(name)).transpose()?,
+            weights: self.weights.clone(),
+            kind: self.named::<Kind>(&self.kind)?,
+            window: self.window,
+            until: self.until.as_ref().map(|&Until { column, above, level }| metrics::Until { column, above, level }),
+            minus: self.minus,
+            from_baseline: self.from_baseline,
+            band: self.band,
+            threshold: self.threshold,
+            factor: self.conversion.factor,
+            offset: self.conversion.offset,
+        })
+    }
+
+    /// The variant of an enum that has a name in plans.
+    fn named<'a, T: Deserialize<'a>>(&self, name: &'a str) -> PyResult<T> {
+        let found: Result<T, serde::de::value::Error> = T::deserialize(name.into_deserializer());
+        found.map_err(|error| self.error(error))
+    }
+}
+
+fn slices<'a>(arrays: &'a Arrays<'_>) -> PyResult<Columns<'a>> {
+    arrays.iter().map(|(index, array)| Ok((*index, array.as_slice()?))).collect()
+}
+
+#[pyfunction]
+fn value(
+    metric: Metric,
+    times: Array<'_>,
+    columns: Arrays<'_>,
+    baseline: Option<Arrays<'_>>,
+    step: f64,
+) -> PyResult<Option<f64>> {
+    let baseline = baseline.as_ref().map(slices).transpose()?;
+    let value = metric.definition()?.value(times.as_slice()?, &slices(&columns)?, baseline.as_ref(), step);
+    value.map_err(|error| metric.error(error))
+}
+
+/// First row, row after the last one, and the values between them.
+type Running<'py> = (usize, usize, Bound<'py, PyArray1<f64>>);
+
+#[pyfunction]
+fn running<'py>(
+    py: Python<'py>,
+    metric: Metric,
+    times: Array<'py>,
+    columns: Arrays<'py>,
+    step: f64,
+) -> PyResult<Option<Running<'py>>> {
+    let running = metric.definition()?.running(times.as_slice()?, &slices(&columns)?, step);
+    let running = running.map_err(|error| metric.error(error))?;
+    Ok(running.map(|metrics::Running { rows, values }| (rows.start, rows.end, values.into_pyarray(py))))
+}
+
+/// Frequencies and densities.
+type Spectrum<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
+#[pyfunction]
+fn spectrum<'py>(py: Python<'py>, times: Array<'py>, values: Array<'py>) -> PyResult<Spectrum<'py>> {
+    let spectrum = metrics::spectrum(times.as_slice()?, values.as_slice()?);
+    let metrics::Spectrum { frequencies, densities } = spectrum.map_err(|e| MetricError::new_err(e.to_string()))?;
+    Ok((frequencies.into_pyarray(py), densities.into_pyarray(py)))
+}
+
+#[pyfunction]
+fn window(times: Array<'_>, window: Option<[f64; 2]>, step: f64) -> PyResult<(usize, usize)> {
+    let rows = metrics::window(times.as_slice()?, window, step);
+    Ok((rows.start, rows.end))
+}
+
+#[pymodule(gil_used = false)]
+mod _native {
+    #[pymodule_export]
+    use super::{MetricError, running, spectrum, value, window};
+}
