@@ -257,7 +257,7 @@ def take(plan: Plan, source: Path, out: Path) -> dict[str, str]:
 
 def convert(plan: Plan, runs: Path, failures: Collection[str]) -> None:
     """Write the CSV files of the runs as Parquet beside them, but for the runs that failed."""
-    units = {c.name: c.unit for c in plan.columns}
+    units = {c.name: c.unit or "" for c in plan.columns}
     for run in plan.runs:
         if run.id not in failures:
             names = _names(plan, run)

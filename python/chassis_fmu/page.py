@@ -139,7 +139,7 @@ def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
                     first_of_point=not rows or rows[-1].point != point,
                 )
             )
-        source = metric.paper.table if metric.paper else ""
+        source = (metric.paper.table or "") if metric.paper else ""
         groups.append(TableGroup(metric.title, tables.pretty_unit(metric.conversion.unit), source, rows))
     return groups
 
@@ -319,7 +319,7 @@ def render(
         counts=counts(numbers),
         findings=findings,
         legend=legend(cells, findings),
-        figures=[(d.figure, texts.fill(d.figure.caption, numbers), inline_svg(d)) for d in drawings],
+        figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), inline_svg(d)) for d in drawings],
         components=components(plan),
         failures=failures,
         context=context,

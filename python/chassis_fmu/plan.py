@@ -3,15 +3,17 @@
 A plan is complete: every connection is a pair of bus slots, every parameter has its value reference and its
 value in the unit of the variable. Nothing here reads the scenario file itself, so that both masters (the native
 one and the one in `master`) execute exactly the same thing and every scenario error has one source.
+
+The types have the fields of the JSON text, which msgspec validates. A test compares them with the schema that
+`cargo fmu plan-schema` prints.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, TypeAlias
+
+import msgspec
 
 FORMAT = 3
 
@@ -22,8 +24,7 @@ class PlanError(Exception):
     """The text is not a plan this version understands."""
 
 
-@dataclass(frozen=True)
-class Conversion:
+class Conversion(msgspec.Struct, frozen=True):
     """A unit of measure with its conversion: shown value = factor * value + offset."""
 
     unit: str
@@ -31,18 +32,20 @@ class Conversion:
     offset: float = 0.0
 
 
-@dataclass(frozen=True)
-class Setting:
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A part of a plan."""
+
+
+class Setting(_Part, frozen=True, rename={"kind": "type"}):
     """A value for a variable: a parameter, or a constant input."""
 
     name: str
     kind: Kind
     reference: int
-    value: float | int | bool | str
+    value: bool | int | float | str
 
 
-@dataclass(frozen=True)
-class Wire:
+class Wire(_Part, frozen=True, rename={"kind": "type"}):
     """A variable and the bus slot it reads from or writes to."""
 
     reference: int
@@ -50,8 +53,7 @@ class Wire:
     slot: int
 
 
-@dataclass(frozen=True)
-class Component:
+class Component(_Part, frozen=True):
     """An FMU instance of a run."""
 
     name: str
@@ -64,8 +66,7 @@ class Component:
     outputs: tuple[Wire, ...]
 
 
-@dataclass(frozen=True)
-class InputSeries:
+class InputSeries(_Part, frozen=True):
     """A signal from an input file, held between its rows."""
 
     slot: int
@@ -73,8 +74,7 @@ class InputSeries:
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(_Part, frozen=True):
     """One simulation: a case at a point with a seed."""
 
     id: str
@@ -92,8 +92,7 @@ class Run:
         return self.id.replace("@", "_").replace("#", "_")
 
 
-@dataclass(frozen=True)
-class Simulation:
+class Simulation(_Part, frozen=True):
     """Time grid (s), recording interval in steps, and order of execution."""
 
     start: float
@@ -109,8 +108,7 @@ class Simulation:
         return self.steps // self.every + 1
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(_Part, frozen=True):
     """A variant of the system; `baseline` names the case its changes are relative to."""
 
     name: str
@@ -118,8 +116,7 @@ class Case:
     baseline: str | None
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(_Part, frozen=True):
     """A point of the sweep."""
 
     name: str
@@ -127,31 +124,46 @@ class Point:
     value: float
 
 
-@dataclass(frozen=True)
-class Sweep:
+class Sweep(_Part, frozen=True):
     """The abscissa of the points."""
 
     title: str
     unit: str
 
 
-@dataclass(frozen=True)
-class Column:
-    """A recorded signal. `display` is the preferred unit for people, where the variable declares one."""
+class DisplayUnit(_Part, frozen=True):
+    """A unit that values can be shown in: shown value = factor * value + offset."""
 
     name: str
-    unit: str
-    display: Conversion | None
+    factor: float
+    offset: float
+
+
+class Column(_Part, frozen=True):
+    """A recorded signal. `display_unit` is the preferred unit for people, where the variable declares one."""
+
+    name: str
+    unit: str | None
+    display_unit: str | None
+    factor: float
+    offset: float
     description: str
+    units: tuple[DisplayUnit, ...]
+
+    @property
+    def shown(self) -> Conversion:
+        """Unit for people."""
+        if self.display_unit is None:
+            return Conversion(self.unit or "")
+        return Conversion(self.display_unit, self.factor, self.offset)
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(_Part, frozen=True):
     """A cell of the table of metrics; `metric` is an index into the list of the plan."""
 
     metric: int
     case: str
-    point: str | None = None
+    point: str | None
 
     @property
     def key(self) -> str:
@@ -159,17 +171,16 @@ class Cell:
         return self.case if self.point is None else f"{self.case}@{self.point}"
 
 
-@dataclass(frozen=True)
-class Paper:
+class Paper(_Part, frozen=True):
     """Numbers of a paper for one metric, by `case` or `case@point`, and to which of them something was fitted.
 
     `changes` are in percent, by two such names with a slash between, where the paper gives no values.
     """
 
-    table: str
-    values: Mapping[str, float]
+    table: str | None
+    values: dict[str, float]
+    changes: dict[str, float]
     calibrated: frozenset[str] | None
-    changes: Mapping[str, float] = field(default_factory=dict)
 
     def origin(self, key: str) -> str:
         """Say how our number for a value came about: calibrated, predicted; empty if the scenario does not say."""
@@ -178,8 +189,7 @@ class Paper:
         return "calibrated" if key in self.calibrated else "predicted"
 
 
-@dataclass(frozen=True)
-class Until:
+class Until(_Part, frozen=True):
     """The end of a window: the rows from the first one on where a column is above or below a level do not count."""
 
     column: int
@@ -187,8 +197,31 @@ class Until:
     level: float
 
 
-@dataclass(frozen=True)
-class Metric:
+MetricKind: TypeAlias = Literal[
+    "rms",
+    "mean_square",
+    "peak",
+    "max",
+    "min",
+    "mean",
+    "final",
+    "peak_to_peak",
+    "deviation",
+    "changes",
+    "integral",
+    "band_power",
+    "crossing",
+    "magnitude_crossing",
+    "share",
+    "share_below",
+    "magnitude_share",
+    "overshoot",
+    "rise_time",
+    "settling_time",
+]
+
+
+class Metric(_Part, frozen=True):
     """A number computed from one column, or several combined, less another one; its values are converted before.
 
     Its own unit may be another one. With `from_baseline` the same signal of the baseline's run is subtracted before.
@@ -197,30 +230,64 @@ class Metric:
     name: str
     title: str
     columns: tuple[int, ...]
-    kind: str
-    conversion: Conversion
-    threshold: float | None = None
-    window: tuple[float, float] | None = None
-    until: Until | None = None
-    minus: int | None = None
-    digits: int | None = None
-    paper: Paper | None = None
-    combine: Literal["min", "max", "norm", "squares"] | None = None
-    weights: tuple[float, ...] = ()
-    from_baseline: bool = False
-    band: tuple[float, float] | None = None
+    combine: Literal["min", "max", "norm", "squares"] | None
+    weights: tuple[float, ...]
+    kind: MetricKind
+    window: tuple[float, float] | None
+    until: Until | None
+    minus: int | None
+    from_baseline: bool
+    band: tuple[float, float] | None
+    threshold: float | None
+    factor: float
+    offset: float
+    unit: str | None
+    digits: int | None
+    paper: Paper | None
+
+    @property
+    def conversion(self) -> Conversion:
+        """Unit of the number, and how the signal is converted before."""
+        return Conversion(self.unit or "", self.factor, self.offset)
 
 
-@dataclass(frozen=True)
-class Level:
+class Level(_Part, frozen=True):
     """A level that is marked in a plot."""
 
     value: float
     title: str
 
 
-@dataclass(frozen=True)
-class Figure:
+class Number(_Part, frozen=True):
+    """A number of the results in a text: what number, of which cells (several give a range), compared with what."""
+
+    format: Literal[
+        "value",
+        "number",
+        "percent",
+        "spread",
+        "change",
+        "by",
+        "ratio",
+        "difference",
+        "paper",
+        "paper_change",
+        "paper_by",
+        "threshold",
+        "from",
+        "to",
+        "band",
+    ]
+    metric: int
+    cells: tuple[Cell, ...]
+    against: tuple[Cell, ...]
+
+
+Text: TypeAlias = tuple[str | Number, ...]
+"""Words, and numbers that the results fill in."""
+
+
+class Figure(_Part, frozen=True):
     """A plot: columns over time, their spectra, metrics over the points of the sweep or over windows that grow.
 
     `cases` are the names of those shown, `separate` gives each a panel in a plot over time, `columns` and `metrics`
@@ -236,30 +303,22 @@ class Figure:
     against: int | None
     metrics: tuple[int, ...]
     window: tuple[float, float] | None
-    conversion: Conversion | None
     levels: tuple[Level, ...]
-    caption: Text
+    unit: str | None
+    factor: float
+    offset: float
+    caption: Text | None
 
-
-@dataclass(frozen=True)
-class Number:
-    """A number of the results in a text: what number, of which cells (several give a range), compared with what."""
-
-    format: str
-    metric: int
-    cells: tuple[Cell, ...]
-    against: tuple[Cell, ...]
-
-
-Text = tuple["str | Number", ...]
-"""Words, and numbers that the results fill in."""
+    @property
+    def conversion(self) -> Conversion | None:
+        """Unit of the signals; None: that of each column."""
+        return None if self.unit is None else Conversion(self.unit, self.factor, self.offset)
 
 
 Expect = Literal["paper_change", "paper_value", "lower", "higher", "unchanged", "falls_more", "below", "above", "never"]
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(_Part, frozen=True):
     """A comparison that decides on a finding."""
 
     cell: Cell
@@ -268,8 +327,7 @@ class Check:
     level: float | None
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(_Part, frozen=True):
     """A claim, of a paper or (`own`) of this project, and what decides on it."""
 
     claim: Text
@@ -278,8 +336,44 @@ class Finding:
     checks: tuple[Check, ...]
 
 
-@dataclass(frozen=True)
-class Unread:
+class Signal(_Part, frozen=True):
+    """A variable of a component."""
+
+    component: str
+    variable: str
+
+
+class Constant(_Part, frozen=True):
+    """A value that an input keeps, in its unit."""
+
+    value: bool | int | float | str
+    unit: str | None
+
+
+class Origin(_Part, frozen=True):
+    """Where the value of an input comes from: one of the three."""
+
+    output: Signal | None = None
+    file: str | None = None
+    constant: Constant | None = None
+
+
+class Connected(_Part, frozen=True):
+    """An input and where its value comes from."""
+
+    input: Signal
+    source: Origin
+
+
+class Wiring(_Part, frozen=True):
+    """Inputs of a case, and outputs that nothing reads."""
+
+    case: str
+    inputs: tuple[Connected, ...]
+    unread: tuple[Signal, ...]
+
+
+class Unread(msgspec.Struct, frozen=True):
     """Outputs of a component that nothing reads, and in which cases."""
 
     component: str
@@ -287,10 +381,10 @@ class Unread:
     cases: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(_Part, frozen=True):
     """A resolved scenario."""
 
+    format: int
     name: str
     file: str
     title: str
@@ -306,8 +400,8 @@ class Plan:
     metrics: tuple[Metric, ...]
     figures: tuple[Figure, ...]
     findings: tuple[Finding, ...]
+    wiring: tuple[Wiring, ...]
     warnings: tuple[str, ...]
-    unread: tuple[Unread, ...]
 
     def run(self, case: str, point: str | None, seed: int | None) -> Run:
         """Return the run of a case, point and seed."""
@@ -326,192 +420,38 @@ class Plan:
         """Values of the seeds; a single None without seeds."""
         return self.seeds or (None,)
 
-
-def _setting(item: Mapping[str, Any]) -> Setting:
-    return Setting(item["name"], item["type"], int(item["reference"]), item["value"])
-
-
-def _wires(items: Sequence[Mapping[str, Any]]) -> tuple[Wire, ...]:
-    return tuple(Wire(int(w["reference"]), w["type"], int(w["slot"])) for w in items)
-
-
-def _component(item: Mapping[str, Any], root: Path) -> Component:
-    return Component(
-        name=item["name"],
-        fmu=root / item["fmu"],
-        model_identifier=item["model_identifier"],
-        guid=item["guid"],
-        parameters=tuple(map(_setting, item["parameters"])),
-        constants=tuple(map(_setting, item["constants"])),
-        inputs=_wires(item["inputs"]),
-        outputs=_wires(item["outputs"]),
-    )
+    @property
+    def unread(self) -> tuple[Unread, ...]:
+        """Group the outputs that nothing reads by component; cases that leave the same ones are joined."""
+        cases: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        for case in self.wiring:
+            components: dict[str, list[str]] = {}
+            for signal in case.unread:
+                components.setdefault(signal.component, []).append(signal.variable)
+            for component, outputs in components.items():
+                cases.setdefault((component, tuple(outputs)), []).append(case.case)
+        return tuple(Unread(component, outputs, tuple(names)) for (component, outputs), names in cases.items())
 
 
-def _run(item: Mapping[str, Any], root: Path) -> Run:
-    return Run(
-        id=item["id"],
-        case=item["case"],
-        point=item["point"],
-        seed=item["seed"],
-        components=tuple(_component(c, root) for c in item["components"]),
-        series=tuple(
-            InputSeries(int(f["slot"]), tuple(map(float, f["times"])), tuple(map(float, f["values"])))
-            for f in item["series"]
-        ),
-        slots=int(item["slots"]),
-        columns=tuple(None if c is None else int(c) for c in item["columns"]),
-    )
-
-
-def _window(value: Sequence[float] | None) -> tuple[float, float] | None:
-    return None if value is None else (float(value[0]), float(value[1]))
-
-
-def _conversion(item: Mapping[str, Any], unit: str) -> Conversion | None:
-    if item.get(unit) is None:
-        return None
-    return Conversion(item[unit], float(item["factor"]), float(item["offset"]))
-
-
-def _until(item: Mapping[str, Any] | None) -> Until | None:
-    return None if item is None else Until(int(item["column"]), bool(item["above"]), float(item["level"]))
-
-
-def _paper(item: Mapping[str, Any] | None) -> Paper | None:
-    if item is None:
-        return None
-    calibrated = item["calibrated"]
-    known = None if calibrated is None else frozenset(calibrated)
-    return Paper(item["table"] or "", dict(item["values"]), known, dict(item["changes"]))
-
-
-def _cell(item: Mapping[str, Any]) -> Cell:
-    return Cell(int(item["metric"]), item["case"], item["point"])
-
-
-def _text(items: Sequence[str | Mapping[str, Any]] | None) -> Text:
-    return tuple(
-        item
-        if isinstance(item, str)
-        else Number(
-            item["format"], int(item["metric"]), tuple(map(_cell, item["cells"])), tuple(map(_cell, item["against"]))
-        )
-        for item in items or ()
-    )
-
-
-def _finding(item: Mapping[str, Any]) -> Finding:
-    return Finding(
-        claim=_text(item["claim"]),
-        explanation=_text(item["explanation"]),
-        own=bool(item["own"]),
-        checks=tuple(
-            Check(
-                cell=_cell(check["cell"]),
-                against=None if check["against"] is None else _cell(check["against"]),
-                expect=check["expect"],
-                level=None if check["level"] is None else float(check["level"]),
-            )
-            for check in item["checks"]
-        ),
-    )
-
-
-def _metric(item: Mapping[str, Any]) -> Metric:
-    return Metric(
-        name=item["name"],
-        title=item["title"],
-        columns=tuple(map(int, item["columns"])),
-        combine=item["combine"],
-        weights=tuple(map(float, item["weights"])),
-        kind=item["kind"],
-        threshold=None if item["threshold"] is None else float(item["threshold"]),
-        band=_window(item["band"]),
-        window=_window(item["window"]),
-        until=_until(item["until"]),
-        minus=item["minus"],
-        from_baseline=bool(item["from_baseline"]),
-        conversion=_conversion(item, "unit") or Conversion(""),
-        digits=item["digits"],
-        paper=_paper(item["paper"]),
-    )
-
-
-def _figure(item: Mapping[str, Any]) -> Figure:
-    return Figure(
-        name=item["name"],
-        title=item["title"],
-        kind=item["kind"],
-        cases=tuple(item["cases"]),
-        separate=bool(item["separate"]),
-        columns=tuple(map(int, item["columns"])),
-        against=item["against"],
-        metrics=tuple(map(int, item["metrics"])),
-        window=_window(item["window"]),
-        conversion=_conversion(item, "unit"),
-        levels=tuple(Level(float(v["value"]), v["title"]) for v in item["levels"]),
-        caption=_text(item["caption"]),
-    )
-
-
-def _unread(wiring: Sequence[Mapping[str, Any]]) -> tuple[Unread, ...]:
-    """Group the outputs that nothing reads by component; cases that leave the same ones are joined."""
-    cases: dict[tuple[str, tuple[str, ...]], list[str]] = {}
-    for case in wiring:
-        components: dict[str, list[str]] = {}
-        for signal in case["unread"]:
-            components.setdefault(signal["component"], []).append(signal["variable"])
-        for component, outputs in components.items():
-            cases.setdefault((component, tuple(outputs)), []).append(case["case"])
-    return tuple(Unread(component, outputs, tuple(names)) for (component, outputs), names in cases.items())
+class _Version(msgspec.Struct):
+    format: int
 
 
 def parse(text: str, root: Path) -> Plan:
     """Read a plan; relative paths of FMUs are relative to `root`.
 
-    Raises PlanError if the text is not JSON, has another format number, or lacks a field.
+    Raises PlanError if the text is not JSON, has another format number, or does not have the fields of a plan.
     """
+
+    def path(_type: type, value: str) -> Path:
+        return root / value
+
     try:
-        data = json.loads(text)
-    except ValueError as error:
+        found = msgspec.json.decode(text, type=_Version).format
+        if found != FORMAT:
+            raise PlanError(f"plan format {found}, expected {FORMAT}: cargo-fmu and the scripts differ in version")
+        return msgspec.json.decode(text, type=Plan, dec_hook=path)
+    except msgspec.ValidationError as error:
+        raise PlanError(f"the plan does not have the expected fields: {error}") from error
+    except msgspec.DecodeError as error:
         raise PlanError(f"the plan is not JSON: {error}") from error
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        found = data.get("format") if isinstance(data, dict) else type(data).__name__
-        raise PlanError(f"plan format {found}, expected {FORMAT}: cargo-fmu and the scripts differ in version")
-    try:
-        s = data["simulation"]
-        sweep = data["sweep"]
-        return Plan(
-            name=data["name"],
-            file=data["file"],
-            title=data["title"],
-            description=data["description"] or "",
-            reference=data["reference"] or "",
-            simulation=Simulation(
-                start=float(s["start"]),
-                stop=float(s["stop"]),
-                step=float(s["step"]),
-                steps=int(s["steps"]),
-                order=s["order"],
-                every=int(s["every"]),
-            ),
-            cases=tuple(Case(c["name"], c["title"], c["baseline"]) for c in data["cases"]),
-            points=tuple(Point(p["name"], p["title"], float(p["value"])) for p in data["points"]),
-            sweep=None if sweep is None else Sweep(sweep["title"], sweep["unit"]),
-            seeds=tuple(int(v) for v in data["seeds"]),
-            columns=tuple(
-                Column(c["name"], c["unit"] or "", _conversion(c, "display_unit"), c["description"] or "")
-                for c in data["columns"]
-            ),
-            runs=tuple(_run(r, root) for r in data["runs"]),
-            metrics=tuple(map(_metric, data["metrics"])),
-            figures=tuple(map(_figure, data["figures"])),
-            findings=tuple(map(_finding, data["findings"])),
-            warnings=tuple(map(str, data["warnings"])),
-            unread=_unread(data["wiring"]),
-        )
-    except KeyError as error:
-        raise PlanError(f"the plan has no field {error}") from error
-    except (TypeError, ValueError, IndexError) as error:
-        raise PlanError(f"a field of the plan has an unexpected type: {error}") from error

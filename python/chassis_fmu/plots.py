@@ -205,7 +205,7 @@ def columns_of(plan: Plan, figure: Figure) -> set[int]:
 
 def _shown(column: Column, figure: Figure) -> Conversion:
     """Return the unit a column is plotted in: the figure's, the display unit of the variable, its unit."""
-    return figure.conversion or column.display or Conversion(column.unit)
+    return figure.conversion or column.shown
 
 
 def _panels(

@@ -241,7 +241,7 @@ def machine(cells: Sequence[Row]) -> str:
                 c.point or "",
                 c.ours.count if c.ours else 0,
                 *("" if v is None else repr(v) for v in numbers),
-                c.metric.paper.table if c.metric.paper else "",
+                (c.metric.paper.table or "") if c.metric.paper else "",
                 c.origin,
                 c.status.value if c.status else "",
             ]

@@ -33,12 +33,6 @@ struct Metric {
     from_baseline: bool,
     band: Option<[f64; 2]>,
     threshold: Option<f64>,
-    conversion: Conversion,
-}
-
-/// `chassis_fmu.plan.Conversion`.
-#[derive(FromPyObject)]
-struct Conversion {
     factor: f64,
     offset: f64,
 }
@@ -68,8 +62,8 @@ impl Metric {
             from_baseline: self.from_baseline,
             band: self.band,
             threshold: self.threshold,
-            factor: self.conversion.factor,
-            offset: self.conversion.offset,
+            factor: self.factor,
+            offset: self.offset,
         })
     }
 

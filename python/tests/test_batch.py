@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import signal
 import subprocess
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from msgspec.structs import replace
 
 from chassis_fmu import batch, results, temporary
 from chassis_fmu.plan import Component, Plan, Setting, Wire
@@ -56,12 +56,8 @@ def planned(scenario: Plan, fmu: Path) -> Plan:
         gains = (Setting("gain", "Real", 2, gain),)
         inputs = (Setting("u", "Real", 0, 2.0),)
         component = Component("ramp", fmu, "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0),))
-        runs.append(
-            dataclasses.replace(
-                scenario.runs[0], id=name, components=(component,), series=(), slots=1, columns=(0, None)
-            )
-        )
-    return dataclasses.replace(scenario, runs=tuple(runs))
+        runs.append(replace(scenario.runs[0], id=name, components=(component,), series=(), slots=1, columns=(0, None)))
+    return replace(scenario, runs=tuple(runs))
 
 
 @pytest.mark.parametrize(

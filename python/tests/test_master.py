@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from chassis_fmu import master
 from chassis_fmu.plan import Component, InputSeries, Plan, Run
@@ -99,7 +99,7 @@ def run(scenario: Plan) -> Run:
 
 def test_calls_are_those_of_the_algorithm(scenario: Plan, run: Run) -> None:
     system = System()
-    one = dataclasses.replace(scenario.simulation, steps=1, stop=0.1)
+    one = replace(scenario.simulation, steps=1, stop=0.1)
     master.simulate(run, one, system)
     assert system.calls == [
         "source Instantiate",
@@ -141,41 +141,41 @@ def test_sequential_sees_fresh_outputs(scenario: Plan, run: Run) -> None:
 
 
 def test_jacobi_is_one_step_behind(scenario: Plan, run: Run) -> None:
-    jacobi = dataclasses.replace(scenario.simulation, order="jacobi")
+    jacobi = replace(scenario.simulation, order="jacobi")
     _, rows = master.simulate(run, jacobi, System())
     # the same sum for k = 0, 1, 2
     assert rows[:, 1] == pytest.approx([0.0, 0.1, 0.4, 0.9], abs=1e-15)
 
 
 def test_every_records_every_nth_step(scenario: Plan, run: Run) -> None:
-    sparse = dataclasses.replace(scenario.simulation, steps=5, every=2)
+    sparse = replace(scenario.simulation, steps=5, every=2)
     times, rows = master.simulate(run, sparse, System())
     assert times.tolist() == [0.0, 0.2, 0.4]
     assert rows[:, 0].tolist() == [0.0, 2.0, 4.0]
 
 
 def test_columns_of_absent_components_are_left_out(scenario: Plan, run: Run) -> None:
-    _, rows = master.simulate(dataclasses.replace(run, columns=(None, 1)), scenario.simulation, System())
+    _, rows = master.simulate(replace(run, columns=(None, 1)), scenario.simulation, System())
     assert rows.shape == (4, 1)
 
 
 def test_a_feed_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
     # The row at 3*0.1 counts at t = 0.3 although 0.30000000000000004 is what the master computes, and vice versa.
     feed = InputSeries(2, (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
-    plant = dataclasses.replace(run.components[1], inputs=(dataclasses.replace(run.components[1].inputs[0], slot=2),))
-    fed = dataclasses.replace(run, components=(run.components[0], plant), series=(feed,), slots=3, columns=(2, 1))
-    longer = dataclasses.replace(scenario.simulation, steps=4, stop=0.4)
+    plant = replace(run.components[1], inputs=(replace(run.components[1].inputs[0], slot=2),))
+    fed = replace(run, components=(run.components[0], plant), series=(feed,), slots=3, columns=(2, 1))
+    longer = replace(scenario.simulation, steps=4, stop=0.4)
     _, rows = master.simulate(fed, longer, System())
     assert rows[:, 0].tolist() == [7.0, 7.0, 8.0, 8.0, 9.0]
 
 
 def test_outputs_in_scattered_slots_arrive(scenario: Plan, run: Run) -> None:
     wires = run.components[1].outputs
-    plant = dataclasses.replace(
+    plant = replace(
         run.components[1],
-        outputs=(dataclasses.replace(wires[0], slot=3), dataclasses.replace(wires[0], reference=10, slot=1)),
+        outputs=(replace(wires[0], slot=3), replace(wires[0], reference=10, slot=1)),
     )
-    scattered = dataclasses.replace(run, components=(run.components[0], plant), slots=4, columns=(1, 3))
+    scattered = replace(run, components=(run.components[0], plant), slots=4, columns=(1, 3))
     _, rows = master.simulate(scattered, scenario.simulation, System())
     assert rows[:, 0].tolist() == [2.0] * 4
     assert rows[-1, 1] == pytest.approx(1.5, abs=1e-15)
@@ -183,7 +183,7 @@ def test_outputs_in_scattered_slots_arrive(scenario: Plan, run: Run) -> None:
 
 def test_progress_adds_up(scenario: Plan, run: Run) -> None:
     seen: list[int] = []
-    long = dataclasses.replace(scenario.simulation, steps=2 * master.PROGRESS_INTERVAL + 5, stop=100.0)
+    long = replace(scenario.simulation, steps=2 * master.PROGRESS_INTERVAL + 5, stop=100.0)
     master.simulate(run, long, System(), seen.append)
     assert seen == [master.PROGRESS_INTERVAL, master.PROGRESS_INTERVAL, 5]
 
@@ -227,9 +227,9 @@ def test_nothing_is_called_after_fatal(scenario: Plan, run: Run) -> None:
 
 def test_a_refused_parameter_is_named(scenario: Plan, run: Run) -> None:
     component = run.components[1]
-    bad = dataclasses.replace(component, parameters=(dataclasses.replace(component.parameters[0], value=float("inf")),))
+    bad = replace(component, parameters=(replace(component.parameters[0], value=float("inf")),))
     with pytest.raises(master.RunError, match=r"plant, fmi2SetReal at t = 0 s: status 3 \(error\), gain = inf"):
-        master.simulate(dataclasses.replace(run, components=(run.components[0], bad)), scenario.simulation, System())
+        master.simulate(replace(run, components=(run.components[0], bad)), scenario.simulation, System())
 
 
 def test_a_value_that_is_not_finite_is_an_error(scenario: Plan, run: Run) -> None:
@@ -246,11 +246,9 @@ def test_a_component_that_refuses_a_value_is_only_the_messenger(scenario: Plan, 
         values[30] = float("inf")
         return OK
 
-    real = dataclasses.replace(
-        run.components[0], outputs=(dataclasses.replace(run.components[0].outputs[0], kind="Real"),)
-    )
+    real = replace(run.components[0], outputs=(replace(run.components[0].outputs[0], kind="Real"),))
     system = System(source=explode)
-    exploding = dataclasses.replace(run, components=(real, run.components[1]))
+    exploding = replace(run, components=(real, run.components[1]))
     with pytest.raises(master.RunError) as caught:
         master.simulate(exploding, scenario.simulation, system)
     assert caught.value.component == "plant"
@@ -263,7 +261,7 @@ def test_huge_finite_values_are_no_error(scenario: Plan, run: Run) -> None:
         return OK
 
     wire = run.components[1].outputs[0]
-    plant = dataclasses.replace(run.components[1], outputs=(wire, dataclasses.replace(wire, reference=14, slot=2)))
-    wide = dataclasses.replace(run, components=(run.components[0], plant), slots=3)
+    plant = replace(run.components[1], outputs=(wire, replace(wire, reference=14, slot=2)))
+    wide = replace(run, components=(run.components[0], plant), slots=3)
     _, rows = master.simulate(wide, scenario.simulation, System(plant=huge))
     assert rows[-1, 1] == 1.7e308

@@ -1,12 +1,12 @@
 """Metrics against closed forms, and against numpy and scipy."""
 
-import dataclasses
 import math
 from typing import Any, Literal
 
 import numpy as np
 import pytest
 import scipy.signal
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from chassis_fmu import _native, metrics
@@ -23,7 +23,22 @@ def metric(
     unit: Conversion | None = None,
     threshold: float | None = None,
 ) -> Metric:
-    return Metric("m", "M", (0,), kind, unit or Conversion("rad"), threshold=threshold, window=window)
+    conversion = unit or Conversion("rad")
+    fields = {
+        **dict.fromkeys(("combine", "until", "minus", "band", "digits", "paper")),
+        "name": "m",
+        "title": "M",
+        "columns": (0,),
+        "weights": (),
+        "kind": kind,
+        "window": window,
+        "from_baseline": False,
+        "threshold": threshold,
+        "factor": conversion.factor,
+        "offset": conversion.offset,
+        "unit": conversion.unit,
+    }
+    return Metric(**fields)  # type: ignore[arg-type]
 
 
 Array = NDArray[np.float64]
@@ -145,7 +160,7 @@ def test_a_window_ends_where_a_signal_says(until: Until, expected: float) -> Non
     signal = np.array([9.0, 1.0, 1.0, 1.0, 5.0, 5.0])
     # below 0.5 or above 1.5 also before the window, which does not count, and again after the end
     ends = np.array([0.0, 1.0, 0.4 if not until.above else 1.5, 1.0, 2.0, 0.0])
-    windowed = dataclasses.replace(metric("final", (0.1, 0.5)), until=until)
+    windowed = replace(metric("final", (0.1, 0.5)), until=until)
     values = np.cumsum(signal) - 9.0
     assert evaluate(windowed, times, values, 0.1, ends) == expected
     # without such a row there is no number; one outside the window does not count
@@ -159,10 +174,10 @@ def test_a_window_ends_where_a_signal_says(until: Until, expected: float) -> Non
 def test_a_metric_of_a_difference(scenario: Plan) -> None:
     times = np.arange(3) * 0.1
     recording = Recording(times, {"source.count": np.array([1.0, 2.0, 3.0]), "body.roll": np.array([1.0, 1.0, 1.0])})
-    difference = dataclasses.replace(metric("max"), minus=1)
+    difference = replace(metric("max"), minus=1)
     assert metrics.columns_of(difference) == {0, 1}
     assert metrics.of_recording(difference, scenario, recording) == 2.0
-    until = dataclasses.replace(difference, until=Until(0, True, 2.5))
+    until = replace(difference, until=Until(0, True, 2.5))
     assert metrics.of_recording(until, scenario, recording) == 1.0
     # a case without the component that it is compared with
     assert metrics.of_recording(difference, scenario, Recording(times, {"source.count": times})) is None
@@ -291,7 +306,7 @@ def test_the_spectrum_is_that_of_scipy(rows: int) -> None:
         np.testing.assert_allclose(densities, expected[1][1:], rtol=1e-11, atol=1e-13 * expected[1].max())
         band = (0.1234 * frequencies[-1], 0.7321 * frequencies[-1])
         inside = (expected[0] >= band[0]) & (expected[0] < band[1])
-        power = evaluate(dataclasses.replace(metric("band_power"), band=band), times, values, 0.004)
+        power = evaluate(replace(metric("band_power"), band=band), times, values, 0.004)
         assert power == pytest.approx(expected[1][inside].sum() * expected[0][1], rel=1e-11)
 
 
@@ -305,10 +320,10 @@ def test_signals_are_combined_as_by_numpy(combine: Literal["min", "max", "norm",
         "norm": np.linalg.norm(columns, axis=0),
         "squares": np.einsum("i,ij,ij->j", weights, columns, columns),
     }[combine]
-    combined = dataclasses.replace(metric("final"), columns=(0, 1, 2), combine=combine, weights=weights)
+    combined = replace(metric("final"), columns=(0, 1, 2), combine=combine, weights=weights)
     rows = np.arange(50, dtype=np.float64)
     for row in range(50):
-        limited = dataclasses.replace(combined, window=(0.0, float(row)))
+        limited = replace(combined, window=(0.0, float(row)))
         got = _native.value(limited, rows, dict(enumerate(columns)), None, 1.0)
         # Sums of three products in another order; they may cancel.
         assert got == pytest.approx(expected[row], rel=1e-15, abs=1e-14)
@@ -355,7 +370,7 @@ def test_the_power_of_a_band_is_that_of_its_sines() -> None:
     values = 5.0 + 2.0 * np.sin(2.0 * np.pi * 4.0 * times) + 0.5 * np.sin(2.0 * np.pi * 20.0 * times)
 
     def power(low: float, high: float) -> float:
-        banded = dataclasses.replace(metric("band_power"), band=(low, high))
+        banded = replace(metric("band_power"), band=(low, high))
         got = evaluate(banded, times, values, STEP)
         assert got is not None
         return got
@@ -388,7 +403,7 @@ def test_several_signals_are_combined_row_by_row(scenario: Plan) -> None:
     recording = Recording(
         TIMES, {"source.count": speed * np.cos(3.0 * TIMES), "body.roll": speed * np.sin(3.0 * TIMES)}
     )
-    two = dataclasses.replace(metric("integral", (0.0, 1.999)), columns=(0, 1), combine="norm")
+    two = replace(metric("integral", (0.0, 1.999)), columns=(0, 1), combine="norm")
     assert metrics.columns_of(two) == {0, 1}
     assert metrics.of_recording(two, scenario, recording) == pytest.approx(14.0 * math.pi, rel=1e-12)
     lifted = Recording(
@@ -396,9 +411,7 @@ def test_several_signals_are_combined_row_by_row(scenario: Plan) -> None:
     )
 
     def of(kind: str, combine: Literal["min", "max", "squares"], **more: Any) -> float | None:
-        return metrics.of_recording(
-            dataclasses.replace(metric(kind), columns=(0, 1), combine=combine, **more), scenario, lifted
-        )
+        return metrics.of_recording(replace(metric(kind), columns=(0, 1), combine=combine, **more), scenario, lifted)
 
     assert of("share_below", "min", threshold=1.0) == 0.75
     assert of("share_below", "max", threshold=1.0) == 0.25
@@ -408,7 +421,7 @@ def test_several_signals_are_combined_row_by_row(scenario: Plan) -> None:
 
 
 def test_a_metric_of_what_differs_from_the_baseline(scenario: Plan) -> None:
-    shifted = dataclasses.replace(metric("peak", (0.0, 1.0)), from_baseline=True)
+    shifted = replace(metric("peak", (0.0, 1.0)), from_baseline=True)
     recording = Recording(TIMES, {"source.count": np.sin(TIMES) - 0.25})
     baseline = Recording(TIMES, {"source.count": np.sin(TIMES)})
     assert metrics.of_recording(shifted, scenario, recording, baseline) == pytest.approx(0.25, rel=1e-12)

@@ -1,9 +1,9 @@
 """The table of metrics, and the badges of its numbers and of the findings."""
 
-import dataclasses
 import math
 
 import pytest
+from msgspec.structs import replace
 
 from chassis_fmu import numbers
 from chassis_fmu.numbers import Numbers, Statistic
@@ -68,11 +68,11 @@ def test_a_seed_without_its_baseline_has_no_change(scenario: Plan) -> None:
 def test_the_paper_is_looked_up_by_case_and_point(scenario: Plan) -> None:
     first = scenario.metrics[0]
     assert first.paper is not None
-    paper = dataclasses.replace(first.paper, values={"passive@slow": 2.0, "active@slow": 1.0, "active@fast": 5.0})
-    swept = dataclasses.replace(
+    paper = replace(first.paper, values={"passive@slow": 2.0, "active@slow": 1.0, "active@fast": 5.0})
+    swept = replace(
         scenario,
         points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)),
-        metrics=(dataclasses.replace(first, paper=paper),),
+        metrics=(replace(first, paper=paper),),
     )
     cells = Numbers(swept, {}).table()
     assert [(c.point, c.case, c.paper, c.paper_change) for c in cells] == [
@@ -87,12 +87,12 @@ def test_origins_are_those_the_scenario_says(scenario: Plan) -> None:
     first = scenario.metrics[0]
     assert first.paper is not None
     assert {c.origin for c in Numbers(scenario, {}).table()} == {""}
-    paper = dataclasses.replace(first.paper, calibrated=frozenset(["passive"]))
-    said = dataclasses.replace(scenario, metrics=(dataclasses.replace(first, paper=paper), scenario.metrics[1]))
+    paper = replace(first.paper, calibrated=frozenset(["passive"]))
+    said = replace(scenario, metrics=(replace(first, paper=paper), scenario.metrics[1]))
     assert [c.origin for c in Numbers(said, {}).table()] == ["calibrated", "predicted", "", ""]
 
 
-PASSIVE, ACTIVE = Cell(0, "passive"), Cell(0, "active")
+PASSIVE, ACTIVE = Cell(0, "passive", None), Cell(0, "active", None)
 Key = tuple[str, str, str | None, int | None]
 
 
@@ -100,10 +100,10 @@ def seeded(plan: Plan, passive: list[float], active: list[float]) -> Numbers:
     """Return the numbers of a plan with as many seeds as values of the first metric."""
     run = plan.runs[0]
     seeds = tuple(range(len(passive)))
-    runs = tuple(dataclasses.replace(run, id=f"{c.name}#{s}", case=c.name, seed=s) for c in plan.cases for s in seeds)
+    runs = tuple(replace(run, id=f"{c.name}#{s}", case=c.name, seed=s) for c in plan.cases for s in seeds)
     of: dict[Key, float] = {("roll_rms", "passive", None, s): v for s, v in enumerate(passive)}
     of |= {("roll_rms", "active", None, s): v for s, v in enumerate(active)}
-    return Numbers(dataclasses.replace(plan, seeds=seeds, runs=runs), of)
+    return Numbers(replace(plan, seeds=seeds, runs=runs), of)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_values_of_the_paper_have_badges_of_their_own(scenario: Plan) -> None:
     near = seeded(scenario, [4.19, 4.19], [3.0, 3.0])
     assert near.status_of(PASSIVE) is Status.REPRODUCED
     assert seeded(scenario, [4.21, 4.21], [3.0, 3.0]).status_of(PASSIVE) is Status.NOT_REPRODUCED
-    assert near.status_of(Cell(1, "passive")) is None
+    assert near.status_of(Cell(1, "passive", None)) is None
     assert near.status(Check(ACTIVE, None, "paper_value", None)) is Status.REPRODUCED
 
 
@@ -140,8 +140,8 @@ def test_what_was_fitted_is_calibrated_and_never_reproduced(scenario: Plan) -> N
 
     def calibrated(keys: frozenset[str], changes: dict[str, float]) -> Numbers:
         assert first.paper is not None
-        paper = dataclasses.replace(first.paper, calibrated=keys, changes=changes)
-        said = dataclasses.replace(scenario, metrics=(dataclasses.replace(first, paper=paper), scenario.metrics[1]))
+        paper = replace(first.paper, calibrated=keys, changes=changes)
+        said = replace(scenario, metrics=(replace(first, paper=paper), scenario.metrics[1]))
         return seeded(said, [4.0, 4.0], [3.0, 3.0])
 
     fitted = calibrated(frozenset(["passive"]), {})
@@ -181,14 +181,14 @@ def test_claims_without_a_number(
 def test_a_change_may_be_larger_than_another(scenario: Plan) -> None:
     points = (Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0))
     run = scenario.runs[0]
-    runs = tuple(dataclasses.replace(run, case=c.name, point=p.name) for c in scenario.cases for p in points)
+    runs = tuple(replace(run, case=c.name, point=p.name) for c in scenario.cases for p in points)
     values: dict[Key, float] = {
         ("roll_rms", "passive", "slow", 1): 4.0,
         ("roll_rms", "active", "slow", 1): 3.0,
         ("roll_rms", "passive", "fast", 1): 10.0,
         ("roll_rms", "active", "fast", 1): 7.0,
     }
-    of = Numbers(dataclasses.replace(scenario, points=points, runs=runs, seeds=(1,)), values)
+    of = Numbers(replace(scenario, points=points, runs=runs, seeds=(1,)), values)
     slow, fast = Cell(0, "active", "slow"), Cell(0, "active", "fast")
     # -30 % against -25 %
     assert of.status(Check(fast, slow, "falls_more", None)) is Status.REPRODUCED
@@ -232,8 +232,8 @@ def test_a_run_that_was_cut_short_decides_only_on_what_it_covers(scenario: Plan)
         ((0.0, 2.0 * stop), False),
         ((stop, 2.0 * stop), False),
     ]:
-        changed = tuple(dataclasses.replace(m, window=window) for m in values.plan.metrics)
-        plan = dataclasses.replace(values.plan, metrics=changed)
+        changed = tuple(replace(m, window=window) for m in values.plan.metrics)
+        plan = replace(values.plan, metrics=changed)
         cut = Numbers(plan, values._values, is_cut=True)
         assert cut.status(check) is (Status.REPRODUCED if decided else Status.OPEN), window
         whole = Numbers(plan, values._values)

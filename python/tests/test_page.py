@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from lxml import html
+from msgspec.structs import replace
 
 from chassis_fmu import page, plots
 from chassis_fmu.numbers import Numbers
@@ -26,7 +27,7 @@ def text(scenario: Plan) -> str:
     }
     numbers = Numbers(scenario, values)
     cells = numbers.table()
-    figures = [*scenario.figures, dataclasses.replace(scenario.figures[0], name="again")]
+    figures = [*scenario.figures, replace(scenario.figures[0], name="again")]
     drawings = [d for f in figures if (d := plots.draw(scenario, f, recordings, {}, cells)) is not None]
     assert len(drawings) == 2
     return page.render(numbers, drawings, {"active#2": "component <plant>: fmi2DoStep"}, CONTEXT)
@@ -129,7 +130,7 @@ def test_the_parts_are_there(text: str) -> None:
 
 
 def test_a_page_without_anything_optional(scenario: Plan) -> None:
-    bare = dataclasses.replace(
+    bare = replace(
         scenario,
         description="",
         reference="",
@@ -139,9 +140,9 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
         seeds=(),
         runs=scenario.runs[:1],
         warnings=(),
-        unread=(),
+        wiring=(),
     )
-    bare = dataclasses.replace(bare, runs=(dataclasses.replace(bare.runs[0], seed=None),))
+    bare = replace(bare, runs=(replace(bare.runs[0], seed=None),))
     tree = html.document_fromstring(page.render(Numbers(bare, {}), [], {}, page.Context("native", "scripts/run")))
     assert [h.text for h in tree.xpath("//h2")] == ["Components in the order of execution", "How it was run"]
 
@@ -154,22 +155,22 @@ def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None
 
     def swept(by_case: dict[str, float], by_point: dict[str, float]) -> tuple[tuple[str, str], ...]:
         runs = tuple(
-            dataclasses.replace(
+            replace(
                 first,
                 id=f"{c.name}@{p.name}",
                 case=c.name,
                 point=p.name,
                 components=(
-                    dataclasses.replace(
+                    replace(
                         plant,
-                        parameters=(dataclasses.replace(gain, value=by_case[c.name] + by_point[p.name]),),
+                        parameters=(replace(gain, value=by_case[c.name] + by_point[p.name]),),
                     ),
                 ),
             )
             for c in scenario.cases
             for p in points
         )
-        sections = page.components(dataclasses.replace(scenario, runs=runs, points=points))
+        sections = page.components(replace(scenario, runs=runs, points=points))
         return sections[0].parameters[0].values
 
     same = {"passive": 1.0, "active": 1.0}

@@ -2,10 +2,12 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import pytest
 
-from chassis_fmu import plan
+from chassis_fmu import plan, shell
 
 HERE = Path(__file__).parent
 
@@ -16,8 +18,8 @@ def test_fields_arrive(scenario: plan.Plan) -> None:
     component = scenario.run("passive", None, 1).components[1]
     assert component.fmu == HERE / "fmu" / "Plant.fmu"
     assert component.inputs == (plan.Wire(11, "Real", 0),)
-    assert scenario.columns[0].display is None
-    assert scenario.columns[1].display == plan.Conversion("deg", 57.29577951308232, 0.0)
+    assert scenario.columns[0].shown == plan.Conversion("1")
+    assert scenario.columns[1].shown == plan.Conversion("deg", 57.29577951308232, 0.0)
     assert scenario.run("active", None, 2).columns == (None, 1)
 
 
@@ -32,8 +34,9 @@ def test_outputs_that_nothing_reads_are_grouped(scenario: plan.Plan) -> None:
     ("change", "message"),
     [
         ({"format": 1}, "plan format 1, expected 3"),
-        ({"simulation": None}, "unexpected type"),
-        ({"cases": [{"name": "a"}]}, "no field 'title'"),
+        ({"simulation": None}, r"expected fields: .*`\$.simulation`"),
+        ({"cases": [{"name": "a"}]}, r"missing required field `title` - at `\$.cases\[0\]`"),
+        ({"name_": "b"}, "unknown field `name_`"),
     ],
 )
 def test_what_is_not_a_plan_is_refused(change: dict[str, object], message: str) -> None:
@@ -45,3 +48,63 @@ def test_what_is_not_a_plan_is_refused(change: dict[str, object], message: str) 
 def test_text_that_is_not_json_is_refused() -> None:
     with pytest.raises(plan.PlanError, match="not JSON"):
         plan.parse("Compiling host v0.1.0", HERE)
+
+
+def shape(schema: Any, defined: dict[str, Any]) -> Any:
+    """Return what a JSON Schema accepts, without texts, names of types and ranges of numbers."""
+
+    def of(part: Any) -> Any:
+        return shape(part, defined)
+
+    def union(shapes: Any) -> Any:
+        flat = [s for one in shapes for s in (one if isinstance(one, frozenset) else [one])]
+        return flat[0] if len(set(flat)) == 1 else frozenset(flat)
+
+    if "$ref" in schema:
+        return of(defined[schema["$ref"].rpartition("/")[2]])
+    if "allOf" in schema:
+        (only,) = schema["allOf"]
+        return of(only)
+    if "const" in schema:
+        return ("text", schema["const"])
+    if "enum" in schema:
+        return union(("text", word) for word in schema["enum"])
+    if "anyOf" in schema or "oneOf" in schema:
+        parts = schema.get("anyOf") or schema["oneOf"]
+        if all(len(part.get("properties", ())) == 1 for part in parts):
+            # One of several properties: msgspec has them as one object without required ones.
+            fields = {name: of(value) for part in parts for name, value in part["properties"].items()}
+            return ("object", frozenset(fields.items()), frozenset())
+        return union(of(part) for part in parts)
+    if isinstance(schema["type"], list):
+        return union(of(schema | {"type": name}) for name in schema["type"])
+    if schema["type"] == "array":
+        items = schema.get("prefixItems") or [schema["items"]]
+        length = len(items) if "prefixItems" in schema else schema.get("maxItems")
+        return ("array", union(of(item) for item in items), length)
+    if schema["type"] == "object":
+        if "properties" not in schema:
+            return ("map", of(schema["additionalProperties"]))
+        required = frozenset(schema.get("required", ()))
+        properties = {name: of(value) for name, value in schema["properties"].items()}
+        # What may be missing is null in Python.
+        cleaned = {
+            name: value if name in required or not isinstance(value, frozenset) else union(value - {"null"})
+            for name, value in properties.items()
+        }
+        return ("object", frozenset(cleaned.items()), required)
+    return schema["type"]
+
+
+def test_the_types_are_those_of_the_command() -> None:
+    code, text = shell.cargo_fmu(["plan-schema"], "read plans", capture=True)
+    assert code == 0
+    theirs = json.loads(text)
+    (ours,), defined = msgspec.json.schema_components(
+        [plan.Plan], schema_hook=lambda _: {"type": "string"}, ref_template="#/$defs/{name}"
+    )
+    expected = {name: shape(value, theirs["$defs"]) for name, value in theirs["properties"].items()}
+    found = {name: shape(value, defined) for name, value in defined["Plan"]["properties"].items()}
+    assert ours == {"$ref": "#/$defs/Plan"}
+    assert found == expected
+    assert set(theirs["required"]) == set(defined["Plan"]["required"]) == set(expected)

@@ -1,13 +1,12 @@
 """Figures: what decimation keeps, and that files repeat."""
 
-import dataclasses
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from chassis_fmu import metrics, plots
 from chassis_fmu.numbers import Numbers
-from chassis_fmu.plan import Figure, Plan, Point, Sweep
+from chassis_fmu.plan import Plan, Point, Sweep
 from chassis_fmu.results import Recording
 
 
@@ -60,7 +59,7 @@ def test_a_figure_without_data_is_left_out(scenario: Plan) -> None:
 
 
 def test_a_window_after_the_end_of_a_run_leaves_a_panel_empty(scenario: Plan) -> None:
-    later = dataclasses.replace(scenario.figures[0], window=(5.0, 6.0), levels=())
+    later = replace(scenario.figures[0], window=(5.0, 6.0), levels=())
     drawing = plots.draw(scenario, later, recordings(), {}, [])
     assert drawing is not None
     assert plots.PALETTE[0] not in drawing.svg
@@ -68,7 +67,7 @@ def test_a_window_after_the_end_of_a_run_leaves_a_panel_empty(scenario: Plan) ->
 
 def test_states_have_whole_ticks(scenario: Plan) -> None:
     times = np.arange(4) * 0.1
-    figure = dataclasses.replace(scenario.figures[0], columns=(0,), levels=(), conversion=None)
+    figure = replace(scenario.figures[0], columns=(0,), levels=(), unit=None)
     name = scenario.columns[0].name
 
     def labels(states: list[float]) -> list[str]:
@@ -81,10 +80,13 @@ def test_states_have_whole_ticks(scenario: Plan) -> None:
 
 
 def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
-    swept = dataclasses.replace(
+    swept = replace(
         scenario, points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)), sweep=Sweep("Speed", "km/h")
     )
-    figure = Figure("speeds", "Speeds", "sweep", ("passive", "active"), False, (), None, (0, 1), None, None, (), ())
+    first = scenario.figures[0]
+    figure = replace(
+        first, name="speeds", title="Speeds", kind="sweep", columns=(), metrics=(0, 1), window=None, levels=()
+    )
     values: dict[tuple[str, str, str | None, int | None], float] = {
         ("roll_rms", c.name, p, s): 1.0 + i for c in swept.cases for i, p in enumerate(("slow", "fast")) for s in (1, 2)
     }
@@ -96,13 +98,13 @@ def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
 def test_a_figure_shows_its_cases_and_levels(scenario: Plan) -> None:
     first = scenario.figures[0]
     both = plots.draw(scenario, first, recordings(), {}, [])
-    one = plots.draw(scenario, dataclasses.replace(first, cases=("active",)), recordings(), {}, [])
+    one = plots.draw(scenario, replace(first, cases=("active",)), recordings(), {}, [])
     assert both is not None
     assert one is not None
     assert plots.PALETTE[0] in both.svg
     assert plots.PALETTE[0] not in one.svg
     assert "A &lt;level&gt;" in one.svg
-    bare = plots.draw(scenario, dataclasses.replace(first, levels=()), recordings(), {}, [])
+    bare = plots.draw(scenario, replace(first, levels=()), recordings(), {}, [])
     assert bare is not None
     assert "A &lt;level&gt;" not in bare.svg
 
@@ -110,7 +112,7 @@ def test_a_figure_shows_its_cases_and_levels(scenario: Plan) -> None:
 def test_separate_cases_have_panels_of_their_own(scenario: Plan) -> None:
     first = scenario.figures[0]
     overlaid = plots.draw(scenario, first, recordings(), {}, [])
-    separate = plots.draw(scenario, dataclasses.replace(first, separate=True), recordings(), {}, [])
+    separate = plots.draw(scenario, replace(first, separate=True), recordings(), {}, [])
     assert overlaid is not None
     assert separate is not None
     # two signals, one of which only one case has
@@ -121,22 +123,22 @@ def test_separate_cases_have_panels_of_their_own(scenario: Plan) -> None:
 
 
 def test_a_signal_stands_dashed_beside_others(scenario: Plan) -> None:
-    bare = dataclasses.replace(scenario.figures[0], columns=(1,), levels=())
+    bare = replace(scenario.figures[0], columns=(1,), levels=())
     for separate in (False, True):
-        figure = dataclasses.replace(bare, separate=separate)
+        figure = replace(bare, separate=separate)
         plain = plots.draw(scenario, figure, recordings(), {}, [])
-        beside = plots.draw(scenario, dataclasses.replace(figure, against=0), recordings(), {}, [])
+        beside = plots.draw(scenario, replace(figure, against=0), recordings(), {}, [])
         assert plain is not None
         assert beside is not None
         assert "stroke-dasharray" not in plain.svg
         # one of the two cases has that signal; one line is in the legend
         assert beside.svg.count("stroke-dasharray") == 2
-    assert plots.columns_of(scenario, dataclasses.replace(bare, against=0)) == {0, 1}
+    assert plots.columns_of(scenario, replace(bare, against=0)) == {0, 1}
 
 
 def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
-    figure = dataclasses.replace(scenario.figures[0], kind="spectrum", cases=("active",), window=None, levels=())
-    noisy = dataclasses.replace(scenario, figures=(figure,))
+    figure = replace(scenario.figures[0], kind="spectrum", cases=("active",), window=None, levels=())
+    noisy = replace(scenario, figures=(figure,))
     times = np.arange(900) * 0.1
     values = np.random.default_rng(1).normal(size=900)
     recording = Recording(times, {"body.roll": values})
@@ -162,7 +164,7 @@ def test_units_of_densities() -> None:
 
 
 def test_a_metric_is_drawn_over_a_growing_window(scenario: Plan) -> None:
-    figure = dataclasses.replace(scenario.figures[0], kind="running", columns=(), metrics=(0,), levels=(), window=None)
+    figure = replace(scenario.figures[0], kind="running", columns=(), metrics=(0,), levels=(), window=None)
     assert plots.columns_of(scenario, figure) == {1}
     drawing = plots.draw(scenario, figure, recordings(), {}, [])
     assert drawing is not None
@@ -172,10 +174,10 @@ def test_a_metric_is_drawn_over_a_growing_window(scenario: Plan) -> None:
 
 
 def test_panels_are_titled_in_words(scenario: Plan) -> None:
-    figure = dataclasses.replace(scenario.figures[0], columns=(1,), levels=())
-    long = dataclasses.replace(scenario.columns[1], description="Height of the body over its rest " * 6)
+    figure = replace(scenario.figures[0], columns=(1,), levels=())
+    long = replace(scenario.columns[1], description="Height of the body over its rest " * 6)
     for column in (scenario.columns[1], long):
-        named = dataclasses.replace(scenario, columns=(scenario.columns[0], column))
+        named = replace(scenario, columns=(scenario.columns[0], column))
         drawing = plots.draw(named, figure, recordings(), {}, [])
         assert drawing is not None
         # matplotlib leaves the text of a title as a comment before its outlines

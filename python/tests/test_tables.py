@@ -5,6 +5,7 @@ import dataclasses
 import io
 
 import pytest
+from msgspec.structs import replace
 
 from chassis_fmu import tables
 from chassis_fmu.numbers import Numbers, Row, Statistic
@@ -127,7 +128,7 @@ def test_tables_for_people(scenario: Plan) -> None:
 
 
 def test_columns_that_would_be_empty_are_left_out(scenario: Plan) -> None:
-    own = dataclasses.replace(scenario, metrics=tuple(dataclasses.replace(m, paper=None) for m in scenario.metrics))
+    own = replace(scenario, metrics=tuple(replace(m, paper=None) for m in scenario.metrics))
     lines = tables.console(own, cells(own)).splitlines()
     assert lines[0].split() == ["Metric", "Case", "Ours", "Change,", "ours"]
     alone = [r for r in cells(own) if r.case == "passive"]

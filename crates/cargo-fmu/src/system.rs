@@ -19,6 +19,8 @@ pub(crate) enum Command {
     ///
     /// Components without inputs are run alone for a moment, in a process of their own, to find parameters without an effect.
     Plan(plan::Arguments),
+    /// Prints the JSON Schema of plans, for programs that read what `plan --json` prints
+    PlanSchema,
     /// Executes all runs of a scenario and writes a CSV file for each
     Run(run::Arguments),
     /// Writes a run of a scenario for other masters: an SSP file and a system structure of libcosim, with the FMUs
@@ -47,6 +49,7 @@ pub(crate) enum Command {
 pub(crate) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Plan(arguments) => plan::run(arguments),
+        Command::PlanSchema => plan::print_schema(),
         Command::Run(arguments) => run::run(arguments),
         Command::Export(arguments) => export::run(arguments),
         Command::Study(arguments) => study::run(arguments),

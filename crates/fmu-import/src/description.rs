@@ -180,7 +180,9 @@ pub enum Initial {
 }
 
 /// Base type as the C interface tells them apart; an enumeration travels as an integer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 pub enum BaseType {
     /// `fmi2Real`.
     Real,
@@ -201,7 +203,7 @@ impl std::fmt::Display for BaseType {
 /// A value of a base type.
 ///
 /// In JSON it is only the value. A Real has a decimal point or an exponent there, so the first variant that fits is right.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum Value {
     /// `fmi2Integer`, also of an enumeration.

@@ -6,13 +6,15 @@
 use crate::report::{Figure, Finding, Metric};
 use crate::run::{Run, Simulation, Trial};
 pub use fmu_import::description::{BaseType, Value};
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
 /// Version of the plan's layout.
 pub const FORMAT: u32 = 3;
 
 /// A resolved scenario.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Plan {
     /// [`FORMAT`].
     pub format: u32,
@@ -55,8 +57,14 @@ pub struct Plan {
     pub trials: Vec<Trial>,
 }
 
+/// The JSON Schema of a plan as it is printed.
+#[must_use]
+pub fn schema() -> schemars::Schema {
+    SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<Plan>()
+}
+
 /// Inputs of a case, and outputs that nothing reads.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Wiring {
     /// Name of the case.
     pub case: String,
@@ -67,7 +75,7 @@ pub struct Wiring {
 }
 
 /// A variable of a component.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 pub struct Signal {
     /// Name of the component.
     pub component: String,
@@ -76,7 +84,7 @@ pub struct Signal {
 }
 
 /// An input and where its value comes from.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Connected {
     /// The input.
     pub input: Signal,
@@ -85,7 +93,7 @@ pub struct Connected {
 }
 
 /// Where the value of an input comes from.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
     /// An output.
@@ -102,7 +110,7 @@ pub enum Origin {
 }
 
 /// A variant of the experiment.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Case {
     /// Name.
     pub name: String,
@@ -113,7 +121,7 @@ pub struct Case {
 }
 
 /// A point of the sweep.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Point {
     /// Name.
     pub name: String,
@@ -124,7 +132,7 @@ pub struct Point {
 }
 
 /// Abscissa of the sweep.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Sweep {
     /// Title.
     pub title: String,
@@ -133,7 +141,7 @@ pub struct Sweep {
 }
 
 /// A recorded signal. Shown value = factor * value + offset.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Column {
     /// Name of the signal, or `component:signal` where several components have it.
     pub name: String,
@@ -152,7 +160,7 @@ pub struct Column {
 }
 
 /// A unit to show values in: shown value = factor * value + offset.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Conversion {
     /// Name of the unit.
     pub name: String,

@@ -4,11 +4,12 @@
 //! knows nothing of this module.
 
 use crate::metrics::Definition;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A number of the results.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Metric {
     /// Name.
     pub name: String,
@@ -26,7 +27,7 @@ pub struct Metric {
 }
 
 /// Numbers printed in a paper.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Paper {
     /// Where they stand.
     pub table: Option<String>,
@@ -39,7 +40,7 @@ pub struct Paper {
 }
 
 /// A figure to draw.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Figure {
     /// File name without extension.
     pub name: String,
@@ -72,7 +73,7 @@ pub struct Figure {
 }
 
 /// What a figure shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FigureKind {
     /// Signals over time, cases overlaid or [`Figure::separate`].
@@ -86,7 +87,7 @@ pub enum FigureKind {
 }
 
 /// A level marked in a plot over time.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Level {
     /// Where, in the unit of the figure.
@@ -96,7 +97,7 @@ pub struct Level {
 }
 
 /// A claim, what decides on it, and an explanation.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Finding {
     /// What is claimed.
     pub claim: Text,
@@ -109,7 +110,7 @@ pub struct Finding {
 }
 
 /// A comparison that decides on a claim.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Check {
     /// What is looked at.
     pub cell: Cell,
@@ -122,7 +123,7 @@ pub struct Check {
 }
 
 /// A cell of the table of metrics.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Cell {
     /// Index into the metrics of the plan.
     pub metric: usize,
@@ -133,7 +134,7 @@ pub struct Cell {
 }
 
 /// What a check expects of its cell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Expect {
     /// The change that the paper gives.
@@ -160,7 +161,7 @@ pub enum Expect {
 pub type Text = Vec<Part>;
 
 /// A part of a text.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Part {
     /// Words.
@@ -179,7 +180,7 @@ pub enum Part {
 }
 
 /// What number of a cell a text shows, and how.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Format {
     /// The value with its unit; the default.

@@ -5,11 +5,12 @@
 
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Value};
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::sync::Arc;
 
 /// Times, s, and order of execution.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Simulation {
     /// Start, s.
     pub start: f64,
@@ -26,7 +27,7 @@ pub struct Simulation {
 }
 
 /// How the components of a system follow each other within a step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
     /// One after the other; a component sees the new outputs of those before it (Gauss-Seidel).
@@ -36,7 +37,7 @@ pub enum Order {
 }
 
 /// A run of one case at one point with one seed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Run {
     /// `case`, `case@point`, `case#seed` or `case@point#seed`.
     pub id: String,
@@ -57,7 +58,7 @@ pub struct Run {
 }
 
 /// An instance of an FMU and its wires.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Component {
     /// Name, also of the instance.
     pub name: String,
@@ -78,7 +79,7 @@ pub struct Component {
 }
 
 /// A variable and its value.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Setting {
     /// Name of the variable.
     pub name: String,
@@ -92,7 +93,7 @@ pub struct Setting {
 }
 
 /// A variable and its place on the bus.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Wire {
     /// Value reference.
     pub reference: Reference,
@@ -104,15 +105,17 @@ pub struct Wire {
 }
 
 /// A signal from a file, held between its times.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct InputSeries {
     /// Slot of the bus, written by nothing else.
     pub slot: usize,
     /// Times, s, rising; the first is not after the start. Shared by the series of a file.
     #[serde(serialize_with = "as_sequence", deserialize_with = "from_sequence")]
+    #[schemars(with = "Vec<f64>")]
     pub times: Arc<[f64]>,
     /// Value from each time on.
     #[serde(serialize_with = "as_sequence", deserialize_with = "from_sequence")]
+    #[schemars(with = "Vec<f64>")]
     pub values: Arc<[f64]>,
 }
 

@@ -25,6 +25,12 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
+/// Prints the JSON Schema of what `plan --json` prints.
+pub(crate) fn print_schema() -> miette::Result<()> {
+    outln!("{}", serde_json::to_string_pretty(&fmu_system::plan::schema()).into_diagnostic()?);
+    Ok(())
+}
+
 /// Prints the plan, and what is probably not meant as warnings.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let plan = arguments.selection.plan_with_warnings(&worker::Options::default())?;

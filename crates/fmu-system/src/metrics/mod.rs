@@ -58,6 +58,7 @@ pub type Columns<'a> = BTreeMap<usize, &'a [f64]>;
 
 /// What is computed: x = factor * signal + offset over the rows of a window.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
 pub struct Definition {
     /// Indices of the columns; several are combined row by row.
     pub columns: Vec<usize>,
@@ -96,6 +97,7 @@ pub struct Running {
 
 /// How several signals become one, row by row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Combine {
     /// The smallest.
@@ -111,6 +113,7 @@ pub enum Combine {
 /// The end of a window: the rows from the first one on where a signal is above or below a level do not count. Without such a
 /// row in the window there is no number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
 pub struct Until {
     /// Index of the column.
     pub column: usize,
