@@ -18,6 +18,33 @@ pub fn exported(library: &[u8]) -> Vec<String> {
     names
 }
 
+/// Functions of other libraries that a library calls, sorted.
+///
+/// # Panics
+/// When the bytes are no library.
+#[must_use]
+pub fn imported(library: &[u8]) -> Vec<String> {
+    let file = object::File::parse(library).unwrap_or_else(|error| panic!("{error}"));
+    let imports = file.imports().unwrap_or_else(|error| panic!("{error}"));
+    let mut names: Vec<_> = imports.iter().map(|import| String::from_utf8_lossy(import.name()).into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// Whether the function is one of the C library whose last digits depend on the platform: all of <math.h> and <complex.h>
+/// except those that have one possible result, in double and single precision.
+#[must_use]
+pub fn is_inexact(function: &str) -> bool {
+    const INEXACT: [&str; 36] = [
+        "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "erf", "erfc", "exp",
+        "exp10", "exp2", "expm1", "hypot", "j0", "j1", "jn", "lgamma", "lgamma_r", "log", "log10", "log1p", "log2",
+        "pow", "powi", "sin", "sincos", "sinh", "tan", "tanh", "tgamma", "y0", "y1",
+    ];
+    let function = function.trim_start_matches('_');
+    let function = function.strip_suffix("_finite").unwrap_or(function).trim_end_matches('_');
+    [function, function.strip_suffix(['f', 'l']).unwrap_or(function)].iter().any(|name| INEXACT.contains(name))
+}
+
 /// Libraries that a library for Windows asks for, in lower case, because the system does not care, and sorted.
 ///
 /// # Panics
@@ -63,6 +90,14 @@ fn glibc_version(name: &str) -> Option<(u32, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn inexact_functions_are_told_from_exact_ones() {
+        assert!(["sin", "powf", "hypotl", "__exp_finite", "sincos", "erf", "erff"].into_iter().all(is_inexact));
+        assert!(
+            !["sqrt", "floor", "fmod", "fma", "trunc", "rint", "ldexp", "memcpy", "exit"].into_iter().any(is_inexact)
+        );
+    }
 
     #[test]
     fn versions_of_the_c_library_are_compared_as_numbers() {

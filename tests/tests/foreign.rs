@@ -235,7 +235,8 @@ fn a_model_builds_from_the_packaged_crates() {
     place.package(
         "from-crates",
         "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"../fmu-0.1.0\" }\n\
-         [patch.crates-io]\nfmu-derive = { path = \"../fmu-derive-0.1.0\" }\n[workspace]\n",
+         [patch.crates-io]\nfmu-derive = { path = \"../fmu-derive-0.1.0\" }\n\
+         fmu-math = { path = \"../fmu-math-0.1.0\" }\n[workspace]\n",
         &GAIN.replace("Widget", "FromCrates"),
     );
     place.run(&tests::cargo_fmu(), &["pack", "--out", "../out"], &[], "from-crates");

@@ -189,6 +189,20 @@ fn libraries_export_the_interface_only() {
     }
 }
 
+/// The last digits of the C library's functions depend on the platform, even on the processor. Results may not.
+#[test]
+fn libraries_call_no_inexact_function_of_the_c_library() {
+    for path in paths() {
+        let contents = Contents::read(&path);
+        for (name, library) in contents.files.iter().filter(|(name, _)| name.starts_with("binaries/")) {
+            let imported = symbols::imported(library);
+            assert!(imported.iter().any(|function| function.contains("mem")), "{name} imports {imported:?}");
+            let inexact: Vec<_> = imported.iter().filter(|function| symbols::is_inexact(function)).collect();
+            assert!(inexact.is_empty(), "{name} calls {inexact:?}: use the functions of `Scalar` and `fmu::math`");
+        }
+    }
+}
+
 /// Libraries for Windows load from Windows 7 on without anything beside them: these come with it.
 #[test]
 fn libraries_for_windows_need_the_system_only() {

@@ -52,7 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     outln!("Poles of A (1/s), frequency (Hz), damping ratio");
     for pole in poles.iter().filter(|pole| pole.im >= 0.0) {
-        let size = pole.norm();
+        let size = f64::hypot(pole.re, pole.im);
         let damping = if size > 0.0 { -pole.re / size } else { 1.0 };
         let imaginary = if pole.im > 0.0 { format!(" ± {:.6}i", pole.im) } else { String::new() };
         outln!("  {:>12.6}{imaginary:<16} {:>10.5} {damping:>9.4}", pole.re, size / std::f64::consts::TAU);

@@ -186,7 +186,7 @@ impl FuzzyPid {
             integral: gain(s.gains.integral, s.scales.integral, dk.integral),
             derivative: gain(s.gains.derivative, s.scales.derivative, dk.derivative),
         };
-        let leaked = *integral * (-s.leak_rate * sample_time).exp();
+        let leaked = *integral * fmu::math::exp(-s.leak_rate * sample_time);
         let next = within(leaked + k.integral * e * sample_time, -s.integral_limit, s.integral_limit);
         let v = k.proportional * e + next + k.derivative * ec;
         let winds_up = v > s.output_maximum && e > 0.0 || v < s.output_minimum && e < 0.0;

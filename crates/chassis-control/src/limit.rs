@@ -80,7 +80,7 @@ pub fn lag(value: f64, target: f64, time_constant: f64, dt: f64) -> f64 {
     if time_constant <= 0.0 && !value.is_nan() && !dt.is_nan() {
         return target;
     }
-    target + (value - target) * (-dt / time_constant).exp()
+    target + (value - target) * fmu::math::exp(-dt / time_constant)
 }
 
 #[cfg(test)]

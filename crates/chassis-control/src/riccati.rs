@@ -52,6 +52,7 @@
 
 use std::fmt;
 
+use fmu::math;
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 
 /// Largest relative residual of the Riccati equation that is accepted.
@@ -234,13 +235,13 @@ impl Equation {
         for _ in 0..50 {
             let mut changed = false;
             for i in 0..states {
-                let own = self.a[(i, i)].powi(2);
+                let own = self.a[(i, i)] * self.a[(i, i)];
                 let row = self.a.row(i).norm_squared() - own + self.g.row(i).norm_squared();
                 let column = self.a.column(i).norm_squared() - own + self.q.row(i).norm_squared();
                 if !(row > 0.0 && column > 0.0) {
                     continue;
                 }
-                let factor = power_of_two((row / column).powf(0.25));
+                let factor = power_of_two((row / column).sqrt().sqrt());
                 if factor == 1.0 || !factor.is_normal() {
                     continue;
                 }
@@ -303,7 +304,7 @@ impl Equation {
     fn cayley(&self) -> Option<(DMatrix<f64>, DMatrix<f64>, DMatrix<f64>)> {
         let n = self.a.nrows();
         let hamiltonian = self.hamiltonian();
-        let moduli = eigenvalues(&hamiltonian)?.into_iter().map(|z| z.norm());
+        let moduli = eigenvalues(&hamiltonian)?.into_iter().map(|z| math::hypot(z.re, z.im));
         let (slowest, fastest) = moduli.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
         // An eigenvalue 0 must not make the shift 0. The equation then has no solution, which is
         // for the doubling to find out.
@@ -405,16 +406,18 @@ fn quasi_diagonal(t: &DMatrix<f64>) -> Vec<Complex<f64>> {
         // A block of 2 x 2: mean +- sqrt(discriminant).
         let mean = 0.5 * (t[(i, i)] + t[(i + 1, i + 1)]);
         let half = 0.5 * (t[(i, i)] - t[(i + 1, i + 1)]);
-        let root = Complex::new(half * half + t[(i, i + 1)] * t[(i + 1, i)], 0.0).sqrt();
-        values.push(mean + root);
-        values.push(mean - root);
+        let square: f64 = half * half + t[(i, i + 1)] * t[(i + 1, i)];
+        let root = if square < 0.0 { Complex::new(0.0, (-square).sqrt()) } else { Complex::new(square.sqrt(), 0.0) };
+        values.push(root + mean);
+        values.push(-root + mean);
     }
     values
 }
 
 /// The power of 2 next to a positive number on a logarithmic scale; multiplying by it is exact.
 fn power_of_two(x: f64) -> f64 {
-    x.log2().round().exp2()
+    // Half a power in the logarithm is a factor of sqrt(2). Not log2 and exp2, whose last digits depend on the platform.
+    f64::from_bits((x * std::f64::consts::SQRT_2).to_bits() & !((1 << 52) - 1))
 }
 
 /// Element of `(m + m') / 2`.
@@ -695,9 +698,9 @@ mod tests {
         let mut left = eigenvalues(&cyclic).unwrap();
         assert_eq!(left.len(), n);
         for k in 0..n {
-            let root = Complex::from_polar(1.0, std::f64::consts::TAU * k as f64 / n as f64);
-            let near = left.iter().position(|z| (z - root).norm() < 1e-13);
-            left.swap_remove(near.unwrap_or_else(|| panic!("{root} is missing in {left:?}")));
+            let (im, re) = math::sin_cos(std::f64::consts::TAU * k as f64 / n as f64);
+            let near = left.iter().position(|z| math::hypot(z.re - re, z.im - im) < 1e-13);
+            left.swap_remove(near.unwrap_or_else(|| panic!("{re} + {im}i is missing in {left:?}")));
         }
     }
 
@@ -740,7 +743,7 @@ mod tests {
         let last = std::f64::consts::PI / (2 * n) as f64;
         assert!((regulator.poles[0].re + last.sin()).abs() < 1e-12);
         for pole in &regulator.poles {
-            assert!((pole.norm() - 1.0).abs() < 1e-12);
+            assert!((math::hypot(pole.re, pole.im) - 1.0).abs() < 1e-12);
         }
         let slower_first = regulator.poles.windows(2).all(|pair| pair[0].re >= pair[1].re);
         assert!(slower_first);
@@ -808,8 +811,9 @@ mod tests {
             integrator_chain(20, false),
             Err(RiccatiError::Inaccurate { residual }) if residual > MAX_RESIDUAL
         ));
+        // Between 23 and 39 states rounding makes the closed loop unstable; 30 is far from both ends.
         assert!(matches!(
-            integrator_chain(30, true),
+            integrator_chain(30, false),
             Err(RiccatiError::Unstable { real_part }) if real_part > 0.0
         ));
         let pole = |re| [Complex::new(re, 0.0)];
@@ -1013,7 +1017,7 @@ mod tests {
             .unwrap();
             let gain = u * scaled.gain * x_inverse;
             prop_assert!((&gain - &plain.gain).norm() <= 1e-10 * plain.gain.norm());
-            prop_assert!((scaled.poles[0].re - plain.poles[0].re).abs() <= 1e-5 * plain.poles[0].norm());
+            prop_assert!((scaled.poles[0].re - plain.poles[0].re).abs() <= 1e-5 * math::hypot(plain.poles[0].re, plain.poles[0].im));
         }
 
         /// One state: with d = sqrt((a - b n / r)^2 + b^2 / r (q - n^2 / r)) the pole is -d and

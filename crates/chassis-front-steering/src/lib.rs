@@ -109,7 +109,7 @@ impl Limits {
     #[must_use]
     pub fn angle_at(&self, gain: f64, r_max: f64) -> f64 {
         let f_lim = match self.model {
-            ReferenceModel::ZeroSideslip => (r_max / gain).atan(),
+            ReferenceModel::ZeroSideslip => fmu::math::atan(r_max / gain),
             ReferenceModel::TwoDegreesOfFreedom => r_max / gain,
         };
         f_lim.min(self.angle)

@@ -3,7 +3,7 @@
 //! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions are made of exp(x) and exp(x) - 1 in two parts each, so
 //! that they lose nothing near zero.
 
-use crate::bits::{INFINITY, ROUNDER, abs, below, choose, fast_sum, flip, keep, magnitude, sign, sum};
+use crate::bits::{INFINITY, ROUNDER, SIGN, abs, below, choose, fast_sum, flip, keep, magnitude, sign, sum};
 use crate::coefficients::{EXPM1, INV_LN2, LN2_HI, LN2_LO};
 use crate::lanes::{function, polynomial11};
 
@@ -92,6 +92,11 @@ fn tanh_outside(x: f64) -> u64 {
 }
 
 #[inline(always)]
+fn is_flat(x: f64) -> u64 {
+    FLAT.to_bits().wrapping_sub(magnitude(x))
+}
+
+#[inline(always)]
 fn tanh_kernel(x: f64) -> f64 {
     let ax = abs(x);
     let ax = choose(below(ax.to_bits(), FLAT.to_bits()), ax, FLAT);
@@ -135,7 +140,37 @@ function!(
     /// Hyperbolic cosine, within 0.9 ulp.
     cosh, cosh_each, outside, cosh_kernel, libm::cosh
 );
-function!(
-    /// Hyperbolic tangent, within 1.3 ulp.
-    tanh, tanh_each, tanh_outside, tanh_kernel, |_| f64::NAN
-);
+/// Hyperbolic tangent, within 1.3 ulp.
+#[inline(never)]
+#[must_use]
+pub fn tanh(x: f64) -> f64 {
+    if tanh_outside(x) >> 63 != 0 {
+        f64::NAN
+    } else if is_flat(x) >> 63 != 0 {
+        flip(1.0, sign(x))
+    } else {
+        tanh_kernel(x)
+    }
+}
+
+/// [`tanh`] of each element, with the same bits.
+#[inline(never)]
+#[must_use]
+pub fn tanh_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
+    let (mut any, mut all) = (0, SIGN);
+    for &x in &x {
+        any |= tanh_outside(x);
+        all &= is_flat(x);
+    }
+    if any >> 63 != 0 {
+        return x.map(tanh);
+    }
+    if all >> 63 != 0 {
+        // Friction of a wheel that turns, far from the change of its sign.
+        return x.map(|x| flip(1.0, sign(x)));
+    }
+    for x in &mut x {
+        *x = tanh_kernel(*x);
+    }
+    x
+}

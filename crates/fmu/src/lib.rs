@@ -80,6 +80,8 @@ pub use discrete_state::DiscreteState;
 pub use enumeration::Enumeration;
 pub use fmu_derive as derive;
 pub use fmu_derive::{model, unit};
+#[doc(inline)]
+pub use fmu_math as math;
 pub use model::{At, Continuous, Discrete, Event, Influence, Info, Sample, Serialize, Solver, Stateful};
 pub use scalar::{Dual64, Scalar};
 pub use table::Table;

@@ -45,7 +45,8 @@ pub(crate) fn sample(p: &DirectYawControl, d: &D, x: &mut X, inputs: &U) -> Y {
     // has a critical speed; the turn stays finite beyond it.
     let den = wheelbase * (1.0 + d.stability * u_e * u_e).max(0.05);
     let r_ss = magnitude(u_e * delta / den, 0.85 * p.mu * p.g / u_e);
-    let beta_ss = magnitude((b - a * m * u_e * u_e / (k_r * wheelbase)) * delta / den, (0.02 * p.mu * p.g).atan());
+    let beta_ss =
+        magnitude((b - a * m * u_e * u_e / (k_r * wheelbase)) * delta / den, fmu::math::atan(0.02 * p.mu * p.g));
     x.r_d = lag(x.r_d, r_ss, p.tau, t);
     x.beta_d = lag(x.beta_d, beta_ss, p.tau, t);
     let (rd_d, betad_d) = ((r_ss - x.r_d) / p.tau, (beta_ss - x.beta_d) / p.tau);

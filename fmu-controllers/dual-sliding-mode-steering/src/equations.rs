@@ -19,6 +19,7 @@ use chassis_control::limit;
 use chassis_control::sliding_mode::{integral_surface, reaching_law};
 use chassis_front_steering::{Limits, ReferenceModel, Sample, Vehicle};
 use chassis_vehicle::positions::{RearAxles, ThreeAxles};
+use fmu::math;
 
 use crate::{D, DualSlidingModeSteering, SlipAngleModel, U, X, Y};
 
@@ -42,7 +43,7 @@ pub(crate) fn sample(p: &DualSlidingModeSteering, d: &D, x: &mut X, inputs: &U) 
     // Front axle and reference.
     let Sample { gain, r_max, df } = front_limits(p).sample(&d.vehicle, inputs.steer, u, x.df, t);
     let steady = match p.reference_model {
-        ReferenceModel::ZeroSideslip => gain * df.tan(),
+        ReferenceModel::ZeroSideslip => gain * math::tan(df),
         ReferenceModel::TwoDegreesOfFreedom => gain * df,
     };
     let target = limit::magnitude(steady, r_max);
@@ -57,7 +58,7 @@ pub(crate) fn sample(p: &DualSlidingModeSteering, d: &D, x: &mut X, inputs: &U) 
         s_b = integral_surface(e_b, x.i_b, p.zeta[0]);
         s_r = integral_surface(e_r, x.i_r, p.zeta[1]);
         let slip = |lever: f64| match p.slip_angle_model {
-            SlipAngleModel::Arctangent => (beta.tan() + lever * r / u).atan(),
+            SlipAngleModel::Arctangent => math::atan(math::tan(beta) + lever * r / u),
             SlipAngleModel::SmallAngle => beta + lever * r / u,
         };
         let (g_f, g_m, g_r) = (c_f * (slip(a) - df), c_m * slip(-b), c_r * slip(-c));

@@ -25,7 +25,7 @@ pub(crate) fn forces(p: &HandlingSlidingMode, u: &U) -> Y {
     let kap = p.kappa1 * phi.abs() + p.kappa2 * phid.abs();
     // The roll acceleration that brings s to 0, and the moments that act without the actuators.
     let wanted = reaching_law(s, p.eta, p.mu + kap, p.width) - p.rho * phid;
-    let passive = p.t / 2.0 * (f[0] - f[1]) + p.m_s * p.h * (a_y + p.g * phi.sin());
+    let passive = p.t / 2.0 * (f[0] - f[1]) + p.m_s * p.h * (a_y + p.g * fmu::math::sin(phi));
     let f_l = limit::magnitude((p.i_x * wanted - passive) / p.t, limit::positive_or_none(p.limit));
     Y { f: Sides([f_l, -f_l]), s }
 }

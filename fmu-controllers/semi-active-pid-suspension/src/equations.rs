@@ -22,7 +22,7 @@ pub(crate) fn sample(p: &SemiActivePidSuspension, x: &mut X, inputs: &U) -> Y {
         *x = X { u: [0.0; 4], a1: *inputs.a, a2: *inputs.a };
         return Y { f: FourWheels([0.0; 4]) };
     }
-    let leak = (-TAU * p.f_leak * p.sample_time).exp();
+    let leak = fmu::math::exp(-TAU * p.f_leak * p.sample_time);
     let f = FourWheels::from_fn(|i| {
         let (a, v) = (inputs.a[i], inputs.v[i]);
         let gains = Gains { proportional: inputs.k_p[i], integral: inputs.k_i[i], derivative: inputs.k_d[i] };

@@ -23,7 +23,7 @@ pub(crate) fn derivatives<T: Scalar>(p: &BrakeAndDriveActuators, x: &X<T>, u: &U
 
 /// The exact solution for held commands.
 pub(crate) fn advance(p: &BrakeAndDriveActuators, x: &X<f64>, u: &U<f64>, h: f64) -> X<f64> {
-    let decay = (-h / p.tau_p).exp();
+    let decay = fmu::math::exp(-h / p.tau_p);
     X { p: FourWheels::from_fn(|i| u.p_cmd[i] + (x.p[i] - u.p_cmd[i]) * decay) }
 }
 

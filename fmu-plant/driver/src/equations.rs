@@ -155,7 +155,7 @@ fn ramp(t: f64, start: f64, rise_time: f64, slack: f64) -> f64 {
 
 /// `sin(2 pi periods)` for `0 <= periods < end`, else 0.
 fn sine(periods: f64, end: f64) -> f64 {
-    if (0.0..end).contains(&periods) { libm::sin(TAU * periods) } else { 0.0 }
+    if (0.0..end).contains(&periods) { fmu::math::sin(TAU * periods) } else { 0.0 }
 }
 
 /// Periods of the slalom since its start: of time, or of the distance that the prescribed speed covers (two cones

@@ -63,7 +63,10 @@ fn linearized(p: &HydroPneumaticHalfCar, speed: f64) -> (DMatrix<f64>, DMatrix<f
 fn assert_poles(a: &DMatrix<f64>, expected: &[(f64, f64)]) {
     let poles = eigenvalues(a).unwrap();
     for &(re, im) in expected {
-        let nearest = poles.iter().map(|pole| (pole - Complex::new(re, im)).norm()).fold(f64::INFINITY, f64::min);
+        let nearest = poles
+            .iter()
+            .map(|pole: &Complex<f64>| fmu::math::hypot(pole.re - re, pole.im - im))
+            .fold(f64::INFINITY, f64::min);
         assert!(nearest < 1e-3, "{re} + {im}i: {poles:?}");
     }
 }
@@ -109,7 +112,10 @@ fn under_the_comfort_law_the_body_is_held_by_a_sky_hook() {
     let poles = eigenvalues(&(a + force * f_l)).unwrap();
     for (re, im) in expected {
         // -16.05 is printed with two decimals.
-        let nearest = poles.iter().map(|pole| (pole - Complex::new(re, im)).norm()).fold(f64::INFINITY, f64::min);
+        let nearest = poles
+            .iter()
+            .map(|pole: &Complex<f64>| fmu::math::hypot(pole.re - re, pole.im - im))
+            .fold(f64::INFINITY, f64::min);
         assert!(nearest < 5e-3, "{re} + {im}i: {poles:?}");
     }
 }

@@ -261,7 +261,7 @@ fn the_poles_at_35_km_h_are_the_check_numbers() {
             (-20.8333, 40.6116), // wheel hop, as without lateral motion
         ];
         for (re, im) in expected {
-            let distance = |pole: &Complex<f64>| (pole - Complex::new(re, im)).norm();
+            let distance = |pole: &Complex<f64>| fmu::math::hypot(pole.re - re, pole.im - im);
             let nearest = poles.iter().map(distance).fold(f64::INFINITY, f64::min);
             assert!(nearest < 1e-4, "{re} + {im}i: {poles:?}");
         }

@@ -150,7 +150,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
             };
             let norm = error_norm::<M>(layout, &mut memory.scratch, x, &end, &error, tolerance);
             // Order 4 of the error estimate plus one.
-            let factor = if norm > 0.0 { (0.9 * norm.powf(-0.2)).clamp(0.2, 5.0) } else { 5.0 };
+            let factor = if norm > 0.0 { (0.9 * fmu_math::pow(norm, -0.2)).clamp(0.2, 5.0) } else { 5.0 };
             if norm <= 1.0 {
                 let next = h * factor;
                 // A step cut short by the limit says nothing about the steps to come.
