@@ -1,6 +1,8 @@
 //! Tire laws. A positive slip angle gives a force to the right, so the lateral forces have the sign of -alpha
 //! (ISO 8855); a positive longitudinal slip drives.
 
+use std::array::from_fn;
+
 use fmu::Scalar;
 
 /// F_y = -C alpha: Chen et al., Mathematics 2022, 10, 3562, eq. 7.
@@ -16,9 +18,17 @@ pub fn linear<T: Scalar>(c: f64, alpha: T) -> T {
 /// `mu_n`: friction coefficient times tire load in N; the force is 0 where it is not above 1 N (a tire in the air).
 #[inline]
 pub fn saturating<T: Scalar>(c: f64, mu_n: T, alpha: T) -> T {
+    let [force] = saturating_each([c], [mu_n], [alpha]);
+    force
+}
+
+/// [`saturating`] of several tires at once.
+#[inline]
+pub fn saturating_each<T: Scalar, const N: usize>(c: [f64; N], mu_n: [T; N], alpha: [T; N]) -> [T; N] {
     let least = T::from(1.0);
-    let loaded = Scalar::max(mu_n, least);
-    mu_n.if_greater(least, -loaded * (alpha * c / loaded).tanh(), T::from(0.0))
+    let loaded = mu_n.map(|mu_n| Scalar::max(mu_n, least));
+    let share: [T; N] = T::tanh_each(from_fn(|i| alpha[i] * c[i] / loaded[i]));
+    from_fn(|i| mu_n[i].if_greater(least, -loaded[i] * share[i], T::from(0.0)))
 }
 
 /// The lateral magic formula: Bakker, Nyborg, Pacejka, "Tyre modelling for use in vehicle dynamics studies", SAE paper
@@ -50,17 +60,28 @@ impl MagicFormula {
     /// `mu`: factor on the peak, 1 for the fitted tire; `load`: tire load in N; `alpha`: slip angle in rad.
     #[inline]
     pub fn lateral<T: Scalar>(&self, mu: T, load: T, alpha: T) -> T {
+        let [force] = self.lateral_each([mu], [load], [alpha]);
+        force
+    }
+
+    /// [`MagicFormula::lateral`] of several tires at once.
+    #[inline]
+    pub fn lateral_each<T: Scalar, const N: usize>(&self, mu: [T; N], load: [T; N], alpha: [T; N]) -> [T; N] {
         let [a1, a2, a3, a4, a5, a6, a7, a8] = self.a;
         let zero = T::from(0.0);
         let least = T::from(1e-6);
-        let n = Scalar::max(load, zero) / 1000.0;
-        let peak = mu * (n * n * a1 + n * a2);
-        let d = Scalar::max(peak, least);
-        let b = ((n * a5).atan() * a4).sin() * a3 / (d * self.c);
-        let e = n * n * a6 + n * a7 + a8;
-        let bx = b * (alpha * (180.0 / std::f64::consts::PI));
-        let force = -d * ((bx - e * (bx - bx.atan())).atan() * self.c).sin();
-        peak.if_greater(least, force, zero)
+        let n = load.map(|load| Scalar::max(load, zero) / 1000.0);
+        let peak: [T; N] = from_fn(|i| mu[i] * (n[i] * n[i] * a1 + n[i] * a2));
+        let d = peak.map(|peak| Scalar::max(peak, least));
+        let stiffness = T::sin_each(T::atan_each(n.map(|n| n * a5)).map(|angle| angle * a4));
+        let bx: [T; N] = from_fn(|i| stiffness[i] * a3 / (d[i] * self.c) * (alpha[i] * (180.0 / std::f64::consts::PI)));
+        let bent = T::atan_each(bx);
+        let curved: [T; N] = from_fn(|i| {
+            let e = n[i] * n[i] * a6 + n[i] * a7 + a8;
+            bx[i] - e * (bx[i] - bent[i])
+        });
+        let share = T::sin_each(T::atan_each(curved).map(|angle| angle * self.c));
+        from_fn(|i| peak[i].if_greater(least, -d[i] * share[i], zero))
     }
 }
 

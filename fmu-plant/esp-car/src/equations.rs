@@ -70,6 +70,8 @@ pub(crate) fn derived(p: &EspCar) -> Result<D, String> {
 
 /// Everything that follows from state and inputs.
 struct Motion<T> {
+    sin_psi: T,
+    cos_psi: T,
     d: FourWheels<T>,
     dd: FourWheels<T>,
     t_z: FourWheels<T>,
@@ -136,7 +138,7 @@ fn motion<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
     let f_z = FourWheels::<T>::from_fn(|i| suspension::tire_load(k.f_z0[i], p.k_t, t_z[i], true));
 
     // Tires; only the front wheels steer.
-    let (sine, cosine) = (inputs.delta[0].sin(), inputs.delta[0].cos());
+    let ([sine, sin_psi], [cosine, cos_psi]) = T::sin_cos_each([inputs.delta[0], x.psi]);
     let contacts: [Contact<T>; 4] = std::array::from_fn(|i| {
         let (along, across) = (u - r * k.y[i], v + r * k.x[i]);
         let hub = if axle_of(i) == 0 {
@@ -212,18 +214,17 @@ fn motion<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
         let links = g_y[j] * left_is_positive(i) + if j == 0 { g_x } else { -g_x };
         (f_z[i] - k.f_z0[i] - f_s[i] + links) / p.m_u[j]
     });
-    let omegad = FourWheels::from_fn(|i| {
-        (inputs.t_d[i] - inputs.t_b[i] * (x.omega[i] / p.w_eps).tanh() - f_xw[i] * p.radius) / p.j_w
-    });
+    let turning = T::tanh_each(x.omega.0.map(|omega| omega / p.w_eps));
+    let omegad = FourWheels::from_fn(|i| (inputs.t_d[i] - inputs.t_b[i] * turning[i] - f_xw[i] * p.radius) / p.j_w);
     let (s, t) = (FourWheels::from_fn(|i| contacts[i].s), FourWheels::from_fn(|i| contacts[i].t));
-    Motion { d, dd, t_z, f_z, s, t, f_xw, f_yw, ud, vd, rd, zdd, phidd, thetadd, zdd_u, omegad }
+    Motion { sin_psi, cos_psi, d, dd, t_z, f_z, s, t, f_xw, f_yw, ud, vd, rd, zdd, phidd, thetadd, zdd_u, omegad }
 }
 
 pub(crate) fn derivatives<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, u: &U<T>) -> X<T> {
     let m = motion(p, k, x, u);
     X {
-        x: x.u * x.psi.cos() - x.v * x.psi.sin(),
-        y: x.u * x.psi.sin() + x.v * x.psi.cos(),
+        x: x.u * m.cos_psi - x.v * m.sin_psi,
+        y: x.u * m.sin_psi + x.v * m.cos_psi,
         psi: x.r,
         u: m.ud,
         v: m.vd,
@@ -258,7 +259,7 @@ pub(crate) fn outputs<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, u: &U<T>) -> Y<T> 
         f_z: m.f_z,
         f_xw: m.f_xw,
         f_yw: m.f_yw,
-        alpha: FourWheels::from_fn(|i| m.t[i].atan()),
+        alpha: FourWheels(T::atan_each(m.t.0)),
         s: m.s,
     }
 }

@@ -140,17 +140,26 @@ fn quasi_static<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Axles
     }
 }
 
-/// Lateral force of the tires of one wheel position at the load `f_z` (eq. 9, corrected): truck tires by similarity from
+/// Lateral forces of the tires at the loads `f_z` (eq. 9, corrected): truck tires by similarity from
 /// the car tire of the magic formula.
 #[inline]
-pub(crate) fn lateral_force<T: Scalar>(p: &HeavyVehicle, s: &D, axle: usize, friction: T, f_z: T, alpha: T) -> T {
-    let share = p.n[axle] * p.lambda;
-    let load = Scalar::min(f_z / share, T::from(1000.0 * p.f_max));
-    s.magic.lateral(T::from(1.0), load, alpha) * friction * (p.mu * share)
+pub(crate) fn lateral_forces<T: Scalar>(
+    p: &HeavyVehicle,
+    s: &D,
+    friction: &SixWheels<T>,
+    f_z: &SixWheels<T>,
+    alpha: &ThreeAxles<T>,
+) -> SixWheels<T> {
+    let share: [f64; 6] = std::array::from_fn(|i| p.n[axle_of(i)] * p.lambda);
+    let load = std::array::from_fn(|i| Scalar::min(f_z[i] / share[i], T::from(1000.0 * p.f_max)));
+    let force = s.magic.lateral_each([T::from(1.0); 6], load, std::array::from_fn(|i| alpha[axle_of(i)]));
+    SixWheels::from_fn(|i| force[i] * friction[i] * (p.mu * share[i]))
 }
 
 /// Everything that follows from state and inputs.
 struct Motion<T> {
+    sin_psi: T,
+    cos_psi: T,
     z_w: SixWheels<T>,
     zd_w: SixWheels<T>,
     z_b: Sides<T>,
@@ -217,24 +226,28 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         if is_lateral_only { (-f_z[i] + s.f0[i]) / p.k_t[axle_of(i)] } else { tires(i) }
     });
     let (mut alpha, mut f_y) = (ThreeAxles([zero; 3]), SixWheels([zero; 6]));
+    // Of the steering angles of the axles, and of the heading.
+    let (sin, cos) = T::sin_cos_each([u.delta[0], u.delta[1], u.delta[2], x.psi]);
     if p.coupling != Coupling::VerticalOnly {
-        alpha = ThreeAxles::from_fn(|axle| {
-            let (sin, cos) = (u.delta[axle].sin(), u.delta[axle].cos());
+        let tangent = |axle: usize| {
             let across = x.v + x.r * s.x[axle];
-            let lateral = across * cos - u.u * sin;
-            let longitudinal = u.u * cos + across * sin;
-            (lateral / Scalar::max(longitudinal.abs(), T::from(p.u_min))).atan()
-        });
-        f_y = SixWheels::from_fn(|i| lateral_force(p, s, axle_of(i), u.friction[i], f_z[i], alpha[axle_of(i)]));
+            let lateral = across * cos[axle] - u.u * sin[axle];
+            let longitudinal = u.u * cos[axle] + across * sin[axle];
+            lateral / Scalar::max(longitudinal.abs(), T::from(p.u_min))
+        };
+        // The array form is fastest with an even number.
+        let [front, middle, rear, _] = T::atan_each([tangent(0), tangent(1), tangent(2), zero]);
+        alpha = ThreeAxles([front, middle, rear]);
+        f_y = lateral_forces(p, s, &u.friction, &f_z, &alpha);
     }
-    let y_axle = ThreeAxles::<T>::from_fn(|axle| (f_y[2 * axle] + f_y[2 * axle + 1]) * u.delta[axle].cos());
+    let y_axle = ThreeAxles::<T>::from_fn(|axle| (f_y[2 * axle] + f_y[2 * axle + 1]) * cos[axle]);
 
     // Lateral, yaw and roll motion (eqs. 3, 7 and 8, corrected): one system in (vd, rd, phidd).
     let m_phi = (0..4).map(|i| f_s[i] * s.y[i % 2]).sum::<T>() - r_bar[0] - r_bar[1] + x.phi * (p.m_b * p.g * p.h);
     let (vd, rd, phidd) = if p.coupling == Coupling::VerticalOnly {
         (zero, zero, m_phi / (p.i_x + p.m_b * p.h * p.h))
     } else {
-        let along = (0..3).map(|axle| (f_y[2 * axle] * p.b1 - f_y[2 * axle + 1] * p.b2) * u.delta[axle].sin());
+        let along = (0..3).map(|axle| (f_y[2 * axle] * p.b1 - f_y[2 * axle + 1] * p.b2) * sin[axle]);
         let right = [
             (0..3).map(|axle| y_axle[axle]).sum::<T>() - u.u * x.r * s.m,
             (0..3).map(|axle| y_axle[axle] * s.x[axle]).sum::<T>() + along.sum::<T>(),
@@ -267,7 +280,29 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         thdd_b = Sides::from_fn(|side| ((push[4 + side] - push[2 + side]) * (p.l3 / 2.0) - bushing(side)) / s.j_bw);
     }
     let z_b = axles.z_b;
-    Motion { z_w, zd_w, z_b, d, dd, t, f_z, alpha, f_y, a_y, vd, rd, phidd, zdd, thetadd, zdd_f, zdd_b, thdd_b }
+    let (sin_psi, cos_psi) = (sin[3], cos[3]);
+    Motion {
+        sin_psi,
+        cos_psi,
+        z_w,
+        zd_w,
+        z_b,
+        d,
+        dd,
+        t,
+        f_z,
+        alpha,
+        f_y,
+        a_y,
+        vd,
+        rd,
+        phidd,
+        zdd,
+        thetadd,
+        zdd_f,
+        zdd_b,
+        thdd_b,
+    }
 }
 
 pub(crate) fn derivatives<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
@@ -288,8 +323,8 @@ pub(crate) fn derivatives<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>
         v: m.vd,
         r: m.rd,
         psi: x.r,
-        x: u.u * x.psi.cos() - x.v * x.psi.sin(),
-        y: u.u * x.psi.sin() + x.v * x.psi.cos(),
+        x: u.u * m.cos_psi - x.v * m.sin_psi,
+        y: u.u * m.sin_psi + x.v * m.cos_psi,
     }
 }
 

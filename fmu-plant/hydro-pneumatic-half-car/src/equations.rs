@@ -48,6 +48,10 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
 
 /// Everything that follows from state and inputs.
 struct Motion<T> {
+    sin_phi: T,
+    cos_phi: T,
+    sin_psi: T,
+    cos_psi: T,
     d: Sides<T>,
     dd: Sides<T>,
     e: Sides<T>,
@@ -78,15 +82,18 @@ fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Mo
     let q = Scalar::clamp(u.v / FLOOR, T::from(0.0), T::from(1.0));
     let alpha = TwoAxles([x.beta + x.gamma * p.l_f / v_e - u.delta[0], x.beta - x.gamma * p.l_r / v_e]);
     let share = [p.l_r, p.l_f].map(|lever| lever / (p.l_f + p.l_r));
-    let f_y = FourWheels::<T>::from_fn(|i| {
-        let (axle, side) = (axle_of(i), i % 2);
-        q * MagicFormula::PASSENGER_CAR.lateral(u.friction[side] * p.mu, n[side] * share[axle], alpha[axle])
-    });
+    let force = MagicFormula::PASSENGER_CAR.lateral_each(
+        std::array::from_fn(|i| u.friction[i % 2] * p.mu),
+        std::array::from_fn(|i| n[i % 2] * share[axle_of(i)]),
+        std::array::from_fn(|i| alpha[axle_of(i)]),
+    );
+    let f_y = FourWheels(force.map(|force| q * force));
 
     // Lateral and yaw motion (eqs. 2 and 3, corrected); with c = 1 sway and roll are one system of two equations:
     // m a_y - m_s h phidd = F_f + F_r,  I_x phidd = M + m_s h a_y.
     let m_sh = p.m_s * p.h;
-    let moment = (push[0] - push[1]) * (p.t / 2.0) + x.phi.sin() * (m_sh * p.g);
+    let ([sin_phi, sin_psi], [cos_phi, cos_psi]) = T::sin_cos_each([x.phi, x.psi]);
+    let moment = (push[0] - push[1]) * (p.t / 2.0) + sin_phi * (m_sh * p.g);
     let (f_front, f_rear) = (f_y[0] + f_y[1], f_y[2] + f_y[3]);
     let a_y = (f_front + f_rear + moment * (p.c * m_sh / p.i_x)) / (s.m - p.c * m_sh * m_sh / p.i_x);
     let fade = |rate: T, value: T| q * rate - (-q + 1.0) * value * DECAY;
@@ -98,7 +105,7 @@ fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Mo
     let phidd = (moment + a_y * m_sh) / p.i_x;
     let g = (a_y - phidd * (p.c * p.h)) * (p.geometric * p.m_s * p.h_r / p.t);
     let zdd_u = Sides::from_fn(|i| (n[i] - s.n0 - push[i] + g * left_is_positive(i)) / p.m_u);
-    Motion { d, dd, e, n, alpha, f_y, a_y, zdd_s, phidd, zdd_u, betad, gammad }
+    Motion { sin_phi, cos_phi, sin_psi, cos_psi, d, dd, e, n, alpha, f_y, a_y, zdd_s, phidd, zdd_u, betad, gammad }
 }
 
 pub(crate) fn derivatives<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
@@ -114,16 +121,16 @@ pub(crate) fn derivatives<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>,
         beta: m.betad,
         gamma: m.gammad,
         psi: x.gamma,
-        x: u.v * x.psi.cos() - lateral * x.psi.sin(),
-        y: u.v * x.psi.sin() + lateral * x.psi.cos(),
+        x: u.v * m.cos_psi - lateral * m.sin_psi,
+        y: u.v * m.sin_psi + lateral * m.cos_psi,
     }
 }
 
 pub(crate) fn outputs<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
     let m = motion(p, s, x, u);
     // Moment balance about the ground (eq. 7).
-    let lever = x.phi.cos() * p.h + p.h_r;
-    let ltr = (lever * m.a_y / p.g + x.phi.sin() * p.h) * (2.0 * p.m_s / (s.m * p.t));
+    let lever = m.cos_phi * p.h + p.h_r;
+    let ltr = (lever * m.a_y / p.g + m.sin_phi * p.h) * (2.0 * p.m_s / (s.m * p.t));
     Y {
         v: u.v,
         gammad: m.gammad,

@@ -71,6 +71,9 @@ struct Motion<T> {
     dd: SixWheels<T>,
     t: SixWheels<T>,
     n: SixWheels<T>,
+    beta: T,
+    sin_psi: T,
+    cos_psi: T,
     alpha: SixWheels<T>,
     f_y: SixWheels<T>,
     zdd: T,
@@ -84,8 +87,6 @@ struct Motion<T> {
 #[inline]
 fn motion<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     let u_e = Scalar::max(u.u, T::from(p.u_min));
-    let delta = SixWheels::<T>::from_fn(|i| u.delta[axle_of(i)]);
-
     // Suspension (eq. 8, corrected): the left side rises with positive roll, the front sinks with positive pitch.
     let d = SixWheels::from_fn(|i| x.z - x.theta * s.x[i] + x.phi * s.y[i] - x.z_w[i]);
     let dd = SixWheels::from_fn(|i| x.zd - x.thetad * s.x[i] + x.phid * s.y[i] - x.zd_w[i]);
@@ -97,14 +98,22 @@ fn motion<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> 
         let load = -t[i] * p.k_t + s.fz0[i];
         if p.lift_off { Scalar::max(load, T::from(0.0)) } else { load }
     });
-    let alpha = SixWheels::from_fn(|i| (x.v + x.r * s.x[i]).atan2(u_e) - delta[i]);
-    let f_y = SixWheels::<T>::from_fn(|i| {
-        let c = p.c[axle_of(i)];
-        match p.tire_model {
-            TireModel::Linear => tire::linear(c, alpha[i]),
-            TireModel::Saturating => tire::saturating(c, n[i] * u.friction[i] * p.mu, alpha[i]),
+    // Both wheels of an axle have its direction; the fourth is that of the center of mass.
+    let across = |x_axle: f64| x.v + x.r * x_axle;
+    let [front, middle, rear, beta] = T::atan2_each([across(s.x[0]), across(s.x[2]), across(s.x[4]), x.v], [u_e; 4]);
+    let (direction, [.., sin_psi], [cos_front, cos_middle, cos_rear, cos_psi]) = {
+        let (sin, cos) = T::sin_cos_each([u.delta[0], u.delta[1], u.delta[2], x.psi]);
+        ([front, middle, rear], sin, cos)
+    };
+    let cos_delta = [cos_front, cos_middle, cos_rear];
+    let alpha = SixWheels::from_fn(|i| direction[axle_of(i)] - u.delta[axle_of(i)]);
+    let c = std::array::from_fn(|i| p.c[axle_of(i)]);
+    let f_y: SixWheels<T> = match p.tire_model {
+        TireModel::Linear => SixWheels::from_fn(|i| tire::linear(c[i], alpha[i])),
+        TireModel::Saturating => {
+            SixWheels(tire::saturating_each(c, std::array::from_fn(|i| n[i] * u.friction[i] * p.mu), alpha.0))
         }
-    });
+    };
 
     // Vertical motion (eqs. 4-6, corrected).
     let q = SixWheels::<T>::from_fn(|i| u.f_u[i] - f_s[i]);
@@ -114,14 +123,14 @@ fn motion<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> 
     let zdd_w = SixWheels::from_fn(|i| (f_s[i] - u.f_u[i] + (n[i] - s.fz0[i])) / p.m_w);
 
     // Lateral, roll and yaw motion (eqs. 1-3): one symmetric system in (vd, phidd, rd).
-    let across = SixWheels::<T>::from_fn(|i| f_y[i] * delta[i].cos());
+    let across = SixWheels::<T>::from_fn(|i| f_y[i] * cos_delta[axle_of(i)]);
     let right = [
         sum(&|i| across[i]) - u.u * x.r * p.m,
         sum(&|i| q[i] * s.y[i]) + x.phi * (s.m_s * p.g * p.h_s) + u.u * x.r * (s.m_s * p.h_s),
         sum(&|i| across[i] * s.x[i]),
     ];
     let [vd, phidd, rd] = s.inverse.map(|row| right[0] * row[0] + right[1] * row[1] + right[2] * row[2]);
-    Motion { d, dd, t, n, alpha, f_y, zdd, thetadd, phidd, zdd_w, vd, rd }
+    Motion { d, dd, t, n, beta, sin_psi, cos_psi, alpha, f_y, zdd, thetadd, phidd, zdd_w, vd, rd }
 }
 
 pub(crate) fn derivatives<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
@@ -138,8 +147,8 @@ pub(crate) fn derivatives<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T
         v: m.vd,
         r: m.rd,
         psi: x.r,
-        x: u.u * x.psi.cos() - x.v * x.psi.sin(),
-        y: u.u * x.psi.sin() + x.v * x.psi.cos(),
+        x: u.u * m.cos_psi - x.v * m.sin_psi,
+        y: u.u * m.sin_psi + x.v * m.cos_psi,
     }
 }
 
@@ -151,7 +160,7 @@ pub(crate) fn outputs<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -
     let all = right + left;
     Y {
         u: u.u,
-        beta: x.v.atan2(Scalar::max(u.u, T::from(p.u_min))),
+        beta: m.beta,
         rd: m.rd,
         a_y: m.vd + u.u * x.r,
         ltr: all.if_greater(least, (right - left) / Scalar::max(all, least), T::from(0.0)),
