@@ -105,10 +105,7 @@ impl Membership {
             return x;
         }
         match *self {
-            Self::Gaussian { center, width } => {
-                let z = (x - center) / width;
-                (-0.5 * z * z).exp()
-            }
+            Self::Gaussian { center, width } => fmu::math::exp(gaussian_exponent(x, center, width)),
             Self::Triangle { left, peak, right } => trapezoid(x, left, peak, peak, right),
             Self::Trapezoid { left_foot, left_shoulder, right_shoulder, right_foot } => {
                 trapezoid(x, left_foot, left_shoulder, right_shoulder, right_foot)
@@ -176,6 +173,24 @@ impl Membership {
     }
 }
 
+/// Logarithm of the grade of a Gaussian set.
+fn gaussian_exponent(x: f64, center: f64, width: f64) -> f64 {
+    let z = (x - center) / width;
+    -0.5 * z * z
+}
+
+/// The smaller of two numbers that are not NaN. One instruction, unlike `f64::min`.
+#[inline]
+fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers that are not NaN.
+#[inline]
+fn greatest(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
 /// Grade of a trapezoid whose feet may be infinite.
 fn trapezoid(x: f64, left_foot: f64, left_shoulder: f64, right_shoulder: f64, right_foot: f64) -> f64 {
     // The falling edge is the rising one seen from the other side.
@@ -228,7 +243,15 @@ impl<const N: usize> Partition<N> {
     /// Grade (0..=1) of `x` in every label; all NaN if `x` is NaN. `x` is in the unit of the sets
     /// and is not clipped here.
     pub fn grades(&self, x: f64) -> [f64; N] {
-        self.sets.map(|set| set.grade(x))
+        // The exponential functions of all Gaussian sets at once, which have the same bits as one by one.
+        let gaussian = fmu::math::exp_each(self.sets.map(|set| match set {
+            Membership::Gaussian { center, width } => gaussian_exponent(x, center, width),
+            _ => 0.0,
+        }));
+        std::array::from_fn(|i| match self.sets[i] {
+            Membership::Gaussian { .. } => gaussian[i],
+            set => set.grade(x),
+        })
     }
 }
 
@@ -289,10 +312,10 @@ impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROW
         for (labels, &row) in self.table.iter().zip(rows) {
             for (&label, &column) in labels.iter().zip(columns) {
                 let strength = match self.conjunction {
-                    Conjunction::Minimum => row.min(column),
+                    Conjunction::Minimum => least(row, column),
                     Conjunction::Product => row * column,
                 };
-                activation[label] = activation[label].max(strength);
+                activation[label] = greatest(activation[label], strength);
             }
         }
         activation
@@ -351,8 +374,10 @@ const fn check_labels(labels_used: &[usize], row: usize, labels: usize) -> Resul
 #[derive(Clone, Debug, PartialEq)]
 pub struct Output<const LABELS: usize, const POINTS: usize> {
     points: [f64; POINTS],
-    /// Grade of every label at each point.
-    grades: [[f64; LABELS]; POINTS],
+    /// Grade at each point, for every label.
+    grades: [[f64; POINTS]; LABELS],
+    /// First point at which the label has a grade, and the one after the last.
+    support: [(usize, usize); LABELS],
 }
 
 impl<const LABELS: usize, const POINTS: usize> Output<LABELS, POINTS> {
@@ -371,13 +396,17 @@ impl<const LABELS: usize, const POINTS: usize> Output<LABELS, POINTS> {
             return Err(FuzzyError::Grid { low, high, points: POINTS });
         }
         let points = grid(low, high);
-        let grades = points.map(|y| sets.map(|set| set.grade(y)));
-        for label in 0..LABELS {
-            if grades.iter().all(|at_point| at_point[label] == 0.0) {
+        let grades = sets.map(|set| points.map(|y| set.grade(y)));
+        let mut support = [(0, 0); LABELS];
+        for (label, grades) in grades.iter().enumerate() {
+            let is_covered = |&grade: &f64| grade != 0.0;
+            let (Some(first), Some(last)) = (grades.iter().position(is_covered), grades.iter().rposition(is_covered))
+            else {
                 return Err(FuzzyError::NoSupport { label });
-            }
+            };
+            support[label] = (first, last + 1);
         }
-        Ok(Self { points, grades })
+        Ok(Self { points, grades, support })
     }
 
     /// Crisp output: the centroid of the united sets, each clipped at the activation of its label,
@@ -390,17 +419,30 @@ impl<const LABELS: usize, const POINTS: usize> Output<LABELS, POINTS> {
         if contains_nan(activation) {
             return f64::NAN;
         }
-        let mut moment = 0.0;
-        let mut area = 0.0;
-        for (y, grades) in self.points.iter().zip(&self.grades) {
-            let mut grade = 0.0_f64;
-            for (of_label, &limit) in grades.iter().zip(activation) {
-                grade = grade.max(of_label.min(limit));
+        let mut united = [0.0; POINTS];
+        for ((grades, &(first, end)), &limit) in self.grades.iter().zip(&self.support).zip(activation) {
+            if limit > 0.0 {
+                for (grade, &of_label) in united[first..end].iter_mut().zip(&grades[first..end]) {
+                    *grade = greatest(*grade, least(of_label, limit));
+                }
             }
-            moment += y * grade;
-            area += grade;
         }
-        moment / area
+        // Four sums each, so that additions do not wait for each other.
+        let (mut moment, mut area) = ([0.0; 4], [0.0; 4]);
+        let (points, grades) = (self.points.chunks_exact(4), united.chunks_exact(4));
+        let rest = points.remainder().iter().zip(grades.remainder());
+        for (points, grades) in points.zip(grades) {
+            for i in 0..4 {
+                moment[i] += points[i] * grades[i];
+                area[i] += grades[i];
+            }
+        }
+        for (i, (point, grade)) in rest.enumerate() {
+            moment[i] += point * grade;
+            area[i] += grade;
+        }
+        let sum = |parts: [f64; 4]| (parts[0] + parts[1]) + (parts[2] + parts[3]);
+        sum(moment) / sum(area)
     }
 }
 
