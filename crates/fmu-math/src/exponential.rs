@@ -3,8 +3,8 @@
 //! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions are made of exp(x) and exp(x) - 1 in two parts each, so
 //! that they lose nothing near zero.
 
-use crate::bits::{INFINITY, ROUNDER, SIGN, abs, below, choose, fast_sum, flip, keep, magnitude, sign, sum};
-use crate::coefficients::{EXPM1, INV_LN2, LN2_HI, LN2_LO};
+use crate::bits::{INFINITY, ROUNDER, SIGN, abs, below, choose, fast_sum, flip, magnitude, sign, spread, sum};
+use crate::coefficients::{EXPM1, INV_LN2, LN2_HI, LN2_LO, TANH};
 use crate::lanes::{function, polynomial11};
 
 /// Up to here neither the result nor its reciprocal leaves the normal range.
@@ -83,12 +83,20 @@ fn exp_minus_one(x: f64) -> (f64, f64) {
     (sum, sum_low + (whole_low + scale * rest_low))
 }
 
+/// Below this the hyperbolic tangent is a polynomial.
+const STRAIGHT: u64 = 0.55f64.to_bits();
 /// From here on the hyperbolic tangent is 1.
 const FLAT: f64 = 22.0;
 
+/// Highest bit set for NaN.
 #[inline(always)]
 fn tanh_outside(x: f64) -> u64 {
     INFINITY.wrapping_sub(magnitude(x))
+}
+
+#[inline(always)]
+fn is_straight(x: f64) -> u64 {
+    magnitude(x).wrapping_sub(STRAIGHT)
 }
 
 #[inline(always)]
@@ -97,18 +105,27 @@ fn is_flat(x: f64) -> u64 {
 }
 
 #[inline(always)]
-fn tanh_kernel(x: f64) -> f64 {
+fn tanh_straight(x: f64) -> f64 {
+    let z = x * x;
+    let ax = abs(x);
+    flip(ax + ax * (z * polynomial11(&TANH, z)), sign(x))
+}
+
+/// 1 - 2/(exp(2 |x|) + 1), with the sign of x.
+#[inline(always)]
+fn tanh_bent(x: f64) -> f64 {
     let ax = abs(x);
     let ax = choose(below(ax.to_bits(), FLAT.to_bits()), ax, FLAT);
-    let (n, n_low) = exp_minus_one(ax + ax);
-    let (d, d_low) = sum(n, 2.0);
-    // n/d for small arguments, 1 - 2/d for others.
-    let small = below(ax.to_bits(), 0.55f64.to_bits());
-    let quotient = choose(small, n, -2.0) / d;
-    let quotient_low = (keep(small, n_low) - quotient * (d_low + n_low)) / d;
-    let (value, error) = fast_sum(keep(!small, 1.0), quotient);
-    let value = value + (error + quotient_low);
-    flip(value, sign(x))
+    let (n, high, low) = reduce(ax + ax, 0.0);
+    let (one, rest) = exponential(high, low);
+    let (value, value_low) = fast_sum(one, rest);
+    let scale = power_of_two(n);
+    let (d, d_low) = fast_sum(value * scale, 1.0);
+    let quotient = 2.0 / d;
+    // What the rounded denominator changes; 1/d is quotient/2.
+    let correction = quotient * (0.5 * quotient * (d_low + value_low * scale));
+    let (result, error) = fast_sum(1.0, -quotient);
+    flip(result + (error + correction), sign(x))
 }
 
 #[inline(always)]
@@ -140,16 +157,18 @@ function!(
     /// Hyperbolic cosine, within 0.9 ulp.
     cosh, cosh_each, outside, cosh_kernel, libm::cosh
 );
-/// Hyperbolic tangent, within 1.3 ulp.
+/// Hyperbolic tangent, within 0.9 ulp.
 #[inline(never)]
 #[must_use]
 pub fn tanh(x: f64) -> f64 {
     if tanh_outside(x) >> 63 != 0 {
         f64::NAN
+    } else if is_straight(x) >> 63 != 0 {
+        tanh_straight(x)
     } else if is_flat(x) >> 63 != 0 {
         flip(1.0, sign(x))
     } else {
-        tanh_kernel(x)
+        tanh_bent(x)
     }
 }
 
@@ -157,20 +176,26 @@ pub fn tanh(x: f64) -> f64 {
 #[inline(never)]
 #[must_use]
 pub fn tanh_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
-    let (mut any, mut all) = (0, SIGN);
+    let (mut outside, mut straight, mut bent, mut flat) = (0, SIGN, SIGN, SIGN);
     for &x in &x {
-        any |= tanh_outside(x);
-        all &= is_flat(x);
+        outside |= tanh_outside(x);
+        straight &= is_straight(x);
+        bent &= !is_straight(x);
+        flat &= is_flat(x);
     }
-    if any >> 63 != 0 {
-        return x.map(tanh);
+    if outside >> 63 != 0 {
+        x.map(tanh)
+    } else if straight >> 63 != 0 {
+        x.iter_mut().for_each(|x| *x = tanh_straight(*x));
+        x
+    } else if flat >> 63 != 0 {
+        // Friction of wheels that turn, far from the change of its sign.
+        x.map(|x| flip(1.0, sign(x)))
+    } else if bent >> 63 != 0 {
+        x.iter_mut().for_each(|x| *x = tanh_bent(*x));
+        x
+    } else {
+        x.iter_mut().for_each(|x| *x = choose(spread(is_straight(*x)), tanh_straight(*x), tanh_bent(*x)));
+        x
     }
-    if all >> 63 != 0 {
-        // Friction of a wheel that turns, far from the change of its sign.
-        return x.map(|x| flip(1.0, sign(x)));
-    }
-    for x in &mut x {
-        *x = tanh_kernel(*x);
-    }
-    x
 }

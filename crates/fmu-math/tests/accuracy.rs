@@ -20,7 +20,7 @@ const BOUNDS: [(&str, f64, Function); 14] = [
     ("ln", 0.9, |x| math::ln(x[0])),
     ("sinh", 1.2, |x| math::sinh(x[0])),
     ("cosh", 0.9, |x| math::cosh(x[0])),
-    ("tanh", 1.3, |x| math::tanh(x[0])),
+    ("tanh", 0.9, |x| math::tanh(x[0])),
     ("atan2", 1.5, |x| math::atan2(x[0], x[1])),
     ("pow", 1.2, |x| math::pow(x[0], x[1])),
     ("hypot", 1.3, |x| math::hypot(x[0], x[1])),

@@ -310,7 +310,7 @@ fn neighbors_are_in_order_at_the_ends_and_between_the_formulas() {
         ("-acos", |x| -math::acos(x), &[-1.0 + 1e-13, -0.5, 0.5, 1.0 - 1e-13]),
         ("sinh", math::sinh, &[0.34657359027997264, 708.0]),
         ("cosh", math::cosh, &[0.34657359027997264, 708.0]),
-        ("tanh", math::tanh, &[0.17328679513998632, 0.5198603854199589]),
+        ("tanh", math::tanh, &[0.55, 0.8664339756999316]),
     ];
     for (name, f, points) in rises {
         for &point in points {
@@ -377,5 +377,5 @@ fn a_million_results_have_the_same_hash_everywhere() {
         ONE.iter().flat_map(|(_, _, each)| each(x)).for_each(&mut add);
         TWO.iter().flat_map(|(_, _, each)| each(x.map(f64::abs), y)).for_each(&mut add);
     }
-    assert_eq!(hash, 0x5e14_9a69_880c_c2a4, "{hash:#x}");
+    assert_eq!(hash, 0x71d9_26dd_54d5_c556, "{hash:#x}");
 }

@@ -16,6 +16,7 @@ from pathlib import Path
 from mpmath import (
     asin,
     atan,
+    bernoulli,
     binomial,
     cos,
     factorial,
@@ -30,6 +31,7 @@ from mpmath import (
     pi,
     sin,
     sqrt,
+    tanh,
 )
 
 mp.dps = 60
@@ -168,6 +170,17 @@ def main() -> None:
         mpf(0),
         mpf("0.2501"),
         13,
+    )
+    # Bernoulli numbers: tanh x = sum of 4^n (4^n - 1) B(2n) / (2n)! x^(2n - 1).
+    tangent = series(lambda k: (4 ** (k + 2)) * (4 ** (k + 2) - 1) * bernoulli(2 * k + 4) / factorial(2 * k + 4))
+    out.polynomial(
+        "TANH",
+        "(tanh(x)/x - 1)/z, z = x^2, |x| <= 0.55.",
+        tangent,
+        lambda z: z / (tanh(sqrt(z)) / sqrt(z) if z else mpf(1)),
+        mpf(0),
+        mpf("0.3026"),
+        11,
     )
     half = log(2) / 2 * mpf("1.001")
     out.polynomial(
