@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 
 WHEELS = ("fl", "fr", "rl", "rr")
 
@@ -27,7 +27,16 @@ class PythonYawControl(Fmi2Slave):
         # What there is to tune: N.m per rad/s.
         self.gain = 60e3
         self.values: dict[str, float] = {}
-        for name in ("enable.yaw_control", "driver.steer", "vehicle.speed", "vehicle.sideslip", "vehicle.yaw_rate"):
+        self.is_enabled = False
+        enable = Boolean(
+            "enable.yaw_control",
+            causality=Fmi2Causality.input,
+            variability=Fmi2Variability.discrete,
+            getter=lambda: self.is_enabled,
+            setter=lambda value: setattr(self, "is_enabled", value),
+        )
+        self.register_variable(enable, nested=False)
+        for name in ("driver.steer", "vehicle.speed", "vehicle.sideslip", "vehicle.yaw_rate"):
             self._real(name, Fmi2Causality.input)
         for name in ("demand.yaw_moment", "reference.yaw_rate", "reference.sideslip"):
             self._real(name, Fmi2Causality.output)
@@ -52,7 +61,7 @@ class PythonYawControl(Fmi2Slave):
         target = speed * v["driver.steer"] / (self.wheelbase * (1.0 + self.stability_factor * speed**2))
         limit = self.friction_limit / speed
         target = min(max(target, -limit), limit)
-        moment = self.gain * (target - v["vehicle.yaw_rate"]) if v["enable.yaw_control"] > 0.5 else 0.0
+        moment = self.gain * (target - v["vehicle.yaw_rate"]) if self.is_enabled else 0.0
         v["reference.yaw_rate"], v["demand.yaw_moment"] = target, moment
         for wheel in WHEELS:
             braked = moment > 0.0 if wheel.endswith("l") else moment < 0.0

@@ -17,6 +17,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
+from fmpy.model_description import ScalarVariable
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -57,6 +58,20 @@ def test_every_fmu_has_the_reference_run_of_its_package(package: Path) -> None:
         assert archive.read(ENTRY) == (package / "reference.csv").read_bytes(), f"{path.name} is not up to date"
 
 
+def write(slave: FMU2Slave, variable: ScalarVariable, value: float) -> None:
+    if variable.type == "Real":
+        slave.setReal([variable.valueReference], [value])
+    elif variable.type == "Boolean":
+        slave.setBoolean([variable.valueReference], [bool(value)])
+    else:
+        slave.setInteger([variable.valueReference], [int(value)])
+
+
+def read(slave: FMU2Slave, variable: ScalarVariable) -> float:
+    get = {"Real": slave.getReal, "Boolean": slave.getBoolean, "Integer": slave.getInteger}[variable.type]
+    return float(get([variable.valueReference])[0])
+
+
 @pytest.mark.parametrize("path", [fmu_of(package) for package in MODELS], ids=lambda path: path.stem)
 def test_an_fmu_reproduces_its_reference_run(path: Path, tmp_path: Path) -> None:
     fmpy.extract(str(path), str(tmp_path))
@@ -67,14 +82,11 @@ def test_an_fmu_reproduces_its_reference_run(path: Path, tmp_path: Path) -> None
     variables = {v.name: v for v in description.modelVariables}
     unknown = set(names) - {"time"} - set(variables)
     assert not unknown, f"columns that are no variables: {sorted(unknown)}"
-    assert all(variables[n].type == "Real" for n in names if n != "time")
     inputs = [i for i, n in enumerate(names) if n != "time" and variables[n].causality == "input"]
     outputs = [i for i, n in enumerate(names) if n != "time" and variables[n].causality == "output"]
     assert outputs
     times = values[:, names.index("time")] if "time" in names else np.arange(len(values)) * STEP
     assert np.isfinite(values[:, inputs]).all(), "inputs have a number in every row"
-    input_references = [variables[names[i]].valueReference for i in inputs]
-    output_references = [variables[names[i]].valueReference for i in outputs]
     plant = description.coSimulation.providesDirectionalDerivative
 
     slave = FMU2Slave(
@@ -90,12 +102,13 @@ def test_an_fmu_reproduces_its_reference_run(path: Path, tmp_path: Path) -> None
         slave.enterInitializationMode()
         slave.exitInitializationMode()
         for time, row in zip(times.tolist(), values.tolist(), strict=True):
-            slave.setReal(input_references, [row[i] for i in inputs])
+            for i in inputs:
+                write(slave, variables[names[i]], row[i])
             if plant:
-                found.append(slave.getReal(output_references))
+                found.append([read(slave, variables[names[i]]) for i in outputs])
             slave.doStep(currentCommunicationPoint=time, communicationStepSize=STEP)
             if not plant:
-                found.append(slave.getReal(output_references))
+                found.append([read(slave, variables[names[i]]) for i in outputs])
         slave.terminate()
     finally:
         slave.freeInstance()

@@ -102,14 +102,14 @@ signals! {
     SWITCH_MODE, "switch.mode", unit!("1"), None, 1.0, "Suspension law that is chosen: 0 comfort, 1 handling";
     SWITCH_BLEND, "switch.blend", unit!("1"), None, 1.0, "Share of the handling law in the suspension force";
     COORDINATION_STATE, "coordination.state", unit!("1"), None, 1.0, "Driving state: 0 not coordinated, 1 uniform, 2 accelerating, 3 braking, 4 turning, 5 turning and braking, 6 turning and accelerating";
-    ENABLE_SUSPENSION, "enable.suspension", unit!("1"), None, 1.0, "The suspension law is on when above 0.5";
-    ENABLE_ANTILOCK, "enable.antilock", unit!("1"), None, 1.0, "The antilock logic is on when above 0.5";
-    ENABLE_YAW_CONTROL, "enable.yaw_control", unit!("1"), None, 1.0, "The yaw control is on when above 0.5";
+    ENABLE_SUSPENSION, "enable.suspension", unit!("1"), None, 1.0, "Whether the suspension law is on";
+    ENABLE_ANTILOCK, "enable.antilock", unit!("1"), None, 1.0, "Whether the antilock logic is on";
+    ENABLE_YAW_CONTROL, "enable.yaw_control", unit!("1"), None, 1.0, "Whether the yaw control is on";
     SUSPENSION_PROPORTIONAL_GAIN, "suspension_proportional_gain", unit!("kg"), None, 100.0, "Force of the suspension law per change of the body's acceleration from sample to sample, {}";
     SUSPENSION_INTEGRAL_GAIN, "suspension_integral_gain", unit!("kg"), None, 1.0, "Force that the suspension law adds in a sample, per acceleration of the body, {}";
     SUSPENSION_DERIVATIVE_GAIN, "suspension_derivative_gain", unit!("kg"), None, 5.0, "Force of the suspension law per second difference of the body's acceleration, {}";
     TARGET_SLIP, "target_slip", unit!("1"), Some("%"), 0.2, "Braking slip that the antilock logic keeps, positive, {}";
-    ANTILOCK_ACTIVE, "antilock_active", unit!("1"), None, 1.0, "1 while the antilock logic modulates the pressure of the {}, else 0";
+    ANTILOCK_ACTIVE, "antilock_active", unit!("1"), None, 1.0, "Whether the antilock logic modulates the pressure of the {}";
     YAW_CONTROL_PRESSURE, "yaw_control_pressure", unit!("MPa"), Some("bar"), 10.0, "Brake pressure that yaw control adds at the {}, not negative";
     DEMAND_YAW_MOMENT, "demand.yaw_moment", unit!("N.m"), Some("kN.m"), 5e3, "Yaw moment that a controller asks for, positive to the left";
     DEMAND_HEAVE_FORCE, "demand.heave_force", unit!("N"), Some("kN"), 1e4, "Vertical force that a controller wants on the body, before it is shared out";

@@ -18,7 +18,7 @@ const LEAST_SPEED: f64 = 0.5;
 pub(crate) fn sample(p: &AntilockBraking, x: &mut X, inputs: &U) -> Y {
     let t = p.sample_time;
     let u = inputs.u;
-    let is_on = inputs.enable > 0.5 && u >= p.speed_min;
+    let is_on = inputs.enable && u >= p.speed_min;
     for i in 0..4 {
         let omega = inputs.omega[i];
         let req = (inputs.master + inputs.p_dyc[i]).max(0.0).min(p.p_max);
@@ -45,5 +45,5 @@ pub(crate) fn sample(p: &AntilockBraking, x: &mut X, inputs: &U) -> Y {
         (x.omega[i], x.slip[i]) = (omega, slip);
     }
     x.has_past = true;
-    Y { cmd: FourWheels(x.cmd), active: FourWheels(x.active.map(|active| f64::from(u8::from(active)))) }
+    Y { cmd: FourWheels(x.cmd), active: FourWheels(x.active) }
 }

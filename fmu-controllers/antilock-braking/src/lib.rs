@@ -48,7 +48,7 @@ pub struct AntilockBraking {
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(ENABLE_ANTILOCK)]
-    enable: f64,
+    enable: bool,
     #[var(TARGET_SLIP)]
     target: FourWheels<f64>,
     #[var(BRAKE_MASTER_PRESSURE)]
@@ -67,7 +67,7 @@ pub struct Y {
     #[var(BRAKE_PRESSURE_COMMAND)]
     cmd: FourWheels<f64>,
     #[var(ANTILOCK_ACTIVE)]
-    active: FourWheels<f64>,
+    active: FourWheels<bool>,
 }
 
 /// Last speed and slip of each wheel, whether it is modulated, and the last pressure.

@@ -7,7 +7,7 @@ use super::*;
 /// Full pedal at 15 m/s with this slip at all wheels.
 fn braking(slip: f64) -> U {
     U {
-        enable: 1.0,
+        enable: true,
         target: FourWheels([0.2; 4]),
         master: 10.0,
         u: 15.0,
@@ -16,13 +16,13 @@ fn braking(slip: f64) -> U {
     }
 }
 
-fn sample(p: &AntilockBraking, x: &mut X, u: &U) -> (f64, f64) {
+fn sample(p: &AntilockBraking, x: &mut X, u: &U) -> (f64, bool) {
     let y = p.update(Sample { time: 0.0, state: x, inputs: u, derived: &() });
     (y.cmd[0], y.active[0])
 }
 
 #[track_caller]
-fn assert_command(actual: (f64, f64), expected: (f64, f64)) {
+fn assert_command(actual: (f64, bool), expected: (f64, bool)) {
     // Sums of a few steps of pressure: roundings of 10 MPa.
     assert!((actual.0 - expected.0).abs() < 1e-13 && actual.1 == expected.1, "{actual:?} is not {expected:?}");
 }
@@ -31,23 +31,23 @@ fn assert_command(actual: (f64, f64), expected: (f64, f64)) {
 fn a_wheel_that_slips_too_much_is_released_held_and_braked_again() {
     let (p, mut x) = (AntilockBraking::default(), X::default());
     // Below the band: the driver's pressure. In the band nothing starts.
-    assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, 0.0));
-    assert_command(sample(&p, &mut x, &braking(0.2199)), (10.0, 0.0));
+    assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, false));
+    assert_command(sample(&p, &mut x, &braking(0.2199)), (10.0, false));
     // Above: 60 MPa/s for 5 ms, starting with this very sample.
-    assert_command(sample(&p, &mut x, &braking(0.25)), (9.7, 1.0));
-    assert_command(sample(&p, &mut x, &braking(0.3)), (9.4, 1.0));
+    assert_command(sample(&p, &mut x, &braking(0.25)), (9.7, true));
+    assert_command(sample(&p, &mut x, &braking(0.3)), (9.4, true));
     // The wheel speeds up by more than 10 m/s2 (0.06 m/s in 5 ms): held although above the band.
-    assert_command(sample(&p, &mut x, &braking(0.3 - 0.06 / 15.0)), (9.4, 1.0));
+    assert_command(sample(&p, &mut x, &braking(0.3 - 0.06 / 15.0)), (9.4, true));
     // In the band: held.
-    assert_command(sample(&p, &mut x, &braking(0.21)), (9.4, 1.0));
-    assert_command(sample(&p, &mut x, &braking(0.1801)), (9.4, 1.0));
+    assert_command(sample(&p, &mut x, &braking(0.21)), (9.4, true));
+    assert_command(sample(&p, &mut x, &braking(0.1801)), (9.4, true));
     // Below: 20 MPa/s, until the driver's pressure is reached.
     for expected in [9.5, 9.6, 9.7, 9.8, 9.9] {
-        assert_command(sample(&p, &mut x, &braking(0.1)), (expected, 1.0));
+        assert_command(sample(&p, &mut x, &braking(0.1)), (expected, true));
     }
     // Ten roundings decide whether the last step reaches 10 MPa at once.
     sample(&p, &mut x, &braking(0.1));
-    assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, 0.0));
+    assert_command(sample(&p, &mut x, &braking(0.1)), (10.0, false));
 }
 
 #[test]
@@ -55,19 +55,19 @@ fn a_driver_who_lets_go_ends_the_modulation() {
     let (p, mut x) = (AntilockBraking::default(), X::default());
     sample(&p, &mut x, &braking(0.1));
     sample(&p, &mut x, &braking(0.4));
-    assert_command(sample(&p, &mut x, &U { master: 3.0, ..braking(0.4) }), (3.0, 0.0));
-    assert_command(sample(&p, &mut x, &U { master: 0.0, ..braking(0.4) }), (0.0, 0.0));
+    assert_command(sample(&p, &mut x, &U { master: 3.0, ..braking(0.4) }), (3.0, false));
+    assert_command(sample(&p, &mut x, &U { master: 0.0, ..braking(0.4) }), (0.0, false));
 }
 
 #[test]
 fn switched_off_or_slow_the_request_passes() {
     let p = AntilockBraking::default();
-    for u in [U { enable: 0.5, ..braking(1.0) }, U { u: 1.4, ..braking(1.0) }] {
+    for u in [U { enable: false, ..braking(1.0) }, U { u: 1.4, ..braking(1.0) }] {
         let mut x = X { active: [true; 4], cmd: [1.0; 4], ..X::default() };
-        assert_command(sample(&p, &mut x, &u), (10.0, 0.0));
+        assert_command(sample(&p, &mut x, &u), (10.0, false));
     }
     // The request: pedal and yaw control together, within 0 and the limit.
-    let off = U { enable: 0.0, p_dyc: FourWheels([1.0, 5.0, 0.0, -20.0]), ..braking(0.0) };
+    let off = U { enable: false, p_dyc: FourWheels([1.0, 5.0, 0.0, -20.0]), ..braking(0.0) };
     let y = p.update(Sample { time: 0.0, state: &mut X::default(), inputs: &off, derived: &() });
     assert_eq!(*y.cmd, [11.0, 12.0, 10.0, 0.0]);
 }
@@ -77,12 +77,12 @@ fn the_lead_time_looks_ahead() {
     // The slip starts from 0. 0.05, then 0.11 within 5 ms: 10 ms later it would be 0.23.
     let p = AntilockBraking { lead: 0.01, ..AntilockBraking::default() };
     let mut x = X::default();
-    assert_command(sample(&p, &mut x, &braking(0.05)), (10.0, 0.0));
-    assert_command(sample(&p, &mut x, &braking(0.11)), (9.7, 1.0));
+    assert_command(sample(&p, &mut x, &braking(0.05)), (10.0, false));
+    assert_command(sample(&p, &mut x, &braking(0.11)), (9.7, true));
     // A wheel that is modulated from the first sample on has no pressure yet.
     assert_command(
         sample(&AntilockBraking { lead: 0.005, ..AntilockBraking::default() }, &mut X::default(), &braking(0.12)),
-        (0.0, 1.0),
+        (0.0, true),
     );
 }
 
@@ -106,7 +106,7 @@ proptest! {
             for (i, p_dyc) in p_dyc.iter().enumerate() {
                 let req = (master + p_dyc).min(p.p_max);
                 prop_assert!((0.0..=req).contains(&y.cmd[i]));
-                if y.active[i] == 1.0 {
+                if y.active[i] {
                     prop_assert!(y.cmd[i] < req);
                     let change = y.cmd[i] - before.cmd[i];
                     // One rounding of 14 MPa.
@@ -118,7 +118,7 @@ proptest! {
             let swap = |family: [f64; 4]| FourWheels([1, 0, 3, 2].map(|i| family[i]));
             let other = U { p_dyc: swap(p_dyc), omega: swap(omega), ..inputs };
             let z = p.update(Sample { time: 0.0, state: &mut mirrored, inputs: &other, derived: &() });
-            prop_assert_eq!((*y.cmd, *y.active), (*swap(*z.cmd), *swap(*z.active)));
+            prop_assert_eq!((*y.cmd, *y.active), (*swap(*z.cmd), [1, 0, 3, 2].map(|i| z.active[i])));
         }
     }
 }

@@ -57,7 +57,7 @@ pub(crate) fn sample(p: &DirectYawControl, d: &D, x: &mut X, inputs: &U) -> Y {
     let r_n = (b * k_r - a * k_f) / i_z * beta - (a * a * k_f + b * b * k_r) / (i_z * u_e) * r + a * k_f / i_z * delta;
     let sigma = (r - x.r_d) + d.c * (beta - x.beta_d);
     let sigma_d = reaching_law(sigma, p.k_s, p.eta, p.layer);
-    let dm = if inputs.enable > 0.5 && u > p.speed_min {
+    let dm = if inputs.enable && u > p.speed_min {
         magnitude(i_z * (sigma_d - d.c * (beta_n - betad_d) - (r_n - rd_d)), p.moment_max)
     } else {
         0.0

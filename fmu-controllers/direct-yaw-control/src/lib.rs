@@ -80,7 +80,7 @@ pub struct DirectYawControl {
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(ENABLE_YAW_CONTROL)]
-    enable: f64,
+    enable: bool,
     #[var(DRIVER_STEER)]
     delta: f64,
     #[var(VEHICLE_SPEED)]

@@ -14,7 +14,7 @@ fn sample(p: &DirectYawControl, x: &mut X, u: &U) -> Y {
 
 /// Straight ahead at 60 km/h, enabled.
 fn driving() -> U {
-    U { enable: 1.0, u: data::SPEED, ..U::default() }
+    U { enable: true, u: data::SPEED, ..U::default() }
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn the_reference_is_a_first_order_lag() {
     // 1 - exp(-T/tau) of the way in the first sample; also while switched off.
     let p = DirectYawControl::default();
     let mut x = X::default();
-    let y = sample(&p, &mut x, &U { delta: 0.01, enable: 0.0, ..driving() });
+    let y = sample(&p, &mut x, &U { delta: 0.01, enable: false, ..driving() });
     assert!((y.r_d - 0.058_276_3 * (1.0 - (-0.05_f64).exp())).abs() < 1e-8);
     assert_eq!((y.dm, *y.pressure), (0.0, [0.0; 4]));
 }
@@ -137,8 +137,8 @@ proptest! {
     ) {
         let p = DirectYawControl::default();
         let (mut left, mut right) = (X { r_d, beta_d }, X { r_d: -r_d, beta_d: -beta_d });
-        let y = sample(&p, &mut left, &U { enable: 1.0, delta, u, beta, r });
-        let mirror = sample(&p, &mut right, &U { enable: 1.0, delta: -delta, u, beta: -beta, r: -r });
+        let y = sample(&p, &mut left, &U { enable: true, delta, u, beta, r });
+        let mirror = sample(&p, &mut right, &U { enable: true, delta: -delta, u, beta: -beta, r: -r });
         prop_assert_eq!((y.dm, y.r_d, y.beta_d), (-mirror.dm, -mirror.r_d, -mirror.beta_d));
         prop_assert_eq!(*y.pressure, [1, 0, 3, 2].map(|i| mirror.pressure[i]));
         prop_assert!(y.dm.abs() <= p.moment_max);

@@ -148,32 +148,31 @@ pub(crate) fn target_slip(p: &FiniteStateCoordination, state: State, a_y: f64, u
 
 pub(crate) fn sample(p: &FiniteStateCoordination, x: &mut X, inputs: &U) -> Y {
     match p.strategy {
-        Strategy::None => constant(0.0, [0.0; 3], 0.0),
-        Strategy::Individual => constant(1.0, [p.k_p0, p.k_i0, p.k_d0], p.slip_0),
+        Strategy::None => constant(false, [0.0; 3], 0.0),
+        Strategy::Individual => constant(true, [p.k_p0, p.k_i0, p.k_d0], p.slip_0),
         Strategy::Coordination => {
             let state = state(p, x, inputs);
             let [k_p, k_i, k_d] = gains(p, state, inputs);
             let target = target_slip(p, state, x.a_y, inputs.u);
-            let enable = |is_on: bool| f64::from(u8::from(is_on));
             Y {
-                state: f64::from(state as u8),
-                suspension: 1.0,
+                state: state as i32,
+                suspension: true,
                 k_p,
                 k_i,
                 k_d,
-                antilock: enable(x.brakes),
+                antilock: x.brakes,
                 target: FourWheels([target; 4]),
-                yaw_control: enable(x.turns),
+                yaw_control: x.turns,
             }
         }
     }
 }
 
 /// All laws on or off, with the same gains and target slip at all wheels.
-fn constant(enable: f64, gains: [f64; 3], slip: f64) -> Y {
+fn constant(enable: bool, gains: [f64; 3], slip: f64) -> Y {
     let [k_p, k_i, k_d] = gains.map(|gain| FourWheels([gain; 4]));
     Y {
-        state: 0.0,
+        state: 0,
         suspension: enable,
         k_p,
         k_i,

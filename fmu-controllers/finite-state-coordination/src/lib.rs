@@ -154,9 +154,9 @@ pub struct U {
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(COORDINATION_STATE)]
-    state: f64,
+    state: i32,
     #[var(ENABLE_SUSPENSION)]
-    suspension: f64,
+    suspension: bool,
     #[var(SUSPENSION_PROPORTIONAL_GAIN)]
     k_p: FourWheels<f64>,
     #[var(SUSPENSION_INTEGRAL_GAIN)]
@@ -164,11 +164,11 @@ pub struct Y {
     #[var(SUSPENSION_DERIVATIVE_GAIN)]
     k_d: FourWheels<f64>,
     #[var(ENABLE_ANTILOCK)]
-    antilock: f64,
+    antilock: bool,
     #[var(TARGET_SLIP, start = SLIP_0)]
     target: FourWheels<f64>,
     #[var(ENABLE_YAW_CONTROL)]
-    yaw_control: f64,
+    yaw_control: bool,
 }
 
 /// Filtered accelerations, and how the car was driven at the last sample.

@@ -15,7 +15,7 @@ fn sample(p: &FiniteStateCoordination, x: &mut X, u: &U) -> Y {
 }
 
 /// State for accelerations and brake pedal, after what was before.
-fn state(x: &mut X, a_x: f64, a_y: f64, brake: f64) -> f64 {
+fn state(x: &mut X, a_x: f64, a_y: f64, brake: f64) -> i32 {
     sample(&unfiltered(), x, &U { a_x, a_y, brake, u: data::SPEED, ..U::default() }).state
 }
 
@@ -23,16 +23,16 @@ fn state(x: &mut X, a_x: f64, a_y: f64, brake: f64) -> f64 {
 fn six_states_are_told_apart() {
     // Table 1.
     for (a_x, a_y, brake, expected) in [
-        (0.0, 0.0, 0.0, 1.0),
-        (1.0, 0.0, 0.0, 2.0),
-        (-1.0, 0.0, 1.0, 3.0),
-        (0.0, 1.0, 0.0, 4.0),
-        (-1.0, -1.0, 1.0, 5.0),
-        (1.0, -1.0, 0.0, 6.0),
+        (0.0, 0.0, 0.0, 1),
+        (1.0, 0.0, 0.0, 2),
+        (-1.0, 0.0, 1.0, 3),
+        (0.0, 1.0, 0.0, 4),
+        (-1.0, -1.0, 1.0, 5),
+        (1.0, -1.0, 0.0, 6),
         // Decelerating without the pedal is not braking, the pedal alone neither, nor accelerating with it.
-        (-1.0, 0.0, 0.0, 1.0),
-        (0.0, 0.0, 1.0, 1.0),
-        (1.0, 0.0, 1.0, 1.0),
+        (-1.0, 0.0, 0.0, 1),
+        (0.0, 0.0, 1.0, 1),
+        (1.0, 0.0, 1.0, 1),
     ] {
         assert_eq!(state(&mut X::default(), a_x, a_y, brake), expected, "{a_x} {a_y} {brake}");
     }
@@ -41,20 +41,20 @@ fn six_states_are_told_apart() {
 #[test]
 fn states_last_until_the_lower_threshold() {
     let mut x = X::default();
-    let run = [(0.45, 1.0), (0.55, 2.0), (0.35, 2.0), (0.29, 1.0), (0.35, 1.0)];
+    let run = [(0.45, 1), (0.55, 2), (0.35, 2), (0.29, 1), (0.35, 1)];
     for (a_x, expected) in run {
         assert_eq!(state(&mut x, a_x, 0.0, 0.0), expected, "accelerating, {a_x}");
     }
     for (a_x, expected) in run {
-        let expected = if expected == 2.0 { 3.0 } else { expected };
+        let expected = if expected == 2 { 3 } else { expected };
         assert_eq!(state(&mut x, -a_x, 0.0, 1.0), expected, "braking, {a_x}");
     }
-    for (a_y, expected) in [(0.3, 1.0), (-0.41, 4.0), (0.26, 4.0), (-0.24, 1.0), (0.3, 1.0)] {
+    for (a_y, expected) in [(0.3, 1), (-0.41, 4), (0.26, 4), (-0.24, 1), (0.3, 1)] {
         assert_eq!(state(&mut x, 0.0, a_y, 0.0), expected, "turning, {a_y}");
     }
     // From braking straight to accelerating: the band of one does not hold the other.
     state(&mut x, -1.0, 0.0, 1.0);
-    assert_eq!(state(&mut x, 0.4, 0.0, 0.0), 1.0);
+    assert_eq!(state(&mut x, 0.4, 0.0, 0.0), 1);
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn accelerations_are_filtered() {
     let p = FiniteStateCoordination::default();
     let mut x = X::default();
     let states: Vec<_> = (0..3).map(|_| sample(&p, &mut x, &U { a_y: 2.0, ..U::default() }).state).collect();
-    assert_eq!(states, [1.0, 1.0, 4.0]);
+    assert_eq!(states, [1, 1, 4]);
     // A few roundings.
     assert!((x.a_y - 2.0 * (1.0 - (-0.3_f64).exp())).abs() < 1e-15);
 }
@@ -71,15 +71,15 @@ fn accelerations_are_filtered() {
 #[test]
 fn laws_are_on_by_state() {
     for (a_x, a_y, brake, antilock, yaw_control) in [
-        (0.0, 0.0, 0.0, 0.0, 0.0),
-        (1.0, 0.0, 0.0, 0.0, 0.0),
-        (-1.0, 0.0, 1.0, 1.0, 0.0),
-        (0.0, 1.0, 0.0, 0.0, 1.0),
-        (-1.0, 1.0, 1.0, 1.0, 1.0),
-        (1.0, 1.0, 0.0, 0.0, 1.0),
+        (0.0, 0.0, 0.0, false, false),
+        (1.0, 0.0, 0.0, false, false),
+        (-1.0, 0.0, 1.0, true, false),
+        (0.0, 1.0, 0.0, false, true),
+        (-1.0, 1.0, 1.0, true, true),
+        (1.0, 1.0, 0.0, false, true),
     ] {
         let y = sample(&unfiltered(), &mut X::default(), &U { a_x, a_y, brake, ..U::default() });
-        assert_eq!((y.suspension, y.antilock, y.yaw_control), (1.0, antilock, yaw_control));
+        assert_eq!((y.suspension, y.antilock, y.yaw_control), (true, antilock, yaw_control));
     }
 }
 
@@ -91,14 +91,14 @@ fn the_other_strategies_are_constant() {
         &mut X::default(),
         &u,
     );
-    assert_eq!((y.state, y.suspension, y.antilock, y.yaw_control), (0.0, 0.0, 0.0, 0.0));
+    assert_eq!((y.state, y.suspension, y.antilock, y.yaw_control), (0, false, false, false));
     assert_eq!((*y.k_p, *y.k_i, *y.k_d, *y.target), ([0.0; 4], [0.0; 4], [0.0; 4], [0.0; 4]));
     let y = sample(
         &FiniteStateCoordination { strategy: Strategy::Individual, ..FiniteStateCoordination::default() },
         &mut X::default(),
         &u,
     );
-    assert_eq!((y.state, y.suspension, y.antilock, y.yaw_control), (0.0, 1.0, 1.0, 1.0));
+    assert_eq!((y.state, y.suspension, y.antilock, y.yaw_control), (0, true, true, true));
     assert_eq!((*y.k_p, *y.k_i, *y.k_d, *y.target), ([60.0; 4], [0.8; 4], [3.0; 4], [0.2; 4]));
 }
 
@@ -190,7 +190,7 @@ fn the_target_slip_falls_with_speed_and_in_turns() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// Any sequence: gains and target slips stay within those of tables and parameters, switches are 0 or 1 and belong to
+    /// Any sequence: gains and target slips stay within those of tables and parameters, switches belong to
     /// the state.
     #[test]
     fn results_belong_to_the_state(
@@ -200,9 +200,9 @@ proptest! {
         let mut x = X::default();
         for ([a_x, a_y, thetad, thetadd, phid, phidd], brake, speed) in samples {
             let y = sample(&p, &mut x, &U { u: speed, a_x, a_y, thetad, thetadd, phid, phidd, brake, throttle: 0.0 });
-            prop_assert!([1.0, 2.0, 3.0, 4.0, 5.0, 6.0].contains(&y.state));
-            let is = |states: &[f64]| f64::from(u8::from(states.contains(&y.state)));
-            prop_assert_eq!((y.antilock, y.yaw_control), (is(&[3.0, 5.0]), is(&[4.0, 5.0, 6.0])));
+            prop_assert!((1..=6).contains(&y.state));
+            let is = |states: &[i32]| states.contains(&y.state);
+            prop_assert_eq!((y.antilock, y.yaw_control), (is(&[3, 5]), is(&[4, 5, 6])));
             for i in 0..4 {
                 prop_assert!((60.0..=90.0).contains(&y.k_p[i]) && (0.8..=1.2).contains(&y.k_i[i]));
                 prop_assert!((3.0..=3.3).contains(&y.k_d[i]) && (0.08..=0.3).contains(&y.target[i]));

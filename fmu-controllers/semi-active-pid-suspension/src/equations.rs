@@ -18,7 +18,7 @@ use chassis_vehicle::positions::FourWheels;
 use crate::{Constraint, SemiActivePidSuspension, U, X, Y};
 
 pub(crate) fn sample(p: &SemiActivePidSuspension, x: &mut X, inputs: &U) -> Y {
-    if inputs.enable <= 0.5 {
+    if !inputs.enable {
         *x = X { u: [0.0; 4], a1: *inputs.a, a2: *inputs.a };
         return Y { f: FourWheels([0.0; 4]) };
     }

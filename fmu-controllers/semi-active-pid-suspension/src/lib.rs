@@ -47,7 +47,7 @@ pub struct SemiActivePidSuspension {
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(ENABLE_SUSPENSION)]
-    enable: f64,
+    enable: bool,
     #[var(SUSPENSION_PROPORTIONAL_GAIN)]
     k_p: FourWheels<f64>,
     #[var(SUSPENSION_INTEGRAL_GAIN)]

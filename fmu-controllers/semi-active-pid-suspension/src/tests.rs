@@ -7,7 +7,7 @@ use super::*;
 /// The same at all wheels, enabled.
 fn inputs(gains: [f64; 3], a: f64, v: f64) -> U {
     let four = |value| FourWheels([value; 4]);
-    U { enable: 1.0, k_p: four(gains[0]), k_i: four(gains[1]), k_d: four(gains[2]), a: four(a), v: four(v) }
+    U { enable: true, k_p: four(gains[0]), k_i: four(gains[1]), k_d: four(gains[2]), a: four(a), v: four(v) }
 }
 
 fn force(p: &SemiActivePidSuspension, x: &mut X, u: &U) -> f64 {
@@ -77,7 +77,7 @@ fn a_damper_makes_only_forces_against_its_velocity() {
 fn switched_off_it_forgets() {
     let p = active();
     let mut x = X { u: [100.0; 4], a1: [3.0; 4], a2: [2.0; 4] };
-    let off = U { enable: 0.5, ..inputs([60.0, 0.8, 3.0], 1.5, 0.0) };
+    let off = U { enable: false, ..inputs([60.0, 0.8, 3.0], 1.5, 0.0) };
     assert_eq!(force(&p, &mut x, &off), 0.0);
     assert_eq!((x.u, x.a1, x.a2), ([0.0; 4], [1.5; 4], [1.5; 4]));
     // Back on with the same acceleration: only the integral acts.

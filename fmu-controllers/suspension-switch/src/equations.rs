@@ -27,5 +27,5 @@ pub(crate) fn sample(p: &SuspensionSwitch, x: &mut X, u: &U) -> Y {
         Strategy::Passive => Sides([0.0; 2]),
         _ => Sides::from_fn(|i| (1.0 - w) * u.f_c[i] + w * u.f_h[i]),
     };
-    Y { f, mode, w }
+    Y { f, mode: i32::from(x.handling), w }
 }

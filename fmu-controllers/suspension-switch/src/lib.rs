@@ -64,7 +64,7 @@ pub struct Y {
     #[var(SUSPENSION_FORCE)]
     f: Sides<f64>,
     #[var(SWITCH_MODE)]
-    mode: f64,
+    mode: i32,
     #[var(SWITCH_BLEND)]
     w: f64,
 }

@@ -11,7 +11,7 @@ fn inputs(ltr: f64) -> U {
 }
 
 /// The modes for a sequence of load transfer ratios.
-fn modes(p: &SuspensionSwitch, ratios: &[f64]) -> Vec<f64> {
+fn modes(p: &SuspensionSwitch, ratios: &[f64]) -> Vec<i32> {
     let mut x = X::default();
     ratios.iter().map(|&ltr| equations::sample(p, &mut x, &inputs(ltr)).mode).collect()
 }
@@ -19,19 +19,19 @@ fn modes(p: &SuspensionSwitch, ratios: &[f64]) -> Vec<f64> {
 #[test]
 fn it_starts_with_comfort_and_switches_above_the_threshold() {
     // Q = 0.8 itself belongs to comfort; the signed ratio of a right turn is below it.
-    assert_eq!(modes(&SuspensionSwitch::default(), &[0.0, 0.8, 0.81, 0.8, 0.81, -0.9]), [0.0, 0.0, 1.0, 0.0, 1.0, 0.0]);
+    assert_eq!(modes(&SuspensionSwitch::default(), &[0.0, 0.8, 0.81, 0.8, 0.81, -0.9]), [0, 0, 1, 0, 1, 0]);
 }
 
 #[test]
 fn hysteresis_keeps_the_handling_law() {
     let p = SuspensionSwitch { width: 0.25, q: 0.75, ..SuspensionSwitch::default() };
-    assert_eq!(modes(&p, &[0.6, 0.76, 0.6, 0.51, 0.5, 0.6]), [0.0, 1.0, 1.0, 1.0, 0.0, 0.0]);
+    assert_eq!(modes(&p, &[0.6, 0.76, 0.6, 0.51, 0.5, 0.6]), [0, 1, 1, 1, 0, 0]);
 }
 
 #[test]
 fn the_magnitude_protects_right_turns_too() {
     let p = SuspensionSwitch { magnitude: true, ..SuspensionSwitch::default() };
-    assert_eq!(modes(&p, &[-0.79, -0.81, 0.81, 0.0]), [0.0, 1.0, 1.0, 0.0]);
+    assert_eq!(modes(&p, &[-0.79, -0.81, 0.81, 0.0]), [0, 1, 1, 0]);
 }
 
 #[test]
@@ -45,12 +45,12 @@ fn the_control_cases_choose_the_law() {
         (y.f.0, y.mode)
     };
     let (comfort, handling) = (inputs(0.0).f_c.0, inputs(0.0).f_h.0);
-    assert_eq!(sample(Strategy::Switched, 0.9), (handling, 1.0));
-    assert_eq!(sample(Strategy::Switched, 0.5), (comfort, 0.0));
-    assert_eq!(sample(Strategy::Comfort, 0.9), (comfort, 0.0));
-    assert_eq!(sample(Strategy::Handling, 0.5), (handling, 1.0));
-    assert_eq!(sample(Strategy::Passive, 0.5), ([0.0; 2], 0.0));
-    assert_eq!(sample(Strategy::Passive, 0.9), ([0.0; 2], 1.0));
+    assert_eq!(sample(Strategy::Switched, 0.9), (handling, 1));
+    assert_eq!(sample(Strategy::Switched, 0.5), (comfort, 0));
+    assert_eq!(sample(Strategy::Comfort, 0.9), (comfort, 0));
+    assert_eq!(sample(Strategy::Handling, 0.5), (handling, 1));
+    assert_eq!(sample(Strategy::Passive, 0.5), ([0.0; 2], 0));
+    assert_eq!(sample(Strategy::Passive, 0.9), ([0.0; 2], 1));
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn blending_takes_its_time() {
         let w = (0.004 * f64::from(n)).min(1.0);
         assert!((y.w - w).abs() < 1e-13, "{n}");
         assert!((y.f[0] - (100.0 - 2100.0 * w)).abs() < 1e-9, "{n}");
-        assert_eq!(y.mode, 1.0);
+        assert_eq!(y.mode, 1);
     }
     assert_eq!(x.w, 1.0);
     for _ in 0..100 {
@@ -92,7 +92,7 @@ proptest! {
         let y = equations::sample(&p, &mut X { handling, w }, &u);
         prop_assert!((0.0..=1.0).contains(&y.w));
         if blend_time == 0.0 {
-            prop_assert_eq!(y.f, if y.mode > 0.5 { u.f_h } else { u.f_c });
+            prop_assert_eq!(y.f, if y.mode == 1 { u.f_h } else { u.f_c });
         }
         for i in 0..2 {
             let (low, high) = (u.f_c[i].min(u.f_h[i]), u.f_c[i].max(u.f_h[i]));

@@ -9,7 +9,7 @@ mod sources;
 mod table;
 
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Causality};
+use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::loader::Instance;
 use std::collections::HashMap;
 use table::Table;
@@ -157,13 +157,19 @@ struct Wires {
     references: Vec<Reference>,
     places: Vec<usize>,
     values: Vec<f64>,
+    /// Integers and Booleans: type, reference, place.
+    others: Vec<(BaseType, Reference, usize)>,
 }
 
 impl Wires {
-    fn add(&mut self, reference: Reference, place: usize) {
-        self.references.push(reference);
-        self.places.push(place);
-        self.values.push(0.0);
+    fn add(&mut self, variable: &Variable, place: usize) {
+        if variable.base_type == BaseType::Real {
+            self.references.push(variable.reference);
+            self.places.push(place);
+            self.values.push(0.0);
+        } else {
+            self.others.push((variable.base_type, variable.reference, place));
+        }
     }
 }
 
@@ -172,12 +178,27 @@ impl Component {
         let wires = &mut self.inputs;
         wires.values.iter_mut().zip(&wires.places).for_each(|(value, &place)| *value = bus[place]);
         ok(self.instance.set_real(&wires.references, &wires.values));
+        for &(base_type, reference, place) in &wires.others {
+            let value = [bus[place] as i32];
+            ok(match base_type {
+                BaseType::Boolean => self.instance.set_boolean(&[reference], &value),
+                _ => self.instance.set_integer(&[reference], &value),
+            });
+        }
     }
 
     fn read(&mut self, bus: &mut [f64]) {
         let wires = &mut self.outputs;
         ok(self.instance.get_real(&wires.references, &mut wires.values));
         wires.values.iter().zip(&wires.places).for_each(|(&value, &place)| bus[place] = value);
+        for &(base_type, reference, place) in &wires.others {
+            let mut value = [0];
+            ok(match base_type {
+                BaseType::Boolean => self.instance.get_boolean(&[reference], &mut value),
+                _ => self.instance.get_integer(&[reference], &mut value),
+            });
+            bus[place] = f64::from(value[0]);
+        }
     }
 }
 
@@ -228,14 +249,14 @@ impl System {
                 let wire = case.wires.iter().find(|(name, to, _)| (*name, *to) == (&*fmu.name, &*input.name));
                 let source = wire.map_or(input.name.as_str(), |(_, _, from)| from);
                 if let Some(&place) = places.get(source) {
-                    component.inputs.add(input.reference, place);
+                    component.inputs.add(input, place);
                     used[place] = true;
                 }
             }
             for output in fmu.with(Causality::Output) {
                 let place = places[&output.name];
                 if place >= given.len() {
-                    component.outputs.add(output.reference, place);
+                    component.outputs.add(output, place);
                 }
             }
             for (_, name, value) in case.parameters.iter().filter(|parameter| parameter.0 == fmu.name) {
