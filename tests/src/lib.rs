@@ -257,6 +257,32 @@ impl Fmu {
         self.with(causality).filter(|v| v.base_type == BaseType::Real).map(|v| v.reference).collect()
     }
 
+    /// The values of all outputs but Strings, in the order of the description, Integers and Booleans as numbers.
+    ///
+    /// # Panics
+    /// When the FMU refuses.
+    #[track_caller]
+    #[must_use]
+    pub fn outputs(&self, instance: &mut Instance) -> Vec<f64> {
+        let mut values = Vec::new();
+        for variable in self.with(Causality::Output) {
+            let (reference, mut whole) = ([variable.reference], [0]);
+            match variable.base_type {
+                BaseType::Real => values.extend(reals(instance, &reference)),
+                BaseType::Integer => {
+                    ok(instance.get_integer(&reference, &mut whole));
+                    values.push(f64::from(whole[0]));
+                }
+                BaseType::Boolean => {
+                    ok(instance.get_boolean(&reference, &mut whole));
+                    values.push(f64::from(whole[0]));
+                }
+                BaseType::String => {}
+            }
+        }
+        values
+    }
+
     /// Value references of all real variables.
     #[must_use]
     pub fn reals(&self) -> Vec<Reference> {

@@ -1,5 +1,5 @@
 //! Cost of a communication step of 1 ms: the model's functions called directly in Rust, and the packed FMU through its C
-//! interface (set all inputs, step, get all outputs). Both are measured in the same process, turn by turn, so that their ratio
+//! interface (set all real inputs, step, get all real outputs). Both are measured in the same process, turn by turn, so that their ratio
 //! means something on a busy machine.
 
 use std::hint::black_box;
@@ -164,19 +164,17 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
 }
 
 fn time_fmu(fmu: &Fmu, layout: &Layout) -> f64 {
-    let references =
-        |role: Role| -> Vec<u32> { layout.variables.iter().filter(|v| v.role == role).map(|v| v.reference).collect() };
-    let inputs = references(Role::Input);
-    let outputs: Vec<u32> = references(Role::Output).into_iter().chain(references(Role::State)).collect();
-    let start: Vec<f64> = layout
-        .variables
-        .iter()
-        .filter(|variable| variable.role == Role::Input)
-        .map(|variable| match &variable.declaration.kind {
-            Kind::Real(real) => real.start,
-            _ => unreachable!("inputs are real numbers"),
+    // Reference and start value. The few Integers and Booleans keep theirs.
+    let reals = |role: Role| {
+        layout.variables.iter().filter(move |variable| variable.role == role).filter_map(|variable| {
+            match &variable.declaration.kind {
+                Kind::Real(real) => Some((variable.reference, real.start)),
+                _ => None,
+            }
         })
-        .collect();
+    };
+    let (inputs, start): (Vec<u32>, Vec<f64>) = reals(Role::Input).unzip();
+    let outputs: Vec<u32> = reals(Role::Output).chain(reals(Role::State)).map(|(reference, _)| reference).collect();
     let run = || -> Result<f64, Box<dyn std::error::Error>> {
         let mut instance: Instance = fmu.instantiate("bench")?;
         instance.setup_experiment(0.0, None)?;
