@@ -42,7 +42,9 @@ fn initialize(fmu: &Fmu, parameters: &[(&Variable, f64)]) -> Result<Instance, Ca
 fn refusal(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
     let text = |error: CallError| error.messages.into_iter().map(|message| message.text).collect::<String>();
     let alone = text(initialize(fmu, &[(parameter, value)]).err()?);
-    if NEEDS_A_FILE.contains(&(&fmu.name, &parameter.name)) && alone.contains("'table.file' must be the path of a CSV file") {
+    if NEEDS_A_FILE.contains(&(&fmu.name, &parameter.name))
+        && alone.contains("'table.file' must be the path of a CSV file")
+    {
         return None;
     }
     let Some((_, others)) = RELATIONS.iter().find(|(name, _)| *name == parameter.name) else { return Some(alone) };
