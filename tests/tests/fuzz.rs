@@ -54,6 +54,7 @@ fn equal_seeds_make_equal_calls() {
 /// No invalid access, no use of values that were never set, nothing lost, whatever is called.
 #[cfg(target_os = "linux")]
 #[test]
+// Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn valgrind_finds_nothing() {
     run(tests::valgrind().arg(FUZZ).args(["--calls", "500", "--seed", "2"]).args(tests::paths()));

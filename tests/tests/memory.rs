@@ -42,6 +42,7 @@ fn a_step_allocates_nothing() {
 
 /// A whole life of every FMU: no invalid access, no use of values that were never set, nothing lost.
 #[test]
+// Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn valgrind_finds_nothing() {
     exercise(tests::valgrind().arg(EXERCISE).arg("life").args(tests::paths()));
@@ -50,6 +51,7 @@ fn valgrind_finds_nothing() {
 /// What a library keeps beside its instances goes with it: a master that loads FMUs again and again does not grow.
 /// Nothing points any more to what an unloaded library has left behind, so it would count as lost.
 #[test]
+// Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.
 #[ignore = "needs valgrind; .ci/run installs it and runs this test"]
 fn an_unloaded_library_leaves_nothing_behind() {
     exercise(tests::valgrind().arg(EXERCISE).arg("reload").args(tests::paths()));

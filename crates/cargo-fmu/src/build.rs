@@ -18,7 +18,7 @@ pub(crate) fn cargo() -> Command {
     Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
-/// What the user passes on to cargo.
+/// Options of `cargo fmu pack` that are passed on to cargo.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct Options {
     /// Features of the packages to build, as for cargo
@@ -236,7 +236,7 @@ pub(crate) enum Builder {
     Win64(win64::Toolchain),
 }
 
-/// What a builder has built.
+/// Result of a build.
 #[derive(Debug)]
 pub(crate) struct Built {
     /// Libraries in the order of the models.

@@ -75,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.exporter_path
         && !path.join("Cargo.toml").exists()
     {
-        return Err(miette!("--exporter-path: there is no package in {}", path.display()));
+        return Err(miette!("--exporter-path must be a folder with a Cargo.toml, {} has none", path.display()));
     }
     // cargo knows how a package joins a workspace, and what it inherits.
     let made = succeed(cargo().args(["new", "--lib", "--quiet", "--vcs", "none"]).arg(&folder))
@@ -102,7 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Where the package goes: a plain name goes to the folder that the workspace sets for this kind of model.
+/// Returns the folder of the new package. A plain name belongs in the folder that the workspace sets for this kind of model.
 fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
     let is_plain = path.components().count() == 1;
     let parent = workspace

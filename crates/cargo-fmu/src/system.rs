@@ -12,7 +12,7 @@ mod study;
 
 use miette::Result;
 
-/// What to do with a system.
+/// Commands for systems of several FMUs.
 #[derive(clap::Subcommand, Debug)]
 pub(crate) enum Command {
     /// Checks a scenario and shows what it runs and how it is wired
@@ -35,13 +35,13 @@ pub(crate) enum Command {
     /// Shows which FMUs fit which plants by their signals
     ///
     /// A plant is an FMU with continuous states, unless it writes inputs of one with more states: then it is an actuator.
-    /// Signals go from an output to an input of the same name, type and unit of measure. Every FMU that is no plant fits a
-    /// plant if all its inputs are written by the plant or by others that are supplied this way, and if it writes an input
-    /// of the plant or of another one that acts on it. `idle`: supplied, but it acts on nothing. `lacks 3`: nothing writes
-    /// three of its inputs; in a scenario constants may stand in for them. Other plants never count.
+    /// An output connects to the input of the same name, type and unit of measure. An FMU that is not a plant fits a plant
+    /// under two conditions: the plant or other fitting FMUs write all of its inputs, and it writes an input of the plant or
+    /// of an FMU that acts on the plant. `idle` marks an FMU whose inputs are written but that acts on nothing. `lacks 3`
+    /// marks one with three inputs that nothing writes; a scenario can set them to constants. Other plants are ignored.
     ///
-    /// That signals fit does not say that a law suits a vehicle: vehicle data in it may have to be changed, and outputs that
-    /// nothing reads go nowhere.
+    /// Matching signals are not enough: a controller may contain parameters of another vehicle, and an output that nothing
+    /// reads has no effect.
     Compat(compat::Arguments),
 }
 

@@ -12,7 +12,7 @@ use miette::{Result, miette};
 
 use crate::output::out;
 
-/// Which FMUs, and how much is said of them. The definitions stand in [`fmu_system::compat`].
+/// Arguments of `cargo fmu compat`. [`fmu_system::compat`] defines the terms.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
     /// Show only these plants and these other FMUs

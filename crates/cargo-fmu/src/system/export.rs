@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use super::folders::folders;
 use crate::output::outln;
 
-/// Which run of which scenario, and where it goes.
+/// Arguments of `cargo fmu export`.
 #[derive(Debug, Args)]
 pub(crate) struct Arguments {
     /// Scenario file (TOML)
@@ -61,7 +61,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     Ok(())
 }
 
-/// The run of the given case, point and seed; the first where nothing is said.
+/// Returns the run with the given case, point and seed. The default of each is the first.
 fn chosen<'a>(plan: &'a Plan, arguments: &Arguments) -> miette::Result<&'a Run> {
     let known = |what: &str, wanted: Option<&String>, names: Vec<String>| match wanted {
         Some(name) if !names.contains(name) => {
