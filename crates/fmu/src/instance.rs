@@ -723,7 +723,7 @@ impl<M: Model> Instance<M> {
     /// fmi2GetDirectionalDerivative: exact, by dual numbers.
     ///
     /// # Errors
-    /// For a sampled unit, whose outputs are held; on a reference that is no output or state derivative (unknown) or
+    /// For a discrete-time model, whose outputs are held; on a reference that is no output or state derivative (unknown) or
     /// no input or state (known), or a seed or result that is not finite.
     pub fn directional_derivative(
         &mut self,
