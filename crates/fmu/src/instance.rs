@@ -534,6 +534,18 @@ impl<M: Model> Instance<M> {
         self.check(Function::SetReal)?;
         let layout = self.layout();
         let inputs = layout.inputs.reals();
+        // The usual case, inputs and finite numbers, without branches; inputs carry no limits.
+        let (first, count) = (layout.inputs.at.reals as u32, layout.inputs.counts.reals as u32);
+        let are_inputs = references.iter().fold(true, |all, reference| all & (reference.wrapping_sub(first) < count));
+        // 0 times a number that is not finite is not 0, whose bits are zeros after the sign.
+        let not_zero = values.iter().fold(0, |bits, value| bits | (value * 0.0).to_bits());
+        if are_inputs && not_zero << 1 == 0 {
+            for (&reference, &value) in references.iter().zip(values) {
+                self.values.reals[reference as usize] = value;
+            }
+            self.values_changed();
+            return Ok(());
+        }
         let (mut parameter, mut fixed) = (false, false);
         for (&reference, &value) in references.iter().zip(values) {
             let index = reference as usize;
@@ -544,7 +556,7 @@ impl<M: Model> Instance<M> {
                 return Err(format!("fmi2SetReal: '{}' must be finite, got {value}", layout.real_name(index)).into());
             }
             if inputs.contains(&index) {
-                continue; // the usual case; inputs carry no limits
+                continue;
             }
             let variable = self.settable(Function::SetReal, reference)?;
             let Kind::Real(real) = &variable.declaration.kind else { unreachable!("reals come first") };
@@ -665,7 +677,7 @@ impl<M: Model> Instance<M> {
         if !is_length {
             return refused(format!("communicationStepSize must be finite and above 0, got {step} s"));
         }
-        let is_on_time = (time - self.clock.time).abs() <= clock::tolerance(time, step);
+        let is_on_time = clock::is_within_tolerance((time - self.clock.time).abs(), time, step);
         if !is_on_time {
             return refused(format!(
                 "currentCommunicationPoint = {time} s, but the instance is at {} s; the difference must not exceed 1e-6 \
@@ -674,12 +686,12 @@ impl<M: Model> Instance<M> {
             ));
         }
         let end = time + step;
-        let advances = end > time.max(self.clock.time) && end <= f64::MAX;
+        let advances = end > time && end > self.clock.time && end <= f64::MAX;
         if !advances {
             return refused(format!("a step of {step} s at {time} s does not advance the time"));
         }
         if let Some(stop) = self.clock.stop
-            && end > stop + clock::tolerance(end, step)
+            && !clock::is_within_tolerance(end - stop, end, step)
         {
             return refused(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
         }
@@ -690,7 +702,7 @@ impl<M: Model> Instance<M> {
                 "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} are possible"
             ));
         }
-        let parts = parts as u64;
+        let parts = u64::from(parts as u32); // quicker than to u64, and the limit is below 2^32
         let layout = &self.description.layout;
         let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
             unreachable!("made at the end of initialization and kept since");

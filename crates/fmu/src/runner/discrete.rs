@@ -17,6 +17,7 @@ use crate::variables::{Derived as _, Variables as _};
 #[derive(Debug)]
 pub struct DiscreteModel<M>(PhantomData<M>);
 
+#[inline]
 fn sample_time(layout: &Layout, values: &ValueStore) -> f64 {
     layout.solver.map_or(f64::INFINITY, |index| values.reals[index])
 }
@@ -58,7 +59,8 @@ impl<M: Discrete> Model for DiscreteModel<M> {
 
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64 {
         let end = samples_before(step.time + step.step, step.start, sample_time(layout, values), step.step);
-        (end - step.sample as f64).max(0.0)
+        let due = end - step.sample as i64 as f64;
+        if due > 0.0 { due } else { 0.0 }
     }
 
     fn step(
@@ -75,7 +77,7 @@ impl<M: Discrete> Model for DiscreteModel<M> {
         let period = sample_time(layout, values);
         let mut samples = || {
             for sample in step.sample..step.sample + parts {
-                let time = step.start + sample as f64 * period;
+                let time = step.start + sample as i64 as f64 * period;
                 p.check(&Sample { time, state, inputs, derived }).map_err(StepError::Refused)?;
                 let outputs = p.update(Sample { time, state, inputs, derived });
                 outputs.write(&mut values.view_mut(), layout.outputs.at);
@@ -90,6 +92,9 @@ impl<M: Discrete> Model for DiscreteModel<M> {
     }
 
     fn outputs(p: &M, derived: &M::Derived, _: &M::State, layout: &Layout, values: &mut ValueStore, start: f64) {
+        if M::SOURCE.is_none() {
+            return; // so that the library does not contain the rest
+        }
         // With the start values of the inputs; the state of the run begins with the first step, which takes this sample again.
         let starts = ValueStore::start(layout);
         let inputs = &M::Inputs::read(starts.view(), layout.inputs.at);
