@@ -54,9 +54,10 @@ impl Options {
 const EXPORT: &str = "FMU_EXPORT_";
 
 /// The profile of the binaries: small self-contained libraries. Panics unwind so that the C interface can turn them into an
-/// error status. Link-time optimization is not to be had: cargo leaves it out for packages that are also an ordinary library.
-const PROFILE: [&str; 4] = [
+/// error status.
+const PROFILE: [&str; 5] = [
     "profile.fmu.inherits=\"release\"",
+    "profile.fmu.lto=\"fat\"",
     "profile.fmu.codegen-units=1",
     "profile.fmu.strip=true",
     "profile.fmu.panic=\"unwind\"",
@@ -307,19 +308,16 @@ impl Builder {
     ) -> Result<Built> {
         let mut messages = String::new();
         let mut libraries = BTreeMap::new();
-        for round in rounds(models) {
+        let platform = self.platform().name();
+        for (model, (name, guid)) in models.iter().zip(guids) {
             let mut command = self.command(workspace, options)?;
-            for &model in &round {
-                // `TYPE=GUID`: which model of the crate the library is for.
-                let at = models.iter().position(|other| other.package == model.package);
-                if let Some((name, guid)) = at.and_then(|at| guids.get(at)) {
-                    command.env(format!("{EXPORT}{}", model.library), format!("{name}={guid}"));
-                }
-            }
-            let platform = self.platform().name();
-            let built = carry_out(command, workspace, &round).wrap_err_with(|| format!("building for {platform}"))?;
+            // Without the ordinary library, for which cargo would leave out link-time optimization.
+            command.args(["--lib", "--crate-type", "cdylib"]);
+            // `TYPE=GUID`: which model of the crate the library is for.
+            command.env(format!("{EXPORT}{}", model.library), format!("{name}={guid}"));
+            let built = carry_out(command, workspace, &[model]).wrap_err_with(|| format!("building for {platform}"))?;
             let folder = workspace.target.join("fmu-build").join(platform);
-            libraries.extend(kept(artifacts(&built)?, &round, &folder)?);
+            libraries.extend(kept(artifacts(&built)?, &[model], &folder)?);
             messages.push_str(&built);
         }
         let libraries = models.iter().map(|model| artifact(&libraries, model)).collect::<Result<_>>()?;
@@ -334,14 +332,14 @@ impl Builder {
         let (mut command, target) = match self {
             Self::Native(_) => {
                 let (mut command, target) = (cargo(), host()?);
-                command.args(["build", "--target", &target]).env_remove("CARGO_BUILD_TARGET");
+                command.args(["rustc", "--target", &target]).env_remove("CARGO_BUILD_TARGET");
                 (command, target)
             }
-            Self::Portable(zigbuild) => (zigbuild.cargo_build(), zigbuild::TARGET.to_owned()),
+            Self::Portable(zigbuild) => (zigbuild.cargo_rustc(), zigbuild::TARGET.to_owned()),
             Self::Win64(toolchain) => {
                 folder = workspace.target.join("fmu-build-win64");
                 sources = Some(toolchain.sources());
-                (toolchain.cargo_build(), win64::TARGET.to_owned())
+                (toolchain.cargo_rustc(), win64::TARGET.to_owned())
             }
         };
         command.args(["--profile", "fmu", "--target-dir"]).arg(&folder);

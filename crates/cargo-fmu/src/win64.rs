@@ -64,9 +64,9 @@ impl Toolchain {
     }
 
     /// A call of this toolchain's cargo that builds for Windows, without packages and profile.
-    pub(crate) fn cargo_build(&self) -> Command {
+    pub(crate) fn cargo_rustc(&self) -> Command {
         let mut command = self.cargo();
-        command.args(["build", "--target", TARGET, "-Z", "build-std=std,panic_unwind"]).env("RUSTC_BOOTSTRAP", "1");
+        command.args(["rustc", "--target", TARGET, "-Z", "build-std=std,panic_unwind"]).env("RUSTC_BOOTSTRAP", "1");
         command.env(format!("CARGO_TARGET_{}_LINKER", TARGET.to_uppercase().replace('-', "_")), LINKER);
         command
     }

@@ -56,9 +56,9 @@ impl Zigbuild {
     }
 
     /// A build for Linux with the cargo in use, without packages and profile.
-    pub(crate) fn cargo_build(&self) -> Command {
+    pub(crate) fn cargo_rustc(&self) -> Command {
         let mut command = Command::new(&self.program);
-        command.args(["zigbuild", "--target", &format!("{TARGET}.{GLIBC}")]);
+        command.args(["rustc", "--target", &format!("{TARGET}.{GLIBC}")]);
         if let Some(python) = &self.python {
             command.env(PYTHON, python);
         }
