@@ -16,12 +16,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use libc::{c_char, c_int, c_uint, c_void, size_t};
-
 use crate::calls::Function;
 use crate::description::{Description, LOG_CATEGORIES, LOG_DISCARD, LOG_ERROR, LOG_EVENTS};
 use crate::instance::{Instance, Refusal, Snapshot};
 use crate::runner::Model;
+use c::{c_char, c_int, c_uint, c_void, size_t};
 
 /// fmi2Status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,7 +87,7 @@ pub trait Export: 'static {
             // On Linux the library lists the function itself, see `export!`.
             // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
             // ends. If it cannot be registered, the description is lost at the end, nothing else.
-            #[cfg(not(target_os = "linux"))]
+            #[cfg(not(any(target_os = "linux", target_family = "wasm")))]
             unsafe {
                 libc::atexit(forget::<Self>)
             };
@@ -956,9 +955,18 @@ macro_rules! c_interface {
     };
 }
 
+/// The types of C.
 #[doc(hidden)]
 pub mod c {
-    pub use libc::{c_char, c_int, size_t};
+    #[cfg(target_family = "wasm")]
+    pub use core::ffi::{c_char, c_int, c_uint, c_void};
+    #[cfg(not(target_family = "wasm"))]
+    pub use libc::{c_char, c_int, c_uint, c_void, size_t};
+
+    /// WebAssembly has no C library.
+    #[cfg(target_family = "wasm")]
+    #[expect(non_camel_case_types, reason = "as in C")]
+    pub type size_t = usize;
 }
 
 #[cfg(test)]

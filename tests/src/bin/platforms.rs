@@ -1,7 +1,7 @@
-//! Compares what FMUs compute on two platforms (`scripts/test_windows`).
+//! Compares what FMUs compute on two platforms (`scripts/test_windows`, `scripts/test_platforms`).
 //!
 //! - `platforms record OUT` steps each FMU of the tests' folder with changing inputs, runs closed loops of each vehicle by the
-//!   native master, and writes all results to the folder OUT;
+//!   native master, and writes all results to the folder OUT, those of an FMU with its inputs;
 //! - `platforms compare A B` compares the results of two such folders and ends with 1 unless all are bit-identical.
 
 use fmu_import::description::{BaseType, Causality};
@@ -65,7 +65,7 @@ fn record(out: &Path) {
     }
 }
 
-/// The outputs of an FMU as a table.
+/// The inputs and outputs of an FMU as a table.
 fn alone(fmu: &Fmu) -> String {
     let inputs: Vec<_> = fmu.with(Causality::Input).filter(|v| v.base_type == BaseType::Real).collect();
     let input_references = fmu.references(Causality::Input);
@@ -75,6 +75,7 @@ fn alone(fmu: &Fmu) -> String {
     let waves: Vec<_> = inputs.iter().map(|_| [1.6 + 1.4 * random.symmetric(), random.symmetric()]).collect();
 
     let mut table = String::from("time");
+    inputs.iter().for_each(|variable| write!(table, ",input {}", variable.name).expect("texts grow"));
     outputs.iter().for_each(|variable| write!(table, ",{}", variable.name).expect("texts grow"));
     let mut instance = fmu.started();
     for k in 0..STEPS {
@@ -85,11 +86,14 @@ fn alone(fmu: &Fmu) -> String {
             let offset = if signals::is_magnitude(variable) { amplitude } else { 0.0 };
             signals::start(variable) + offset + amplitude * triangle
         });
-        ok(instance.set_real(&input_references, &values.collect::<Vec<_>>()));
+        let values: Vec<_> = values.collect();
+        ok(instance.set_real(&input_references, &values));
         ok(instance.do_step(time, STEP));
         write!(table, "\n{:?}", time + STEP).expect("texts grow");
-        let values = fmu.outputs(&mut instance);
-        values.iter().for_each(|value| write!(table, ",{value:?}").expect("texts grow"));
+        values
+            .iter()
+            .chain(&fmu.outputs(&mut instance))
+            .for_each(|value| write!(table, ",{value:?}").expect("texts grow"));
     }
     ok(instance.terminate());
     table
