@@ -99,16 +99,28 @@ impl MagicFormula {
 /// slip angle. The law is continuous, also at s = -1, and the force is never greater than mu F_z.
 #[inline]
 pub fn dugoff<T: Scalar>(c: [T; 2], mu_n: T, s: T, t: T) -> [T; 2] {
-    let g = [c[0] * s, -c[1] * t];
-    let mu_n = Scalar::max(mu_n, T::from(0.0));
-    let rest = -s.abs() + 1.0;
-    let d = (g[0].squared() + g[1].squared()).sqrt();
-    let n = mu_n * rest * 0.5;
-    // Where the contact adheres, a locked wheel has D = N = 0 (a tire in the air): the floor avoids 0/0.
-    let adhering = T::from(1.0) / Scalar::max(rest, T::from(1e-12));
-    let sliding = mu_n / (d * 2.0) * (-n / d + 2.0);
-    let factor = d.if_greater(n, sliding, adhering);
-    g.map(|g| g * factor)
+    let [[f_x], [f_y]] = dugoff_each([[c[0]], [c[1]]], [mu_n], [s], [t]);
+    [f_x, f_y]
+}
+
+/// [`dugoff`] of several tires at once: the longitudinal forces, then the lateral ones.
+#[inline]
+pub fn dugoff_each<T: Scalar, const N: usize>(c: [[T; N]; 2], mu_n: [T; N], s: [T; N], t: [T; N]) -> [[T; N]; 2] {
+    let g_x: [T; N] = from_fn(|i| c[0][i] * s[i]);
+    let g_y: [T; N] = from_fn(|i| -c[1][i] * t[i]);
+    let factor: [T; N] = from_fn(|i| {
+        let mu_n = Scalar::max(mu_n[i], T::from(0.0));
+        let rest = -s[i].abs() + 1.0;
+        let d2 = g_x[i].squared() + g_y[i].squared();
+        let d = d2.sqrt();
+        let n = mu_n * rest * 0.5;
+        // One division for both cases. Where the contact adheres, a locked wheel has D = N = 0 (a tire in the air): the
+        // floor avoids 0/0.
+        let numerator = d.if_greater(n, mu_n * (d * 2.0 - n), T::from(1.0));
+        let denominator = d.if_greater(n, d2 * 2.0, Scalar::max(rest, T::from(1e-12)));
+        numerator / denominator
+    });
+    [from_fn(|i| g_x[i] * factor[i]), from_fn(|i| g_y[i] * factor[i])]
 }
 
 #[cfg(test)]
