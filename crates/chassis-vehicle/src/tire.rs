@@ -70,16 +70,16 @@ impl MagicFormula {
         let [a1, a2, a3, a4, a5, a6, a7, a8] = self.a;
         let zero = T::from(0.0);
         let least = T::from(1e-6);
-        let n = load.map(|load| Scalar::max(load, zero) / 1000.0);
+        let n = load.map(|load| Scalar::max(load, zero) * 1e-3);
         let peak: [T; N] = from_fn(|i| mu[i] * (n[i] * n[i] * a1 + n[i] * a2));
         let d = peak.map(|peak| Scalar::max(peak, least));
+        // B x without sin(a4 atan(a5 N)), which takes as long as the division.
+        let rest: [T; N] = from_fn(|i| alpha[i] * (180.0 / std::f64::consts::PI * a3 / self.c) / d[i]);
+        let e = n.map(|n| n * n * a6 + n * a7 + a8);
         let stiffness = T::sin_each(T::atan_each(n.map(|n| n * a5)).map(|angle| angle * a4));
-        let bx: [T; N] = from_fn(|i| stiffness[i] * a3 / (d[i] * self.c) * (alpha[i] * (180.0 / std::f64::consts::PI)));
+        let bx: [T; N] = from_fn(|i| stiffness[i] * rest[i]);
         let bent = T::atan_each(bx);
-        let curved: [T; N] = from_fn(|i| {
-            let e = n[i] * n[i] * a6 + n[i] * a7 + a8;
-            bx[i] - e * (bx[i] - bent[i])
-        });
+        let curved: [T; N] = from_fn(|i| bx[i] - e[i] * (bx[i] - bent[i]));
         let share = T::sin_each(T::atan_each(curved).map(|angle| angle * self.c));
         from_fn(|i| peak[i].if_greater(least, -d[i] * share[i], zero))
     }

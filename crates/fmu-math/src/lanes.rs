@@ -14,7 +14,7 @@ macro_rules! function {
         }
 
         #[doc = concat!("[`", stringify!($name), "`] of each element, with the same bits.")]
-        #[inline(never)]
+        #[inline(always)]
         #[must_use]
         pub fn $each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
             #[cold]
@@ -50,7 +50,7 @@ macro_rules! function2 {
         }
 
         #[doc = concat!("[`", stringify!($name), "`] of each pair of elements, with the same bits.")]
-        #[inline(never)]
+        #[inline(always)]
         #[must_use]
         pub fn $each<const N: usize>($a: [f64; N], $b: [f64; N]) -> [f64; N] {
             #[cold]

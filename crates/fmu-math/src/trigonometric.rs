@@ -85,7 +85,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
 }
 
 /// [`sin_cos`] of each element, with the same bits: the sines, then the cosines.
-#[inline(never)]
+#[inline(always)]
 #[must_use]
 pub fn sin_cos_each<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
     #[cold]
