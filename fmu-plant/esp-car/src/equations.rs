@@ -143,7 +143,8 @@ fn contacts<T: Scalar>(
 fn motion<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
     let X { u, v, r, phi, theta, phid, thetad, .. } = *x;
     let (m_s, h_b) = (p.m_s, p.h_b);
-    let sum = |f: &dyn Fn(usize) -> T| f(0) + f(1) + f(2) + f(3);
+    // Left and right wheels side by side.
+    let sum = |f: &dyn Fn(usize) -> T| (f(0) + f(2)) + (f(1) + f(3));
 
     // Functions first: a call in the middle would spill what is in registers. Each number by itself, because the array form
     // would wait for the stores of an array that is put together here.
