@@ -70,16 +70,16 @@ impl MagicFormula {
         let [a1, a2, a3, a4, a5, a6, a7, a8] = self.a;
         let zero = T::from(0.0);
         let least = T::from(1e-6);
-        let n = load.map(|load| Scalar::max(load, zero) / 1000.0);
+        let n = load.map(|load| Scalar::max(load, zero) * 1e-3);
         let peak: [T; N] = from_fn(|i| mu[i] * (n[i] * n[i] * a1 + n[i] * a2));
         let d = peak.map(|peak| Scalar::max(peak, least));
+        // B x without sin(a4 atan(a5 N)), which takes as long as the division.
+        let rest: [T; N] = from_fn(|i| alpha[i] * (180.0 / std::f64::consts::PI * a3 / self.c) / d[i]);
+        let e = n.map(|n| n * n * a6 + n * a7 + a8);
         let stiffness = T::sin_each(T::atan_each(n.map(|n| n * a5)).map(|angle| angle * a4));
-        let bx: [T; N] = from_fn(|i| stiffness[i] * a3 / (d[i] * self.c) * (alpha[i] * (180.0 / std::f64::consts::PI)));
+        let bx: [T; N] = from_fn(|i| stiffness[i] * rest[i]);
         let bent = T::atan_each(bx);
-        let curved: [T; N] = from_fn(|i| {
-            let e = n[i] * n[i] * a6 + n[i] * a7 + a8;
-            bx[i] - e * (bx[i] - bent[i])
-        });
+        let curved: [T; N] = from_fn(|i| bx[i] - e[i] * (bx[i] - bent[i]));
         let share = T::sin_each(T::atan_each(curved).map(|angle| angle * self.c));
         from_fn(|i| peak[i].if_greater(least, -d[i] * share[i], zero))
     }
@@ -99,16 +99,28 @@ impl MagicFormula {
 /// slip angle. The law is continuous, also at s = -1, and the force is never greater than mu F_z.
 #[inline]
 pub fn dugoff<T: Scalar>(c: [T; 2], mu_n: T, s: T, t: T) -> [T; 2] {
-    let g = [c[0] * s, -c[1] * t];
-    let mu_n = Scalar::max(mu_n, T::from(0.0));
-    let rest = -s.abs() + 1.0;
-    let d = (g[0].squared() + g[1].squared()).sqrt();
-    let n = mu_n * rest * 0.5;
-    // Where the contact adheres, a locked wheel has D = N = 0 (a tire in the air): the floor avoids 0/0.
-    let adhering = T::from(1.0) / Scalar::max(rest, T::from(1e-12));
-    let sliding = mu_n / (d * 2.0) * (-n / d + 2.0);
-    let factor = d.if_greater(n, sliding, adhering);
-    g.map(|g| g * factor)
+    let [[f_x], [f_y]] = dugoff_each([[c[0]], [c[1]]], [mu_n], [s], [t]);
+    [f_x, f_y]
+}
+
+/// [`dugoff`] of several tires at once: the longitudinal forces, then the lateral ones.
+#[inline]
+pub fn dugoff_each<T: Scalar, const N: usize>(c: [[T; N]; 2], mu_n: [T; N], s: [T; N], t: [T; N]) -> [[T; N]; 2] {
+    let g_x: [T; N] = from_fn(|i| c[0][i] * s[i]);
+    let g_y: [T; N] = from_fn(|i| -c[1][i] * t[i]);
+    let factor: [T; N] = from_fn(|i| {
+        let mu_n = Scalar::max(mu_n[i], T::from(0.0));
+        let rest = -s[i].abs() + 1.0;
+        let d2 = g_x[i].squared() + g_y[i].squared();
+        let d = d2.sqrt();
+        let n = mu_n * rest * 0.5;
+        // One division for both cases. Where the contact adheres, a locked wheel has D = N = 0 (a tire in the air): the
+        // floor avoids 0/0.
+        let numerator = d.if_greater(n, mu_n * (d * 2.0 - n), T::from(1.0));
+        let denominator = d.if_greater(n, d2 * 2.0, Scalar::max(rest, T::from(1e-12)));
+        numerator / denominator
+    });
+    [from_fn(|i| g_x[i] * factor[i]), from_fn(|i| g_y[i] * factor[i])]
 }
 
 #[cfg(test)]

@@ -173,7 +173,7 @@ pub fn tanh(x: f64) -> f64 {
 }
 
 /// [`tanh`] of each element, with the same bits.
-#[inline(never)]
+#[inline(always)]
 #[must_use]
 pub fn tanh_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
     let (mut outside, mut straight, mut bent, mut flat) = (0, SIGN, SIGN, SIGN);

@@ -30,13 +30,14 @@ fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
     let t = numerator / denominator;
     // What the rounded denominator changes, which a rough reciprocal suffices for.
     let correction = t * (error * f64::from_bits(RECIPROCAL.wrapping_sub(denominator.to_bits())));
-    let z = t * t;
-    let tail = t * (z * polynomial13(&ATAN, z)) - correction;
-
     let turn = (steep ^ back) & SIGN;
     let eighths = flip(keep(diagonal, 1.0), turn) + (keep(steep, 2.0) + keep(back & !steep, 4.0));
-    let (angle, error) = fast_sum(eighths * PIO4_HI, flip(t, turn));
-    let angle = angle + (error + (eighths * PIO4_LO + flip(tail, turn)));
+    let t = flip(t, turn);
+    let (angle, error) = fast_sum(eighths * PIO4_HI, t);
+    let error = error + (eighths * PIO4_LO - flip(correction, turn));
+    // All but the polynomial is known by now.
+    let z = t * t;
+    let angle = angle + (error + (t * z) * polynomial13(&ATAN, z));
     (flip(abs(angle), sign(y)), LARGE.wrapping_sub(ay) | LARGE.wrapping_sub(ax))
 }
 

@@ -2,8 +2,8 @@
 
 /// Defines a function of one number and its array form.
 ///
-/// `outside` has its highest bit set where the kernel does not hold; there `full` computes the result. Neither form is
-/// inlined: an FMU has one copy of each, and the compiler sees the lanes of an array together.
+/// `outside` has its highest bit set where the kernel does not hold; there `full` computes the result. The array form is
+/// inlined: a call would write its arguments and its result to memory, and often the next function waits for them.
 macro_rules! function {
     ($(#[$doc:meta])* $name:ident, $each:ident, $outside:expr, $kernel:expr, $full:expr) => {
         $(#[$doc])*
@@ -14,7 +14,7 @@ macro_rules! function {
         }
 
         #[doc = concat!("[`", stringify!($name), "`] of each element, with the same bits.")]
-        #[inline(never)]
+        #[inline(always)]
         #[must_use]
         pub fn $each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
             #[cold]
@@ -50,7 +50,7 @@ macro_rules! function2 {
         }
 
         #[doc = concat!("[`", stringify!($name), "`] of each pair of elements, with the same bits.")]
-        #[inline(never)]
+        #[inline(always)]
         #[must_use]
         pub fn $each<const N: usize>($a: [f64; N], $b: [f64; N]) -> [f64; N] {
             #[cold]
@@ -81,8 +81,7 @@ pub(crate) use {function, function2};
 #[inline(always)]
 pub(crate) fn polynomial6(c: &[f64; 6], z: f64) -> f64 {
     let z2 = z * z;
-    let high = (c[2] + c[3] * z) + z2 * (c[4] + c[5] * z);
-    (c[0] + c[1] * z) + z2 * high
+    ((c[0] + c[1] * z) + z2 * (c[2] + c[3] * z)) + (z2 * z2) * (c[4] + c[5] * z)
 }
 
 /// A polynomial of degree 6.
@@ -121,5 +120,5 @@ pub(crate) fn polynomial13(c: &[f64; 13], z: f64) -> f64 {
     let low = (c[0] + c[1] * z) + z2 * (c[2] + c[3] * z);
     let middle = (c[4] + c[5] * z) + z2 * (c[6] + c[7] * z);
     let high = (c[8] + c[9] * z) + z2 * (c[10] + c[11] * z);
-    low + z4 * (middle + z4 * (high + z4 * c[12]))
+    (low + z4 * middle) + (z4 * z4) * (high + z4 * c[12])
 }

@@ -34,8 +34,8 @@ fn polynomials(high: f64, low: f64) -> ((f64, f64), (f64, f64)) {
     let z = high * high;
     let half = z * 0.5;
     let near = 1.0 - half;
-    let sine = high * (z * polynomial6(&SIN, z)) + low * near;
-    let cosine = ((1.0 - near) - half) + (z * z * polynomial6(&COS, z) - high * low);
+    let sine = (high * z) * polynomial6(&SIN, z) + low * near;
+    let cosine = ((1.0 - near) - half) + ((z * z) * polynomial6(&COS, z) - high * low);
     ((high, sine), (near, cosine))
 }
 
@@ -85,7 +85,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
 }
 
 /// [`sin_cos`] of each element, with the same bits: the sines, then the cosines.
-#[inline(never)]
+#[inline(always)]
 #[must_use]
 pub fn sin_cos_each<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
     #[cold]

@@ -185,23 +185,23 @@ impl Scalar for f64 {
     fn hypot(self, other: Self) -> Self {
         math::hypot(self, other)
     }
-    #[inline]
+    #[inline(always)]
     fn sin_cos_each<const N: usize>(x: [Self; N]) -> ([Self; N], [Self; N]) {
         math::sin_cos_each(x)
     }
-    #[inline]
+    #[inline(always)]
     fn sin_each<const N: usize>(x: [Self; N]) -> [Self; N] {
         math::sin_each(x)
     }
-    #[inline]
+    #[inline(always)]
     fn atan_each<const N: usize>(x: [Self; N]) -> [Self; N] {
         math::atan_each(x)
     }
-    #[inline]
+    #[inline(always)]
     fn atan2_each<const N: usize>(y: [Self; N], x: [Self; N]) -> [Self; N] {
         math::atan2_each(y, x)
     }
-    #[inline]
+    #[inline(always)]
     fn tanh_each<const N: usize>(x: [Self; N]) -> [Self; N] {
         math::tanh_each(x)
     }

@@ -63,6 +63,14 @@ pub(crate) fn derived(p: &EspCar) -> Result<D, String> {
         x,
         y,
         i_w,
+        per_f_z0: std::array::from_fn(|i| 1.0 / loads[axle_of(i)]),
+        per_m_s: 1.0 / p.m_s,
+        per_m_u: p.m_u.0.map(|m_u| 1.0 / m_u),
+        per_m_w: 1.0 / m_w,
+        per_j_w: 1.0 / p.j_w,
+        per_w_eps: 1.0 / p.w_eps,
+        per_track: 1.0 / p.track,
+        per_wheelbase: 1.0 / wheelbase,
         u_theta: inverse(c, p.i_y),
         v_phi: inverse(-c, p.i_x),
     })
@@ -90,46 +98,66 @@ struct Motion<T> {
     omegad: FourWheels<T>,
 }
 
-/// Slip, tangent of the slip angle and force of one tire.
-struct Contact<T> {
-    s: T,
-    t: T,
-    f_xw: T,
-    f_yw: T,
+/// Slip, tangent of the slip angle and force of the tires.
+struct Contacts<T> {
+    s: FourWheels<T>,
+    t: FourWheels<T>,
+    f_xw: FourWheels<T>,
+    f_yw: FourWheels<T>,
 }
 
-/// One tire: `hub` is the velocity along and across the plane of the wheel.
+/// The tires at the loads `f_z`: all wheels at once.
 #[inline]
-fn contact<T: Scalar>(p: &EspCar, axle: usize, f_z0: f64, f_z: T, friction: T, omega: T, hub: [T; 2]) -> Contact<T> {
-    let [v_xw, v_yw] = hub;
-    let v_eps = T::from(p.v_eps);
-    let rolling = omega * p.radius;
-    let sliding = rolling - v_xw;
-    let fastest = Scalar::max(v_xw.abs(), rolling.abs());
+fn contacts<T: Scalar>(
+    p: &EspCar,
+    k: &D,
+    f_z: &FourWheels<T>,
+    friction: &FourWheels<T>,
+    omega: &FourWheels<T>,
+    [v_xw, v_yw]: [FourWheels<T>; 2],
+) -> Contacts<T> {
     let one = T::from(1.0);
-    let s = Scalar::clamp(sliding / (fastest.squared() + v_eps.squared()).sqrt(), -one, one);
-    let t = v_yw / (v_xw.squared() + v_eps.squared()).sqrt();
-    let n = Scalar::clamp(f_z / f_z0, T::from(0.0), T::from(3.0));
-    let shape = n * (1.0 + p.q) - n * n * p.q;
-    let loss = (sliding.squared() + v_yw.squared()).sqrt() * p.a_s;
-    let mu = Scalar::max(-loss + 1.0, T::from(p.mu_floor)) * p.mu_0 * friction;
-    let [f_xw, f_yw] = tire::dugoff([shape * p.c_kappa[axle], shape * p.c_alpha[axle]], mu * f_z, s, t);
-    Contact { s, t, f_xw, f_yw }
+    let rolling = FourWheels::from_fn(|i| omega[i] * p.radius);
+    let sliding = FourWheels::<T>::from_fn(|i| rolling[i] - v_xw[i]);
+    // Squares of speeds.
+    let v_eps = T::from(p.v_eps * p.v_eps);
+    let along = FourWheels::<T>::from_fn(|i| v_xw[i].squared());
+    let fastest = FourWheels::<T>::from_fn(|i| Scalar::max(along[i], rolling[i].squared()));
+    let s = FourWheels::<T>::from_fn(|i| Scalar::clamp(sliding[i] / (fastest[i] + v_eps).sqrt(), -one, one));
+    let t = FourWheels::<T>::from_fn(|i| v_yw[i] / (along[i] + v_eps).sqrt());
+    let shape = FourWheels::<T>::from_fn(|i| {
+        let n = Scalar::clamp(f_z[i] * k.per_f_z0[i], T::from(0.0), T::from(3.0));
+        n * (-n * p.q + (1.0 + p.q))
+    });
+    let mu = FourWheels::<T>::from_fn(|i| {
+        let loss = (sliding[i].squared() + v_yw[i].squared()).sqrt() * p.a_s;
+        Scalar::max(-loss + 1.0, T::from(p.mu_floor)) * p.mu_0 * friction[i]
+    });
+    let c = [&p.c_kappa, &p.c_alpha].map(|c| std::array::from_fn(|i| shape[i] * c[axle_of(i)]));
+    let mu_n = std::array::from_fn(|i| mu[i] * f_z[i]);
+    let [f_xw, f_yw] = tire::dugoff_each(c, mu_n, s.0, t.0);
+    Contacts { s, t, f_xw: FourWheels(f_xw), f_yw: FourWheels(f_yw) }
 }
 
 #[inline]
 fn motion<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
     let X { u, v, r, phi, theta, phid, thetad, .. } = *x;
     let (m_s, h_b) = (p.m_s, p.h_b);
-    let sum = |f: &dyn Fn(usize) -> T| f(0) + f(1) + f(2) + f(3);
-    let w = p.track / 2.0;
+    // Left and right wheels side by side.
+    let sum = |f: &dyn Fn(usize) -> T| (f(0) + f(2)) + (f(1) + f(3));
+
+    // Functions first: a call in the middle would spill what is in registers. Each number by itself, because the array form
+    // would wait for the stores of an array that is put together here.
+    let (sine, cosine) = inputs.delta[0].sin_cos();
+    let (sin_psi, cos_psi) = x.psi.sin_cos();
+    let turning = T::tanh_each(x.omega.0.map(|omega| omega * k.per_w_eps));
 
     // Suspension and tire springs (eqs. 4-6): the left side rises with positive roll, the front sinks with positive pitch.
     let arm: [f64; 4] = std::array::from_fn(|i| k.x[i] - k.e);
     let d = FourWheels::from_fn(|i| x.z + phi * k.y[i] - theta * arm[i] - x.z_u[i]);
     let dd = FourWheels::from_fn(|i| x.zd + phid * k.y[i] - thetad * arm[i] - x.zd_u[i]);
     let bar =
-        TwoAxles::<T>::from_fn(|j| (phi - (x.z_u[2 * j] - x.z_u[2 * j + 1]) / (2.0 * w)) * (p.k_a[j] / (2.0 * w)));
+        TwoAxles::<T>::from_fn(|j| (phi - (x.z_u[2 * j] - x.z_u[2 * j + 1]) * k.per_track) * (p.k_a[j] * k.per_track));
     let f_s = FourWheels::<T>::from_fn(|i| {
         let j = axle_of(i);
         suspension::spring_damper(p.k_s[j], p.c_s[j], d[i], dd[i]) + inputs.f[i] - bar[j] * left_is_positive(i)
@@ -138,17 +166,11 @@ fn motion<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
     let f_z = FourWheels::<T>::from_fn(|i| suspension::tire_load(k.f_z0[i], p.k_t, t_z[i], true));
 
     // Tires; only the front wheels steer.
-    let ([sine, sin_psi], [cosine, cos_psi]) = T::sin_cos_each([inputs.delta[0], x.psi]);
-    let contacts: [Contact<T>; 4] = std::array::from_fn(|i| {
-        let (along, across) = (u - r * k.y[i], v + r * k.x[i]);
-        let hub = if axle_of(i) == 0 {
-            [along * cosine + across * sine, across * cosine - along * sine]
-        } else {
-            [along, across]
-        };
-        contact(p, axle_of(i), k.f_z0[i], f_z[i], inputs.friction[i], x.omega[i], hub)
-    });
-    let (f_xw, f_yw) = (FourWheels::from_fn(|i| contacts[i].f_xw), FourWheels::from_fn(|i| contacts[i].f_yw));
+    let along = FourWheels::<T>::from_fn(|i| u - r * k.y[i]);
+    let across = FourWheels::<T>::from_fn(|i| v + r * k.x[i]);
+    let v_xw = FourWheels::from_fn(|i| if axle_of(i) == 0 { along[i] * cosine + across[i] * sine } else { along[i] });
+    let v_yw = FourWheels::from_fn(|i| if axle_of(i) == 0 { across[i] * cosine - along[i] * sine } else { across[i] });
+    let Contacts { s, t, f_xw, f_yw } = contacts(p, k, &f_z, &inputs.friction, &x.omega, [v_xw, v_yw]);
     let turned = |i: usize| {
         if axle_of(i) == 0 {
             [f_xw[i] * cosine - f_yw[i] * sine, f_xw[i] * sine + f_yw[i] * cosine]
@@ -196,27 +218,25 @@ fn motion<T: Scalar>(p: &EspCar, k: &D, x: &X<T>, inputs: &U<T>) -> Motion<T> {
     let rd = (q_r - dot(with_u, free_u) - dot(with_v, free_v)) / (m_rr - dot(with_u, back_u) - dot(with_v, back_v));
     let [ud, thetadd] = [0, 1].map(|i| free_u[i] - back_u[i] * rd);
     let [vd, phidd] = [0, 1].map(|i| free_v[i] - back_v[i] * rd);
-    let zdd = sum(&|i| f_s[i]) / m_s;
+    let zdd = sum(&|i| f_s[i]) * k.per_m_s;
 
     // Load that reaches the tires by the links, at the height of the roll axis, and the inertia of the wheels.
     let a_xs = ud - v * r + thetadd * h_b + rd * b + r * phid * (2.0 * h_b) - r.squared() * a;
-    let a_xw = ud - v * r - r.squared() * (s1 / k.m_w);
-    let g_x = (a_xs * (k.h_ra * m_s) + a_xw * (p.h_u * k.m_w)) / (2.0 * (p.a + p.b));
+    let a_xw = ud - v * r - r.squared() * (s1 * k.per_m_w);
+    let g_x = (a_xs * (k.h_ra * m_s) + a_xw * (p.h_u * k.m_w)) * (0.5 * k.per_wheelbase);
     let g_y = TwoAxles::<T>::from_fn(|j| {
         let a_y = vd + u * r + rd * k.x[2 * j];
         let side = force[2 * j][1] + force[2 * j + 1][1];
-        (side * k.h_ra - a_y * ((k.h_ra - p.h_u) * 2.0 * p.m_u[j])) / (2.0 * w)
+        (side * k.h_ra - a_y * ((k.h_ra - p.h_u) * 2.0 * p.m_u[j])) * k.per_track
     });
 
     // Wheels (eqs. 5, 13).
     let zdd_u = FourWheels::from_fn(|i| {
         let j = axle_of(i);
         let links = g_y[j] * left_is_positive(i) + if j == 0 { g_x } else { -g_x };
-        (f_z[i] - k.f_z0[i] - f_s[i] + links) / p.m_u[j]
+        (f_z[i] - k.f_z0[i] - f_s[i] + links) * k.per_m_u[j]
     });
-    let turning = T::tanh_each(x.omega.0.map(|omega| omega / p.w_eps));
-    let omegad = FourWheels::from_fn(|i| (inputs.t_d[i] - inputs.t_b[i] * turning[i] - f_xw[i] * p.radius) / p.j_w);
-    let (s, t) = (FourWheels::from_fn(|i| contacts[i].s), FourWheels::from_fn(|i| contacts[i].t));
+    let omegad = FourWheels::from_fn(|i| (inputs.t_d[i] - inputs.t_b[i] * turning[i] - f_xw[i] * p.radius) * k.per_j_w);
     Motion { sin_psi, cos_psi, d, dd, t_z, f_z, s, t, f_xw, f_yw, ud, vd, rd, zdd, phidd, thetadd, zdd_u, omegad }
 }
 

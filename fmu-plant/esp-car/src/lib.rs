@@ -215,6 +215,16 @@ pub struct D {
     y: [f64; 4],
     /// Wheels about the vertical axis through the reference point, kg m2.
     i_w: f64,
+    /// Reciprocals, because a step would divide by these numbers a thousand times: F_z0, m_s, m_u, mass of all wheels, J_w,
+    /// w_eps, track and wheelbase.
+    per_f_z0: [f64; 4],
+    per_m_s: f64,
+    per_m_u: [f64; 2],
+    per_m_w: f64,
+    per_j_w: f64,
+    per_w_eps: f64,
+    per_track: f64,
+    per_wheelbase: f64,
     /// Inverse mass matrices of (ud, thetadd) and (vd, phidd).
     u_theta: [[f64; 2]; 2],
     v_phi: [[f64; 2]; 2],

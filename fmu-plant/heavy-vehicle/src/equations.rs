@@ -82,12 +82,13 @@ pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
     let bb = p.b1 * p.b1 + p.b2 * p.b2;
     let k_s = [0, 1].map(|group| p.k[group] * bb + p.k_a[group]);
     let k_tire = [p.k_t[0] * bb, (p.k_t[1] + p.k_t[2]) * bb];
+    let m_bw = p.m_beam + p.m_t[1] + p.m_t[2];
+    let j_bw = p.i_beam + (p.m_t[1] + p.m_t[2]) * p.l3 * p.l3 / 4.0;
+    let share = std::array::from_fn(|i| p.n[axle_of(i)] * p.lambda);
     Ok(D {
         m,
         f0,
         m_u,
-        m_bw: p.m_beam + p.m_t[1] + p.m_t[2],
-        j_bw: p.i_beam + (p.m_t[1] + p.m_t[2]) * p.l3 * p.l3 / 4.0,
         x: [p.l1, p.l3 / 2.0 - p.l2, -p.l3 / 2.0 - p.l2],
         x_s: [p.l1, -p.l2],
         y: [p.b1, -p.b2],
@@ -96,6 +97,14 @@ pub(crate) fn derived(p: &HeavyVehicle) -> Result<D, String> {
         k_tire,
         kappa: [0, 1].map(|group| k_tire[group] / (k_s[group] + k_tire[group])),
         inverse,
+        share,
+        per_share: share.map(|share| 1.0 / share),
+        per_b: 1.0 / b,
+        per_m_b: 1.0 / p.m_b,
+        per_i_y: 1.0 / p.i_y,
+        per_m_t: 1.0 / p.m_t[0],
+        per_m_bw: 1.0 / m_bw,
+        per_j_bw: 1.0 / j_bw,
         magic: MagicFormula { c: p.c_mf, a: [p.a1, p.a2, p.a3, p.a4, p.a5, p.a6, p.a7, p.a8] },
     })
 }
@@ -150,10 +159,9 @@ pub(crate) fn lateral_forces<T: Scalar>(
     f_z: &SixWheels<T>,
     alpha: &ThreeAxles<T>,
 ) -> SixWheels<T> {
-    let share: [f64; 6] = std::array::from_fn(|i| p.n[axle_of(i)] * p.lambda);
-    let load = std::array::from_fn(|i| Scalar::min(f_z[i] / share[i], T::from(1000.0 * p.f_max)));
+    let load = std::array::from_fn(|i| Scalar::min(f_z[i] * s.per_share[i], T::from(1000.0 * p.f_max)));
     let force = s.magic.lateral_each([T::from(1.0); 6], load, std::array::from_fn(|i| alpha[axle_of(i)]));
-    SixWheels::from_fn(|i| force[i] * friction[i] * (p.mu * share[i]))
+    SixWheels::from_fn(|i| force[i] * friction[i] * (p.mu * s.share[i]))
 }
 
 /// Everything that follows from state and inputs.
@@ -208,7 +216,7 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         strut(x.zd, x.thetad, x.phid, foot, i)
     });
     let f_s = Struts::<T>::from_fn(|i| spring_damper(p.k[i / 2], p.c[i / 2], d[i], dd[i]) + u.f[i]);
-    let roll_bar = |group: usize, left: T, right: T| (x.phi - (left - right) / s.b) * p.k_a[group];
+    let roll_bar = |group: usize, left: T, right: T| (x.phi - (left - right) * s.per_b) * p.k_a[group];
     let r_bar = [roll_bar(0, axles.z_f[0], axles.z_f[1]), roll_bar(1, axles.z_b[0], axles.z_b[1])];
 
     // Tires: loads, then slip angles in the frame of the wheel, the same on both sides, then forces (eqs. 9 and 10).
@@ -242,15 +250,19 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     }
     let y_axle = ThreeAxles::<T>::from_fn(|axle| (f_y[2 * axle] + f_y[2 * axle + 1]) * cos[axle]);
 
+    // Sum over struts: left and right ones side by side.
+    let sum = |f: &dyn Fn(usize) -> T| (f(0) + f(2)) + (f(1) + f(3));
+
     // Lateral, yaw and roll motion (eqs. 3, 7 and 8, corrected): one system in (vd, rd, phidd).
-    let m_phi = (0..4).map(|i| f_s[i] * s.y[i % 2]).sum::<T>() - r_bar[0] - r_bar[1] + x.phi * (p.m_b * p.g * p.h);
+    let m_phi = sum(&|i| f_s[i] * s.y[i % 2]) - r_bar[0] - r_bar[1] + x.phi * (p.m_b * p.g * p.h);
     let (vd, rd, phidd) = if p.coupling == Coupling::VerticalOnly {
         (zero, zero, m_phi / (p.i_x + p.m_b * p.h * p.h))
     } else {
-        let along = (0..3).map(|axle| (f_y[2 * axle] * p.b1 - f_y[2 * axle + 1] * p.b2) * sin[axle]);
+        let sum = |f: &dyn Fn(usize) -> T| f(0) + f(1) + f(2);
+        let along = sum(&|axle| (f_y[2 * axle] * p.b1 - f_y[2 * axle + 1] * p.b2) * sin[axle]);
         let right = [
-            (0..3).map(|axle| y_axle[axle]).sum::<T>() - u.u * x.r * s.m,
-            (0..3).map(|axle| y_axle[axle] * s.x[axle]).sum::<T>() + along.sum::<T>(),
+            sum(&|axle| y_axle[axle]) - u.u * x.r * s.m,
+            sum(&|axle| y_axle[axle] * s.x[axle]) + along,
             m_phi + u.u * x.r * (p.m_b * p.h),
         ];
         let [vd, rd, phidd] = s.inverse.map(|row| right[0] * row[0] + right[1] * row[1] + right[2] * row[2]);
@@ -265,19 +277,19 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         let g = ThreeAxles::<T>::from_fn(|axle| match p.coupling {
             Coupling::Coupled => {
                 let inertia = a_y * s.m_u[axle];
-                ((y_axle[axle] - inertia) * p.h_rc + inertia * p.h_u) / s.b
+                ((y_axle[axle] - inertia) * p.h_rc + inertia * p.h_u) * s.per_b
             }
             _ => zero,
         });
         // Force on a wheel from its tires and from the lateral force, up.
         let push = SixWheels::<T>::from_fn(|i| f_z[i] - s.f0[i] + g[axle_of(i)] * left_is_positive(i));
-        let bar = |group: usize, side: usize| r_bar[group] * (left_is_positive(side) / s.b);
+        let bar = |group: usize, side: usize| r_bar[group] * (left_is_positive(side) * s.per_b);
         let bushing = |side: usize| (x.thd_b[side] - x.thetad) * p.c_b;
-        zdd = (0..4).map(|i| f_s[i]).sum::<T>() / p.m_b;
-        thetadd = (bushing(0) + bushing(1) - (0..4).map(|i| f_s[i] * s.x_s[i / 2]).sum::<T>()) / p.i_y;
-        zdd_f = FrontWheels::from_fn(|side| (-f_s[side] + push[side] + bar(0, side)) / p.m_t[0]);
-        zdd_b = Sides::from_fn(|side| (-f_s[2 + side] + push[2 + side] + push[4 + side] + bar(1, side)) / s.m_bw);
-        thdd_b = Sides::from_fn(|side| ((push[4 + side] - push[2 + side]) * (p.l3 / 2.0) - bushing(side)) / s.j_bw);
+        zdd = sum(&|i| f_s[i]) * s.per_m_b;
+        thetadd = (bushing(0) + bushing(1) - sum(&|i| f_s[i] * s.x_s[i / 2])) * s.per_i_y;
+        zdd_f = FrontWheels::from_fn(|side| (-f_s[side] + push[side] + bar(0, side)) * s.per_m_t);
+        zdd_b = Sides::from_fn(|side| (-f_s[2 + side] + push[2 + side] + push[4 + side] + bar(1, side)) * s.per_m_bw);
+        thdd_b = Sides::from_fn(|side| ((push[4 + side] - push[2 + side]) * (p.l3 / 2.0) - bushing(side)) * s.per_j_bw);
     }
     let z_b = axles.z_b;
     let (sin_psi, cos_psi) = (sin[3], cos[3]);

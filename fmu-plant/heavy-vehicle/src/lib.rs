@@ -253,9 +253,6 @@ pub struct D {
     f0: SixWheels<f64>,
     /// Unsprung mass of each axle, half of each beam on either, kg.
     m_u: [f64; 3],
-    /// Mass of a beam with its wheels in kg, and its pitch inertia in kg m2.
-    m_bw: f64,
-    j_bw: f64,
     /// Position of each axle in front of the center of mass, and of the front struts and the beams, m.
     x: [f64; 3],
     x_s: [f64; 2],
@@ -269,6 +266,17 @@ pub struct D {
     kappa: [f64; 2],
     /// Inverse of the mass matrix of (vd, rd, phidd).
     inverse: [[f64; 3]; 3],
+    /// Load of a wheel position over that of the car tire of the magic formula, and its reciprocal.
+    share: [f64; 6],
+    per_share: [f64; 6],
+    /// Reciprocals, because a step would divide by these numbers a hundred times: distance of the sides, m_b, I_y, mass of a
+    /// front wheel, of a beam its mass and pitch inertia.
+    per_b: f64,
+    per_m_b: f64,
+    per_i_y: f64,
+    per_m_t: f64,
+    per_m_bw: f64,
+    per_j_bw: f64,
     magic: MagicFormula,
 }
 

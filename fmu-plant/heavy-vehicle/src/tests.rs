@@ -260,8 +260,8 @@ fn energy<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>) -> T {
             + square(x.z_b[side] - lift, p.k_t[1])
             + square(x.z_b[side] + lift, p.k_t[2])
             + square(x.zd_f[side], p.m_t[0])
-            + square(x.zd_b[side], s.m_bw)
-            + square(x.thd_b[side], s.j_bw);
+            + square(x.zd_b[side], 1.0 / s.per_m_bw)
+            + square(x.thd_b[side], 1.0 / s.per_j_bw);
     }
     let twist = |left: T, right: T| x.phi - (left - right) / s.b;
     energy += square(twist(x.z_f[0], x.z_f[1]), p.k_a[0]) + square(twist(x.z_b[0], x.z_b[1]), p.k_a[1]);

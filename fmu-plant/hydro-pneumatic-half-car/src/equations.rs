@@ -43,7 +43,17 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
             p.i_x
         ));
     }
-    Ok(D { m, n0: (p.m_s / 2.0 + p.m_u) * p.g })
+    let share = [p.l_r, p.l_f].map(|lever| lever / (p.l_f + p.l_r));
+    Ok(D {
+        m,
+        n0: (p.m_s / 2.0 + p.m_u) * p.g,
+        share: std::array::from_fn(|i| share[axle_of(i)]),
+        per_m_s: 1.0 / p.m_s,
+        per_m_u: 1.0 / p.m_u,
+        per_i_x: 1.0 / p.i_x,
+        per_i_z: 1.0 / p.i_z,
+        per_m_y: 1.0 / (m - p.c * (p.m_s * p.h) * (p.m_s * p.h) / p.i_x),
+    })
 }
 
 /// Everything that follows from state and inputs.
@@ -69,6 +79,8 @@ struct Motion<T> {
 #[inline]
 fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     let arm = |i| p.t / 2.0 * left_is_positive(i);
+    // Functions first: a call in the middle would spill what is in registers.
+    let ((sin_phi, cos_phi), (sin_psi, cos_psi)) = (x.phi.sin_cos(), x.psi.sin_cos());
 
     // Suspension (eq. 4, corrected).
     let d = Sides::from_fn(|i| x.z_s + x.phi * arm(i) - x.z_u[i]);
@@ -78,13 +90,12 @@ fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Mo
     // Tires: a side's load is shared by its front and rear tire as at rest.
     let e = Sides::from_fn(|i| x.z_u[i] - u.z_q[i]);
     let n = Sides::from_fn(|i| tire_load(s.n0, p.k_t, e[i], p.lift_off));
-    let v_e = Scalar::max(u.v, T::from(FLOOR));
+    let per_v_e = T::from(1.0) / Scalar::max(u.v, T::from(FLOOR));
     let q = Scalar::clamp(u.v / FLOOR, T::from(0.0), T::from(1.0));
-    let alpha = TwoAxles([x.beta + x.gamma * p.l_f / v_e - u.delta[0], x.beta - x.gamma * p.l_r / v_e]);
-    let share = [p.l_r, p.l_f].map(|lever| lever / (p.l_f + p.l_r));
+    let alpha = TwoAxles([x.beta + x.gamma * p.l_f * per_v_e - u.delta[0], x.beta - x.gamma * p.l_r * per_v_e]);
     let force = MagicFormula::PASSENGER_CAR.lateral_each(
         std::array::from_fn(|i| u.friction[i % 2] * p.mu),
-        std::array::from_fn(|i| n[i % 2] * share[axle_of(i)]),
+        std::array::from_fn(|i| n[i % 2] * s.share[i]),
         std::array::from_fn(|i| alpha[axle_of(i)]),
     );
     let f_y = FourWheels(force.map(|force| q * force));
@@ -92,19 +103,18 @@ fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Mo
     // Lateral and yaw motion (eqs. 2 and 3, corrected); with c = 1 sway and roll are one system of two equations:
     // m a_y - m_s h phidd = F_f + F_r,  I_x phidd = M + m_s h a_y.
     let m_sh = p.m_s * p.h;
-    let ([sin_phi, sin_psi], [cos_phi, cos_psi]) = T::sin_cos_each([x.phi, x.psi]);
     let moment = (push[0] - push[1]) * (p.t / 2.0) + sin_phi * (m_sh * p.g);
     let (f_front, f_rear) = (f_y[0] + f_y[1], f_y[2] + f_y[3]);
-    let a_y = (f_front + f_rear + moment * (p.c * m_sh / p.i_x)) / (s.m - p.c * m_sh * m_sh / p.i_x);
+    let a_y = (f_front + f_rear + moment * (p.c * m_sh * s.per_i_x)) * s.per_m_y;
     let fade = |rate: T, value: T| q * rate - (-q + 1.0) * value * DECAY;
-    let betad = fade(a_y / v_e - x.gamma, x.beta);
-    let gammad = fade((f_front * p.l_f - f_rear * p.l_r) / p.i_z, x.gamma);
+    let betad = fade(a_y * per_v_e - x.gamma, x.beta);
+    let gammad = fade((f_front * p.l_f - f_rear * p.l_r) * s.per_i_z, x.gamma);
 
     // Vertical and roll motion (eqs. 1, 4, 5 and 9, corrected).
-    let zdd_s = (push[0] + push[1]) / p.m_s;
-    let phidd = (moment + a_y * m_sh) / p.i_x;
+    let zdd_s = (push[0] + push[1]) * s.per_m_s;
+    let phidd = (moment + a_y * m_sh) * s.per_i_x;
     let g = (a_y - phidd * (p.c * p.h)) * (p.geometric * p.m_s * p.h_r / p.t);
-    let zdd_u = Sides::from_fn(|i| (n[i] - s.n0 - push[i] + g * left_is_positive(i)) / p.m_u);
+    let zdd_u = Sides::from_fn(|i| (n[i] - s.n0 - push[i] + g * left_is_positive(i)) * s.per_m_u);
     Motion { sin_phi, cos_phi, sin_psi, cos_psi, d, dd, e, n, alpha, f_y, a_y, zdd_s, phidd, zdd_u, betad, gammad }
 }
 

@@ -155,6 +155,15 @@ pub struct D {
     /// Load of the tires of one side at rest, front and rear tire together
     #[var("tire.static_load.side", unit = "N", display = "kN")]
     n0: f64,
+    /// Share of a tire in the load of its side.
+    share: [f64; 4],
+    /// Reciprocals, because a step would divide by these numbers a hundred times: m_s, m_u, I_x, I_z, and the mass that the
+    /// lateral force accelerates while the body rolls, m - c (m_s h)^2 / I_x.
+    per_m_s: f64,
+    per_m_u: f64,
+    per_i_x: f64,
+    per_i_z: f64,
+    per_m_y: f64,
 }
 
 /// Rescue vehicle with hydro-pneumatic suspension: half car (heave, roll, wheels) on a bicycle model (sideslip, yaw)

@@ -62,6 +62,10 @@ pub(crate) fn derived(p: &RescueVehicle) -> Result<D, String> {
         x: std::array::from_fn(|i| axles[axle_of(i)]),
         y: std::array::from_fn(|i| p.b_t / 2.0 * left_is_positive(i)),
         inverse,
+        c: std::array::from_fn(|i| p.c[axle_of(i)]),
+        per_m_s: 1.0 / m_s,
+        per_m_w: 1.0 / p.m_w,
+        per_i_y: 1.0 / p.i_y,
     })
 }
 
@@ -100,27 +104,23 @@ fn motion<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> 
     });
     // Both wheels of an axle have its direction; the fourth is that of the center of mass.
     let across = |x_axle: f64| x.v + x.r * x_axle;
-    let [front, middle, rear, beta] = T::atan2_each([across(s.x[0]), across(s.x[2]), across(s.x[4]), x.v], [u_e; 4]);
-    let (direction, [.., sin_psi], [cos_front, cos_middle, cos_rear, cos_psi]) = {
-        let (sin, cos) = T::sin_cos_each([u.delta[0], u.delta[1], u.delta[2], x.psi]);
-        ([front, middle, rear], sin, cos)
-    };
-    let cos_delta = [cos_front, cos_middle, cos_rear];
+    let [direction @ .., beta] = T::atan2_each([across(s.x[0]), across(s.x[2]), across(s.x[4]), x.v], [u_e; 4]);
+    let ([.., sin_psi], [cos_delta @ .., cos_psi]) = T::sin_cos_each([u.delta[0], u.delta[1], u.delta[2], x.psi]);
     let alpha = SixWheels::from_fn(|i| direction[axle_of(i)] - u.delta[axle_of(i)]);
-    let c = std::array::from_fn(|i| p.c[axle_of(i)]);
     let f_y: SixWheels<T> = match p.tire_model {
-        TireModel::Linear => SixWheels::from_fn(|i| tire::linear(c[i], alpha[i])),
+        TireModel::Linear => SixWheels::from_fn(|i| tire::linear(s.c[i], alpha[i])),
         TireModel::Saturating => {
-            SixWheels(tire::saturating_each(c, std::array::from_fn(|i| n[i] * u.friction[i] * p.mu), alpha.0))
+            SixWheels(tire::saturating_each(s.c, std::array::from_fn(|i| n[i] * u.friction[i] * p.mu), alpha.0))
         }
     };
 
     // Vertical motion (eqs. 4-6, corrected).
     let q = SixWheels::<T>::from_fn(|i| u.f_u[i] - f_s[i]);
-    let sum = |f: &dyn Fn(usize) -> T| (0..6).map(f).sum::<T>();
-    let zdd = sum(&|i| q[i]) / s.m_s;
-    let thetadd = (-sum(&|i| q[i] * s.x[i]) + x.theta * (s.m_s * p.g * p.h_s)) / p.i_y;
-    let zdd_w = SixWheels::from_fn(|i| (f_s[i] - u.f_u[i] + (n[i] - s.fz0[i])) / p.m_w);
+    // Left and right wheels side by side.
+    let sum = |f: &dyn Fn(usize) -> T| (f(0) + f(2) + f(4)) + (f(1) + f(3) + f(5));
+    let zdd = sum(&|i| q[i]) * s.per_m_s;
+    let thetadd = (-sum(&|i| q[i] * s.x[i]) + x.theta * (s.m_s * p.g * p.h_s)) * s.per_i_y;
+    let zdd_w = SixWheels::from_fn(|i| (f_s[i] - u.f_u[i] + (n[i] - s.fz0[i])) * s.per_m_w);
 
     // Lateral, roll and yaw motion (eqs. 1-3): one symmetric system in (vd, phidd, rd).
     let across = SixWheels::<T>::from_fn(|i| f_y[i] * cos_delta[axle_of(i)]);

@@ -183,6 +183,12 @@ pub struct D {
     y: [f64; 6],
     /// Inverse of the mass matrix of (vd, phidd, rd).
     inverse: [[f64; 3]; 3],
+    /// Cornering stiffness of each tire.
+    c: [f64; 6],
+    /// Reciprocals, because a step would divide by these numbers a hundred times: m_s, mass of a wheel, I_y.
+    per_m_s: f64,
+    per_m_w: f64,
+    per_i_y: f64,
 }
 
 /// Three-axle emergency rescue vehicle: heave, pitch, roll, six wheels, lateral and yaw motion at a prescribed speed
