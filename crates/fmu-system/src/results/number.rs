@@ -110,6 +110,18 @@ mod tests {
         }
     }
 
+    /// `python/tests/test_results.py` has the same numbers and the same line.
+    #[test]
+    fn numbers_are_written_as_the_python_master_does() {
+        let nasty =
+            [0.1 + 0.2, -0.0, 5e-324, f64::MAX, 1e-5, 1e16, 123_456_789.123_456_79, 1.0, -2.5e-8, 2.0_f64.powi(-25)];
+        assert_eq!(
+            nasty.map(written).join(","),
+            "0.30000000000000004,-0.0,5e-324,1.7976931348623157e308,1e-5,1e16,123456789.12345679,1.0,-2.5e-8,\
+             2.9802322387695312e-8"
+        );
+    }
+
     #[test]
     fn no_number_is_longer_than_its_room() {
         assert_eq!(written(-2.225_073_858_507_201_4e-308).len(), MAX_LENGTH);
