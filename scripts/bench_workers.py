@@ -1,7 +1,8 @@
-"""Compares the CPU time of another `cargo-fmu` with that of this one: `scripts/bench workers`, see `--help`.
+"""Compares the time of another `cargo-fmu` with that of this one: `scripts/bench workers`, see `--help`.
 
 Both run the same scenario and the same study with the same FMUs, turn by turn, so that both see the same machine. CPU
-time is user and system time of all processes. The result files have to be identical.
+time is user and system time of all processes. The result files have to be identical. With `--other-fmus` the other
+program gets FMUs of its own, so that the ratio is that of both changes; results are not compared then.
 """
 
 from __future__ import annotations
@@ -12,27 +13,38 @@ import os
 import statistics
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from chassis_fmu.shell import ROOT, positive
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 STUDY = ROOT / "studies" / "hydro_pneumatic_ride.toml"
+FMUS = ROOT / "target" / "fmu"
 OURS = ROOT / "target" / "release" / "cargo-fmu"
 
 
-def commands(program: Path, out: Path) -> dict[str, list[str]]:
+class Times(NamedTuple):
+    """CPU time of all processes of a command and the time it took, s."""
+
+    cpu: float
+    wall: float
+
+
+def commands(program: Path, out: Path, fmus: Path = FMUS) -> dict[str, list[str]]:
     """Return what is timed of a program: a scenario and a study."""
-    more = ["--jobs", "2", "--fmus", str(ROOT / "target" / "fmu"), "--out", str(out)]
+    more = ["--jobs", "2", "--fmus", str(fmus), "--out", str(out)]
     return {
         "run": [str(program), "fmu", "run", str(SCENARIO), *more],
         "study": [str(program), "fmu", "study", str(STUDY), "--budget", "30", "--overwrite", *more],
     }
 
 
-def cpu_time(command: Sequence[str]) -> float:
-    """Run a command; returns the CPU time of its processes, s."""
+def measured(command: Sequence[str]) -> Times:
+    """Run a command; returns its times."""
+    begin = time.perf_counter()
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         assert process.stderr is not None
         message = process.stderr.read()
@@ -42,7 +54,7 @@ def cpu_time(command: Sequence[str]) -> float:
         raise SystemExit(
             f"{message.decode(errors='replace')}error: {' '.join(command)}: exit code {process.returncode}"
         )
-    return usage.ru_utime + usage.ru_stime
+    return Times(usage.ru_utime + usage.ru_stime, time.perf_counter() - begin)
 
 
 def differing(first: Path, second: Path) -> list[str]:
@@ -59,7 +71,7 @@ def line(name: str, pairs: Sequence[tuple[float, float]]) -> str:
     ratios = [b / a for a, b in pairs]
     low, middle, high = statistics.quantiles(ratios, n=4, method="inclusive")
     medians = f"{statistics.median(other):>8.2f} s{statistics.median(ours):>8.2f} s"
-    return f"{name:6}{len(pairs):>6}{medians}{middle:>8.3f}   ({low:.3f} to {high:.3f})"
+    return f"{name:10}{len(pairs):>6}{medians}{middle:>8.3f}   ({low:.3f} to {high:.3f})"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -67,20 +79,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="scripts/bench workers", description=__doc__.splitlines()[0])
     parser.add_argument("other", type=Path, metavar="PROGRAM", help="a cargo-fmu of another commit")
     parser.add_argument("--rounds", type=positive, default=20, metavar="N", help="pairs of each command (default: 20)")
+    parser.add_argument("--other-fmus", type=Path, metavar="DIR", help="FMUs of the other program, of another commit")
+    parser.add_argument("--only", choices=["run", "study"], help="leave out the other one")
     options = parser.parse_args(argv)
     out = ROOT / "target" / "bench"
-    other, ours = (commands(p, out / f) for p, f in ((options.other.resolve(), "other"), (OURS, "ours")))
-    print(f"{'':6}{'pairs':>6}{'other':>10}{'ours':>10}{'ratio':>8}   (quartiles)")
-    for name in ours:
-        pairs: list[tuple[float, float]] = []
+    fmus = FMUS if options.other_fmus is None else options.other_fmus.resolve()
+    other, ours = commands(options.other.resolve(), out / "other", fmus), commands(OURS, out / "ours")
+    print(f"{'':10}{'pairs':>6}{'other':>10}{'ours':>10}{'ratio':>8}   (quartiles)")
+    for name in [options.only] if options.only else ours:
+        pairs: list[tuple[Times, Times]] = []
         # The first pair warms up. Who begins changes.
         for turn in range(options.rounds + 1):
             order = [other[name], ours[name]] if turn % 2 else [ours[name], other[name]]
-            times = {command[0]: cpu_time(command) for command in order}
+            times = {command[0]: measured(command) for command in order}
             if turn:
                 pairs.append((times[other[name][0]], times[ours[name][0]]))
-        print(line(name, pairs), flush=True)
-    if files := differing(out / "other", out / "ours"):
+        print(line(f"{name} CPU", [(a.cpu, b.cpu) for a, b in pairs]), flush=True)
+        print(line(f"{name} wall", [(a.wall, b.wall) for a, b in pairs]), flush=True)
+    if options.other_fmus is None and (files := differing(out / "other", out / "ours")):
         print(f"error: results differ: {', '.join(files)}", file=sys.stderr)
         return 1
     return 0

@@ -33,6 +33,11 @@ def test_programs_get_the_same_commands() -> None:
         assert [word for word in first[name] if word != "first"] == [word for word in second[name] if word != "second"]
 
 
+def test_programs_may_have_fmus_of_their_own() -> None:
+    command = bench_workers.commands(Path("first"), Path("out"), Path("baseline"))["run"]
+    assert command[command.index("--fmus") + 1] == "baseline"
+
+
 def test_ratio_is_the_median_of_the_pairs() -> None:
     # Ratios 1.1, 0.9, 1.0, of which no two means have the ratio.
     cells = bench_workers.line("run", [(10.0, 11.0), (20.0, 18.0), (1.0, 1.0)]).split()
@@ -50,10 +55,12 @@ def test_files_that_differ_are_listed(tmp_path: Path) -> None:
 
 def test_processes_of_a_process_count() -> None:
     spin = f"{sys.executable} -c 'import time\nwhile time.process_time() < 0.3: pass'; exit 0"
-    assert bench_workers.cpu_time(["sh", "-c", spin]) >= 0.3
+    times = bench_workers.measured(["sh", "-c", spin])
+    assert times.cpu >= 0.3
+    assert times.wall >= 0.3
 
 
 def test_a_command_that_fails_ends_the_benchmark() -> None:
-    assert bench_workers.cpu_time(["true"]) >= 0.0
+    assert bench_workers.measured(["true"]).wall > 0.0
     with pytest.raises(SystemExit, match=r"mine\nerror: sh -c .*: exit code 3"):
-        bench_workers.cpu_time(["sh", "-c", "echo mine >&2; exit 3"])
+        bench_workers.measured(["sh", "-c", "echo mine >&2; exit 3"])

@@ -8,7 +8,8 @@ import pytest
 
 from chassis_fmu import results
 
-NASTY = [0.1 + 0.2, -0.0, 5e-324, 1.7976931348623157e308, 1e-5, 1e16, 123456789.12345679, 1.0, -2.5e-8]
+# The last one lies halfway between two shortest texts.
+NASTY = [0.1 + 0.2, -0.0, 5e-324, 1.7976931348623157e308, 1e-5, 1e16, 123456789.12345679, 1.0, -2.5e-8, 2.0**-25]
 
 
 def bits(values: results.Array) -> list[int]:
@@ -34,11 +35,14 @@ def test_csv_gives_the_same_doubles_back(tmp_path: Path, table: tuple[list[str],
 
 
 def test_csv_is_written_as_the_native_master_does(tmp_path: Path) -> None:
-    # what Rust's {:?} gives for these doubles
-    expected = "0.30000000000000004,-0.0,5e-324,1.7976931348623157e308,1e-5,1e16,123456789.12345679,1.0,-2.5e-8"
-    results.write_csv(tmp_path / "a.csv", [*"abcdefg", 'h,"i"'], np.array(NASTY[:1]), np.array([NASTY[1:]]))
-    assert (tmp_path / "a.csv").read_bytes() == f'time,a,b,c,d,e,f,g,"h,""i"""\n{expected}\n'.encode()
-    assert list(results.read_csv(tmp_path / "a.csv").values) == [*"abcdefg", 'h,"i"']
+    # crates/fmu-system/src/results/number.rs has the same line.
+    expected = (
+        "0.30000000000000004,-0.0,5e-324,1.7976931348623157e308,1e-5,1e16,123456789.12345679,1.0,-2.5e-8,"
+        "2.9802322387695312e-8"
+    )
+    results.write_csv(tmp_path / "a.csv", [*"abcdefgh", 'i,"j"'], np.array(NASTY[:1]), np.array([NASTY[1:]]))
+    assert (tmp_path / "a.csv").read_bytes() == f'time,a,b,c,d,e,f,g,h,"i,""j"""\n{expected}\n'.encode()
+    assert list(results.read_csv(tmp_path / "a.csv").values) == [*"abcdefgh", 'i,"j"']
 
 
 def test_a_csv_of_whole_numbers_is_read_as_doubles(tmp_path: Path) -> None:

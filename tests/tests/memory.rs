@@ -40,6 +40,22 @@ fn a_step_allocates_nothing() {
     }
 }
 
+/// Memory for what is recorded is reserved before the first step, and stepping takes none: a run of twice as many steps
+/// allocates exactly as often.
+#[cfg(target_env = "gnu")]
+#[test]
+fn a_step_of_the_native_master_allocates_nothing() {
+    let scenario = tests::workspace().join("scenarios/rescue_vehicle_step_steer.toml");
+    let mut command = Command::new(EXERCISE);
+    let command = command.arg("master").arg(scenario).args(["0.5", "1", "2"]).env("LD_PRELOAD", counting_library());
+    let text = String::from_utf8(exercise(command).stdout).expect("the helper prints text");
+    let lines: Vec<_> = text.lines().filter_map(|line| line.split_once(' ')).collect();
+    let [("501", half), ("1001", one), ("2001", two)] = lines[..] else { panic!("{text}") };
+    // The instances of eight FMUs: that they were counted shows that the counter works.
+    assert!(half.parse::<u64>().is_ok_and(|count| count > 100), "nothing was counted: {half}");
+    assert_eq!([one, two], [half; 2], "allocations of runs of 500, 1000 and 2000 steps");
+}
+
 /// A whole life of every FMU: no invalid access, no use of values that were never set, nothing lost.
 #[test]
 // Ignored by default because scripts/test needs Rust, Python and a C compiler only. `.ci/run` installs valgrind.

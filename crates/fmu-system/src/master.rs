@@ -17,6 +17,7 @@
 //! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean.
 
 use crate::fmus::{FmusError, Instances};
+use crate::limits;
 use crate::run::{self, Order, Run, Setting, Simulation, Wire};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Value};
@@ -54,14 +55,35 @@ impl Recording {
     pub fn column(&self, index: usize) -> Option<&[f64]> {
         self.columns.get(index)?.as_deref()
     }
+}
 
-    fn push(&mut self, time: f64, run: &Run, bus: &[f64]) {
+/// The columns of a run and the slots they record, in memory that is reserved before the first step.
+struct Recorder {
+    time: Vec<f64>,
+    columns: Vec<(usize, Vec<f64>)>,
+}
+
+impl Recorder {
+    fn new(simulation: &Simulation, run: &Run) -> Self {
+        let slots: Vec<usize> = run.columns.iter().copied().flatten().collect();
+        // A plan does not exceed the limit. A caller that does reserves no more, and its columns grow.
+        let most = limits::RECORDED / (slots.len() as u64 + 1);
+        let rows = usize::try_from((simulation.steps / simulation.every + 1).min(most)).unwrap_or(0);
+        let columns = slots.into_iter().map(|slot| (slot, Vec::with_capacity(rows))).collect();
+        Self { time: Vec::with_capacity(rows), columns }
+    }
+
+    fn push(&mut self, time: f64, bus: &[f64]) {
         self.time.push(time);
-        for (column, slot) in self.columns.iter_mut().zip(&run.columns) {
-            if let (Some(column), Some(slot)) = (column, slot) {
-                column.push(bus[*slot]);
-            }
+        for (slot, column) in &mut self.columns {
+            column.push(bus[*slot]);
         }
+    }
+
+    fn finish(self, run: &Run) -> Recording {
+        let mut recorded = self.columns.into_iter();
+        let columns = run.columns.iter().map(|slot| slot.and_then(|_| recorded.next()).map(|(_, column)| column));
+        Recording { time: self.time, columns: columns.collect(), messages: Vec::new(), seconds: 0.0 }
     }
 }
 
@@ -207,16 +229,10 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
         Feeder { series: run.series.iter().map(|feed| (feed, 0)).collect(), slack: 1e-9 * simulation.step };
     initialize(simulation, run, &mut members, &mut bus, &mut feeder).map_err(|error| failed(None, error.into()))?;
 
-    let rows = usize::try_from(simulation.steps / simulation.every).unwrap_or(0) + 1;
-    let mut recording = Recording {
-        time: Vec::with_capacity(rows),
-        columns: run.columns.iter().map(|slot| slot.map(|_| Vec::with_capacity(rows))).collect(),
-        messages: Vec::new(),
-        seconds: 0.0,
-    };
+    let mut recorder = Recorder::new(simulation, run);
     // Product, then sum: no error piles up, and every master gets the same bits.
     let time_of = |step: u64| simulation.start + step as f64 * simulation.step;
-    recording.push(simulation.start, run, &bus);
+    recorder.push(simulation.start, &bus);
     for k in 0..simulation.steps {
         let time = time_of(k);
         if let Some(board) = board {
@@ -225,12 +241,13 @@ pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Resu
         feeder.feed(time, &mut bus);
         step(simulation, time, &mut members, &mut bus).map_err(|error| failed(Some(time), error.into()))?;
         if (k + 1) % simulation.every == 0 {
-            recording.push(time_of(k + 1), run, &bus);
+            recorder.push(time_of(k + 1), &bus);
         }
     }
     if let Some(board) = board {
         board.step(simulation.stop, simulation.steps);
     }
+    let mut recording = recorder.finish(run);
     for member in &mut members {
         member.instance.terminate().map_err(|error| failed(Some(simulation.stop), error.into()))?;
         let messages = member.instance.take_messages();

@@ -1,10 +1,16 @@
 //! Writes recordings as CSV.
 
+mod number;
+
 use crate::master::Recording;
 use crate::run::Run;
+use serde::{Deserialize, Serialize};
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+
+/// Bytes that are written at once.
+const CHUNK: usize = 1 << 16;
 
 /// File name of a run: its id with `@` and `#` replaced by `_`.
 #[must_use]
@@ -18,21 +24,59 @@ pub fn file_name(run: &Run) -> String {
 /// # Errors
 /// The folder cannot be made or the file cannot be written; the path is in the text.
 pub fn write_csv(path: &Path, names: &[String], recording: &Recording) -> io::Result<()> {
-    let part = part_of(path);
-    let written = write_part(&part, names, recording)
-        .and_then(|()| std::fs::rename(&part, path))
-        .map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", path.display())));
-    if written.is_err() {
-        // The first error is the one to report; what is left is only a hidden part.
-        let _ = std::fs::remove_file(&part);
-    }
-    written
+    let part = Part::of(path);
+    part.write(names, recording)?;
+    part.publish()
 }
 
-/// Name of the file while it is written: in the same folder, so that renaming is atomic.
-fn part_of(path: &Path) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}.part", std::process::id()))
+/// A file that is hidden until it is complete and on the disk.
+///
+/// One process can write it and another publish it. A file of which only one is done never has its name.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct Part {
+    path: PathBuf,
+    /// In the same folder, so that renaming is atomic.
+    hidden: PathBuf,
+}
+
+impl Part {
+    /// The part of a file that this process or its workers write.
+    pub(crate) fn of(path: &Path) -> Self {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let hidden = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
+        Self { path: path.to_owned(), hidden }
+    }
+
+    /// Writes the recording; see [`write_csv`].
+    ///
+    /// # Errors
+    /// The folder cannot be made or the part cannot be written. Nothing is left of it then.
+    pub(crate) fn write(&self, names: &[String], recording: &Recording) -> io::Result<()> {
+        self.or_remove(write_hidden(&self.hidden, names, recording))
+    }
+
+    /// Waits until what was written is on the disk, and gives the file its name.
+    ///
+    /// # Errors
+    /// The disk has lost data, or the name cannot be given. Nothing is left of the part then.
+    pub(crate) fn publish(&self) -> io::Result<()> {
+        let stored = File::options().write(true).open(&self.hidden).and_then(|file| file.sync_all());
+        self.or_remove(stored.and_then(|()| std::fs::rename(&self.hidden, &self.path)))
+    }
+
+    /// Removes what a process has left of it that did not come to its end.
+    pub(crate) fn remove(&self) {
+        // What is left is hidden and small.
+        let _ = std::fs::remove_file(&self.hidden);
+    }
+
+    fn or_remove(&self, result: io::Result<()>) -> io::Result<()> {
+        result.map_err(|error| {
+            // The first error is the one to report.
+            self.remove();
+            io::Error::new(error.kind(), format!("{}: {error}", self.path.display()))
+        })
+    }
 }
 
 /// Removes what writers of a file have left that did not come to their end.
@@ -49,34 +93,41 @@ pub fn remove_parts(path: &Path) {
     }
 }
 
-fn write_part(path: &Path, names: &[String], recording: &Recording) -> io::Result<()> {
+fn write_hidden(path: &Path, names: &[String], recording: &Recording) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;
     }
-    let mut out = BufWriter::with_capacity(1 << 16, File::create(path)?);
-    let present: Vec<(&str, &[f64])> = names
+    let mut file = File::create(path)?;
+    let (names, columns): (Vec<&str>, Vec<&[f64]>) = names
         .iter()
         .zip(&recording.columns)
         .filter_map(|(name, values)| Some((name.as_str(), values.as_deref()?)))
-        .collect();
-    write!(out, "time")?;
-    for (name, _) in &present {
+        .unzip();
+    // Room for a chunk and the row that completes it.
+    let mut text = Vec::with_capacity(CHUNK + (columns.len() + 1) * (number::MAX_LENGTH + 1));
+    text.extend_from_slice(b"time");
+    for name in names {
         // Names of FMI variables may hold anything.
         if name.contains([',', '"', '\n', '\r']) {
-            write!(out, ",\"{}\"", name.replace('"', "\"\""))?;
+            write!(text, ",\"{}\"", name.replace('"', "\"\""))?;
         } else {
-            write!(out, ",{name}")?;
+            write!(text, ",{name}")?;
         }
     }
-    writeln!(out)?;
+    text.push(b'\n');
     for (row, time) in recording.time.iter().enumerate() {
-        write!(out, "{time:?}")?;
-        for (_, values) in &present {
-            write!(out, ",{:?}", values[row])?;
+        number::push(&mut text, *time);
+        for values in &columns {
+            text.push(b',');
+            number::push(&mut text, values[row]);
         }
-        writeln!(out)?;
+        text.push(b'\n');
+        if text.len() >= CHUNK {
+            file.write_all(&text)?;
+            text.clear();
+        }
     }
-    out.into_inner()?.sync_all()
+    file.write_all(&text)
 }
 
 #[cfg(test)]
@@ -101,6 +152,26 @@ mod tests {
         let back: f64 = text.lines().nth(1).unwrap().split(',').nth(1).unwrap().parse().unwrap();
         assert_eq!(back.to_bits(), values[0].to_bits());
         assert_eq!(std::fs::read_dir(folder.path().join("runs")).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_part_is_hidden_until_it_is_published() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        // More than is written at once.
+        let time: Vec<f64> = (0..30_000).map(|k| f64::from(k) * 0.001).collect();
+        let recording = Recording { time, columns: Vec::new(), messages: Vec::new(), seconds: 0.0 };
+        let part = Part::of(&path);
+        part.write(&[], &recording).unwrap();
+        assert!(!path.exists());
+        part.publish().unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let back: Vec<f64> = text.lines().skip(1).map(|line| line.parse().unwrap()).collect();
+        assert_eq!(back, recording.time);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        // What was not written cannot be published.
+        let error = Part::of(&path).publish().unwrap_err().to_string();
+        assert!(error.contains("a.csv: "), "{error}");
     }
 
     #[test]

@@ -2,6 +2,8 @@
 //!
 //! - `exercise steps FMU...` starts each FMU, steps it with changing inputs and prints its name, how often memory
 //!   was allocated in the steps and how often before ("-" if nobody counts);
+//! - `exercise master SCENARIO STOP...` executes the first run of a scenario in this process up to each time, s, and prints
+//!   the number of rows and how often memory was allocated ("-" if nobody counts);
 //! - `exercise life FMU...` calls every function of each FMU, with refused calls, saved states and a reset;
 //! - `exercise reload FMU...` loads each FMU, starts an instance and unloads it again, three times;
 //! - `exercise continue FMU STATE SEED FIRST LAST` reads the bytes of a saved state, goes on with the steps FIRST to
@@ -11,6 +13,9 @@
 //!   ends with 1 if one is newer than NEWEST, such as 2.17.
 
 use fmu_import::description::Causality;
+use fmu_system::fmus::Fmus;
+use fmu_system::master::execute;
+use fmu_system::resolve::{FmuFolder, Options, resolve};
 use std::io::Read as _;
 use std::path::Path;
 use std::process::ExitCode;
@@ -25,6 +30,7 @@ fn main() -> ExitCode {
     let arguments: Vec<_> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
         ["steps", fmus @ ..] => fmus.iter().for_each(|path| steps(path)),
+        ["master", scenario, stops @ ..] => master(Path::new(scenario), stops),
         ["life", fmus @ ..] => fmus.iter().for_each(|path| life(path)),
         ["reload", fmus @ ..] => fmus.iter().for_each(|path| reload(path)),
         ["continue", path, state, seed, first, last] => {
@@ -35,7 +41,7 @@ fn main() -> ExitCode {
         ["glibc", newest, fmus @ ..] => return glibc(newest, fmus),
         _ => {
             eprintln!(
-                "usage: exercise steps|life|reload|global FMU... | continue FMU STATE SEED FIRST LAST | glibc NEWEST FMU..."
+                "usage: exercise steps|life|reload|global FMU... | master SCENARIO STOP... | continue FMU STATE SEED FIRST LAST | glibc NEWEST FMU..."
             );
             return ExitCode::from(2);
         }
@@ -70,6 +76,19 @@ fn steps(path: &str) {
         None => println!("{} - -", fmu.name),
     }
     ok(instance.terminate());
+}
+
+fn master(scenario: &Path, stops: &[&str]) {
+    for stop in stops {
+        let options = Options { stop: Some(stop.parse().expect("STOP is a number")), ..Options::default() };
+        let plan = resolve(scenario, &FmuFolder::new([tests::folder()]), &options).expect("the scenario is valid");
+        let run = &plan.runs[0];
+        let fmus = Fmus::load(&plan.runs[..1]).expect("the FMUs can be loaded");
+        let before = raw::allocations();
+        let recording = execute(&plan.simulation, run, &fmus).expect("the run succeeds");
+        let count = before.zip(raw::allocations()).map(|(before, after)| after - before);
+        println!("{} {}", recording.time.len(), count.map_or("-".to_owned(), |count| count.to_string()));
+    }
 }
 
 fn life(path: &str) {

@@ -4,13 +4,14 @@ use super::JOB;
 use super::protocol::{self, Request, Response};
 use crate::fmus::Fmus;
 use crate::master::Recording;
-use crate::results;
+use crate::results::Part;
 use crate::run::{Component, Run, Simulation};
 use fmu_import::fmu::Binary;
 use fmu_import::worker::{Ended, Process, Settings, Watch};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{SendError, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 
 /// Workers that execute runs, each at most one at a time. They are started when they are needed and stay until the pool is
@@ -46,6 +47,24 @@ pub struct Failure {
 
 /// Takes the index of a task and its outcome. The recording has no rows if they were written to a file.
 pub type Finish<'a> = &'a (dyn Fn(usize, Result<Recording, Failure>) + Sync);
+
+/// A run whose file is written, but not published.
+struct Written {
+    index: usize,
+    run: String,
+    part: Part,
+    recording: Recording,
+}
+
+impl Written {
+    fn publish(self, finish: Finish<'_>) {
+        let outcome = match self.part.publish() {
+            Ok(()) => Ok(self.recording),
+            Err(error) => Err(Failure { run: self.run, time: None, message: error.to_string() }),
+        };
+        finish(self.index, outcome);
+    }
+}
 
 impl Pool {
     /// A pool of so many workers for runs of some FMUs, which need not be loaded in this process.
@@ -87,7 +106,7 @@ impl Pool {
         finish: Finish<'_>,
     ) {
         let next = AtomicUsize::new(0);
-        let work = |slot: &Mutex<Option<Process>>| {
+        let work = |slot: &Mutex<Option<Process>>, written: SyncSender<Written>| {
             let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
@@ -99,18 +118,39 @@ impl Pool {
                     progress(steps.saturating_sub(done));
                     done = done.max(steps);
                 };
-                let outcome = task(index).and_then(|task| self.run(&mut slot, simulation, task, &mut steps));
+                let outcome = task(index).and_then(|Task { run, csv }| {
+                    let id = run.id.clone();
+                    let csv = csv.map(|(names, path)| (names, Part::of(&path)));
+                    let part = csv.as_ref().map(|(_, part)| part.clone());
+                    let recording = self.run(&mut slot, simulation, run, csv, &mut steps)?;
+                    Ok((id, part, recording))
+                });
                 steps(simulation.steps);
-                finish(index, outcome);
+                match outcome {
+                    Ok((run, Some(part), recording)) => {
+                        // Nobody receives where no thread could be started.
+                        if let Err(SendError(file)) = written.send(Written { index, run, part, recording }) {
+                            file.publish(finish);
+                        }
+                    }
+                    Ok((_, None, recording)) => finish(index, Ok(recording)),
+                    Err(failure) => finish(index, Err(failure)),
+                }
             }
         };
         std::thread::scope(|scope| {
+            // A thread of its own waits for the disk, while the worker executes the next run. No more files wait than
+            // there are workers.
+            let (written, files) = sync_channel::<Written>(self.workers.len());
+            let _ = std::thread::Builder::new()
+                .spawn_scoped(scope, move || files.into_iter().for_each(|file| file.publish(finish)));
             // This thread works too, so that something is done even if there is no other.
             let Some((first, others)) = self.workers.split_first() else { return };
             for slot in others.iter().take(count.saturating_sub(1)) {
-                let _ = std::thread::Builder::new().spawn_scoped(scope, || work(slot));
+                let (work, written) = (&work, written.clone());
+                let _ = std::thread::Builder::new().spawn_scoped(scope, move || work(slot, written));
             }
-            work(first);
+            work(first, written);
         });
     }
 
@@ -130,12 +170,13 @@ impl Pool {
         &self,
         slot: &mut Option<Process>,
         simulation: &Simulation,
-        Task { run, csv }: Task,
+        run: Run,
+        csv: Option<(Vec<String>, Part)>,
         steps: &mut dyn FnMut(u64),
     ) -> Result<Recording, Failure> {
         let id = run.id.clone();
         let failed = |time, message| Failure { run: id.clone(), time, message };
-        let path = csv.as_ref().map(|(_, path)| path.clone());
+        let part = csv.as_ref().map(|(_, part)| part.clone());
         let components: Vec<(String, String)> =
             run.components.iter().map(|Component { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
         let worker = self.worker(slot).map_err(|message| failed(None, message))?;
@@ -146,7 +187,7 @@ impl Pool {
             Ok(answer) => answer,
             Err(Ended { time, component, message }) => {
                 *slot = None;
-                path.iter().for_each(|path| results::remove_parts(path));
+                part.iter().for_each(Part::remove);
                 let component = component.and_then(|index| components.get(index));
                 let component = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
                 return Err(failed(time, component + &message));

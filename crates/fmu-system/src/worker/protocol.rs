@@ -1,13 +1,13 @@
 //! What requests and responses about runs are made of.
 
 use crate::master::Recording;
+use crate::results::Part;
 use crate::run::{InputSeries, Run, Simulation, Trial};
 use fmu_import::fmu::Binary;
 use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
 use serde::{Deserialize, Serialize};
 use std::io;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 /// What a worker is asked for.
@@ -24,8 +24,8 @@ pub(super) enum Request {
         run: Box<Run>,
         /// Slots of the input series, number of rows, and whether one has the times of the one before.
         series: Vec<(usize, usize, bool)>,
-        /// Names of the columns, and the file to write them to instead of returning them.
-        csv: Option<(Vec<String>, PathBuf)>,
+        /// Names of the columns, and the file to write them to instead of returning them. It is left to be published.
+        csv: Option<(Vec<String>, Part)>,
     },
     /// To find parameters without an effect.
     Trials { simulation: Simulation, trials: Vec<Trial> },
@@ -53,7 +53,7 @@ pub(super) enum Response {
 
 impl Request {
     /// A run as header and body.
-    pub(super) fn run(simulation: &Simulation, mut run: Run, csv: Option<(Vec<String>, PathBuf)>) -> (Self, Vec<f64>) {
+    pub(super) fn run(simulation: &Simulation, mut run: Run, csv: Option<(Vec<String>, Part)>) -> (Self, Vec<f64>) {
         let mut body = Vec::new();
         let mut series: Vec<(usize, usize, bool)> = Vec::new();
         let taken = std::mem::take(&mut run.series);

@@ -4,7 +4,7 @@ use super::protocol::{self, Request, Response};
 use crate::fmus::{FmusError, Instances};
 use crate::master::{self, RunError};
 use crate::run::Component;
-use crate::{results, trial};
+use crate::trial;
 use fmu_import::fmu::{Binary, FmuError};
 use fmu_import::loader::{CallProblem, Instance, Library, Status, calls};
 use fmu_import::worker::{Replies, serve_requests};
@@ -51,7 +51,7 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
                 }
                 Ok(mut recording) => match csv {
                     None => Response::recorded(recording),
-                    Some((names, path)) => match results::write_csv(&path, &names, &recording) {
+                    Some((names, part)) => match part.write(&names, &recording) {
                         Err(error) => (failed(error.to_string()), Vec::new()),
                         Ok(()) => {
                             recording.time.clear();
