@@ -205,7 +205,10 @@ class _RealOutputs(_Group):
 
 
 class _WholeGroup(_Group):
-    """Integers and booleans travel on the bus as doubles."""
+    """Integers and Booleans travel on the bus as doubles.
+
+    A Boolean output is 0 or 1 there, a Boolean input is true above 0.5: so a connection converts Real and Boolean.
+    """
 
     def __init__(self, wires: Sequence[Wire], bus: Array, boolean: bool) -> None:
         super().__init__(wires, bus)
@@ -215,7 +218,7 @@ class _WholeGroup(_Group):
 
     def load(self) -> None:
         values = self.bus[self.slots]
-        self.buffer[:] = values != 0.0 if self.boolean else np.rint(values)
+        self.buffer[:] = values > 0.5 if self.boolean else np.rint(values)
 
     def store(self) -> None:
         self.bus[self.slots] = self.buffer != 0 if self.boolean else self.buffer

@@ -140,6 +140,26 @@ def test_sequential_sees_fresh_outputs(scenario: Plan, run: Run) -> None:
     assert rows[:, 1] == pytest.approx([0.0, 0.3, 0.8, 1.5], abs=1e-15)
 
 
+def test_a_connection_converts_between_real_and_boolean(scenario: Plan, run: Run) -> None:
+    def rise(values: dict[int, Any], _step: float) -> int:
+        values[30] = values.get(30, 0.0) + 0.25
+        return OK
+
+    def follow(values: dict[int, Any], _step: float) -> int:
+        values[13] = values[11]
+        return OK
+
+    source = replace(run.components[0], outputs=(replace(run.components[0].outputs[0], kind="Real"),))
+    wire, output = run.components[1].inputs[0], run.components[1].outputs[0]
+    # The Boolean output of the plant is recorded as 0 or 1, which is what a Real input would get.
+    wires = {"inputs": (replace(wire, kind="Boolean"),), "outputs": (replace(output, kind="Boolean"),)}
+    plant = replace(run.components[1], **wires)
+    converting = replace(run, components=(source, plant))
+    _, rows = master.simulate(converting, replace(scenario.simulation, steps=4, stop=0.4), System(rise, follow))
+    assert rows[:, 0].tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert rows[:, 1].tolist() == [0.0, 0.0, 0.0, 1.0, 1.0]
+
+
 def test_jacobi_is_one_step_behind(scenario: Plan, run: Run) -> None:
     jacobi = replace(scenario.simulation, order="jacobi")
     _, rows = master.simulate(run, jacobi, System())

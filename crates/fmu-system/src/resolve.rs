@@ -4,6 +4,7 @@
 //! that has an output of the same name, or from a constant; an input without any is an error.
 //! All mistakes of a file are reported together, each with file, line, column and the marked place.
 
+mod conversion;
 mod findings;
 mod fmus;
 mod pattern;
