@@ -1,6 +1,6 @@
 //! Which outputs may write which inputs, and where a connection converts between Real and Boolean.
 
-use super::Member;
+use super::system::Member;
 use fmu_import::description::{BaseType, BaseUnit, Variable};
 
 /// The unit of a plain number.

@@ -1,8 +1,8 @@
 //! The wires of a case: what writes each input.
 
 use super::conversion::{compatible, convertible, is_conversion};
+use super::system::{Column, Member, Resolver, Source, System, context, replacement};
 use super::values::{is_implausible, setting};
-use super::{Column, Member, Resolver, Source, System, context, replacement};
 use crate::parameter;
 use crate::plan::{self, Connected, Origin, Signal};
 use crate::run;
