@@ -496,7 +496,7 @@ def simulate(
             # The standard forbids any further call after fmi2Fatal.
             slaves.clear()
             raise
-        # An FMU that refuses a value is the messenger: say where the value came from.
+        # An FMU that rejects a value is the messenger: say where the value came from.
         bad = _non_finite(slaves, bus)
         if bad is not None and bad[0] != error.component:
             messages = (*error.messages, f"component {bad[0]}: {bad[1]}")

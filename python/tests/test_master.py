@@ -245,7 +245,7 @@ def test_nothing_is_called_after_fatal(scenario: Plan, run: Run) -> None:
     assert not any(component.freed for component in system.components.values())
 
 
-def test_a_refused_parameter_is_named(scenario: Plan, run: Run) -> None:
+def test_a_rejected_parameter_is_named(scenario: Plan, run: Run) -> None:
     component = run.components[1]
     bad = replace(component, parameters=(replace(component.parameters[0], value=float("inf")),))
     with pytest.raises(master.RunError, match=r"plant, fmi2SetReal at t = 0 s: status 3 \(error\), gain = inf"):
@@ -261,7 +261,7 @@ def test_a_value_that_is_not_finite_is_an_error(scenario: Plan, run: Run) -> Non
         master.simulate(run, scenario.simulation, System(plant=explode))
 
 
-def test_a_component_that_refuses_a_value_is_only_the_messenger(scenario: Plan, run: Run) -> None:
+def test_a_component_that_rejects_a_value_is_only_the_messenger(scenario: Plan, run: Run) -> None:
     def explode(values: dict[int, Any], _step: float) -> int:
         values[30] = float("inf")
         return OK

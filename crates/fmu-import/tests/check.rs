@@ -146,9 +146,9 @@ fn capabilities_that_are_not_there_are_found() {
     }
     // One instance at a time is enough if the description says so.
     let single = |flags: &str| lines(&Build { flags, defects: &["SINGLE"], ..Build::new("Fault", "u", "x") });
-    let is_refused = |line: &String| line.starts_with("error: two instances: fmi2Instantiate returned no instance");
-    assert!(single("").iter().any(is_refused));
-    assert!(!single("canBeInstantiatedOnlyOncePerProcess=\"true\"").iter().any(is_refused));
+    let is_rejected = |line: &String| line.starts_with("error: two instances: fmi2Instantiate returned no instance");
+    assert!(single("").iter().any(is_rejected));
+    assert!(!single("canBeInstantiatedOnlyOncePerProcess=\"true\"").iter().any(is_rejected));
     // A state that has bytes has to be one that can be saved.
     let bytes_only = lines(&Build { flags: "canSerializeFMUstate=\"true\"", ..Build::new("Fault", "u", "x") });
     assert!(bytes_only.iter().any(|line| line.starts_with("error: canSerializeFMUstate: ")), "{bytes_only:#?}");
@@ -156,7 +156,7 @@ fn capabilities_that_are_not_there_are_found() {
 
 /// Directional derivatives are asked for also where the model structure leaves none that is nonzero, and by states.
 #[test]
-fn directional_derivatives_that_are_refused_are_found() {
+fn directional_derivatives_that_are_rejected_are_found() {
     const STATE: &str = "<ScalarVariable name=\"rate\" valueReference=\"0\"><Real derivative=\"2\"/></ScalarVariable>\n</ModelVariables>";
     const INPUT: &str = "causality=\"input\"";
     const PARAMETER: &str = "causality=\"parameter\" variability=\"tunable\"";

@@ -207,7 +207,7 @@ impl System {
             }
             for setting in planned.parameters.iter().chain(&planned.constants) {
                 let variable = description.variable(&setting.name);
-                refuse_enumeration(variable, &planned.name)?;
+                reject_enumeration(variable, &planned.name)?;
                 let unit = variable.and_then(|v| v.unit.clone()).filter(|name| defined(&description, name).is_some());
                 component.values.push(Parameter { name: setting.name.clone(), value: setting.value.clone(), unit });
             }
@@ -255,7 +255,7 @@ impl System {
             let path = path.to_path_buf();
             move |cause| ExportError::Write { path, cause }
         };
-        refuse_foreign(folder, overwrite)?;
+        reject_foreign(folder, overwrite)?;
         let name = folder.file_name().ok_or_else(|| ExportError::Write {
             path: folder.to_path_buf(),
             cause: io::Error::new(io::ErrorKind::InvalidInput, "this is no name of a folder"),
@@ -350,7 +350,7 @@ fn connector(
     description: &ModelDescription,
     component: &str,
 ) -> Result<Connector, ExportError> {
-    refuse_enumeration(Some(variable), component)?;
+    reject_enumeration(Some(variable), component)?;
     Ok(Connector {
         name: variable.name.clone(),
         output,
@@ -359,7 +359,7 @@ fn connector(
     })
 }
 
-fn refuse_enumeration(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
+fn reject_enumeration(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
     match variable {
         // Only enumerations have items.
         Some(variable) if !variable.items.is_empty() => {
@@ -387,8 +387,8 @@ fn text(plan: &Plan, run: &Run) -> String {
     text
 }
 
-/// Refuses a folder that must not be replaced.
-fn refuse_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
+/// Rejects a folder that must not be replaced.
+fn reject_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
     let error = |cause| ExportError::Write { path: folder.to_path_buf(), cause };
     let entries = match std::fs::read_dir(folder) {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(()),

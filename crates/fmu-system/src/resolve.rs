@@ -228,7 +228,7 @@ fn simulation(scenario: &Scenario, options: &Options) -> Result<run::Simulation,
 }
 
 impl Resolver<'_> {
-    /// Refuses a run whose recording does not fit into memory.
+    /// Rejects a run whose recording does not fit into memory.
     fn check_size(
         &mut self,
         simulation: &run::Simulation,

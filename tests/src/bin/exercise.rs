@@ -2,7 +2,7 @@
 //!
 //! - `exercise steps FMU...` starts each FMU, steps it with changing inputs and prints its name, how often memory
 //!   was allocated in the steps and how often before ("-" if nobody counts);
-//! - `exercise life FMU...` calls every function of each FMU, with refused calls, saved states and a reset;
+//! - `exercise life FMU...` calls every function of each FMU, with rejected calls, saved states and a reset;
 //! - `exercise reload FMU...` loads each FMU, starts an instance and unloads it again, three times;
 //! - `exercise continue FMU STATE SEED FIRST LAST` reads the bytes of a saved state, goes on with the steps FIRST to
 //!   LAST, 1 ms each, and prints the bits of all outputs;

@@ -177,7 +177,7 @@ impl Instance {
     /// `fmi2SetDebugLogging` for the given categories; none: all.
     ///
     /// # Errors
-    /// The FMU refuses, lacks the function, or a category holds a zero byte.
+    /// The FMU returns an error, lacks the function, or a category holds a zero byte.
     pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), CallError> {
         const NAME: Function = Function::SetDebugLogging;
         let (_owned, pointers) = self.c_strings(NAME, categories)?;
@@ -192,7 +192,7 @@ impl Instance {
     /// `fmi2SetupExperiment` without a tolerance. Times in seconds.
     ///
     /// # Errors
-    /// The FMU refuses.
+    /// The FMU returns an error.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call(Function::SetupExperiment, |f, c| unsafe {
@@ -203,7 +203,7 @@ impl Instance {
     /// `fmi2EnterInitializationMode`.
     ///
     /// # Errors
-    /// The FMU refuses.
+    /// The FMU returns an error.
     pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call(Function::EnterInitializationMode, |f, c| unsafe { (f.enter_initialization_mode)(c) })
@@ -212,7 +212,7 @@ impl Instance {
     /// `fmi2ExitInitializationMode`.
     ///
     /// # Errors
-    /// The FMU refuses.
+    /// The FMU returns an error.
     pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call(Function::ExitInitializationMode, |f, c| unsafe { (f.exit_initialization_mode)(c) })
@@ -221,7 +221,7 @@ impl Instance {
     /// `fmi2Terminate`.
     ///
     /// # Errors
-    /// The FMU refuses.
+    /// The FMU returns an error.
     pub fn terminate(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call(Function::Terminate, |f, c| unsafe { (f.terminate)(c) })
@@ -230,7 +230,7 @@ impl Instance {
     /// `fmi2Reset`.
     ///
     /// # Errors
-    /// The FMU refuses.
+    /// The FMU returns an error.
     pub fn reset(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call(Function::Reset, |f, c| unsafe { (f.reset)(c) })
@@ -239,7 +239,7 @@ impl Instance {
     /// `fmi2DoStep` from `time` over `step`, both in seconds; no earlier state will be restored.
     ///
     /// # Errors
-    /// The FMU refuses, fails, or has not finished the step.
+    /// The FMU returns an error, fails, or has not finished the step.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call(Function::DoStep, |f, c| unsafe { (f.do_step)(c, time, step, c_api::TRUE) })

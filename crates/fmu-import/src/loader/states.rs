@@ -39,7 +39,7 @@ impl Instance {
     /// `fmi2GetFMUstate`. The state lives until [`Self::free_state`] or the end of the instance.
     ///
     /// # Errors
-    /// The FMU refuses or lacks the function.
+    /// The FMU returns an error or lacks the function.
     pub fn save_state(&mut self) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
         self.call_optional(
@@ -54,7 +54,7 @@ impl Instance {
     /// `fmi2GetFMUstate` into a state saved before.
     ///
     /// # Errors
-    /// The state is of another instance, or the FMU refuses or lacks the function.
+    /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn save_state_again(&mut self, saved: &SavedState) -> Result<(), CallError> {
         const NAME: Function = Function::GetFMUstate;
         let mut state = self.state(NAME, saved)?;
@@ -69,7 +69,7 @@ impl Instance {
     /// `fmi2SetFMUstate`.
     ///
     /// # Errors
-    /// The state is of another instance, or the FMU refuses or lacks the function.
+    /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn restore_state(&mut self, saved: &SavedState) -> Result<(), CallError> {
         const NAME: Function = Function::SetFMUstate;
         let state = self.state(NAME, saved)?;
@@ -84,7 +84,7 @@ impl Instance {
     /// `fmi2FreeFMUstate`.
     ///
     /// # Errors
-    /// The state is of another instance, or the FMU refuses or lacks the function.
+    /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn free_state(&mut self, saved: SavedState) -> Result<(), CallError> {
         const NAME: Function = Function::FreeFMUstate;
         let mut state = self.state(NAME, &saved)?;
@@ -99,7 +99,7 @@ impl Instance {
     /// `fmi2SerializeFMUstate`: the bytes of a saved state.
     ///
     /// # Errors
-    /// The state is of another instance, or the FMU refuses or lacks the functions.
+    /// The state is of another instance, or the FMU returns an error or lacks the functions.
     pub fn serialize_state(&mut self, saved: &SavedState) -> Result<Vec<u8>, CallError> {
         const NAME: Function = Function::SerializeFMUstate;
         let state = self.state(NAME, saved)?;
@@ -123,7 +123,7 @@ impl Instance {
     /// `fmi2DeSerializeFMUstate`: a saved state from its bytes.
     ///
     /// # Errors
-    /// The FMU refuses the bytes or lacks the function.
+    /// The FMU rejects the bytes or lacks the function.
     pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
         self.call_optional(

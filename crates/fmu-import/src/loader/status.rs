@@ -12,7 +12,7 @@ impl Instance {
     /// `fmi2CancelStep`.
     ///
     /// # Errors
-    /// The FMU refuses or lacks the function.
+    /// The FMU returns an error or lacks the function.
     pub fn cancel_step(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
         self.call_optional(Function::CancelStep, |f| f.cancel_step, |f, c| unsafe { f(c) })

@@ -11,7 +11,7 @@ impl Instance {
     /// `fmi2GetReal`.
     ///
     /// # Errors
-    /// The lengths differ or the FMU refuses.
+    /// The lengths differ or the FMU returns an error.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
         self.same_length(Function::GetReal, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
@@ -21,7 +21,7 @@ impl Instance {
     /// `fmi2GetInteger`, also for enumerations.
     ///
     /// # Errors
-    /// The lengths differ or the FMU refuses.
+    /// The lengths differ or the FMU returns an error.
     pub fn get_integer(&mut self, refs: &[Reference], values: &mut [i32]) -> Result<(), CallError> {
         self.same_length(Function::GetInteger, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
@@ -33,7 +33,7 @@ impl Instance {
     /// `fmi2GetBoolean`; 0 is false, all else true.
     ///
     /// # Errors
-    /// The lengths differ or the FMU refuses.
+    /// The lengths differ or the FMU returns an error.
     pub fn get_boolean(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
         self.same_length(Function::GetBoolean, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
@@ -45,7 +45,7 @@ impl Instance {
     /// `fmi2GetString`.
     ///
     /// # Errors
-    /// The FMU refuses.
+    /// The FMU returns an error.
     pub fn get_string(&mut self, refs: &[Reference]) -> Result<Vec<String>, CallError> {
         let mut pointers = vec![ptr::null(); refs.len()];
         // SAFETY: live instance; both arrays have the stated length.
@@ -59,7 +59,7 @@ impl Instance {
     /// `fmi2SetReal`.
     ///
     /// # Errors
-    /// The lengths differ or the FMU refuses.
+    /// The lengths differ or the FMU returns an error.
     pub fn set_real(&mut self, refs: &[Reference], values: &[f64]) -> Result<(), CallError> {
         self.same_length(Function::SetReal, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
@@ -69,7 +69,7 @@ impl Instance {
     /// `fmi2SetInteger`, also for enumerations.
     ///
     /// # Errors
-    /// The lengths differ or the FMU refuses.
+    /// The lengths differ or the FMU returns an error.
     pub fn set_integer(&mut self, refs: &[Reference], values: &[i32]) -> Result<(), CallError> {
         self.same_length(Function::SetInteger, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
@@ -81,7 +81,7 @@ impl Instance {
     /// `fmi2SetBoolean`; values are 0 or 1.
     ///
     /// # Errors
-    /// The lengths differ or the FMU refuses.
+    /// The lengths differ or the FMU returns an error.
     pub fn set_boolean(&mut self, refs: &[Reference], values: &[c_api::Boolean]) -> Result<(), CallError> {
         self.same_length(Function::SetBoolean, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
@@ -93,7 +93,7 @@ impl Instance {
     /// `fmi2SetString`.
     ///
     /// # Errors
-    /// The lengths differ, a value holds a zero byte, or the FMU refuses.
+    /// The lengths differ, a value holds a zero byte, or the FMU returns an error.
     pub fn set_string(&mut self, refs: &[Reference], values: &[&str]) -> Result<(), CallError> {
         self.same_length(Function::SetString, refs.len(), values.len())?;
         let (_owned, pointers) = self.c_strings(Function::SetString, values)?;
@@ -106,7 +106,7 @@ impl Instance {
     /// `fmi2GetDirectionalDerivative`: `result` = d(unknowns)/d(knowns) * `seed`.
     ///
     /// # Errors
-    /// The lengths differ, or the FMU refuses or lacks the function.
+    /// The lengths differ, or the FMU returns an error or lacks the function.
     pub fn get_directional_derivative(
         &mut self,
         unknowns: &[Reference],
@@ -138,7 +138,7 @@ impl Instance {
     /// `fmi2SetRealInputDerivatives`; an order per reference, from 1.
     ///
     /// # Errors
-    /// The lengths differ, or the FMU refuses or lacks the function.
+    /// The lengths differ, or the FMU returns an error or lacks the function.
     pub fn set_real_input_derivatives(
         &mut self,
         refs: &[Reference],
@@ -159,7 +159,7 @@ impl Instance {
     /// `fmi2GetRealOutputDerivatives`; an order per reference, from 1.
     ///
     /// # Errors
-    /// The lengths differ, or the FMU refuses or lacks the function.
+    /// The lengths differ, or the FMU returns an error or lacks the function.
     pub fn get_real_output_derivatives(
         &mut self,
         refs: &[Reference],

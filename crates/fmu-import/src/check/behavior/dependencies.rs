@@ -201,7 +201,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Changes one known after the other and sees which unknowns follow. Ends early if the FMU refuses to be read: between
+    /// Changes one known after the other and sees which unknowns follow. Ends early if the FMU cannot be read: between
     /// steps a master may not ask after setting inputs (FMI 2.0.4, section 4.2.4), so that nothing is promised.
     fn look(&mut self, trial: &Trial<'_>, known: &[usize], instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
         for &j in known {
@@ -211,7 +211,7 @@ impl Search<'_> {
             let before = trial.reals(instance, &self.variables)?;
             let kept = trial.reals(instance, &[j])?[0];
             for sign in [1.0, -1.0] {
-                // Refused: outside of the limits, perhaps; nothing is learned.
+                // Rejected: outside of the limits, perhaps; nothing is learned.
                 if trial.set(instance, &[j], &[kept + sign * 1e-3 * size(kept)]).is_err() {
                     continue;
                 }
@@ -237,7 +237,7 @@ impl Search<'_> {
         let before = trial.values(instance, &self.variables)?;
         let kept = values::read(instance, variable)?;
         for value in values::changes(variable, &kept) {
-            // Refused: outside of the limits, perhaps; nothing is learned.
+            // Rejected: outside of the limits, perhaps; nothing is learned.
             if values::write(instance, variable, &value).is_err() {
                 continue;
             }

@@ -55,14 +55,14 @@ impl Trial<'_> {
         variables.iter().map(|&i| read(instance, self.variable(i))).collect()
     }
 
-    /// Sets variables to other values than those of the description. Returns those that the FMU refused.
+    /// Sets variables to other values than those of the description. Returns those that the FMU rejected.
     pub(super) fn change(&self, instance: &mut Instance, variables: &[usize]) -> Vec<usize> {
-        let is_refused = |i: &usize| {
+        let is_rejected = |i: &usize| {
             let variable = self.variable(*i);
             let others = variable.start.as_ref().map_or(Vec::new(), |start| others(variable, start));
             !others.is_empty() && !others.iter().any(|value| write(instance, variable, value).is_ok())
         };
-        variables.iter().copied().filter(is_refused).collect()
+        variables.iter().copied().filter(is_rejected).collect()
     }
 
     /// The first variable whose values differ, with both, and the number of them.
