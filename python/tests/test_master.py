@@ -179,7 +179,7 @@ def test_columns_of_absent_components_are_left_out(scenario: Plan, run: Run) -> 
     assert rows.shape == (4, 1)
 
 
-def test_a_feed_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
+def test_an_input_series_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
     # The row at 3*0.1 counts at t = 0.3 although 0.30000000000000004 is what the master computes, and vice versa.
     feed = InputSeries(2, (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
     plant = replace(run.components[1], inputs=(replace(run.components[1].inputs[0], slot=2),))

@@ -123,7 +123,7 @@ fn columns_times_and_absent_components() {
 }
 
 #[test]
-fn feeds_hold_their_last_row() {
+fn input_series_hold_their_last_row() {
     let folder = ring();
     let file = folder.path().join("in.csv");
     // 0.30 is k*step for k = 30 up to rounding; the row counts from that step on.
