@@ -205,7 +205,10 @@ class _RealOutputs(_Group):
 
 
 class _WholeGroup(_Group):
-    """Integers and booleans travel on the bus as doubles."""
+    """Integers and Booleans travel on the bus as doubles.
+
+    A Boolean output is 0 or 1 there, a Boolean input is true above 0.5: so a connection converts Real and Boolean.
+    """
 
     def __init__(self, wires: Sequence[Wire], bus: Array, boolean: bool) -> None:
         super().__init__(wires, bus)
@@ -215,7 +218,7 @@ class _WholeGroup(_Group):
 
     def load(self) -> None:
         values = self.bus[self.slots]
-        self.buffer[:] = values != 0.0 if self.boolean else np.rint(values)
+        self.buffer[:] = values > 0.5 if self.boolean else np.rint(values)
 
     def store(self) -> None:
         self.bus[self.slots] = self.buffer != 0 if self.boolean else self.buffer
@@ -493,7 +496,7 @@ def simulate(
             # The standard forbids any further call after fmi2Fatal.
             slaves.clear()
             raise
-        # An FMU that refuses a value is the messenger: say where the value came from.
+        # An FMU that rejects a value is the messenger: say where the value came from.
         bad = _non_finite(slaves, bus)
         if bad is not None and bad[0] != error.component:
             messages = (*error.messages, f"component {bad[0]}: {bad[1]}")

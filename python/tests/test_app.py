@@ -174,7 +174,7 @@ def test_a_page_is_not_replaced_when_all_runs_fail(cargo: Path, recorded: Path, 
     assert cargo.exists()
 
 
-def test_a_csv_of_other_rows_or_columns_is_refused(
+def test_a_csv_of_other_rows_or_columns_is_rejected(
     cargo: Path, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (recorded / "active_2.csv").write_text("time,body.roll\n0.0,1.0\n")

@@ -96,7 +96,7 @@ def _cosim(fmu: bytes, folder: Path) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(("change", "expected"), ENTRIES)
-def test_a_damaged_entry_is_refused(change: Callable[[Entries], None], expected: str, tmp_path: Path) -> None:
+def test_a_damaged_entry_is_rejected(change: Callable[[Entries], None], expected: str, tmp_path: Path) -> None:
     with zipfile.ZipFile(FOLDER / f"{NAME}.fmu") as archive:
         entries = {name: archive.read(name) for name in archive.namelist()}
     change(entries)
@@ -111,7 +111,7 @@ def test_a_damaged_entry_is_refused(change: Callable[[Entries], None], expected:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
-def test_a_file_that_is_cut_off_is_refused(share: float, tmp_path: Path) -> None:
+def test_a_file_that_is_cut_off_is_rejected(share: float, tmp_path: Path) -> None:
     fmu = (FOLDER / f"{NAME}.fmu").read_bytes()
     code, said = _cosim(fmu[: int(share * len(fmu))], tmp_path)
     assert code == 1

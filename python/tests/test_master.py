@@ -140,6 +140,26 @@ def test_sequential_sees_fresh_outputs(scenario: Plan, run: Run) -> None:
     assert rows[:, 1] == pytest.approx([0.0, 0.3, 0.8, 1.5], abs=1e-15)
 
 
+def test_a_connection_converts_between_real_and_boolean(scenario: Plan, run: Run) -> None:
+    def rise(values: dict[int, Any], _step: float) -> int:
+        values[30] = values.get(30, 0.0) + 0.25
+        return OK
+
+    def follow(values: dict[int, Any], _step: float) -> int:
+        values[13] = values[11]
+        return OK
+
+    source = replace(run.components[0], outputs=(replace(run.components[0].outputs[0], kind="Real"),))
+    wire, output = run.components[1].inputs[0], run.components[1].outputs[0]
+    # The Boolean output of the plant is recorded as 0 or 1, which is what a Real input would get.
+    wires = {"inputs": (replace(wire, kind="Boolean"),), "outputs": (replace(output, kind="Boolean"),)}
+    plant = replace(run.components[1], **wires)
+    converting = replace(run, components=(source, plant))
+    _, rows = master.simulate(converting, replace(scenario.simulation, steps=4, stop=0.4), System(rise, follow))
+    assert rows[:, 0].tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert rows[:, 1].tolist() == [0.0, 0.0, 0.0, 1.0, 1.0]
+
+
 def test_jacobi_is_one_step_behind(scenario: Plan, run: Run) -> None:
     jacobi = replace(scenario.simulation, order="jacobi")
     _, rows = master.simulate(run, jacobi, System())
@@ -159,7 +179,7 @@ def test_columns_of_absent_components_are_left_out(scenario: Plan, run: Run) -> 
     assert rows.shape == (4, 1)
 
 
-def test_a_feed_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
+def test_an_input_series_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
     # The row at 3*0.1 counts at t = 0.3 although 0.30000000000000004 is what the master computes, and vice versa.
     feed = InputSeries(2, (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
     plant = replace(run.components[1], inputs=(replace(run.components[1].inputs[0], slot=2),))
@@ -225,7 +245,7 @@ def test_nothing_is_called_after_fatal(scenario: Plan, run: Run) -> None:
     assert not any(component.freed for component in system.components.values())
 
 
-def test_a_refused_parameter_is_named(scenario: Plan, run: Run) -> None:
+def test_a_rejected_parameter_is_named(scenario: Plan, run: Run) -> None:
     component = run.components[1]
     bad = replace(component, parameters=(replace(component.parameters[0], value=float("inf")),))
     with pytest.raises(master.RunError, match=r"plant, fmi2SetReal at t = 0 s: status 3 \(error\), gain = inf"):
@@ -241,7 +261,7 @@ def test_a_value_that_is_not_finite_is_an_error(scenario: Plan, run: Run) -> Non
         master.simulate(run, scenario.simulation, System(plant=explode))
 
 
-def test_a_component_that_refuses_a_value_is_only_the_messenger(scenario: Plan, run: Run) -> None:
+def test_a_component_that_rejects_a_value_is_only_the_messenger(scenario: Plan, run: Run) -> None:
     def explode(values: dict[int, Any], _step: float) -> int:
         values[30] = float("inf")
         return OK

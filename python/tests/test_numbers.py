@@ -122,7 +122,7 @@ def seeded(plan: Plan, passive: list[float], active: list[float]) -> Numbers:
         ([2.9, 3.0, 3.1], Status.REPRODUCED),
     ],
 )
-def test_a_change_is_judged_by_sign_size_and_scatter(scenario: Plan, active: list[float], status: Status) -> None:
+def test_a_change_has_a_badge_by_sign_size_and_scatter(scenario: Plan, active: list[float], status: Status) -> None:
     assert seeded(scenario, [4.0, 4.0, 4.0], active).status_of(ACTIVE) is status
 
 

@@ -39,13 +39,13 @@ def test_outputs_that_nothing_reads_are_grouped(scenario: plan.Plan) -> None:
         ({"name_": "b"}, "unknown field `name_`"),
     ],
 )
-def test_what_is_not_a_plan_is_refused(change: dict[str, object], message: str) -> None:
+def test_what_is_not_a_plan_is_rejected(change: dict[str, object], message: str) -> None:
     data = json.loads((HERE / "plan.json").read_text(encoding="utf-8"))
     with pytest.raises(plan.PlanError, match=message):
         plan.parse(json.dumps(data | change), HERE)
 
 
-def test_text_that_is_not_json_is_refused() -> None:
+def test_text_that_is_not_json_is_rejected() -> None:
     with pytest.raises(plan.PlanError, match="not JSON"):
         plan.parse("Compiling host v0.1.0", HERE)
 

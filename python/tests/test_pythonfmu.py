@@ -103,14 +103,14 @@ def python() -> list[str]:
     return ["--libpython", str(path)]
 
 
-def test_the_check_judges_description_and_binary(folder: Path, python: list[str]) -> None:
+def test_the_check_validates_description_and_binary(folder: Path, python: list[str]) -> None:
     """References: FMI 2.0.4, section 2.2.8 (initial unknowns), and what PythonFMU does: it compares no GUID."""
     check = ("cargo", "fmu", "check", str(folder / "PythonYawControl.fmu"))
-    judged = call(*check, *python, code=1)
-    errors = [line for line in judged.splitlines() if line.startswith("  error: ")]
+    report = call(*check, *python, code=1)
+    errors = [line for line in report.splitlines() if line.startswith("  error: ")]
     assert len(errors) == 7
-    assert all("is not listed in ModelStructure/InitialUnknowns" in line for line in errors), judged
-    assert "a wrong GUID is accepted" in judged
+    assert all("is not listed in ModelStructure/InitialUnknowns" in line for line in errors), report
+    assert "a wrong GUID is accepted" in report
     # Without the library of Python the binary is a finding too, which says what to do.
     without = call(*check, code=1)
     assert "needs the Python library" in without

@@ -1,9 +1,9 @@
 //! Calls that no master should make: any function, in any order, with any arguments that the C types allow.
 //!
 //! The standard leaves undefined what a master does wrong; ARCHITECTURE.md ("Status", "Time") defines it, and that is
-//! the reference here. Checked at every call: the status is fmi2OK, fmi2Discard or fmi2Error; a refusal is logged with
-//! a reason and keeps the mode; nothing is written beyond the array, and nothing at all by a refused call; a number
-//! that is handed out is finite. At some calls also: a refused call leaves the saved state as it was.
+//! the reference here. Checked at every call: the status is fmi2OK, fmi2Discard or fmi2Error; an error is logged with
+//! a reason and keeps the mode; nothing is written beyond the array, and nothing at all by a rejected call; a number
+//! that is handed out is finite. At some calls also: a rejected call leaves the saved state as it was.
 //!
 //! What is not done, because no FMU can notice it: arrays shorter than stated, strings without an end, instances that
 //! were freed, one instance in two threads.
@@ -118,10 +118,10 @@ struct Fuzzer<'a> {
     is_verbose: bool,
 }
 
-/// The bytes of a state of an FMU, for others that must refuse it.
+/// The bytes of a state of an FMU, for others that must reject it.
 ///
 /// # Panics
-/// When the FMU refuses to save one.
+/// When the FMU does not save one.
 #[must_use]
 pub fn state(fmu: &Fmu) -> Vec<u8> {
     state_bytes::state(&mut fmu.started())
@@ -354,7 +354,7 @@ impl<'a> Fuzzer<'a> {
         Ok(())
     }
 
-    /// The mode of an instance with a logger: what the refusal of fmi2CancelStep says.
+    /// The mode of an instance with a logger: what the error of fmi2CancelStep says.
     fn mode(&mut self, at: usize) -> Checked<&'static str> {
         const FUNCTION: &str = "fmi2CancelStep";
         let status = self.slots[at].instance.transition(FUNCTION);
@@ -443,7 +443,7 @@ impl<'a> Fuzzer<'a> {
             last.push_str(&format!(" {message:.200}"));
         }
         match status {
-            ERROR => ensure(!entries.is_empty(), || format!("{function} was refused without a reason"))?,
+            ERROR => ensure(!entries.is_empty(), || format!("{function} was rejected without a reason"))?,
             DISCARD if slot.all_logged => {
                 ensure(!entries.is_empty(), || format!("{function} was discarded without a reason"))?;
             }
@@ -466,7 +466,7 @@ impl<'a> Fuzzer<'a> {
         {
             let after = self.content(at)?;
             ensure(after.as_ref() == Some(&before), || {
-                format!("{function} was refused and changed the state: {message}")
+                format!("{function} was rejected and changed the state: {message}")
             })?;
         }
         Ok(status)
@@ -533,7 +533,7 @@ impl<'a> Fuzzer<'a> {
             }
             Err(entries) => {
                 texts(&entries, &name)?;
-                ensure(!entries.is_empty() || !has_logger || !callbacks, || "refused without a reason".to_owned())?;
+                ensure(!entries.is_empty() || !has_logger || !callbacks, || "rejected without a reason".to_owned())?;
             }
         }
         Ok(())
@@ -613,7 +613,7 @@ impl<'a> Fuzzer<'a> {
                 .nth(kind as usize - 1)
                 .expect("below 6");
                 let status = self.call(at, function, String::new(), next, |instance| instance.transition(function))?;
-                ensure(function != "fmi2Reset" || status == OK, || "fmi2Reset was refused".to_owned())?;
+                ensure(function != "fmi2Reset" || status == OK, || "fmi2Reset was rejected".to_owned())?;
             }
         }
         Ok(())
@@ -736,7 +736,7 @@ impl<'a> Fuzzer<'a> {
                 return (self.slots[at].states[place].0, Some(place), "own");
             }
         };
-        // Memory of a freed state may be that of a new one. What stands in for it is refused like it, so that a run
+        // Memory of a freed state may be that of a new one. What stands in for it is rejected like it, so that a run
         // does not depend on addresses.
         let is_used_again = self.slots[at].states.iter().any(|known| known.0 == state);
         (if is_used_again { RawState::invented(0xdead_beef) } else { state }, None, what)

@@ -176,7 +176,7 @@ impl Fmu {
     /// A new instance in Instantiated.
     ///
     /// # Panics
-    /// When the FMU refuses.
+    /// When the FMU returns an error.
     #[must_use]
     pub fn instance(&self) -> Instance {
         Instance::instantiate(&self.library, &self.name, &self.description.guid, false)
@@ -186,7 +186,7 @@ impl Fmu {
     /// A new instance that is ready to step from `start`.
     ///
     /// # Panics
-    /// When the FMU refuses.
+    /// When the FMU returns an error.
     #[must_use]
     pub fn started_at(&self, start: f64) -> Instance {
         let mut instance = self.instance();
@@ -199,7 +199,7 @@ impl Fmu {
     /// A new instance that is ready to step from 0.
     ///
     /// # Panics
-    /// When the FMU refuses.
+    /// When the FMU returns an error.
     #[must_use]
     pub fn started(&self) -> Instance {
         self.started_at(0.0)
@@ -212,7 +212,7 @@ impl Fmu {
     /// none were found.
     ///
     /// # Panics
-    /// When the FMU refuses inputs that are finite.
+    /// When the FMU rejects inputs that are finite.
     #[must_use]
     pub fn failing_inputs(&self) -> Option<Vec<f64>> {
         const HUGE: f64 = 1.7e308;
@@ -238,7 +238,7 @@ impl Fmu {
     /// A new instance in Instantiated with these values of the real inputs.
     ///
     /// # Panics
-    /// When the FMU refuses them.
+    /// When the FMU rejects them.
     #[must_use]
     pub fn instance_with(&self, inputs: &[f64]) -> Instance {
         let mut instance = self.instance();
@@ -260,7 +260,7 @@ impl Fmu {
     /// The values of all outputs but Strings, in the order of the description, Integers and Booleans as numbers.
     ///
     /// # Panics
-    /// When the FMU refuses.
+    /// When the FMU returns an error.
     #[track_caller]
     #[must_use]
     pub fn outputs(&self, instance: &mut Instance) -> Vec<f64> {
@@ -354,7 +354,7 @@ impl Configuration {
     /// Sets the modes and switches.
     ///
     /// # Errors
-    /// When the FMU refuses one, as an integer between two modes.
+    /// When the FMU rejects one, as an integer between two modes.
     pub fn set(&self, instance: &mut Instance) -> Result<(), CallError> {
         for &(reference, value) in &self.integers {
             instance.set_integer(&[reference], &[value])?;
@@ -378,12 +378,12 @@ pub fn ok<T>(result: Result<T, CallError>) -> T {
     }
 }
 
-/// The message of a call that has to be refused with fmi2Error.
+/// The message of a call that has to be rejected with fmi2Error.
 ///
 /// # Panics
-/// When it was not refused, refused otherwise, or without a message.
+/// When it was not rejected, rejected otherwise, or without a message.
 #[track_caller]
-pub fn refused<T>(result: Result<T, CallError>) -> String {
+pub fn rejected<T>(result: Result<T, CallError>) -> String {
     match result {
         Err(CallError {
             problem: CallProblem::Status(Status::Error) | CallProblem::NoInstance,
@@ -403,7 +403,7 @@ pub fn refused<T>(result: Result<T, CallError>) -> String {
 /// The values of real variables.
 ///
 /// # Panics
-/// When the FMU refuses.
+/// When the FMU returns an error.
 #[track_caller]
 #[must_use]
 pub fn reals(instance: &mut Instance, references: &[Reference]) -> Vec<f64> {
@@ -415,7 +415,7 @@ pub fn reals(instance: &mut Instance, references: &[Reference]) -> Vec<f64> {
 /// The value of one real variable.
 ///
 /// # Panics
-/// When there is none of that name, or the FMU refuses.
+/// When there is none of that name, or the FMU returns an error.
 #[track_caller]
 #[must_use]
 pub fn real(fmu: &Fmu, instance: &mut Instance, name: &str) -> f64 {

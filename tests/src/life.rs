@@ -1,7 +1,7 @@
-//! A whole life of an FMU: every function, with refused calls, saved states and a reset.
+//! A whole life of an FMU: every function, with rejected calls, saved states and a reset.
 
 use crate::signals::{Excitation, run};
-use crate::{Fmu, ok, refused};
+use crate::{Fmu, ok, rejected};
 use fmu_import::description::{BaseType, Causality};
 
 /// Communication step in s.
@@ -10,7 +10,7 @@ const STEP: f64 = 0.001;
 /// Calls every function of an FMU.
 ///
 /// # Panics
-/// When the FMU refuses what is in order, or accepts what is not.
+/// When the FMU rejects what is in order, or accepts what is not.
 pub fn life(fmu: &Fmu) {
     const STEPS: u32 = 40;
     let excitation = Excitation::of(fmu, 2);
@@ -27,12 +27,12 @@ pub fn life(fmu: &Fmu) {
     ok(instance.restore_state(&copy));
     ok(instance.save_state_again(&saved));
     ok(instance.free_state(saved));
-    // Refused with messages that are made up on the heap.
-    refused(instance.set_real(&[reals[0]], &[f64::NAN]));
-    refused(instance.get_integer(&[u32::MAX], &mut [0]));
-    refused(instance.do_step(1e3, STEP));
-    refused(instance.deserialize_state(&bytes[1..]));
-    refused(instance.enter_initialization_mode());
+    // Rejected with messages that are made up on the heap.
+    rejected(instance.set_real(&[reals[0]], &[f64::NAN]));
+    rejected(instance.get_integer(&[u32::MAX], &mut [0]));
+    rejected(instance.do_step(1e3, STEP));
+    rejected(instance.deserialize_state(&bytes[1..]));
+    rejected(instance.enter_initialization_mode());
     if fmu.is_plant() {
         let (unknown, known) = (fmu.references(Causality::Output), fmu.references(Causality::Input));
         let mut slopes = vec![0.0; unknown.len()];

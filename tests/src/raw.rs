@@ -103,7 +103,7 @@ unsafe extern "C" fn note(
     book.0.lock().unwrap_or_else(PoisonError::into_inner).push(entry);
 }
 
-/// Whether an array can have that length: one that no memory can hold is refused before the array is looked at.
+/// Whether an array can have that length: one that no memory can hold is rejected before the array is looked at.
 fn fits<T>(values: &[T], count: usize) -> bool {
     count <= values.len() || count > isize::MAX as usize / size_of::<T>()
 }
@@ -171,7 +171,7 @@ impl Raw {
         self.instantiate_with(arguments, 0, None).ok()
     }
 
-    /// fmi2Instantiate with a logger and loggingOn as given; what the FMU logged if it refuses.
+    /// fmi2Instantiate with a logger and loggingOn as given; what the FMU logged if it returns none.
     ///
     /// # Errors
     /// When the FMU gives no instance.

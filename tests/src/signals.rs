@@ -55,7 +55,7 @@ pub fn start(variable: &Variable) -> f64 {
     }
 }
 
-/// Whether a quantity is meant to be positive: forwards, grip, pedals. A unit may refuse a vehicle that drives backwards.
+/// Whether a quantity is meant to be positive: forwards, grip, pedals. A unit may reject a vehicle that drives backwards.
 #[must_use]
 pub fn is_magnitude(variable: &Variable) -> bool {
     let name = variable.name.as_str();
@@ -103,7 +103,7 @@ impl Excitation {
 /// Steps from `time` (the inputs as functions of `time` - `origin`) and returns the bits of all outputs of all steps.
 ///
 /// # Panics
-/// When the FMU refuses.
+/// When the FMU returns an error.
 pub fn run(
     fmu: &Fmu,
     instance: &mut Instance,

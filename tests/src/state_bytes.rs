@@ -47,7 +47,7 @@ impl Place {
     /// The number of samples that an instance has taken.
     ///
     /// # Panics
-    /// When the FMU refuses to save its state.
+    /// When the FMU does not save its state.
     #[must_use]
     pub fn samples(self, instance: &mut Instance) -> u64 {
         let bytes = state(instance);
@@ -57,7 +57,7 @@ impl Place {
     /// The bytes of the instance's state with another number of samples.
     ///
     /// # Panics
-    /// When the FMU refuses to save its state.
+    /// When the FMU does not save its state.
     #[must_use]
     pub fn with_samples(self, instance: &mut Instance, samples: u64) -> Vec<u8> {
         let mut bytes = state(instance);
@@ -69,7 +69,7 @@ impl Place {
     /// Lets an instance go on from its own state with other values of some reals.
     ///
     /// # Panics
-    /// When the FMU refuses the state.
+    /// When the FMU rejects the state.
     pub fn change(self, instance: &mut Instance, references: &[Reference], values: &[f64]) {
         let mut bytes = state(instance);
         for (&reference, value) in references.iter().zip(values) {
@@ -86,7 +86,7 @@ impl Place {
 /// The bytes of an instance's state.
 ///
 /// # Panics
-/// When the FMU refuses to save it.
+/// When the FMU does not save it.
 #[must_use]
 pub fn state(instance: &mut Instance) -> Vec<u8> {
     let saved = ok(instance.save_state());

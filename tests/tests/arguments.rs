@@ -1,7 +1,7 @@
-//! Wrong arguments: refused with fmi2Error, a message where there is a logger, and nothing changed.
+//! Wrong arguments: rejected with fmi2Error, a message where there is a logger, and nothing changed.
 //!
 //! Reference: FMI 2.0.4, sections 2.1.3 (status), 2.2.7 (which variable may be set when) and the project's
-//! ARCHITECTURE.md (Status): a refused call names what, where and what was expected, changes nothing, keeps the mode.
+//! ARCHITECTURE.md (Status): a rejected call names what, where and what was expected, changes nothing, keeps the mode.
 
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
@@ -9,26 +9,26 @@ use fmu_import::loader::{CallError, Instance};
 use std::ffi::CString;
 use tests::raw::{self, Arguments, Raw, RawInstance, RawState, Text, Truth};
 use tests::signals::{Random, start};
-use tests::{Fmu, all, is_fixed, ok, reals, refused};
+use tests::{Fmu, all, is_fixed, ok, reals, rejected};
 
 /// A number that no FMU uses as a value reference.
 const UNKNOWN: Reference = 4_000_000_000;
 
-type Refused = Result<(), CallError>;
+type Rejected = Result<(), CallError>;
 
 fn state(instance: &mut Instance) -> Vec<u8> {
     let saved = ok(instance.save_state());
     ok(instance.serialize_state(&saved))
 }
 
-/// Checks that a call is refused with a message that holds `words`, and that it changes nothing.
-fn refuses(instance: &mut Instance, words: &[&str], call: impl FnOnce(&mut Instance) -> Refused) {
+/// Checks that a call is rejected with a message that holds `words`, and that it changes nothing.
+fn rejects(instance: &mut Instance, words: &[&str], call: impl FnOnce(&mut Instance) -> Rejected) {
     let before = state(instance);
-    let message = refused(call(instance));
+    let message = rejected(call(instance));
     for word in words {
         assert!(message.contains(word), "'{word}' is missing in: {message}");
     }
-    assert_eq!(state(instance), before, "a refused call changed something: {message}");
+    assert_eq!(state(instance), before, "a rejected call changed something: {message}");
 }
 
 fn variables_of(fmu: &Fmu, base_type: BaseType) -> impl Iterator<Item = &Variable> {
@@ -43,56 +43,56 @@ fn initializing(fmu: &Fmu) -> Instance {
 }
 
 #[test]
-fn unknown_references_and_wrong_types_are_refused() {
+fn unknown_references_and_wrong_types_are_rejected() {
     for fmu in all() {
         let mut instance = initializing(&fmu);
         let first = fmu.references(Causality::Output)[0];
-        // A valid reference in front: nothing may have been set or written when the second is refused.
+        // A valid reference in front: nothing may have been set or written when the second is rejected.
         let mut written = [7.0, 7.0];
-        let message = refused(instance.get_real(&[first, UNKNOWN], &mut written));
+        let message = rejected(instance.get_real(&[first, UNKNOWN], &mut written));
         assert!(message.contains("4000000000") && message.contains("Real"), "{}: {message}", fmu.name);
-        assert_eq!(written, [7.0, 7.0], "{}: a value was written though the call was refused", fmu.name);
-        refuses(&mut instance, &["4000000000"], |i| i.set_real(&[UNKNOWN], &[1.0]));
-        refuses(&mut instance, &["4000000000"], |i| i.get_integer(&[UNKNOWN], &mut [0]));
-        refuses(&mut instance, &["4000000000"], |i| i.set_integer(&[UNKNOWN], &[1]));
-        refuses(&mut instance, &["4000000000"], |i| i.get_boolean(&[UNKNOWN], &mut [0]));
-        refuses(&mut instance, &["4000000000"], |i| i.set_boolean(&[UNKNOWN], &[1]));
-        refuses(&mut instance, &["4000000000"], |i| i.get_string(&[UNKNOWN]).map(drop));
-        refuses(&mut instance, &["4000000000"], |i| i.set_string(&[UNKNOWN], &["a"]));
+        assert_eq!(written, [7.0, 7.0], "{}: a value was written though the call was rejected", fmu.name);
+        rejects(&mut instance, &["4000000000"], |i| i.set_real(&[UNKNOWN], &[1.0]));
+        rejects(&mut instance, &["4000000000"], |i| i.get_integer(&[UNKNOWN], &mut [0]));
+        rejects(&mut instance, &["4000000000"], |i| i.set_integer(&[UNKNOWN], &[1]));
+        rejects(&mut instance, &["4000000000"], |i| i.get_boolean(&[UNKNOWN], &mut [0]));
+        rejects(&mut instance, &["4000000000"], |i| i.set_boolean(&[UNKNOWN], &[1]));
+        rejects(&mut instance, &["4000000000"], |i| i.get_string(&[UNKNOWN]).map(drop));
+        rejects(&mut instance, &["4000000000"], |i| i.set_string(&[UNKNOWN], &["a"]));
         // A reference of a variable of another type, which the message names.
         let name = fmu.description.variables.iter().find(|v| v.reference == first).expect("it exists").name.clone();
-        refuses(&mut instance, &[&name, "Integer"], |i| i.get_integer(&[first], &mut [0]));
-        refuses(&mut instance, &[&name, "Boolean"], |i| i.set_boolean(&[first], &[1]));
-        refuses(&mut instance, &[&name, "String"], |i| i.get_string(&[first]).map(drop));
+        rejects(&mut instance, &[&name, "Integer"], |i| i.get_integer(&[first], &mut [0]));
+        rejects(&mut instance, &[&name, "Boolean"], |i| i.set_boolean(&[first], &[1]));
+        rejects(&mut instance, &[&name, "String"], |i| i.get_string(&[first]).map(drop));
         for base_type in [BaseType::Integer, BaseType::Boolean, BaseType::String] {
             for variable in variables_of(&fmu, base_type) {
-                refuses(&mut instance, &[&variable.name, "Real"], |i| i.get_real(&[variable.reference], &mut [0.0]));
-                refuses(&mut instance, &[&variable.name, "Real"], |i| i.set_real(&[variable.reference], &[1.0]));
+                rejects(&mut instance, &[&variable.name, "Real"], |i| i.get_real(&[variable.reference], &mut [0.0]));
+                rejects(&mut instance, &[&variable.name, "Real"], |i| i.set_real(&[variable.reference], &[1.0]));
             }
         }
     }
 }
 
 #[test]
-fn numbers_that_are_not_finite_are_refused() {
+fn numbers_that_are_not_finite_are_rejected() {
     for fmu in all() {
         let mut instance = initializing(&fmu);
         let settable = |v: &&Variable| matches!(v.causality, Causality::Input | Causality::Parameter);
         for variable in variables_of(&fmu, BaseType::Real).filter(settable) {
             for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-                refuses(&mut instance, &[&variable.name, "finite"], |i| i.set_real(&[variable.reference], &[value]));
+                rejects(&mut instance, &[&variable.name, "finite"], |i| i.set_real(&[variable.reference], &[value]));
             }
         }
-        // None of several values is set if one is refused.
+        // None of several values is set if one is rejected.
         let inputs = fmu.references(Causality::Input);
         if inputs.len() > 1 {
-            refuses(&mut instance, &["NaN"], |i| i.set_real(&inputs[..2], &[1.0, f64::NAN]));
+            rejects(&mut instance, &["NaN"], |i| i.set_real(&inputs[..2], &[1.0, f64::NAN]));
         }
     }
 }
 
 #[test]
-fn numbers_outside_their_limits_are_refused() {
+fn numbers_outside_their_limits_are_rejected() {
     let (mut reals_checked, mut integers_checked) = (0, 0);
     for fmu in all() {
         let mut instance = initializing(&fmu);
@@ -105,7 +105,7 @@ fn numbers_outside_their_limits_are_refused() {
                         (variable.max, variable.max.map(|max| max + 1e-6 * max.abs().max(1.0))),
                     ] {
                         let (Some(limit), Some(outside)) = (limit, outside) else { continue };
-                        refuses(&mut instance, &[&variable.name, "must be"], |i| i.set_real(&reference, &[outside]));
+                        rejects(&mut instance, &[&variable.name, "must be"], |i| i.set_real(&reference, &[outside]));
                         // The limit itself is allowed; whether it can be simulated is asked at the end.
                         ok(instance.set_real(&reference, &[limit]));
                         ok(instance.set_real(&reference, &[start(variable)]));
@@ -115,7 +115,7 @@ fn numbers_outside_their_limits_are_refused() {
                 BaseType::Integer => {
                     for outside in [variable.min.map(|min| min - 1.0), variable.max.map(|max| max + 1.0)] {
                         let Some(outside) = outside.filter(|value| value.abs() < 2e9) else { continue };
-                        refuses(&mut instance, &[&variable.name, "must be"], |i| {
+                        rejects(&mut instance, &[&variable.name, "must be"], |i| {
                             i.set_integer(&reference, &[outside as i32])
                         });
                         integers_checked += 1;
@@ -129,7 +129,7 @@ fn numbers_outside_their_limits_are_refused() {
 }
 
 /// The start value of a variable, set through the function of its type.
-fn set_start(instance: &mut Instance, variable: &Variable) -> Refused {
+fn set_start(instance: &mut Instance, variable: &Variable) -> Rejected {
     let reference = [variable.reference];
     match &variable.start {
         Some(Value::Real(value)) => instance.set_real(&reference, &[*value]),
@@ -162,11 +162,11 @@ fn every_variable_can_be_set_when_the_standard_says_so_and_not_otherwise() {
                         panic!("{}: {error}", fmu.name);
                     }
                 } else {
-                    refuses(instance, &[&variable.name], |i| set_start(i, variable));
+                    rejects(instance, &[&variable.name], |i| set_start(i, variable));
                 }
             }
             if is_fixed(variable) {
-                refuses(&mut stepping, &["fixed", "Initialization Mode"], |i| set_start(i, variable));
+                rejects(&mut stepping, &["fixed", "Initialization Mode"], |i| set_start(i, variable));
             }
         }
     }
@@ -202,36 +202,36 @@ fn start_values_are_those_of_the_description() {
 }
 
 #[test]
-fn impossible_times_are_refused() {
+fn impossible_times_are_rejected() {
     for fmu in all() {
         let mut instance = fmu.instance();
-        refuses(&mut instance, &["startTime"], |i| i.setup_experiment(f64::NAN, None));
-        refuses(&mut instance, &["startTime"], |i| i.setup_experiment(f64::INFINITY, None));
-        refuses(&mut instance, &["stopTime"], |i| i.setup_experiment(1.0, Some(0.5)));
-        refuses(&mut instance, &["stopTime"], |i| i.setup_experiment(0.0, Some(f64::NAN)));
+        rejects(&mut instance, &["startTime"], |i| i.setup_experiment(f64::NAN, None));
+        rejects(&mut instance, &["startTime"], |i| i.setup_experiment(f64::INFINITY, None));
+        rejects(&mut instance, &["stopTime"], |i| i.setup_experiment(1.0, Some(0.5)));
+        rejects(&mut instance, &["stopTime"], |i| i.setup_experiment(0.0, Some(f64::NAN)));
         ok(instance.setup_experiment(0.0, Some(0.01)));
         ok(instance.enter_initialization_mode());
         ok(instance.exit_initialization_mode());
         for step in [0.0, -0.001, f64::NAN, f64::INFINITY] {
-            refuses(&mut instance, &["communicationStepSize"], |i| i.do_step(0.0, step));
+            rejects(&mut instance, &["communicationStepSize"], |i| i.do_step(0.0, step));
         }
         // The time of the instance counts; a millionth of the step is forgiven.
         for time in [0.001, -0.001, 2e-9, f64::NAN] {
-            refuses(&mut instance, &["currentCommunicationPoint"], |i| i.do_step(time, 0.001));
+            rejects(&mut instance, &["currentCommunicationPoint"], |i| i.do_step(time, 0.001));
         }
-        refuses(&mut instance, &["stopTime"], |i| i.do_step(0.0, 0.0101));
+        rejects(&mut instance, &["stopTime"], |i| i.do_step(0.0, 0.0101));
         ok(instance.do_step(5e-10, 0.001));
         ok(instance.do_step(0.001, 0.009));
-        refuses(&mut instance, &["stopTime"], |i| i.do_step(0.01, 0.001));
+        rejects(&mut instance, &["stopTime"], |i| i.do_step(0.01, 0.001));
 
         // Smaller than the spacing of numbers at that time: the clock would stand still.
         let mut late = fmu.started_at(1e9);
-        refuses(&mut late, &["does not advance"], |i| i.do_step(1e9, 1e-9));
+        rejects(&mut late, &["does not advance"], |i| i.do_step(1e9, 1e-9));
         // More than a million substeps or samples in one call is a mistake of units, not a step. A plant that is
         // integrated exactly needs no substeps.
         if ["max_step", "sample_time"].iter().any(|name| fmu.description.variable(name).is_some()) {
             let mut long = fmu.started();
-            refuses(&mut long, &["integration steps or samples"], |i| i.do_step(0.0, 1e6));
+            rejects(&mut long, &["integration steps or samples"], |i| i.do_step(0.0, 1e6));
         }
     }
 }
@@ -240,16 +240,16 @@ fn impossible_times_are_refused() {
 fn an_fmu_is_made_only_of_what_belongs_to_it() {
     for fmu in all() {
         let other = Instance::instantiate(&fmu.library, "a", "{00000000-0000-0000-0000-000000000000}", false);
-        let message = refused(other);
+        let message = rejected(other);
         assert!(message.contains(&fmu.description.guid), "{}: the expected GUID is not named: {message}", fmu.name);
         assert!(
-            refused(Instance::instantiate(&fmu.library, "", &fmu.description.guid, false)).contains("instanceName")
+            rejected(Instance::instantiate(&fmu.library, "", &fmu.description.guid, false)).contains("instanceName")
         );
     }
 }
 
 #[test]
-fn null_pointers_are_refused_or_ignored_but_never_followed() {
+fn null_pointers_are_rejected_or_ignored_but_never_followed() {
     for fmu in all() {
         let raw = Raw::load(&fmu);
         assert_eq!(raw.texts(), ["2.0", "default"], "{}", fmu.name);
@@ -273,7 +273,7 @@ fn null_pointers_are_refused_or_ignored_but_never_followed() {
         // Many masters pass no folder to an FMU without resources, and no logger.
         let instance = raw.instantiate(Arguments { resources: None, ..good }).expect("no folder is needed");
         let output = [fmu.references(Causality::Output)[0]];
-        everything_is_refused(&raw.null(), &output);
+        everything_is_rejected(&raw.null(), &output);
 
         assert_eq!(instance.setup_experiment(0.0), raw::OK);
         assert_eq!(instance.transition("fmi2EnterInitializationMode"), raw::OK);
@@ -292,7 +292,7 @@ fn null_pointers_are_refused_or_ignored_but_never_followed() {
 }
 
 /// No function follows an instance that is a null pointer.
-fn everything_is_refused(null: &RawInstance<'_>, output: &[Reference]) {
+fn everything_is_rejected(null: &RawInstance<'_>, output: &[Reference]) {
     let mut state = RawState::NULL;
     let transitions = ["EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset", "CancelStep"];
     for name in transitions {
@@ -378,14 +378,14 @@ fn null_states(raw: &Raw, instance: &RawInstance<'_>, arguments: Arguments<'_>) 
     assert_eq!(instance.serialize(saved, None, size), raw::ERROR);
     assert_eq!(instance.serialize(saved, Some(&mut bytes), size - 1), raw::ERROR);
     assert_eq!(instance.serialize(saved, Some(&mut bytes), 0), raw::ERROR);
-    assert!(bytes.iter().all(|&byte| byte == 0), "a refused call wrote bytes");
+    assert!(bytes.iter().all(|&byte| byte == 0), "a rejected call wrote bytes");
     assert_eq!(instance.serialize(saved, Some(&mut bytes), size), raw::OK);
 
     let mut copy = RawState::NULL;
     assert_eq!(instance.deserialize(None, size, Some(&mut copy)), raw::ERROR);
     assert_eq!(instance.deserialize(Some(&bytes), size, None), raw::ERROR);
     assert_eq!(instance.deserialize(Some(&bytes), 0, Some(&mut copy)), raw::ERROR);
-    assert!(copy.is_null(), "a refused call gave out a state");
+    assert!(copy.is_null(), "a rejected call gave out a state");
 
     // States belong to the instance that saved them, until they are freed.
     let other = raw.instantiate(arguments).expect("a second instance");
@@ -399,7 +399,7 @@ fn null_states(raw: &Raw, instance: &RawInstance<'_>, arguments: Arguments<'_>) 
 }
 
 #[test]
-fn damaged_bytes_of_a_state_are_refused() {
+fn damaged_bytes_of_a_state_are_rejected() {
     let fmus = all();
     let mut random = Random(7);
     for (number, fmu) in fmus.iter().enumerate() {
@@ -407,7 +407,7 @@ fn damaged_bytes_of_a_state_are_refused() {
         ok(instance.do_step(0.0, 0.001));
         let good = state(&mut instance);
         let mut check = |bytes: &[u8]| {
-            refuses(&mut instance, &["fmi2DeSerializeFMUstate"], |i| i.deserialize_state(bytes).map(drop));
+            rejects(&mut instance, &["fmi2DeSerializeFMUstate"], |i| i.deserialize_state(bytes).map(drop));
         };
         check(&[]);
         check(&good[..good.len() - 1]);

@@ -2,7 +2,7 @@
 //!
 //! Reference: the table "allowed function calls" of FMI 2.0.4, section 4.2.4, written down here once more by hand,
 //! with the rules of the project's ARCHITECTURE.md on top: after a failed step nothing may be set, saved or stepped; no
-//! step is ever pending, so fmi2CancelStep is always refused; questions without an answer are discarded.
+//! step is ever pending, so fmi2CancelStep is always rejected; questions without an answer are discarded.
 
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality};
@@ -25,7 +25,7 @@ const STATES: [State; 5] = [Instantiated, Initialization, StepComplete, StepFail
 type Call = fn(&Fmu, &mut Instance, SavedState) -> Result<(), CallError>;
 
 /// A row: function; a sign for each of [`STATES`]: its letter where the call succeeds, d where it is discarded, a point
-/// where it is refused; the call, which gets a state that was saved in Instantiated.
+/// where it is rejected; the call, which gets a state that was saved in Instantiated.
 const TABLE: &[(&str, &str, Call)] = &[
     ("fmi2SetDebugLogging", "insft", |_, i, _| i.set_debug_logging(true, &["logStatusError"])),
     ("fmi2SetupExperiment", "i....", |_, i, _| i.setup_experiment(0.0, Some(10.0))),
@@ -100,7 +100,7 @@ fn bring(fmu: &Fmu, state: State, failing: Option<&[f64]>) -> Option<(Instance, 
         ok(instance.exit_initialization_mode());
     }
     match state {
-        StepFailed => drop(tests::refused(instance.do_step(0.0, Fmu::FAILING_STEP))),
+        StepFailed => drop(tests::rejected(instance.do_step(0.0, Fmu::FAILING_STEP))),
         Terminated => ok(instance.terminate()),
         _ => {}
     }
@@ -152,7 +152,7 @@ fn every_function_in_every_state() {
                         let text = messages.first().map(|message| message.text.clone()).unwrap_or_default();
                         let first = function.split(',').next().expect("a name");
                         assert!(text.starts_with(first), "{place}: the message does not say what was called: {text}");
-                        assert_eq!(content(&fmu, &mut instance), before, "{place}: a refused call changed something");
+                        assert_eq!(content(&fmu, &mut instance), before, "{place}: a rejected call changed something");
                         state
                     }
                     (b'd', Err(CallError { problem: CallProblem::Status(Status::Discard), .. })) => state,
@@ -177,7 +177,7 @@ fn a_message_says_where_a_call_was_made_and_where_it_may_be() {
     for fmu in all() {
         let mut instance = fmu.instance();
         assert_eq!(
-            tests::refused(instance.do_step(0.0, 0.001)),
+            tests::rejected(instance.do_step(0.0, 0.001)),
             "fmi2DoStep called in Instantiated, allowed in Step Mode",
             "{}",
             fmu.name

@@ -1,4 +1,4 @@
-//! The rescue vehicle with all its controllers: the packed FMUs, wired and stepped by the host.
+//! The rescue vehicle with all its controllers: the packed FMUs, wired and stepped by the importer.
 //!
 //! References: Chen, Gong, Zhao, Liu, Jia, Mathematics 2022, 10, 3562, and the check numbers that the independent
 //! implementation behind `references/` printed for steady states. Such a number stands here as a text with the digits

@@ -99,13 +99,13 @@ fn damage(text: &str, random: &mut Random) -> String {
     lines.join("\n")
 }
 
-/// Damages the files of a folder and reads them: how many were refused with a message, how many are still in order.
+/// Damages the files of a folder and reads them: how many were rejected with a message, how many are still in order.
 fn read_damaged<E: std::fmt::Display>(
     folder: &str,
     first_seed: u64,
     read: impl Fn(&Path, &str) -> Result<(), E>,
 ) -> (u32, u32) {
-    let (mut refused, mut accepted) = (0, 0);
+    let (mut rejected, mut accepted) = (0, 0);
     for (number, file) in files(folder).iter().enumerate() {
         let text = std::fs::read_to_string(file).expect("the file can be read");
         let mut random = Random(first_seed + number as u64);
@@ -115,23 +115,26 @@ fn read_damaged<E: std::fmt::Display>(
             match result.unwrap_or_else(|_| panic!("{}, change {change}: a panic on\n{damaged}", file.display())) {
                 Ok(()) => accepted += 1,
                 Err(error) => {
-                    refused += 1;
+                    rejected += 1;
                     assert!(!error.to_string().trim().is_empty(), "no message for\n{damaged}");
                 }
             }
         }
     }
-    println!("{refused} refused, {accepted} still in order");
-    (refused, accepted)
+    println!("{rejected} rejected, {accepted} still in order");
+    (rejected, accepted)
 }
 
 #[test]
-fn damaged_scenarios_are_refused_with_a_message() {
+fn damaged_scenarios_are_rejected_with_a_message() {
     let source = FmuFolder::new([tests::folder()]);
-    let (refused, accepted) = read_damaged("scenarios", 0, |file, damaged| {
+    let (rejected, accepted) = read_damaged("scenarios", 0, |file, damaged| {
         resolve_text(file, damaged, &source, &Options::default()).map(drop)
     });
-    assert!(refused > 1000 && accepted > 100, "{refused} refused, {accepted} accepted: what is changed tests little");
+    assert!(
+        rejected > 1000 && accepted > 100,
+        "{rejected} rejected, {accepted} accepted: what is changed tests little"
+    );
 }
 
 /// Reading a study starts none of them.
@@ -142,7 +145,7 @@ fn workers() -> Workers {
 }
 
 #[test]
-fn damaged_studies_are_refused_with_a_message() {
+fn damaged_studies_are_rejected_with_a_message() {
     let source = FmuFolder::new([tests::folder()]);
     // A study names its scenario by a path from itself.
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -153,20 +156,20 @@ fn damaged_studies_are_refused_with_a_message() {
     for file in files("scenarios") {
         std::fs::copy(&file, scenarios.join(file.file_name().expect("a name"))).expect("it can be copied");
     }
-    let (refused, accepted) = read_damaged("studies", 1000, |file, damaged| {
+    let (rejected, accepted) = read_damaged("studies", 1000, |file, damaged| {
         let path = studies.join(file.file_name().expect("a name"));
         std::fs::write(&path, damaged).expect("it can be written");
         fmu_study::study::read(&path, &source, workers()).map(drop)
     });
-    assert!(refused > 100 && accepted > 10, "{refused} refused, {accepted} accepted: what is changed tests little");
+    assert!(rejected > 100 && accepted > 10, "{rejected} rejected, {accepted} accepted: what is changed tests little");
 }
 
 #[test]
-fn files_that_are_no_text_are_refused() {
+fn files_that_are_no_text_are_rejected() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("scenario.toml");
     let source = FmuFolder::new([tests::folder()]);
-    let refuses = |path: &Path| {
+    let rejects = |path: &Path| {
         let error =
             fmu_system::resolve::resolve(path, &source, &Options::default()).map(drop).expect_err("no scenario");
         assert!(!error.to_string().is_empty());
@@ -176,8 +179,8 @@ fn files_that_are_no_text_are_refused() {
     let deep = format!("a = {}1{}", "[".repeat(100_000), "]".repeat(100_000));
     for bytes in [&b""[..], b"\xff\xfe\x00", b"\0\0\0", b"a = 1e999999999", deep.as_bytes()] {
         std::fs::write(&file, bytes).expect("it can be written");
-        refuses(&file);
+        rejects(&file);
     }
-    refuses(folder.path());
-    refuses(&folder.path().join("missing.toml"));
+    rejects(folder.path());
+    rejects(&folder.path().join("missing.toml"));
 }

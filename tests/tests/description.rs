@@ -83,7 +83,7 @@ fn descriptions_are_complete() {
         assert_eq!(description.log_categories, ["logStatusError", "logStatusDiscard", "logEvents"]);
         // libcosim takes the GUID as the name of a folder.
         assert!(!description.guid.contains(['/', '\\']), "{name}: {}", description.guid);
-        // The library accepts the GUID of the description; that it refuses others is tested elsewhere.
+        // The library accepts the GUID of the description; that it rejects others is tested elsewhere.
         drop(fmu.instance());
         description.variables.iter().for_each(|variable| check_variable(&fmu, variable));
         for unit in &description.units {
@@ -145,7 +145,7 @@ fn check_structure(fmu: &Fmu) {
     for unknown in description.outputs.iter().chain(&description.derivatives).chain(&description.initial_unknowns) {
         assert!(unknown.dependencies.is_some(), "{name}: {}", description.variables[unknown.variable].name);
     }
-    // No two variables share a value reference (an alias; one importer refuses those among outputs).
+    // No two variables share a value reference (an alias; one importer rejects those among outputs).
     let references: BTreeSet<_> = description.variables.iter().map(|v| (v.base_type, v.reference)).collect();
     assert_eq!(references.len(), description.variables.len(), "{name}: two variables share a value reference");
 }

@@ -30,7 +30,7 @@ fn no_call_breaks_an_fmu() {
     let seconds = 60.0 / paths.len() as f64;
     let mut command = Command::new(FUZZ);
     let output = run(command.args(["--calls", "50000", "--seconds", &seconds.to_string()]).args(paths));
-    // Calls that are always refused would test little: every function that can succeed did so now and then.
+    // Calls that are always rejected would test little: every function that can succeed did so now and then.
     let never = ["fmi2CancelStep", "fmi2GetRealOutputDerivatives", "fmi2SetRealInputDerivatives"];
     let discarded = ["fmi2GetStatus", "fmi2GetIntegerStatus", "fmi2GetStringStatus"];
     let answers = answers(&output);

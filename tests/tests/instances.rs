@@ -151,7 +151,7 @@ fn an_instance_that_was_reset_is_like_new() {
         ok(instance.setup_experiment(5.0, Some(100.0)));
         for variable in fmu.with(Causality::Parameter) {
             let value = 1.01 * tests::signals::start(variable);
-            // A value outside the limits is refused, which is in order here.
+            // A value outside the limits is rejected, which is in order here.
             let _ = instance.set_real(&[variable.reference], &[value]);
         }
         ok(instance.enter_initialization_mode());

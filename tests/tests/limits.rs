@@ -5,7 +5,7 @@ use fmu_import::loader::{CallError, Instance};
 use tests::{Fmu, all};
 
 /// Parameters that another one has to suit, and values at which it does, whatever that one is within its limits. Their
-/// relation is that of the message with which the FMU refuses the limit alone: a vehicle is heavier than its wheels, its
+/// relation is that of the message with which the FMU rejects the limit alone: a vehicle is heavier than its wheels, its
 /// center of mass is between its axles, and so on.
 const RELATIONS: &[(&str, &[(&str, f64)])] = &[
     ("vehicle.mass", &[("wheel.mass", 0.01)]),
@@ -38,8 +38,8 @@ fn initialize(fmu: &Fmu, parameters: &[(&Variable, f64)]) -> Result<Instance, Ca
     Ok(instance)
 }
 
-/// The message with which an FMU refuses a parameter, alone and with those that it has to suit; `None` if it takes it.
-fn refusal(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
+/// The message with which an FMU rejects a parameter, alone and with those that it has to suit; `None` if it takes it.
+fn error_of(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
     let text = |error: CallError| error.messages.into_iter().map(|message| message.text).collect::<String>();
     let alone = text(initialize(fmu, &[(parameter, value)]).err()?);
     if NEEDS_A_FILE.contains(&(&fmu.name, &parameter.name))
@@ -60,18 +60,18 @@ fn refusal(fmu: &Fmu, parameter: &Variable, value: f64) -> Option<String> {
 
 #[test]
 fn every_limit_of_a_parameter_is_accepted() {
-    let mut refused = Vec::new();
+    let mut rejected = Vec::new();
     let mut tried = 0;
     for fmu in all() {
         for parameter in fmu.with(Causality::Parameter) {
             for value in [parameter.min, parameter.max].into_iter().flatten().filter(|limit| limit.is_finite()) {
                 tried += 1;
-                if let Some(message) = refusal(&fmu, parameter, value) {
-                    refused.push(format!("{} {} = {value}: {message}", fmu.name, parameter.name));
+                if let Some(message) = error_of(&fmu, parameter, value) {
+                    rejected.push(format!("{} {} = {value}: {message}", fmu.name, parameter.name));
                 }
             }
         }
     }
-    assert!(refused.is_empty(), "{} of {tried} limits are refused:\n{}", refused.len(), refused.join("\n"));
+    assert!(rejected.is_empty(), "{} of {tried} limits are rejected:\n{}", rejected.len(), rejected.join("\n"));
     assert!(tried > 400, "{tried} limits");
 }

@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use tests::{Fmu, all, folder, ok, paths, real, refused, symbols, workspace};
+use tests::{Fmu, all, folder, ok, paths, real, rejected, symbols, workspace};
 use zip::{CompressionMethod, DateTime, ZipArchive};
 
 /// Says what to do about a description that is not the committed one.
@@ -110,7 +110,7 @@ fn binaries_know_their_description_only() {
         other.replace_range(other.len() - 2.., last);
         assert_ne!(other, description.guid);
         for guid in [other.as_str(), "", &description.guid.to_uppercase().replace('{', "")] {
-            let message = refused(Instance::instantiate(library, name, guid, false));
+            let message = rejected(Instance::instantiate(library, name, guid, false));
             assert!(message.contains(&description.guid), "{name}: the message names the expected GUID: {message}");
         }
         assert_eq!(description.model_name, *name);

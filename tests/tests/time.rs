@@ -1,10 +1,10 @@
-//! Times far from 0, as real clocks have them: no step is refused, no sample lost or taken twice.
+//! Times far from 0, as real clocks have them: no step is rejected, no sample lost or taken twice.
 //!
 //! Reference: ARCHITECTURE.md, "Time". Nothing here has a tolerance.
 
 use tests::signals::{Excitation, run};
 use tests::state_bytes::{Place, state};
-use tests::{Fmu, all, ok, refused};
+use tests::{Fmu, all, ok, rejected};
 
 /// Four months, and a Unix time of 2023, in s: a time is rounded to 2e-9 and 2e-7 s there.
 const LARGE: [f64; 2] = [1e7, 1.7e9];
@@ -52,7 +52,7 @@ fn no_sample_is_lost_or_taken_twice() {
 
 /// A state whose counter of samples is far ahead of its time would never take a sample again.
 #[test]
-fn a_state_whose_samples_do_not_agree_with_its_time_is_refused() {
+fn a_state_whose_samples_do_not_agree_with_its_time_is_rejected() {
     for fmu in all() {
         let place = Place::of(&fmu.description.guid);
         for start in [0.0, 1.7e9] {
@@ -63,7 +63,7 @@ fn a_state_whose_samples_do_not_agree_with_its_time_is_refused() {
             assert_eq!(samples > 0, !fmu.is_plant(), "{}: {samples} samples in 20 ms", fmu.name);
             for crafted in [u64::MAX, samples + 1000] {
                 let bytes = place.with_samples(&mut instance, crafted);
-                let message = refused(instance.deserialize_state(&bytes));
+                let message = rejected(instance.deserialize_state(&bytes));
                 assert!(message.contains(&format!("the sample counter is {crafted}, but")), "{}: {message}", fmu.name);
             }
             // The state as it was is none of these.
@@ -75,10 +75,10 @@ fn a_state_whose_samples_do_not_agree_with_its_time_is_refused() {
 }
 
 #[test]
-fn a_time_that_is_not_that_of_the_instance_is_refused() {
+fn a_time_that_is_not_that_of_the_instance_is_rejected() {
     for start in LARGE {
         let fmu = Fmu::named("RescueVehicle");
         let mut instance = fmu.started_at(start);
-        assert!(refused(instance.do_step(start + 1e-4, STEP)).contains("but the instance is at"));
+        assert!(rejected(instance.do_step(start + 1e-4, STEP)).contains("but the instance is at"));
     }
 }

@@ -39,7 +39,7 @@ pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
 pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 
 const CALLS: &str = "<p>The communication step may have any length above 0 and may vary; the start time is free. Parameters \
-are set before or in Initialization Mode, tunable ones also between steps. A refused call returns fmi2Error, changes nothing \
+are set before or in Initialization Mode, tunable ones also between steps. A rejected call returns fmi2Error, changes nothing \
 and says in the log what, where and what was expected. A step whose result is not a finite number restores what was before it \
 and returns fmi2Error. The complete state can be saved, serialized and restored in another process.</p>\n\
 <p><code>REFERENCE_RUN</code>, where it exists, holds a reference run made by an independent implementation: \

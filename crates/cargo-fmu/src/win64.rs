@@ -35,18 +35,18 @@ impl Toolchain {
             missing.push(format!("the linker {LINKER} is not on the PATH"));
         }
         let mut toolchain = None;
-        let mut refused = Vec::new();
+        let mut rejected = Vec::new();
         for root in candidates() {
             match usable(&root) {
                 Ok(()) => {
                     toolchain = Some(Self { root });
                     break;
                 }
-                Err(reason) => refused.push(reason),
+                Err(reason) => rejected.push(reason),
             }
         }
         if toolchain.is_none() {
-            missing.push(format!("there is no Rust that can build for Windows: {}", refused.join(", ")));
+            missing.push(format!("there is no Rust that can build for Windows: {}", rejected.join(", ")));
         }
         match toolchain {
             Some(toolchain) if missing.is_empty() => Ok(toolchain),

@@ -125,7 +125,7 @@ fn a_scenario_is_planned_and_run() {
 
 #[cfg(unix)]
 #[test]
-fn an_fmu_is_judged() {
+fn an_fmu_is_validated() {
     let folder = tempfile::tempdir().unwrap();
     support::Build::new("Ramp", "u", "x").pack(folder.path());
     let output = command(folder.path(), &["check", "Ramp.fmu"]);

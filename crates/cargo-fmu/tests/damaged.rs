@@ -189,12 +189,12 @@ fn message(output: &Output) -> String {
     text.split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// Writes the file and lets every command that goes as far as the damage refuse it.
-fn refused(what: &str, bytes: &[u8], part: Part, expected: &str) {
-    refused_by(what, |path| std::fs::write(path, bytes).unwrap(), part, expected);
+/// Writes the file and lets every command that goes as far as the damage reject it.
+fn rejected(what: &str, bytes: &[u8], part: Part, expected: &str) {
+    rejected_by(what, |path| std::fs::write(path, bytes).unwrap(), part, expected);
 }
 
-fn refused_by(what: &str, write: impl FnOnce(&Path), part: Part, expected: &str) {
+fn rejected_by(what: &str, write: impl FnOnce(&Path), part: Part, expected: &str) {
     let folder = folder();
     let folder = folder.path();
     write(&folder.join("Ramp.fmu"));
@@ -225,30 +225,35 @@ fn a_sound_fmu_is_accepted() {
 }
 
 #[test]
-fn a_file_that_is_no_archive_is_refused() {
+fn a_file_that_is_no_archive_is_rejected() {
     let sound = Sound::new().bytes();
-    refused("an empty file", b"", Archive, "not a readable FMU");
-    refused("text", b"this is no FMU", Archive, "not a readable FMU");
-    refused("noise", &(0..10_000_u32).map(|i| ((i * i) >> 3) as u8).collect::<Vec<_>>(), Archive, "not a readable FMU");
+    rejected("an empty file", b"", Archive, "not a readable FMU");
+    rejected("text", b"this is no FMU", Archive, "not a readable FMU");
+    rejected(
+        "noise",
+        &(0..10_000_u32).map(|i| ((i * i) >> 3) as u8).collect::<Vec<_>>(),
+        Archive,
+        "not a readable FMU",
+    );
     for length in [1, 4, 30, sound.len() / 4, sound.len() / 2, sound.len() - 100, sound.len() - 22, sound.len() - 1] {
-        refused(&format!("{length} bytes"), &sound[..length], Archive, "not a readable FMU");
+        rejected(&format!("{length} bytes"), &sound[..length], Archive, "not a readable FMU");
     }
-    refused_by("a folder", |path| std::fs::create_dir(path).unwrap(), Archive, "it is a folder");
+    rejected_by("a folder", |path| std::fs::create_dir(path).unwrap(), Archive, "it is a folder");
 }
 
 #[test]
-fn an_archive_that_reaches_out_is_refused() {
+fn an_archive_that_reaches_out_is_rejected() {
     let sound = Sound::new();
     for name in ["../evil", "/evil", "resources/../../evil", "resources\\..\\evil", "C:evil", "resources/a\0b"] {
-        refused(name, &sound.with(name, b"x"), Archive, "is not a path within the archive");
+        rejected(name, &sound.with(name, b"x"), Archive, "is not a path within the archive");
     }
     let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
     zip.add_symlink("resources/link", "/etc/passwd", SimpleFileOptions::default()).unwrap();
-    refused("a link", &zip.finish().unwrap().into_inner(), Archive, "is a link");
+    rejected("a link", &zip.finish().unwrap().into_inner(), Archive, "is a link");
 }
 
 #[test]
-fn damaged_entries_are_refused() {
+fn damaged_entries_are_rejected() {
     let sound = Sound::new();
     let (xml, library) = ("modelDescription.xml", binary());
     let flip = |mut bytes: Vec<u8>, part: &[u8]| {
@@ -256,61 +261,61 @@ fn damaged_entries_are_refused() {
         bytes[at] ^= 1;
         bytes
     };
-    refused("no description", &zipped(&sound.entries()[1..]), Archive, "modelDescription.xml");
+    rejected("no description", &zipped(&sound.entries()[1..]), Archive, "modelDescription.xml");
     let inside: Vec<_> = sound.entries().into_iter().map(|(name, content)| (format!("Ramp/{name}"), content)).collect();
-    refused("all in a folder", &zipped(&inside), Archive, "Ramp/modelDescription.xml");
+    rejected("all in a folder", &zipped(&inside), Archive, "Ramp/modelDescription.xml");
     let mut twice = sound.with("modelDescription.xmk", sound.description.as_bytes());
     for at in places(&twice, b"modelDescription.xmk") {
         twice[at + 19] = b'l';
     }
-    refused("two descriptions", &twice, Archive, "twice");
-    refused("a changed description", &flip(sound.bytes(), b"Ramp\" guid"), Archive, "modelDescription.xml");
-    refused("a changed binary", &flip(sound.bytes(), &sound.binary[..64]), Binary, &library);
+    rejected("two descriptions", &twice, Archive, "twice");
+    rejected("a changed description", &flip(sound.bytes(), b"Ramp\" guid"), Archive, "modelDescription.xml");
+    rejected("a changed binary", &flip(sound.bytes(), &sound.binary[..64]), Binary, &library);
     let encrypted = |name: &str| header(sound.bytes(), name, [6, 8], |flags| flags[0] |= 1);
-    refused("an encrypted description", &encrypted(xml), Archive, "encrypted");
-    refused("an encrypted binary", &encrypted(&library), Binary, "encrypted");
+    rejected("an encrypted description", &encrypted(xml), Archive, "encrypted");
+    rejected("an encrypted binary", &encrypted(&library), Binary, "encrypted");
     let packed = |name: &str| header(sound.bytes(), name, [8, 10], |method| method[0] = 93);
-    refused("a description packed in an unknown way", &packed(xml), Archive, "ompression");
-    refused("a binary packed in an unknown way", &packed(&library), Binary, "ompression");
+    rejected("a description packed in an unknown way", &packed(xml), Archive, "ompression");
+    rejected("a binary packed in an unknown way", &packed(&library), Binary, "ompression");
 }
 
 #[test]
-fn bombs_are_refused() {
+fn bombs_are_rejected() {
     let sound = Sound::new();
     // Sizes that are only stated.
     let stated = |name: &str, size: u32| {
         header(sound.bytes(), name, [22, 24], |field| field[..4].copy_from_slice(&size.to_le_bytes()))
     };
     for name in ["modelDescription.xml", "resources/note.txt"] {
-        refused(name, &stated(name, 0xffff_fff0), Archive, "unpacks to 4294967280 bytes, at most 1073741824 are");
+        rejected(name, &stated(name, 0xffff_fff0), Archive, "unpacks to 4294967280 bytes, at most 1073741824 are");
     }
-    refused("a large description", &stated("modelDescription.xml", 1 << 30), Archive, "at most 200 times as many are");
-    refused("a long description", &sound.described(vec![b' '; 67_108_865]), Archive, "at most 67108864 are read");
+    rejected("a large description", &stated("modelDescription.xml", 1 << 30), Archive, "at most 200 times as many are");
+    rejected("a long description", &sound.described(vec![b' '; 67_108_865]), Archive, "at most 67108864 are read");
     for (size, expected) in [(0, "larger than its declared"), (100_000, "does not have the 100000 bytes")] {
-        refused("a description", &stated("modelDescription.xml", size), Archive, expected);
-        refused("a resource", &stated("resources/note.txt", size), Binary, expected);
+        rejected("a description", &stated("modelDescription.xml", size), Archive, expected);
+        rejected("a resource", &stated("resources/note.txt", size), Binary, expected);
     }
     // Sizes that are there: a description of 200 MB in 200 kB.
     let mut zip = ZipWriter::new(std::io::Cursor::new(Vec::new()));
     zip.start_file("modelDescription.xml", SimpleFileOptions::default()).unwrap();
     zip.write_all(&vec![b' '; 200_000_000]).unwrap();
-    refused("a dense description", &zip.finish().unwrap().into_inner(), Archive, "at most 200 times as many are");
+    rejected("a dense description", &zip.finish().unwrap().into_inner(), Archive, "at most 200 times as many are");
     let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
     for number in 0..100_000 {
         zip.start_file(format!("resources/{number}"), SimpleFileOptions::default()).unwrap();
     }
-    refused("many entries", &zip.finish().unwrap().into_inner(), Archive, "100003 entries, at most 100000 are");
+    rejected("many entries", &zip.finish().unwrap().into_inner(), Archive, "100003 entries, at most 100000 are");
     // Zeros that fill the disk, a thousand from a byte.
     let mut zip = ZipWriter::new_append(std::io::Cursor::new(sound.bytes())).unwrap();
     zip.start_file("binaries/zeros.bin", SimpleFileOptions::default()).unwrap();
     let zeros = vec![0; 100_000_000];
     zip.write_all(&zeros).unwrap();
-    refused("zeros", &zip.finish().unwrap().into_inner(), Archive, "at most 200 times as many are accepted");
+    rejected("zeros", &zip.finish().unwrap().into_inner(), Archive, "at most 200 times as many are accepted");
 }
 
 /// Programs that read zip files disagree about these: what one of them checks another one does not unpack.
 #[test]
-fn ambiguous_archives_are_refused() {
+fn ambiguous_archives_are_rejected() {
     let sound = Sound::new();
     // Another archive as the comment of this one; the length of the comment stands in the last two bytes.
     let mut bytes = sound.bytes();
@@ -319,7 +324,7 @@ fn ambiguous_archives_are_refused() {
     let at = bytes.len() - 2;
     bytes[at..].copy_from_slice(&length);
     bytes.extend(&other);
-    refused("an archive in the comment", &bytes, Archive, "it has several end records");
+    rejected("an archive in the comment", &bytes, Archive, "it has several end records");
     // An end record of zip64 that states an entry less.
     let (bytes, end) = (sound.bytes(), 22);
     let (front, end) = bytes.split_at(bytes.len() - end);
@@ -332,13 +337,13 @@ fn ambiguous_archives_are_refused() {
     wide.extend((front.len() as u64).to_le_bytes());
     wide.extend(1_u32.to_le_bytes());
     let bytes = [front, &wide, end].concat();
-    refused("an end record of zip64", &bytes, Archive, "its end record states 3 entries, that of zip64 2");
+    rejected("an end record of zip64", &bytes, Archive, "its end record states 3 entries, that of zip64 2");
     // Two names of one content.
     let bytes = header(sound.bytes(), "resources/note.txt", [30, 30], |_| ());
     let last = *places(&bytes, b"resources/note.txt").last().unwrap();
     let mut bytes = bytes;
     bytes[last] = b'R';
-    refused("two names", &bytes, Archive, "has another name, `resources/note.txt`, at its content");
+    rejected("two names", &bytes, Archive, "has another name, `resources/note.txt`, at its content");
 }
 
 /// Look-ups by name take no longer the more there is: 100,000 units of measure, each of one variable, and as many
@@ -410,7 +415,7 @@ fn what_many_variables_inherit_takes_no_memory_of_each() {
     }
     let long = format!("<Real unit=\"{}\"/>", "m".repeat(1_000_000));
     let long = of_type("<Real declaredType=\"T\" start=\"1\"/>", &long);
-    refused("a long unit", &long, Description, "`unit` of <Real> has 1000000 bytes, at most 200 are read");
+    rejected("a long unit", &long, Description, "`unit` of <Real> has 1000000 bytes, at most 200 are read");
 }
 
 /// ESC begins a sequence that a terminal obeys, U+009B is the same in one character, U+202E turns the line round.
@@ -449,31 +454,31 @@ fn text_of_an_fmu_does_not_control_the_terminal() {
 }
 
 #[test]
-fn hostile_descriptions_are_refused() {
+fn hostile_descriptions_are_rejected() {
     let sound = Sound::new();
     let start = "<?xml version=\"1.0\"?>\n";
     let laughs: String =
         (1..10).map(|i| format!("<!ENTITY l{i} \"{}\">", format!("&l{};", i - 1).repeat(10))).collect();
     let laughs = format!("{start}<!DOCTYPE l [<!ENTITY l0 \"ha\">{laughs}]>\n");
-    refused("entities", &sound.changed(start, &laughs), Description, "document type declaration");
+    rejected("entities", &sound.changed(start, &laughs), Description, "document type declaration");
     let external = format!("{start}<!DOCTYPE l [<!ENTITY l SYSTEM \"file:///etc/passwd\">]>\n");
-    refused("external entities", &sound.changed(start, &external), Description, "document type declaration");
-    refused("an entity", &sound.changed("modelName=\"Ramp\"", "modelName=\"&l;\""), Description, "line 2");
+    rejected("external entities", &sound.changed(start, &external), Description, "document type declaration");
+    rejected("an entity", &sound.changed("modelName=\"Ramp\"", "modelName=\"&l;\""), Description, "line 2");
     let deep = format!("{}{}", "<a>".repeat(100_000), "</a>".repeat(100_000));
-    refused(
+    rejected(
         "nesting",
         &sound.changed("<ModelStructure/>", &format!("<VendorAnnotations>{deep}</VendorAnnotations><ModelStructure/>")),
         Description,
         "nested deeper",
     );
     let wide: String = (0..10_000).map(|i| format!(" a{i}=\"\"")).collect();
-    refused("attributes", &sound.changed("modelName=", &format!("{wide} modelName=")), Description, "attributes");
+    rejected("attributes", &sound.changed("modelName=", &format!("{wide} modelName=")), Description, "attributes");
     let latin: Vec<u8> = sound.description.replace("gain", "g\u{e4}in").chars().map(|c| c as u32 as u8).collect();
-    refused("another encoding", &sound.described(latin), Archive, "UTF-8");
+    rejected("another encoding", &sound.described(latin), Archive, "UTF-8");
     let wide: Vec<u8> = sound.description.encode_utf16().flat_map(u16::to_le_bytes).collect();
-    refused("UTF-16", &sound.described([&[0xff, 0xfe], &wide[..]].concat()), Archive, "UTF-8");
-    refused("nothing", &sound.described(""), Description, "no element");
-    refused("half of it", &sound.described(&sound.description[..sound.description.len() / 2]), Description, "line");
+    rejected("UTF-16", &sound.described([&[0xff, 0xfe], &wide[..]].concat()), Archive, "UTF-8");
+    rejected("nothing", &sound.described(""), Description, "no element");
+    rejected("half of it", &sound.described(&sound.description[..sound.description.len() / 2]), Description, "line");
     for (from, to, expected) in [
         ("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\"", "FMI version 3.0, expected 2.0"),
         ("<Real start=\"1\"", "<Real start=\"one\"", "has start=\"one\", expected a number"),
@@ -495,7 +500,7 @@ fn hostile_descriptions_are_refused() {
             "names variable 0, expected 1 to 9",
         ),
     ] {
-        refused(to, &sound.changed(from, to), Description, expected);
+        rejected(to, &sound.changed(from, to), Description, expected);
     }
 }
 
@@ -569,24 +574,24 @@ fn long_descriptions_are_read_in_time() {
 }
 
 #[test]
-fn binaries_that_do_not_run_here_are_refused() {
+fn binaries_that_do_not_run_here_are_rejected() {
     let sound = Sound::new();
     let name = binary();
-    refused("no binary", &sound.loading("", None), Binary, "the FMU has none");
-    refused(
+    rejected("no binary", &sound.loading("", None), Binary, "the FMU has none");
+    rejected(
         "another platform",
         &sound.loading("binaries/amiga68k/Ramp.library", Some(b"x")),
         Binary,
         "the FMU has amiga68k",
     );
-    refused("a folder as binary", &sound.loading(&format!("{name}/"), Some(b"")), Binary, "no binary");
-    refused("an empty binary", &sound.loading(&name, Some(b"")), Binary, &name);
-    refused("text", &sound.loading(&name, Some(b"this is no library")), Binary, &name);
+    rejected("a folder as binary", &sound.loading(&format!("{name}/"), Some(b"")), Binary, "no binary");
+    rejected("an empty binary", &sound.loading(&name, Some(b"")), Binary, &name);
+    rejected("text", &sound.loading(&name, Some(b"this is no library")), Binary, &name);
     // What follows is said of ELF files.
     if !cfg!(target_os = "linux") {
         return;
     }
-    refused(
+    rejected(
         "half a binary",
         &sound.loading(&name, Some(&sound.binary[..sound.binary.len() / 2])),
         Binary,
@@ -595,5 +600,5 @@ fn binaries_that_do_not_run_here_are_refused() {
     let mut other = sound.binary.clone();
     // The machine: one that nobody has.
     other[18..20].copy_from_slice(&0xdead_u16.to_le_bytes());
-    refused("another machine", &sound.loading(&name, Some(&other)), Binary, &name);
+    rejected("another machine", &sound.loading(&name, Some(&other)), Binary, &name);
 }

@@ -203,7 +203,7 @@ fn objective(place: &Place, scenario: &str, gains: Option<[f64; 2]>) -> f64 {
 #[test]
 fn a_study_from_the_file_to_the_results() {
     let place = Place::new();
-    let summary = place.execute(STUDY, 2, "out", Existing::Refuse).unwrap();
+    let summary = place.execute(STUDY, 2, "out", Existing::Error).unwrap();
     let names: Vec<_> = summary.methods.iter().map(|m| m.method.name.as_str()).collect();
     assert_eq!(names, ["pacsa", "ga", "yardstick"]);
     assert_eq!(summary.runs, ["free", "inverted"]);
@@ -240,7 +240,7 @@ fn a_study_from_the_file_to_the_results() {
 fn results_do_not_depend_on_the_number_of_processes() {
     let place = Place::new();
     for jobs in [1, 2, 5] {
-        place.execute(STUDY, jobs, &format!("out{jobs}"), Existing::Refuse).unwrap();
+        place.execute(STUDY, jobs, &format!("out{jobs}"), Existing::Error).unwrap();
     }
     let one = place.results("out1");
     assert_eq!(one.len(), 3 * 3 + 2, "{:?}", one.keys());
@@ -252,7 +252,7 @@ fn results_do_not_depend_on_the_number_of_processes() {
 #[test]
 fn going_on_equals_never_stopping() {
     let place = Place::new();
-    place.execute(STUDY, 2, "whole", Existing::Refuse).unwrap();
+    place.execute(STUDY, 2, "whole", Existing::Error).unwrap();
     let whole = place.results("whole");
     for share in [0.0, 0.3, 0.8, 1.0] {
         let less = STUDY.replacen("evaluations = 60", "evaluations = 25", 1);
@@ -274,9 +274,9 @@ fn going_on_equals_never_stopping() {
 #[test]
 fn results_are_not_lost_by_a_slip() {
     let place = Place::new();
-    place.execute(STUDY, 2, "out", Existing::Refuse).unwrap();
+    place.execute(STUDY, 2, "out", Existing::Error).unwrap();
     let before = place.results("out");
-    let error = place.execute(STUDY, 2, "out", Existing::Refuse).unwrap_err().to_string();
+    let error = place.execute(STUDY, 2, "out", Existing::Error).unwrap_err().to_string();
     assert!(error.contains("history.csv is there: `--resume` goes on"), "{error}");
     for (from, to) in [
         ("max = 8.0", "max = 7.0"),
@@ -301,9 +301,9 @@ fn results_are_not_lost_by_a_slip() {
 
 /// A smaller budget would leave out what was found later.
 #[test]
-fn a_smaller_budget_is_refused() {
+fn a_smaller_budget_is_rejected() {
     let place = Place::new();
-    place.execute(STUDY, 2, "out", Existing::Refuse).unwrap();
+    place.execute(STUDY, 2, "out", Existing::Error).unwrap();
     let before = place.results("out");
     let less = STUDY.replacen("evaluations = 60", "evaluations = 59", 1);
     let error = place.execute(&less, 2, "out", Existing::Resume).unwrap_err();
@@ -330,7 +330,7 @@ fn the_scenarios_own_values_are_compared_with() {
         .unwrap();
     let text = STUDY.replacen("[[compare]]\ntitle = \"As it is\"\n\n", "", 1);
     assert!(text.len() < STUDY.len());
-    let summary = place.execute(&text, 2, "two", Existing::Refuse).unwrap();
+    let summary = place.execute(&text, 2, "two", Existing::Error).unwrap();
     assert_eq!(summary.baseline.title, "As in the scenario");
     assert_eq!(summary.baseline.values, [Some(1.0), None], "the cases differ in the second");
     assert_eq!(summary.comparisons.len(), 1);
@@ -338,7 +338,7 @@ fn the_scenarios_own_values_are_compared_with() {
     // Ranges where y swings by sqrt(8/0.6) at least, not by sqrt(3) as in the scenario.
     let text = text.replacen("cases = [\"free\", \"inverted\"]", "cases = [\"inverted\"]", 1);
     let far = text.replacen("min = -2.0\nmax = 8.0", "min = 0.5\nmax = 0.6", 1).replacen("min = 0.1", "min = 8.0", 1);
-    let summary = place.execute(&far, 2, "far", Existing::Refuse).unwrap();
+    let summary = place.execute(&far, 2, "far", Existing::Error).unwrap();
     assert_eq!(summary.baseline.values, [Some(1.0), Some(3.0)]);
     let name = summary.best.as_ref().unwrap();
     let best = summary.methods.iter().find(|m| m.method.name == *name).unwrap().progress.best.as_ref().unwrap();
@@ -370,7 +370,7 @@ fn a_wrong_component_of_a_signal_is_named() {
 fn what_is_not_feasible_is_bad_and_no_more() {
     let place = Place::new();
     let read = |out: &str| std::fs::read_to_string(place.path(out).join("study/pacsa/history.csv")).unwrap();
-    let summary = place.execute(STUDY, 2, "some", Existing::Refuse).unwrap();
+    let summary = place.execute(STUDY, 2, "some", Existing::Error).unwrap();
     let history = read("some");
     assert!(history.contains(",1000000.0,false,constraint product\n"), "{history}");
     let infeasible = history.matches(",false,").count() as u64;
@@ -379,19 +379,19 @@ fn what_is_not_feasible_is_bad_and_no_more() {
 
     // A limit that the gains of some candidates pass; another penalty.
     let text = STUDY.replacen("magnitude = 40.0", "magnitude = 1.5", 1).replacen("stop", "penalty = 777.0\nstop", 1);
-    place.execute(&text, 2, "limit", Existing::Refuse).unwrap();
+    place.execute(&text, 2, "limit", Existing::Error).unwrap();
     let history = read("limit");
     assert!(history.contains(",777.0,false,") && history.contains("the limit is 1.5"), "{history}");
 
     // Overflow: 1e308 steps of a ring that grows.
     let text = STUDY.replacen("reference = 2.0", "reference = 1e-200", 1);
-    let summary = place.execute(&text, 2, "overflow", Existing::Refuse).unwrap();
+    let summary = place.execute(&text, 2, "overflow", Existing::Error).unwrap();
     assert!(read("overflow").contains("the term of `y` is inf"), "{}", read("overflow"));
     assert_eq!(summary.best, None);
 
     // Every run fails at 0.5 s.
     let text = STUDY.replacen("cases = [\"free\", \"inverted\"]", "cases = [\"failing\"]", 1);
-    let summary = place.execute(&text, 2, "failing", Existing::Refuse).unwrap();
+    let summary = place.execute(&text, 2, "failing", Existing::Error).unwrap();
     let history = read("failing");
     assert!(
         history.contains("run failing, step from 0.5 s: ") && history.contains("x left 90% of its range"),
@@ -431,8 +431,8 @@ fn a_method_runs_with_several_seeds() {
     let other = study.methods.iter().find(|m| m.name == "yardstick").unwrap();
     assert_eq!((other.title.as_str(), other.group.as_str()), ("CMA-ES, other seed", "CMA-ES, other seed"));
 
-    let single = place.execute(STUDY, 2, "single", Existing::Refuse).unwrap();
-    let several = place.execute(&text, 2, "several", Existing::Refuse).unwrap();
+    let single = place.execute(STUDY, 2, "single", Existing::Error).unwrap();
+    let several = place.execute(&text, 2, "several", Existing::Error).unwrap();
     assert_eq!(single.methods[1].progress, several.methods[1].progress, "the study's seed is 3");
     assert_ne!(several.methods[1].progress, several.methods[2].progress);
 }

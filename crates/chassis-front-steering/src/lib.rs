@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn data_without_a_steady_turn_are_refused() {
+    fn data_without_a_steady_turn_are_rejected() {
         let tire = [data::CORNERING_STIFFNESS; 3];
         let axles = [6.0, data::FRONT_TO_MIDDLE, data::MIDDLE_TO_REAR];
         assert_eq!(

@@ -55,7 +55,7 @@ pub fn state_space(p: &Vehicle, speed: Option<f64>) -> Result<(DMatrix<f64>, DMa
     }
     let m_s = p.m - unsprung;
     let least = (m_s * p.h_s).powi(2) / p.m + p.i_xz.powi(2) / p.i_z;
-    // Also where the lateral motion is left out of the model: these are the data of the vehicle, and the plant refuses
+    // Also where the lateral motion is left out of the model: these are the data of the vehicle, and the plant rejects
     // the same.
     if p.i_x <= least {
         return Err(format!(

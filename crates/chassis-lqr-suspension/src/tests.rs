@@ -179,23 +179,23 @@ fn lateral_states_are_fed_back_on_demand() {
 
 #[test]
 fn designs_without_solution_say_what_was_expected() {
-    let refused =
+    let rejected =
         |p: VehicleParameters, outputs: &[Accepted], force: f64| Gains::derived(&p, outputs, force).unwrap_err();
     let start = VehicleParameters::default;
     assert_eq!(
-        refused(VehicleParameters { m: 3000.0, ..start() }, &integrated(), FORCE),
+        rejected(VehicleParameters { m: 3000.0, ..start() }, &integrated(), FORCE),
         "'vehicle.mass' must be more than six times 'wheel.mass' (3600 kg), got 3000 kg"
     );
     // (m_s h_s)^2/m + I_xz^2/I_z, as in the plant, with and without lateral states.
     for lateral_states in [false, true] {
         let light = VehicleParameters { i_x: 20_000.0, lateral_states, ..start() };
         assert_eq!(
-            refused(light, &integrated(), FORCE),
+            rejected(light, &integrated(), FORCE),
             "'body.roll_axis_inertia' must be more than 29292 kg.m2, got 20000 kg.m2: mass, \
              'geometry.body_cg_to_roll_axis' and 'body.product_of_inertia' need it"
         );
         for i_xz in [1e300, -1e300] {
-            let message = refused(VehicleParameters { i_xz, lateral_states, ..start() }, &integrated(), FORCE);
+            let message = rejected(VehicleParameters { i_xz, lateral_states, ..start() }, &integrated(), FORCE);
             assert!(message.contains("'body.product_of_inertia' need it"), "{message}");
         }
     }
@@ -209,7 +209,7 @@ fn designs_without_solution_say_what_was_expected() {
         ..start()
     };
     assert_eq!(
-        refused(unstable, &integrated(), FORCE),
+        rejected(unstable, &integrated(), FORCE),
         "no suspension gains for these vehicle data and these values of 'accepted': Riccati design: no convergence; \
          (A, B) is not stabilizable, the Hamiltonian matrix has eigenvalues on the imaginary axis, or an unstable mode \
          is not seen by the cost"
@@ -217,11 +217,11 @@ fn designs_without_solution_say_what_was_expected() {
 }
 
 #[test]
-fn accepted_values_whose_weight_is_no_number_are_refused() {
-    let refused =
+fn accepted_values_whose_weight_is_no_number_are_rejected() {
+    let rejected =
         |outputs: &[Accepted], force| Gains::derived(&VehicleParameters::default(), outputs, force).unwrap_err();
     assert_eq!(
-        refused(&integrated(), 1e-200),
+        rejected(&integrated(), 1e-200),
         "'accepted.suspension_force' must be a number in [1e-150, 1e150], got 1e-200"
     );
     for quantity in [
@@ -233,7 +233,7 @@ fn accepted_values_whose_weight_is_no_number_are_refused() {
         Weighted::TireDeflections,
     ] {
         assert_eq!(
-            refused(&accepted([(quantity, 1e200)]), FORCE),
+            rejected(&accepted([(quantity, 1e200)]), FORCE),
             format!("'{}' must be a number in [1e-150, 1e150], got 1e200", quantity.parameter())
         );
     }

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_with_line_and_column() {
+    fn rejects_with_line_and_column() {
         for (text, message) in [
             ("", "a.csv: the file is empty, expected columns `time` and any of `steer`, `speed`"),
             ("time,wheel\n", "a.csv:1: the name of column 2 is unknown, expected `time` and any of `steer`, `speed`"),
@@ -266,24 +266,24 @@ mod tests {
         assert_eq!(message, "'table.file' must be the path of a CSV file, it is empty");
     }
 
-    /// A FIFO would block, a device would never end, a folder has no text: each is refused before it is opened.
+    /// A FIFO would block, a device would never end, a folder has no text: each is rejected before it is opened.
     #[test]
     fn reads_regular_files_only() {
         let folder = tempfile::tempdir().unwrap();
-        let refused = |path: &Path| read_regular(path, 10).unwrap_err().to_string();
-        assert_eq!(refused(folder.path()), "it is not a regular file");
+        let rejected = |path: &Path| read_regular(path, 10).unwrap_err().to_string();
+        assert_eq!(rejected(folder.path()), "it is not a regular file");
         let file = folder.path().join("a.csv");
         std::fs::write(&file, "0123456789").unwrap();
         assert_eq!(read_regular(&file, 10).unwrap(), "0123456789");
         assert_eq!(read_regular(&file, 9).unwrap_err().to_string(), "it has 10 bytes, at most 9 are allowed");
         std::fs::write(&file, [0xff, 0xfe]).unwrap();
-        assert!(refused(&file).contains("UTF-8"));
+        assert!(rejected(&file).contains("UTF-8"));
         #[cfg(unix)]
         {
-            assert_eq!(refused(Path::new("/dev/zero")), "it is not a regular file");
+            assert_eq!(rejected(Path::new("/dev/zero")), "it is not a regular file");
             let fifo = folder.path().join("fifo");
             assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
-            assert_eq!(refused(&fifo), "it is not a regular file");
+            assert_eq!(rejected(&fifo), "it is not a regular file");
             // a link counts as what it leads to
             std::fs::write(&file, "0").unwrap();
             let link = folder.path().join("link");

@@ -139,7 +139,7 @@ impl Variable {
         }
     }
 
-    /// Refuses keys that mean nothing here.
+    /// Rejects keys that mean nothing here.
     pub(crate) fn allow(&self, allowed: &[&str]) -> Result<()> {
         let mut errors = Errors::default();
         for (key, _) in self.keys.iter().filter(|(key, _)| !allowed.iter().any(|name| key == name)) {
@@ -309,7 +309,7 @@ impl Variable {
             && Unit::parse(&text, Span::call_site()).is_ok_and(|unit| !unit.is_second())
     }
 
-    /// Refuses a start value outside its limits, as far as both are written as numbers.
+    /// Rejects a start value outside its limits, as far as both are written as numbers.
     pub(crate) fn check_start(&self, start: &Expr) -> Result<()> {
         if let Expr::Array(elements) = start {
             return elements.elems.iter().try_for_each(|element| self.check_start(element));

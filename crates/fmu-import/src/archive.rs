@@ -51,8 +51,8 @@ pub enum ArchiveError {
     },
     /// A name leads out of the folder the archive is unpacked to, an entry is not what the archive says, zip readers
     /// disagree about the archive, or it is too large.
-    #[error("{}: refused: {reason}", path.display())]
-    Refused {
+    #[error("{}: rejected: {reason}", path.display())]
+    Rejected {
         /// The archive.
         path: PathBuf,
         /// What was found.
@@ -139,21 +139,21 @@ impl Archive {
     /// within the archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
         let io_error = |cause| ArchiveError::Io { path: path.to_path_buf(), cause };
-        let refused = |reason| ArchiveError::Refused { path: path.to_path_buf(), reason };
+        let rejected = |reason| ArchiveError::Rejected { path: path.to_path_buf(), reason };
         let damaged = |reason| ArchiveError::Zip { path: path.to_path_buf(), reason };
         let mut file = File::open(path).map_err(io_error)?;
         if file.metadata().map_err(io_error)?.is_dir() {
-            return Err(refused("it is a folder, an FMU is a zip archive".to_owned()));
+            return Err(rejected("it is a folder, an FMU is a zip archive".to_owned()));
         }
         let entries = directory::read(&mut file).map_err(|error| match error {
             DirectoryError::Io(cause) => io_error(cause),
             DirectoryError::Damaged(reason) => damaged(reason),
-            DirectoryError::Refused(reason) => refused(reason),
+            DirectoryError::Rejected(reason) => rejected(reason),
         })?;
-        check_sizes(&entries).map_err(refused)?;
+        check_sizes(&entries).map_err(rejected)?;
         file.rewind().map_err(io_error)?;
         let zip = ZipArchive::new(BufReader::new(file)).map_err(|cause| damaged(cause.to_string()))?;
-        check_entries(&entries, &zip).map_err(refused)?;
+        check_entries(&entries, &zip).map_err(rejected)?;
         Ok(Self { path: path.to_path_buf(), zip })
     }
 
@@ -164,12 +164,12 @@ impl Archive {
     pub fn description_text(&mut self) -> Result<String, ArchiveError> {
         const NAME: &str = "modelDescription.xml";
         let limit = crate::xml::MAX_BYTES as u64;
-        let refused = |reason| ArchiveError::Refused { path: self.path.clone(), reason };
+        let rejected = |reason| ArchiveError::Rejected { path: self.path.clone(), reason };
         if self.zip.index_for_name(NAME).is_none() {
             // A folder was zipped instead of what is in it.
             let deeper = self.zip.file_names().flatten().find(|name| name.ends_with(&format!("/{NAME}")));
             let instead = deeper.map_or(String::new(), |name| format!(", but `{name}`"));
-            return Err(refused(format!("it has no {NAME} at its top{instead}")));
+            return Err(rejected(format!("it has no {NAME} at its top{instead}")));
         }
         let entry = self.zip.by_name(NAME).map_err(|cause| ArchiveError::Entry {
             path: self.path.clone(),
@@ -177,7 +177,7 @@ impl Archive {
             cause: cause.into(),
         })?;
         if entry.size() > limit {
-            return Err(refused(format!("{NAME} has {} bytes, at most {limit} are read", entry.size())));
+            return Err(rejected(format!("{NAME} has {} bytes, at most {limit} are read", entry.size())));
         }
         let stated = entry.size();
         let mut bytes = Vec::new();
@@ -187,11 +187,11 @@ impl Archive {
             cause,
         })?;
         if bytes.len() as u64 != stated {
-            return Err(refused(format!("{NAME} does not have the {stated} bytes that the archive states")));
+            return Err(rejected(format!("{NAME} does not have the {stated} bytes that the archive states")));
         }
         String::from_utf8(bytes).map_err(|error| {
             let at = error.utf8_error().valid_up_to();
-            refused(format!("{NAME} is not UTF-8 (byte {}), the encoding of a model description", at + 1))
+            rejected(format!("{NAME} is not UTF-8 (byte {}), the encoding of a model description", at + 1))
         })
     }
 
@@ -272,7 +272,7 @@ impl Archive {
                 return Err(entry_error(entry_name, cause));
             }
             if copied.map_err(io_error(&target))? != stated {
-                return Err(ArchiveError::Refused {
+                return Err(ArchiveError::Rejected {
                     path: self.path.clone(),
                     reason: format!(
                         "the entry `{entry_name}` does not have the {stated} bytes that the archive states"
@@ -283,7 +283,7 @@ impl Archive {
         // Joined part by part: Windows loads no library from a path with slashes.
         let binary = folder.path().join("binaries").join(platform()).join(file);
         if !is_whole(&binary).map_err(io_error(&binary))? {
-            return Err(ArchiveError::Refused {
+            return Err(ArchiveError::Rejected {
                 path: self.path.clone(),
                 reason: format!("the library `{library}` is damaged or cut off"),
             });
@@ -471,7 +471,7 @@ mod tests {
     }
 
     #[test]
-    fn archives_that_reach_out_are_refused() {
+    fn archives_that_reach_out_are_rejected() {
         for name in ["../evil", "resources/../../evil", "/evil", "resources\\..\\evil"] {
             let folder = TempDir::new().unwrap();
             let path = fmu(&folder, &[("modelDescription.xml", VEHICLE), (name, "x")]);
@@ -481,25 +481,25 @@ mod tests {
     }
 
     #[test]
-    fn more_than_the_limits_is_refused() {
+    fn more_than_the_limits_is_rejected() {
         let entry = |compressed: u64, size: u64| Entry { name: b"x".to_vec(), compressed, size, header: 0 };
-        let refused = |entries: &[Entry]| check_sizes(entries).unwrap_err();
+        let rejected = |entries: &[Entry]| check_sizes(entries).unwrap_err();
         assert_eq!(
-            refused(&[entry(1 << 30, (1 << 30) + 1)]),
+            rejected(&[entry(1 << 30, (1 << 30) + 1)]),
             "the entry `x` unpacks to 1073741825 bytes, at most 1073741824 are accepted"
         );
-        let message = refused(&[entry(1 << 30, 1 << 30), entry(1 << 30, 1 << 30), entry(1, 1)]);
+        let message = rejected(&[entry(1 << 30, 1 << 30), entry(1 << 30, 1 << 30), entry(1, 1)]);
         assert_eq!(message, "its entries unpack to 2147483649 bytes, at most 2147483648 are accepted");
-        let message = refused(&[entry(1_000_000, 300_000_000)]);
+        let message = rejected(&[entry(1_000_000, 300_000_000)]);
         let ratio = "; above 67108864 bytes, at most 200 times as many are accepted";
         assert_eq!(message, format!("the entry `x` unpacks from 1000000 to 300000000 bytes{ratio}"));
-        let message = refused(&[entry(100_000, 60_000_000), entry(100_000, 60_000_000)]);
+        let message = rejected(&[entry(100_000, 60_000_000), entry(100_000, 60_000_000)]);
         assert_eq!(message, format!("its entries unpack from 200000 to 120000000 bytes{ratio}"));
         assert_eq!(check_sizes(&[entry(1 << 29, 1 << 30), entry(10, 60_000_000)]), Ok(()));
     }
 
     #[test]
-    fn one_file_by_two_names_and_control_characters_are_refused() {
+    fn one_file_by_two_names_and_control_characters_are_rejected() {
         for (name, expected) in [
             ("resources/./table.csv", "the entry `resources/./table.csv` is there twice"),
             ("resources/a\u{1b}[2Jb", "has control characters in its name"),

@@ -2,7 +2,7 @@
 //!
 //! Zip readers disagree about archives with two end records, with different numbers in the end record and in that of
 //! zip64, with one name twice, or with entries that share bytes: the file that one reader checks is not the file that
-//! another one unpacks. This reader refuses them. [`crate::archive`] compares its list with that of the `zip` crate.
+//! another one unpacks. This reader rejects them. [`crate::archive`] compares its list with that of the `zip` crate.
 //!
 //! Source: APPNOTE.TXT 6.3.10 of PKWARE, sections 4.3 and 4.5.3.
 
@@ -35,7 +35,7 @@ pub(crate) enum DirectoryError {
     /// It is not a zip archive, or a damaged one.
     Damaged(String),
     /// Zip readers disagree about it, or it exceeds a limit.
-    Refused(String),
+    Rejected(String),
 }
 
 impl From<io::Error> for DirectoryError {
@@ -104,16 +104,16 @@ struct Place {
 pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<Vec<Entry>, DirectoryError> {
     let place = find(file)?;
     if place.entries > MAX_ENTRIES {
-        return Err(refused(format!("{} entries, at most {MAX_ENTRIES} are accepted", place.entries)));
+        return Err(rejected(format!("{} entries, at most {MAX_ENTRIES} are accepted", place.entries)));
     }
     if place.size > MAX_DIRECTORY {
         let message = format!("the list of its entries has {} bytes, at most {MAX_DIRECTORY} are read", place.size);
-        return Err(refused(message));
+        return Err(rejected(message));
     }
     let entries = entries(&bytes(file, place.start, place.size)?, place.entries)?;
     let mut names = HashSet::new();
     if let Some(entry) = entries.iter().find(|entry| !names.insert(&entry.name)) {
-        return Err(refused(format!("the entry `{}` is there twice", entry.shown())));
+        return Err(rejected(format!("the entry `{}` is there twice", entry.shown())));
     }
     check_contents(file, &entries, place.start)?;
     Ok(entries)
@@ -123,8 +123,8 @@ fn damaged(message: impl Into<String>) -> DirectoryError {
     DirectoryError::Damaged(message.into())
 }
 
-fn refused(message: impl Into<String>) -> DirectoryError {
-    DirectoryError::Refused(message.into())
+fn rejected(message: impl Into<String>) -> DirectoryError {
+    DirectoryError::Rejected(message.into())
 }
 
 /// Bytes of the file; the caller bounds the size.
@@ -148,7 +148,7 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
         [] => return Err(damaged("there is no end record at its end")),
         [at] if signed.last() == Some(&at) => at,
         // One in the comment of the other: some readers take the first, some the last.
-        _ => return Err(refused("it has several end records; other programs may see other files in it")),
+        _ => return Err(rejected("it has several end records; other programs may see other files in it")),
     };
     let end = Record(&tail[at..]);
     if end.u16(4) != 0 || end.u16(6) != 0 || end.u16(8) != end.u16(10) {
@@ -167,7 +167,7 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
         ] {
             if narrow != most && narrow != wide {
                 let message = format!("its end record states {narrow} {what}, that of zip64 {wide}");
-                return Err(refused(message));
+                return Err(rejected(message));
             }
         }
         (place, directory_end) = (wide, position);
@@ -221,7 +221,7 @@ fn entries(mut directory: &[u8], count: u64) -> Result<Vec<Entry>, DirectoryErro
     }
     if entries.len() as u64 != count {
         let message = format!("the list of its entries has {}, its end record states {count}", entries.len());
-        return Err(refused(message));
+        return Err(rejected(message));
     }
     Ok(entries)
 }
@@ -256,7 +256,7 @@ fn check_contents<R: Read + Seek>(file: &mut R, entries: &[Entry], end: u64) -> 
     for entry in in_order {
         if entry.header < free {
             let other = before.map(Entry::shown).unwrap_or_default();
-            return Err(refused(format!("the entries `{other}` and `{}` overlap", entry.shown())));
+            return Err(rejected(format!("the entries `{other}` and `{}` overlap", entry.shown())));
         }
         let missing = || damaged(format!("the entry `{}` is not where the list of entries says", entry.shown()));
         let fixed = bytes(file, entry.header, LOCAL_BYTES as u64).map_err(|_| missing())?;
@@ -269,12 +269,12 @@ fn check_contents<R: Read + Seek>(file: &mut R, entries: &[Entry], end: u64) -> 
         if name != entry.name {
             let other = String::from_utf8_lossy(&name);
             let message = format!("the entry `{}` has another name, `{other}`, at its content", entry.shown());
-            return Err(refused(message));
+            return Err(rejected(message));
         }
         let content = entry.header + LOCAL_BYTES as u64 + header.u16(26) + header.u16(28);
         free = content.saturating_add(entry.compressed);
         if free > end {
-            return Err(refused(format!("the entry `{}` overlaps with the list of entries", entry.shown())));
+            return Err(rejected(format!("the entry `{}` overlaps with the list of entries", entry.shown())));
         }
         before = Some(entry);
     }
@@ -365,9 +365,9 @@ mod tests {
     }
 
     #[track_caller]
-    fn refuses(bytes: Vec<u8>, expected: &str) {
+    fn rejects(bytes: Vec<u8>, expected: &str) {
         match read(&mut io::Cursor::new(bytes)).expect_err(expected) {
-            DirectoryError::Refused(message) | DirectoryError::Damaged(message) => {
+            DirectoryError::Rejected(message) | DirectoryError::Damaged(message) => {
                 assert!(message.contains(expected), "{expected}: {message}");
             }
             DirectoryError::Io(error) => panic!("{expected}: {error}"),
@@ -405,77 +405,77 @@ mod tests {
         // Without them the numbers are as they are written.
         zip.list[0].truncate(CENTRAL_BYTES + 1);
         zip.list[0][30..32].fill(0);
-        refuses(zip.finished(b""), "the entry `a` is not where the list of entries says");
+        rejects(zip.finished(b""), "the entry `a` is not where the list of entries says");
     }
 
     #[test]
-    fn a_name_that_is_there_twice_is_refused() {
+    fn a_name_that_is_there_twice_is_rejected() {
         let mut zip = Zip::sound();
         zip.add("a", b"other text");
-        refuses(zip.finished(b""), "the entry `a` is there twice");
-        refuses(zip.finished_64(3, NARROW), "the entry `a` is there twice");
+        rejects(zip.finished(b""), "the entry `a` is there twice");
+        rejects(zip.finished_64(3, NARROW), "the entry `a` is there twice");
         // Hidden by another number of entries in one of the end records.
-        refuses(zip.finished_64(2, NARROW), "the list of its entries has 3, its end record states 2");
+        rejects(zip.finished_64(2, NARROW), "the list of its entries has 3, its end record states 2");
         let real = [3, zip.list.concat().len(), zip.bytes.len()];
-        refuses(zip.finished_64(2, real), "its end record states 3 entries, that of zip64 2");
+        rejects(zip.finished_64(2, real), "its end record states 3 entries, that of zip64 2");
         let (list, start) = (zip.list.concat(), zip.bytes.len());
         let short = [&zip.bytes[..], &list, &Zip::end(2, list.len(), start, b"")].concat();
-        refuses(short, "the list of its entries has 3, its end record states 2");
+        rejects(short, "the list of its entries has 3, its end record states 2");
     }
 
     /// Some programs take the first end record, some the last, some the one of zip64.
     #[test]
-    fn a_second_list_of_entries_is_refused() {
+    fn a_second_list_of_entries_is_rejected() {
         let zip = Zip::sound();
         let other = Zip::default().finished(b"");
-        refuses(zip.finished(&other), "it has several end records");
-        refuses(zip.finished(b"PK\x05\x06"), "it has several end records");
-        refuses([zip.finished(b""), other].concat(), "the list of its entries is not where");
-        refuses(zip.finished_64(2, [0, 0, 0]), "its end record states 0 entries, that of zip64 2");
+        rejects(zip.finished(&other), "it has several end records");
+        rejects(zip.finished(b"PK\x05\x06"), "it has several end records");
+        rejects([zip.finished(b""), other].concat(), "the list of its entries is not where");
+        rejects(zip.finished_64(2, [0, 0, 0]), "its end record states 0 entries, that of zip64 2");
         let start = zip.bytes.len() + 1;
-        refuses(zip.finished_64(2, [2, zip.list.concat().len(), start]), "as the start of the list, that of zip64");
-        refuses([zip.finished(b""), b"more".to_vec()].concat(), "there is no end record at its end");
-        refuses([b"before".to_vec(), zip.finished(b"")].concat(), "the list of its entries is not where");
+        rejects(zip.finished_64(2, [2, zip.list.concat().len(), start]), "as the start of the list, that of zip64");
+        rejects([zip.finished(b""), b"more".to_vec()].concat(), "there is no end record at its end");
+        rejects([b"before".to_vec(), zip.finished(b"")].concat(), "the list of its entries is not where");
         let mut moved = zip.finished_64(2, NARROW);
         let locator = moved.len() - END_BYTES - LOCATOR_64_BYTES;
         moved[locator + 8] += 1;
-        refuses(moved, "the end record of zip64 is not where its locator says");
+        rejects(moved, "the end record of zip64 is not where its locator says");
     }
 
     /// As in "A better zip bomb" (David Fifield, WOOT 2019): every entry has all those behind it as its content.
     #[test]
-    fn entries_that_overlap_are_refused() {
+    fn entries_that_overlap_are_rejected() {
         let mut zip = Zip::default();
         let (count, header) = (5000, LOCAL_BYTES as u64 + 4);
         for i in 0..count {
             zip.local(&format!("{i:04}"));
             zip.list(&format!("{i:04}"), (count - 1 - i) * header, i * header, &[]);
         }
-        refuses(zip.finished(b""), "the entries `0000` and `0001` overlap");
+        rejects(zip.finished(b""), "the entries `0000` and `0001` overlap");
 
         let mut zip = Zip::sound();
         zip.list("c", 0, 0, &[]);
-        refuses(zip.finished(b""), "the entries `a` and `c` overlap");
+        rejects(zip.finished(b""), "the entries `a` and `c` overlap");
         let mut zip = Zip::sound();
         zip.list.pop();
         let header = zip.bytes.len() as u64 - LOCAL_BYTES as u64 - 1;
         zip.list("b", 20, header, &[]);
-        refuses(zip.finished(b""), "the entry `b` overlaps with the list of entries");
+        rejects(zip.finished(b""), "the entry `b` overlaps with the list of entries");
     }
 
     #[test]
-    fn an_entry_with_two_names_is_refused() {
+    fn an_entry_with_two_names_is_rejected() {
         let mut zip = Zip::sound();
         zip.list[1][CENTRAL_BYTES] = b'c';
-        refuses(zip.finished(b""), "the entry `c` has another name, `b`, at its content");
+        rejects(zip.finished(b""), "the entry `c` has another name, `b`, at its content");
     }
 
     #[test]
     fn limits() {
-        refuses(Zip::default().finished_64(100_001, NARROW), "100001 entries, at most 100000 are accepted");
+        rejects(Zip::default().finished_64(100_001, NARROW), "100001 entries, at most 100000 are accepted");
         let most = 64 << 20;
         let large = [vec![0; most + 1], Zip::end(1, most + 1, 0, b"")].concat();
-        refuses(large, "the list of its entries has 67108865 bytes, at most 67108864 are read");
+        rejects(large, "the list of its entries has 67108865 bytes, at most 67108864 are read");
     }
 
     #[test]

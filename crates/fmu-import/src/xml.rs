@@ -1,7 +1,7 @@
 //! A small element tree for XML from strangers: attributes and structure, no text.
 //!
 //! Model descriptions and parameter sets hold all they say in attributes, so text is skipped. Document type
-//! declarations are refused, which rules out entity expansion; size, depth, the number of elements and
+//! declarations are rejected, which rules out entity expansion; size, depth, the number of elements and
 //! of their attributes are limited, so that memory and time stay proportional to the file.
 
 use quick_xml::events::{BytesStart, Event};
@@ -174,7 +174,7 @@ pub fn parse(text: &str) -> Result<Element, XmlError> {
             }
             Event::DocType(_) => {
                 return Err(place.error(
-                    "a document type declaration is refused: FMI and SSP need none, and it can expand entities",
+                    "a document type declaration is rejected: FMI and SSP need none, and it can expand entities",
                 ));
             }
             Event::Eof => break,
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn hostile_documents_are_refused_with_a_place() {
+    fn hostile_documents_are_rejected_with_a_place() {
         let deep = "<a>".repeat(200);
         let many = format!("<a>{}</a>", "<b/>".repeat(MAX_ELEMENTS));
         let wide = format!("<a {}/>", (0..100).map(|i| format!("a{i}='' ")).collect::<String>());

@@ -146,9 +146,9 @@ fn capabilities_that_are_not_there_are_found() {
     }
     // One instance at a time is enough if the description says so.
     let single = |flags: &str| lines(&Build { flags, defects: &["SINGLE"], ..Build::new("Fault", "u", "x") });
-    let is_refused = |line: &String| line.starts_with("error: two instances: fmi2Instantiate returned no instance");
-    assert!(single("").iter().any(is_refused));
-    assert!(!single("canBeInstantiatedOnlyOncePerProcess=\"true\"").iter().any(is_refused));
+    let is_rejected = |line: &String| line.starts_with("error: two instances: fmi2Instantiate returned no instance");
+    assert!(single("").iter().any(is_rejected));
+    assert!(!single("canBeInstantiatedOnlyOncePerProcess=\"true\"").iter().any(is_rejected));
     // A state that has bytes has to be one that can be saved.
     let bytes_only = lines(&Build { flags: "canSerializeFMUstate=\"true\"", ..Build::new("Fault", "u", "x") });
     assert!(bytes_only.iter().any(|line| line.starts_with("error: canSerializeFMUstate: ")), "{bytes_only:#?}");
@@ -156,7 +156,7 @@ fn capabilities_that_are_not_there_are_found() {
 
 /// Directional derivatives are asked for also where the model structure leaves none that is nonzero, and by states.
 #[test]
-fn directional_derivatives_that_are_refused_are_found() {
+fn directional_derivatives_that_are_rejected_are_found() {
     const STATE: &str = "<ScalarVariable name=\"rate\" valueReference=\"0\"><Real derivative=\"2\"/></ScalarVariable>\n</ModelVariables>";
     const INPUT: &str = "causality=\"input\"";
     const PARAMETER: &str = "causality=\"parameter\" variability=\"tunable\"";
@@ -184,4 +184,45 @@ fn directional_derivatives_that_are_refused_are_found() {
         assert!(build(&["NO_DERIVATIVE"]), "{case}");
         assert!(case == "a state" || !build(&[]), "{case}");
     }
+}
+
+/// FMI 2.0.4, section 2.2.8: in Initialization Mode an initial unknown depends on what its entry names, of any type, and on
+/// nothing else. Variables by number: 1 u, 2 x, 3 gain, 4 start, 5 failure, 6 count, 7 inverted, 8 moved, 9 label.
+#[test]
+fn initial_unknowns_that_follow_more_than_they_name_are_found() {
+    let about = |follow: &str, unknown: usize, dependencies: &str, edits: &[(&str, &str)]| {
+        let text = format!(
+            "<ModelStructure><Outputs><Unknown index=\"2\"/><Unknown index=\"6\"/><Unknown index=\"8\"/></Outputs>\
+             <InitialUnknowns><Unknown index=\"{unknown}\" dependencies=\"{dependencies}\"/></InitialUnknowns></ModelStructure>"
+        );
+        let edits = [edits, &[("<ModelStructure/>", &text)]].concat();
+        let defects = [format!("FOLLOW={follow}")];
+        let defects: Vec<&str> = defects.iter().map(String::as_str).collect();
+        let found = lines(&Build { edits: &edits, defects: &defects, ..Build::new("Fault", "u", "x") });
+        found.into_iter().filter(|line| line.contains("InitialUnknowns do not name")).collect::<Vec<_>>()
+    };
+    let line = |unknown: &str, known: &str| {
+        format!(
+            "error: variable `{unknown}`: changes with `{known}`, which its dependencies in InitialUnknowns do not name"
+        )
+    };
+    let sum = "i->v.real[1]=i->v.real[3]+i->v.real[0]+i->v.boolean[0]+strlen(i->label)";
+    assert_eq!(about(sum, 2, "1 4 7 9", &[]), [""; 0]);
+    assert_eq!(about(sum, 2, "1 4 7", &[]), [line("x", "label")]);
+    assert_eq!(about(sum, 2, "1 4 9", &[]), [line("x", "inverted")]);
+    assert_eq!(about(sum, 2, "4 7 9", &[]), [line("x", "u")]);
+    assert_eq!(about(sum, 2, "", &[]), ["u", "start", "inverted", "label"].map(|known| line("x", known)));
+    // Unknowns of other types.
+    let flag = "i->v.boolean[1]=i->v.real[2]>1";
+    assert_eq!(about(flag, 8, "3", &[]), [""; 0]);
+    assert_eq!(about(flag, 8, "", &[]), [line("moved", "gain")]);
+    // A start value of a variable that is no parameter.
+    let exact = ("<Integer/>", "<Integer start=\"0\"/>");
+    let initial = (
+        "name=\"count\" valueReference=\"1\" causality=\"output\"",
+        "name=\"count\" valueReference=\"1\" causality=\"output\" initial=\"exact\"",
+    );
+    let twice = "i->v.real[1]=2*i->v.integer[1]";
+    assert_eq!(about(twice, 2, "6", &[exact, initial]), [""; 0]);
+    assert_eq!(about(twice, 2, "", &[exact, initial]), [line("x", "count")]);
 }

@@ -10,7 +10,7 @@
 /// Mean consistency index of random matrices of order 1 to 8 (Table 3); 9 and 10 are Saaty's.
 const RANDOM_INDEX: [f64; 10] = [0.0, 0.0, 0.58, 0.9, 1.12, 1.24, 1.32, 1.41, 1.45, 1.49];
 
-/// Judgments with a consistency ratio above this are refused.
+/// Judgments with a consistency ratio above this are rejected.
 pub const MAX_RATIO: f64 = 0.10;
 
 /// How far the product of an entry and its counterpart may be from 1: room for 0.333333.
@@ -231,9 +231,9 @@ mod tests {
         assert!((w.weights[0] - 0.75).abs() < 1e-15 && w.ratio == 0.0);
     }
 
-    /// a > b > c > a: refused, with the ratio and the worst entry.
+    /// a > b > c > a: rejected, with the ratio and the worst entry.
     #[test]
-    fn contradictory_judgments_are_refused() {
+    fn contradictory_judgments_are_rejected() {
         let circle = [vec![1.0, 5.0, 0.2], vec![0.2, 1.0, 5.0], vec![5.0, 0.2, 1.0]];
         let error = weights(&circle).unwrap_err();
         let AhpError::Inconsistent { ratio, lambda_max, .. } = error else { panic!("{error}") };
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_judgment_matrix_is_refused() {
+    fn what_is_no_judgment_matrix_is_rejected() {
         for (matrix, expected) in [
             (vec![], "compares 1 to 10 features, this one 0"),
             (vec![vec![1.0]; 11], "this one 11"),

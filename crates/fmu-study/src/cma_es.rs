@@ -41,7 +41,7 @@ pub fn run(settings: &Settings, dimension: usize, seed: u64, evaluator: &mut dyn
             known.extend(evaluator.evaluate(&inside)?);
         }
         if known.is_empty() {
-            // Settings the crate refuses; a study is checked against them.
+            // Settings the crate rejects; a study is checked against them.
             return Ok(());
         }
     }

@@ -35,7 +35,7 @@ const HISTORY_FORMAT: u32 = 1;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
     /// Leave them alone and fail.
-    Refuse,
+    Error,
     /// Go on with them.
     Resume,
     /// Begin anew.
@@ -209,13 +209,13 @@ pub fn execute(
     for method in &study.methods {
         let [history, state, best] = names.map(|name| folder.join(&method.name).join(name));
         match existing {
-            Existing::Refuse if history.exists() => return Err(ExecutionError::Exists(history)),
+            Existing::Error if history.exists() => return Err(ExecutionError::Exists(history)),
             Existing::Overwrite => {
                 for path in [history, state, best] {
                     remove(&path)?;
                 }
             }
-            Existing::Refuse | Existing::Resume => (),
+            Existing::Error | Existing::Resume => (),
         }
     }
     let fmus = fingerprints(study)?;
@@ -237,7 +237,7 @@ pub fn execute(
     Ok(summary)
 }
 
-/// Refuses histories of another study and those that the budget would cut.
+/// Rejects histories of another study and those that the budget would cut.
 fn check_existing(study: &Study, folder: &Path, fmus: &BTreeMap<String, String>) -> Result<(), ExecutionError> {
     let mut longest: Option<(u64, PathBuf)> = None;
     for method in &study.methods {

@@ -186,7 +186,7 @@ fn the_best_never_rises() {
 }
 
 #[test]
-fn a_file_of_another_study_is_refused() {
+fn a_file_of_another_study_is_rejected() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("history.csv");
     run(&path, METHODS[0], &Bowl::new(1), 30).0.unwrap_err();
@@ -217,7 +217,7 @@ fn a_file_of_another_study_is_refused() {
 }
 
 #[test]
-fn two_at_a_time_are_refused() {
+fn two_at_a_time_are_rejected() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("sub/history.csv");
     let (parameters, bowl) = (parameters(), Bowl::new(1));

@@ -66,6 +66,21 @@ pub enum ExportError {
         /// Variable.
         variable: String,
     },
+    /// A connection that converts between Real and Boolean.
+    #[error(
+        "the connection from `{from}` ({output}) to `{to}` ({input}) converts the value, which neither SSP 1.0 nor OSP \
+         structures can express; connect variables of the same type"
+    )]
+    Conversion {
+        /// Component and variable that write.
+        from: String,
+        /// Their type.
+        output: BaseType,
+        /// Component and variable that read.
+        to: String,
+        /// Their type.
+        input: BaseType,
+    },
     /// A unit of measure that means two things.
     #[error("the unit of measure `{name}` is another one in {second} than in {first}")]
     UnitOfMeasure {
@@ -157,7 +172,8 @@ impl System {
     ///
     /// # Errors
     /// An FMU cannot be read or is another one than that of the plan, a file writes signals, an FMU has a name that is
-    /// no part of a URI, an enumeration is set or wired, a unit of measure is defined in two ways.
+    /// no part of a URI, an enumeration is set or wired, a connection converts Real or Boolean, a unit of measure is
+    /// defined in two ways.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
         if !run.series.is_empty() {
             return Err(ExportError::InputSeries);
@@ -165,7 +181,7 @@ impl System {
         let recorded: BTreeSet<usize> = run.columns.iter().flatten().copied().collect();
         let read: BTreeSet<usize> =
             run.components.iter().flat_map(|planned| &planned.inputs).map(|wire| wire.slot).collect();
-        let mut writers: BTreeMap<usize, [String; 2]> = BTreeMap::new();
+        let mut writers: BTreeMap<usize, ([String; 2], BaseType)> = BTreeMap::new();
         let mut units = Definitions::default();
         let mut components = Vec::new();
         for planned in &run.components {
@@ -187,11 +203,11 @@ impl System {
             {
                 let variable = wired(&wirable, planned, wire, Causality::Output)?;
                 component.connectors.push(connector(variable, true, &description, &planned.name)?);
-                writers.insert(wire.slot, [planned.name.clone(), variable.name.clone()]);
+                writers.insert(wire.slot, ([planned.name.clone(), variable.name.clone()], wire.base_type));
             }
             for setting in planned.parameters.iter().chain(&planned.constants) {
                 let variable = description.variable(&setting.name);
-                refuse_enumeration(variable, &planned.name)?;
+                reject_enumeration(variable, &planned.name)?;
                 let unit = variable.and_then(|v| v.unit.clone()).filter(|name| defined(&description, name).is_some());
                 component.values.push(Parameter { name: setting.name.clone(), value: setting.value.clone(), unit });
             }
@@ -204,10 +220,17 @@ impl System {
         let mut connections = Vec::new();
         for (planned, component) in run.components.iter().zip(&components) {
             for (wire, connector) in planned.inputs.iter().zip(&component.connectors) {
-                if let Some(from) = writers.get(&wire.slot) {
-                    connections
-                        .push(Connection { from: from.clone(), to: [planned.name.clone(), connector.name.clone()] });
+                let Some((from, output)) = writers.get(&wire.slot) else { continue };
+                let to = [planned.name.clone(), connector.name.clone()];
+                if *output != wire.base_type {
+                    return Err(ExportError::Conversion {
+                        from: from.join(":"),
+                        output: *output,
+                        to: to.join(":"),
+                        input: wire.base_type,
+                    });
                 }
+                connections.push(Connection { from: from.clone(), to });
             }
         }
         Ok(Self {
@@ -232,7 +255,7 @@ impl System {
             let path = path.to_path_buf();
             move |cause| ExportError::Write { path, cause }
         };
-        refuse_foreign(folder, overwrite)?;
+        reject_foreign(folder, overwrite)?;
         let name = folder.file_name().ok_or_else(|| ExportError::Write {
             path: folder.to_path_buf(),
             cause: io::Error::new(io::ErrorKind::InvalidInput, "this is no name of a folder"),
@@ -327,7 +350,7 @@ fn connector(
     description: &ModelDescription,
     component: &str,
 ) -> Result<Connector, ExportError> {
-    refuse_enumeration(Some(variable), component)?;
+    reject_enumeration(Some(variable), component)?;
     Ok(Connector {
         name: variable.name.clone(),
         output,
@@ -336,7 +359,7 @@ fn connector(
     })
 }
 
-fn refuse_enumeration(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
+fn reject_enumeration(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
     match variable {
         // Only enumerations have items.
         Some(variable) if !variable.items.is_empty() => {
@@ -364,8 +387,8 @@ fn text(plan: &Plan, run: &Run) -> String {
     text
 }
 
-/// Refuses a folder that must not be replaced.
-fn refuse_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
+/// Rejects a folder that must not be replaced.
+fn reject_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
     let error = |cause| ExportError::Write { path: folder.to_path_buf(), cause };
     let entries = match std::fs::read_dir(folder) {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(()),

@@ -1,4 +1,4 @@
-//! Sizes beyond which a file or a plan is refused at once: far above what anybody needs, far below what takes a machine
+//! Sizes beyond which a file or a plan is rejected at once: far above what anybody needs, far below what takes a machine
 //! down.
 
 use std::fs::File;
@@ -23,7 +23,7 @@ pub const RUNS: usize = 10_000;
 /// # Errors
 /// The file cannot be read, is larger, has a longer line, or is not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
-    let refuse = |message: String| io::Error::new(io::ErrorKind::InvalidData, message);
+    let reject = |message: String| io::Error::new(io::ErrorKind::InvalidData, message);
     let file = File::open(path)?;
     let mut text = String::new();
     // A device or a pipe tells no size: no more than the limit is read of anything.
@@ -32,11 +32,11 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     if read > limit {
         let size =
             if told > limit { format!("the file has {told} bytes") } else { "the file is too large".to_string() };
-        return Err(refuse(format!("{size}, the limit is {limit}")));
+        return Err(reject(format!("{size}, the limit is {limit}")));
     }
     for (number, line) in text.lines().enumerate() {
         if line.len() > LINE {
-            return Err(refuse(format!("line {} has {} bytes, the limit is {LINE}", number + 1, line.len())));
+            return Err(reject(format!("line {} has {} bytes, the limit is {LINE}", number + 1, line.len())));
         }
     }
     Ok(text)
@@ -66,7 +66,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_device_without_end_is_refused() {
+    fn a_device_without_end_is_rejected() {
         let error = read_text(Path::new("/dev/zero"), 1000).unwrap_err().to_string();
         assert_eq!(error, "the file is too large, the limit is 1000");
     }

@@ -14,7 +14,9 @@
 //!    Record every n-th step.
 //! 5. `fmi2Terminate`, `fmi2FreeInstance`.
 //!
-//! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean.
+//! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean. The bus holds
+//! doubles. A Boolean output is 0 or 1 there, and a Boolean input is true where its slot is above 0.5. That is also how a
+//! connection converts between Real and Boolean.
 
 use crate::fmus::{FmusError, Instances};
 use crate::limits;
@@ -168,7 +170,7 @@ impl Member {
             instance.set_integer(&inputs.integers.references, &inputs.integers.values)?;
         }
         if !inputs.booleans.is_empty() {
-            inputs.booleans.load(bus, |v| i32::from(v != 0.0));
+            inputs.booleans.load(bus, |v| i32::from(v > 0.5));
             instance.set_boolean(&inputs.booleans.references, &inputs.booleans.values)?;
         }
         Ok(())

@@ -17,7 +17,7 @@ pub enum ParameterError {
     Fmu(#[from] FmusError),
     /// The name or the value does not fit.
     #[error("`{component}`: {reason}")]
-    Refused {
+    Rejected {
         /// Component.
         component: String,
         /// What does not fit.
@@ -43,10 +43,10 @@ impl Run {
             .iter_mut()
             .find(|u| u.name == component)
             .ok_or_else(|| ParameterError::Component(component.to_string()))?;
-        let refused = |reason| ParameterError::Refused { component: component.to_string(), reason };
+        let rejected = |reason| ParameterError::Rejected { component: component.to_string(), reason };
         let description = fmus.get(&target.fmu)?.description();
-        let variable = parameter(description, name).map_err(|e| refused(e.message))?;
-        check(variable, &value).map_err(refused)?;
+        let variable = parameter(description, name).map_err(|e| rejected(e.message))?;
+        check(variable, &value).map_err(rejected)?;
         let setting =
             Setting { name: name.to_string(), base_type: variable.base_type, reference: variable.reference, value };
         match target.parameters.binary_search_by(|p| p.name.as_str().cmp(name)) {

@@ -318,24 +318,24 @@ fn a_folder_that_holds_something_is_kept() {
     let folder = fmus();
     let system = system(&folder, "free#0");
     let out = folder.path().join("out");
-    let refused = |overwrite: bool, expected: &str| {
+    let rejected = |overwrite: bool, expected: &str| {
         let error = system.write(&out, overwrite).unwrap_err();
         assert!(matches!(error, ExportError::Occupied { .. }), "{error}");
         assert!(error.to_string().contains(expected), "{error}");
     };
     std::fs::create_dir(&out).unwrap();
     system.write(&out, false).unwrap();
-    refused(false, "`--overwrite` replaces");
+    rejected(false, "`--overwrite` replaces");
     std::fs::write(out.join("Stale.fmu"), "").unwrap();
     system.write(&out, true).unwrap();
     assert!(!out.join("Stale.fmu").exists());
 
     std::fs::write(out.join("thesis.txt"), "mine").unwrap();
-    refused(true, "`thesis.txt` is not from an earlier call");
+    rejected(true, "`thesis.txt` is not from an earlier call");
     std::fs::remove_file(out.join("thesis.txt")).unwrap();
     std::fs::remove_file(out.join(OSP_STRUCTURE)).unwrap();
     // Only FMUs: a folder of packed models is no earlier system.
-    refused(true, "not empty");
+    rejected(true, "not empty");
     assert!(out.join("Position.fmu").exists());
 }
 
@@ -396,13 +396,13 @@ title = "Only"
 signals = ["u"]
 "#;
 
-fn refused(folder: &TempDir) -> String {
+fn rejected(folder: &TempDir) -> String {
     let plan = plan(folder, PAIR, &Options::default());
     System::new(&plan, &plan.runs[0]).unwrap_err().to_string()
 }
 
 #[test]
-fn an_enumeration_is_refused() {
+fn an_enumeration_is_rejected() {
     let folder = TempDir::new().unwrap();
     let types = "<SimpleType name=\"T\"><Enumeration><Item name=\"off\" value=\"0\"/></Enumeration></SimpleType>";
     let variable = |causality: &str, start: &str| {
@@ -413,12 +413,12 @@ fn an_enumeration_is_refused() {
     };
     described(&folder, "Source", "", types, &variable("output", ""));
     described(&folder, "Sink", "", types, &variable("input", " start=\"0\""));
-    let error = refused(&folder);
+    let error = rejected(&folder);
     assert!(error.starts_with("`source:u` is an enumeration"), "{error}");
 }
 
 #[test]
-fn a_component_of_measure_with_two_meanings_is_refused() {
+fn a_unit_of_measure_with_two_meanings_is_rejected() {
     let folder = TempDir::new().unwrap();
     let variable = |causality: &str, start: &str| {
         format!(
@@ -428,5 +428,5 @@ fn a_component_of_measure_with_two_meanings_is_refused() {
     let unit = |factor: f64| format!("<Unit name=\"mile\"><BaseUnit m=\"1\" factor=\"{factor}\"/></Unit>");
     described(&folder, "Source", &unit(1609.344), "", &variable("output", ""));
     described(&folder, "Sink", &unit(1852.0), "", &variable("input", " start=\"0\""));
-    assert_eq!(refused(&folder), "the unit of measure `mile` is another one in Sink.fmu than in Source.fmu");
+    assert_eq!(rejected(&folder), "the unit of measure `mile` is another one in Sink.fmu than in Source.fmu");
 }

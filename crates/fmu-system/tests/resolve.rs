@@ -333,7 +333,7 @@ fn angles_that_look_like_degrees_warn() {
 }
 
 #[test]
-fn what_is_too_large_is_refused_at_once() {
+fn what_is_too_large_is_rejected_at_once() {
     let with = |from: &str, to: &str| {
         assert!(SCENARIO.contains(from), "{from}");
         lines(&plan_of(&SCENARIO.replacen(from, to, 1), &Options::default()).expect_err(to))

@@ -94,7 +94,7 @@ fn the_conditions_of_the_paper_accept_an_unstable_surface() {
 }
 
 #[test]
-fn a_surface_that_no_force_moves_is_refused() {
+fn a_surface_that_no_force_moves_is_rejected() {
     let p = ComfortSlidingMode { n3: 50.0 / 1525.0, ..ComfortSlidingMode::default() };
     assert_eq!(
         equations::check(&p).unwrap_err(),

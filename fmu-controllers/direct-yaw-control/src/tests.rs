@@ -122,7 +122,7 @@ fn an_oversteering_car_has_finite_references() {
 }
 
 #[test]
-fn a_surface_without_yaw_rate_is_refused() {
+fn a_surface_without_yaw_rate_is_rejected() {
     let message = equations::derived(&DirectYawControl { s2: 0.0, ..DirectYawControl::default() }).unwrap_err();
     assert!(message.starts_with("'surface.weight.yaw_rate' must not be 0"), "{message}");
 }

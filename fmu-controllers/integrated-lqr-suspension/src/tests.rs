@@ -86,7 +86,7 @@ fn the_gains_can_be_read() {
 }
 
 #[test]
-fn an_accepted_value_whose_weight_is_no_number_is_refused_by_name() {
+fn an_accepted_value_whose_weight_is_no_number_is_rejected_by_name() {
     let cases = [
         ("accepted.heave_acceleration", IntegratedLqrSuspension { zdd: 1e-200, ..IntegratedLqrSuspension::default() }),
         (

@@ -146,7 +146,7 @@ proptest! {
 }
 
 #[test]
-fn dampers_without_a_range_are_refused() {
+fn dampers_without_a_range_are_rejected() {
     let message = |p: SemiActiveFuzzySuspension| equations::derived(&p).err();
     let weak = TwoAxles([40_000.0, 2000.0]);
     assert_eq!(

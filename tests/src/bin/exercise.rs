@@ -4,7 +4,7 @@
 //!   was allocated in the steps and how often before ("-" if nobody counts);
 //! - `exercise master SCENARIO STOP...` executes the first run of a scenario in this process up to each time, s, and prints
 //!   the number of rows and how often memory was allocated ("-" if nobody counts);
-//! - `exercise life FMU...` calls every function of each FMU, with refused calls, saved states and a reset;
+//! - `exercise life FMU...` calls every function of each FMU, with rejected calls, saved states and a reset;
 //! - `exercise reload FMU...` loads each FMU, starts an instance and unloads it again, three times;
 //! - `exercise continue FMU STATE SEED FIRST LAST` reads the bytes of a saved state, goes on with the steps FIRST to
 //!   LAST, 1 ms each, and prints the bits of all outputs;

@@ -2,7 +2,7 @@
 //!
 //! `fuzz [--calls N] [--seconds T] [--seed S] [--verbose] FMU...` makes about N calls to each FMU, and more until T
 //! seconds are over, in the same order whenever seed and FMUs are the same, and prints how often each function
-//! succeeded, was discarded and was refused. Calls that only observe are made besides. It ends with 1 at the first
+//! succeeded, was discarded and was rejected. Calls that only observe are made besides. It ends with 1 at the first
 //! broken rule and prints the seed and the last calls. If a call ends the process, `--verbose` shows which: it prints
 //! every call before it is made.
 

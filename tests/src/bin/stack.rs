@@ -1,7 +1,7 @@
 //! Measures how much stack the thread needs that calls an FMU.
 //!
 //! - `stack FMU...` prints for each FMU the least stack of a thread, in kB of 1024 bytes and whole pages, in which a
-//!   whole life of the FMU (all functions, refused calls, saved states, a reset) does not overflow;
+//!   whole life of the FMU (all functions, rejected calls, saved states, a reset) does not overflow;
 //! - `stack --within KB FMU` leads that life in a thread of this stack; the process ends by a signal if it overflows.
 //!
 //! The figure contains the start of the thread and the frames of this caller, about 2 kB.

@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let existing = match (arguments.resume, arguments.overwrite) {
         (true, _) => Existing::Resume,
         (_, true) => Existing::Overwrite,
-        _ => Existing::Refuse,
+        _ => Existing::Error,
     };
     let style = ProgressStyle::with_template("{msg} [{bar:40}] {pos}/{len} {elapsed} (ready in {eta})")
         .into_diagnostic()?

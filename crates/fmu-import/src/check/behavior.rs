@@ -77,7 +77,7 @@ pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, chec
     (checked.instances, checked.steps) = (trial.instances.get(), trial.made.get());
 }
 
-/// The reason of a refusal: the call, and what the FMU said about it.
+/// What went wrong: the call, and what the FMU said about it.
 fn words(error: &CallError) -> String {
     let said: Vec<_> = error.messages.iter().map(|message| message.text.as_str()).collect();
     let problem = error.to_string();

@@ -100,6 +100,10 @@ EXPORT int fmi2Reset(void *c) {
     return 0;
 }
 
+/* What follows as soon as a value is set */
+#ifndef FOLLOW
+#define FOLLOW (void)i
+#endif
 #define ACCESS(Kind, type, field, count)                                                            \
     EXPORT int fmi2Get##Kind(void *c, const unsigned *r, size_t n, type *v) {                        \
         for (size_t k = 0; k < n; k++) {                                                             \
@@ -109,10 +113,12 @@ EXPORT int fmi2Reset(void *c) {
         return 0;                                                                                    \
     }                                                                                                \
     EXPORT int fmi2Set##Kind(void *c, const unsigned *r, size_t n, const type *v) {                  \
+        Instance *i = c;                                                                             \
         for (size_t k = 0; k < n; k++) {                                                             \
             if (r[k] >= count) return 3;                                                             \
-            ((Instance *)c)->v.field[r[k]] = v[k];                                                   \
+            i->v.field[r[k]] = v[k];                                                                 \
         }                                                                                            \
+        FOLLOW;                                                                                      \
         return 0;                                                                                    \
     }
 ACCESS(Real, double, real, 4)
@@ -123,10 +129,12 @@ EXPORT int fmi2GetString(void *c, const unsigned *r, size_t n, const char **v) {
     return 0;
 }
 EXPORT int fmi2SetString(void *c, const unsigned *r, size_t n, const char *const *v) {
+    Instance *i = c;
     for (size_t k = 0; k < n; k++) {
         if (r[k] != 0) return 3;
-        snprintf(((Instance *)c)->label, 32, "%s", v[k]);
+        snprintf(i->label, 32, "%s", v[k]);
     }
+    FOLLOW;
     return 0;
 }
 

@@ -1,4 +1,4 @@
-//! Builds FMUs from `stranger.c`: what the host meets is made by another compiler, not by us.
+//! Builds FMUs from `stranger.c`: what the importer meets is made by another compiler, not by us.
 
 use std::fs::File;
 use std::io::Write;

@@ -1,7 +1,8 @@
 //! Metrics and figures.
 
+use super::findings;
 use super::pattern::split_pattern;
-use super::{Column, Resolver, System, findings, near_outputs, outputs};
+use super::system::{Column, Resolver, System, near_outputs, outputs};
 use crate::metrics::{self, Combine, Definition};
 use crate::{plan, report, scenario};
 use fmu_import::names::suggestion;

@@ -1,6 +1,6 @@
 //! Components that nothing reads, and parameters that are set for nothing but outputs that nothing reads.
 
-use super::{Member, Resolver, System, context};
+use super::system::{Member, Resolver, System, context};
 use crate::plan::Wiring;
 use crate::run::{Run, Trial};
 use crate::run::{Suspect, Variant};

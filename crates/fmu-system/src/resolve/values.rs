@@ -1,7 +1,7 @@
 //! Values of parameters and constant inputs, converted to the unit of the variable and checked.
 
 use super::pattern::matches;
-use super::{Member, Resolver};
+use super::system::{Member, Resolver};
 use crate::parameter;
 use crate::parameter_set::{Parameter, ParameterSet};
 use crate::run::Setting;

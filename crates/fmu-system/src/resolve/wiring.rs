@@ -1,7 +1,8 @@
 //! The wires of a case: what writes each input.
 
+use super::conversion::{compatible, convertible, is_conversion};
+use super::system::{Column, Member, Resolver, Source, System, context, replacement};
 use super::values::{is_implausible, setting};
-use super::{Column, Member, Resolver, Source, System, context, replacement};
 use crate::parameter;
 use crate::plan::{self, Connected, Origin, Signal};
 use crate::run;
@@ -211,13 +212,24 @@ impl<'a> Resolver<'a> {
         let output = writer.variable(o);
         let fed = self.feed(Some(writer.name()), &output.name).or_else(|| self.feed(None, &output.name));
         if let Some(feed) = fed {
-            return Ok(Some(self.use_feed(feed, member, input)));
+            // A connection that converts reads values of the output's type.
+            let (of, variable) = if is_conversion(output, input) { (writer, output) } else { (member, input) };
+            return Ok(Some(self.use_feed(feed, of, variable)));
         }
         // The ends of a connection were checked where it is written.
         if explicit.is_none()
             && let Err(message) = compatible((writer, output), (member, input))
         {
-            self.problems.add(member.component.name.span(), message);
+            let explicit = || {
+                format!(
+                    "to convert the value, add a [[connection]] with from = \"{}:{}\" and to = \"{}:{name}\"",
+                    writer.name(),
+                    output.name,
+                    member.name()
+                )
+            };
+            let help = convertible((writer, output), (member, input)).is_ok().then(explicit);
+            self.problems.add_with_help(member.component.name.span(), message, help);
             return Err(());
         }
         Ok(Some(Source::Output(w, o)))
@@ -231,17 +243,17 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Notes that a series writes an input, and values that the input cannot take.
-    fn use_feed(&mut self, feed: usize, member: &Member<'_>, input: &Variable) -> Source {
+    /// Notes that a series writes an input, or replaces the output that does, and values that this variable cannot take.
+    fn use_feed(&mut self, feed: usize, member: &Member<'_>, variable: &Variable) -> Source {
         self.fed.insert(feed);
         let signal = self.series.map(|f| &f.signals[feed]);
-        let fits = |value: f64| match input.base_type {
+        let fits = |value: f64| match variable.base_type {
             BaseType::Integer => value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value),
             BaseType::Boolean => value == 0.0 || value == 1.0,
             BaseType::Real | BaseType::String => true,
         };
         if let Some(signal) = signal
-            && let Some(value) = signal.values.iter().copied().find(|v| is_implausible(input, *v))
+            && let Some(value) = signal.values.iter().copied().find(|v| is_implausible(variable, *v))
         {
             let place = member.component.name.span();
             let message = format!("the input file has the value {value} rad for `{}`", signal.name);
@@ -255,11 +267,12 @@ impl<'a> Resolver<'a> {
             && let Some(value) = signal.values.iter().find(|v| !fits(**v))
         {
             let misfit = format!(
-                "`{}` has the value {value}, but the input `{}` of `{}` is {}",
+                "`{}` has the value {value}, but the {} `{}` of `{}` is {}",
                 signal.name,
-                input.name,
+                if variable.causality == Causality::Output { "output" } else { "input" },
+                variable.name,
                 member.name(),
-                input.base_type
+                variable.base_type
             );
             if !self.misfits.contains(&misfit) {
                 self.misfits.push(misfit);
@@ -325,7 +338,7 @@ impl<'a> Resolver<'a> {
                 let member = &system.members[m];
                 (member, member.variable(v))
             };
-            if let Err(message) = compatible(ends(from), ends(to)) {
+            if let Err(message) = convertible(ends(from), ends(to)) {
                 self.problems.add(connection.to.span(), message);
             }
             if connections.insert(to, Ok(from)).is_some() {
@@ -497,21 +510,4 @@ impl<'a> Resolver<'a> {
 
 pub(super) fn wire(variable: &Variable, slot: usize) -> Wire {
     Wire { reference: variable.reference, base_type: variable.base_type, slot }
-}
-
-/// Whether an output may write an input: same base type, same unit of measure where both have one.
-fn compatible(
-    (writer, output): (&Member<'_>, &Variable),
-    (reader, input): (&Member<'_>, &Variable),
-) -> Result<(), String> {
-    let describe = |output_is: &str, input_is: &str| {
-        format!(
-            "`{}:{}` is {output_is}, but `{}:{}`, which it writes, is {input_is}",
-            writer.name(),
-            output.name,
-            reader.name(),
-            input.name
-        )
-    };
-    output.mismatch(input).map_or(Ok(()), |[output_is, input_is]| Err(describe(&output_is, &input_is)))
 }

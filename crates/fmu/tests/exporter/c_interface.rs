@@ -168,7 +168,7 @@ fn instantiation_says_why_it_failed() {
     let callbacks = callbacks(&messages);
     let guid = CString::new(Sampler::description().guid.as_str()).unwrap();
     let (name, guid, uri) = (c"unit".as_ptr(), guid.as_ptr(), c"file:///x".as_ptr());
-    let refused = |name, kind, guid, uri| {
+    let rejected = |name, kind, guid, uri| {
         // SAFETY: the strings are null or end with a zero.
         let component = unsafe { abi::instantiate::<Sampler>(name, kind, guid, uri, &callbacks, 0, 0) };
         assert!(component.is_null());
@@ -178,29 +178,29 @@ fn instantiation_says_why_it_failed() {
         assert_eq!((message.status, message.category.as_str()), (3, "logStatusError"));
         message.format
     };
-    assert_eq!(refused(null(), 1, guid, uri), "fmi2Instantiate: instanceName is a null pointer");
-    assert_eq!(refused(c"".as_ptr(), 1, guid, uri), "fmi2Instantiate: instanceName is empty");
-    assert_eq!(refused(c"\xff".as_ptr(), 1, guid, uri), "fmi2Instantiate: instanceName is not UTF-8");
+    assert_eq!(rejected(null(), 1, guid, uri), "fmi2Instantiate: instanceName is a null pointer");
+    assert_eq!(rejected(c"".as_ptr(), 1, guid, uri), "fmi2Instantiate: instanceName is empty");
+    assert_eq!(rejected(c"\xff".as_ptr(), 1, guid, uri), "fmi2Instantiate: instanceName is not UTF-8");
     for kind in [0, 2, -1] {
         assert_eq!(
-            refused(name, kind, guid, uri),
+            rejected(name, kind, guid, uri),
             format!("fmi2Instantiate: fmuType must be 1 (co-simulation), got {kind}")
         );
     }
-    assert_eq!(refused(name, 1, null(), uri), "fmi2Instantiate: fmuGUID is a null pointer");
+    assert_eq!(rejected(name, 1, null(), uri), "fmi2Instantiate: fmuGUID is a null pointer");
     // The message is a printf format: the percent sign comes doubled.
     assert_eq!(
-        refused(name, 1, c"{50%n#r1#}".as_ptr(), uri),
+        rejected(name, 1, c"{50%n#r1#}".as_ptr(), uri),
         format!(
             "fmi2Instantiate: fmuGUID must be {}, got {{50%%n##r1##}}; the library and modelDescription.xml do not \
              belong together",
             Sampler::description().guid
         )
     );
-    assert_eq!(refused(name, 1, guid, c"\xc3".as_ptr()), "fmi2Instantiate: fmuResourceLocation is not UTF-8");
+    assert_eq!(rejected(name, 1, guid, c"\xc3".as_ptr()), "fmi2Instantiate: fmuResourceLocation is not UTF-8");
     // Without callbacks, or without a logger, there is nobody to tell.
     let silent = Callbacks { logger: None, ..callbacks };
-    // SAFETY: null callbacks are refused; no resources are fine.
+    // SAFETY: null callbacks are rejected; no resources are fine.
     unsafe {
         assert!(abi::instantiate::<Sampler>(name, 1, guid, uri, null(), 0, 0).is_null());
         assert!(abi::instantiate::<Sampler>(null(), 1, guid, uri, &silent, 0, 0).is_null());
@@ -286,7 +286,7 @@ fn empty_arrays_may_be_null_and_others_may_not() {
     let fmu = C::<Sampler>::ready();
     let one = reference::<Sampler>("filter_input");
     let component = fmu.component;
-    // SAFETY: null and misaligned pointers are refused before they are read.
+    // SAFETY: null and misaligned pointers are rejected before they are read.
     unsafe {
         assert_eq!(abi::get_real::<Sampler>(component, null(), 0, null_mut()), Status::Ok);
         assert_eq!(abi::set_real::<Sampler>(component, null(), 0, null()), Status::Ok);
@@ -408,7 +408,7 @@ fn the_categories_decide_what_is_logged_and_errors_always_are() {
     assert_eq!(kinds(&fmu), "logStatusError 3");
     assert_eq!(choose(&fmu, true, &[c"logStatusDiscard"]), Status::Ok);
     assert_eq!(kinds(&fmu), "logStatusDiscard 2, logStatusError 3");
-    // A refused choice changes nothing, even if its first name is good.
+    // A rejected choice changes nothing, even if its first name is good.
     assert_eq!(choose(&fmu, true, &[c"logEvents", c"logAll"]), Status::Error);
     fmu.take();
     assert_eq!(kinds(&fmu), "logStatusDiscard 2, logStatusError 3");
@@ -515,7 +515,7 @@ fn states_belong_to_one_instance_and_are_known_until_they_are_freed() {
     let state = fmu.save();
     let mut word = 0_u64;
     let nonsense: FmuState = std::ptr::from_mut(&mut word).cast();
-    // SAFETY: states that are not known are refused before they are read.
+    // SAFETY: states that are not known are rejected before they are read.
     unsafe {
         for stranger in [null_mut(), nonsense, other.save()] {
             let mut size = 7;
@@ -535,7 +535,7 @@ fn states_belong_to_one_instance_and_are_known_until_they_are_freed() {
                 assert_eq!(pointer, stranger);
             }
         }
-        // Freeing a state makes its variable null; a copy of the pointer is refused from then on.
+        // Freeing a state makes its variable null; a copy of the pointer is rejected from then on.
         let (mut first, stale) = (state, state);
         assert_eq!(abi::free_fmu_state::<Sampler>(component, &mut first), Status::Ok);
         assert!(first.is_null());
@@ -595,7 +595,7 @@ fn a_state_that_is_handed_back_is_written_over() {
         let status = abi::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len(), &mut same);
         assert_eq!((status, same), (Status::Ok, state));
         assert_eq!(fmu.bytes(state), first);
-        // A state that is kept is not touched when bytes are refused.
+        // A state that is kept is not touched when bytes are rejected.
         let status = abi::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len() - 1, &mut same);
         assert_eq!((status, same), (Status::Error, state));
         assert_eq!(fmu.bytes(state), first);

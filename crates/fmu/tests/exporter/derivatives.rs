@@ -95,7 +95,7 @@ fn derivatives_agree_with_central_differences() {
 }
 
 #[test]
-fn impossible_derivatives_are_refused() {
+fn impossible_derivatives_are_rejected() {
     let mut fmu = Fmu::<CartPair>::ready();
     let [mass, force, acceleration, law] =
         ["cart.mass", "cart_force.l", "cart_acceleration.l", "spring.law"].map(reference::<CartPair>);

@@ -140,7 +140,7 @@ fn every_single_damaged_byte_is_found() {
 }
 
 #[test]
-fn truncated_and_extended_bytes_are_refused() {
+fn truncated_and_extended_bytes_are_rejected() {
     let fmu = with_a_past();
     let bytes = fmu.bytes();
     for length in 0..bytes.len() {

@@ -163,7 +163,7 @@ fn outputs_hold_their_start_values_until_the_first_sample() {
 }
 
 #[test]
-fn impossible_steps_are_refused_and_change_nothing() {
+fn impossible_steps_are_rejected_and_change_nothing() {
     for step in [0.0, -0.0, -1e-3, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut fmu = Fmu::<CartPair>::ready();
         fmu.step(0.01).unwrap();
@@ -231,7 +231,7 @@ fn no_step_goes_past_the_stop_time() {
 }
 
 #[test]
-fn more_than_a_million_parts_are_refused() {
+fn more_than_a_million_parts_are_rejected() {
     let mut carts = Fmu::<CartPair>::starting(0.0, &[("max_step", 1e-3)]);
     integration_steps();
     carts.step(1e3).unwrap();
@@ -252,7 +252,7 @@ fn more_than_a_million_parts_are_refused() {
 }
 
 #[test]
-fn an_impossible_experiment_is_refused() {
+fn an_impossible_experiment_is_rejected() {
     let mut fmu = Fmu::<Sampler>::new();
     let before = fmu.bytes();
     for start in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {

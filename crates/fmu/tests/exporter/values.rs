@@ -1,4 +1,4 @@
-//! Which values may be set and read when, and what a refusal says.
+//! Which values may be set and read when, and what an error says.
 
 use fmu::calls::{Function, Mode};
 
@@ -122,7 +122,7 @@ fn every_function_keeps_to_the_table_of_calls() {
 }
 
 #[test]
-fn limits_and_numbers_that_are_not_finite_are_refused() {
+fn limits_and_numbers_that_are_not_finite_are_rejected() {
     let mut fmu = Fmu::<CartPair>::initializing(0.0);
     let before = fmu.bytes();
     for (name, value, message) in [
@@ -144,7 +144,7 @@ fn limits_and_numbers_that_are_not_finite_are_refused() {
 }
 
 #[test]
-fn one_refused_value_keeps_all_values() {
+fn one_rejected_value_keeps_all_values() {
     let mut fmu = Fmu::<CartPair>::ready();
     let references = ["cart_force.l", "damper.damping", "cart.mass"].map(reference::<CartPair>);
     let before = fmu.bytes();
@@ -434,7 +434,7 @@ mod starting {
 }
 
 #[test]
-fn a_state_that_does_not_start_finite_is_refused() {
+fn a_state_that_does_not_start_finite_is_rejected() {
     let mut fmu = Fmu::<starting::Starting>::initializing(0.0);
     let before = fmu.bytes();
     assert_eq!(

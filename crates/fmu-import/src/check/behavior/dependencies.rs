@@ -1,6 +1,6 @@
 //! Dependencies of the model structure: what an unknown follows is compared with what it names.
 
-use super::{Answer, Tell, Trial, found, size};
+use super::{Answer, Tell, Trial, found, size, values};
 use crate::check::Finding;
 use crate::description::{BaseType, Causality, Unknown, Value, Variable};
 use crate::loader::Instance;
@@ -81,24 +81,31 @@ impl Trial<'_> {
             .collect()
     }
 
-    /// InitialUnknowns: what follows inputs and real parameters in Initialization Mode.
+    /// InitialUnknowns: what follows inputs, parameters and exact start values of any type in Initialization Mode.
     pub(super) fn initial_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
-        let is_known = |variable: &Variable| {
-            variable.base_type == BaseType::Real
-                && matches!(variable.causality, Causality::Parameter | Causality::Input)
-        };
-        let known = self.filtered(is_known);
-        let mut search = self.search("InitialUnknowns", &self.description.initial_unknowns);
+        let mut known = self.settable_in_initialization();
+        let unknowns: Vec<&Unknown> = self.description.initial_unknowns.iter().collect();
+        let mut search = self.search("InitialUnknowns", unknowns);
         for choice in self.all_choices() {
-            // A value that is refused, or with which nothing can be read before the end of initialization, shows nothing.
-            let Ok(mut instance) = self.configured("dependencies", choice) else { continue };
-            if search.variables.iter().any(|unknown| self.reals(&mut instance, &[*unknown]).is_err()) {
-                continue;
-            }
-            search.look(self, &known, &mut instance, tell)?;
+            let mut instance = None;
+            known.retain(|&j| {
+                let Some(mut ready) = instance.take().or_else(|| self.readable(choice, &search.variables)) else {
+                    return true;
+                };
+                let is_sound = search.vary(self, j, &mut ready, tell).is_ok();
+                instance = is_sound.then_some(ready);
+                // A value with which nothing can be read, as the name of a file that is not there, shows nothing.
+                is_sound
+            });
         }
         search.end(tell);
         Ok(())
+    }
+
+    /// An instance in Initialization Mode whose variables can be read, if there is one with this choice.
+    fn readable(&self, choice: Option<Choice>, variables: &[usize]) -> Option<Instance> {
+        let mut instance = self.configured("dependencies", choice).ok()?;
+        self.values(&mut instance, variables).is_ok().then_some(instance)
     }
 
     /// The parameters as they start, then every choice.
@@ -113,7 +120,8 @@ impl Trial<'_> {
         unknowns: &'a [Unknown],
         tell: Tell<'_>,
     ) -> Answer<Search<'a>> {
-        let mut search = self.search(list, unknowns);
+        let is_real = |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real;
+        let mut search = self.search(list, unknowns.iter().filter(is_real).collect());
         if search.unknowns.is_empty() || self.inputs.is_empty() {
             return Ok(search);
         }
@@ -158,9 +166,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    fn search<'a>(&'a self, list: &'static str, unknowns: &'a [Unknown]) -> Search<'a> {
-        let is_real = |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real;
-        let unknowns: Vec<&Unknown> = unknowns.iter().filter(is_real).collect();
+    fn search<'a>(&'a self, list: &'static str, unknowns: Vec<&'a Unknown>) -> Search<'a> {
         let named = |unknown: &&Unknown| Some(unknown.dependencies.as_ref()?.iter().copied().collect());
         Search {
             list,
@@ -195,7 +201,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Changes one known after the other and sees which unknowns follow. Ends early if the FMU refuses to be read: between
+    /// Changes one known after the other and sees which unknowns follow. Ends early if the FMU cannot be read: between
     /// steps a master may not ask after setting inputs (FMI 2.0.4, section 4.2.4), so that nothing is promised.
     fn look(&mut self, trial: &Trial<'_>, known: &[usize], instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
         for &j in known {
@@ -205,34 +211,65 @@ impl Search<'_> {
             let before = trial.reals(instance, &self.variables)?;
             let kept = trial.reals(instance, &[j])?[0];
             for sign in [1.0, -1.0] {
-                // Refused: outside of the limits, perhaps; nothing is learned.
+                // Rejected: outside of the limits, perhaps; nothing is learned.
                 if trial.set(instance, &[j], &[kept + sign * 1e-3 * size(kept)]).is_err() {
                     continue;
                 }
                 self.read += before.len();
                 let Ok(after) = trial.reals(instance, &self.variables) else { return Ok(()) };
                 for (i, (a, b)) in before.iter().zip(&after).enumerate() {
-                    let unknown = self.variables[i];
-                    if a.to_bits() == b.to_bits() || unknown == j {
-                        continue;
-                    }
-                    self.followed.insert(unknown);
-                    let is_missing = self.named[i].as_ref().is_some_and(|named| !named.contains(&j));
-                    if is_missing && self.told.insert((unknown, j)) {
-                        let (name, known) = (&trial.variable(unknown).name, &trial.variable(j).name);
-                        let mut message =
-                            format!("changes with `{known}`, which its dependencies in {} do not name", self.list);
-                        if let Some(Choice { parameter, value: Number::Real(value) }) = self.choice {
-                            let parameter = &trial.variable(parameter).name;
-                            message.push_str(&format!("; seen with `{parameter}` = {value}"));
-                        }
-                        found(tell, Finding::error(format!("variable `{name}`"), message));
+                    if a.to_bits() != b.to_bits() {
+                        self.follows(trial, i, j, tell);
                     }
                 }
             }
             trial.set(instance, &[j], &[kept])?;
         }
         Ok(())
+    }
+
+    /// Gives a known of any type other values and sees which unknowns follow. An error: the instance is of no use any more.
+    fn vary(&mut self, trial: &Trial<'_>, j: usize, instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
+        if self.is_cut() {
+            return Ok(());
+        }
+        let variable = trial.variable(j);
+        let before = trial.values(instance, &self.variables)?;
+        let kept = values::read(instance, variable)?;
+        for value in values::changes(variable, &kept) {
+            // Rejected: outside of the limits, perhaps; nothing is learned.
+            if values::write(instance, variable, &value).is_err() {
+                continue;
+            }
+            self.read += before.len();
+            let after = trial.values(instance, &self.variables)?;
+            for (i, (a, b)) in before.iter().zip(&after).enumerate() {
+                if !values::is_same(a, b) {
+                    self.follows(trial, i, j, tell);
+                }
+            }
+        }
+        values::write(instance, variable, &kept)?;
+        trial.values(instance, &self.variables).map(drop)
+    }
+
+    /// Notes that an unknown follows a known, and tells if it does not name it.
+    fn follows(&mut self, trial: &Trial<'_>, i: usize, j: usize, tell: Tell<'_>) {
+        let unknown = self.variables[i];
+        if unknown == j {
+            return;
+        }
+        self.followed.insert(unknown);
+        let is_missing = self.named[i].as_ref().is_some_and(|named| !named.contains(&j));
+        if is_missing && self.told.insert((unknown, j)) {
+            let (name, known) = (&trial.variable(unknown).name, &trial.variable(j).name);
+            let mut message = format!("changes with `{known}`, which its dependencies in {} do not name", self.list);
+            if let Some(Choice { parameter, value: Number::Real(value) }) = self.choice {
+                let parameter = &trial.variable(parameter).name;
+                message.push_str(&format!("; seen with `{parameter}` = {value}"));
+            }
+            found(tell, Finding::error(format!("variable `{name}`"), message));
+        }
     }
 
     /// Whether the search ends early.

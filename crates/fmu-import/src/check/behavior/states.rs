@@ -18,7 +18,7 @@ impl Trial<'_> {
         let saved = instance.save_state()?;
         let then = self.values(&mut instance, &self.given())?;
         let expected = self.go(&mut instance, middle..self.steps, 1)?;
-        // A state holds parameters and inputs, too. A value that is refused may end the instance: then without.
+        // A state holds parameters and inputs, too. A value that is rejected may end the instance: then without.
         if !self.change(&mut instance, &self.settable_between_steps()).is_empty() {
             return self.go_on(&mut instance, &saved, None, &expected, "fmi2SetFMUstate", tell).map(drop);
         }

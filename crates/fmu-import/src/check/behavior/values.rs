@@ -24,6 +24,15 @@ impl Trial<'_> {
         })
     }
 
+    /// Variables that can be set in Initialization Mode (FMI 2.0.4, section 4.2.4): the knowns of InitialUnknowns.
+    pub(super) fn settable_in_initialization(&self) -> Vec<usize> {
+        self.filtered(|variable| {
+            variable.variability != Variability::Constant
+                && (matches!(variable.causality, Causality::Parameter | Causality::Input)
+                    || variable.initial == Some(Initial::Exact))
+        })
+    }
+
     /// Variables that can be set between two steps.
     pub(super) fn settable_between_steps(&self) -> Vec<usize> {
         self.filtered(|variable| match variable.causality {
@@ -46,14 +55,14 @@ impl Trial<'_> {
         variables.iter().map(|&i| read(instance, self.variable(i))).collect()
     }
 
-    /// Sets variables to other values than those of the description. Returns those that the FMU refused.
+    /// Sets variables to other values than those of the description. Returns those that the FMU rejected.
     pub(super) fn change(&self, instance: &mut Instance, variables: &[usize]) -> Vec<usize> {
-        let is_refused = |i: &usize| {
+        let is_rejected = |i: &usize| {
             let variable = self.variable(*i);
-            let others = others(variable);
+            let others = variable.start.as_ref().map_or(Vec::new(), |start| others(variable, start));
             !others.is_empty() && !others.iter().any(|value| write(instance, variable, value).is_ok())
         };
-        variables.iter().copied().filter(is_refused).collect()
+        variables.iter().copied().filter(is_rejected).collect()
     }
 
     /// The first variable whose values differ, with both, and the number of them.
@@ -90,31 +99,38 @@ impl Difference<'_> {
 }
 
 /// Real numbers are compared bit by bit.
-fn is_same(a: &Value, b: &Value) -> bool {
+pub(super) fn is_same(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Real(a), Value::Real(b)) => a.to_bits() == b.to_bits(),
         _ => a == b,
     }
 }
 
-/// Other values than the start value, within the limits; the first that is accepted will do.
-fn others(variable: &Variable) -> Vec<Value> {
+/// Values near this one, and as many as show whether anything follows the variable. They may be outside the limits.
+pub(super) fn changes(variable: &Variable, value: &Value) -> Vec<Value> {
+    match value {
+        Value::Real(value) => [1e-3, -1e-3].map(|change| Value::Real(value + change * size(*value))).into(),
+        _ => others(variable, value),
+    }
+}
+
+/// Other values than this one, within the limits; the first that is accepted will do.
+fn others(variable: &Variable, start: &Value) -> Vec<Value> {
     let (min, max) = (variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY));
-    match &variable.start {
-        None => Vec::new(),
-        Some(Value::Boolean(start)) => vec![Value::Boolean(!start)],
-        Some(Value::String(start)) => vec![Value::String(format!("{start}x"))],
-        Some(Value::Real(start)) => {
+    match start {
+        Value::Boolean(start) => vec![Value::Boolean(!start)],
+        Value::String(start) => vec![Value::String(format!("{start}x"))],
+        Value::Real(start) => {
             let change = 1e-3 * size(*start);
             let candidates = [start + change, start - change, 0.5 * (start + max), 0.5 * (start + min)];
             let is_other = |value: &f64| value.is_finite() && (min..=max).contains(value) && value != start;
             candidates.into_iter().filter(is_other).map(Value::Real).collect()
         }
-        Some(Value::Integer(start)) if variable.items.is_empty() => {
+        Value::Integer(start) if variable.items.is_empty() => {
             let candidates = [start.checked_add(1), start.checked_sub(1)].into_iter().flatten();
             candidates.filter(|value| (min..=max).contains(&f64::from(*value))).map(Value::Integer).collect()
         }
-        Some(Value::Integer(start)) => {
+        Value::Integer(start) => {
             let items = variable.items.iter().map(|item| item.value).filter(|value| value != start);
             items.take(2).map(Value::Integer).collect()
         }

@@ -1,0 +1,165 @@
+//! Statuses, messages and errors of loading and of calls.
+
+use crate::c_api::RawStatus;
+use crate::terminal;
+use std::path::PathBuf;
+
+/// Why a library cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The system cannot load it.
+    #[error("cannot load {}: {reason}", path.display())]
+    Library {
+        /// The library.
+        path: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// It lacks a function of FMI 2.0 for co-simulation.
+    #[error("{} does not export {function}", path.display())]
+    Missing {
+        /// The library.
+        path: PathBuf,
+        /// Name of the function.
+        function: &'static str,
+    },
+    /// A model in it contradicts itself.
+    #[error("{message}")]
+    Declaration {
+        /// What is wrong with its declarations.
+        message: String,
+    },
+    /// It was built for other types or another version.
+    #[error("{}: {function} says \"{found}\", expected \"{expected}\"", path.display())]
+    Version {
+        /// The library.
+        path: PathBuf,
+        /// Function that was asked.
+        function: &'static str,
+        /// Answer.
+        found: String,
+        /// Answer of an FMU that can be used.
+        expected: &'static str,
+    },
+    /// It calls Python, and the process has no Python.
+    #[error(
+        "{} needs the Python library, which this process lacks: it uses `{symbol}` without linking to it; give the library \
+         to `cargo fmu run`, `study` or `check` with `--libpython FILE`, or run `scripts/cosim.py --native`, which finds it",
+        path.display()
+    )]
+    Python {
+        /// The library.
+        path: PathBuf,
+        /// A function of Python that it uses.
+        symbol: String,
+    },
+}
+
+/// `fmi2Status`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Status {
+    /// All well.
+    Ok,
+    /// Done, with a reservation.
+    Warning,
+    /// Not done; the instance can go on.
+    Discard,
+    /// Failed; the instance can be freed or reset.
+    Error,
+    /// Failed; no instance of the FMU can be used any more.
+    Fatal,
+    /// Not done yet.
+    Pending,
+    /// A number FMI 2.0 does not know.
+    Unknown(RawStatus),
+}
+
+impl From<RawStatus> for Status {
+    fn from(raw: RawStatus) -> Self {
+        match raw {
+            0 => Self::Ok,
+            1 => Self::Warning,
+            2 => Self::Discard,
+            3 => Self::Error,
+            4 => Self::Fatal,
+            5 => Self::Pending,
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+impl std::fmt::Display for Status {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Ok => f.write_str("fmi2OK"),
+            Self::Warning => f.write_str("fmi2Warning"),
+            Self::Discard => f.write_str("fmi2Discard"),
+            Self::Error => f.write_str("fmi2Error"),
+            Self::Fatal => f.write_str("fmi2Fatal"),
+            Self::Pending => f.write_str("fmi2Pending"),
+            Self::Unknown(raw) => write!(f, "the unknown status {raw}"),
+        }
+    }
+}
+
+/// A message that an instance logged.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Message {
+    /// Severity.
+    pub status: Status,
+    /// Category, empty if none was given.
+    pub category: String,
+    /// Text. Doubled percent signs are halved; conversions such as `%s` remain as they are, because
+    /// a Rust function cannot receive the values that C passes for them.
+    pub text: String,
+}
+
+/// What went wrong in a call.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CallProblem {
+    /// The FMU answered with this status.
+    Status(Status),
+    /// The FMU made no instance.
+    NoInstance,
+    /// The FMU does not export the function.
+    NotExported,
+    /// The arguments do not fit; the FMU was not called.
+    Arguments(&'static str),
+    /// A previous call returned `fmi2Fatal`; the FMU was not called.
+    Dead,
+}
+
+/// A call that failed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CallError {
+    /// Name of the instance.
+    pub instance: String,
+    /// Name of the C function.
+    pub function: &'static str,
+    /// What went wrong.
+    pub problem: CallProblem,
+    /// Messages of the instance since they were last taken, this call included.
+    pub messages: Vec<Message>,
+}
+
+impl std::error::Error for CallError {}
+
+impl std::fmt::Display for CallError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { instance, function, .. } = self;
+        match &self.problem {
+            CallProblem::Status(status) => write!(f, "`{instance}`: {function} returned {status}"),
+            CallProblem::NoInstance => write!(f, "`{instance}`: {function} returned no instance"),
+            CallProblem::NotExported => {
+                write!(f, "`{instance}`: the FMU does not export {function}")
+            }
+            CallProblem::Arguments(reason) => write!(f, "`{instance}`: {function}: {reason}"),
+            CallProblem::Dead => write!(f, "`{instance}`: {function} is not possible after fmi2Fatal"),
+        }?;
+        for message in &self.messages {
+            // Further lines of a message are not taken for messages.
+            write!(f, "\n  {}: {}", message.status, terminal::indented(&message.text, "    "))?;
+        }
+        Ok(())
+    }
+}

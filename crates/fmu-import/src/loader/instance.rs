@@ -1,0 +1,292 @@
+//! An instance: its life, and how its functions are called.
+
+use super::callbacks::{Log, allocate_memory, free_memory, log_message};
+use super::calls::{self, Board, Function};
+use super::error::{CallError, CallProblem, Message, Status};
+use super::functions::Functions;
+use super::library::Library;
+use crate::c_api::{self, CallbackFunctions, Component, RawStatus};
+use std::ffi::{CString, c_char, c_void};
+use std::ptr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// An instance for co-simulation, freed when dropped.
+///
+/// Methods are named after the C functions. Each returns an error for a status above
+/// `fmi2Warning`, with what the instance logged. Setting and getting numbers and stepping do not
+/// allocate unless they fail.
+pub struct Instance {
+    component: Component,
+    // Where calls are announced, and as which component.
+    board: Option<&'static Board>,
+    index: u64,
+    dead: bool,
+    pub(super) states: Vec<c_api::State>,
+    name: CString,
+    // The FMU keeps pointers to both boxes until it is freed.
+    pub(super) log: Box<Log>,
+    _callbacks: Box<CallbackFunctions>,
+    library: Arc<Library>,
+}
+
+impl Instance {
+    /// `fmi2Instantiate` for co-simulation, invisible.
+    ///
+    /// `logging` asks the FMU to log more than errors.
+    ///
+    /// # Errors
+    /// The FMU returns no instance, or a name holds a zero byte.
+    pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
+        let failed = |problem, messages| CallError {
+            instance: name.to_string(),
+            function: Function::Instantiate.name(),
+            problem,
+            messages,
+        };
+        let (Ok(c_name), Ok(c_guid)) = (CString::new(name), CString::new(guid)) else {
+            return Err(failed(CallProblem::Arguments("the name or the GUID holds a zero byte"), Vec::new()));
+        };
+        let log = Box::new(Log::default());
+        type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
+        let callbacks = Box::new(CallbackFunctions {
+            // SAFETY: defining a variadic function is not stable in Rust. In the C calling
+            // conventions of the supported platforms the named arguments of a variadic call stand
+            // where those of an ordinary call stand, and the caller removes them, so a callee may
+            // ignore the rest.
+            logger: unsafe { std::mem::transmute::<Fixed, c_api::Logger>(log_message as Fixed) },
+            allocate_memory,
+            free_memory,
+            step_finished: None,
+            environment: ptr::from_ref::<Log>(&log).cast_mut().cast(),
+        });
+        let board = calls::board();
+        let index = board.map_or(0, Board::current);
+        if let Some(board) = board {
+            board.enter(index, Function::Instantiate);
+        }
+        // SAFETY: all pointers are valid for the call; callbacks and log live as long as the
+        // instance, in the struct below.
+        let component = unsafe {
+            (library.functions.instantiate)(
+                c_name.as_ptr(),
+                c_api::CO_SIMULATION,
+                c_guid.as_ptr(),
+                library.resources.as_ptr(),
+                &raw const *callbacks,
+                c_api::FALSE,
+                c_api::Boolean::from(logging),
+            )
+        };
+        if let Some(board) = board {
+            board.leave();
+        }
+        if component.is_null() {
+            return Err(failed(CallProblem::NoInstance, log.take()));
+        }
+        library.instances.fetch_add(1, Ordering::AcqRel);
+        Ok(Self {
+            component,
+            board,
+            index,
+            dead: false,
+            states: Vec::new(),
+            name: c_name,
+            log,
+            _callbacks: callbacks,
+            library: Arc::clone(library),
+        })
+    }
+
+    /// Name given at instantiation.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.name.to_str().unwrap_or_default()
+    }
+
+    /// Messages logged since they were last taken; at most the latest 100.
+    #[must_use]
+    pub fn take_messages(&mut self) -> Vec<Message> {
+        self.log.take()
+    }
+
+    #[cold]
+    pub(super) fn failure(&mut self, function: Function, problem: CallProblem) -> CallError {
+        if problem == CallProblem::Status(Status::Fatal) {
+            self.dead = true;
+        }
+        CallError { instance: self.name().to_string(), function: function.name(), problem, messages: self.log.take() }
+    }
+
+    fn enter(&self, function: Function) {
+        if let Some(board) = self.board {
+            board.enter(self.index, function);
+        }
+    }
+
+    fn leave(&self) {
+        if let Some(board) = self.board {
+            board.leave();
+        }
+    }
+
+    /// Calls the FMU unless it is dead, and checks the status.
+    pub(super) fn call(
+        &mut self,
+        function: Function,
+        call: impl FnOnce(&Functions, Component) -> RawStatus,
+    ) -> Result<(), CallError> {
+        if self.dead {
+            return Err(self.failure(function, CallProblem::Dead));
+        }
+        self.enter(function);
+        let status = call(&self.library.functions, self.component);
+        self.leave();
+        match status {
+            0 | 1 => Ok(()),
+            status => Err(self.failure(function, CallProblem::Status(Status::from(status)))),
+        }
+    }
+
+    /// As [`Self::call`] for a function the FMU may lack.
+    pub(super) fn call_optional<F: Copy>(
+        &mut self,
+        function: Function,
+        select: impl FnOnce(&Functions) -> Option<F>,
+        call: impl FnOnce(F, Component) -> RawStatus,
+    ) -> Result<(), CallError> {
+        match select(&self.library.functions) {
+            Some(f) => self.call(function, |_, component| call(f, component)),
+            None => Err(self.failure(function, CallProblem::NotExported)),
+        }
+    }
+
+    pub(super) fn same_length(
+        &mut self,
+        function: Function,
+        references: usize,
+        values: usize,
+    ) -> Result<(), CallError> {
+        if references == values {
+            Ok(())
+        } else {
+            Err(self.failure(function, CallProblem::Arguments("the number of references and of values differ")))
+        }
+    }
+
+    /// `fmi2SetDebugLogging` for the given categories; none: all.
+    ///
+    /// # Errors
+    /// The FMU returns an error, lacks the function, or a category holds a zero byte.
+    pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), CallError> {
+        const NAME: Function = Function::SetDebugLogging;
+        let (_owned, pointers) = self.c_strings(NAME, categories)?;
+        self.call_optional(
+            NAME,
+            |f| f.set_debug_logging,
+            // SAFETY: live instance; the array holds as many C strings as stated.
+            |f, c| unsafe { f(c, c_api::Boolean::from(on), pointers.len(), pointers.as_ptr()) },
+        )
+    }
+
+    /// `fmi2SetupExperiment` without a tolerance. Times in seconds.
+    ///
+    /// # Errors
+    /// The FMU returns an error.
+    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call(Function::SetupExperiment, |f, c| unsafe {
+            (f.setup_experiment)(c, c_api::FALSE, 0.0, start, c_api::Boolean::from(stop.is_some()), stop.unwrap_or(0.0))
+        })
+    }
+
+    /// `fmi2EnterInitializationMode`.
+    ///
+    /// # Errors
+    /// The FMU returns an error.
+    pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call(Function::EnterInitializationMode, |f, c| unsafe { (f.enter_initialization_mode)(c) })
+    }
+
+    /// `fmi2ExitInitializationMode`.
+    ///
+    /// # Errors
+    /// The FMU returns an error.
+    pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call(Function::ExitInitializationMode, |f, c| unsafe { (f.exit_initialization_mode)(c) })
+    }
+
+    /// `fmi2Terminate`.
+    ///
+    /// # Errors
+    /// The FMU returns an error.
+    pub fn terminate(&mut self) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call(Function::Terminate, |f, c| unsafe { (f.terminate)(c) })
+    }
+
+    /// `fmi2Reset`.
+    ///
+    /// # Errors
+    /// The FMU returns an error.
+    pub fn reset(&mut self) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call(Function::Reset, |f, c| unsafe { (f.reset)(c) })
+    }
+
+    /// `fmi2DoStep` from `time` over `step`, both in seconds; no earlier state will be restored.
+    ///
+    /// # Errors
+    /// The FMU returns an error, fails, or has not finished the step.
+    pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call(Function::DoStep, |f, c| unsafe { (f.do_step)(c, time, step, c_api::TRUE) })
+    }
+
+    /// C strings and the pointers to them.
+    pub(super) fn c_strings(
+        &mut self,
+        function: Function,
+        texts: &[&str],
+    ) -> Result<(Vec<CString>, Vec<*const c_char>), CallError> {
+        let owned: Result<Vec<CString>, _> = texts.iter().map(|t| CString::new(*t)).collect();
+        match owned {
+            Ok(owned) => {
+                let pointers = owned.iter().map(|s| s.as_ptr()).collect();
+                Ok((owned, pointers))
+            }
+            Err(_) => Err(self.failure(function, CallProblem::Arguments("a string holds a zero byte"))),
+        }
+    }
+}
+
+impl std::fmt::Debug for Instance {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Instance").field("name", &self.name).field("dead", &self.dead).finish_non_exhaustive()
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // After fmi2Fatal no function may be called, not even to free.
+        if !self.dead {
+            if let Some(free) = self.library.functions.free_state {
+                self.enter(Function::FreeFMUstate);
+                for state in &mut self.states {
+                    if !state.is_null() {
+                        // SAFETY: live instance; the state is one that it returned. Nothing can be
+                        // done about a failure here.
+                        unsafe { free(self.component, &raw mut *state) };
+                    }
+                }
+            }
+            self.enter(Function::FreeInstance);
+            // SAFETY: the instance is freed once, here.
+            unsafe { (self.library.functions.free_instance)(self.component) };
+            self.leave();
+        }
+        self.library.instances.fetch_sub(1, Ordering::AcqRel);
+    }
+}

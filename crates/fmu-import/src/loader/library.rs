@@ -1,0 +1,185 @@
+//! The shared library of an FMU.
+
+use super::calls;
+use super::error::LoadError;
+use super::functions::Functions;
+use super::strings::{file_uri, text};
+use crate::archive::Unpacked;
+use crate::python;
+use object::Object as _;
+use std::ffi::{CString, c_char, c_void};
+use std::ptr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// A loaded library together with the unpacked files it stands in.
+pub struct Library {
+    pub(super) functions: Functions,
+    // Fields are dropped in this order: the library is closed before its file is removed.
+    _library: libloading::Library,
+    pub(super) resources: CString,
+    pub(super) instances: AtomicUsize,
+    _unpacked: Arc<Unpacked>,
+}
+
+impl std::fmt::Debug for Library {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Library").field("resources", &self.resources).finish_non_exhaustive()
+    }
+}
+
+impl Library {
+    /// Loads the library of an unpacked FMU.
+    ///
+    /// # Errors
+    /// The system cannot load it, it needs a Python library that is not there, a function is missing, or it is not one of
+    /// FMI 2.0 with the types platform `default`.
+    pub fn load(unpacked: impl Into<Arc<Unpacked>>) -> Result<Arc<Self>, LoadError> {
+        let board = calls::board();
+        if let Some(board) = board {
+            board.load();
+        }
+        let library = Self::load_unpacked(unpacked.into());
+        if let Some(board) = board {
+            board.leave();
+        }
+        library
+    }
+
+    fn load_unpacked(unpacked: Arc<Unpacked>) -> Result<Arc<Self>, LoadError> {
+        let path = &unpacked.binary;
+        let opened = open(path);
+        // Functions are looked up when they are called first, and ending the process is how the system reports a missing one.
+        if let Some(symbol) = python::undefined_symbol(path).filter(|symbol| !has_symbol(opened.as_ref().ok(), symbol))
+        {
+            return Err(LoadError::Python { path: path.clone(), symbol });
+        }
+        let library = opened.map_err(|error| LoadError::Library { path: path.clone(), reason: reason(&error) })?;
+        // SAFETY: the signatures are those of the FMI 2.0 headers; the table is stored beside the
+        // library and its pointers are called through `Library` and `Instance` only.
+        let functions = unsafe { Functions::load(&library) }
+            .map_err(|function| LoadError::Missing { path: path.clone(), function })?;
+        for (function, get, expected) in [
+            ("fmi2GetVersion", functions.get_version, "2.0"),
+            ("fmi2GetTypesPlatform", functions.get_types_platform, "default"),
+        ] {
+            // SAFETY: both functions take nothing and return a static string or null.
+            let found = unsafe { text(get()) };
+            if found != expected {
+                return Err(LoadError::Version { path: path.clone(), function, found, expected });
+            }
+        }
+        Ok(Arc::new(Self {
+            functions,
+            _library: library,
+            resources: file_uri(&unpacked.resources),
+            instances: AtomicUsize::new(0),
+            _unpacked: unpacked,
+        }))
+    }
+
+    /// Functions of FMI 2.0 for co-simulation that the library does not export although the standard has them; those
+    /// without which it could not be loaded are not among them.
+    #[must_use]
+    pub fn missing_functions(&self) -> Vec<&'static str> {
+        self.functions.missing()
+    }
+
+    /// Number of living instances.
+    #[must_use]
+    pub fn instances(&self) -> usize {
+        self.instances.load(Ordering::Acquire)
+    }
+}
+
+/// Functions of FMI 2.0 for co-simulation that a library, for any platform, does not export.
+///
+/// # Errors
+/// The file cannot be read or is not a library.
+pub fn not_exported(library: &std::path::Path) -> Result<Vec<&'static str>, LoadError> {
+    let failed = |reason: String| LoadError::Library { path: library.to_path_buf(), reason };
+    let bytes = std::fs::read(library).map_err(|error| failed(error.to_string()))?;
+    let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
+    let exports = file.exports().map_err(|error| failed(error.to_string()))?;
+    // macOS puts an underscore in front of every name.
+    let is_there = |name: &str| {
+        exports
+            .iter()
+            .any(|export| export.name() == name.as_bytes() || export.name().strip_prefix(b"_") == Some(name.as_bytes()))
+    };
+    Ok(Functions::NAMES.iter().copied().filter(|name| !is_there(name)).collect())
+}
+
+/// The model descriptions in a library that the exporter of this project made to describe its models, by the name of the
+/// model's type. Empty for other libraries.
+///
+/// # Errors
+/// The system cannot load it, or a model has no description because its declarations contradict each other.
+pub fn exported_descriptions(path: &std::path::Path) -> Result<Vec<(String, String)>, LoadError> {
+    const PREFIX: &str = "fmu_model_description_";
+    let failed = |reason: String| LoadError::Library { path: path.to_path_buf(), reason };
+    let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
+    let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
+    let exports = file.exports().map_err(|error| failed(error.to_string()))?;
+    // macOS puts an underscore in front of every name.
+    let names = exports.iter().filter_map(|export| std::str::from_utf8(export.name()).ok());
+    let names = names.map(|name| name.strip_prefix('_').unwrap_or(name)).filter(|name| name.starts_with(PREFIX));
+    let library = open(path).map_err(|error| failed(reason(&error)))?;
+    let mut descriptions = Vec::new();
+    for name in names {
+        // SAFETY: the exporter defines these functions without arguments; they return a string that lives as long as the
+        // library is loaded, or null.
+        let description = unsafe {
+            library.get::<unsafe extern "C" fn() -> *const c_char>(name.as_bytes()).map(|function| text(function()))
+        };
+        let description = description.map_err(|error| failed(reason(&error)))?;
+        let model = name[PREFIX.len()..].to_owned();
+        if description.is_empty() {
+            return Err(failed(format!("{model} cannot be described; its message is above")));
+        }
+        if let Some(problem) = description.strip_prefix('!') {
+            return Err(LoadError::Declaration { message: problem.to_owned() });
+        }
+        descriptions.push((model, description));
+    }
+    descriptions.sort();
+    Ok(descriptions)
+}
+
+/// Loads a library. Those that it brings along in its folder are found under Windows only if that is asked for; elsewhere the
+/// library itself says where they are.
+fn open(path: &std::path::Path) -> Result<libloading::Library, libloading::Error> {
+    #[cfg(windows)]
+    {
+        use libloading::os::windows::{LOAD_WITH_ALTERED_SEARCH_PATH, Library};
+        // SAFETY: loading runs initializers of the library; see the trust stated at the top.
+        unsafe { Library::load_with_flags(path, LOAD_WITH_ALTERED_SEARCH_PATH) }.map(Into::into)
+    }
+    #[cfg(not(windows))]
+    {
+        // SAFETY: as above.
+        unsafe { libloading::Library::new(path) }
+    }
+}
+
+/// Whether a library, those it brings along or the program itself have a symbol.
+fn has_symbol(library: Option<&libloading::Library>, symbol: &str) -> bool {
+    // SAFETY: the symbol is only looked up, not used.
+    let found = library.is_some_and(|library| unsafe { library.get::<*const c_void>(symbol) }.is_ok());
+    #[cfg(unix)]
+    // SAFETY: as above.
+    let found = found || unsafe { libloading::os::unix::Library::this().get::<*const c_void>(symbol) }.is_ok();
+    found
+}
+
+/// Writes out what FMUs have printed and the C library still holds.
+pub fn flush_prints() {
+    // SAFETY: a null stream stands for all streams; there are no other conditions.
+    unsafe { libc::fflush(ptr::null_mut()) };
+}
+
+/// What the system says, such as which symbol or library is missing, stands in the sources of the error.
+fn reason(error: &libloading::Error) -> String {
+    let chain = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
+    chain.map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}

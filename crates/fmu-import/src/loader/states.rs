@@ -1,0 +1,137 @@
+//! Saved states.
+
+use super::callbacks::Log;
+use super::calls::Function;
+use super::error::{CallError, CallProblem};
+use super::instance::Instance;
+use crate::c_api;
+use std::ptr;
+
+/// A state saved with [`Instance::save_state`]; valid for the instance that made it.
+#[derive(Debug)]
+pub struct SavedState {
+    /// Address of the log box, unique among living instances, tells whose state this is.
+    owner: usize,
+    slot: usize,
+}
+
+impl Instance {
+    fn owner(&self) -> usize {
+        ptr::from_ref::<Log>(&self.log).addr()
+    }
+
+    /// The pointer behind a saved state of this instance.
+    fn state(&mut self, function: Function, saved: &SavedState) -> Result<c_api::State, CallError> {
+        if saved.owner == self.owner()
+            && let Some(state) = self.states.get(saved.slot)
+        {
+            return Ok(*state);
+        }
+        Err(self.failure(function, CallProblem::Arguments("the state was saved by another instance")))
+    }
+
+    fn keep(&mut self, state: c_api::State) -> SavedState {
+        let owner = self.owner();
+        self.states.push(state);
+        SavedState { owner, slot: self.states.len() - 1 }
+    }
+
+    /// `fmi2GetFMUstate`. The state lives until [`Self::free_state`] or the end of the instance.
+    ///
+    /// # Errors
+    /// The FMU returns an error or lacks the function.
+    pub fn save_state(&mut self) -> Result<SavedState, CallError> {
+        let mut state = ptr::null_mut();
+        self.call_optional(
+            Function::GetFMUstate,
+            |f| f.get_state,
+            // SAFETY: live instance; a null state asks for a new one.
+            |f, c| unsafe { f(c, &raw mut state) },
+        )?;
+        Ok(self.keep(state))
+    }
+
+    /// `fmi2GetFMUstate` into a state saved before.
+    ///
+    /// # Errors
+    /// The state is of another instance, or the FMU returns an error or lacks the function.
+    pub fn save_state_again(&mut self, saved: &SavedState) -> Result<(), CallError> {
+        const NAME: Function = Function::GetFMUstate;
+        let mut state = self.state(NAME, saved)?;
+        // SAFETY: live instance; the state is null or one that this instance returned.
+        let get = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
+        let result = self.call_optional(NAME, |f| f.get_state, get);
+        // The FMU may have replaced the pointer, even where it failed.
+        self.states[saved.slot] = state;
+        result
+    }
+
+    /// `fmi2SetFMUstate`.
+    ///
+    /// # Errors
+    /// The state is of another instance, or the FMU returns an error or lacks the function.
+    pub fn restore_state(&mut self, saved: &SavedState) -> Result<(), CallError> {
+        const NAME: Function = Function::SetFMUstate;
+        let state = self.state(NAME, saved)?;
+        self.call_optional(
+            NAME,
+            |f| f.set_state,
+            // SAFETY: live instance; the state is one that this instance returned.
+            |f, c| unsafe { f(c, state) },
+        )
+    }
+
+    /// `fmi2FreeFMUstate`.
+    ///
+    /// # Errors
+    /// The state is of another instance, or the FMU returns an error or lacks the function.
+    pub fn free_state(&mut self, saved: SavedState) -> Result<(), CallError> {
+        const NAME: Function = Function::FreeFMUstate;
+        let mut state = self.state(NAME, &saved)?;
+        // SAFETY: live instance; the state is null or one that this instance returned.
+        let free = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
+        self.call_optional(NAME, |f| f.free_state, free)?;
+        // The slot stays, so that other states keep theirs; null is freed as nothing.
+        self.states[saved.slot] = ptr::null_mut();
+        Ok(())
+    }
+
+    /// `fmi2SerializeFMUstate`: the bytes of a saved state.
+    ///
+    /// # Errors
+    /// The state is of another instance, or the FMU returns an error or lacks the functions.
+    pub fn serialize_state(&mut self, saved: &SavedState) -> Result<Vec<u8>, CallError> {
+        const NAME: Function = Function::SerializeFMUstate;
+        let state = self.state(NAME, saved)?;
+        let mut size = 0;
+        self.call_optional(
+            Function::SerializedFMUstateSize,
+            |f| f.serialized_state_size,
+            // SAFETY: live instance and state; the size is written through a valid pointer.
+            |f, c| unsafe { f(c, state, &raw mut size) },
+        )?;
+        let mut bytes = vec![0_u8; size];
+        self.call_optional(
+            NAME,
+            |f| f.serialize_state,
+            // SAFETY: live instance and state; the buffer has the size that the FMU asked for.
+            |f, c| unsafe { f(c, state, bytes.as_mut_ptr().cast(), size) },
+        )?;
+        Ok(bytes)
+    }
+
+    /// `fmi2DeSerializeFMUstate`: a saved state from its bytes.
+    ///
+    /// # Errors
+    /// The FMU rejects the bytes or lacks the function.
+    pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
+        let mut state = ptr::null_mut();
+        self.call_optional(
+            Function::DeSerializeFMUstate,
+            |f| f.deserialize_state,
+            // SAFETY: live instance; the bytes have the stated length; null asks for a new state.
+            |f, c| unsafe { f(c, bytes.as_ptr().cast(), bytes.len(), &raw mut state) },
+        )?;
+        Ok(self.keep(state))
+    }
+}

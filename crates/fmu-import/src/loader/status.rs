@@ -1,0 +1,81 @@
+//! Statuses of a step.
+
+use super::calls::Function;
+use super::error::{CallError, Status};
+use super::instance::Instance;
+use super::strings::text;
+use crate::c_api::{self, RawStatus};
+use std::ffi::c_char;
+use std::ptr;
+
+impl Instance {
+    /// `fmi2CancelStep`.
+    ///
+    /// # Errors
+    /// The FMU returns an error or lacks the function.
+    pub fn cancel_step(&mut self) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call_optional(Function::CancelStep, |f| f.cancel_step, |f, c| unsafe { f(c) })
+    }
+
+    /// `fmi2GetStatus(fmi2DoStepStatus)`: status of a pending step.
+    ///
+    /// # Errors
+    /// The FMU has no answer or lacks the function.
+    pub fn do_step_status(&mut self) -> Result<Status, CallError> {
+        let mut value = 0;
+        // SAFETY: live instance; the value is written through a valid pointer. 0: fmi2DoStepStatus.
+        let get = |f: c_api::GetStatus<RawStatus>, c| unsafe { f(c, 0, &raw mut value) };
+        self.call_optional(Function::GetStatus, |f| f.get_status, get)?;
+        Ok(Status::from(value))
+    }
+
+    /// `fmi2GetRealStatus(fmi2LastSuccessfulTime)`: time reached, s.
+    ///
+    /// # Errors
+    /// The FMU has no answer or lacks the function.
+    pub fn last_successful_time(&mut self) -> Result<f64, CallError> {
+        let mut value = 0.0;
+        // SAFETY: as above. 2: fmi2LastSuccessfulTime.
+        let get = |f: c_api::GetStatus<f64>, c| unsafe { f(c, 2, &raw mut value) };
+        self.call_optional(Function::GetRealStatus, |f| f.get_real_status, get)?;
+        Ok(value)
+    }
+
+    /// `fmi2GetIntegerStatus` for the number of a kind of `fmi2StatusKind`; no kind is standard.
+    ///
+    /// # Errors
+    /// The FMU has no answer or lacks the function.
+    pub fn integer_status(&mut self, kind: i32) -> Result<i32, CallError> {
+        let mut value = 0;
+        // SAFETY: as above.
+        let get = |f: c_api::GetStatus<i32>, c| unsafe { f(c, kind, &raw mut value) };
+        self.call_optional(Function::GetIntegerStatus, |f| f.get_integer_status, get)?;
+        Ok(value)
+    }
+
+    /// `fmi2GetBooleanStatus(fmi2Terminated)`: the FMU wants the simulation to end.
+    ///
+    /// # Errors
+    /// The FMU has no answer or lacks the function.
+    pub fn wants_termination(&mut self) -> Result<bool, CallError> {
+        let mut value = 0;
+        // SAFETY: as above. 3: fmi2Terminated.
+        let get = |f: c_api::GetStatus<c_api::Boolean>, c| unsafe { f(c, 3, &raw mut value) };
+        self.call_optional(Function::GetBooleanStatus, |f| f.get_boolean_status, get)?;
+        Ok(value != 0)
+    }
+
+    /// `fmi2GetStringStatus(fmi2PendingStatus)`: what a pending step is doing.
+    ///
+    /// # Errors
+    /// The FMU has no answer or lacks the function.
+    pub fn pending_status(&mut self) -> Result<String, CallError> {
+        let mut value = ptr::null();
+        // SAFETY: as above. 1: fmi2PendingStatus.
+        let get = |f: c_api::GetStatus<*const c_char>, c| unsafe { f(c, 1, &raw mut value) };
+        self.call_optional(Function::GetStringStatus, |f| f.get_string_status, get)?;
+        // SAFETY: a C string of the FMU, valid until its next function is called.
+        Ok(unsafe { text(value) })
+    }
+}

@@ -1,0 +1,120 @@
+//! The recorded signals.
+
+use super::pattern::{matches, split_pattern};
+use super::system::{Column, Member, Resolver, System, context, near_outputs, outputs};
+use crate::plan::{self, Conversion};
+use fmu_import::description::{Causality, Variable};
+use serde_spanned::Spanned;
+use std::collections::{BTreeSet, HashMap};
+
+impl Resolver<'_> {
+    /// All recorded signals: components in the order of the scenario, variables in that of the FMU.
+    pub(super) fn columns(&mut self, systems: &[System<'_>]) -> Vec<Column> {
+        for pattern in &self.scenario.record.signals {
+            let (component, text) = split_pattern(pattern.get_ref());
+            if component.is_some() && self.component_and_name(pattern).is_none() {
+                continue;
+            }
+            self.check_pattern(systems, pattern, component, text);
+        }
+        let mut owners: HashMap<&str, usize> = HashMap::new();
+        for (_, name) in outputs(systems, None) {
+            *owners.entry(name).or_default() += 1;
+        }
+        let mut columns: Vec<Column> = Vec::new();
+        // (component, variable) -> index; an FMU may have very many outputs.
+        let mut indices: HashMap<(&str, &str), usize> = HashMap::new();
+        for component in &self.scenario.components {
+            for system in systems {
+                let Some(m) = system.member(component.name.get_ref()) else {
+                    continue;
+                };
+                let member = &system.members[m];
+                self.problems.set_context(Some(context(system.case, Some(component))));
+                for (_, variable) in member.wirable(Causality::Output) {
+                    if !self.is_recorded(member.name(), &variable.name) {
+                        continue;
+                    }
+                    let shared = owners.get(variable.name.as_str()).is_some_and(|count| *count > 1);
+                    let index = *indices.entry((member.name(), variable.name.as_str())).or_insert(columns.len());
+                    let Some(known) = columns.get_mut(index) else {
+                        columns.push(column(member, variable, shared));
+                        continue;
+                    };
+                    // As with wires: an FMU that declares no units takes those of the one in its place.
+                    match (&known.plan.unit, &variable.unit) {
+                        (None, Some(_)) => *known = column(member, variable, shared),
+                        (Some(other), Some(unit)) if other != unit => self.problems.add(
+                            system.case.name.span(),
+                            format!(
+                                "`{}` of `{}` is in {unit} in this case, in {other} in another",
+                                variable.name,
+                                member.name(),
+                            ),
+                        ),
+                        _ => {}
+                    }
+                }
+            }
+        }
+        self.problems.set_context(None);
+        columns
+    }
+
+    /// Reports a pattern of recorded signals that matches nothing, in any case or with the other FMU of a case.
+    fn check_pattern(
+        &mut self,
+        systems: &[System<'_>],
+        pattern: &Spanned<String>,
+        component: Option<&str>,
+        text: &str,
+    ) {
+        let all = outputs(systems, component);
+        let matches_any = |outputs: &BTreeSet<(&str, &str)>| outputs.iter().any(|(_, name)| matches(text, name));
+        let message = format!("no output matches `{}`", pattern.get_ref());
+        let is_known = matches_any(&all);
+        for system in systems {
+            let member = component.and_then(|component| system.member(component)).map(|m| &system.members[m]);
+            self.problems.set_context(Some(context(system.case, member.map(|m| m.component))));
+            if !is_known && (component.is_none() || member.is_some()) {
+                self.problems.add_with_help(
+                    pattern.span(),
+                    message.clone(),
+                    Some(near_outputs(systems, component, text)),
+                );
+            } else if member.is_some_and(|m| m.replaced.is_some())
+                && !matches_any(&outputs(std::slice::from_ref(system), component))
+            {
+                self.problems.warn(pattern.span(), message.clone(), None);
+            }
+        }
+        self.problems.set_context(None);
+        if !is_known && all.is_empty() {
+            self.problems.add(pattern.span(), message);
+        }
+    }
+}
+
+fn column(member: &Member<'_>, variable: &Variable, shared: bool) -> Column {
+    let units: Vec<Conversion> = member
+        .found
+        .description
+        .display_units(variable)
+        .into_iter()
+        .map(|u| Conversion { name: u.name, factor: u.factor, offset: u.offset })
+        .collect();
+    let shown = variable.display_unit.as_ref().and_then(|name| units.iter().find(|u| u.name == *name));
+    Column {
+        component: member.name().to_string(),
+        variable: variable.name.clone(),
+        plan: plan::Column {
+            name: if shared { format!("{}:{}", member.name(), variable.name) } else { variable.name.clone() },
+            unit: variable.unit.clone(),
+            display_unit: shown.map(|u| u.name.clone()),
+            factor: shown.map_or(1.0, |u| u.factor),
+            offset: shown.map_or(0.0, |u| u.offset),
+            description: variable.description.clone().unwrap_or_default(),
+            units,
+        },
+    }
+}

@@ -1,0 +1,56 @@
+//! Which outputs may write which inputs, and where a connection converts between Real and Boolean.
+
+use super::system::Member;
+use fmu_import::description::{BaseType, BaseUnit, Variable};
+
+/// The unit of a plain number.
+const PLAIN: BaseUnit = BaseUnit { exponents: [0; 8], factor: 1.0, offset: 0.0 };
+
+/// An end of a wire: a member and a variable of it.
+pub(super) type Place<'a> = (&'a Member<'a>, &'a Variable);
+
+/// Whether an output may write an input of the same name: same base type, same unit of measure where both have one.
+pub(super) fn compatible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
+    from.1.mismatch(to.1).map_or(Ok(()), |[output_is, input_is]| Err(mismatch(from, to, &output_is, &input_is)))
+}
+
+/// Whether an explicit connection may join an output and an input: compatible ones, and a Boolean with a Real that has no
+/// unit of measure. The masters convert by what they do with any Boolean on the bus: true is 1, on is above 0.5.
+pub(super) fn convertible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
+    if !is_conversion(from.1, to.1) {
+        return compatible(from, to);
+    }
+    let with_unit = [from, to].into_iter().find(|(member, variable)| !is_plain_number(member, variable));
+    with_unit.map_or(Ok(()), |(_, variable)| {
+        let unit = variable.unit.as_deref().unwrap_or_default();
+        let words = |variable: &Variable| match variable.base_type {
+            BaseType::Real => format!("in {unit}; only a Real without a unit converts to or from Boolean"),
+            other => other.to_string(),
+        };
+        Err(mismatch(from, to, &words(from.1), &words(to.1)))
+    })
+}
+
+/// Whether a wire between these two converts Real to Boolean or back.
+pub(super) fn is_conversion(output: &Variable, input: &Variable) -> bool {
+    matches!(
+        (output.base_type, input.base_type),
+        (BaseType::Real, BaseType::Boolean) | (BaseType::Boolean, BaseType::Real)
+    )
+}
+
+/// Whether a variable has no unit of measure, or that of a plain number.
+fn is_plain_number(member: &Member<'_>, variable: &Variable) -> bool {
+    let base = |name| member.found.description.unit(name).and_then(|unit| unit.base);
+    variable.unit.as_deref().is_none_or(|name| base(name) == Some(PLAIN))
+}
+
+fn mismatch((writer, output): Place<'_>, (reader, input): Place<'_>, output_is: &str, input_is: &str) -> String {
+    format!(
+        "`{}:{}` is {output_is}, but `{}:{}`, which it writes, is {input_is}",
+        writer.name(),
+        output.name,
+        reader.name(),
+        input.name
+    )
+}

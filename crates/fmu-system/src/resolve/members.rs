@@ -1,0 +1,113 @@
+//! Finds the FMUs of every case.
+
+use super::fmus::{Descriptions, Found};
+use super::system::{Member, Replaced, Resolver, System, context, replacement};
+use fmu_import::names::suggestion;
+use std::ops::Range;
+
+impl<'a> Resolver<'a> {
+    /// The components of every case; `None` if an FMU is missing or unreadable.
+    pub(super) fn systems(&mut self, source: &dyn Descriptions) -> Option<Vec<System<'a>>> {
+        let mut systems = Vec::new();
+        let mut missing = Vec::new();
+        for case in &self.scenario.cases {
+            let mut members = Vec::new();
+            for component in &self.scenario.components {
+                let name = component.name.get_ref();
+                if case.leaves_out(name) {
+                    continue;
+                }
+                self.problems.set_context(Some(context(case, Some(component))));
+                let other = replacement(case, component);
+                let found = match other {
+                    Some(other) => self.find(&other.get_ref().fmu, other.span(), source, &mut missing),
+                    None => self.find(component.fmu.get_ref(), component.fmu.span(), source, &mut missing),
+                };
+                let Some(found) = found else { continue };
+                let replaced = other.map(|other| {
+                    let keep_parameters = other.get_ref().keep_parameters;
+                    let original = if keep_parameters {
+                        self.find(component.fmu.get_ref(), component.fmu.span(), source, &mut missing)
+                    } else {
+                        source.find(component.fmu.get_ref()).ok().flatten()
+                    };
+                    Replaced { original, keep_parameters }
+                });
+                members.push(Member { component, found, replaced, inputs: Vec::new(), dropped: false });
+            }
+            systems.push(System { case, members });
+        }
+        self.problems.set_context(None);
+        self.report_missing_fmus(&missing, source);
+        self.problems.is_empty().then_some(systems)
+    }
+
+    /// The FMU of that name, which stands at `span`; adds it to `missing` if it is not there.
+    fn find<'s>(
+        &mut self,
+        name: &'s str,
+        span: Range<usize>,
+        source: &dyn Descriptions,
+        missing: &mut Vec<(&'s str, Range<usize>)>,
+    ) -> Option<Found> {
+        match source.find(name) {
+            Ok(Some(found)) if found.description.co_simulation.is_none() => {
+                let message = format!("{} has no co-simulation interface", found.path);
+                self.problems.add(span, message);
+                None
+            }
+            Ok(Some(found)) => Some(found),
+            Ok(None) => {
+                if !missing.contains(&(name, span.clone())) {
+                    missing.push((name, span));
+                }
+                None
+            }
+            Err(message) => {
+                self.problems.add(span, message);
+                None
+            }
+        }
+    }
+
+    /// Reports all FMUs that are not there as one mistake: most often none has been packed.
+    fn report_missing_fmus(&mut self, missing: &[(&str, Range<usize>)], source: &dyn Descriptions) {
+        let mut names: Vec<&str> = Vec::new();
+        for (name, _) in missing {
+            if !names.contains(name) {
+                names.push(name);
+            }
+        }
+        let message = match names[..] {
+            [] => return,
+            [name] => format!("there is no {name}.fmu in {}", source.place()),
+            _ => format!("{} FMUs are not in {}: {}", names.len(), source.place(), names.join(", ")),
+        };
+        let (packed, buildable) = (source.names(), source.buildable());
+        let (ours, unknown): (Vec<&str>, Vec<&str>) =
+            names.iter().partition(|name| buildable.iter().any(|known| known == *name));
+        let all = || packed.iter().chain(&buildable).map(String::as_str);
+        let mut hints = Vec::new();
+        let mut elsewhere = false;
+        for name in &unknown {
+            match suggestion(name, all()) {
+                Some(hint) if names.len() == 1 => hints.push(hint),
+                Some(hint) => hints.push(format!("`{name}`: {hint}")),
+                None => elsewhere = true,
+            }
+        }
+        if !ours.is_empty() {
+            hints.push(format!("`cargo fmu pack --for {}` builds all that this scenario needs", self.problems.file()));
+        }
+        if elsewhere {
+            hints.push("name the folder of FMUs that are not built in this workspace with --fmus".to_string());
+        }
+        // Names that may be wrong are marked; of those that are right, the first stands for all.
+        let wrong = missing.iter().filter(|(name, _)| unknown.contains(name));
+        let mut places: Vec<Range<usize>> = wrong.map(|(_, place)| place.clone()).collect();
+        if places.is_empty() {
+            places.extend(missing.first().map(|(_, place)| place.clone()));
+        }
+        self.problems.add_at(&places, message, Some(hints.join("\n")));
+    }
+}

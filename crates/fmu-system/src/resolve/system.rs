@@ -1,0 +1,183 @@
+//! A case with its components, and what the parts of the resolver share.
+
+use super::fmus::Found;
+use super::pattern::{matches, split_pattern};
+use crate::input_file::InputFile;
+use crate::parameter_set::ParameterSet;
+use crate::plan;
+use crate::problem::{Collector, Context};
+use crate::scenario::{Case, Component, Replacement, Scenario, unknown};
+use fmu_import::description::{BaseType, Causality, Value, Variable};
+use fmu_import::names::similar;
+use serde_spanned::Spanned;
+use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
+
+/// A component of a case with its FMU.
+pub(super) struct Member<'a> {
+    pub(super) component: &'a Component,
+    pub(super) found: Found,
+    /// Set if the case names another FMU than the component.
+    pub(super) replaced: Option<Replaced>,
+    /// Inputs in the order of the description, each with what writes it.
+    pub(super) inputs: Vec<(usize, Source)>,
+    /// Nothing needs it since signals are fed from a file.
+    pub(super) dropped: bool,
+}
+
+impl Member<'_> {
+    pub(super) fn name(&self) -> &str {
+        self.component.name.get_ref()
+    }
+
+    pub(super) fn variable(&self, index: usize) -> &Variable {
+        &self.found.description.variables[index]
+    }
+
+    /// Variables of a causality that can travel on the bus, by index.
+    pub(super) fn wirable(&self, causality: Causality) -> impl Iterator<Item = (usize, &Variable)> {
+        self.all(causality).filter(|(_, v)| v.base_type != BaseType::String)
+    }
+
+    pub(super) fn all(&self, causality: Causality) -> impl Iterator<Item = (usize, &Variable)> {
+        self.found.description.variables.iter().enumerate().filter(move |(_, v)| v.causality == causality)
+    }
+}
+
+/// What a case says about another FMU for a component.
+pub(super) struct Replaced {
+    /// The component's own FMU, if it is there.
+    pub(super) original: Option<Found>,
+    /// Whether the component's own parameters apply.
+    pub(super) keep_parameters: bool,
+}
+
+/// What writes an input.
+#[derive(Clone)]
+pub(super) enum Source {
+    /// An output: member and variable.
+    Output(usize, usize),
+    /// A column of the input file.
+    Series(usize),
+    /// A value.
+    Constant(Value),
+}
+
+/// A case with its components.
+pub(super) struct System<'a> {
+    pub(super) case: &'a Case,
+    pub(super) members: Vec<Member<'a>>,
+}
+
+impl System<'_> {
+    pub(super) fn member(&self, component: &str) -> Option<usize> {
+        self.members.iter().position(|m| m.name() == component)
+    }
+}
+
+/// A recorded signal.
+pub(super) struct Column {
+    pub(super) component: String,
+    pub(super) variable: String,
+    pub(super) plan: plan::Column,
+}
+
+pub(super) struct Resolver<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) problems: Collector,
+    pub(super) series: Option<&'a InputFile>,
+    /// Columns of the input file that write an input in some case.
+    pub(super) fed: BTreeSet<usize>,
+    /// Values of the input file that do not fit.
+    pub(super) misfits: Vec<String>,
+    /// Parameter sets by path as written.
+    pub(super) sets: HashMap<String, ParameterSet>,
+}
+
+impl Resolver<'_> {
+    /// Splits `component:name` and checks the component; also returns where the name stands.
+    pub(super) fn component_and_name<'s>(
+        &mut self,
+        written: &'s Spanned<String>,
+    ) -> Option<(&'s str, &'s str, Range<usize>)> {
+        let text = written.get_ref().as_str();
+        let Some((component, name)) = text.split_once(':') else {
+            self.problems.add(written.span(), "expected \"component:variable\"");
+            return None;
+        };
+        let components = self.scenario.components.iter().map(|u| u.name.get_ref().as_str());
+        if !components.clone().any(|u| u == component) {
+            unknown("component", component, written.span(), components, &mut self.problems);
+            return None;
+        }
+        Some((component, name, written.span()))
+    }
+
+    pub(super) fn is_recorded(&self, component: &str, signal: &str) -> bool {
+        self.scenario.record.signals.iter().any(|pattern| {
+            let (of, pattern) = split_pattern(pattern.get_ref());
+            of.is_none_or(|of| of == component) && matches(pattern, signal)
+        })
+    }
+}
+
+/// The FMU that a case names instead of the component's own.
+pub(super) fn replacement<'c>(case: &'c Case, component: &Component) -> Option<&'c Spanned<Replacement>> {
+    let other = case.fmu.get(component.name.get_ref().as_str())?;
+    (other.get_ref().fmu != *component.fmu.get_ref()).then_some(other)
+}
+
+/// What messages call a case, with the FMU that it names for a component.
+pub(super) fn context(case: &Case, component: Option<&Component>) -> Context {
+    let name = case.name.get_ref();
+    match component.and_then(|component| Some((component.name.get_ref(), replacement(case, component)?))) {
+        Some((component, other)) => Context {
+            label: format!("case `{name}` (fmu.{component} = \"{}\")", other.get_ref().fmu),
+            is_special: true,
+        },
+        None => Context { label: format!("case `{name}`"), is_special: false },
+    }
+}
+
+/// (component, output) of all cases, each once, of one component or of all.
+pub(super) fn outputs<'s>(systems: &'s [System<'_>], component: Option<&str>) -> BTreeSet<(&'s str, &'s str)> {
+    systems
+        .iter()
+        .flat_map(|system| &system.members)
+        .filter(|member| component.is_none_or(|component| component == member.name()))
+        .flat_map(|member| member.wirable(Causality::Output).map(|(_, v)| (member.name(), v.name.as_str())))
+        .collect()
+}
+
+/// A hint for a name that is not an output of a component, or of any: near names, or else what there is.
+pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name: &str) -> String {
+    const SHOWN: usize = 6;
+    if let Some((other, _)) = outputs(systems, None).into_iter().find(|(_, output)| *output == name) {
+        return format!("did you mean `{other}:{name}`?");
+    }
+    let names: BTreeSet<&str> = outputs(systems, component).into_iter().map(|(_, output)| output).collect();
+    similar(name, names.iter().copied()).unwrap_or_else(|| {
+        let of = component.map_or("all components".to_string(), |component| format!("`{component}`"));
+        let mut list: Vec<String> = names.iter().take(SHOWN).map(|name| format!("`{name}`")).collect();
+        match names.len().saturating_sub(SHOWN) {
+            _ if names.is_empty() => list.push("none".to_string()),
+            0 => (),
+            more => list.push(format!("{more} more (`cargo fmu inspect FMU` lists those of an FMU)")),
+        }
+        format!("the outputs of {of}: {}", list.join(", "))
+    })
+}
+
+/// Names of all inputs and of the outputs they may be fed in place of.
+pub(super) fn input_names(systems: &[System<'_>]) -> Vec<String> {
+    let mut names = BTreeSet::new();
+    for member in systems.iter().flat_map(|system| &system.members) {
+        for causality in [Causality::Input, Causality::Output] {
+            for (_, v) in member.wirable(causality) {
+                names.insert(v.name.clone());
+                names.insert(format!("{}:{}", member.name(), v.name));
+            }
+        }
+    }
+    names.into_iter().collect()
+}

@@ -1,0 +1,361 @@
+//! Checks that need no FMU.
+
+use super::layout::{Metric, Scenario, Simulation};
+use crate::limits::{RUNS, STEPS};
+use crate::metrics::{Combine, Kind};
+use crate::problem::Collector;
+use crate::report::FigureKind;
+use fmu_import::names::suggestion;
+use serde_spanned::Spanned;
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// Number of steps between two times.
+///
+/// # Errors
+/// It is not whole to 1e-9 of itself, or above the limit; the text says so.
+pub(crate) fn whole_steps(start: f64, stop: f64, step: f64) -> Result<u64, String> {
+    let ratio = (stop - start) / step;
+    let steps = ratio.round();
+    if steps > STEPS as f64 {
+        return Err(format!(
+            "from start {start} s to stop {stop} s are {ratio:.3e} steps of {step:?} s, the limit is {STEPS}"
+        ));
+    }
+    if steps >= 1.0 && (ratio - steps).abs() <= 1e-9 * steps {
+        // Whole and below 2^53.
+        Ok(steps as u64)
+    } else {
+        Err(format!(
+            "from start {start} s to stop {stop} s are {ratio} steps of {step:?} s, which must be a whole number above 0"
+        ))
+    }
+}
+
+impl Scenario {
+    /// Checks all that needs no FMU.
+    pub(crate) fn check(&self, problems: &mut Collector) {
+        self.check_times(problems);
+        let components = names("component", self.components.iter().map(|u| &u.name), problems);
+        let cases = names("case", self.cases.iter().map(|c| &c.name), problems);
+        names("point", self.points.iter().map(|p| &p.name), problems);
+        let metrics = names("metric", self.metrics.iter().map(|m| &m.name), problems);
+        names("figure", self.figures.iter().map(|f| &f.name), problems);
+        if self.components.is_empty() {
+            problems.add(0..0, "a scenario needs at least one [[component]]");
+        }
+        if self.cases.is_empty() {
+            problems.add(0..0, "a scenario needs at least one [[case]]");
+        }
+        for (name, span) in self.fmus() {
+            if name.is_empty() || name.contains(['/', '\\', '.']) {
+                problems.add(span, "an FMU is named by its file stem, without folder and extension");
+            }
+        }
+        for case in &self.cases {
+            let known = |name, problems: &mut Collector| known("component", name, &components, problems);
+            for name in case.without.iter().chain(case.fmu.keys()) {
+                known(name, problems);
+            }
+            for name in case.parameters.keys().chain(case.inputs.keys()) {
+                if known(name, problems) && case.leaves_out(name.get_ref()) {
+                    problems.add(name.span(), format!("this case leaves the component `{}` out", name.get_ref()));
+                }
+            }
+            if let Some(baseline) = &case.baseline {
+                self::known("case", baseline, &cases, problems);
+            }
+            if self.components.iter().all(|u| case.leaves_out(u.name.get_ref())) && !self.components.is_empty() {
+                problems.add(case.name.span(), "this case leaves all components out");
+            }
+        }
+        for point in &self.points {
+            finite(&point.value, problems);
+            for name in point.parameters.keys() {
+                known("component", name, &components, problems);
+            }
+        }
+        match (&self.sweep, self.points.first()) {
+            (Some(sweep), None) => {
+                problems.add(sweep.span(), "a [sweep] needs at least one [[point]]");
+            }
+            (None, Some(point)) => {
+                problems.add(point.name.span(), "points need a [sweep] with the title and the unit of their values")
+            }
+            _ => (),
+        }
+        if let Some(seeds) = &self.seeds {
+            let mut seen = BTreeSet::new();
+            for seed in seeds.values.get_ref() {
+                if !seen.insert(*seed.get_ref()) {
+                    problems.add(seed.span(), "this seed is there twice");
+                }
+            }
+            if seen.is_empty() {
+                problems.add(seeds.values.span(), "expected at least one seed");
+            }
+        }
+        let seeds = self.seeds.as_ref().map_or(1, |seeds| seeds.values.get_ref().len().max(1));
+        let runs = self.cases.len().saturating_mul(self.points.len().max(1)).saturating_mul(seeds);
+        if runs > RUNS {
+            let message = format!(
+                "{} cases, {} points and {seeds} seeds are {runs} runs, the limit is {RUNS}",
+                self.cases.len(),
+                self.points.len().max(1)
+            );
+            let place = self.seeds.as_ref().map(|seeds| seeds.values.span());
+            problems.add(place.or_else(|| self.points.first().map(|p| p.name.span())).unwrap_or(0..0), message);
+        }
+        if let Some(every) = &self.record.every
+            && *every.get_ref() < 1
+        {
+            problems.add(every.span(), format!("every is {}, expected at least 1", every.get_ref()));
+        }
+        for metric in &self.metrics {
+            self.check_window(metric.window.as_ref(), problems);
+            metric.check_signals(problems);
+            if let Some(digits) = &metric.digits
+                && *digits.get_ref() > 15
+            {
+                problems.add(digits.span(), "expected at most 15 decimal places");
+            }
+            match &metric.threshold {
+                Some(threshold) if !metric.kind.has_threshold() => {
+                    problems.add(threshold.span(), "a metric of this kind has no `threshold`");
+                }
+                Some(threshold) => {
+                    finite(threshold, problems);
+                }
+                None if metric.kind.has_threshold() => {
+                    problems.add(metric.name.span(), "a metric of this kind needs a `threshold`");
+                }
+                None => (),
+            }
+            if let Some(until) = &metric.until {
+                match (until.get_ref().above, until.get_ref().below) {
+                    (Some(level), None) | (None, Some(level)) if level.is_finite() => (),
+                    (Some(_), None) | (None, Some(_)) => problems.add(until.span(), "expected a finite number"),
+                    _ => problems.add(until.span(), "expected either `above` or `below`"),
+                }
+            }
+            if let Some(paper) = &metric.paper {
+                for key in paper.values.keys() {
+                    self.check_paper_key(key, &cases, problems);
+                }
+                let numbers = paper.values.keys().chain(paper.changes.keys());
+                let numbers: BTreeSet<&str> = numbers.map(|key| key.get_ref().as_str()).collect();
+                for key in paper.calibrated.iter().flatten() {
+                    known("value of the paper", key, &numbers, problems);
+                }
+            }
+        }
+        for figure in &self.figures {
+            self.check_window(figure.window.as_ref(), problems);
+            for name in &figure.metrics {
+                known("metric", name, &metrics, problems);
+            }
+            if let Some(shown) = &figure.cases {
+                for name in shown.get_ref() {
+                    known("case", name, &cases, problems);
+                }
+                if shown.get_ref().is_empty() {
+                    problems.add(shown.span(), "expected at least one case");
+                }
+            }
+            if let Some(against) = &figure.against
+                && figure.kind != FigureKind::Time
+            {
+                problems.add(against.span(), "only a figure of kind \"time\" has `against`");
+            }
+            if let Some(separate) = &figure.separate
+                && figure.kind != FigureKind::Time
+            {
+                problems.add(separate.span(), "only a figure of kind \"time\" has `separate`");
+            }
+            for level in &figure.levels {
+                if figure.kind != FigureKind::Time {
+                    problems.add(level.span(), "only a figure of kind \"time\" has `levels`");
+                } else if !level.get_ref().value.is_finite() {
+                    problems.add(level.span(), "expected a finite number");
+                }
+            }
+            let at = figure.name.span();
+            match figure.kind {
+                FigureKind::Time | FigureKind::Spectrum if figure.signals.is_empty() || !figure.metrics.is_empty() => {
+                    problems.add(at, "a figure of kind \"time\" or \"spectrum\" has `signals`, no `metrics`");
+                }
+                FigureKind::Sweep | FigureKind::Running if figure.metrics.is_empty() || !figure.signals.is_empty() => {
+                    problems.add(at, "a figure of kind \"sweep\" or \"running\" has `metrics`, no `signals`");
+                }
+                FigureKind::Sweep if self.points.is_empty() => {
+                    problems.add(at, "a figure of kind \"sweep\" needs [[point]]s");
+                }
+                FigureKind::Sweep | FigureKind::Running if figure.unit.is_some() || figure.window.is_some() => {
+                    problems.add(at, "`unit` and `window` of a figure of metrics are those of the metrics");
+                }
+                FigureKind::Running => {
+                    for name in &figure.metrics {
+                        let metric = self.metrics.iter().find(|m| m.name == *name);
+                        if let Some(metric) = metric
+                            && (!metric.kind.has_running_values() || metric.until.is_some() || metric.from_baseline)
+                        {
+                            let message =
+                                "only a mean, an RMS or an integral over a plain window can be drawn as it grows";
+                            problems.add(name.span(), message);
+                        }
+                    }
+                }
+                FigureKind::Time | FigureKind::Spectrum | FigureKind::Sweep => (),
+            }
+        }
+    }
+
+    fn check_times(&self, problems: &mut Collector) {
+        let Simulation { stop, step, .. } = &self.simulation;
+        let mut all_finite = finite(stop, problems) && finite(step, problems);
+        if let Some(start) = &self.simulation.start {
+            all_finite &= finite(start, problems);
+        }
+        if !all_finite {
+            return;
+        }
+        let start = self.start();
+        if *step.get_ref() <= 0.0 {
+            problems.add(step.span(), format!("step is {}, expected more than 0", step.get_ref()));
+        } else if *stop.get_ref() <= start {
+            problems.add(stop.span(), format!("stop is {}, expected more than start {start}", stop.get_ref()));
+        } else if let Err(message) = whole_steps(start, *stop.get_ref(), *step.get_ref()) {
+            problems.add_at(&[stop.span(), step.span()], message, None);
+        }
+    }
+
+    fn check_window(&self, window: Option<&Spanned<[f64; 2]>>, problems: &mut Collector) {
+        let Some(window) = window else { return };
+        let [from, to] = *window.get_ref();
+        let (start, stop) = (self.start(), *self.simulation.stop.get_ref());
+        // Written so that a NaN fails as well.
+        if !(from < to && from >= start && to <= stop) {
+            problems.add(window.span(), format!("expected a window [from, to] with {start} <= from < to <= {stop}"));
+        }
+    }
+
+    fn check_paper_key(&self, key: &Spanned<String>, cases: &BTreeSet<&str>, problems: &mut Collector) {
+        let (case, point) = match key.get_ref().split_once('@') {
+            Some((case, point)) => (case, Some(point)),
+            None => (key.get_ref().as_str(), None),
+        };
+        if !cases.contains(case) {
+            problems.add_with_help(
+                key.span(),
+                format!("unknown case `{case}`"),
+                suggestion(case, cases.iter().copied()),
+            );
+        }
+        let points = || self.points.iter().map(|p| p.name.get_ref().as_str());
+        match point {
+            Some(point) if !points().any(|p| p == point) => {
+                problems.add_with_help(key.span(), format!("unknown point `{point}`"), suggestion(point, points()))
+            }
+            None if !self.points.is_empty() => {
+                problems.add(key.span(), "with a sweep the paper's values are named \"case@point\"")
+            }
+            _ => (),
+        }
+    }
+}
+
+impl Metric {
+    /// Checks which signals it has, and how they are combined.
+    fn check_signals(&self, problems: &mut Collector) {
+        let at = self.name.span();
+        match (&self.signal, self.signals.len(), &self.combine) {
+            (Some(_), 0, None) => (),
+            (Some(_), 0, Some(combine)) => problems.add(combine.span(), "`combine` needs several `signals`"),
+            (Some(_), _, _) => problems.add(at.clone(), "a metric has either a `signal` or `signals`"),
+            (None, 0, _) => problems.add(at.clone(), "a metric needs a `signal` or `signals`"),
+            (None, _, None) => {
+                problems.add(at.clone(), "several `signals` need a `combine`: min, max, norm or squares")
+            }
+            (None, _, Some(_)) => (),
+        }
+        let is_squares = self.combine.as_ref().is_some_and(|combine| *combine.get_ref() == Combine::Squares);
+        match &self.weights {
+            Some(weights) if !is_squares => problems.add(weights.span(), "only `combine = \"squares\"` has `weights`"),
+            Some(weights) if weights.get_ref().len() != self.signals.len() => {
+                problems.add(weights.span(), format!("expected {} weights, one per signal", self.signals.len()));
+            }
+            Some(weights) if weights.get_ref().iter().any(|w| !w.is_finite()) => {
+                problems.add(weights.span(), "expected finite numbers");
+            }
+            None if is_squares => problems.add(at.clone(), "`combine = \"squares\"` needs `weights`"),
+            _ => (),
+        }
+        if let (true, Some(unit)) = (is_squares, &self.unit) {
+            problems.add(
+                unit.span(),
+                "a weighted sum of squares has no `unit`: the weights belong to the units of the signals",
+            );
+        }
+        match &self.band {
+            Some(band) if self.kind != Kind::BandPower => {
+                problems.add(band.span(), "only a metric of kind \"band_power\" has a `band`");
+            }
+            // Written so that a NaN fails as well.
+            Some(band) if !(band.get_ref()[0] >= 0.0 && band.get_ref()[0] < band.get_ref()[1]) => {
+                problems.add(band.span(), "expected a band [from, to] with 0 <= from < to, Hz");
+            }
+            None if self.kind == Kind::BandPower => {
+                problems.add(at, "a metric of kind \"band_power\" needs a `band`");
+            }
+            _ => (),
+        }
+    }
+}
+
+/// Checks names: lower_snake, each once.
+fn names<'a>(
+    what: &str,
+    all: impl Iterator<Item = &'a Spanned<String>>,
+    problems: &mut Collector,
+) -> BTreeSet<&'a str> {
+    let mut seen = BTreeSet::new();
+    for name in all {
+        let text = name.get_ref().as_str();
+        let plain = text.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+        if !plain || !text.starts_with(|c: char| c.is_ascii_lowercase()) {
+            problems
+                .add(name.span(), format!("the name of a {what} is made of a-z, 0-9 and _ and starts with a letter"));
+        }
+        if !seen.insert(text) {
+            problems.add(name.span(), format!("the {what} `{text}` is there twice"));
+        }
+    }
+    seen
+}
+
+fn known(what: &str, name: &Spanned<String>, all: &BTreeSet<&str>, problems: &mut Collector) -> bool {
+    let found = all.contains(name.get_ref().as_str());
+    if !found {
+        unknown(what, name.get_ref(), name.span(), all.iter().copied(), problems);
+    }
+    found
+}
+
+/// Notes an unknown name with the nearest known one.
+pub(crate) fn unknown<'a>(
+    what: &str,
+    name: &str,
+    span: Range<usize>,
+    all: impl IntoIterator<Item = &'a str>,
+    problems: &mut Collector,
+) {
+    problems.add_with_help(span, format!("unknown {what} `{name}`"), suggestion(name, all));
+}
+
+fn finite(value: &Spanned<f64>, problems: &mut Collector) -> bool {
+    let fine = value.get_ref().is_finite();
+    if !fine {
+        problems.add(value.span(), "expected a finite number");
+    }
+    fine
+}
