@@ -100,6 +100,7 @@ impl Membership {
     /// let shoulder = Membership::Triangle { left: f64::NEG_INFINITY, peak: 1.0, right: 3.0 };
     /// assert_eq!(shoulder.grade(-100.0), 1.0);
     /// ```
+    #[inline(never)] // one copy in an FMU
     pub fn grade(&self, x: f64) -> f64 {
         if x.is_nan() {
             return x;
@@ -366,6 +367,7 @@ impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROW
     /// conclude it, 0 if there is none. All NaN if a grade is NaN.
     ///
     /// * `rows`, `columns`: grades of the first and the second input in their labels.
+    #[inline(never)] // one copy in an FMU
     pub fn activation(&self, rows: &[f64; ROWS], columns: &[f64; COLUMNS]) -> [f64; LABELS] {
         // f64::min and f64::max would drop a NaN.
         if contains_nan(rows) || contains_nan(columns) {
@@ -441,14 +443,14 @@ type Block = [f64; LANES];
 #[derive(Clone, Debug, PartialEq)]
 pub struct Output<const LABELS: usize> {
     /// Cover the grid in order.
-    stretches: Vec<Stretch<LABELS>>,
+    stretches: Vec<Stretch>,
 }
 
 /// Neighboring grid points that have the same two main labels, those with the greatest grades.
 ///
 /// Where one of these is active, the other labels hardly ever count.
 #[derive(Clone, Debug, PartialEq)]
-struct Stretch<const LABELS: usize> {
+struct Stretch {
     main: [usize; 2],
     /// Least grade of the main labels.
     least: [f64; 2],
@@ -503,9 +505,29 @@ fn unite(a: Block, b: Block) -> Block {
     std::array::from_fn(|lane| greatest(a[lane], b[lane]))
 }
 
-impl<const LABELS: usize> Stretch<LABELS> {
+impl Stretch {
+    fn new(sets: &[Membership], main: [usize; 2], points: &[f64]) -> Self {
+        let mut others = Vec::new();
+        for (label, set) in sets.iter().enumerate() {
+            let greatest = greatest_grade(set, points);
+            if greatest > 0.0 && !main.contains(&label) {
+                others.push(Other { label, greatest, grades: grades(set, points) });
+            }
+        }
+        let [a, b] = main.map(|label| grades(&sets[label], points));
+        let block = |points: &[f64]| std::array::from_fn(|lane| points.get(lane).copied().unwrap_or(0.0));
+        let points_and_grades = points.chunks(LANES).zip(a.iter().zip(b));
+        Self {
+            main,
+            least: main.map(|label| least_grade(&sets[label], points)),
+            greatest: others.iter().map(|other| other.greatest).fold(0.0, greatest),
+            blocks: points_and_grades.map(|(points, (&a, b))| [block(points), a, b]).collect(),
+            others,
+        }
+    }
+
     #[inline]
-    fn add_to(&self, sums: &mut Sums, activation: &[f64; LABELS]) {
+    fn add_to<const LABELS: usize>(&self, sums: &mut Sums, activation: &[f64; LABELS]) {
         let [a, b] = self.main.map(|label| activation[label]);
         // The main labels alone reach this at every point.
         let floor = greatest(least(a, self.least[0]), least(b, self.least[1]));
@@ -520,7 +542,7 @@ impl<const LABELS: usize> Stretch<LABELS> {
 
     /// The same if other labels than the main ones can rise above `floor`.
     #[inline(never)]
-    fn add_all_to(&self, sums: &mut Sums, activation: &[f64; LABELS], floor: f64) {
+    fn add_all_to<const LABELS: usize>(&self, sums: &mut Sums, activation: &[f64; LABELS], floor: f64) {
         let [a, b] = self.main.map(|label| activation[label]);
         let (mut rising, mut count) = ([(0, 0.0); LABELS], 0);
         for (number, other) in self.others.iter().enumerate() {
@@ -550,19 +572,7 @@ impl<const LABELS: usize> Output<LABELS> {
     /// * [`FuzzyError::NoSupport`] if a label has grade 0 at every point, so that it could never
     ///   have an effect.
     pub fn new(sets: [Membership; LABELS], low: f64, high: f64, points: usize) -> Result<Self, FuzzyError> {
-        check_sets(&sets)?;
-        if !(low < high && low.is_finite() && high.is_finite() && points >= 2) {
-            return Err(FuzzyError::Grid { low, high, points });
-        }
-        let points: Vec<f64> = (0..points).map(|i| point(i, points, low, high)).collect();
-        for (label, set) in sets.iter().enumerate() {
-            if points.iter().all(|&y| set.grade(y) == 0.0) {
-                return Err(FuzzyError::NoSupport { label });
-            }
-        }
-        let blocks: Vec<_> = points.chunks(LANES).map(|points| (points, Kind::of(&sets, points))).collect();
-        let stretches = blocks.chunk_by(|(_, a), (_, b)| a == b).map(|blocks| stretch(&sets, blocks)).collect();
-        Ok(Self { stretches })
+        Ok(Self { stretches: tabulate(&sets, low, high, points)? })
     }
 
     /// Crisp output: the centroid of the united sets, each clipped at the activation of its label,
@@ -583,51 +593,55 @@ impl<const LABELS: usize> Output<LABELS> {
     }
 }
 
-/// What the blocks of a stretch have in common.
-#[derive(PartialEq)]
-struct Kind<const LABELS: usize> {
-    /// The two labels with the greatest grades, in order of their numbers.
-    main: [usize; 2],
-    has_grade: [bool; LABELS],
+/// The stretches of [`Output::new`].
+fn tabulate(sets: &[Membership], low: f64, high: f64, points: usize) -> Result<Vec<Stretch>, FuzzyError> {
+    check_sets(sets)?;
+    if !(low < high && low.is_finite() && high.is_finite() && points >= 2) {
+        return Err(FuzzyError::Grid { low, high, points });
+    }
+    let points: Vec<f64> = (0..points).map(|i| point(i, points, low, high)).collect();
+    if let Some(label) = sets.iter().position(|set| greatest_grade(set, &points) == 0.0) {
+        return Err(FuzzyError::NoSupport { label });
+    }
+    let mut stretches = Vec::new();
+    let mut rest = &points[..];
+    while let Some(block) = rest.chunks(LANES).next() {
+        let main = main_labels(sets, block);
+        let has_main_labels = |block: &&[f64]| main_labels(sets, block) == main;
+        let length = rest.chunks(LANES).take_while(has_main_labels).map(<[f64]>::len).sum();
+        let (points, next) = rest.split_at(length);
+        stretches.push(Stretch::new(sets, main, points));
+        rest = next;
+    }
+    Ok(stretches)
 }
 
-impl<const LABELS: usize> Kind<LABELS> {
-    fn of(sets: &[Membership; LABELS], points: &[f64]) -> Self {
-        let sums = sets.map(|set| points.iter().map(|&y| set.grade(y)).sum::<f64>());
-        let (mut first, mut second) = (0, 0);
-        for label in 1..LABELS {
-            if sums[label] > sums[first] {
-                (first, second) = (label, first);
-            } else if second == first || sums[label] > sums[second] {
-                second = label;
-            }
+/// The two labels with the greatest grades at `points`, in order of their numbers; twice the same if there is only one.
+fn main_labels(sets: &[Membership], points: &[f64]) -> [usize; 2] {
+    let sum = |label: usize| points.iter().map(|&y| sets[label].grade(y)).sum::<f64>();
+    let (mut first, mut second) = (0, 0);
+    for label in 1..sets.len() {
+        if sum(label) > sum(first) {
+            (first, second) = (label, first);
+        } else if second == first || sum(label) > sum(second) {
+            second = label;
         }
-        Self { main: [first.min(second), first.max(second)], has_grade: sums.map(|sum| sum > 0.0) }
     }
+    [first.min(second), first.max(second)]
 }
 
-/// Tabulates neighboring blocks of one kind.
-fn stretch<const LABELS: usize>(sets: &[Membership; LABELS], blocks: &[(&[f64], Kind<LABELS>)]) -> Stretch<LABELS> {
-    let kind = &blocks[0].1;
-    let points = || blocks.iter().flat_map(|(points, _)| points.iter().copied());
-    let tabulated = |value: &dyn Fn(f64) -> f64| -> Vec<Block> {
-        let block = |points: &[f64]| std::array::from_fn(|lane| points.get(lane).map_or(0.0, |&y| value(y)));
-        blocks.iter().map(|(points, _)| block(points)).collect()
-    };
-    let grades = |label: usize| tabulated(&|y| sets[label].grade(y));
-    let greatest_of = |label: usize| points().map(|y| sets[label].grade(y)).fold(0.0, greatest);
-    let others: Vec<_> = (0..LABELS)
-        .filter(|label| kind.has_grade[*label] && !kind.main.contains(label))
-        .map(|label| Other { label, greatest: greatest_of(label), grades: grades(label) })
-        .collect();
-    let [a, b] = kind.main.map(grades);
-    Stretch {
-        main: kind.main,
-        least: kind.main.map(|label| points().map(|y| sets[label].grade(y)).fold(1.0, least)),
-        greatest: others.iter().map(|other| other.greatest).fold(0.0, greatest),
-        blocks: tabulated(&|y| y).into_iter().zip(a).zip(b).map(|((points, a), b)| [points, a, b]).collect(),
-        others,
-    }
+fn greatest_grade(set: &Membership, points: &[f64]) -> f64 {
+    points.iter().fold(0.0, |grade, &y| greatest(grade, set.grade(y)))
+}
+
+fn least_grade(set: &Membership, points: &[f64]) -> f64 {
+    points.iter().fold(1.0, |grade, &y| least(grade, set.grade(y)))
+}
+
+/// Grade at each point.
+fn grades(set: &Membership, points: &[f64]) -> Vec<Block> {
+    let block = |points: &[f64]| std::array::from_fn(|lane| points.get(lane).map_or(0.0, |&y| set.grade(y)));
+    points.chunks(LANES).map(block).collect()
 }
 
 /// What is wrong with the description of a fuzzy system.

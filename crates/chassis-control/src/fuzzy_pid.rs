@@ -294,9 +294,8 @@ mod tests {
         // Neighbors cross at 1/2.
         let grade = |label: usize, x: f64| 0.5_f64.powf(4.0 * (x - place(label)) * (x - place(label)));
         let mut activation = [0.0_f64; LABELS];
-        for row in 0..LABELS {
-            for column in 0..LABELS {
-                let label = table[row][column];
+        for (row, labels) in table.iter().enumerate() {
+            for (column, &label) in labels.iter().enumerate() {
                 activation[label] = activation[label].max(grade(row, e).min(grade(column, ec)));
             }
         }
