@@ -345,21 +345,8 @@ impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROW
             }
             row += 1;
         }
-        let mut rules = [[0; COLUMNS]; ROWS];
-        let mut ends = [0; LABELS];
-        let (mut label, mut count) = (0, 0);
-        while label < LABELS {
-            let mut rule = 0;
-            while rule < ROWS * COLUMNS {
-                if table[rule / COLUMNS][rule % COLUMNS] == label {
-                    rules[count / COLUMNS][count % COLUMNS] = rule;
-                    count += 1;
-                }
-                rule += 1;
-            }
-            ends[label] = count;
-            label += 1;
-        }
+        let (mut rules, mut ends) = ([[0; COLUMNS]; ROWS], [0; LABELS]);
+        sort_by_label(table.as_flattened(), rules.as_flattened_mut(), &mut ends);
         Ok(Self { rules, ends, conjunction })
     }
 
@@ -383,6 +370,24 @@ impl<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> RuleTable<ROW
             let of_label = &rules[std::mem::replace(&mut first, end)..end];
             of_label.iter().fold(0.0, |activation, &rule| greatest(activation, strengths[rule]))
         })
+    }
+}
+
+/// Fills `rules` with the numbers of the rules, sorted by their labels, and `ends` with the ends of the labels.
+#[inline(never)] // not unrolled for the size of a table
+const fn sort_by_label(labels: &[usize], rules: &mut [usize], ends: &mut [usize]) {
+    let (mut label, mut count) = (0, 0);
+    while label < ends.len() {
+        let mut rule = 0;
+        while rule < labels.len() {
+            if labels[rule] == label {
+                rules[count] = rule;
+                count += 1;
+            }
+            rule += 1;
+        }
+        ends[label] = count;
+        label += 1;
     }
 }
 
