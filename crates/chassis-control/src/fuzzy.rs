@@ -1,4 +1,4 @@
-//! Mamdani fuzzy inference with one or two inputs, sizes fixed at compile time, no allocation.
+//! Mamdani fuzzy inference with one or two inputs. Tables are allocated once, an evaluation allocates nothing.
 //!
 //! One evaluation is a chain of four steps, each a value built once and a method called per sample:
 //!
@@ -263,7 +263,7 @@ impl Gaussians {
         Some(gaussians)
     }
 
-    /// Grades of the first `N` sets, an even number: two at a time.
+    /// Grades of the first `N` sets. Two are evaluated at a time, so `N` should be even.
     fn grades<const N: usize>(&self, x: f64) -> [f64; N] {
         let mut exponents = [0.0; N];
         for ((exponent, &center), &width) in exponents.iter_mut().zip(&self.centers).zip(&self.widths) {
@@ -453,7 +453,7 @@ pub struct Output<const LABELS: usize> {
 
 /// Neighboring grid points that have the same two main labels, those with the greatest grades.
 ///
-/// Where one of these is active, the other labels hardly ever count.
+/// Another label counts only where it can rise above these: seldom, if one of them is active.
 #[derive(Clone, Debug, PartialEq)]
 struct Stretch {
     main: [usize; 2],
@@ -609,6 +609,9 @@ fn tabulate(sets: &[Membership], low: f64, high: f64, points: usize) -> Result<V
         return Err(FuzzyError::NoSupport { label });
     }
     let mut stretches = Vec::new();
+    if sets.is_empty() {
+        return Ok(stretches);
+    }
     let mut rest = &points[..];
     while let Some(block) = rest.chunks(LANES).next() {
         let main = main_labels(sets, block);
@@ -923,6 +926,7 @@ mod tests {
     fn no_active_rule_and_nan_give_nan() {
         let coordination = Coordination::new();
         assert!(coordination.weight.centroid(&[0.0; 7]).is_nan());
+        assert!(Output::<0>::new([], 0.0, 1.0, 11).unwrap().centroid(&[]).is_nan());
         for (degrees, speed) in [(f64::NAN, 10.0), (10.0, f64::NAN), (f64::NAN, f64::NAN)] {
             let [k1, k2] = coordination.weights(degrees, speed);
             assert!(k1.is_nan() && k2.is_nan());
