@@ -143,7 +143,7 @@ pub struct Settings {
 pub struct FuzzyPid {
     input: Partition<LABELS>,
     tables: [RuleTable<LABELS, LABELS, LABELS>; 3],
-    output: Output<LABELS, 121>,
+    output: Output<LABELS>,
 }
 
 impl FuzzyPid {
@@ -157,7 +157,7 @@ impl FuzzyPid {
         Ok(Self {
             input: Partition::new(Membership::evenly_spaced_gaussians(-DOMAIN, DOMAIN))?,
             tables: [table(0)?, table(1)?, table(2)?],
-            output: Output::new(Membership::evenly_spaced_triangles(-DOMAIN, DOMAIN), -DOMAIN, DOMAIN)?,
+            output: Output::new(Membership::evenly_spaced_triangles(-DOMAIN, DOMAIN), -DOMAIN, DOMAIN, 121)?,
         })
     }
 
@@ -283,6 +283,48 @@ mod tests {
                     (dk.derivative, expected.derivative),
                 ] {
                     assert!((actual - expected).abs() < 1e-8, "{set:?} ({e}, {ec}): {actual} is not {expected}");
+                }
+            }
+        }
+    }
+
+    /// The increment of one gain as the module defines it: every rule of its table, every label at every point.
+    fn increment_by_definition(table: &Table, e: f64, ec: f64) -> f64 {
+        let place = |label: usize| label as f64 - 3.0;
+        // Neighbors cross at 1/2.
+        let grade = |label: usize, x: f64| 0.5_f64.powf(4.0 * (x - place(label)) * (x - place(label)));
+        let mut activation = [0.0_f64; LABELS];
+        for (row, labels) in table.iter().enumerate() {
+            for (column, &label) in labels.iter().enumerate() {
+                activation[label] = activation[label].max(grade(row, e).min(grade(column, ec)));
+            }
+        }
+        let (mut moment, mut area) = (0.0, 0.0);
+        for point in -60..=60 {
+            let y = f64::from(point) / 20.0;
+            let mut mu = 0.0_f64;
+            for (label, limit) in activation.iter().enumerate() {
+                mu = mu.max((1.0 - (y - place(label)).abs()).max(0.0).min(*limit));
+            }
+            moment += y * mu;
+            area += mu;
+        }
+        moment / area
+    }
+
+    /// The whole domain. Tolerance: a grade has an exponent of at most 100 and with it a relative error of about
+    /// 1e-14, but only grades above 1e-6 (errors 2e-15) have an effect of this size; a sum of 121 terms adds 121
+    /// roundings, so that two centroids within -3..=3 differ by at most 2e-13.
+    #[test]
+    fn increments_follow_their_definition() {
+        for set in [Rules::Mirrored, Rules::Standard] {
+            let fuzzy = rules(set);
+            for (i, j) in (0..=60).flat_map(|i| (0..=60).map(move |j| (i, j))) {
+                let (e, ec) = (f64::from(i) / 10.0 - 3.0, f64::from(j) / 10.0 - 3.0);
+                let dk = fuzzy.increments(e, ec);
+                for (gain, actual) in [dk.proportional, dk.integral, dk.derivative].into_iter().enumerate() {
+                    let expected = increment_by_definition(&set.table(gain), e, ec);
+                    assert!((actual - expected).abs() < 1e-12, "{set:?} ({e}, {ec}) {gain}: {actual}, not {expected}");
                 }
             }
         }

@@ -31,7 +31,7 @@ const K1_OF_K2: [usize; 7] = {
 pub(crate) struct MiddleRatio {
     input: Partition<7>,
     rules: LabelMap<7, 7>,
-    output: Output<7, 201>,
+    output: Output<7>,
 }
 
 impl MiddleRatio {
@@ -40,7 +40,7 @@ impl MiddleRatio {
         Ok(Self {
             input: Partition::new(sets)?,
             rules: LabelMap::new(K1_OF_K2)?,
-            output: Output::new(sets, -1.0, 1.0)?,
+            output: Output::new(sets, -1.0, 1.0, 201)?,
         })
     }
 

@@ -35,7 +35,7 @@ pub(crate) fn rule_base() -> Result<D, String> {
             speed: Partition::new(Membership::evenly_spaced_gaussians(0.0, LARGEST_SPEED))?,
             rules: RuleTable::new(RULES, Conjunction::Minimum)?,
             mirrored: LabelMap::new(MIRROR)?,
-            output: Output::new(Membership::evenly_spaced_gaussians(0.0, 1.0), 0.0, 1.0)?,
+            output: Output::new(Membership::evenly_spaced_gaussians(0.0, 1.0), 0.0, 1.0, 101)?,
         })
     };
     make().map_err(|error| error.to_string())

@@ -75,7 +75,7 @@ pub struct D {
     speed: Partition<5>,
     rules: RuleTable<5, 5, 7>,
     mirrored: LabelMap<7, 7>,
-    output: Output<7, 101>,
+    output: Output<7>,
 }
 
 /// Shares of the integrated and the roll suspension law and activation of multi-axle steering, by fuzzy rules on

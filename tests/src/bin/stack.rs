@@ -2,10 +2,12 @@
 //!
 //! - `stack FMU...` prints for each FMU the least stack of a thread, in kB of 1024 bytes and whole pages, in which a
 //!   whole life of the FMU (all functions, rejected calls, saved states, a reset) does not overflow;
-//! - `stack --within KB FMU` leads that life in a thread of this stack; the process ends by a signal if it overflows.
+//! - `stack --within KB FMU` leads that life in a thread of this stack; the process ends by a signal if it overflows;
+//! - `stack --within KB --below KB FMU` calls the FMU below frames that take so much of the stack.
 //!
 //! The figure contains the start of the thread and the frames of this caller, about 2 kB.
 
+use std::hint::black_box;
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use tests::Fmu;
@@ -19,7 +21,8 @@ fn main() -> ExitCode {
     let arguments: Vec<_> = std::env::args().skip(1).collect();
     let arguments: Vec<_> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {
-        ["--within", size, path] => within(size.parse().expect("KB is a number"), path),
+        ["--within", size, path] => within(kb(size), 0, path),
+        ["--within", size, "--below", frames, path] => within(kb(size), kb(frames), path),
         [first, ..] if !first.starts_with('-') => {
             for path in &arguments {
                 let name = Path::new(path).file_stem().unwrap_or_default().to_string_lossy();
@@ -33,19 +36,38 @@ fn main() -> ExitCode {
             }
         }
         _ => {
-            eprintln!("usage: stack FMU... | --within KB FMU");
+            eprintln!("usage: stack FMU... | --within KB [--below KB] FMU");
             return ExitCode::from(2);
         }
     }
     ExitCode::SUCCESS
 }
 
-fn within(size: usize, path: &str) {
+fn kb(argument: &str) -> usize {
+    argument.parse().expect("KB is a number")
+}
+
+/// Calls `work` below frames of at least this many kB, one or more.
+fn below(frames: usize, work: &dyn Fn()) {
+    let frame = [0_u8; 1024];
+    if frames > 1 {
+        below(frames - 1, work);
+    } else {
+        work();
+    }
+    black_box(&frame);
+}
+
+fn within(size: usize, frames: usize, path: &str) {
     // Unpacked and loaded by the main thread: that is work of the master.
     let fmu = Fmu::open(Path::new(path));
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().stack_size(size * 1024);
-        let thread = thread.spawn_scoped(scope, || tests::life::life(&fmu)).expect("a thread can be made");
+        let run = || match frames {
+            0 => tests::life::life(&fmu),
+            _ => below(frames, &|| tests::life::life(&fmu)),
+        };
+        let thread = thread.spawn_scoped(scope, run).expect("a thread can be made");
         thread.join().expect("the FMU does what it should");
     });
 }
