@@ -92,7 +92,7 @@ impl Words<'_> {
 /// The type of a field of a discrete state.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be a field of a discrete state",
-    note = "fields are `f64`, `u64`, `i32`, `bool`, `String`, enums with `#[derive(Enumeration)]`, and arrays of these; a \
+    note = "fields are `f64`, `u64`, `i32`, `bool`, `String`, enums with `#[derive(Enumeration)]`, and arrays and boxes of these; a \
             model with other state implements `Stateful`"
 )]
 pub trait StateField {
@@ -179,6 +179,20 @@ impl StateField for String {
     fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
         *self = Self::from_utf8(source.bytes(name)?).map_err(|_| format!("'{name}' must be UTF-8"))?;
         Ok(())
+    }
+}
+
+/// On the heap: a large array in a box does not need room on the stack whenever the state is moved.
+impl<F: StateField> StateField for Box<F> {
+    #[inline]
+    fn not_finite(&self) -> Option<f64> {
+        (**self).not_finite()
+    }
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        (**self).save(sink);
+    }
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+        (**self).load(name, source)
     }
 }
 

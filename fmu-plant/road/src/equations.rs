@@ -80,8 +80,8 @@ impl Default for X {
             noise: [0.0; 2],
             all_pass: [0.0; 2],
             changed: false,
-            left: [0.0; HISTORY],
-            right: [0.0; HISTORY],
+            left: Box::new([0.0; HISTORY]),
+            right: Box::new([0.0; HISTORY]),
         }
     }
 }

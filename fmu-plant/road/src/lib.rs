@@ -184,10 +184,10 @@ pub struct X {
     changed: bool,
     /// Last heights of the left track, m; point number `k` at `k` modulo the length.
     #[var(always_finite)]
-    left: [f64; equations::HISTORY],
+    left: Box<[f64; equations::HISTORY]>,
     /// Last heights of the right track, stored alike.
     #[var(always_finite)]
-    right: [f64; equations::HISTORY],
+    right: Box<[f64; equations::HISTORY]>,
 }
 
 /// The height of the road as far as it does not come about on the way.
