@@ -40,10 +40,22 @@ pub(crate) fn spread(bits: u64) -> u64 {
     0u64.wrapping_sub(bits >> 63)
 }
 
-/// All ones if `a < b`, for the bits of two magnitudes.
+/// All ones if the condition holds. For a comparison of numbers that is one instruction for two lanes.
 #[inline(always)]
-pub(crate) fn below(a: u64, b: u64) -> u64 {
-    spread(a.wrapping_sub(b))
+pub(crate) fn mask(condition: bool) -> u64 {
+    0u64.wrapping_sub(u64::from(condition))
+}
+
+/// The smaller number; `b` if one of them is NaN.
+#[inline(always)]
+pub(crate) fn min(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The greater number; `b` if one of them is NaN.
+#[inline(always)]
+pub(crate) fn max(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// `x` where the mask is set, else 0.

@@ -3,7 +3,7 @@
 //! exp(x) = 2^n exp(r) with |r| <= ln(2)/2. The hyperbolic functions are made of exp(x) and exp(x) - 1 in two parts each, so
 //! that they lose nothing near zero.
 
-use crate::bits::{INFINITY, ROUNDER, SIGN, abs, below, choose, fast_sum, flip, magnitude, sign, spread, sum};
+use crate::bits::{INFINITY, ROUNDER, SIGN, abs, choose, fast_sum, flip, magnitude, min, sign, spread, sum};
 use crate::coefficients::{EXPM1, INV_LN2, LN2_HI, LN2_LO, TANH};
 use crate::lanes::{function, polynomial11};
 
@@ -114,8 +114,7 @@ fn tanh_straight(x: f64) -> f64 {
 /// 1 - 2/(exp(2 |x|) + 1), with the sign of x.
 #[inline(always)]
 fn tanh_bent(x: f64) -> f64 {
-    let ax = abs(x);
-    let ax = choose(below(ax.to_bits(), FLAT.to_bits()), ax, FLAT);
+    let ax = min(abs(x), FLAT);
     let (n, high, low) = reduce(ax + ax, 0.0);
     let (one, rest) = exponential(high, low);
     let (value, value_low) = fast_sum(one, rest);

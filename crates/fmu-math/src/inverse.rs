@@ -1,30 +1,22 @@
 //! Arctangent, arcsine and arccosine.
 
-use crate::bits::{SIGN, abs, below, choose, fast_sum, flip, keep, magnitude, sign, spread, sqrt, upper};
+use crate::bits::{SIGN, abs, choose, fast_sum, flip, keep, magnitude, mask, max, min, sign, spread, sqrt, upper};
 use crate::coefficients::{ASIN, ATAN, PIO4_HI, PIO4_LO};
 use crate::lanes::{function, function2, polynomial13};
 
 /// Greatest magnitude of the arguments of the arctangent of two numbers: their sum must not overflow.
 const LARGE: u64 = 1e300f64.to_bits();
 const ONE: u64 = 1f64.to_bits();
-const HALF: u64 = 0.5f64.to_bits();
 /// The bits of `1/x` are about this minus the bits of `x`, within 7 % of the number.
 const RECIPROCAL: u64 = 0x7fde_6238_0000_0000;
 
-/// The quotient of the smaller magnitude and the greater, or the tangent of the angle without pi/4, is between -1/3 and 1/2
-/// and goes into a polynomial. A multiple of pi/4 in two parts is added.
+/// The angle of a point in the right or, with the mask `back`, the left half plane, from the smaller and the greater magnitude
+/// of its coordinates. The masks: whether y is the greater one, and whether the smaller one is above half of it.
+///
+/// The quotient of the two, or the tangent of the angle without pi/4, is between -1/3 and 1/2 and goes into a polynomial. A
+/// multiple of pi/4 in two parts is added.
 #[inline(always)]
-fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
-    let (ay, ax) = (magnitude(y), magnitude(x));
-    let steep = below(ax, ay);
-    let exchange = (ay ^ ax) & steep;
-    let small = f64::from_bits(ay ^ exchange);
-    // 0/0 is 0 here.
-    let great = ax ^ exchange;
-    let great = f64::from_bits(great | (ONE & spread(great.wrapping_sub(1))));
-    let back = spread(x.to_bits());
-
-    let diagonal = below(great.to_bits(), (small + small).to_bits());
+fn angle(small: f64, great: f64, steep: u64, diagonal: u64, back: u64) -> f64 {
     let numerator = small - keep(diagonal, great);
     let (denominator, error) = fast_sum(great, keep(diagonal, small));
     let t = numerator / denominator;
@@ -37,8 +29,17 @@ fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
     let error = error + (eighths * PIO4_LO - flip(correction, turn));
     // All but the polynomial is known by now.
     let z = t * t;
-    let angle = angle + (error + (t * z) * polynomial13(&ATAN, z));
-    (flip(abs(angle), sign(y)), LARGE.wrapping_sub(ay) | LARGE.wrapping_sub(ax))
+    angle + (error + (t * z) * polynomial13(&ATAN, z))
+}
+
+#[inline(always)]
+fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
+    let (ay, ax) = (abs(y), abs(x));
+    let (small, great) = (min(ay, ax), max(ay, ax));
+    // 0/0 is 0 here.
+    let great = f64::from_bits(great.to_bits() | keep(mask(great == 0.0), 1.0).to_bits());
+    let angle = angle(small, great, mask(ax < ay), mask(great < small + small), spread(x.to_bits()));
+    (flip(abs(angle), sign(y)), LARGE.wrapping_sub(ay.to_bits()) | LARGE.wrapping_sub(ax.to_bits()))
 }
 
 #[inline(always)]
@@ -46,9 +47,12 @@ fn atan_outside(x: f64) -> u64 {
     LARGE.wrapping_sub(magnitude(x))
 }
 
+/// [`atan2_kernel`] with 1 for `x`.
 #[inline(always)]
 fn atan_kernel(x: f64) -> f64 {
-    atan2_kernel(x, 1.0).0
+    let ax = abs(x);
+    let diagonal = mask(0.5 < ax) & mask(ax < 2.0);
+    flip(angle(min(ax, 1.0), max(ax, 1.0), mask(1.0 < ax), diagonal, 0), sign(x))
 }
 
 #[inline(always)]
@@ -61,7 +65,7 @@ fn unit_outside(x: f64) -> u64 {
 #[inline(always)]
 fn half_angle(x: f64) -> (u64, f64, f64, f64) {
     let ax = abs(x);
-    let wide = !below(ax.to_bits(), HALF);
+    let wide = mask(0.5 <= ax);
     let z = choose(wide, (1.0 - ax) * 0.5, ax * ax);
     let s = choose(wide, sqrt(z), ax);
     let tail = s * (z * polynomial13(&ASIN, z));

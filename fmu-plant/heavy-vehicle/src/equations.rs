@@ -166,8 +166,8 @@ pub(crate) fn lateral_forces<T: Scalar>(
 
 /// Everything that follows from state and inputs.
 struct Motion<T> {
-    sin_psi: T,
-    cos_psi: T,
+    /// Derivatives of the state.
+    rates: X<T>,
     z_w: SixWheels<T>,
     zd_w: SixWheels<T>,
     z_b: Sides<T>,
@@ -178,14 +178,6 @@ struct Motion<T> {
     alpha: ThreeAxles<T>,
     f_y: SixWheels<T>,
     a_y: T,
-    vd: T,
-    rd: T,
-    phidd: T,
-    zdd: T,
-    thetadd: T,
-    zdd_f: FrontWheels<T>,
-    zdd_b: Sides<T>,
-    thdd_b: Sides<T>,
 }
 
 #[inline]
@@ -291,53 +283,31 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         zdd_b = Sides::from_fn(|side| (-f_s[2 + side] + push[2 + side] + push[4 + side] + bar(1, side)) * s.per_m_bw);
         thdd_b = Sides::from_fn(|side| ((push[4 + side] - push[2 + side]) * (p.l3 / 2.0) - bushing(side)) * s.per_j_bw);
     }
-    let z_b = axles.z_b;
     let (sin_psi, cos_psi) = (sin[3], cos[3]);
-    Motion {
-        sin_psi,
-        cos_psi,
-        z_w,
-        zd_w,
-        z_b,
-        d,
-        dd,
-        t,
-        f_z,
-        alpha,
-        f_y,
-        a_y,
-        vd,
-        rd,
-        phidd,
-        zdd,
-        thetadd,
-        zdd_f,
-        zdd_b,
-        thdd_b,
-    }
-}
-
-pub(crate) fn derivatives<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
-    let m = motion(p, s, x, u);
-    X {
+    let rates = X {
         z: x.zd,
         theta: x.thetad,
         phi: x.phid,
         z_f: x.zd_f,
         z_b: x.zd_b,
         th_b: x.thd_b,
-        zd: m.zdd,
-        thetad: m.thetadd,
-        phid: m.phidd,
-        zd_f: m.zdd_f,
-        zd_b: m.zdd_b,
-        thd_b: m.thdd_b,
-        v: m.vd,
-        r: m.rd,
+        zd: zdd,
+        thetad: thetadd,
+        phid: phidd,
+        zd_f: zdd_f,
+        zd_b: zdd_b,
+        thd_b: thdd_b,
+        v: vd,
+        r: rd,
         psi: x.r,
-        x: u.u * m.cos_psi - x.v * m.sin_psi,
-        y: u.u * m.sin_psi + x.v * m.cos_psi,
-    }
+        x: u.u * cos_psi - x.v * sin_psi,
+        y: u.u * sin_psi + x.v * cos_psi,
+    };
+    Motion { rates, z_w, zd_w, z_b: axles.z_b, d, dd, t, f_z, alpha, f_y, a_y }
+}
+
+pub(crate) fn derivatives<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
+    motion(p, s, x, u).rates
 }
 
 pub(crate) fn outputs<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
@@ -346,12 +316,12 @@ pub(crate) fn outputs<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) ->
     Y {
         u: u.u,
         beta: x.v / Scalar::max(u.u.abs(), T::from(p.u_min)),
-        rd: m.rd,
+        rd: m.rates.r,
         a_y: m.a_y,
         ltr: load_transfer_ratio(loads(0), loads(1)),
-        zdd: m.zdd,
-        thetadd: m.thetadd,
-        phidd: m.phidd,
+        zdd: m.rates.zd,
+        thetadd: m.rates.thetad,
+        phidd: m.rates.phid,
         z_w: m.z_w,
         zd_w: m.zd_w,
         z_b: m.z_b,

@@ -48,6 +48,7 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
         m,
         n0: (p.m_s / 2.0 + p.m_u) * p.g,
         share: std::array::from_fn(|i| share[axle_of(i)]),
+        per_t: 1.0 / p.t,
         per_m_s: 1.0 / p.m_s,
         per_m_u: 1.0 / p.m_u,
         per_i_x: 1.0 / p.i_x,
@@ -58,10 +59,10 @@ pub(crate) fn derived(p: &HydroPneumaticHalfCar) -> Result<D, String> {
 
 /// Everything that follows from state and inputs.
 struct Motion<T> {
+    /// Derivatives of the state.
+    rates: X<T>,
     sin_phi: T,
     cos_phi: T,
-    sin_psi: T,
-    cos_psi: T,
     d: Sides<T>,
     dd: Sides<T>,
     e: Sides<T>,
@@ -69,18 +70,12 @@ struct Motion<T> {
     alpha: TwoAxles<T>,
     f_y: FourWheels<T>,
     a_y: T,
-    zdd_s: T,
-    phidd: T,
-    zdd_u: Sides<T>,
-    betad: T,
-    gammad: T,
 }
 
 #[inline]
 fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
     let arm = |i| p.t / 2.0 * left_is_positive(i);
-    // Functions first: a call in the middle would spill what is in registers.
-    let ((sin_phi, cos_phi), (sin_psi, cos_psi)) = (x.phi.sin_cos(), x.psi.sin_cos());
+    let ([sin_phi, sin_psi], [cos_phi, cos_psi]) = T::sin_cos_each([x.phi, x.psi]);
 
     // Suspension (eq. 4, corrected).
     let d = Sides::from_fn(|i| x.z_s + x.phi * arm(i) - x.z_u[i]);
@@ -113,27 +108,28 @@ fn motion<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Mo
     // Vertical and roll motion (eqs. 1, 4, 5 and 9, corrected).
     let zdd_s = (push[0] + push[1]) * s.per_m_s;
     let phidd = (moment + a_y * m_sh) * s.per_i_x;
-    let g = (a_y - phidd * (p.c * p.h)) * (p.geometric * p.m_s * p.h_r / p.t);
+    let g = (a_y - phidd * (p.c * p.h)) * (p.geometric * p.m_s * p.h_r * s.per_t);
     let zdd_u = Sides::from_fn(|i| (n[i] - s.n0 - push[i] + g * left_is_positive(i)) * s.per_m_u);
-    Motion { sin_phi, cos_phi, sin_psi, cos_psi, d, dd, e, n, alpha, f_y, a_y, zdd_s, phidd, zdd_u, betad, gammad }
-}
 
-pub(crate) fn derivatives<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
-    let m = motion(p, s, x, u);
     let lateral = u.v * x.beta; // lateral velocity: sideslip is a small angle
-    X {
+    let rates = X {
         z_s: x.zd_s,
         phi: x.phid,
         z_u: x.zd_u,
-        zd_s: m.zdd_s,
-        phid: m.phidd,
-        zd_u: m.zdd_u,
-        beta: m.betad,
-        gamma: m.gammad,
+        zd_s: zdd_s,
+        phid: phidd,
+        zd_u: zdd_u,
+        beta: betad,
+        gamma: gammad,
         psi: x.gamma,
-        x: u.v * m.cos_psi - lateral * m.sin_psi,
-        y: u.v * m.sin_psi + lateral * m.cos_psi,
-    }
+        x: u.v * cos_psi - lateral * sin_psi,
+        y: u.v * sin_psi + lateral * cos_psi,
+    };
+    Motion { rates, sin_phi, cos_phi, d, dd, e, n, alpha, f_y, a_y }
+}
+
+pub(crate) fn derivatives<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> X<T> {
+    motion(p, s, x, u).rates
 }
 
 pub(crate) fn outputs<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: &U<T>) -> Y<T> {
@@ -143,12 +139,12 @@ pub(crate) fn outputs<T: Scalar>(p: &HydroPneumaticHalfCar, s: &D, x: &X<T>, u: 
     let ltr = (lever * m.a_y / p.g + m.sin_phi * p.h) * (2.0 * p.m_s / (s.m * p.t));
     Y {
         v: u.v,
-        gammad: m.gammad,
+        gammad: m.rates.gamma,
         a_y: m.a_y,
         ltr,
         ratio: load_transfer_ratio(m.n[0], m.n[1]),
-        zdd_s: m.zdd_s,
-        phidd: m.phidd,
+        zdd_s: m.rates.zd_s,
+        phidd: m.rates.phid,
         d: m.d,
         dd: m.dd,
         e: m.e,

@@ -157,8 +157,9 @@ pub struct D {
     n0: f64,
     /// Share of a tire in the load of its side.
     share: [f64; 4],
-    /// Reciprocals, because a step would divide by these numbers a hundred times: m_s, m_u, I_x, I_z, and the mass that the
+    /// Reciprocals, because a step would divide by these numbers a hundred times: T, m_s, m_u, I_x, I_z, and the mass that the
     /// lateral force accelerates while the body rolls, m - c (m_s h)^2 / I_x.
+    per_t: f64,
     per_m_s: f64,
     per_m_u: f64,
     per_i_x: f64,
