@@ -16,7 +16,7 @@ const BOUNDS: [(&str, f64, Function); 14] = [
     ("asin", 0.8, |x| math::asin(x[0])),
     ("acos", 0.8, |x| math::acos(x[0])),
     ("atan", 1.2, |x| math::atan(x[0])),
-    ("exp", 0.8, |x| math::exp(x[0])),
+    ("exp", 1.0, |x| math::exp(x[0])),
     ("ln", 0.9, |x| math::ln(x[0])),
     ("sinh", 1.2, |x| math::sinh(x[0])),
     ("cosh", 0.9, |x| math::cosh(x[0])),
