@@ -323,13 +323,19 @@ impl<M: Model> Instance<M> {
         self.has_not_finite = false;
     }
 
-    /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them.
+    /// Whether outputs have to be computed before they are read.
     #[inline]
-    fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> Answer {
+    fn outputs_are_due(&self) -> bool {
         // Those of a source are computed up to the start and held from then on; those of a stateful model with each step.
         let are_computed = M::KIND == ModelKind::Continuous
             || (M::CALCULATES_OUTPUTS && matches!(self.mode, Mode::Instantiated | Mode::Initialization));
-        let outputs = are_computed && outputs && self.outputs_are_old;
+        are_computed && self.outputs_are_old
+    }
+
+    /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them.
+    #[inline]
+    fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> Answer {
+        let outputs = outputs && self.outputs_are_due();
         let derivatives = derivatives && self.derivatives_are_old;
         if !(calculated || outputs || derivatives) {
             return Ok(());
@@ -377,18 +383,15 @@ impl<M: Model> Instance<M> {
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Answer {
         self.check(Function::GetReal)?;
         let layout = self.layout();
-        // Without branches: this loop is most of what the call costs.
-        let (first, count) = (layout.outputs.at.reals as u32, layout.outputs.counts.reals as u32);
-        let (mut last, mut outputs) = (0, false);
-        for &reference in references {
-            last = last.max(reference);
-            outputs |= reference.wrapping_sub(first) < count;
-        }
+        let last = references.iter().fold(0, |last, &reference| last.max(reference));
         if last as usize >= layout.reals() {
             return Err(self.unknown_reference(Function::GetReal, last, "Real"));
         }
         let waits = |index| layout.derived.reals().contains(&index) || self.is_calculated_state(index);
         let calculated = self.derived.is_none() && references.iter().any(|&reference| waits(reference as usize));
+        let (first, count) = (layout.outputs.at.reals as u32, layout.outputs.counts.reals as u32);
+        let is_output = |&reference: &u32| reference.wrapping_sub(first) < count;
+        let outputs = self.outputs_are_due() && references.iter().any(is_output);
         self.refresh(calculated, outputs, last as usize >= layout.derivatives.at.reals)?;
         let reals = &self.values.reals;
         if self.has_not_finite

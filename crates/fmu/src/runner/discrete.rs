@@ -22,6 +22,27 @@ fn sample_time(layout: &Layout, values: &ValueStore) -> f64 {
     layout.solver.map_or(f64::INFINITY, |index| values.reals[index])
 }
 
+impl<M: Discrete> DiscreteModel<M> {
+    /// Takes one sample. Not inlined: in the loop over the samples of a step, which is one as a rule, the compiler would
+    /// compute and store beforehand what does not change from sample to sample.
+    #[inline(never)]
+    fn sample(
+        p: &M,
+        derived: &M::Derived,
+        state: &mut M::State,
+        layout: &Layout,
+        values: &mut ValueStore,
+        time: f64,
+    ) -> Result<(), StepError> {
+        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+        p.check(&Sample { time, state, inputs, derived }).map_err(StepError::Refused)?;
+        let outputs = p.update(Sample { time, state, inputs, derived });
+        outputs.write(&mut values.view_mut(), layout.outputs.at);
+        first_not_finite(&values.reals, layout.outputs.reals(), time)?;
+        state.not_finite().map_or(Ok(()), |(name, value)| Err(StepError::StateNotFinite { name, value, time }))
+    }
+}
+
 impl<M: Discrete> Model for DiscreteModel<M> {
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Discrete;
@@ -72,19 +93,15 @@ impl<M: Discrete> Model for DiscreteModel<M> {
         step: Step,
         parts: u64,
     ) -> Result<(), StepError> {
-        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+        if parts == 0 {
+            return Ok(());
+        }
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         let period = sample_time(layout, values);
         let mut samples = || {
             for sample in step.sample..step.sample + parts {
                 let time = step.start + sample as i64 as f64 * period;
-                p.check(&Sample { time, state, inputs, derived }).map_err(StepError::Refused)?;
-                let outputs = p.update(Sample { time, state, inputs, derived });
-                outputs.write(&mut values.view_mut(), layout.outputs.at);
-                first_not_finite(&values.reals, layout.outputs.reals(), time)?;
-                if let Some((name, value)) = state.not_finite() {
-                    return Err(StepError::StateNotFinite { name, value, time });
-                }
+                Self::sample(p, derived, state, layout, values, time)?;
             }
             Ok(())
         };
