@@ -31,7 +31,10 @@ macro_rules! function {
                     *x = $kernel(*x);
                 }
             } else {
-                singles(&mut x);
+                // A copy: an array that is borrowed here would be in memory before and after it, too.
+                let mut copy: [f64; N] = core::array::from_fn(|i| x[i]);
+                singles(&mut copy);
+                x = core::array::from_fn::<_, N, _>(|i| copy[i]);
             }
             x
         }
@@ -68,7 +71,12 @@ macro_rules! function2 {
                 any |= outside;
             }
             if any >> 63 != 0 {
-                singles(&mut result, &$a, &$b);
+                // Copies, as above.
+                let mut copy: [f64; N] = core::array::from_fn(|i| result[i]);
+                let a: [f64; N] = core::array::from_fn(|i| $a[i]);
+                let b: [f64; N] = core::array::from_fn(|i| $b[i]);
+                singles(&mut copy, &a, &b);
+                result = core::array::from_fn::<_, N, _>(|i| copy[i]);
             }
             result
         }
