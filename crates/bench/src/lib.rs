@@ -12,12 +12,14 @@ use fmu::instance::ValueStore;
 use fmu::runner::{Kind as ModelKind, Model, Step};
 use fmu::variable::{Kind, Layout, Role};
 use fmu::variables::Counts;
+use fmu_import::description::{BaseType, Causality, Variable};
 use fmu_import::fmu::Fmu;
 use fmu_import::loader::Instance;
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, resolve};
+use tests::signals;
 
 /// Communication step in s.
 const STEP: f64 = 0.001;
@@ -25,6 +27,8 @@ const STEP: f64 = 0.001;
 const STEPS: u32 = 20_000;
 /// Measurements of each kind; the median counts.
 const ROUNDS: usize = 7;
+/// Measurements of each of two versions; the fastest counts, the others were disturbed.
+const VERSION_ROUNDS: usize = 25;
 /// Evaluations of each kind; the fastest counts, the others were disturbed.
 const EVALUATIONS: usize = 101;
 
@@ -44,6 +48,40 @@ pub fn compare<E: Export>() {
     }
     let (direct, through_c) = (median(direct), median(through_c));
     println!("{name:28} {direct:8.0} ns directly {through_c:8.0} ns through C   ratio {:.2}", through_c / direct);
+}
+
+/// Prints, for each FMU of `target/fmu` that the folder `before` has, too: ns per step of the one there and of the one in
+/// `target/fmu`, and their ratio, above 1 if that of `target/fmu` is faster. The inputs are triangles whose size suits the unit of measure.
+///
+/// # Panics
+/// When a folder cannot be read, an FMU does not run, or there is none to compare.
+pub fn compare_versions(before: &Path) {
+    let entries = std::fs::read_dir(target().join("fmu")).expect("FMUs that `cargo fmu pack --all` has packed");
+    let mut paths: Vec<_> = entries.map(|entry| entry.expect("the folder can be read").path()).collect();
+    paths.sort();
+    let mut compared = 0;
+    for path in paths {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let old = before.join(format!("{name}.fmu"));
+        if !old.is_file() {
+            continue;
+        }
+        let fmus = [&old, &path].map(|path| Fmu::open(path).unwrap_or_else(|error| panic!("{error}")));
+        let mut fastest = [f64::INFINITY; 2];
+        for _ in 0..VERSION_ROUNDS {
+            for (fastest, fmu) in fastest.iter_mut().zip(&fmus) {
+                *fastest = fastest.min(time_description(fmu));
+            }
+        }
+        println!(
+            "{name:28} {:8.0} ns before {:8.0} ns now   ratio {:.2}",
+            fastest[0],
+            fastest[1],
+            fastest[0] / fastest[1]
+        );
+        compared += 1;
+    }
+    assert!(compared > 0, "{} has no FMU with a name that `target/fmu` has", before.display());
 }
 
 /// A run of packed FMUs as the tuner does it: libraries loaded once, instances per run, signals in memory.
@@ -175,19 +213,50 @@ fn time_fmu(fmu: &Fmu, layout: &Layout) -> f64 {
     };
     let (inputs, start): (Vec<u32>, Vec<f64>) = reals(Role::Input).unzip();
     let outputs: Vec<u32> = reals(Role::Output).chain(reals(Role::State)).map(|(reference, _)| reference).collect();
+    time_steps(fmu, &inputs, &outputs, |values, k| excite(values, &start, k))
+}
+
+/// As [`time_fmu`], for any FMU: by its description.
+fn time_description(fmu: &Fmu) -> f64 {
+    let variables = &fmu.description().variables;
+    let reals = |causality| {
+        let is_wanted =
+            move |variable: &&Variable| variable.causality == causality && variable.base_type == BaseType::Real;
+        variables.iter().filter(is_wanted)
+    };
+    let inputs: Vec<u32> = reals(Causality::Input).map(|variable| variable.reference).collect();
+    let outputs: Vec<u32> = reals(Causality::Output).map(|variable| variable.reference).collect();
+    let waves: Vec<_> = reals(Causality::Input)
+        .enumerate()
+        .map(|(i, variable)| {
+            let amplitude = signals::scale(variable);
+            let offset = if signals::is_magnitude(variable) { amplitude } else { 0.0 };
+            (signals::start(variable) + offset, amplitude, 0.37 * i as f64)
+        })
+        .collect();
+    time_steps(fmu, &inputs, &outputs, |values, k| {
+        let turns = f64::from(k) * STEP / 1.7;
+        for (value, (middle, amplitude, phase)) in values.iter_mut().zip(&waves) {
+            *value = middle + amplitude * (4.0 * ((turns + phase).fract() - 0.5).abs() - 1.0);
+        }
+    })
+}
+
+/// Time of a communication step with these inputs, in ns.
+fn time_steps(fmu: &Fmu, inputs: &[u32], outputs: &[u32], excite: impl Fn(&mut [f64], u32)) -> f64 {
     let run = || -> Result<f64, Box<dyn std::error::Error>> {
         let mut instance: Instance = fmu.instantiate("bench")?;
         instance.setup_experiment(0.0, None)?;
         instance.enter_initialization_mode()?;
         instance.exit_initialization_mode()?;
-        let mut values = start.clone();
+        let mut values = vec![0.0; inputs.len()];
         let mut results = vec![0.0; outputs.len()];
         let begin = Instant::now();
         for k in 0..STEPS {
-            excite(&mut values, &start, k);
-            instance.set_real(&inputs, &values)?;
+            excite(&mut values, k);
+            instance.set_real(inputs, &values)?;
             instance.do_step(f64::from(k) * STEP, STEP)?;
-            instance.get_real(&outputs, &mut results)?;
+            instance.get_real(outputs, &mut results)?;
             black_box(&results);
         }
         Ok(begin.elapsed().as_secs_f64() / f64::from(STEPS) * 1e9)
