@@ -117,7 +117,7 @@ impl Membership {
     /// `N` Gaussian sets with evenly spaced centers from `first` to `last`, neighbors crossing at
     /// grade 1/2: `width = spacing / (2 sqrt(2 ln 2))`.
     ///
-    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`] refuses the sets.
+    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`] rejects the sets.
     pub fn evenly_spaced_gaussians<const N: usize>(first: f64, last: f64) -> [Self; N] {
         let width = spacing(N, first, last) / (8.0 * std::f64::consts::LN_2).sqrt();
         grid(first, last).map(|center| Self::Gaussian { center, width })
@@ -127,7 +127,7 @@ impl Membership {
     /// its neighbors, so that they cross at grade 1/2; the outer two reach beyond `first` and
     /// `last` by the same distance.
     ///
-    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`] refuses the sets.
+    /// `N` is at least 2 and `first < last`; otherwise [`Partition::new`] rejects the sets.
     pub fn evenly_spaced_triangles<const N: usize>(first: f64, last: f64) -> [Self; N] {
         let spacing = spacing(N, first, last);
         grid(first, last).map(|peak| Self::Triangle { left: peak - spacing, peak, right: peak + spacing })
@@ -953,7 +953,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_descriptions_are_refused() {
+    fn bad_descriptions_are_rejected() {
         let bad_label = RuleTable::<2, 2, 3>::new([[0, 1], [2, 3]], Conjunction::Minimum);
         assert_eq!(
             bad_label.unwrap_err().to_string(),

@@ -351,7 +351,7 @@ impl Equation {
     }
 }
 
-/// The last gate of a design; `poles` is sorted, slowest first. NaN is refused.
+/// The last gate of a design; `poles` is sorted, slowest first. NaN is rejected.
 fn accept(residual: f64, poles: &[Complex<f64>]) -> Result<(), RiccatiError> {
     let slowest = poles.first().map_or(f64::NAN, |pole| pole.re);
     if slowest.is_nan() || slowest >= 0.0 {
@@ -769,7 +769,7 @@ mod tests {
     }
 
     #[test]
-    fn designs_without_solution_are_refused() {
+    fn designs_without_solution_are_rejected() {
         let unsolvable = [
             ("unstable mode without input", scalar_care(1.0, 0.0, 1.0, 1.0, 0.0)),
             ("integrator without input", scalar_care(0.0, 0.0, 1.0, 1.0, 0.0)),
@@ -806,7 +806,7 @@ mod tests {
     }
 
     #[test]
-    fn badly_conditioned_designs_are_refused() {
+    fn badly_conditioned_designs_are_rejected() {
         assert!(matches!(
             integrator_chain(20, false),
             Err(RiccatiError::Inaccurate { residual }) if residual > MAX_RESIDUAL

@@ -1,7 +1,7 @@
 //! The C interface of FMI 2.0 for co-simulation. All unsafe code of an FMU is in this file.
 //!
 //! Every function checks its pointers, turns them into references and slices, and calls the safe
-//! [`Instance`]. A refusal is logged through the caller's logger and becomes a status; a
+//! [`Instance`]. An error is logged through the caller's logger and becomes a status; a
 //! panic is caught, logged, and leaves an instance that can only be reset or freed.
 //!
 //! # Safety
@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::calls::Function;
 use crate::description::{Description, LOG_CATEGORIES, LOG_DISCARD, LOG_ERROR, LOG_EVENTS};
-use crate::instance::{Instance, Refusal, Snapshot};
+use crate::instance::{CallError, Instance, Snapshot};
 use crate::runner::Model;
 use c::{c_char, c_int, c_uint, c_void, size_t};
 
@@ -30,7 +30,7 @@ pub enum Status {
     Ok = 0,
     /// There is no such information.
     Discard = 2,
-    /// Refused, or failed; see the log.
+    /// Rejected, or failed; see the log.
     Error = 3,
 }
 
@@ -167,7 +167,7 @@ impl<E: Export> Drop for Handle<E> {
 }
 
 impl<E: Export> Handle<E> {
-    fn snapshot(&self, function: Function, state: FmuState) -> Result<*mut Snapshot<E::Model>, Refusal> {
+    fn snapshot(&self, function: Function, state: FmuState) -> Result<*mut Snapshot<E::Model>, CallError> {
         self.snapshots.iter().copied().find(|&known| known.cast() == state).ok_or_else(|| {
             error(function, "FMUstate is not a state of this instance (never saved, already freed, or of another one)")
         })
@@ -180,10 +180,10 @@ impl<E: Export> Handle<E> {
     }
 }
 
-type Answer = Result<(), Refusal>;
+type CallResult = Result<(), CallError>;
 
-fn error(function: Function, message: &str) -> Refusal {
-    Refusal::Error(format!("{}: {message}", function.name()))
+fn error(function: Function, message: &str) -> CallError {
+    CallError::Error(format!("{}: {message}", function.name()))
 }
 
 fn words(payload: &(dyn Any + Send)) -> &str {
@@ -191,12 +191,12 @@ fn words(payload: &(dyn Any + Send)) -> &str {
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
 }
 
-/// Runs `f` on the component if its mode allows `function`; logs a refusal; catches a panic.
+/// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic.
 #[inline]
 unsafe fn call<E: Export>(
     component: Component,
     function: Function,
-    f: impl FnOnce(&mut Handle<E>) -> Answer,
+    f: impl FnOnce(&mut Handle<E>) -> CallResult,
 ) -> Status {
     let handle = component.cast::<Handle<E>>();
     if handle.is_null() || !handle.is_aligned() {
@@ -210,11 +210,11 @@ unsafe fn call<E: Export>(
     }));
     match result {
         Ok(Ok(())) => Status::Ok,
-        Ok(Err(Refusal::Error(message))) => {
+        Ok(Err(CallError::Error(message))) => {
             handle.log.write(Status::Error as c_int, LOG_ERROR, &message);
             Status::Error
         }
-        Ok(Err(Refusal::Discard(message))) => {
+        Ok(Err(CallError::Discard(message))) => {
             handle.log.write(Status::Discard as c_int, LOG_DISCARD, &message);
             Status::Discard
         }
@@ -232,7 +232,7 @@ unsafe fn call<E: Export>(
 }
 
 #[inline]
-fn check_array<T>(function: Function, name: &str, pointer: *const T, length: usize) -> Answer {
+fn check_array<T>(function: Function, name: &str, pointer: *const T, length: usize) -> CallResult {
     if pointer.is_null() || !pointer.is_aligned() || length > isize::MAX as usize / size_of::<T>() {
         return Err(no_array(function, name, pointer.is_null(), length));
     }
@@ -240,7 +240,7 @@ fn check_array<T>(function: Function, name: &str, pointer: *const T, length: usi
 }
 
 #[cold]
-fn no_array(function: Function, name: &str, is_null: bool, length: usize) -> Refusal {
+fn no_array(function: Function, name: &str, is_null: bool, length: usize) -> CallError {
     error(
         function,
         &if is_null {
@@ -253,7 +253,7 @@ fn no_array(function: Function, name: &str, is_null: bool, length: usize) -> Ref
 
 /// The caller's array.
 #[inline]
-unsafe fn array<'a, T>(function: Function, name: &str, pointer: *const T, length: usize) -> Result<&'a [T], Refusal> {
+unsafe fn array<'a, T>(function: Function, name: &str, pointer: *const T, length: usize) -> Result<&'a [T], CallError> {
     if length == 0 {
         return Ok(&[]);
     }
@@ -269,7 +269,7 @@ unsafe fn array_mut<'a, T>(
     name: &str,
     pointer: *mut T,
     length: usize,
-) -> Result<&'a mut [T], Refusal> {
+) -> Result<&'a mut [T], CallError> {
     if length == 0 {
         return Ok(&mut []);
     }
@@ -279,7 +279,7 @@ unsafe fn array_mut<'a, T>(
 }
 
 /// The caller's variable to write to.
-unsafe fn target<'a, T>(function: Function, name: &str, pointer: *mut T) -> Result<&'a mut T, Refusal> {
+unsafe fn target<'a, T>(function: Function, name: &str, pointer: *mut T) -> Result<&'a mut T, CallError> {
     // SAFETY: an array of one value.
     unsafe { array_mut(function, name, pointer, 1) }.map(|array| &mut array[0])
 }
@@ -562,7 +562,7 @@ unsafe fn get<E: Export, V>(
     references: *const ValueReference,
     count: size_t,
     values: *mut V,
-    one: impl Fn(&mut Handle<E>, ValueReference) -> Result<V, Refusal>,
+    one: impl Fn(&mut Handle<E>, ValueReference) -> Result<V, CallError>,
 ) -> Status {
     unsafe {
         call::<E>(component, function, |h| {
@@ -821,7 +821,7 @@ const TERMINATED: c_int = 3;
 unsafe fn no_answer<E: Export>(component: Component, function: Function, kind: c_int) -> Status {
     unsafe {
         call::<E>(component, function, |_| {
-            Err(Refusal::Discard(format!("{}: no answer to status kind {kind}", function.name())))
+            Err(CallError::Discard(format!("{}: no answer to status kind {kind}", function.name())))
         })
     }
 }

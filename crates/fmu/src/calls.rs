@@ -110,17 +110,17 @@ impl Function {
         self.modes() & mode.bit() != 0
     }
 
-    /// Refuses a call out of order.
+    /// Rejects a call out of order.
     ///
     /// # Errors
     /// "called in X, allowed in Y".
     #[inline]
     pub fn check(self, mode: Mode) -> Result<(), String> {
-        if self.allowed(mode) { Ok(()) } else { Err(self.refusal(mode)) }
+        if self.allowed(mode) { Ok(()) } else { Err(self.out_of_order(mode)) }
     }
 
     #[cold]
-    fn refusal(self, mode: Mode) -> String {
+    fn out_of_order(self, mode: Mode) -> String {
         let allowed: Vec<_> = Mode::ALL.into_iter().filter(|&m| self.allowed(m)).map(Mode::name).collect();
         format!("{} called in {}, allowed in {}", self.name(), mode.name(), allowed.join(", "))
     }
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_refusal_says_where_it_was_called_and_where_it_may_be() {
+    fn an_error_says_where_it_was_called_and_where_it_may_be() {
         assert_eq!(
             Function::Terminate.check(Mode::Instantiated).unwrap_err(),
             "fmi2Terminate called in Instantiated, allowed in Step Mode, Step Failed"

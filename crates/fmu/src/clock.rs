@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_times_are_refused() {
+    fn impossible_times_are_rejected() {
         let clock = |start, stop, time| Clock { start, stop, time, sample: 0 };
         for impossible in [
             clock(f64::NAN, None, 0.0),

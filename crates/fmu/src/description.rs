@@ -13,7 +13,7 @@ use crate::scalar::DependencySet;
 use crate::unit::{DisplayUnit, Unit};
 use crate::variable::{Kind, Layout, Role, Variable};
 
-/// Category of messages about refused calls and failed steps; always logged.
+/// Category of messages about rejected calls and failed steps; always logged.
 pub const LOG_ERROR: &str = "logStatusError";
 /// Category of messages about information that does not exist.
 pub const LOG_DISCARD: &str = "logStatusDiscard";
@@ -87,7 +87,7 @@ fn contradiction(info: &Info, layout: &Layout) -> Option<String> {
             return Some(format!("{what} of the default experiment must be above 0, got {value} s"));
         }
     }
-    // An XML reader turns line breaks into blanks and refuses other control characters.
+    // An XML reader turns line breaks into blanks and rejects other control characters.
     let is_plain = |text: &str| !text.contains(char::is_control);
     let (mut names, mut units, mut types) = (BTreeSet::new(), BTreeMap::new(), BTreeMap::new());
     for variable in &layout.variables {

@@ -13,20 +13,21 @@ use crate::variables::{Counts, Derived as _, Values, ValuesMut, Variables as _};
 
 /// Why a call was not carried out.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Refusal {
+pub enum CallError {
     /// fmi2Error: what, where and the rule.
     Error(String),
     /// fmi2Discard: there is no such information.
     Discard(String),
 }
 
-impl From<String> for Refusal {
+impl From<String> for CallError {
     fn from(message: String) -> Self {
         Self::Error(message)
     }
 }
 
-type Answer<T = ()> = Result<T, Refusal>;
+/// What a call returns.
+type CallResult<T = ()> = Result<T, CallError>;
 
 /// The values of all variables, by type.
 #[derive(Clone, Debug, PartialEq)]
@@ -160,11 +161,11 @@ impl<M: Model> Instance<M> {
         self.mode
     }
 
-    /// Refuses a call out of order.
+    /// Rejects a call out of order.
     ///
     /// # Errors
     /// "called in X, allowed in Y".
-    pub fn check(&self, function: Function) -> Answer {
+    pub fn check(&self, function: Function) -> CallResult {
         Ok(function.check(self.mode)?)
     }
 
@@ -187,7 +188,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On a start time that is not finite, or a stop time that is not a number after it.
-    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Answer {
+    pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> CallResult {
         self.check(Function::SetupExperiment)?;
         if !start.is_finite() {
             return Err(format!("fmi2SetupExperiment: startTime must be finite, got {start}").into());
@@ -207,7 +208,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// Out of order.
-    pub fn enter_initialization(&mut self) -> Answer {
+    pub fn enter_initialization(&mut self) -> CallResult {
         self.check(Function::EnterInitializationMode)?;
         self.mode = Mode::Initialization;
         Ok(())
@@ -217,7 +218,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// When the parameters do not suit each other; the mode is kept.
-    pub fn exit_initialization(&mut self) -> Answer {
+    pub fn exit_initialization(&mut self) -> CallResult {
         self.check(Function::ExitInitializationMode)?;
         // Tunable parameters may have changed since the memory was made.
         self.memory = None;
@@ -252,7 +253,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// Out of order.
-    pub fn terminate(&mut self) -> Answer {
+    pub fn terminate(&mut self) -> CallResult {
         self.check(Function::Terminate)?;
         self.mode = Mode::Terminated;
         Ok(())
@@ -262,14 +263,14 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// Never; every mode allows it.
-    pub fn reset(&mut self) -> Answer {
+    pub fn reset(&mut self) -> CallResult {
         self.check(Function::Reset)?;
         *self = Self::new(Arc::clone(&self.description), self.resources.clone());
         Ok(())
     }
 
     /// The derived parameters and the memory for the present parameters; made if a fixed parameter has changed.
-    fn derive(&mut self) -> Answer<Arc<M::Derived>> {
+    fn derive(&mut self) -> CallResult<Arc<M::Derived>> {
         let named = |e: String| format!("{}: {e}", M::INFO.name);
         if let (Some(derived), Some(_)) = (&self.derived, &self.memory) {
             return Ok(Arc::clone(derived));
@@ -334,7 +335,7 @@ impl<M: Model> Instance<M> {
 
     /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them.
     #[inline]
-    fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> Answer {
+    fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> CallResult {
         let outputs = outputs && self.outputs_are_due();
         let derivatives = derivatives && self.derivatives_are_old;
         if !(calculated || outputs || derivatives) {
@@ -363,14 +364,14 @@ impl<M: Model> Instance<M> {
     }
 
     #[cold]
-    fn unknown_reference(&self, function: Function, reference: u32, expected: &str) -> Refusal {
+    fn unknown_reference(&self, function: Function, reference: u32, expected: &str) -> CallError {
         let what = match self.layout().by_reference(reference) {
             Some(variable) => {
                 format!("'{}' of type {}", variable.declaration.name, variable.declaration.kind.type_name())
             }
             None => "no variable".to_owned(),
         };
-        Refusal::Error(format!(
+        CallError::Error(format!(
             "{}: value reference {reference} must be a variable of type {expected}, it is {what}",
             function.name()
         ))
@@ -380,7 +381,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference, a design without solution, or a result that is not finite; `values` is kept then.
-    pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Answer {
+    pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         self.check(Function::GetReal)?;
         let layout = self.layout();
         let last = references.iter().fold(0, |last, &reference| last.max(reference));
@@ -406,8 +407,8 @@ impl<M: Model> Instance<M> {
     }
 
     #[cold]
-    fn not_finite(&self, index: usize) -> Refusal {
-        Refusal::Error(format!(
+    fn not_finite(&self, index: usize) -> CallError {
+        CallError::Error(format!(
             "fmi2GetReal: '{}' = {} at time {} s, not a finite number",
             self.layout().real_name(index),
             self.values.reals[index],
@@ -416,7 +417,7 @@ impl<M: Model> Instance<M> {
     }
 
     /// Index of a value that is not a real number.
-    fn other(&self, function: Function, reference: u32, first: u32, end: u32, expected: &str) -> Answer<usize> {
+    fn other(&self, function: Function, reference: u32, first: u32, end: u32, expected: &str) -> CallResult<usize> {
         if (first..end).contains(&reference) {
             Ok((reference - first) as usize)
         } else {
@@ -424,15 +425,15 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    fn integer(&self, function: Function, reference: u32) -> Answer<usize> {
+    fn integer(&self, function: Function, reference: u32) -> CallResult<usize> {
         self.other(function, reference, self.layout().first_integer, self.layout().first_boolean, "Integer")
     }
 
-    fn boolean(&self, function: Function, reference: u32) -> Answer<usize> {
+    fn boolean(&self, function: Function, reference: u32) -> CallResult<usize> {
         self.other(function, reference, self.layout().first_boolean, self.layout().first_string, "Boolean")
     }
 
-    fn string(&self, function: Function, reference: u32) -> Answer<usize> {
+    fn string(&self, function: Function, reference: u32) -> CallResult<usize> {
         self.other(function, reference, self.layout().first_string, self.layout().end, "String")
     }
 
@@ -440,7 +441,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference.
-    pub fn get_integer(&mut self, reference: u32) -> Answer<i32> {
+    pub fn get_integer(&mut self, reference: u32) -> CallResult<i32> {
         self.check(Function::GetInteger)?;
         let index = self.integer(Function::GetInteger, reference)?;
         self.refresh_others()?;
@@ -451,7 +452,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference.
-    pub fn get_boolean(&mut self, reference: u32) -> Answer<bool> {
+    pub fn get_boolean(&mut self, reference: u32) -> CallResult<bool> {
         self.check(Function::GetBoolean)?;
         let index = self.boolean(Function::GetBoolean, reference)?;
         self.refresh_others()?;
@@ -462,7 +463,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference.
-    pub fn get_string(&mut self, reference: u32) -> Answer<&CStr> {
+    pub fn get_string(&mut self, reference: u32) -> CallResult<&CStr> {
         self.check(Function::GetString)?;
         let index = self.string(Function::GetString, reference)?;
         self.refresh_others()?;
@@ -473,15 +474,15 @@ impl<M: Model> Instance<M> {
     }
 
     /// Brings outputs and calculated parameters that are not real up to date.
-    fn refresh_others(&mut self) -> Answer {
+    fn refresh_others(&mut self) -> CallResult {
         let layout = self.layout();
         let (calculated, outputs) =
             (layout.derived.has_others() && self.derived.is_none(), layout.outputs.has_others());
         self.refresh(calculated, outputs, false)
     }
 
-    /// Refuses what may not be set now.
-    fn settable(&self, function: Function, reference: u32) -> Answer<&Variable> {
+    /// Rejects what may not be set now.
+    fn settable(&self, function: Function, reference: u32) -> CallResult<&Variable> {
         let Some(variable) = self.layout().by_reference(reference) else {
             return Err(self.unknown_reference(function, reference, &function.name()["fmi2Set".len()..]));
         };
@@ -533,7 +534,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference, a variable that may not be set now, a number that is not finite or outside its limits.
-    pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Answer {
+    pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> CallResult {
         self.check(Function::SetReal)?;
         let layout = self.layout();
         let inputs = layout.inputs.reals();
@@ -591,7 +592,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference, a parameter that may not be set now, or a value outside its limits.
-    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> Answer {
+    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
         self.check(Function::SetInteger)?;
         for (&reference, &value) in references.iter().zip(values) {
             self.integer(Function::SetInteger, reference)?;
@@ -620,7 +621,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference or a parameter that may not be set now.
-    pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> Answer {
+    pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> CallResult {
         self.check(Function::SetBoolean)?;
         for &reference in references {
             self.boolean(Function::SetBoolean, reference)?;
@@ -638,7 +639,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// On an unknown reference, a parameter that may not be set now, or a text with a zero byte.
-    pub fn set_string(&mut self, references: &[u32], values: &[String]) -> Answer {
+    pub fn set_string(&mut self, references: &[u32], values: &[String]) -> CallResult {
         self.check(Function::SetString)?;
         for (&reference, value) in references.iter().zip(values) {
             self.string(Function::SetString, reference)?;
@@ -671,18 +672,18 @@ impl<M: Model> Instance<M> {
     /// fmi2DoStep.
     ///
     /// # Errors
-    /// A refused step (time, step size, stop time) changes nothing; a step with a result that is not finite restores
+    /// A rejected step (time, step size, stop time) changes nothing; a step with a result that is not finite restores
     /// what was before it and leaves the instance in Step Failed.
-    pub fn do_step(&mut self, time: f64, step: f64) -> Answer {
+    pub fn do_step(&mut self, time: f64, step: f64) -> CallResult {
         self.check(Function::DoStep)?;
-        let refused = |message: String| Err(Refusal::Error(format!("fmi2DoStep: {message}")));
+        let rejected = |message: String| Err(CallError::Error(format!("fmi2DoStep: {message}")));
         let is_length = step > 0.0 && step <= f64::MAX;
         if !is_length {
-            return refused(format!("communicationStepSize must be finite and above 0, got {step} s"));
+            return rejected(format!("communicationStepSize must be finite and above 0, got {step} s"));
         }
         let is_on_time = clock::is_within_tolerance((time - self.clock.time).abs(), time, step);
         if !is_on_time {
-            return refused(format!(
+            return rejected(format!(
                 "currentCommunicationPoint = {time} s, but the instance is at {} s; the difference must not exceed 1e-6 \
                  of the step or 4 units in the last place of the time",
                 self.clock.time
@@ -691,17 +692,17 @@ impl<M: Model> Instance<M> {
         let end = time + step;
         let advances = end > time && end > self.clock.time && end <= f64::MAX;
         if !advances {
-            return refused(format!("a step of {step} s at {time} s does not advance the time"));
+            return rejected(format!("a step of {step} s at {time} s does not advance the time"));
         }
         if let Some(stop) = self.clock.stop
             && !clock::is_within_tolerance(end - stop, end, step)
         {
-            return refused(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
+            return rejected(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
         }
         let span = Step { start: self.clock.start, reached: self.clock.time, time, step, sample: self.clock.sample };
         let parts = M::parts(&self.description.layout, &self.values, span);
         if parts.is_nan() || parts > MOST_PARTS {
-            return refused(format!(
+            return rejected(format!(
                 "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} are possible"
             ));
         }
@@ -719,9 +720,9 @@ impl<M: Model> Instance<M> {
                     format!("'{}' became {value} at {time} s", self.layout().real_name(index))
                 }
                 StepError::StateNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
-                StepError::Refused(message) => message,
+                StepError::Rejected(message) => message,
             };
-            return refused(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
+            return rejected(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
         }
         self.clock.time = end;
         if M::KIND == ModelKind::Discrete {
@@ -746,11 +747,11 @@ impl<M: Model> Instance<M> {
         known: &[u32],
         seed: &[f64],
         result: &mut [f64],
-    ) -> Answer {
+    ) -> CallResult {
         self.check(Function::GetDirectionalDerivative)?;
-        let refused = |message: String| Err(Refusal::Error(format!("fmi2GetDirectionalDerivative: {message}")));
+        let rejected = |message: String| Err(CallError::Error(format!("fmi2GetDirectionalDerivative: {message}")));
         if M::KIND != ModelKind::Continuous {
-            return refused("not provided: only continuous-time models have derivatives".to_owned());
+            return rejected("not provided: only continuous-time models have derivatives".to_owned());
         }
         let layout = self.layout();
         let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
@@ -763,10 +764,10 @@ impl<M: Model> Instance<M> {
             } else if states.contains(&index) {
                 inputs.len() + index - states.start
             } else {
-                return refused(format!("value reference {reference} is neither a real input nor a state (known)"));
+                return rejected(format!("value reference {reference} is neither a real input nor a state (known)"));
             };
             if !slope.is_finite() {
-                return refused(format!("seed of '{}' must be finite, got {slope}", layout.real_name(index)));
+                return rejected(format!("seed of '{}' must be finite, got {slope}", layout.real_name(index)));
             }
             direction[position] += slope;
         }
@@ -780,7 +781,7 @@ impl<M: Model> Instance<M> {
             } else if states.contains(&index) {
                 Err(inputs.len() + index - states.start) // an output that is a state
             } else {
-                return refused(format!(
+                return rejected(format!(
                     "value reference {reference} is neither a real output nor the derivative of a state (unknown)"
                 ));
             });
@@ -794,7 +795,7 @@ impl<M: Model> Instance<M> {
         let slope = |position: &Result<usize, usize>| position.map_or_else(|own| direction[own], |other| slopes[other]);
         if let Some(at) = positions.iter().position(|position| !slope(position).is_finite()) {
             let name = layout.real_name(unknown[at] as usize);
-            return refused(format!("the derivative of '{name}' is not finite at this point"));
+            return rejected(format!("the derivative of '{name}' is not finite at this point"));
         }
         for (value, position) in result.iter_mut().zip(&positions) {
             *value = slope(position);
@@ -806,7 +807,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// Out of order.
-    pub fn snapshot(&self) -> Answer<Snapshot<M>> {
+    pub fn snapshot(&self) -> CallResult<Snapshot<M>> {
         self.check(Function::GetFMUstate)?;
         Ok(Snapshot {
             mode: self.mode,
@@ -821,7 +822,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// Out of order.
-    pub fn restore(&mut self, snapshot: &Snapshot<M>) -> Answer {
+    pub fn restore(&mut self, snapshot: &Snapshot<M>) -> CallResult {
         self.check(Function::SetFMUstate)?;
         self.mode = snapshot.mode;
         self.clock = snapshot.clock;
@@ -838,20 +839,20 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// Out of order.
-    pub fn serialize(&self, snapshot: &Snapshot<M>) -> Answer<Vec<u8>> {
+    pub fn serialize(&self, snapshot: &Snapshot<M>) -> CallResult<Vec<u8>> {
         self.check(Function::SerializeFMUstate)?;
         crate::state_bytes::write(&self.description.guid, snapshot)
-            .map_err(|message| Refusal::Error(format!("fmi2SerializeFMUstate: {message}")))
+            .map_err(|message| CallError::Error(format!("fmi2SerializeFMUstate: {message}")))
     }
 
     /// A snapshot from bytes.
     ///
     /// # Errors
     /// On bytes that are damaged, of another format or FMU, or whose files have changed.
-    pub fn deserialize(&self, bytes: &[u8]) -> Answer<Snapshot<M>> {
+    pub fn deserialize(&self, bytes: &[u8]) -> CallResult<Snapshot<M>> {
         self.check(Function::DeSerializeFMUstate)?;
         crate::state_bytes::read::<M>(&self.description.guid, self.layout(), &self.resources, bytes)
-            .map_err(|message| Refusal::Error(format!("fmi2DeSerializeFMUstate: {message}")))
+            .map_err(|message| CallError::Error(format!("fmi2DeSerializeFMUstate: {message}")))
     }
 }
 

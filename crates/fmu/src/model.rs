@@ -262,7 +262,7 @@ pub trait Discrete: Parameters {
     fn initial_state(&self, _derived: &Self::Derived) -> Self::State {
         Self::State::default()
     }
-    /// Checks a sample before it is taken: a model that cannot follow every finite input refuses the step here.
+    /// Checks a sample before it is taken: a model that cannot follow every finite input rejects the step here.
     ///
     /// # Errors
     /// A sentence that names the input, its value and the rule.

@@ -40,8 +40,8 @@ pub enum StepError {
         /// Time in s.
         time: f64,
     },
-    /// The model refused the step.
-    Refused(String),
+    /// The model rejected the step.
+    Rejected(String),
     /// This field of the discrete state is not finite.
     StateNotFinite {
         /// Name of the field.
@@ -113,12 +113,12 @@ pub trait Model: 'static {
     ) -> Result<Self::Memory, String>;
     /// Writes the states that follow from the parameters.
     fn initialize(_p: &Self::Parameters, _derived: &Self::Derived, _layout: &Layout, _values: &mut ValueStore) {}
-    /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are refused.
+    /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
     /// Advances states or outputs, and the memory.
     ///
     /// # Errors
-    /// When a number is not finite or the model refuses; `values` is kept then, the memory is not.
+    /// When a number is not finite or the model rejects; `values` is kept then, the memory is not.
     fn step(
         p: &Self::Parameters,
         derived: &Self::Derived,

@@ -234,7 +234,7 @@ impl<M: Discrete> DiscreteSimulation<M> {
     /// Takes the next sample.
     ///
     /// # Errors
-    /// The model refuses the inputs.
+    /// The model rejects the inputs.
     pub fn sample(&mut self, inputs: &M::Inputs) -> Result<M::Outputs, String> {
         let Self { model, derived, state, sample_time, samples } = self;
         let time = *samples as f64 * *sample_time;
@@ -251,6 +251,6 @@ fn message(layout: &Layout, error: &StepError) -> String {
             format!("'{}' became {value} at {time} s", layout.real_name(*index))
         }
         StepError::StateNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
-        StepError::Refused(message) => message.clone(),
+        StepError::Rejected(message) => message.clone(),
     }
 }

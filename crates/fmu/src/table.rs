@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_tables_are_refused() {
+    fn impossible_tables_are_rejected() {
         assert_eq!(Table::new([]).unwrap_err(), "a table needs at least one point");
         let error = Table::new([(1.0, 0.0), (1.0, 2.0)]).unwrap_err();
         assert_eq!(error, "the first column of the table must increase, but 1 follows 1");

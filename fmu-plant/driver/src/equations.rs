@@ -446,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_makes_no_sense() {
+    fn rejects_what_makes_no_sense() {
         let p = Driver::default;
         for (parameters, message) in [
             (

@@ -37,7 +37,7 @@ impl Fmu {
         self.instance.set_real(&[self.reference(name)], &[value]).unwrap();
     }
 
-    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmu::instance::Refusal> {
+    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmu::instance::CallError> {
         self.instance.set_integer(&[self.reference(name)], &[value])
     }
 
@@ -48,8 +48,8 @@ impl Fmu {
     fn initialize(&mut self) -> Result<(), String> {
         self.instance.setup_experiment(0.0, None).unwrap();
         self.instance.enter_initialization().unwrap();
-        self.instance.exit_initialization().map_err(|refusal| match refusal {
-            fmu::instance::Refusal::Error(message) | fmu::instance::Refusal::Discard(message) => message,
+        self.instance.exit_initialization().map_err(|error| match error {
+            fmu::instance::CallError::Error(message) | fmu::instance::CallError::Discard(message) => message,
         })
     }
 
@@ -82,7 +82,7 @@ fn demands_and_saved_bytes() {
 }
 
 #[test]
-fn refuses_numbers_outside_their_limits() {
+fn rejects_numbers_outside_their_limits() {
     let mut fmu = Fmu::new(Path::new(""));
     for (name, value) in [("maneuver", 8), ("maneuver", -1), ("steer.cycles", -1)] {
         assert!(fmu.choose(name, value).is_err(), "{name}");

@@ -398,7 +398,7 @@ fn road_friction_is_a_factor() {
 }
 
 #[test]
-fn data_that_make_no_car_are_refused() {
+fn data_that_make_no_car_are_rejected() {
     let message = |p: EspCar| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(EspCar { h: 0.1, ..EspCar::default() }),

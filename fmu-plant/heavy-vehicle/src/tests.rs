@@ -499,7 +499,7 @@ fn the_path_follows_speed_and_heading() {
 }
 
 #[test]
-fn data_that_make_no_vehicle_are_refused() {
+fn data_that_make_no_vehicle_are_rejected() {
     let message = |p: HeavyVehicle| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(HeavyVehicle { l3: 3.0, ..HeavyVehicle::default() }),

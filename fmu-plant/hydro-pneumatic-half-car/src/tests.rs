@@ -402,7 +402,7 @@ fn the_path_follows_speed_and_heading() {
 }
 
 #[test]
-fn data_that_make_no_vehicle_are_refused() {
+fn data_that_make_no_vehicle_are_rejected() {
     let message = |p: HydroPneumaticHalfCar| equations::derived(&p).unwrap_err();
     // (m_s h)^2/m = 289.8 kg m2.
     assert_eq!(

@@ -385,7 +385,7 @@ fn the_path_follows_speed_and_heading() {
 }
 
 #[test]
-fn data_that_make_no_vehicle_are_refused() {
+fn data_that_make_no_vehicle_are_rejected() {
     let message = |p: RescueVehicle| equations::derived(&p).unwrap_err();
     assert_eq!(
         message(RescueVehicle { m: 3600.0, ..RescueVehicle::default() }),

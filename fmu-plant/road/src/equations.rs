@@ -240,7 +240,7 @@ fn heights(table: Table, pair: Pair) -> Heights {
     Heights { table, pair, all_pass }
 }
 
-/// Refuses a speed that leads beyond all numbers, or over more grid points of shaped noise than one sample may pass.
+/// Rejects a speed that leads beyond all numbers, or over more grid points of shaped noise than one sample may pass.
 pub(crate) fn check(p: &Road, d: &D, x: &X, u: &U) -> Result<(), String> {
     let next = x.s + u.u * p.sample_time;
     if !next.is_finite() {
@@ -957,7 +957,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_makes_no_sense() {
+    fn rejects_what_makes_no_sense() {
         let p = Road::default;
         for (parameters, message) in [
             (
@@ -999,19 +999,19 @@ mod tests {
     }
 
     #[test]
-    fn refuses_an_impossible_speed() {
-        let refused = |p, u| {
+    fn rejects_an_impossible_speed() {
+        let rejected = |p, u| {
             let mut drive = Drive::new(p);
             drive.step(1000.0);
             check(&drive.p, &drive.d, &drive.x, &U { u }).unwrap_err()
         };
         assert_eq!(
-            refused(Road::default(), 1e9),
+            rejected(Road::default(), 1e9),
             "'vehicle.speed' = 1000000000 m/s at 'road.distance' = 1 m passes over 1e8 grid points of \
              'roughness.spacing' = 0.01 m in one sample; at most 1e6 are possible"
         );
         let flat = Road { profile: Profile::Flat, sample_time: 10.0, ..Road::default() };
-        let message = refused(flat, 1e308);
+        let message = rejected(flat, 1e308);
         assert!(
             message.ends_with("leads from 'road.distance' = 10000 m to inf m; the distance must stay finite"),
             "{message}"

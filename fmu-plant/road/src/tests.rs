@@ -37,7 +37,7 @@ impl Fmu {
         self.instance.set_real(&[self.reference(name)], &[value]).unwrap();
     }
 
-    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmu::instance::Refusal> {
+    fn choose(&mut self, name: &str, value: i32) -> Result<(), fmu::instance::CallError> {
         self.instance.set_integer(&[self.reference(name)], &[value])
     }
 
@@ -48,8 +48,8 @@ impl Fmu {
     fn initialize(&mut self) -> Result<(), String> {
         self.instance.setup_experiment(0.0, None).unwrap();
         self.instance.enter_initialization().unwrap();
-        self.instance.exit_initialization().map_err(|refusal| match refusal {
-            fmu::instance::Refusal::Error(message) | fmu::instance::Refusal::Discard(message) => message,
+        self.instance.exit_initialization().map_err(|error| match error {
+            fmu::instance::CallError::Error(message) | fmu::instance::CallError::Discard(message) => message,
         })
     }
 
@@ -95,7 +95,7 @@ fn outputs_for_six_wheels_and_two_sides() {
 }
 
 #[test]
-fn refuses_numbers_outside_their_limits() {
+fn rejects_numbers_outside_their_limits() {
     let mut fmu = Fmu::new(Path::new(""));
     for (name, value) in
         [("profile", 4), ("tracks", -1), ("seed", -1), ("roughness.class", 9), ("roughness.change_class", 0)]
@@ -184,7 +184,7 @@ fn an_impossible_speed_fails_the_step() {
     let mut fmu = Fmu::new(Path::new(""));
     fmu.initialize().unwrap();
     fmu.set("vehicle.speed", 1e9);
-    let Err(fmu::instance::Refusal::Error(message)) = fmu.instance.do_step(0.0, 0.001) else {
+    let Err(fmu::instance::CallError::Error(message)) = fmu.instance.do_step(0.0, 0.001) else {
         panic!("the step was taken")
     };
     assert!(message.starts_with("fmi2DoStep: 'vehicle.speed' = 1000000000 m/s"), "{message}");

@@ -140,7 +140,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
             // The limit may be short: the next event, or the end of the step.
             let is_too_short = h < limit && (h <= 4.0 * f64::EPSILON * time.abs() || h < f64::MIN_POSITIVE);
             if *steps as f64 > MOST_PARTS || is_too_short {
-                return Err(StepError::Refused(format!(
+                return Err(StepError::Rejected(format!(
                     "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
                 )));
             }
@@ -304,7 +304,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
         }
         self.events += 1;
         if self.events > MOST_EVENTS {
-            return Err(StepError::Refused(format!(
+            return Err(StepError::Rejected(format!(
                 "more than {MOST_EVENTS} events between {} s and {time} s; let the model come to rest, or use shorter steps",
                 self.first_event
             )));

@@ -35,7 +35,7 @@ impl<M: Discrete> DiscreteModel<M> {
         time: f64,
     ) -> Result<(), StepError> {
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
-        p.check(&Sample { time, state, inputs, derived }).map_err(StepError::Refused)?;
+        p.check(&Sample { time, state, inputs, derived }).map_err(StepError::Rejected)?;
         let outputs = p.update(Sample { time, state, inputs, derived });
         outputs.write(&mut values.view_mut(), layout.outputs.at);
         first_not_finite(&values.reals, layout.outputs.reals(), time)?;

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::path::PathBuf;
 
 use fmu::abi::Export;
-use fmu::instance::{Instance, Refusal};
+use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
 use fmu::variable::Kind;
 use fmu::{Definition, Range};
@@ -368,9 +368,9 @@ pub(crate) fn reals<E: Export>() -> Vec<u32> {
 
 /// The message of a error_of call.
 #[track_caller]
-pub(crate) fn error_of<V: std::fmt::Debug>(answer: Result<V, Refusal>) -> String {
+pub(crate) fn error_of<V: std::fmt::Debug>(answer: Result<V, CallError>) -> String {
     match answer {
-        Err(Refusal::Error(message)) => message,
+        Err(CallError::Error(message)) => message,
         other => panic!("an error was expected, {other:?} found"),
     }
 }
@@ -404,23 +404,23 @@ impl<E: Export> Fmu<E> {
         fmu
     }
 
-    pub(crate) fn set(&mut self, name: &str, value: f64) -> Result<(), Refusal> {
+    pub(crate) fn set(&mut self, name: &str, value: f64) -> Result<(), CallError> {
         self.0.set_real(&[reference::<E>(name)], &[value])
     }
 
-    pub(crate) fn set_integer(&mut self, name: &str, value: i32) -> Result<(), Refusal> {
+    pub(crate) fn set_integer(&mut self, name: &str, value: i32) -> Result<(), CallError> {
         self.0.set_integer(&[reference::<E>(name)], &[value])
     }
 
-    pub(crate) fn set_boolean(&mut self, name: &str, value: bool) -> Result<(), Refusal> {
+    pub(crate) fn set_boolean(&mut self, name: &str, value: bool) -> Result<(), CallError> {
         self.0.set_boolean(&[reference::<E>(name)], &[value])
     }
 
-    pub(crate) fn set_string(&mut self, name: &str, value: &str) -> Result<(), Refusal> {
+    pub(crate) fn set_string(&mut self, name: &str, value: &str) -> Result<(), CallError> {
         self.0.set_string(&[reference::<E>(name)], &[value.to_owned()])
     }
 
-    pub(crate) fn try_get(&mut self, name: &str) -> Result<f64, Refusal> {
+    pub(crate) fn try_get(&mut self, name: &str) -> Result<f64, CallError> {
         let mut value = [f64::NAN];
         self.0.get_real(&[reference::<E>(name)], &mut value).map(|()| value[0])
     }
@@ -439,7 +439,7 @@ impl<E: Export> Fmu<E> {
     }
 
     /// One step on from where the instance stands.
-    pub(crate) fn step(&mut self, step: f64) -> Result<(), Refusal> {
+    pub(crate) fn step(&mut self, step: f64) -> Result<(), CallError> {
         let time = self.0.time();
         self.0.do_step(time, step)
     }

@@ -91,7 +91,7 @@ fn outputs_with_a_start_value_may_be_set_before_the_start() {
 fn every_function_keeps_to_the_table_of_calls() {
     for mode in REACHABLE {
         // A call that is allowed fails for another reason, or not at all; one that is not says so.
-        type Call = (Function, fn(&mut Fmu<CartPair>) -> Result<(), fmu::instance::Refusal>);
+        type Call = (Function, fn(&mut Fmu<CartPair>) -> Result<(), fmu::instance::CallError>);
         let calls: [Call; 12] = [
             (Function::SetupExperiment, |u| u.0.setup_experiment(0.0, None)),
             (Function::EnterInitializationMode, |u| u.0.enter_initialization()),
