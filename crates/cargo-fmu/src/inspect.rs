@@ -1,4 +1,4 @@
-//! `cargo fmu inspect`: what an FMU says of itself.
+//! `cargo fmu inspect`: what an FMU says about itself.
 
 use std::path::PathBuf;
 
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     outln!("GUID       {}", line(&description.guid));
     outln!("made with  {}", line(description.generation_tool.as_deref().unwrap_or("unknown")));
     outln!("platforms  {}", archive.platforms().join(", "));
-    outln!("can        {}", capabilities(&description).join(", "));
+    outln!("supports   {}", capabilities(&description).join(", "));
     for (causality, title) in [
         (Causality::Input, "Inputs"),
         (Causality::Output, "Outputs"),
@@ -77,8 +77,8 @@ fn capabilities(description: &ModelDescription) -> Vec<&'static str> {
     let Some(co_simulation) = &description.co_simulation else { return vec!["no co-simulation"] };
     [
         (co_simulation.can_handle_variable_communication_step_size, "variable communication steps"),
-        (co_simulation.can_get_and_set_fmu_state, "save and restore its state"),
-        (co_simulation.can_serialize_fmu_state, "serialize its state"),
+        (co_simulation.can_get_and_set_fmu_state, "saved states"),
+        (co_simulation.can_serialize_fmu_state, "serialized states"),
         (co_simulation.provides_directional_derivative, "directional derivatives"),
         (!co_simulation.can_be_instantiated_only_once_per_process, "several instances in a process"),
     ]

@@ -33,7 +33,7 @@ const RENAMED: [(&str, &str); 3] = [("system", "export"), ("systems", "compat"),
 enum Cli {
     /// Builds models and packs them to target/fmu/NAME.fmu
     Pack(pack::Arguments),
-    /// Shows what an FMU says of itself
+    /// Shows what an FMU says about itself
     Inspect(inspect::Arguments),
     /// Validates FMUs of any origin: the description by the rules of FMI 2.0, the binary by its behavior
     ///

@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let inside = folder.strip_prefix(std::env::current_dir().into_diagnostic()?).unwrap_or(&folder);
     let enter = if workspace.is_some() { String::new() } else { format!("  cd {}\n", inside.display()) };
     outln!(
-        "{} is ready. Next:\n{enter}  cargo test -p {name}\n  cargo fmu pack {name}\n  cargo fmu check target/fmu/{fmu}.fmu\n\
+        "{} is ready. Next:\n{enter}  cargo test -p {name}\n  cargo fmu pack {name}\n  cargo fmu check {fmu}\n\
          Then change src/lib.rs and the README.",
         inside.display()
     );

@@ -85,7 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             let is_missing = |model: &&Model| !folder.join(format!("{}.fmu", model.name)).exists();
             let missing: Vec<&str> = models.iter().filter(is_missing).map(|model| model.name.as_str()).collect();
             if !missing.is_empty() {
-                eprintln!("Building {}; this takes some minutes the first time", missing.join(", "));
+                eprintln!("Building {}; the first build also compiles the dependencies", missing.join(", "));
             }
             models
         }

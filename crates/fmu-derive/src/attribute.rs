@@ -157,7 +157,7 @@ impl Variable {
                 "min" | "max" | "positive" | "tunable" => format!("`{key}` belongs to parameters"),
                 "local" | "calculated" => format!("`{key}` belongs to continuous states"),
                 "always_finite" => format!("`{key}` belongs to discrete states"),
-                _ => format!("`{key}` means nothing here; {hint}"),
+                _ => format!("`{key}` is not a known key here; {hint}"),
             };
             errors.add(Error::new(key.span(), message));
         }

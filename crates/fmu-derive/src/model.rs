@@ -83,8 +83,8 @@ fn unknown_key(name: &str) -> String {
         };
     }
     match KEYS.iter().find(|key| strsim::damerau_levenshtein(key, name) <= 2) {
-        Some(near) => format!("`{name}` means nothing here; did you mean `{near}`?"),
-        None => format!("`{name}` means nothing here; expected one of {}", KEYS.join(", ")),
+        Some(near) => format!("`{name}` is not a known key here; did you mean `{near}`?"),
+        None => format!("`{name}` is not a known key here; expected one of {}", KEYS.join(", ")),
     }
 }
 

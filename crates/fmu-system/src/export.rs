@@ -141,7 +141,7 @@ pub struct Component {
     pub file: String,
     /// Inputs that are written, and outputs that are read or recorded.
     pub connectors: Vec<Connector>,
-    /// Values of parameters and of inputs that nobody writes.
+    /// Values of parameters and of inputs that nothing writes.
     pub values: Vec<Parameter>,
 }
 

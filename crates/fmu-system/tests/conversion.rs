@@ -118,11 +118,11 @@ fn only_plain_numbers_convert() {
         (
             "ramp:x",
             "total:z",
-            "`total:z` is in m; only a Real without a unit converts to or from Boolean, but `reversed:inverted`, which it \
-             writes, is Boolean",
+            "`total:z` is in m; only a Real without a unit converts to or from Boolean, but its target \
+             `reversed:inverted` is Boolean",
         ),
-        ("ramp:x", "ramp:count", "`ramp:count` is Integer, but `reversed:inverted`, which it writes, is Boolean"),
-        ("reversed:moved", "reversed:count", "`reversed:count` is Integer, but `total:flag`, which it writes, is Real"),
+        ("ramp:x", "ramp:count", "`ramp:count` is Integer, but its target `reversed:inverted` is Boolean"),
+        ("reversed:moved", "reversed:count", "`reversed:count` is Integer, but its target `total:flag` is Real"),
     ] {
         let text = SCENARIO.replace(&format!("from = \"{from}\""), &format!("from = \"{to}\""));
         let [(message, _)] = &mistakes(&folder, &text, &Options::default())[..] else { panic!("{from} {to}") };
@@ -140,7 +140,7 @@ fn wiring_by_name_does_not_convert() {
     assert_eq!(
         mistakes(&folder, &text, &Options::default()),
         [(
-            "`ramp:inverted_by` is Real, but `reversed:inverted_by`, which it writes, is Boolean".to_string(),
+            "`ramp:inverted_by` is Real, but its target `reversed:inverted_by` is Boolean".to_string(),
             Some(
                 "to convert the value, add a [[connection]] with from = \"ramp:inverted_by\" and to = \
                  \"reversed:inverted_by\""

@@ -215,14 +215,14 @@ fn mistakes_name_their_case() {
         ("fmu.driver = \"Drver\"", "there is no Drver.fmu in memory"),
         (
             "fmu.driver = \"Steering\"",
-            "Steering has the input `driver.steer`, which Driver does not have; nobody writes the input `driver.steer` of \
+            "Steering has the input `driver.steer`, which Driver does not have; nothing writes the input `driver.steer` of \
              `driver`, in case `other` (fmu.driver = \"Steering\")",
         ),
         (
             "fmu.driver = \"Vehicle\"",
             "`driver.speed` of `driver` is an input, expected an output, in case `other` (fmu.driver = \"Vehicle\")",
         ),
-        ("without = [\"driver\"]", "nobody writes the input `driver.steer` of `steering`, in case `other`"),
+        ("without = [\"driver\"]", "nothing writes the input `driver.steer` of `steering`, in case `other`"),
         (
             "fmu.steering = \"OtherSteering\"\nparameters.steering = { strategy = 1 }",
             "OtherSteering has no parameter `strategy`, in case `other` (fmu.steering = \"OtherSteering\")",
@@ -650,7 +650,7 @@ fn mistakes_are_reported_with_their_place() {
         ("value = 30.0, unit", "value = nan, unit", "expected a finite number"),
         ("\"tire.mode\" = 0", "\"tire.mode\" = 4", "expected one of magic (0), linear (1)"),
         ("label = \"car\"", "label = 1", "`label` must be a string, got 1"),
-        ("\"road_friction.*\" = 1.0, ", "", "nobody writes the input `road_friction.r` of `vehicle`"),
+        ("\"road_friction.*\" = 1.0, ", "", "nothing writes the input `road_friction.r` of `vehicle`"),
         ("\"road_friction.*\" = 1.0", "\"road_friktion.*\" = 1.0", "`vehicle` has no input `road_friktion.*`"),
         ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = 1.0, \"road*\" = 1.0", "both match `road_friction.l`"),
         ("\"road_friction.*\" = 1.0", "\"road_friction.*\" = -1.0", "expected at least 0"),
@@ -662,7 +662,7 @@ fn mistakes_are_reported_with_their_place() {
         (
             "from = \"driver:driver.speed\"",
             "from = \"driver:driver.steer\"",
-            "is in rad, but `steering:vehicle.speed`, which it writes, is in m/s",
+            "is in rad, but its target `steering:vehicle.speed` is in m/s",
         ),
         ("to = \"steering:vehicle.speed\"", "to = \"steering:steer.front\"", "is an output, expected an input"),
         (
@@ -933,7 +933,7 @@ fn a_swap_that_breaks_the_wiring_is_named() {
     let error = mistakes(&text, "Mute", &driver.replace("name=\"driver.steer\"", "name=\"steer\""));
     assert_eq!(
         error,
-        "scenarios/step.toml:36:14: Mute has no output `driver.steer`, which Driver has; nobody writes the input \
+        "scenarios/step.toml:36:14: Mute has no output `driver.steer`, which Driver has; nothing writes the input \
          `driver.steer` of `steering`, in case `other` (fmu.driver = \"Mute\")"
     );
     // The connection names it; that its input has no writer follows.

@@ -102,7 +102,8 @@ fn missing(systems: &Systems, plants: &[usize], components: &[usize]) -> String 
             match &systems.fits[*component][*plant] {
                 Fit::Fits => (),
                 Fit::Idle => {
-                    text += &format!("\n{name}, {vehicle}: nothing that acts on {vehicle} reads its outputs\n")
+                    text +=
+                        &format!("\n{name}, {vehicle}: nothing that acts on {vehicle} reads the outputs of {name}\n")
                 }
                 Fit::Lacks(missing) => {
                     text += &format!("\n{name}, {vehicle}:\n");

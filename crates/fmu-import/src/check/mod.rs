@@ -116,8 +116,8 @@ impl fmt::Display for Checked {
         let Self { elements, variables, unknowns, trials, instances, steps } = self;
         write!(
             f,
-            "description: {elements} elements against the schema, {variables} variables, {unknowns} entries of the model \
-             structure"
+            "description: {elements} elements checked against the schema; variables: {variables}; entries of the model \
+             structure: {unknowns}"
         )?;
         if *instances > 0 {
             write!(f, "\nbinary: {instances} instances, {steps} steps: {}", trials.join(", "))?;

@@ -47,7 +47,7 @@ fn is_plain_number(member: &Member<'_>, variable: &Variable) -> bool {
 
 fn mismatch((writer, output): Place<'_>, (reader, input): Place<'_>, output_is: &str, input_is: &str) -> String {
     format!(
-        "`{}:{}` is {output_is}, but `{}:{}`, which it writes, is {input_is}",
+        "`{}:{}` is {output_is}, but its target `{}:{}` is {input_is}",
         writer.name(),
         output.name,
         reader.name(),

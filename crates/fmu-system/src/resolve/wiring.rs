@@ -148,8 +148,8 @@ impl<'a> Resolver<'a> {
             let of = swap.map_or(member.component, |(changed, _)| system.members[changed].component);
             self.problems.set_context(Some(context(system.case, Some(of))));
             let (place, message) = match swap.map(|swap| cause(system, swap, &inputs)) {
-                Some((place, cause)) => (place, format!("{cause}; nobody writes {which} of `{name}`")),
-                None => (member.component.name.span(), format!("nobody writes {which} of `{name}`")),
+                Some((place, cause)) => (place, format!("{cause}; nothing writes {which} of `{name}`")),
+                None => (member.component.name.span(), format!("nothing writes {which} of `{name}`")),
             };
             self.problems.add_with_help(place, message, Some(help));
         }
