@@ -63,7 +63,13 @@ def test_the_summary_lists_every_page() -> None:
 
 @pytest.mark.parametrize("path", [*GUIDE.glob("*.md"), ROOT / "README.md"], ids=lambda path: path.name)
 def test_every_block_has_a_language(path: Path) -> None:
-    assert {tag for tag, _ in FENCE.findall(path.read_text(encoding="utf-8"))} <= {"rust", "sh", "toml", "python", "text"}
+    assert {tag for tag, _ in FENCE.findall(path.read_text(encoding="utf-8"))} <= {
+        "rust",
+        "sh",
+        "toml",
+        "python",
+        "text",
+    }
 
 
 def run_python(code: str, folder: Path) -> str:
