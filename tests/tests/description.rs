@@ -1,4 +1,4 @@
-//! What an FMU says about itself: complete, without contradictions, and nothing that importers are known to stumble over.
+//! Tests of `modelDescription.xml`: it is complete and consistent, and avoids what importers are known to reject.
 //!
 //! Reference: FMI 2.0.4, sections 2.2 (description) and 2.1.2 (functions that have to be there).
 

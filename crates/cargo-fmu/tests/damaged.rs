@@ -586,7 +586,7 @@ fn binaries_that_do_not_run_here_are_rejected() {
     );
     rejected("a folder as binary", &sound.loading(&format!("{name}/"), Some(b"")), Binary, "no binary");
     rejected("an empty binary", &sound.loading(&name, Some(b"")), Binary, &name);
-    rejected("text", &sound.loading(&name, Some(b"this is no library")), Binary, &name);
+    rejected("text", &sound.loading(&name, Some(b"not a library")), Binary, &name);
     // What follows is said of ELF files.
     if !cfg!(target_os = "linux") {
         return;

@@ -250,7 +250,7 @@ struct Gaussians {
 }
 
 impl Gaussians {
-    /// `None` if a set is not Gaussian, if there is no set, or if there are too many.
+    /// `None` unless there are 1 to `GAUSSIANS` sets, all of them Gaussian.
     fn new(sets: &[Membership]) -> Option<Self> {
         let mut gaussians = Self { centers: [0.0; GAUSSIANS], widths: [1.0; GAUSSIANS] };
         let last = sets.len().checked_sub(1).filter(|&last| last < GAUSSIANS)?;
@@ -325,7 +325,7 @@ pub enum Conjunction {
 pub struct RuleTable<const ROWS: usize, const COLUMNS: usize, const LABELS: usize> {
     /// Numbers of the rules (rows one after the other), sorted by label.
     rules: [[usize; COLUMNS]; ROWS],
-    /// Where the rules of each label end in `rules`.
+    /// End index in `rules` of the rules of each label.
     ends: [usize; LABELS],
     conjunction: Conjunction,
 }

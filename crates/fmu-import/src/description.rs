@@ -10,7 +10,7 @@ pub use crate::xml::XmlError;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What an FMU says about itself.
+/// Contents of `modelDescription.xml`.
 #[derive(Debug, Clone)]
 pub struct ModelDescription {
     /// FMI version, `"2.0"`.

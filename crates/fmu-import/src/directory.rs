@@ -145,7 +145,7 @@ fn find<R: Read + Seek>(file: &mut R) -> Result<Place, DirectoryError> {
     let is_end = |at: &usize| tail.len() >= at + END_BYTES && at + END_BYTES + comment(&tail[*at..]) == tail.len();
     let ends: Vec<usize> = signed.iter().copied().filter(is_end).collect();
     let at = match ends[..] {
-        [] => return Err(damaged("there is no end record at its end")),
+        [] => return Err(damaged("the end record is missing")),
         [at] if signed.last() == Some(&at) => at,
         // One in the comment of the other: some readers take the first, some the last.
         _ => return Err(rejected("it has several end records; other programs may see other files in it")),
@@ -434,7 +434,7 @@ mod tests {
         rejects(zip.finished_64(2, [0, 0, 0]), "its end record states 0 entries, that of zip64 2");
         let start = zip.bytes.len() + 1;
         rejects(zip.finished_64(2, [2, zip.list.concat().len(), start]), "as the start of the list, that of zip64");
-        rejects([zip.finished(b""), b"more".to_vec()].concat(), "there is no end record at its end");
+        rejects([zip.finished(b""), b"more".to_vec()].concat(), "the end record is missing");
         rejects([b"before".to_vec(), zip.finished(b"")].concat(), "the list of its entries is not where");
         let mut moved = zip.finished_64(2, NARROW);
         let locator = moved.len() - END_BYTES - LOCATOR_64_BYTES;

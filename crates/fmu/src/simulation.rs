@@ -244,7 +244,7 @@ impl<M: Discrete> DiscreteSimulation<M> {
     }
 }
 
-/// What went wrong in a step.
+/// Error of a step.
 fn message(layout: &Layout, error: &StepError) -> String {
     match error {
         StepError::NotFinite { index, value, time } => {

@@ -77,11 +77,11 @@ pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, chec
     (checked.instances, checked.steps) = (trial.instances.get(), trial.made.get());
 }
 
-/// What went wrong: the call, and what the FMU said about it.
+/// Error of a call: the function, and the messages the FMU logged.
 fn words(error: &CallError) -> String {
     let said: Vec<_> = error.messages.iter().map(|message| message.text.as_str()).collect();
     let problem = error.to_string();
-    // The name of the instance is ours and says nothing; what the FMU said follows in quotes.
+    // Without the name of the instance, which the check has chosen; the FMU's messages follow in quotes.
     let problem = problem.lines().next().unwrap_or_default();
     let problem = problem.split_once(": ").map_or(problem, |(_, rest)| rest);
     if said.is_empty() { problem.to_owned() } else { format!("{problem} (\"{}\")", said.join("\", \"")) }

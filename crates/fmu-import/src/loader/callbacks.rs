@@ -13,7 +13,7 @@ const KEPT_MESSAGES: usize = 100;
 /// Longest message that is kept, bytes.
 const MAX_MESSAGE: usize = 10_000;
 
-/// Where the logger callback puts the messages of one instance.
+/// Messages of one instance, collected by the logger callback.
 #[derive(Default)]
 pub(super) struct Log {
     // FMUs may log from threads of their own.

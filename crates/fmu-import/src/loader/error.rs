@@ -12,7 +12,7 @@ pub enum LoadError {
     Library {
         /// The library.
         path: PathBuf,
-        /// What the system says.
+        /// Message of the system.
         reason: String,
     },
     /// It lacks a function of FMI 2.0 for co-simulation.
@@ -26,7 +26,7 @@ pub enum LoadError {
     /// A model in it contradicts itself.
     #[error("{message}")]
     Declaration {
-        /// What is wrong with its declarations.
+        /// Description of the invalid declaration.
         message: String,
     },
     /// It was built for other types or another version.
@@ -114,7 +114,7 @@ pub struct Message {
     pub text: String,
 }
 
-/// What went wrong in a call.
+/// Error of a call.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CallProblem {
     /// The FMU answered with this status.
@@ -136,7 +136,7 @@ pub struct CallError {
     pub instance: String,
     /// Name of the C function.
     pub function: &'static str,
-    /// What went wrong.
+    /// Cause of the error.
     pub problem: CallProblem,
     /// Messages of the instance since they were last taken, this call included.
     pub messages: Vec<Message>,

@@ -18,7 +18,7 @@ use std::sync::atomic::Ordering;
 /// allocate unless they fail.
 pub struct Instance {
     component: Component,
-    // Where calls are announced, and as which component.
+    // Receives each call before it is made; `index` identifies the component there.
     board: Option<&'static Board>,
     index: u64,
     dead: bool,

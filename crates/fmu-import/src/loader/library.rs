@@ -12,7 +12,7 @@ use std::ptr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A loaded library together with the unpacked files it stands in.
+/// A loaded library with the folder of unpacked files that contains it.
 pub struct Library {
     pub(super) functions: Functions,
     // Fields are dropped in this order: the library is closed before its file is removed.
@@ -162,7 +162,7 @@ fn open(path: &std::path::Path) -> Result<libloading::Library, libloading::Error
     }
 }
 
-/// Whether a library, those it brings along or the program itself have a symbol.
+/// Whether a symbol is defined by a library, by one of its dependencies or by the program.
 fn has_symbol(library: Option<&libloading::Library>, symbol: &str) -> bool {
     // SAFETY: the symbol is only looked up, not used.
     let found = library.is_some_and(|library| unsafe { library.get::<*const c_void>(symbol) }.is_ok());
@@ -178,7 +178,7 @@ pub fn flush_prints() {
     unsafe { libc::fflush(ptr::null_mut()) };
 }
 
-/// What the system says, such as which symbol or library is missing, stands in the sources of the error.
+/// The sources of the error contain the system's message, such as the name of a missing symbol or library.
 fn reason(error: &libloading::Error) -> String {
     let chain = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
     chain.map(ToString::to_string).collect::<Vec<_>>().join(": ")
