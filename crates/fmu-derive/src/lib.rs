@@ -31,6 +31,7 @@ mod attribute;
 mod comparison;
 mod enumeration;
 mod errors;
+mod forgotten;
 mod model;
 mod stubs;
 mod unit;

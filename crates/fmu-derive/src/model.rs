@@ -14,6 +14,7 @@ use syn::{
 use crate::attribute::{doc, literal};
 use crate::comparison;
 use crate::errors::Errors;
+use crate::forgotten;
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
 
@@ -103,7 +104,7 @@ fn with_crate(arguments: TokenStream) -> TokenStream {
 
 /// What the model trait is.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+pub(crate) enum Kind {
     Continuous,
     Discrete,
     Stateful,
@@ -141,6 +142,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             return TokenStream::new();
         }
     };
+    forgotten::complete(&mut block.items, kind, &root, errors);
     let declared = block.items.clone();
     if kind == Kind::Continuous {
         comparison::replace(&mut block.items, &root);
@@ -230,7 +232,8 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
     if errors.is_empty() {
         let export = export(&block.self_ty, &root, &runner);
         let numbers = crossing_numbers(&block.items, &block.self_ty, &root);
-        quote!(#block #export #numbers)
+        let starts = starts_of_outputs(kind, &block.items, &root);
+        quote!(#block #export #numbers #starts)
     } else {
         block.to_token_stream()
     }
@@ -296,6 +299,28 @@ fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> Tok
         })
     });
     quote!(#(#checks)*)
+}
+
+/// Rejects start values of outputs that are computed before anybody reads them.
+fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> TokenStream {
+    let outputs = items.iter().find_map(|item| match item {
+        ImplItem::Type(item) if item.ident == "Outputs" => Some(item),
+        _ => None,
+    });
+    match (kind, outputs) {
+        (Kind::Continuous, Some(outputs)) => {
+            let message = "an output of a continuous-time model has no start value: it follows from states, inputs \
+                           and parameters; remove `start`";
+            let (ty, numbers) = (&outputs.ty, outputs.generics.type_params().map(|number| &number.ident));
+            quote_spanned! {ty.span().resolved_at(Span::call_site())=>
+                const _: () = {
+                    #(#[allow(dead_code)] type #numbers = f64;)*
+                    ::core::assert!(!<#ty as #root::Variables<f64>>::HAS_STARTS, #message)
+                };
+            }
+        }
+        _ => TokenStream::new(),
+    }
 }
 
 /// Arguments of `fell` and `rose` that are written as numbers.

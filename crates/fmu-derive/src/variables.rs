@@ -4,9 +4,9 @@ use proc_macro2::{Span, TokenStream};
 use quote::{format_ident, quote, quote_spanned};
 use syn::punctuated::Punctuated;
 use syn::spanned::Spanned as _;
-use syn::{DeriveInput, Error, Expr, Field, GenericArgument, GenericParam, Ident, PathArguments, Result, Token};
+use syn::{DeriveInput, Error, Expr, Field, GenericArgument, GenericParam, Ident, Lit, PathArguments, Result, Token};
 
-use crate::attribute::{Content, Source, Variable, content, doc, fields, root};
+use crate::attribute::{Content, Source, Variable, content, doc, fields, literal, root};
 use crate::errors::Errors;
 
 /// What a struct of variables is for.
@@ -89,6 +89,8 @@ struct Part {
     /// The trait that combines states element by element.
     combine: TokenStream,
     declaration: TokenStream,
+    /// Whether a start value is written.
+    has_starts: TokenStream,
 }
 
 impl Part {
@@ -158,11 +160,13 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         quote_spanned!(part.span()=> let #local = <#ty as #root::#by<#number>>::read(values, at);)
     });
     let writes = parts.iter().map(|part| part.write(&root, &number));
+    let has_starts = parts.iter().map(|part| &part.has_starts);
     let mut tokens = quote! {
         #[automatically_derived]
         impl #generics #root::Variables<#number> for #ty {
             const COUNTS: #root::variables::Counts = #root::variables::Counts::ZERO
                 #(.plus(#counts))*;
+            const HAS_STARTS: bool = false #(|| #has_starts)*;
             fn declare(all: &mut ::std::vec::Vec<#root::variable::Declaration>) {
                 let _ = &all;
                 #(#declarations)*
@@ -244,7 +248,48 @@ fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenS
             let all = start_value(inner, start, root, number);
             quote_spanned!(span=> #root::variables::Starts::All(#all))
         }
+        (None, Expr::Lit(_) | Expr::Unary(_)) if is_number_of_another_type(ty, start) => {
+            quote_spanned!(span=> #root::declare::number(#start))
+        }
         _ => quote_spanned!(span=> #root::declare::start(#start)),
+    }
+}
+
+/// Whether a number starts a variable whose type is no name of a number: an enumeration or an alias.
+fn is_number_of_another_type(ty: &syn::Type, start: &Expr) -> bool {
+    literal(start).is_some() && name_of(ty).is_some_and(|name| !["f64", "i32"].contains(&name.as_str()))
+}
+
+/// What is wrong with a start value that is written in place, for the type of the variable.
+fn mistaken_start(ty: &syn::Type, start: &Expr) -> Option<&'static str> {
+    let lit = match start {
+        Expr::Array(starts) => {
+            let element = element(ty)?;
+            return starts.elems.iter().find_map(|start| mistaken_start(element, start));
+        }
+        Expr::Unary(start) => return mistaken_start(ty, &start.expr),
+        Expr::Lit(start) => &start.lit,
+        _ => return None,
+    };
+    match (name_of(ty)?.as_str(), lit) {
+        ("i32", Lit::Int(_))
+        | ("f64", Lit::Int(_) | Lit::Float(_))
+        | ("bool", Lit::Bool(_))
+        | ("String", Lit::Str(_)) => None,
+        ("i32", _) => Some("the start value of an `i32` is a whole number, as in `start = 2`"),
+        ("f64", _) => Some("the start value of a real variable is a number, as in `start = 1.0`"),
+        ("bool", _) => Some("the start value of a `bool` is `true` or `false`"),
+        ("String", _) => Some("the start value of a `String` is a text, as in `start = \"file.csv\"`"),
+        _ => None,
+    }
+}
+
+/// The name of a type, or of the elements of an array.
+fn name_of(ty: &syn::Type) -> Option<String> {
+    match (element(ty), ty) {
+        (Some(element), _) => name_of(element),
+        (None, syn::Type::Path(path)) => Some(path.path.segments.last()?.ident.to_string()),
+        _ => None,
     }
 }
 
@@ -323,6 +368,9 @@ fn part(
             declaration: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
                 #root::declare::nested(#prefix, <#ty as #root::Variables<#number>>::declare, all);
             },
+            has_starts: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
+                <#ty as #root::Variables<#number>>::HAS_STARTS
+            },
             ty,
             by: quote!(Variables),
             combine: quote!(ContinuousState),
@@ -341,6 +389,9 @@ fn part(
                 errors.add(Error::new(start.span(), "a calculated start value follows from the parameters"));
             }
             errors.keep(variable.check_start(start));
+            if let Some(message) = mistaken_start(&ty, start) {
+                errors.add(Error::new(start.span(), message));
+            }
         }
         None if block == Block::Parameters && variable.is_explicit && are_known && variable.key("start").is_none() => {
             errors.add(Error::new(variable.span(), "the start value is missing, as in `start = 1.0`"));
@@ -357,12 +408,14 @@ fn part(
         }
     }
     let declaration = errors.keep(declaration(field, &variable, root, number, parameter, (content, &doc, start)));
+    let has_start = start.is_some();
     errors.finish(Part {
         name,
         ty,
         by: quote!(Field),
         combine: quote!(RealField),
         declaration: declaration.unwrap_or_default(),
+        has_starts: quote!(#has_start),
     })
 }
 

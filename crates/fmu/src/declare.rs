@@ -277,6 +277,40 @@ pub fn start<S>(start: impl Into<S>) -> S {
     start.into()
 }
 
+/// A number as the start value of a variable of type `S`.
+#[doc(hidden)]
+#[diagnostic::on_unimplemented(
+    message = "a number is not a start value of a variable of type `{S}`",
+    label = "expected a value of type `{S}`"
+)]
+pub trait NumberFor<S> {
+    /// The start value.
+    fn start_value(self) -> S;
+}
+
+impl NumberFor<f64> for f64 {
+    fn start_value(self) -> f64 {
+        self
+    }
+}
+
+impl NumberFor<f64> for i32 {
+    fn start_value(self) -> f64 {
+        self.into()
+    }
+}
+
+impl NumberFor<i32> for i32 {
+    fn start_value(self) -> i32 {
+        self
+    }
+}
+
+/// A start value that is written as a number, of a type that only the compiler knows.
+pub fn number<S>(start: impl NumberFor<S>) -> S {
+    start.start_value()
+}
+
 /// A limit as it is written; those of an Integer are whole numbers.
 pub fn limit(limit: impl Into<f64>) -> f64 {
     limit.into()

@@ -410,6 +410,8 @@ macro_rules! named_array {
 pub trait Variables<T: Scalar>: Sized {
     /// How many values the struct holds.
     const COUNTS: Counts;
+    /// Whether a variable has a start value of its own.
+    const HAS_STARTS: bool = false;
     /// Adds the variables, in the order of the values.
     fn declare(all: &mut Vec<Declaration>);
     /// Reads the values at a position.
