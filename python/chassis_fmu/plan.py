@@ -363,6 +363,7 @@ class Connected(_Part, frozen=True):
 
     input: Signal
     source: Origin
+    type_change: Literal["boolean_to_real", "real_to_boolean"] | None
 
 
 class Wiring(_Part, frozen=True):

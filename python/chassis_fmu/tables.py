@@ -8,6 +8,8 @@ import math
 import re
 from collections.abc import Sequence
 
+from tabulate import tabulate
+
 from .numbers import Row, Statistic
 from .plan import Plan
 
@@ -196,13 +198,8 @@ def _text_rows(plan: Plan, cells: Sequence[Row]) -> tuple[list[str], list[list[s
 def markdown(plan: Plan, cells: Sequence[Row]) -> str:
     """Return the table as Markdown."""
     header, rows, left = _text_rows(plan, cells)
-
-    def line(row: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
-
-    rule = "|" + "|".join("---" if i < left else "---:" for i in range(len(header))) + "|"
-    notes = ["", NEGLIGIBLE] if any(c.negligible for c in cells) else []
-    return "\n".join([f"# {plan.title}", "", line(header), rule, *map(line, rows), *notes]) + "\n"
+    escaped = [[cell.replace("|", "\\|") for cell in row] for row in rows]
+    return f"# {plan.title}\n\n" + _text(header, escaped, left, "pipe") + _notes(cells)
 
 
 def console(plan: Plan, cells: Sequence[Row]) -> str:
@@ -212,14 +209,19 @@ def console(plan: Plan, cells: Sequence[Row]) -> str:
     for i in range(len(shown) - 1, 0, -1):
         if rows[i][0] == rows[i - 1][0]:
             shown[i][0] = ""
-    widths = [max(len(row[i]) for row in [header, *shown]) for i in range(len(header))]
+    return _text(header, shown, left, "simple") + _notes(cells)
 
-    def line(row: Sequence[str]) -> str:
-        padded = [c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))]
-        return "  ".join(padded).rstrip()
 
-    notes = ["", NEGLIGIBLE] if any(c.negligible for c in cells) else []
-    return "\n".join([line(header), "  ".join("─" * w for w in widths), *map(line, shown), *notes]) + "\n"
+def _text(header: Sequence[str], rows: Sequence[Sequence[str]], left: int, style: str) -> str:
+    """Return the table in a style of tabulate, its first columns aligned to the left."""
+    align = ["left" if i < left else "right" for i in range(len(header))]
+    # The cells are text already: no number is parsed, no blank is cut.
+    text = tabulate(rows, header, style, colalign=align, headersalign=align, disable_numparse=True)
+    return "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
+
+
+def _notes(cells: Sequence[Row]) -> str:
+    return f"\n{NEGLIGIBLE}\n" if any(c.negligible for c in cells) else ""
 
 
 def machine(cells: Sequence[Row]) -> str:

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import io
+import re
 
 import pytest
 from msgspec.structs import replace
@@ -120,7 +121,7 @@ def test_tables_for_people(scenario: Plan) -> None:
     assert lines[0].split() == ["Metric", "Case", "Paper", "Ours", "Change,", "paper", "Change,", "ours", "Badge"]
     assert "Active <fast>" in lines[3]
     assert lines[3].count("−25.0 %") == 2
-    markdown = tables.markdown(scenario, cells(scenario))
+    markdown = re.sub(" +", " ", tables.markdown(scenario, cells(scenario)))
     assert "| Roll angle <RMS> (°) | Passive | 4.00 | 0.33 (1 of 2) | – | – | Not reproduced |" in markdown
     assert (
         "| Roll angle <RMS> (°) | Active <fast> | 3.00 | 0.25 (1 of 2) | −25.0 % | −25.0 % | Reproduced |" in markdown
@@ -132,7 +133,7 @@ def test_columns_that_would_be_empty_are_left_out(scenario: Plan) -> None:
     lines = tables.console(own, cells(own)).splitlines()
     assert lines[0].split() == ["Metric", "Case", "Ours", "Change,", "ours"]
     alone = [r for r in cells(own) if r.case == "passive"]
-    assert tables.markdown(own, alone).splitlines()[2] == "| Metric | Case | Ours |"
+    assert tables.markdown(own, alone).splitlines()[2].split() == ["|", "Metric", "|", "Case", "|", "Ours", "|"]
 
 
 def test_a_baseline_next_to_nothing_is_explained(scenario: Plan) -> None:

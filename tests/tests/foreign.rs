@@ -136,7 +136,13 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
             .env("CARGO_NET_OFFLINE", "true")
             .output()
             .expect("the command runs");
-        assert!(inside.status.success(), "{}", String::from_utf8_lossy(&inside.stderr));
+        let messages = String::from_utf8_lossy(&inside.stderr);
+        assert!(inside.status.success(), "{messages}");
+        // The README is still that of the template.
+        assert!(
+            messages.contains("of the template: One paragraph: what the model computes, and what for."),
+            "{messages}"
+        );
     }
     for fmu in ["MyContinuous", "MyDiscrete", "MyStateful"] {
         let output = place.fmu(&["check", &format!("out/{fmu}.fmu")]);

@@ -111,6 +111,15 @@ fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
     parent.map_or_else(|| path.to_owned(), |parent| parent.join(path))
 }
 
+/// The sections of a README; the text in each says what belongs there.
+const README: &str = include_str!("../templates/README.md.in");
+
+/// A line of a README that still says what belongs there.
+pub(crate) fn placeholder(readme: &str) -> Option<&str> {
+    let is_text = |line: &&str| !line.is_empty() && !line.starts_with('#');
+    readme.lines().filter(is_text).find(|line| README.lines().any(|placeholder| placeholder == *line))
+}
+
 /// Turns the library that cargo has written into a model.
 fn fill(folder: &Path, name: &str, arguments: &Arguments) -> Result<()> {
     let manifest = folder.join("Cargo.toml");
@@ -129,9 +138,7 @@ fn fill(folder: &Path, name: &str, arguments: &Arguments) -> Result<()> {
     let library = "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n\n[dependencies]";
     write_whole(&manifest, text.replacen("[dependencies]", library, 1).as_bytes())?;
     let fmu = pascal_case(name);
-    for (file, template) in
-        [("src/lib.rs", arguments.kind.template()), ("README.md", include_str!("../templates/README.md.in"))]
-    {
+    for (file, template) in [("src/lib.rs", arguments.kind.template()), ("README.md", README)] {
         write_whole(&folder.join(file), template.replace("{Name}", &fmu).as_bytes())?;
     }
     Ok(())

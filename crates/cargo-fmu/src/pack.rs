@@ -14,7 +14,8 @@ use crate::build::{self, Asked, Linux};
 use crate::documentation;
 use crate::licenses::{self, Licenses};
 use crate::needed;
-use crate::output::outln;
+use crate::new;
+use crate::output::{errln, outln};
 use crate::platform::Platform;
 use crate::workspace::{Model, Workspace};
 
@@ -116,6 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     );
     let mut changed = Vec::new();
     let mut report = Vec::new();
+    let mut placeholders = Vec::new();
     for (i, (model, description)) in models.iter().zip(&descriptions).enumerate() {
         bar.set_message(model.name.clone());
         // The descriptions of examples are not committed.
@@ -142,6 +144,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             continue;
         }
         write_whole(&path, &bytes)?;
+        if let Some(line) = new::placeholder(&readme(model)?) {
+            placeholders.push((model.name.as_str(), line.to_owned()));
+        }
         report.push(format!(
             "{} ({} kB)",
             path.strip_prefix(&workspace.root).unwrap_or(&path).display(),
@@ -151,6 +156,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     bar.finish_and_clear();
     for line in report {
         outln!("{line}");
+    }
+    for (name, line) in placeholders {
+        errln!(
+            "note: the README of {name}, which is its documentation in the FMU, still has this text of the template: {line}"
+        );
     }
     if !changed.is_empty() {
         eprintln!(
@@ -214,6 +224,16 @@ fn description_is_committed(folder: &Path, model: &Model, xml: &str, update: boo
     Ok(std::fs::read_to_string(&path).is_ok_and(|committed| committed == xml))
 }
 
+/// The text of the model's README; empty if there is none.
+fn readme(model: &Model) -> Result<String> {
+    let path = model.folder.join("README.md");
+    if path.exists() { Ok(String::from_utf8_lossy(&read(&path)?).into_owned()) } else { Ok(String::new()) }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).into_diagnostic().wrap_err_with(|| format!("reading {}", path.display()))
+}
+
 /// The bytes of the FMU: the same for the same files, on every machine.
 fn archive(
     model: &Model,
@@ -222,14 +242,11 @@ fn archive(
     description: &Description,
 ) -> Result<Vec<u8>> {
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
-    let read =
-        |path: &Path| std::fs::read(path).into_diagnostic().wrap_err_with(|| format!("reading {}", path.display()));
     for (platform, library) in libraries {
         files.insert(platform.entry(&model.name), read(library)?);
     }
-    let readme = model.folder.join("README.md");
-    let text = if readme.exists() { String::from_utf8_lossy(&read(&readme)?).into_owned() } else { String::new() };
-    files.insert("documentation/index.html".to_owned(), documentation::page(&description.parsed, &text).into_bytes());
+    let page = documentation::page(&description.parsed, &readme(model)?);
+    files.insert("documentation/index.html".to_owned(), page.into_bytes());
     for (name, text) in licenses.files(model) {
         files.insert(format!("documentation/licenses/{name}"), text.into_bytes());
     }

@@ -39,6 +39,15 @@ pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + C
     })
 }
 
+/// `rad`, or `one of rad, deg`: what a message says it expects.
+#[must_use]
+pub fn any_of(names: &[&str]) -> String {
+    match names {
+        [name] => (*name).to_owned(),
+        names => format!("one of {}", names.join(", ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -90,6 +90,18 @@ pub struct Connected {
     pub input: Signal,
     /// What writes it.
     pub source: Origin,
+    /// How the value changes its type on the way.
+    pub type_change: Option<TypeChange>,
+}
+
+/// How a connection converts between types.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TypeChange {
+    /// True is 1, false is 0.
+    BooleanToReal,
+    /// Above 0.5 is true.
+    RealToBoolean,
 }
 
 /// Where the value of an input comes from.

@@ -7,7 +7,7 @@ mod support;
 use fmu_system::export::System;
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
-use fmu_system::plan::Plan;
+use fmu_system::plan::{Connected, Plan, TypeChange};
 use fmu_system::resolve::{FmuFolder, Options, ResolveError, resolve_text};
 use fmu_system::run::Order;
 use std::path::Path;
@@ -88,6 +88,18 @@ fn an_explicit_connection_converts_in_both_directions() {
         assert_eq!(recording.column(0), Some(&y[..]), "{order:?}");
         assert_eq!(recording.column(1), Some(&z[..]), "{order:?}");
     }
+}
+
+#[test]
+fn the_plan_tells_what_a_connection_converts() {
+    let plan = plan_of(&fmus(), SCENARIO, &Options::default()).unwrap();
+    let change = |component: &str, variable: &str| {
+        let is_meant = |c: &&Connected| c.input.component == component && c.input.variable == variable;
+        plan.wiring[0].inputs.iter().find(is_meant).unwrap().type_change
+    };
+    assert_eq!(change("reversed", "inverted"), Some(TypeChange::RealToBoolean));
+    assert_eq!(change("total", "flag"), Some(TypeChange::BooleanToReal));
+    assert_eq!(change("ramp", "one"), None);
 }
 
 /// A series for the output has values of the output's type, which the connection converts.

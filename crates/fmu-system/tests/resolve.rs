@@ -622,6 +622,14 @@ fn the_json_has_the_agreed_layout() {
     );
 }
 
+/// A constant that is wrong still shows what is meant to write the inputs.
+#[test]
+fn a_wrong_constant_is_the_only_mistake() {
+    let text = SCENARIO.replacen("\"road_friction.*\" = 1.0", "\"road_friction.*\" = -1.0", 1);
+    let error = lines(&plan_of(&text, &Options::default()).unwrap_err());
+    assert!(error.contains("expected at least 0") && !error.contains("nothing writes"), "{error}");
+}
+
 /// One change to the scenario, where the mistake is marked, and what is said.
 #[test]
 fn mistakes_are_reported_with_their_place() {
@@ -644,7 +652,7 @@ fn mistakes_are_reported_with_their_place() {
         ("maneuver = 1", "driver.speed = 1", "Driver has no parameter `driver`"),
         ("maneuver = 1", "\"driver.speed\" = 1", "is not a parameter but an output"),
         ("strategy = 1, ", "gain = 1, ", "not a parameter but a calculated parameter"),
-        ("unit = \"deg\" } }", "unit = \"grad\" } }", "cannot be given in `grad`, expected one of: rad, deg"),
+        ("unit = \"deg\" } }", "unit = \"grad\" } }", "cannot be given in `grad`, expected one of rad, deg"),
         ("value = 30.0, unit = \"deg\"", "value = 300.0, unit = \"deg\"", "expected at most 1"),
         ("value = 30.0, unit = \"deg\"", "value = 30.0", "expected a value or { value"),
         ("value = 30.0, unit", "value = nan, unit", "expected a finite number"),
@@ -703,7 +711,7 @@ fn mistakes_are_reported_with_their_place() {
         (
             "unit = \"deg\"\nwindow",
             "unit = \"m\"\nwindow",
-            "`body.roll` cannot be shown in `m`, expected one of: rad, deg",
+            "`body.roll` cannot be shown in `m`, expected one of rad, deg",
         ),
         ("window = [0.5, 2.0]", "window = [0.5, 3.0]", "expected a window [from, to]"),
         ("\"passive@slow\" = 1.5", "\"passiv@slow\" = 1.5", "unknown case `passiv`"),

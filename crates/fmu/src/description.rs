@@ -22,7 +22,7 @@ pub const LOG_EVENTS: &str = "logEvents";
 
 /// The log categories with their descriptions.
 pub const LOG_CATEGORIES: [(&str, &str); 3] = [
-    (LOG_ERROR, "Refused calls and failed steps: what, where, and the rule (always logged)"),
+    (LOG_ERROR, "Rejected calls and failed steps: what, where, and the rule (always logged)"),
     (LOG_DISCARD, "Questions that have no answer"),
     (LOG_EVENTS, "Initialization, termination, reset and restored states"),
 ];

@@ -6,7 +6,7 @@ use crate::worker;
 use clap::Args;
 use fmu_import::description::Value;
 use fmu_import::terminal::{indented, line};
-use fmu_system::plan::{Connected, Origin, Plan, Signal, Wiring};
+use fmu_system::plan::{Connected, Origin, Plan, Signal, TypeChange, Wiring};
 use fmu_system::run::Order;
 use miette::IntoDiagnostic;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -135,13 +135,18 @@ fn components(plan: &Plan) -> Vec<String> {
 fn rows(wiring: &Wiring) -> Vec<[String; 3]> {
     let mut rows: Vec<([String; 3], Vec<String>)> = Vec::new();
     let mut indices: HashMap<[String; 3], usize> = HashMap::new();
-    for Connected { input, source } in &wiring.inputs {
+    for Connected { input, source, type_change } in &wiring.inputs {
         let (stem, place) = input.variable.rsplit_once('.').unwrap_or((&input.variable, ""));
         let source = match source {
             Origin::Output(Signal { component, variable }) => {
-                match variable.rsplit_once('.').filter(|(_, last)| *last == place) {
+                let words = match type_change {
+                    Some(TypeChange::BooleanToReal) => " (Boolean to Real: 0 or 1)",
+                    Some(TypeChange::RealToBoolean) => " (Real to Boolean: above 0.5)",
+                    None => "",
+                };
+                match variable.rsplit_once('.').filter(|(_, last)| *last == place && words.is_empty()) {
                     Some((of, _)) => format!("{component}:{of}.*"),
-                    None => format!("{component}:{variable}"),
+                    None => format!("{component}:{variable}{words}"),
                 }
             }
             Origin::File(signal) => format!("file: {signal}"),
@@ -197,4 +202,21 @@ fn unread(wiring: &Wiring) -> String {
         format!("  {component}: {}", line(&outputs))
     };
     components.into_iter().map(of_component).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_conversion_stands_beside_its_source() {
+        let signal =
+            |component: &str, variable: &str| Signal { component: component.into(), variable: variable.into() };
+        let inputs = [("level", None), ("active", Some(TypeChange::RealToBoolean))].map(|(name, type_change)| {
+            Connected { input: signal("pump", name), source: Origin::Output(signal("law", "command")), type_change }
+        });
+        let wiring = Wiring { case: "only".into(), inputs: inputs.into(), unread: Vec::new() };
+        let sources: Vec<String> = rows(&wiring).into_iter().map(|[.., source]| source).collect();
+        assert_eq!(sources, ["<- law:command", "<- law:command (Real to Boolean: above 0.5)"]);
+    }
 }

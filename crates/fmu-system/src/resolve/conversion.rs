@@ -1,6 +1,7 @@
 //! Which outputs may write which inputs, and where a connection converts between Real and Boolean.
 
 use super::system::Member;
+use crate::plan::TypeChange;
 use fmu_import::description::{BaseType, BaseUnit, Variable};
 
 /// The unit of a plain number.
@@ -17,7 +18,7 @@ pub(super) fn compatible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
 /// Whether an explicit connection may join an output and an input: compatible ones, and a Boolean with a Real that has no
 /// unit of measure. The masters convert by what they do with any Boolean on the bus: true is 1, on is above 0.5.
 pub(super) fn convertible(from: Place<'_>, to: Place<'_>) -> Result<(), String> {
-    if !is_conversion(from.1, to.1) {
+    if between(from.1, to.1).is_none() {
         return compatible(from, to);
     }
     let with_unit = [from, to].into_iter().find(|(member, variable)| !is_plain_number(member, variable));
@@ -31,12 +32,13 @@ pub(super) fn convertible(from: Place<'_>, to: Place<'_>) -> Result<(), String> 
     })
 }
 
-/// Whether a wire between these two converts Real to Boolean or back.
-pub(super) fn is_conversion(output: &Variable, input: &Variable) -> bool {
-    matches!(
-        (output.base_type, input.base_type),
-        (BaseType::Real, BaseType::Boolean) | (BaseType::Boolean, BaseType::Real)
-    )
+/// Whether and how a wire between these two converts.
+pub(super) fn between(output: &Variable, input: &Variable) -> Option<TypeChange> {
+    match (output.base_type, input.base_type) {
+        (BaseType::Real, BaseType::Boolean) => Some(TypeChange::RealToBoolean),
+        (BaseType::Boolean, BaseType::Real) => Some(TypeChange::BooleanToReal),
+        _ => None,
+    }
 }
 
 /// Whether a variable has no unit of measure, or that of a plain number.

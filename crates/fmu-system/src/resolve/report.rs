@@ -5,7 +5,7 @@ use super::pattern::split_pattern;
 use super::system::{Column, Resolver, System, near_outputs, outputs};
 use crate::metrics::{self, Combine, Definition};
 use crate::{plan, report, scenario};
-use fmu_import::names::suggestion;
+use fmu_import::names::{any_of, suggestion};
 use serde_spanned::Spanned;
 
 impl Resolver<'_> {
@@ -63,7 +63,7 @@ impl Resolver<'_> {
             let own = column.unit.iter();
             let all: Vec<&str> = own.chain(column.units.iter().map(|u| &u.name)).map(String::as_str).collect();
             let help = suggestion(name, all.iter().copied());
-            let message = format!("`{}` cannot be shown in `{name}`, expected one of: {}", column.name, all.join(", "));
+            let message = format!("`{}` cannot be shown in `{name}`, expected {}", column.name, any_of(&all));
             self.problems.add_with_help(unit.span(), message, help);
         }
         found.map(|u| (u.factor, u.offset))

@@ -8,7 +8,7 @@ use crate::run::Setting;
 use crate::scenario::{self, Case, Values};
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use fmu_import::named_values::listed;
-use fmu_import::names::suggestion;
+use fmu_import::names::{any_of, suggestion};
 use serde_spanned::Spanned;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -26,6 +26,9 @@ enum Names {
 
 /// A message and a hint.
 type Mistake = (String, Option<String>);
+
+/// Constants of inputs by index, with their places in the file; without a value if that is a mistake, which is noted.
+type Constants = BTreeMap<usize, (Option<Value>, Range<usize>)>;
 
 impl Resolver<'_> {
     /// Reads the parameter sets that the scenario names, relative to its folder, each once.
@@ -205,7 +208,7 @@ impl Resolver<'_> {
     }
 
     /// Constants of the inputs of a component: those of the case stand above those of the component.
-    pub(super) fn constants(&mut self, case: &Case, member: &Member<'_>) -> BTreeMap<usize, (Value, Range<usize>)> {
+    pub(super) fn constants(&mut self, case: &Case, member: &Member<'_>) -> Constants {
         let mut constants = BTreeMap::new();
         for (level, is_of_component) in
             [(Some(&member.component.inputs), true), (case.inputs.get(member.name()), false)]
@@ -216,12 +219,7 @@ impl Resolver<'_> {
         constants
     }
 
-    fn constants_of_level(
-        &mut self,
-        level: &Values,
-        is_of_component: bool,
-        member: &Member<'_>,
-    ) -> BTreeMap<usize, (Value, Range<usize>)> {
+    fn constants_of_level(&mut self, level: &Values, is_of_component: bool, member: &Member<'_>) -> Constants {
         let mut constants = BTreeMap::new();
         // A plain name stands above a pattern, so patterns come first.
         for is_plain in [false, true] {
@@ -241,9 +239,8 @@ impl Resolver<'_> {
                         self.problems
                             .add(pattern.span(), format!("`{text}` and `{other}` both match `{}`", variable.name));
                     }
-                    if let Some(value) = self.value(&member.found.description, variable, written) {
-                        constants.insert(v, (value, pattern.span()));
-                    }
+                    let value = self.value(&member.found.description, variable, written);
+                    constants.insert(v, (value, pattern.span()));
                 }
                 // Another FMU need not have all inputs of the component's own.
                 let may_lack = is_of_component && member.replaced.is_some();
@@ -410,7 +407,7 @@ fn convert_unit(
         None => {
             let mut all = vec![own.as_str()];
             all.extend(display_units.iter().map(|u| u.name.as_str()));
-            let message = format!("`{name}` cannot be given in `{unit}`, expected one of: {}", all.join(", "));
+            let message = format!("`{name}` cannot be given in `{unit}`, expected {}", any_of(&all));
             Err((message, suggestion(unit, all)))
         }
     }

@@ -1,6 +1,6 @@
 //! The wires of a case: what writes each input.
 
-use super::conversion::{compatible, convertible, is_conversion};
+use super::conversion::{self, compatible, convertible};
 use super::system::{Column, Member, Resolver, Source, System, context, replacement};
 use super::values::{is_implausible, setting};
 use crate::parameter;
@@ -99,9 +99,9 @@ impl<'a> Resolver<'a> {
                         ),
                     ),
                     (Ok(Some(source)), _) => inputs.push((v, source)),
-                    (Ok(None), Some((value, _))) => {
-                        inputs.push((v, Source::Constant(value.clone())));
-                    }
+                    (Ok(None), Some((Some(value), _))) => inputs.push((v, Source::Constant(value.clone()))),
+                    // Its mistake is noted.
+                    (Ok(None), Some((None, _))) => (),
                     (Ok(None), None) => missing.push(variable.name.as_str()),
                     (Err(()), _) => (),
                 }
@@ -213,7 +213,8 @@ impl<'a> Resolver<'a> {
         let fed = self.feed(Some(writer.name()), &output.name).or_else(|| self.feed(None, &output.name));
         if let Some(feed) = fed {
             // A connection that converts reads values of the output's type.
-            let (of, variable) = if is_conversion(output, input) { (writer, output) } else { (member, input) };
+            let (of, variable) =
+                if conversion::between(output, input).is_some() { (writer, output) } else { (member, input) };
             return Ok(Some(self.use_feed(feed, of, variable)));
         }
         // The ends of a connection were checked where it is written.
@@ -292,10 +293,13 @@ impl<'a> Resolver<'a> {
         let mut read = BTreeSet::new();
         for (_, member) in kept() {
             for (v, source) in &member.inputs {
+                let mut type_change = None;
                 let source = match source {
                     Source::Output(from, output) => {
                         read.insert((*from, *output));
-                        Origin::Output(signal(&system.members[*from], *output))
+                        let writer = &system.members[*from];
+                        type_change = conversion::between(writer.variable(*output), member.variable(*v));
+                        Origin::Output(signal(writer, *output))
                     }
                     Source::Series(feed) => {
                         Origin::File(self.series.map_or(String::new(), |series| series.signals[*feed].name.clone()))
@@ -304,7 +308,7 @@ impl<'a> Resolver<'a> {
                         Origin::Constant { value: value.clone(), unit: member.variable(*v).unit.clone() }
                     }
                 };
-                inputs.push(Connected { input: signal(member, *v), source });
+                inputs.push(Connected { input: signal(member, *v), source, type_change });
             }
         }
         let unread = kept()
