@@ -273,6 +273,8 @@ pub struct X<T> {
     /// Solution (1)
     #[var(nominal = 1.0)]
     x: T,
+    /// Hidden state (1)
+    hidden: T,
 }
 
 /// Stiff equation
@@ -295,7 +297,7 @@ impl Continuous for Stiff {
 /// A branch on a real parameter hides what only the other side reads: the model structure is that of the start value, and
 /// `check` tries the limits. `if_greater`, and a product with the parameter, hide nothing.
 #[test]
-fn an_input_that_is_hidden_at_the_start_value_is_reported() {
+fn inputs_and_states_that_are_hidden_at_the_start_value_are_reported() {
     const MODEL: &str = r#"use fmu::prelude::*;
 
 #[derive(Parameters)]
@@ -324,12 +326,16 @@ pub struct X<T> {
     /// State (1)
     #[var(nominal = 1.0)]
     x: T,
+    /// Hidden state (1)
+    hidden: T,
 }
 
 #[derive(Outputs)]
 pub struct Y<T> {
     /// Output (1)
     y: T,
+    /// Slow part (1)
+    slow: T,
     /// Product (1)
     product: T,
 }
@@ -342,11 +348,12 @@ impl Continuous for Hiding {
     type Outputs<T: Scalar> = Y<T>;
     fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
         let push = if self.damping > 1.5 { at.inputs.second } else { T::from(0.0) };
-        X { x: push - at.state.x * self.damping }
+        X { x: push - at.state.x * self.damping, hidden: -at.state.hidden }
     }
     fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
         let through = if self.feedthrough > 0.0 { at.inputs.first } else { T::from(0.0) };
-        Y { y: at.state.x + through, product: at.state.x + at.inputs.first * self.leakage }
+        let slow = if self.leakage > 0.5 { at.state.hidden } else { T::from(0.0) };
+        Y { y: at.state.x + through, slow, product: at.state.x + at.inputs.first * self.leakage }
     }
 }
 "#;
@@ -371,6 +378,8 @@ impl Continuous for Hiding {
     assert_eq!(
         errors,
         [
+            "error: variable `slow`: changes with `hidden`, which its dependencies in InitialUnknowns do not name; seen with \
+             `leakage` = 1",
             "error: variable `der(x)`: changes with `second`, which its dependencies in Derivatives do not name; seen with \
              `damping` = 2",
             "error: variable `y`: changes with `first`, which its dependencies in Outputs do not name; seen with \

@@ -98,8 +98,26 @@ impl Trial<'_> {
                 is_sound
             });
         }
+        // At the limits states only: inputs are tried there between steps, and parameters times parameters are too many.
+        let states: Vec<usize> = known.into_iter().filter(|&j| self.is_state(j)).collect();
+        for limit in self.limits().into_iter().filter(|_| !states.is_empty()) {
+            search.choice = Some(limit);
+            // Values that do not suit each other show nothing.
+            let Some(mut instance) = self.readable(Some(limit), &search.variables) else { continue };
+            for &state in &states {
+                if search.vary(self, state, &mut instance, tell).is_err() {
+                    break;
+                }
+            }
+        }
         search.end(tell);
         Ok(())
+    }
+
+    /// Whether a variable is a continuous state.
+    fn is_state(&self, variable: usize) -> bool {
+        let mut derivatives = self.description.derivatives.iter();
+        derivatives.any(|unknown| self.variable(unknown.variable).derivative_of == Some(variable))
     }
 
     /// An instance in Initialization Mode whose variables can be read, if there is one with this choice.
