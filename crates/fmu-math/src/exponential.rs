@@ -75,7 +75,7 @@ fn exp_full(x: f64) -> f64 {
 
 function!(
     /// Exponential function, within 1 ulp, subnormal results included.
-    exp, exp_each, outside, exp_kernel, exp_full
+    pub exp, exp_each, outside, exp_kernel, exp_full
 );
 
 /// exp(x) - 1 in two parts, for x >= 0.
@@ -158,11 +158,11 @@ fn cosh_kernel(x: f64) -> f64 {
 
 function!(
     /// Hyperbolic sine, within 1.2 ulp.
-    sinh, sinh_each, outside, sinh_kernel, libm::sinh
+    pub sinh, sinh_each, outside, sinh_kernel, libm::sinh
 );
 function!(
     /// Hyperbolic cosine, within 0.9 ulp.
-    cosh, cosh_each, outside, cosh_kernel, libm::cosh
+    pub cosh, cosh_each, outside, cosh_kernel, libm::cosh
 );
 /// Hyperbolic tangent, within 0.9 ulp.
 #[inline(never)]

@@ -2,7 +2,7 @@
 
 use crate::bits::{SIGN, abs, choose, fast_sum, flip, keep, magnitude, mask, max, min, sign, spread, sqrt, upper};
 use crate::coefficients::{ASIN, ATAN, PIO4_HI, PIO4_LO};
-use crate::lanes::{function, function2, polynomial13};
+use crate::lanes::{function, function_near, function2_near, polynomial13};
 
 /// Greatest magnitude of the arguments of the arctangent of two numbers: their sum must not overflow.
 const LARGE: u64 = 1e300f64.to_bits();
@@ -40,6 +40,37 @@ fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
     let great = f64::from_bits(great.to_bits() | keep(mask(great == 0.0), 1.0).to_bits());
     let angle = angle(small, great, mask(ax < ay), mask(great < small + small), spread(x.to_bits()));
     (flip(abs(angle), sign(y)), LARGE.wrapping_sub(ay.to_bits()) | LARGE.wrapping_sub(ax.to_bits()))
+}
+
+/// What is left of [`angle`] for a quotient of at most 1/2 in the right half plane: nothing is added to the polynomial.
+#[inline(always)]
+fn near_angle(t: f64) -> f64 {
+    let z = t * t;
+    t + (t * z) * polynomial13(&ATAN, z)
+}
+
+/// Whether not `2 |y| <= x <= LARGE`, with `x` above 0.
+#[inline(always)]
+fn atan2_far(y: f64, x: f64) -> u64 {
+    let (x, twice) = (x.to_bits(), (2.0 * abs(y)).to_bits());
+    x | x.wrapping_sub(1) | x.wrapping_sub(twice) | LARGE.wrapping_sub(x)
+}
+
+#[inline(always)]
+fn atan2_near(y: f64, x: f64) -> f64 {
+    flip(near_angle(abs(y) / x), sign(y))
+}
+
+const HALF: u64 = 0.5f64.to_bits();
+
+#[inline(always)]
+fn atan_far(x: f64) -> u64 {
+    HALF.wrapping_sub(magnitude(x))
+}
+
+#[inline(always)]
+fn atan_near(x: f64) -> f64 {
+    flip(near_angle(abs(x)), sign(x))
 }
 
 #[inline(always)]
@@ -95,19 +126,60 @@ fn acos_kernel(x: f64) -> f64 {
     angle + (error + (eighths * PIO4_LO - flip((low + tail) * scale, side)))
 }
 
-function!(
+function_near!(
     /// Arctangent, in [-pi/2, pi/2], within 1.2 ulp.
-    atan, atan_each, atan_outside, atan_kernel, libm::atan
+    atan, atan_each, atan_far, atan_near, atan_outside, atan_kernel, libm::atan
 );
-function2!(
+function2_near!(
     /// The angle of the point (`x`, `y`), in [-pi, pi], within 1.5 ulp. Zeros and infinities as in C: `atan2(0.0, 0.0)` is 0.
-    atan2, atan2_each, y, x, atan2_kernel, libm::atan2
+    atan2, atan2_each, y, x, atan2_far, atan2_near, atan2_kernel, libm::atan2
 );
 function!(
     /// Arcsine, in [-pi/2, pi/2], within 0.8 ulp; NaN outside of [-1, 1].
-    asin, asin_each, unit_outside, asin_kernel, |_| f64::NAN
+    pub asin, asin_each, unit_outside, asin_kernel, |_| f64::NAN
 );
 function!(
     /// Arccosine, in [0, pi], within 0.8 ulp; NaN outside of [-1, 1].
-    acos, acos_each, unit_outside, acos_kernel, |_| f64::NAN
+    pub acos, acos_each, unit_outside, acos_kernel, |_| f64::NAN
 );
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The reference is the general kernel: near zero, up to the end, and between.
+    #[test]
+    fn the_shorter_way_has_the_bits_of_the_general_one() {
+        let tiny = [0.0, -0.0, f64::from_bits(1), f64::MIN_POSITIVE, 1e-300, 1e-20, 1e-8];
+        let spaced = (0..200_000).map(|i| f64::from(i) * (0.5 / 200_000.0));
+        for y in tiny.into_iter().chain(spaced).chain([0.5]).flat_map(|y| [y, -y]) {
+            assert_eq!(atan_far(y) >> 63, 0, "{y:e}");
+            assert_eq!(atan_near(y).to_bits(), atan_kernel(y).to_bits(), "{y:e}");
+            for x in [1.0, 3.7, 29.0, 1e-3, 1e150, f64::from_bits(LARGE)] {
+                for y in [y * x, (y * x).next_down().max(-x / 2.0)] {
+                    assert_eq!(atan2_far(y, x) >> 63, 0, "({y:e}, {x:e})");
+                    assert_eq!(atan2_near(y, x).to_bits(), atan2_kernel(y, x).0.to_bits(), "({y:e}, {x:e})");
+                }
+            }
+        }
+        assert_eq!(atan_far(0.5f64.next_up()) >> 63, 1);
+        assert_eq!(atan_far(f64::NAN) >> 63, 1);
+        let nan = f64::NAN;
+        let elsewhere = [
+            (0.0, 0.0),
+            (0.0, -0.0),
+            (-0.0, 0.0),
+            (0.5f64.next_up(), 1.0),
+            (0.0, -1.0),
+            (nan, 1.0),
+            (0.0, nan),
+            (0.0, -nan),
+            (f64::INFINITY, 1.0),
+            (1.0, f64::INFINITY),
+            (f64::MAX, f64::MAX),
+        ];
+        for (y, x) in elsewhere {
+            assert_eq!(atan2_far(y, x) >> 63, 1, "({y:e}, {x:e})");
+        }
+    }
+}

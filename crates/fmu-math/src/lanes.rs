@@ -5,18 +5,18 @@
 /// `outside` has its highest bit set where the kernel does not hold; there `full` computes the result. The array form is
 /// inlined: a call would write its arguments and its result to memory, and often the next function waits for them.
 macro_rules! function {
-    ($(#[$doc:meta])* $name:ident, $each:ident, $outside:expr, $kernel:expr, $full:expr) => {
+    ($(#[$doc:meta])* $visible:vis $name:ident, $each:ident, $outside:expr, $kernel:expr, $full:expr) => {
         $(#[$doc])*
         #[inline(never)]
         #[must_use]
-        pub fn $name(x: f64) -> f64 {
+        $visible fn $name(x: f64) -> f64 {
             if $outside(x) >> 63 == 0 { $kernel(x) } else { crate::bits::canonical($full(x)) }
         }
 
         #[doc = concat!("[`", stringify!($name), "`] of each element, with the same bits.")]
         #[inline(always)]
         #[must_use]
-        pub fn $each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
+        $visible fn $each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
             #[cold]
             #[inline(never)]
             fn singles(x: &mut [f64]) {
@@ -43,11 +43,11 @@ macro_rules! function {
 
 /// Defines a function of two numbers and its array form. The kernel returns its result and what `outside` is above.
 macro_rules! function2 {
-    ($(#[$doc:meta])* $name:ident, $each:ident, $a:ident, $b:ident, $kernel:expr, $full:expr) => {
+    ($(#[$doc:meta])* $visible:vis $name:ident, $each:ident, $a:ident, $b:ident, $kernel:expr, $full:expr) => {
         $(#[$doc])*
         #[inline(never)]
         #[must_use]
-        pub fn $name($a: f64, $b: f64) -> f64 {
+        $visible fn $name($a: f64, $b: f64) -> f64 {
             let (value, outside) = $kernel($a, $b);
             if outside >> 63 == 0 { value } else { crate::bits::canonical($full($a, $b)) }
         }
@@ -55,7 +55,7 @@ macro_rules! function2 {
         #[doc = concat!("[`", stringify!($name), "`] of each pair of elements, with the same bits.")]
         #[inline(always)]
         #[must_use]
-        pub fn $each<const N: usize>($a: [f64; N], $b: [f64; N]) -> [f64; N] {
+        $visible fn $each<const N: usize>($a: [f64; N], $b: [f64; N]) -> [f64; N] {
             #[cold]
             #[inline(never)]
             fn singles(result: &mut [f64], a: &[f64], b: &[f64]) {
@@ -83,7 +83,89 @@ macro_rules! function2 {
     };
 }
 
-pub(crate) use {function, function2};
+/// [`function`] with a shorter way for arguments at which most of the kernel does nothing: `far` has its highest bit set where
+/// that is not so. The results have the same bits.
+macro_rules! function_near {
+    ($(#[$doc:meta])* $name:ident, $each:ident, $far:expr, $near:expr, $outside:expr, $kernel:expr, $full:expr) => {
+        mod $each {
+            use super::*;
+            $crate::lanes::function!(
+                /// The general way.
+                pub(super) single, each, $outside, $kernel, $full
+            );
+            /// Not inlined, unlike the shorter way: there would be a copy of it wherever the function is used.
+            #[inline(never)]
+            pub(super) fn far<const N: usize>(x: [f64; N]) -> [f64; N] {
+                each(x)
+            }
+        }
+
+        $(#[$doc])*
+        #[inline]
+        #[must_use]
+        pub fn $name(x: f64) -> f64 {
+            if $far(x) >> 63 == 0 { $near(x) } else { $each::single(x) }
+        }
+
+        #[doc = concat!("[`", stringify!($name), "`] of each element, with the same bits.")]
+        #[inline(always)]
+        #[must_use]
+        pub fn $each<const N: usize>(x: [f64; N]) -> [f64; N] {
+            let mut any = 0;
+            for &x in &x {
+                any |= $far(x);
+            }
+            if any >> 63 == 0 {
+                x.map($near)
+            } else {
+                // A copy: an array that is borrowed here would be in memory before and after it, too.
+                $each::far(core::array::from_fn::<_, N, _>(|i| x[i]))
+            }
+        }
+    };
+}
+
+/// [`function2`] with a shorter way.
+macro_rules! function2_near {
+    ($(#[$doc:meta])* $name:ident, $each:ident, $a:ident, $b:ident, $far:expr, $near:expr, $kernel:expr, $full:expr) => {
+        mod $each {
+            use super::*;
+            $crate::lanes::function2!(
+                /// The general way.
+                pub(super) single, each, a, b, $kernel, $full
+            );
+            #[inline(never)]
+            pub(super) fn far<const N: usize>(a: [f64; N], b: [f64; N]) -> [f64; N] {
+                each(a, b)
+            }
+        }
+
+        $(#[$doc])*
+        #[inline]
+        #[must_use]
+        pub fn $name($a: f64, $b: f64) -> f64 {
+            if $far($a, $b) >> 63 == 0 { $near($a, $b) } else { $each::single($a, $b) }
+        }
+
+        #[doc = concat!("[`", stringify!($name), "`] of each pair of elements, with the same bits.")]
+        #[inline(always)]
+        #[must_use]
+        pub fn $each<const N: usize>($a: [f64; N], $b: [f64; N]) -> [f64; N] {
+            let mut any = 0;
+            for (a, b) in $a.iter().zip(&$b) {
+                any |= $far(*a, *b);
+            }
+            if any >> 63 == 0 {
+                core::array::from_fn(|i| $near($a[i], $b[i]))
+            } else {
+                // Copies, as above.
+                $each::far(core::array::from_fn::<_, N, _>(|i| $a[i]), core::array::from_fn::<_, N, _>(|i| $b[i]))
+            }
+        }
+    };
+}
+
+pub(crate) use {function, function_near, function2, function2_near};
 
 /// A polynomial of degree 5 in `z`, evaluated in pairs so that the additions do not wait for each other.
 #[inline(always)]

@@ -62,5 +62,5 @@ fn ln_full(x: f64) -> f64 {
 
 function!(
     /// Natural logarithm, within 0.9 ulp; minus infinity at ±0, NaN below.
-    ln, ln_each, outside, ln_kernel, ln_full
+    pub ln, ln_each, outside, ln_kernel, ln_full
 );

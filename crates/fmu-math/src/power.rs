@@ -51,7 +51,7 @@ fn pow_kernel(x: f64, y: f64) -> (f64, u64) {
 function2!(
     /// `x` to the power `y`, within 1.2 ulp. Special values as in C: `pow(x, 0.0)` and `pow(1.0, y)` are 1, a negative `x` has
     /// powers for integers `y` only.
-    pow, pow_each, x, y, pow_kernel, libm::pow
+    pub pow, pow_each, x, y, pow_kernel, libm::pow
 );
 
 /// `x` to an integer power by repeated squaring. Each of the about 2 log2(n) multiplications rounds.
@@ -102,5 +102,5 @@ fn hypot_full(x: f64, y: f64) -> f64 {
 
 function2!(
     /// Length of the vector (`x`, `y`), within 1.3 ulp; infinite if one of them is.
-    hypot, hypot_each, x, y, hypot_kernel, hypot_full
+    pub hypot, hypot_each, x, y, hypot_kernel, hypot_full
 );

@@ -3,12 +3,20 @@
 //! A multiple n of pi/2 is taken off in three parts (Cody and Waite), of which the first two times n are exact. The rest r
 //! is known to twice the precision, |r| <= pi/4, and goes into two polynomials.
 
-use crate::bits::{ROUNDER, SIGN, canonical, choose, fast_sum, flip, magnitude, product, sign, spread};
+use crate::bits::{ROUNDER, SIGN, abs, canonical, choose, fast_sum, flip, magnitude, product, sign, spread};
 use crate::coefficients::{COS, PIO2_1, PIO2_2, PIO2_3, SIN, TWO_OVER_PI};
-use crate::lanes::{function, polynomial6};
+use crate::lanes::{function_near, polynomial6};
 
 /// Up to here n has 14 bits.
 const LIMIT: u64 = 25_000f64.to_bits();
+
+/// Up to here, below pi/4, n is 0 and r is the argument.
+const NEAR: u64 = 0.785f64.to_bits();
+
+#[inline(always)]
+fn far(x: f64) -> u64 {
+    NEAR.wrapping_sub(magnitude(x))
+}
 
 #[inline(always)]
 fn outside(x: f64) -> u64 {
@@ -50,38 +58,64 @@ fn sin_cos_kernel(x: f64) -> (f64, f64) {
     (flip(sine, ((turns << 62) & SIGN) ^ sign(x)), flip(cosine, (turns.wrapping_add(1) << 62) & SIGN))
 }
 
+/// [`sin_cos_kernel`] near 0.
+#[inline(always)]
+fn sin_cos_near(x: f64) -> (f64, f64) {
+    let (s, c) = polynomials(abs(x), 0.0);
+    (flip(s.0 + s.1, sign(x)), c.0 + c.1)
+}
+
+/// The quotient of two numbers in two parts each.
+#[inline(always)]
+fn quotient((n, n_low): (f64, f64), (d, d_low): (f64, f64)) -> f64 {
+    // The reciprocal is rounded, which does not matter for the correction, and does not wait for the quotient.
+    let (quotient, reciprocal) = (n / d, 1.0 / d);
+    let (back, back_low) = product(quotient, d);
+    quotient + (((n - back) - back_low) + (n_low - quotient * d_low)) * reciprocal
+}
+
 #[inline(always)]
 fn tan_kernel(x: f64) -> f64 {
     let (turns, high, low) = reduce(f64::from_bits(magnitude(x)));
     let (s, c) = polynomials(high, low);
     let (s, c) = (fast_sum(s.0, s.1), fast_sum(c.0, c.1));
     let odd = spread(turns << 63);
-    let (n, n_low) = (choose(odd, c.0, s.0), choose(odd, c.1, s.1));
-    let (d, d_low) = (choose(odd, s.0, c.0), choose(odd, s.1, c.1));
-    let quotient = n / d;
-    let (back, back_low) = product(quotient, d);
-    let corrected = quotient + (((n - back) - back_low) + (n_low - quotient * d_low)) / d;
-    flip(corrected, (odd & SIGN) ^ sign(x))
+    let n = (choose(odd, c.0, s.0), choose(odd, c.1, s.1));
+    let d = (choose(odd, s.0, c.0), choose(odd, s.1, c.1));
+    flip(quotient(n, d), (odd & SIGN) ^ sign(x))
 }
 
-function!(
+/// [`tan_kernel`] near 0.
+#[inline(always)]
+fn tan_near(x: f64) -> f64 {
+    let (s, c) = polynomials(abs(x), 0.0);
+    flip(quotient(fast_sum(s.0, s.1), fast_sum(c.0, c.1)), sign(x))
+}
+
+function_near!(
     /// Sine of an angle in radians, within 0.9 ulp.
-    sin, sin_each, outside, |x| sin_cos_kernel(x).0, libm::sin
+    sin, sin_each, far, |x| sin_cos_near(x).0, outside, |x| sin_cos_kernel(x).0, libm::sin
 );
-function!(
+function_near!(
     /// Cosine of an angle in radians, within 0.9 ulp.
-    cos, cos_each, outside, |x| sin_cos_kernel(x).1, libm::cos
+    cos, cos_each, far, |x| sin_cos_near(x).1, outside, |x| sin_cos_kernel(x).1, libm::cos
 );
-function!(
+function_near!(
     /// Tangent of an angle in radians, within 1.2 ulp.
-    tan, tan_each, outside, tan_kernel, libm::tan
+    tan, tan_each, far, tan_near, outside, tan_kernel, libm::tan
 );
 
 /// [`sin`] and [`cos`], with the same bits.
 #[inline(never)]
 #[must_use]
 pub fn sin_cos(x: f64) -> (f64, f64) {
-    if outside(x) >> 63 == 0 { sin_cos_kernel(x) } else { (canonical(libm::sin(x)), canonical(libm::cos(x))) }
+    if far(x) >> 63 == 0 {
+        sin_cos_near(x)
+    } else if outside(x) >> 63 == 0 {
+        sin_cos_kernel(x)
+    } else {
+        (canonical(libm::sin(x)), canonical(libm::cos(x)))
+    }
 }
 
 /// [`sin_cos`] of each element, with the same bits: the sines, then the cosines.
@@ -95,17 +129,58 @@ pub fn sin_cos_each<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
             (*sine, *cosine) = sin_cos(*x);
         }
     }
+    #[inline(never)]
+    fn general<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
+        let mut any = 0;
+        for &x in &x {
+            any |= outside(x);
+        }
+        if any >> 63 == 0 {
+            return each(x, sin_cos_kernel);
+        }
+        let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
+        singles(&x, &mut sines, &mut cosines);
+        (sines, cosines)
+    }
+    #[inline(always)]
+    fn each<const N: usize>(x: [f64; N], kernel: impl Fn(f64) -> (f64, f64)) -> ([f64; N], [f64; N]) {
+        let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
+        for (x, (sine, cosine)) in x.iter().zip(sines.iter_mut().zip(&mut cosines)) {
+            (*sine, *cosine) = kernel(*x);
+        }
+        (sines, cosines)
+    }
     let mut any = 0;
     for &x in &x {
-        any |= outside(x);
+        any |= far(x);
     }
-    let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
     if any >> 63 == 0 {
-        for (x, (sine, cosine)) in x.iter().zip(sines.iter_mut().zip(&mut cosines)) {
-            (*sine, *cosine) = sin_cos_kernel(*x);
-        }
+        each(x, sin_cos_near)
     } else {
-        singles(&x, &mut sines, &mut cosines);
+        // A copy: an array that is borrowed here would be in memory before and after it, too.
+        general(core::array::from_fn::<_, N, _>(|i| x[i]))
     }
-    (sines, cosines)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The reference is the general kernel: near zero, up to the end, and halfway.
+    #[test]
+    fn the_shorter_way_has_the_bits_of_the_general_one() {
+        let end = f64::from_bits(NEAR);
+        let tiny = [0.0, -0.0, f64::from_bits(1), f64::MIN_POSITIVE, 1e-300, 1e-20, 1e-8];
+        let spaced = (0..200_000).map(|i| f64::from(i) * (end / 200_000.0));
+        for x in tiny.into_iter().chain(spaced).chain([end]).flat_map(|x| [x, -x]) {
+            assert_eq!(far(x) >> 63, 0, "{x:e}");
+            let ((sine, cosine), (s, c)) = (sin_cos_near(x), sin_cos_kernel(x));
+            assert_eq!((sine.to_bits(), cosine.to_bits()), (s.to_bits(), c.to_bits()), "{x:e}");
+            assert_eq!(tan_near(x).to_bits(), tan_kernel(x).to_bits(), "{x:e}");
+        }
+        assert_eq!(far(end.next_up()) >> 63, 1);
+        assert_eq!(far(f64::NAN) >> 63, 1);
+        let shifted = end * TWO_OVER_PI + ROUNDER;
+        assert_eq!(shifted - ROUNDER, 0.0, "no quarter turn is taken off");
+    }
 }
