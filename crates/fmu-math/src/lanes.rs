@@ -87,21 +87,34 @@ macro_rules! function2 {
 /// that is not so. The results have the same bits.
 macro_rules! function_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $far:expr, $near:expr, $outside:expr, $kernel:expr, $full:expr) => {
+        /// The general way. Not inlined, unlike the shorter one: there would be a copy of it wherever the function is used.
         mod $each {
             use super::*;
-            $crate::lanes::function!(
-                /// The general way.
-                pub(super) single, each, $outside, $kernel, $full
-            );
-            /// Not inlined, unlike the shorter way: there would be a copy of it wherever the function is used.
+
             #[inline(never)]
-            pub(super) fn far<const N: usize>(x: [f64; N]) -> [f64; N] {
-                each(x)
+            pub(super) fn single(x: f64) -> f64 {
+                if $outside(x) >> 63 == 0 { $kernel(x) } else { crate::bits::canonical($full(x)) }
+            }
+
+            #[inline(never)]
+            fn two(x: [f64; 2]) -> [f64; 2] {
+                if ($outside(x[0]) | $outside(x[1])) >> 63 == 0 { x.map($kernel) } else { x.map(single) }
+            }
+
+            #[inline(never)]
+            pub(super) fn far(x: &mut [f64]) {
+                let mut pairs = x.chunks_exact_mut(2);
+                for pair in &mut pairs {
+                    pair.copy_from_slice(&two([pair[0], pair[1]]));
+                }
+                for last in pairs.into_remainder() {
+                    *last = single(*last);
+                }
             }
         }
 
         $(#[$doc])*
-        #[inline]
+        #[inline(never)]
         #[must_use]
         pub fn $name(x: f64) -> f64 {
             if $far(x) >> 63 == 0 { $near(x) } else { $each::single(x) }
@@ -119,7 +132,9 @@ macro_rules! function_near {
                 x.map($near)
             } else {
                 // A copy: an array that is borrowed here would be in memory before and after it, too.
-                $each::far(core::array::from_fn::<_, N, _>(|i| x[i]))
+                let mut copy: [f64; N] = core::array::from_fn(|i| x[i]);
+                $each::far(&mut copy);
+                core::array::from_fn::<_, N, _>(|i| copy[i])
             }
         }
     };
@@ -130,18 +145,22 @@ macro_rules! function2_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $a:ident, $b:ident, $far:expr, $near:expr, $kernel:expr, $full:expr) => {
         mod $each {
             use super::*;
-            $crate::lanes::function2!(
-                /// The general way.
-                pub(super) single, each, a, b, $kernel, $full
-            );
+
             #[inline(never)]
-            pub(super) fn far<const N: usize>(a: [f64; N], b: [f64; N]) -> [f64; N] {
-                each(a, b)
+            pub(super) fn single(a: f64, b: f64) -> f64 {
+                let (value, outside) = $kernel(a, b);
+                if outside >> 63 == 0 { value } else { crate::bits::canonical($full(a, b)) }
+            }
+
+            /// `a` becomes the result.
+            #[inline(never)]
+            pub(super) fn far(a: &mut [f64], b: &[f64]) {
+                a.iter_mut().zip(b).for_each(|(a, b)| *a = single(*a, *b));
             }
         }
 
         $(#[$doc])*
-        #[inline]
+        #[inline(never)]
         #[must_use]
         pub fn $name($a: f64, $b: f64) -> f64 {
             if $far($a, $b) >> 63 == 0 { $near($a, $b) } else { $each::single($a, $b) }
@@ -159,7 +178,9 @@ macro_rules! function2_near {
                 core::array::from_fn(|i| $near($a[i], $b[i]))
             } else {
                 // Copies, as above.
-                $each::far(core::array::from_fn::<_, N, _>(|i| $a[i]), core::array::from_fn::<_, N, _>(|i| $b[i]))
+                let mut result: [f64; N] = core::array::from_fn(|i| $a[i]);
+                $each::far(&mut result, &core::array::from_fn::<_, N, _>(|i| $b[i]));
+                core::array::from_fn::<_, N, _>(|i| result[i])
             }
         }
     };

@@ -122,44 +122,36 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
 #[inline(always)]
 #[must_use]
 pub fn sin_cos_each<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
-    #[cold]
     #[inline(never)]
-    fn singles(x: &[f64], sines: &mut [f64], cosines: &mut [f64]) {
-        for (x, (sine, cosine)) in x.iter().zip(sines.iter_mut().zip(cosines)) {
-            (*sine, *cosine) = sin_cos(*x);
-        }
-    }
-    #[inline(never)]
-    fn general<const N: usize>(x: [f64; N]) -> ([f64; N], [f64; N]) {
+    fn general(x: &[f64], sines: &mut [f64], cosines: &mut [f64]) {
         let mut any = 0;
-        for &x in &x {
+        for &x in x {
             any |= outside(x);
         }
+        let all = x.iter().zip(sines.iter_mut().zip(cosines));
         if any >> 63 == 0 {
-            return each(x, sin_cos_kernel);
+            all.for_each(|(x, (sine, cosine))| (*sine, *cosine) = sin_cos_kernel(*x));
+        } else {
+            all.for_each(|(x, (sine, cosine))| (*sine, *cosine) = sin_cos(*x));
         }
-        let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
-        singles(&x, &mut sines, &mut cosines);
-        (sines, cosines)
-    }
-    #[inline(always)]
-    fn each<const N: usize>(x: [f64; N], kernel: impl Fn(f64) -> (f64, f64)) -> ([f64; N], [f64; N]) {
-        let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
-        for (x, (sine, cosine)) in x.iter().zip(sines.iter_mut().zip(&mut cosines)) {
-            (*sine, *cosine) = kernel(*x);
-        }
-        (sines, cosines)
     }
     let mut any = 0;
     for &x in &x {
         any |= far(x);
     }
+    let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
     if any >> 63 == 0 {
-        each(x, sin_cos_near)
+        for (x, (sine, cosine)) in x.iter().zip(sines.iter_mut().zip(&mut cosines)) {
+            (*sine, *cosine) = sin_cos_near(*x);
+        }
     } else {
-        // A copy: an array that is borrowed here would be in memory before and after it, too.
-        general(core::array::from_fn::<_, N, _>(|i| x[i]))
+        // Copies: an array that is borrowed here would be in memory before and after it, too.
+        let copy: [f64; N] = core::array::from_fn(|i| x[i]);
+        let (mut s, mut c) = ([0.0; N], [0.0; N]);
+        general(&copy, &mut s, &mut c);
+        (sines, cosines) = (core::array::from_fn(|i| s[i]), core::array::from_fn(|i| c[i]));
     }
+    (sines, cosines)
 }
 
 #[cfg(test)]

@@ -226,8 +226,9 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         if is_lateral_only { (-f_z[i] + s.f0[i]) / p.k_t[axle_of(i)] } else { tires(i) }
     });
     let (mut alpha, mut f_y) = (ThreeAxles([zero; 3]), SixWheels([zero; 6]));
-    // Of the steering angles of the axles, and of the heading.
-    let (sin, cos) = T::sin_cos_each([u.delta[0], u.delta[1], u.delta[2], x.psi]);
+    // Apart from the heading, which may be any angle: steering angles are small, which is quicker.
+    let (sin, cos) = T::sin_cos_each(u.delta.0);
+    let (sin_psi, cos_psi) = x.psi.sin_cos();
     if p.coupling != Coupling::VerticalOnly {
         let tangent = |axle: usize| {
             let across = x.v + x.r * s.x[axle];
@@ -235,9 +236,7 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
             let longitudinal = u.u * cos[axle] + across * sin[axle];
             lateral / Scalar::max(longitudinal.abs(), T::from(p.u_min))
         };
-        // The array form is fastest with an even number.
-        let [front, middle, rear, _] = T::atan_each([tangent(0), tangent(1), tangent(2), zero]);
-        alpha = ThreeAxles([front, middle, rear]);
+        alpha = ThreeAxles(T::atan_each([tangent(0), tangent(1), tangent(2)]));
         f_y = lateral_forces(p, s, &u.friction, &f_z, &alpha);
     }
     let y_axle = ThreeAxles::<T>::from_fn(|axle| (f_y[2 * axle] + f_y[2 * axle + 1]) * cos[axle]);
@@ -283,7 +282,6 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         zdd_b = Sides::from_fn(|side| (-f_s[2 + side] + push[2 + side] + push[4 + side] + bar(1, side)) * s.per_m_bw);
         thdd_b = Sides::from_fn(|side| ((push[4 + side] - push[2 + side]) * (p.l3 / 2.0) - bushing(side)) * s.per_j_bw);
     }
-    let (sin_psi, cos_psi) = (sin[3], cos[3]);
     let rates = X {
         z: x.zd,
         theta: x.thetad,
