@@ -63,6 +63,24 @@ pub(crate) fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) 
     if samples > 0.0 { samples } else { 0.0 }
 }
 
+/// Number of samples due before `end`, the first of which is number `sample`. This is [`samples_before`] without that number, but
+/// where one sample or none is due by a clear margin, as in most steps, nothing waits for a division.
+#[inline]
+pub(crate) fn samples_due(end: f64, start: f64, sample_time: f64, step: f64, sample: u64) -> f64 {
+    let sample = sample as i64 as f64; // quicker than from u64, and at most MOST_SAMPLES
+    let next = start + sample * sample_time;
+    let slack = slack(if sample_time < step { sample_time } else { step }, end);
+    let (early, late) = (end - 2.0 * slack, end - 0.5 * slack);
+    if next >= late {
+        return 0.0;
+    }
+    if next <= early && next + sample_time >= late {
+        return 1.0;
+    }
+    let due = samples_before(end, start, sample_time, step) - sample;
+    if due > 0.0 { due } else { 0.0 }
+}
+
 impl Clock {
     pub(crate) const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
 
@@ -151,6 +169,31 @@ mod tests {
                         counted, samples as f64,
                         "step {k} of {h} s from {start} s, sample time {sample_time} s"
                     );
+                }
+            }
+        }
+    }
+
+    /// The general formula is the reference: at instants of samples, beside them by the tolerance, and anywhere.
+    #[test]
+    fn samples_that_are_due_are_those_of_the_general_formula() {
+        for (step, sample_time) in
+            [(1e-3, 1e-3), (1e-3, 0.01), (0.003, 0.01), (0.01, 1e-3), (0.1, 0.3), (1.0, f64::INFINITY)]
+        {
+            for start in [0.0, -7.5, 1e7, 1.7e9] {
+                for sample in (0..2_000_u64).chain([1 << 33]) {
+                    let at = start + sample as f64 * f64::min(sample_time, 1e9);
+                    let slack = slack(f64::min(sample_time, step), at);
+                    let beside =
+                        [-3.0, -2.0, -1.0, -0.5, -0.1, 0.0, 0.1, 0.5, 1.0, 2.0, 3.0].map(|part| at + part * slack);
+                    for end in beside.into_iter().flat_map(|end| [end.next_down(), end, end + 0.4 * step, end + step]) {
+                        let expected = (samples_before(end, start, sample_time, step) - sample as f64).max(0.0);
+                        let due = samples_due(end, start, sample_time, step, sample);
+                        assert_eq!(
+                            due, expected,
+                            "{sample} samples of {sample_time} s from {start} s, step of {step} s to {end} s"
+                        );
+                    }
                 }
             }
         }

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 use std::path::Path;
 
 use super::{Kind, Model, Step, StepError, first_not_finite};
-use crate::clock::samples_before;
+use crate::clock::samples_due;
 use crate::declare::Spec;
 use crate::definition::SAMPLE_TIME;
 use crate::discrete_state::{DiscreteState as _, Word, Words};
@@ -79,9 +79,7 @@ impl<M: Discrete> Model for DiscreteModel<M> {
     }
 
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64 {
-        let end = samples_before(step.time + step.step, step.start, sample_time(layout, values), step.step);
-        let due = end - step.sample as i64 as f64;
-        if due > 0.0 { due } else { 0.0 }
+        samples_due(step.time + step.step, step.start, sample_time(layout, values), step.step, step.sample)
     }
 
     fn step(
