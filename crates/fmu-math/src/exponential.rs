@@ -55,6 +55,20 @@ fn exp_kernel(x: f64) -> f64 {
     value * power_of_two(n)
 }
 
+/// Up to here, below ln(2)/2, n is 0 and r is the argument.
+const NEAR: u64 = 0.346f64.to_bits();
+
+#[inline(always)]
+fn far(x: f64) -> u64 {
+    NEAR.wrapping_sub(magnitude(x))
+}
+
+/// [`exp_kernel`] near 0.
+#[inline(always)]
+fn exp_near(x: f64) -> f64 {
+    1.0 + (x + x * x * polynomial11(&EXPM1, x))
+}
+
 /// Overflow, underflow, and results that are not normal numbers.
 #[cold]
 fn exp_full(x: f64) -> f64 {
@@ -75,7 +89,7 @@ fn exp_full(x: f64) -> f64 {
 
 function!(
     /// Exponential function, within 1 ulp, subnormal results included.
-    pub exp, exp_each, outside, exp_kernel, exp_full
+    pub exp, exp_each, outside, exp_kernel, exp_full, far, exp_near
 );
 
 /// exp(x) - 1 in two parts, for x >= 0.
@@ -204,5 +218,24 @@ pub fn tanh_each<const N: usize>(mut x: [f64; N]) -> [f64; N] {
     } else {
         x.iter_mut().for_each(|x| *x = choose(spread(is_straight(*x)), tanh_straight(*x), tanh_bent(*x)));
         x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The reference is the general kernel: near zero, up to the end, and between.
+    #[test]
+    fn the_shorter_way_has_the_bits_of_the_general_one() {
+        let end = f64::from_bits(NEAR);
+        let tiny = [0.0, -0.0, f64::from_bits(1), f64::MIN_POSITIVE, 1e-300, 1e-20, 1e-8];
+        let spaced = (0..200_000).map(|i| f64::from(i) * (end / 200_000.0));
+        for x in tiny.into_iter().chain(spaced).chain([end]).flat_map(|x| [x, -x]) {
+            assert_eq!(far(x) >> 63, 0, "{x:e}");
+            assert_eq!(exp_near(x).to_bits(), exp_kernel(x).to_bits(), "{x:e}");
+        }
+        assert_eq!(far(end.next_up()) >> 63, 1);
+        assert_eq!(far(f64::NAN) >> 63, 1);
     }
 }

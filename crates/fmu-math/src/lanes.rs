@@ -2,14 +2,19 @@
 
 /// Defines a function of one number and its array form.
 ///
-/// `outside` has its highest bit set where the kernel does not hold; there `full` computes the result. The array form is
+/// `outside` has its highest bit set where the kernel does not hold; there `full` computes the result. A shorter way for a single
+/// number, where most of the kernel does nothing, may follow, with the function whose highest bit is set elsewhere. The array form is
 /// inlined: a call would write its arguments and its result to memory, and often the next function waits for them.
 macro_rules! function {
-    ($(#[$doc:meta])* $visible:vis $name:ident, $each:ident, $outside:expr, $kernel:expr, $full:expr) => {
+    ($(#[$doc:meta])* $visible:vis $name:ident, $each:ident, $outside:expr, $kernel:expr, $full:expr
+        $(, $far:expr, $near:expr)?) => {
         $(#[$doc])*
         #[inline(never)]
         #[must_use]
         $visible fn $name(x: f64) -> f64 {
+            $(if $far(x) >> 63 == 0 {
+                return $near(x);
+            })?
             if $outside(x) >> 63 == 0 { $kernel(x) } else { crate::bits::canonical($full(x)) }
         }
 
