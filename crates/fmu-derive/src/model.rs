@@ -308,9 +308,14 @@ fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> Toke
         _ => None,
     });
     match (kind, outputs) {
-        (Kind::Continuous, Some(outputs)) => {
-            let message = "an output of a continuous-time model has no start value: it follows from states, inputs \
-                           and parameters; remove `start`";
+        (Kind::Continuous | Kind::Stateful, Some(outputs)) => {
+            let message = match kind {
+                Kind::Continuous => {
+                    "an output of a continuous-time model has no start value: it follows from states, inputs and \
+                     parameters; remove `start`"
+                }
+                _ => "an output of a stateful model has no start value: it follows from the simulation; remove `start`",
+            };
             let (ty, numbers) = (&outputs.ty, outputs.generics.type_params().map(|number| &number.ident));
             quote_spanned! {ty.span().resolved_at(Span::call_site())=>
                 const _: () = {
