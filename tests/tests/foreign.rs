@@ -273,8 +273,6 @@ pub struct X<T> {
     /// Solution (1)
     #[var(nominal = 1.0)]
     x: T,
-    /// Hidden state (1)
-    hidden: T,
 }
 
 /// Stiff equation
