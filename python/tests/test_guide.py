@@ -127,7 +127,7 @@ def test_the_first_model_is_created_tested_packed_and_simulated(tmp_path: Path) 
         "CARGO_NET_OFFLINE": "true",
         "CARGO_PROFILE_DEV_DEBUG": "none",
     }
-    # Where the page expects the FMU, in spite of that.
+    # The page expects the FMU in the package, but CARGO_TARGET_DIR moves it.
     script = script.replace("cargo fmu pack", "cargo fmu pack --out target/fmu")
     script = script.replace("cargo fmu check MyOscillator", "cargo fmu check target/fmu/MyOscillator.fmu")
     result = subprocess.run(

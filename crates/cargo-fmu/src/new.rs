@@ -111,10 +111,10 @@ fn folder(path: &Path, kind: Kind, workspace: Option<&Workspace>) -> PathBuf {
     parent.map_or_else(|| path.to_owned(), |parent| parent.join(path))
 }
 
-/// The sections of a README; the text in each says what belongs there.
+/// README of a new package: sections with placeholder text.
 const README: &str = include_str!("../templates/README.md.in");
 
-/// A line of a README that still says what belongs there.
+/// The first line of a README that is still a placeholder of the template.
 pub(crate) fn placeholder(readme: &str) -> Option<&str> {
     let is_text = |line: &&str| !line.is_empty() && !line.starts_with('#');
     readme.lines().filter(is_text).find(|line| README.lines().any(|placeholder| placeholder == *line))

@@ -8,8 +8,7 @@ use syn::{Error, Expr, FnArg, GenericParam, ImplItem, ImplItemFn, Member, Pat, R
 use crate::errors::Errors;
 use crate::model::Kind;
 
-/// Reports them. What is forgotten is added, and the bodies of the functions are emptied, so that the compiler finds no
-/// consequences.
+/// Reports each missing type. Adds the type and empties the functions, so that the compiler reports no follow-up errors.
 pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream, errors: &mut Errors) {
     let mut added = Vec::new();
     for name in kind.types() {
@@ -134,7 +133,7 @@ fn number(function: &ImplItemFn) -> Option<&Ident> {
     })
 }
 
-/// Where the body of a function looks into values of the type: `at.inputs.speed`, or `let U { speed } = at.inputs`.
+/// The first access of a function to values of the type, such as `at.inputs.speed` or `let U { speed } = at.inputs`.
 fn in_body(name: &str, kind: Kind, function: &ImplItemFn) -> Option<Expr> {
     let arguments = function.sig.inputs.iter().filter_map(|argument| match argument {
         FnArg::Typed(argument) => match &*argument.pat {

@@ -301,7 +301,7 @@ fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> Tok
     quote!(#(#checks)*)
 }
 
-/// Rejects start values of outputs that are computed before anybody reads them.
+/// Rejects start values of outputs that are computed before they are read.
 fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> TokenStream {
     let outputs = items.iter().find_map(|item| match item {
         ImplItem::Type(item) if item.ident == "Outputs" => Some(item),
@@ -319,6 +319,7 @@ fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> Toke
             let (ty, numbers) = (&outputs.ty, outputs.generics.type_params().map(|number| &number.ident));
             quote_spanned! {ty.span().resolved_at(Span::call_site())=>
                 const _: () = {
+                    // Outputs without real variables do not use the number type.
                     #(#[allow(dead_code)] type #numbers = f64;)*
                     ::core::assert!(!<#ty as #root::Variables<f64>>::HAS_STARTS, #message)
                 };

@@ -89,7 +89,7 @@ struct Part {
     /// The trait that combines states element by element.
     combine: TokenStream,
     declaration: TokenStream,
-    /// Whether a start value is written.
+    /// Constant expression: true if a variable has an explicit start value.
     has_starts: TokenStream,
 }
 
@@ -255,12 +255,12 @@ fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenS
     }
 }
 
-/// Whether a number starts a variable whose type is no name of a number: an enumeration or an alias.
+/// True for a number as the start value of an enumeration or of a type alias.
 fn is_number_of_another_type(ty: &syn::Type, start: &Expr) -> bool {
     literal(start).is_some() && name_of(ty).is_some_and(|name| !["f64", "i32"].contains(&name.as_str()))
 }
 
-/// What is wrong with a start value that is written in place, for the type of the variable.
+/// The error message for a literal start value that does not match the type of the variable.
 fn mistaken_start(ty: &syn::Type, start: &Expr) -> Option<&'static str> {
     let lit = match start {
         Expr::Array(starts) => {

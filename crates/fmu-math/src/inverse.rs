@@ -42,14 +42,14 @@ fn atan2_kernel(y: f64, x: f64) -> (f64, u64) {
     (flip(abs(angle), sign(y)), LARGE.wrapping_sub(ay.to_bits()) | LARGE.wrapping_sub(ax.to_bits()))
 }
 
-/// What is left of [`angle`] for a quotient of at most 1/2 in the right half plane: nothing is added to the polynomial.
+/// [`angle`] for a quotient of at most 1/2 in the right half plane, where only the polynomial remains.
 #[inline(always)]
 fn near_angle(t: f64) -> f64 {
     let z = t * t;
     t + (t * z) * polynomial13(&ATAN, z)
 }
 
-/// Whether not `2 |y| <= x <= LARGE`, with `x` above 0.
+/// Highest bit set unless `0 < x`, `2 |y| <= x` and `x <= LARGE`.
 #[inline(always)]
 fn atan2_far(y: f64, x: f64) -> u64 {
     let (x, twice) = (x.to_bits(), (2.0 * abs(y)).to_bits());
@@ -149,7 +149,7 @@ mod tests {
 
     /// The reference is the general kernel: near zero, up to the end, and between.
     #[test]
-    fn the_shorter_way_has_the_bits_of_the_general_one() {
+    fn the_fast_path_has_the_bits_of_the_general_kernel() {
         let tiny = [0.0, -0.0, f64::from_bits(1), f64::MIN_POSITIVE, 1e-300, 1e-20, 1e-8];
         let spaced = (0..200_000).map(|i| f64::from(i) * (0.5 / 200_000.0));
         for y in tiny.into_iter().chain(spaced).chain([0.5]).flat_map(|y| [y, -y]) {

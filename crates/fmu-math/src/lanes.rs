@@ -2,9 +2,9 @@
 
 /// Defines a function of one number and its array form.
 ///
-/// `outside` has its highest bit set where the kernel does not hold; there `full` computes the result. A shorter way for a single
-/// number, where most of the kernel does nothing, may follow, with the function whose highest bit is set elsewhere. The array form is
-/// inlined: a call would write its arguments and its result to memory, and often the next function waits for them.
+/// `outside` has its highest bit set for arguments that the kernel does not cover; `full` computes those. `far` and `near`
+/// optionally add a fast path for single numbers, see `function_near`. The array form is inlined, because a call would pass
+/// arguments and results through memory.
 macro_rules! function {
     ($(#[$doc:meta])* $visible:vis $name:ident, $each:ident, $outside:expr, $kernel:expr, $full:expr
         $(, $far:expr, $near:expr)?) => {
@@ -88,11 +88,11 @@ macro_rules! function2 {
     };
 }
 
-/// [`function`] with a shorter way for arguments at which most of the kernel does nothing: `far` has its highest bit set where
-/// that is not so. The results have the same bits.
+/// `function` with a fast path. `far` has its highest bit set for arguments that need the general path. Both paths are
+/// bit-identical.
 macro_rules! function_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $far:expr, $near:expr, $outside:expr, $kernel:expr, $full:expr) => {
-        /// The general way. Not inlined, unlike the shorter one: there would be a copy of it wherever the function is used.
+        /// The general path. Not inlined, to keep the libraries small.
         mod $each {
             use super::*;
 
@@ -145,7 +145,7 @@ macro_rules! function_near {
     };
 }
 
-/// [`function2`] with a shorter way.
+/// `function2` with a fast path.
 macro_rules! function2_near {
     ($(#[$doc:meta])* $name:ident, $each:ident, $a:ident, $b:ident, $far:expr, $near:expr, $kernel:expr, $full:expr) => {
         mod $each {

@@ -160,7 +160,7 @@ mod tests {
 
     /// The reference is the general kernel: near zero, up to the end, and halfway.
     #[test]
-    fn the_shorter_way_has_the_bits_of_the_general_one() {
+    fn the_fast_path_has_the_bits_of_the_general_kernel() {
         let end = f64::from_bits(NEAR);
         let tiny = [0.0, -0.0, f64::from_bits(1), f64::MIN_POSITIVE, 1e-300, 1e-20, 1e-8];
         let spaced = (0..200_000).map(|i| f64::from(i) * (end / 200_000.0));

@@ -90,11 +90,11 @@ pub struct Connected {
     pub input: Signal,
     /// What writes it.
     pub source: Origin,
-    /// How the value changes its type on the way.
+    /// Type conversion in the connection, if any.
     pub type_change: Option<TypeChange>,
 }
 
-/// How a connection converts between types.
+/// Conversion between Real and Boolean in a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TypeChange {

@@ -63,8 +63,8 @@ pub(crate) fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) 
     if samples > 0.0 { samples } else { 0.0 }
 }
 
-/// Number of samples due before `end`, the first of which is number `sample`. This is [`samples_before`] without that number, but
-/// where one sample or none is due by a clear margin, as in most steps, nothing waits for a division.
+/// Number of samples due before `end`, starting with number `sample`: [`samples_before`] minus `sample`. Fast path: no division
+/// if none or one sample is due by a clear margin.
 #[inline]
 pub(crate) fn samples_due(end: f64, start: f64, sample_time: f64, step: f64, sample: u64) -> f64 {
     let sample = sample as i64 as f64; // quicker than from u64, and at most MOST_SAMPLES

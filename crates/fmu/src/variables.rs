@@ -410,7 +410,7 @@ macro_rules! named_array {
 pub trait Variables<T: Scalar>: Sized {
     /// How many values the struct holds.
     const COUNTS: Counts;
-    /// Whether a variable has a start value of its own.
+    /// True if a variable has an explicit start value.
     const HAS_STARTS: bool = false;
     /// Adds the variables, in the order of the values.
     fn declare(all: &mut Vec<Declaration>);

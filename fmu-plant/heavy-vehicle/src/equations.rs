@@ -226,7 +226,7 @@ fn motion<T: Scalar>(p: &HeavyVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> {
         if is_lateral_only { (-f_z[i] + s.f0[i]) / p.k_t[axle_of(i)] } else { tires(i) }
     });
     let (mut alpha, mut f_y) = (ThreeAxles([zero; 3]), SixWheels([zero; 6]));
-    // Apart from the heading, which may be any angle: steering angles are small, which is quicker.
+    // Separate from the heading: an array of small angles takes the fast path.
     let (sin, cos) = T::sin_cos_each(u.delta.0);
     let (sin_psi, cos_psi) = x.psi.sin_cos();
     if p.coupling != Coupling::VerticalOnly {

@@ -105,7 +105,7 @@ fn motion<T: Scalar>(p: &RescueVehicle, s: &D, x: &X<T>, u: &U<T>) -> Motion<T> 
     // Both wheels of an axle have its direction; the fourth is that of the center of mass.
     let across = |x_axle: f64| x.v + x.r * x_axle;
     let [direction @ .., beta] = T::atan2_each([across(s.x[0]), across(s.x[2]), across(s.x[4]), x.v], [u_e; 4]);
-    // Apart from the heading, which may be any angle: steering angles are small, which is quicker.
+    // Separate from the heading: an array of small angles takes the fast path.
     let (_, cos_delta) = T::sin_cos_each(u.delta.0);
     let (sin_psi, cos_psi) = x.psi.sin_cos();
     let alpha = SixWheels::from_fn(|i| direction[axle_of(i)] - u.delta[axle_of(i)]);

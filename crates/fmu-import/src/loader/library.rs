@@ -162,7 +162,7 @@ fn open(path: &std::path::Path) -> Result<libloading::Library, libloading::Error
     }
 }
 
-/// Whether a symbol is defined by a library, by one of its dependencies or by the program.
+/// Looks up a symbol in a library, its dependencies and the program.
 fn has_symbol(library: Option<&libloading::Library>, symbol: &str) -> bool {
     // SAFETY: the symbol is only looked up, not used.
     let found = library.is_some_and(|library| unsafe { library.get::<*const c_void>(symbol) }.is_ok());

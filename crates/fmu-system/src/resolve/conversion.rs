@@ -32,7 +32,7 @@ pub(super) fn convertible(from: Place<'_>, to: Place<'_>) -> Result<(), String> 
     })
 }
 
-/// Whether and how a wire between these two converts.
+/// The conversion in a connection of these two variables, if their types differ.
 pub(super) fn between(output: &Variable, input: &Variable) -> Option<TypeChange> {
     match (output.base_type, input.base_type) {
         (BaseType::Real, BaseType::Boolean) => Some(TypeChange::RealToBoolean),

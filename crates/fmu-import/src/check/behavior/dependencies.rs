@@ -114,7 +114,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// Whether a variable is a continuous state.
+    /// True for a continuous state, which a variable in Derivatives refers to.
     fn is_state(&self, variable: usize) -> bool {
         let mut derivatives = self.description.derivatives.iter();
         derivatives.any(|unknown| self.variable(unknown.variable).derivative_of == Some(variable))
