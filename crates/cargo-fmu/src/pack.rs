@@ -137,14 +137,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             let findings: Vec<_> = findings.iter().map(ToString::to_string).collect();
             return Err(miette!("{} does not follow FMI 2.0:\n{}", model.name, findings.join("\n")));
         }
-        let bytes = archive(model, &libraries[i], &licenses[i], description)?;
+        let readme = readme(model)?;
+        let bytes = archive(model, &libraries[i], &licenses[i], description, &readme)?;
         let path = folder.join(format!("{}.fmu", model.name));
         bar.inc(1);
         if arguments.needed_by.is_some() && std::fs::read(&path).is_ok_and(|old| old == bytes) {
             continue;
         }
         write_whole(&path, &bytes)?;
-        if let Some(line) = new::placeholder(&readme(model)?) {
+        if let Some(line) = new::placeholder(&readme) {
             placeholders.push((model.name.as_str(), line.to_owned()));
         }
         report.push(format!(
@@ -240,12 +241,13 @@ fn archive(
     libraries: &[(Platform, PathBuf)],
     licenses: &Licenses,
     description: &Description,
+    readme: &str,
 ) -> Result<Vec<u8>> {
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     for (platform, library) in libraries {
         files.insert(platform.entry(&model.name), read(library)?);
     }
-    let page = documentation::page(&description.parsed, &readme(model)?);
+    let page = documentation::page(&description.parsed, readme);
     files.insert("documentation/index.html".to_owned(), page.into_bytes());
     for (name, text) in licenses.files(model) {
         files.insert(format!("documentation/licenses/{name}"), text.into_bytes());

@@ -24,38 +24,30 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
         };
         let is_generic = kind == Kind::Continuous && *name != "DiscreteState";
         let parameter = if is_generic { "<T: Scalar>" } else { "" };
-        let ident = format_ident!("{name}");
-        if let Some((function, ty)) =
-            functions().find_map(|function| Some((function, in_signature(name, kind, function)?)))
-        {
-            let shown = ty.to_token_stream().to_string().replace(' ', "");
+        let declared =
+            functions().find_map(|function| Some((in_signature(name, kind, function)?, number(function).cloned())));
+        let (ty, number) = if let Some((ty, number)) = declared {
+            let shown = without_blanks(&ty);
             let message = format!("`type {name}` is missing, as in `type {name}{parameter} = {shown};`");
             errors.add(Error::new_spanned(&ty, message));
-            let number = number(function).filter(|_| is_generic);
-            added.push(match number {
-                Some(number) => quote!(type #ident<#number: #root::Scalar> = #ty;),
-                None if is_generic => quote!(type #ident<T: #root::Scalar> = #ty;),
-                None => quote!(type #ident = #ty;),
-            });
+            (ty, number)
         } else if let Some(used) = functions().find_map(|function| in_body(name, kind, function)) {
-            let example = match (*name, is_generic) {
-                ("Inputs", true) => "U<T>",
-                ("Inputs", false) => "U",
-                (_, true) => "X<T>",
-                (_, false) => "X",
-            };
+            let example =
+                format!("{}{}", if *name == "Inputs" { "U" } else { "X" }, if is_generic { "<T>" } else { "" });
             let message = format!(
                 "the model has no `type {name}`, so there is nothing in `{}`; declare it, as in \
                  `type {name}{parameter} = {example};`",
-                used.to_token_stream().to_string().replace(' ', "")
+                without_blanks(&used)
             );
             errors.add(Error::new_spanned(&used, message));
-            added.push(if is_generic {
-                quote!(type #ident<T: #root::Scalar> = ();)
-            } else {
-                quote!(type #ident = ();)
-            });
-        }
+            (parse_quote!(()), None)
+        } else {
+            continue;
+        };
+        let ident = format_ident!("{name}");
+        let number = number.unwrap_or_else(|| format_ident!("T"));
+        let generics = is_generic.then(|| quote!(<#number: #root::Scalar>));
+        added.push(quote!(type #ident #generics = #ty;));
     }
     if added.is_empty() {
         return;
@@ -67,6 +59,11 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
         }
     }
     items.extend(added.into_iter().map(|item| parse_quote!(#item)));
+}
+
+/// Code as the author writes it: `X<T>`, not `X < T >`.
+fn without_blanks(code: &impl ToTokens) -> String {
+    code.to_token_stream().to_string().replace(' ', "")
 }
 
 impl Kind {
