@@ -215,7 +215,7 @@ def console(plan: Plan, cells: Sequence[Row]) -> str:
 def _text(header: Sequence[str], rows: Sequence[Sequence[str]], left: int, style: str) -> str:
     """Return the table in a style of tabulate, its first columns aligned to the left."""
     align = ["left" if i < left else "right" for i in range(len(header))]
-    # The cells are text already: no number is parsed, no blank is cut.
+    # The cells are formatted already: tabulate must not parse them as numbers.
     text = tabulate(rows, header, style, colalign=align, headersalign=align, disable_numparse=True)
     return "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
 

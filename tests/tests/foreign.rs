@@ -139,10 +139,7 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
         let messages = String::from_utf8_lossy(&inside.stderr);
         assert!(inside.status.success(), "{messages}");
         // The README is still that of the template.
-        assert!(
-            messages.contains("of the template: One paragraph: what the model computes, and what for."),
-            "{messages}"
-        );
+        assert!(messages.contains("shows: One paragraph: what the model computes, and what for."), "{messages}");
     }
     for fmu in ["MyContinuous", "MyDiscrete", "MyStateful"] {
         let output = place.fmu(&["check", &format!("out/{fmu}.fmu")]);

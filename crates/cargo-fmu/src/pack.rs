@@ -160,7 +160,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     for (name, line) in placeholders {
         errln!(
-            "note: the README of {name}, which is its documentation in the FMU, still has this text of the template: {line}"
+            "note: README.md of {name} still contains placeholder text, which the documentation of the FMU shows: {line}"
         );
     }
     if !changed.is_empty() {

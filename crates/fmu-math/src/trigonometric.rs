@@ -68,7 +68,7 @@ fn sin_cos_near(x: f64) -> (f64, f64) {
 /// The quotient of two numbers in two parts each.
 #[inline(always)]
 fn quotient((n, n_low): (f64, f64), (d, d_low): (f64, f64)) -> f64 {
-    // The reciprocal is rounded, which does not matter for the correction, and does not wait for the quotient.
+    // The rounding of the reciprocal is negligible in the correction. The two divisions are independent.
     let (quotient, reciprocal) = (n / d, 1.0 / d);
     let (back, back_low) = product(quotient, d);
     quotient + (((n - back) - back_low) + (n_low - quotient * d_low)) * reciprocal

@@ -91,7 +91,7 @@ fn an_explicit_connection_converts_in_both_directions() {
 }
 
 #[test]
-fn the_plan_tells_what_a_connection_converts() {
+fn the_plan_lists_conversions() {
     let plan = plan_of(&fmus(), SCENARIO, &Options::default()).unwrap();
     let change = |component: &str, variable: &str| {
         let is_meant = |c: &&Connected| c.input.component == component && c.input.variable == variable;

@@ -622,7 +622,7 @@ fn the_json_has_the_agreed_layout() {
     );
 }
 
-/// A constant that is wrong still shows what is meant to write the inputs.
+/// An input with an invalid constant is not reported as unconnected too.
 #[test]
 fn a_wrong_constant_is_the_only_mistake() {
     let text = SCENARIO.replacen("\"road_friction.*\" = 1.0", "\"road_friction.*\" = -1.0", 1);

@@ -174,7 +174,7 @@ mod tests {
         }
     }
 
-    /// The general formula is the reference: at instants of samples, beside them by the tolerance, and anywhere.
+    /// Reference: the general formula, at sample instants, within and around their tolerance, and between them.
     #[test]
     fn samples_that_are_due_are_those_of_the_general_formula() {
         for (step, sample_time) in

@@ -306,7 +306,7 @@ impl NumberFor<i32> for i32 {
     }
 }
 
-/// A start value that is written as a number, of a type that only the compiler knows.
+/// Converts a literal number to the start value of an enumeration or of a type alias.
 pub fn number<S>(start: impl NumberFor<S>) -> S {
     start.start_value()
 }

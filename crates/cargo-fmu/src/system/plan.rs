@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_conversion_stands_beside_its_source() {
+    fn conversions_are_shown_beside_the_source() {
         let signal =
             |component: &str, variable: &str| Signal { component: component.into(), variable: variable.into() };
         let inputs = [("level", None), ("active", Some(TypeChange::RealToBoolean))].map(|(name, type_change)| {

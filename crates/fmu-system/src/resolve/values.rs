@@ -27,7 +27,7 @@ enum Names {
 /// A message and a hint.
 type Mistake = (String, Option<String>);
 
-/// Constants of inputs by index, with their places in the file; without a value if that is a mistake, which is noted.
+/// Constants of inputs by index, with their places in the file. An invalid constant was reported and has no value.
 type Constants = BTreeMap<usize, (Option<Value>, Range<usize>)>;
 
 impl Resolver<'_> {

@@ -100,7 +100,7 @@ impl<'a> Resolver<'a> {
                     ),
                     (Ok(Some(source)), _) => inputs.push((v, source)),
                     (Ok(None), Some((Some(value), _))) => inputs.push((v, Source::Constant(value.clone()))),
-                    // Its mistake is noted.
+                    // The invalid constant was reported.
                     (Ok(None), Some((None, _))) => (),
                     (Ok(None), None) => missing.push(variable.name.as_str()),
                     (Err(()), _) => (),

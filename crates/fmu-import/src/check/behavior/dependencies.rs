@@ -98,7 +98,7 @@ impl Trial<'_> {
                 is_sound
             });
         }
-        // At the limits states only: inputs are tried there between steps, and parameters times parameters are too many.
+        // At the limits, only states are varied. Inputs are varied between steps, and the pairs of parameters are too many.
         let states: Vec<usize> = known.into_iter().filter(|&j| self.is_state(j)).collect();
         for limit in self.limits().into_iter().filter(|_| !states.is_empty()) {
             search.choice = Some(limit);
