@@ -9,7 +9,7 @@ mod behavior;
 mod rules;
 
 use crate::archive::Archive;
-use crate::description::ModelDescription;
+use crate::description::{Interface, ModelDescription};
 use crate::loader::{self, Library, LoadError};
 use crate::terminal;
 use std::fmt;
@@ -193,11 +193,11 @@ fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
         ..Checked::default()
     };
     tell(Event::Checked(checked.clone()));
-    let Some(co_simulation) = &description.co_simulation else {
+    if description.co_simulation.is_none() {
         return tell(Event::Found(Finding::error("CoSimulation", "is missing: the FMU cannot be stepped by a master")));
-    };
+    }
     tell(Event::Trying("loading the binary".to_owned()));
-    let unpacked = match archive.unpack(&co_simulation.model_identifier) {
+    let unpacked = match archive.unpack(&description, Interface::CoSimulation) {
         Ok(unpacked) => unpacked,
         Err(error) => return tell(Event::Found(Finding::error("binary", error.to_string()))),
     };
