@@ -443,6 +443,13 @@ impl ModelDescription {
         self.derivatives.iter().map(|unknown| self.variables[unknown.variable].size).sum()
     }
 
+    /// The interfaces of the FMU that an instance can be made for.
+    #[must_use]
+    pub fn interfaces(&self) -> Vec<Interface> {
+        let interfaces = [Interface::CoSimulation, Interface::ModelExchange];
+        interfaces.into_iter().filter(|interface| self.model_identifier(*interface).is_some()).collect()
+    }
+
     /// File stem of the binary for an interface; `None` if the FMU lacks the interface.
     #[must_use]
     pub fn model_identifier(&self, interface: Interface) -> Option<&str> {
