@@ -53,6 +53,56 @@ impl Options {
 /// Environment variable that asks the macro `fmu::model` for symbols, without the name of the library.
 const EXPORT: &str = "FMU_EXPORT_";
 
+/// What the macro builds into a library that is shipped.
+#[derive(Clone, Debug)]
+pub(crate) struct Export {
+    /// Type of the model: which one of the crate the library is for.
+    pub(crate) model: String,
+    /// GUID or instantiation token.
+    pub(crate) guid: String,
+    /// Version of FMI, 2 or 3.
+    pub(crate) version: i32,
+    /// Interfaces.
+    pub(crate) interfaces: Vec<Interface>,
+    /// Number of event indicators.
+    pub(crate) indicators: usize,
+}
+
+impl std::fmt::Display for Export {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { model, guid, version, interfaces, indicators } = self;
+        let interfaces: Vec<_> = interfaces.iter().map(|interface| interface.name()).collect();
+        write!(f, "{model}={guid} fmi={version} interfaces={} indicators={indicators}", interfaces.join(","))
+    }
+}
+
+/// Interface of FMI that an FMU provides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Interface {
+    /// Co-simulation: the FMU contains its solver
+    Cs,
+    /// Model exchange: the importer solves the equations
+    Me,
+}
+
+impl Interface {
+    /// Name on the command line.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Cs => "cs",
+            Self::Me => "me",
+        }
+    }
+
+    /// Number in the sum that a library gets when it describes its model.
+    pub(crate) const fn bit(self) -> i32 {
+        match self {
+            Self::Cs => 1,
+            Self::Me => 2,
+        }
+    }
+}
+
 /// The profile of the binaries: small self-contained libraries. Panics unwind so that the C interface can turn them into an
 /// error status.
 const PROFILE: [&str; 5] = [
@@ -303,18 +353,17 @@ impl Builder {
         &self,
         workspace: &Workspace,
         models: &[Model],
-        guids: &[(String, String)],
+        exports: &[Export],
         options: &Options,
     ) -> Result<Built> {
         let mut messages = String::new();
         let mut libraries = BTreeMap::new();
         let platform = self.platform().name();
-        for (model, (name, guid)) in models.iter().zip(guids) {
+        for (model, export) in models.iter().zip(exports) {
             let mut command = self.command(workspace, options)?;
             // Without the ordinary library, for which cargo would leave out link-time optimization.
             command.args(["--lib", "--crate-type", "cdylib"]);
-            // `TYPE=GUID`: which model of the crate the library is for.
-            command.env(format!("{EXPORT}{}", model.library), format!("{name}={guid}"));
+            command.env(format!("{EXPORT}{}", model.library), export.to_string());
             let built = carry_out(command, workspace, &[model]).wrap_err_with(|| format!("building for {platform}"))?;
             let folder = workspace.target.join("fmu-build").join(platform);
             libraries.extend(kept(artifacts(&built)?, &[model], &folder)?);

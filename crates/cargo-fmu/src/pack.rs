@@ -10,7 +10,7 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::build::{self, Asked, Linux};
+use crate::build::{self, Asked, Export, Interface, Linux};
 use crate::documentation;
 use crate::licenses::{self, Licenses};
 use crate::needed;
@@ -41,6 +41,9 @@ pub(crate) struct Arguments {
     /// A linux64 binary that needs a glibc as new as the one of this machine, without cargo-zigbuild
     #[arg(long)]
     no_portable: bool,
+    /// Interfaces of the FMUs: co-simulation, model exchange, or both; a stateful model has co-simulation only
+    #[arg(long, value_delimiter = ',', value_name = "LIST", default_values = ["cs", "me"])]
+    interfaces: Vec<Interface>,
     /// Folder the FMUs are written to [default: target/fmu]
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
@@ -99,12 +102,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "this workspace has no package with the crate type cdylib that depends on fmu"
         ));
     }
-    let (models, descriptions) = describe(&workspace, models, &arguments.cargo)?;
-    let guids: Vec<_> = descriptions.iter().map(|d| (d.model.clone(), d.parsed.guid.clone())).collect();
+    let (models, descriptions) = describe(&workspace, models, &arguments.interfaces, &arguments.cargo)?;
+    let exports: Vec<_> = descriptions.iter().map(Description::export).collect();
     let mut libraries = vec![Vec::new(); models.len()];
     let mut licenses = vec![Licenses::default(); models.len()];
     for builder in &builders {
-        let built = builder.build(&workspace, &models, &guids, &arguments.cargo)?;
+        let built = builder.build(&workspace, &models, &exports, &arguments.cargo)?;
         let components = licenses::components(builder, &workspace, &models, &arguments.cargo, &built.messages)
             .wrap_err("collecting the licenses of what is linked")?;
         for (i, (library, components)) in built.libraries.into_iter().zip(components).enumerate() {
@@ -182,17 +185,32 @@ struct Description {
     parsed: ModelDescription,
 }
 
+impl Description {
+    /// What the shipped library is built with.
+    fn export(&self) -> Export {
+        let (xml, model) = (&self.xml, self.model.clone());
+        let interfaces = [(Interface::Cs, "<CoSimulation"), (Interface::Me, "<ModelExchange")];
+        let interfaces =
+            interfaces.into_iter().filter(|(_, element)| xml.contains(element)).map(|(one, _)| one).collect();
+        let indicators = xml.split_once("numberOfEventIndicators=\"").and_then(|(_, rest)| rest.split_once('"'));
+        let indicators = indicators.and_then(|(count, _)| count.parse().ok()).unwrap_or(0);
+        Export { model, guid: self.parsed.guid.clone(), version: 2, interfaces, indicators }
+    }
+}
+
 /// Asks the models for their descriptions, which also say how the models are called.
 fn describe(
     workspace: &Workspace,
     mut models: Vec<Model>,
+    interfaces: &[Interface],
     options: &build::Options,
 ) -> Result<(Vec<Model>, Vec<Description>)> {
+    let wanted = interfaces.iter().fold(0, |sum, interface| sum | interface.bit());
     let libraries = build::for_description(workspace, &models, options)?;
     let mut descriptions = Vec::new();
     for (model, library) in models.iter_mut().zip(libraries) {
         let describe = || -> Result<Description> {
-            let mut exported = fmu_import::loader::exported_descriptions(&library).into_diagnostic()?;
+            let mut exported = fmu_import::loader::exported_descriptions(&library, 2, wanted).into_diagnostic()?;
             match (exported.pop(), exported.len()) {
                 (Some((name, xml)), 0) => {
                     Ok(Description { model: name, parsed: ModelDescription::parse(&xml).into_diagnostic()?, xml })

@@ -6,10 +6,11 @@ use std::path::Path;
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
 
-use crate::instance::ValueStore;
+use crate::calls::{Interfaces, Version};
 use crate::model::Info;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::scalar::DependencySet;
+use crate::store::ValueStore;
 use crate::unit::{DisplayUnit, Unit};
 use crate::variable::{Kind, Layout, Role, Variable};
 
@@ -45,23 +46,29 @@ impl Description {
     /// When the declarations contradict each other (two variables of one name, a start value outside its limits), or
     /// a model has no derived parameters for any value of its Booleans and enumerations; the test that
     /// [`model`](macro@crate::model) adds to the package finds that.
-    pub fn of<M: Model>(resources: &Path) -> Self {
-        Self::try_of::<M>(resources).unwrap_or_else(|problem| panic!("{problem}"))
+    pub fn of<M: Model>(version: Version, interfaces: Interfaces, resources: &Path) -> Self {
+        Self::try_of::<M>(version, interfaces, resources).unwrap_or_else(|problem| panic!("{problem}"))
     }
 
     /// As [`Self::of`].
     ///
     /// # Errors
     /// What is wrong with the declarations.
-    pub fn try_of<M: Model>(resources: &Path) -> Result<Self, String> {
-        let layout = M::layout();
+    pub fn try_of<M: Model>(version: Version, interfaces: Interfaces, resources: &Path) -> Result<Self, String> {
+        let mut layout = M::layout();
+        let interfaces = Interfaces { model_exchange: interfaces.model_exchange && M::MODEL_EXCHANGE, ..interfaces };
         let structure = match contradiction(&M::INFO, &layout) {
             Some(problem) => Err(problem),
+            None if interfaces == Interfaces::NONE => {
+                Err("a stateful model has no model exchange; pack it with the interface cs".to_owned())
+            }
             None if M::KIND == ModelKind::Continuous => structure::<M>(&layout, resources),
-            None => Ok(Vec::new()),
+            None => Ok(Structure::default()),
         }
         .map_err(|problem| format!("{}: {problem}", M::INFO.name))?;
-        let xml = xml::<M>(&layout, &structure).expect("writing to memory does not fail");
+        layout.indicators.relations = structure.relations;
+        assert_eq!(version, Version::Fmi2);
+        let xml = xml::<M>(&layout, interfaces, &structure.dependencies).expect("writing to memory does not fail");
         let xml = String::from_utf8(xml).expect("all texts are UTF-8");
         // The GUID is the hash of the description with an empty one, which is the first: it stands in the first element.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
@@ -70,9 +77,11 @@ impl Description {
         Ok(Self { layout, guid, xml })
     }
 
-    /// What an instance needs, where the GUID is known: see [`crate::abi::Export::GUID`].
-    pub fn packed<M: Model>(guid: &str) -> Self {
-        Self { layout: M::layout(), guid: guid.to_owned(), xml: String::new() }
+    /// What an instance needs, where the GUID and the number of event indicators are known: see [`crate::abi::Export::GUID`].
+    pub fn packed<M: Model>(guid: &str, indicators: usize) -> Self {
+        let mut layout = M::layout();
+        layout.indicators.relations = indicators.saturating_sub(layout.indicators.declared);
+        Self { layout, guid: guid.to_owned(), xml: String::new() }
     }
 }
 
@@ -144,8 +153,17 @@ const MOST_COMBINATIONS: usize = 4096;
 /// The most values of an Integer that are tried.
 const MOST_VALUES: i64 = 64;
 
-/// What every real output and derivative depends on, over all values of all Booleans, enumerations and bounded Integers.
-fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Vec<DependencySet>, String> {
+/// What the equations say about themselves.
+#[derive(Default)]
+struct Structure {
+    /// What each real output, then each derivative depends on.
+    dependencies: Vec<DependencySet>,
+    /// The most relations.
+    relations: usize,
+}
+
+/// Dependencies and relations over all values of all Booleans, enumerations and bounded Integers.
+fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Structure, String> {
     let mut values = ValueStore::start(layout);
     let known = layout.inputs.counts.reals + layout.states.counts.reals;
     let unknown = layout.outputs.counts.reals + layout.states.counts.reals;
@@ -173,6 +191,7 @@ fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Vec<Dependen
     if is_open {
         union.iter_mut().for_each(|set| (0..known).for_each(|index| set.insert(index)));
     }
+    let mut relations = 0;
     let mut failure = None;
     let mut has_derived = false;
     for combination in 0..combinations.unwrap_or(1) {
@@ -196,6 +215,7 @@ fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Vec<Dependen
         match begun {
             Ok((derived, memory)) => {
                 has_derived = true;
+                relations = relations.max(M::count_relations(&p, &derived, &memory, layout, &values));
                 if !is_open {
                     let sets = M::dependencies(&p, &derived, &memory, layout, &values);
                     union.iter_mut().zip(sets).for_each(|(sum, set)| sum.extend(&set));
@@ -207,7 +227,7 @@ fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Vec<Dependen
     }
     match failure {
         Some(message) if !has_derived => Err(format!("the start values of the parameters do not work: {message}")),
-        _ => Ok(union),
+        _ => Ok(Structure { dependencies: union, relations }),
     }
 }
 
@@ -227,11 +247,12 @@ type Xml = Writer<Vec<u8>>;
 const NO_GUID: &str = "guid=\"\"";
 
 /// modelDescription.xml with an empty GUID.
-fn xml<M: Model>(layout: &Layout, structure: &[DependencySet]) -> std::io::Result<Vec<u8>> {
+fn xml<M: Model>(layout: &Layout, interfaces: Interfaces, structure: &[DependencySet]) -> std::io::Result<Vec<u8>> {
     let info = &M::INFO;
     let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     let tool = concat!("fmu ", env!("CARGO_PKG_VERSION"), " (Rust)");
+    let indicators = layout.indicators.total().to_string();
     let authors = info.authors.replace(':', ", ");
     let facts = [
         ("fmiVersion", "2.0"),
@@ -243,23 +264,30 @@ fn xml<M: Model>(layout: &Layout, structure: &[DependencySet]) -> std::io::Resul
         ("license", info.license),
         ("generationTool", tool),
         ("variableNamingConvention", "structured"),
+        ("numberOfEventIndicators", if interfaces.model_exchange { indicators.as_str() } else { "" }),
     ];
     // A manifest need not name authors or a license.
     let facts = facts.into_iter().filter(|(key, value)| *key == "guid" || !value.is_empty());
     xml.create_element("fmiModelDescription").with_attributes(facts).write_inner_content(|xml| {
-        let mut element = xml.create_element("CoSimulation").with_attributes([
-            ("modelIdentifier", info.name),
-            ("canHandleVariableCommunicationStepSize", "true"),
-            ("canNotUseMemoryManagementFunctions", "true"),
-            ("canGetAndSetFMUstate", "true"),
-        ]);
-        if M::IS_SERIALIZABLE {
-            element = element.with_attribute(("canSerializeFMUstate", "true"));
+        let elements = [
+            (interfaces.model_exchange, "ModelExchange", "completedIntegratorStepNotNeeded"),
+            (interfaces.co_simulation, "CoSimulation", "canHandleVariableCommunicationStepSize"),
+        ];
+        for (_, name, capability) in elements.into_iter().filter(|(is_provided, ..)| *is_provided) {
+            let mut element = xml.create_element(name).with_attributes([
+                ("modelIdentifier", info.name),
+                (capability, "true"),
+                ("canNotUseMemoryManagementFunctions", "true"),
+                ("canGetAndSetFMUstate", "true"),
+            ]);
+            if M::IS_SERIALIZABLE {
+                element = element.with_attribute(("canSerializeFMUstate", "true"));
+            }
+            if M::KIND == ModelKind::Continuous {
+                element = element.with_attribute(("providesDirectionalDerivative", "true"));
+            }
+            element.write_empty()?;
         }
-        if M::KIND == ModelKind::Continuous {
-            element = element.with_attribute(("providesDirectionalDerivative", "true"));
-        }
-        element.write_empty()?;
         unit_definitions(xml, layout)?;
         type_definitions(xml, layout)?;
         xml.create_element("LogCategories").write_inner_content(|xml| {

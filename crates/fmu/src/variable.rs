@@ -123,6 +123,23 @@ impl Block {
     }
 }
 
+/// How many event indicators model exchange has, in their order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Indicators {
+    /// Zero crossings that the model declares.
+    pub declared: usize,
+    /// The most relations of derivatives and outputs, over all modes of the model.
+    pub relations: usize,
+}
+
+impl Indicators {
+    /// All of them.
+    #[must_use]
+    pub const fn total(self) -> usize {
+        self.declared + self.relations
+    }
+}
+
 /// All variables of a model and where their values are.
 ///
 /// Reals come first, block by block, so that a value reference is an index; Integers, Booleans and Strings follow.
@@ -142,6 +159,8 @@ pub struct Layout {
     pub states: Block,
     /// Their derivatives.
     pub derivatives: Block,
+    /// Numbers of event indicators.
+    pub indicators: Indicators,
     /// Index of the parameter `sample_time`, `max_step` or `tolerance`.
     pub solver: Option<usize>,
     /// First value reference of the Integers.
@@ -169,6 +188,8 @@ pub struct Declarations {
     pub outputs: Vec<Declaration>,
     /// Continuous states.
     pub states: Vec<Declaration>,
+    /// Number of zero crossings.
+    pub crossings: usize,
     /// Name of the parameter that the solver reads.
     pub solver: Option<&'static str>,
 }
@@ -227,6 +248,7 @@ impl Layout {
             outputs: next(),
             states: next(),
             derivatives: next(),
+            indicators: Indicators { declared: declared.crossings, ..Indicators::default() },
             solver,
             first_integer: first[1],
             first_boolean: first[2],

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fmu::calls::{Interfaces, Protocol, Version};
 use fmu::description::Description;
 use fmu::instance::Instance;
 use fmu::runner::DiscreteModel;
@@ -18,7 +19,8 @@ struct Fmu {
 
 impl Fmu {
     fn new(resources: &Path) -> Self {
-        let description = Arc::new(Description::of::<DiscreteModel<Road>>(Path::new("")));
+        let description =
+            Arc::new(Description::of::<DiscreteModel<Road>>(Version::Fmi2, Interfaces::ALL, Path::new("")));
         Self { instance: Unit::new(Arc::clone(&description), resources.to_owned()), description }
     }
 

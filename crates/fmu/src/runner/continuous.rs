@@ -3,33 +3,37 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Kind, MOST_PARTS, Model, Step, StepError, are_finite, first_not_finite};
+use super::exchange::Exchange;
+use super::{Kind, MOST_PARTS, Model, Step, StepError, Update, are_finite, first_not_finite};
+use crate::clock::Clock;
 use crate::declare::Spec;
 use crate::definition::{MAX_STEP, TOLERANCE};
 use crate::discrete_state::{DiscreteState as _, Word, Words};
-use crate::instance::ValueStore;
 use crate::model::{At, Continuous, Event, Info, Solver, is_crossing};
 use crate::scalar::{Dependencies, DependencySet, Dual64, Scalar};
 use crate::solver::{Problem, Scratch};
+use crate::store::ValueStore;
 use crate::variable::{Declarations, Kind as Type, Layout};
 use crate::variables::{ContinuousState as _, Counts, Derived as _, Values, ValuesMut, Variables as _};
 
-/// Runs a [`Continuous`] model.
+/// Runs a [`Continuous`] model, with or without model exchange.
 #[derive(Debug)]
-pub struct ContinuousModel<M>(PhantomData<M>);
+pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
 /// The most events in one communication step: more of them are a chain of ever shorter intervals (Zeno behavior).
-const MOST_EVENTS: u32 = 10_000;
+pub(super) const MOST_EVENTS: u32 = 10_000;
 
 /// What a continuous-time model has besides its variables.
 #[derive(Clone, Debug)]
 pub struct Memory<D> {
-    discrete: D,
+    pub(super) discrete: D,
     /// Step that the solver with error control proposes next in s; 0 before the first one.
     proposed: f64,
     /// The quantities whose zero crossings are events, at the start or where the last step ended.
-    crossings: Vec<f64>,
+    pub(super) crossings: Vec<f64>,
     scratch: Scratch,
+    /// In model exchange, from its first event on.
+    pub(super) exchange: Option<Box<Exchange>>,
 }
 
 /// Makes one step of the solver from a time and state, at most some seconds long. Returns the state after it and its length.
@@ -368,7 +372,7 @@ fn error_norm<M: Continuous>(
     (sum / n as f64).sqrt()
 }
 
-impl<M: Continuous> ContinuousModel<M> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
     /// The memory at the start.
     pub(crate) fn memory(
         p: &M,
@@ -389,11 +393,12 @@ impl<M: Continuous> ContinuousModel<M> {
             let at = At { time, state, inputs, derived, discrete: &discrete };
             crossings.extend_from_slice(p.zero_crossings(at).as_ref());
         }
-        Memory { discrete, proposed: 0.0, crossings, scratch }
+        Memory { discrete, proposed: 0.0, crossings, scratch, exchange: None }
     }
 }
 
-impl<M: Continuous> Model for ContinuousModel<M> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
+    const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Continuous;
     type Parameters = M;
@@ -407,6 +412,7 @@ impl<M: Continuous> Model for ContinuousModel<M> {
             inputs: M::Inputs::<f64>::declarations(),
             outputs: M::Outputs::<f64>::declarations(),
             states: M::State::<f64>::declarations(),
+            crossings: size_of::<M::Crossings>() / size_of::<f64>(),
             solver: parameter.map(|(definition, _)| definition.name),
             ..Declarations::default()
         };
@@ -591,6 +597,55 @@ impl<M: Continuous> Model for ContinuousModel<M> {
         all
     }
 
+    fn count_relations(
+        p: &M,
+        derived: &M::Derived,
+        memory: &Self::Memory,
+        layout: &Layout,
+        values: &ValueStore,
+    ) -> usize {
+        Self::relations(p, derived, memory, layout, values)
+    }
+
+    fn handle_events(
+        p: &M,
+        derived: &M::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &mut ValueStore,
+        clock: &mut Clock,
+    ) -> Result<Update, StepError> {
+        Self::events(p, derived, memory, layout, values, clock.time)
+    }
+
+    fn settle(p: &M, derived: &M::Derived, memory: &mut Self::Memory, layout: &Layout, values: &ValueStore, time: f64) {
+        Self::take_sides(p, derived, memory, layout, values, time);
+    }
+
+    fn frozen(
+        p: &M,
+        derived: &M::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &mut ValueStore,
+        time: f64,
+        outputs: bool,
+    ) {
+        Self::evaluate_frozen(p, derived, memory, layout, values, time, outputs);
+    }
+
+    fn event_indicators(
+        p: &M,
+        derived: &M::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &ValueStore,
+        time: f64,
+        result: &mut [f64],
+    ) {
+        Self::indicators(p, derived, memory, layout, values, time, result);
+    }
+
     fn save(memory: &Self::Memory, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
         if has_error_control(M::SOLVER) {
             sink(Word::Real(memory.proposed));
@@ -600,10 +655,16 @@ impl<M: Continuous> Model for ContinuousModel<M> {
             memory.crossings.iter().for_each(|&value| sink(Word::Real(value)));
         }
         memory.discrete.save(sink);
+        if MODEL_EXCHANGE {
+            sink(Word::Whole(memory.exchange.is_some().into()));
+            if let Some(exchange) = &memory.exchange {
+                exchange.save(sink);
+            }
+        }
         Ok(())
     }
 
-    fn restore(memory: &mut Self::Memory, source: &mut Words<'_>) -> Result<(), String> {
+    fn restore(memory: &mut Self::Memory, layout: &Layout, source: &mut Words<'_>) -> Result<(), String> {
         if has_error_control(M::SOLVER) {
             memory.proposed = source.real("step of the solver")?;
             if !(memory.proposed >= 0.0 && are_finite(&[memory.proposed])) {
@@ -616,7 +677,13 @@ impl<M: Continuous> Model for ContinuousModel<M> {
                 memory.crossings.push(source.real("zero crossing")?);
             }
         }
-        memory.discrete.load(source)
+        memory.discrete.load(source)?;
+        if MODEL_EXCHANGE && source.whole("mark of model exchange")? != 0 {
+            let mut exchange = Exchange::new(layout, 0.0);
+            exchange.restore(source)?;
+            memory.exchange = Some(exchange.into());
+        }
+        Ok(())
     }
 
     fn not_finite(memory: &Self::Memory) -> Option<(&'static str, f64)> {
