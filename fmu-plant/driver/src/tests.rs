@@ -21,7 +21,7 @@ impl Fmu {
     fn new(resources: &Path) -> Self {
         let description =
             Arc::new(Description::of::<DiscreteModel<Driver>>(Version::Fmi2, Interfaces::ALL, Path::new("")));
-        Self { instance: Unit::new(Arc::clone(&description), resources.to_owned()), description }
+        Self { instance: Unit::new(Protocol::CS2, Arc::clone(&description), resources.to_owned()), description }
     }
 
     fn reference(&self, name: &str) -> u32 {

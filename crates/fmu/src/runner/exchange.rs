@@ -211,7 +211,6 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
     }
 
     /// Derivatives or outputs with the relations as they were at the last event.
-    #[expect(clippy::too_many_arguments, reason = "the point, and which function")]
     pub(super) fn evaluate_frozen(
         p: &M,
         derived: &M::Derived,
@@ -240,7 +239,6 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
     }
 
     /// The event indicators: the declared zero crossings, then the relations.
-    #[expect(clippy::too_many_arguments, reason = "the point and the result")]
     pub(super) fn indicators(
         p: &M,
         derived: &M::Derived,

@@ -200,7 +200,7 @@ impl Continuous for Relay {
         let mut slope = charge.if_greater(T::from(self.threshold), T::from(-2.0), one);
         if self.is_double {
             let less = other.if_greater(charge, one, zero) - charge.if_greater(other + 0.25, one, zero);
-            slope = slope + less;
+            slope += less;
         }
         Charge { charge: slope + at.inputs.current, other: T::from(0.25) }
     }
