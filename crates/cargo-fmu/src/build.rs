@@ -66,13 +66,16 @@ pub(crate) struct Export {
     pub(crate) interfaces: Vec<Interface>,
     /// Number of event indicators.
     pub(crate) indicators: usize,
+    /// Whether arrays are native.
+    pub(crate) arrays: bool,
 }
 
 impl std::fmt::Display for Export {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { model, guid, version, interfaces, indicators } = self;
+        let Self { model, guid, version, interfaces, indicators, arrays } = self;
         let interfaces: Vec<_> = interfaces.iter().map(|interface| interface.name()).collect();
-        write!(f, "{model}={guid} fmi={version} interfaces={} indicators={indicators}", interfaces.join(","))
+        let interfaces = interfaces.join(",");
+        write!(f, "{model}={guid} fmi={version} interfaces={interfaces} indicators={indicators} arrays={arrays}")
     }
 }
 

@@ -44,7 +44,13 @@ pub(crate) struct Arguments {
     /// Interfaces of the FMUs: co-simulation, model exchange, or both; a stateful model has co-simulation only
     #[arg(long, value_delimiter = ',', value_name = "LIST", default_values = ["cs", "me"])]
     interfaces: Vec<Interface>,
-    /// Folder the FMUs are written to [default: target/fmu]
+    /// Version of FMI: 2 or 3
+    #[arg(long, value_name = "VERSION", default_value = "2", value_parser = ["2", "3"])]
+    fmi: String,
+    /// Arrays of a model become variables with dimensions, instead of one variable for each element (FMI 3.0)
+    #[arg(long)]
+    arrays: bool,
+    /// Folder the FMUs are written to [default: target/fmu, for FMI 3.0 target/fmu3]
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
     /// Writes the generated model descriptions to the folder `descriptions` in [workspace.metadata.fmu], after an intended

@@ -426,9 +426,9 @@ fn description(name: &str, model: &Type, root: &TokenStream) -> TokenStream {
             #[unsafe(export_name = #symbol)]
             extern "C" fn describe(
                 version: ::core::ffi::c_int,
-                interfaces: ::core::ffi::c_int,
+                options: ::core::ffi::c_int,
             ) -> *const ::core::ffi::c_char {
-                #root::abi::model_description::<#model>(version, interfaces)
+                #root::abi::model_description::<#model>(version, options)
             }
         };
     }
@@ -441,17 +441,20 @@ struct Packed<'a> {
     version: u32,
     interfaces: Vec<&'a str>,
     indicators: usize,
+    arrays: bool,
 }
 
 impl<'a> Packed<'a> {
     fn parse(text: &'a str) -> Option<Self> {
         let (name, rest) = text.split_once('=')?;
         let mut words = rest.split(' ');
-        let mut packed = Self { name, guid: words.next()?, version: 2, interfaces: Vec::new(), indicators: 0 };
+        let mut packed =
+            Self { name, guid: words.next()?, version: 2, interfaces: Vec::new(), indicators: 0, arrays: false };
         for word in words {
             match word.split_once('=')? {
                 ("fmi", version) => packed.version = version.parse().ok()?,
                 ("interfaces", list) => packed.interfaces = list.split(',').collect(),
+                ("arrays", value) => packed.arrays = value.parse().ok()?,
                 ("indicators", count) => packed.indicators = count.parse().ok()?,
                 _ => return None,
             }
@@ -461,7 +464,7 @@ impl<'a> Packed<'a> {
 
     /// The C interface, the constants of `Export`, and whether there is model exchange.
     fn export(&self, model: &Type, root: &TokenStream) -> (TokenStream, TokenStream, bool) {
-        let Self { guid, indicators, .. } = self;
+        let Self { guid, indicators, arrays, .. } = self;
         let has = |interface: &str| self.interfaces.contains(&interface);
         let (co_simulation, model_exchange) = (has("cs"), has("me"));
         let interfaces = self.interfaces.iter().map(|name| Ident::new(name, Span::call_site()));
@@ -472,10 +475,13 @@ impl<'a> Packed<'a> {
         let facts = quote! {
             const GUID: ::core::option::Option<&'static str> = Some(#guid);
             const EVENT_INDICATORS: usize = #indicators;
-            const VERSION: #root::calls::Version = #root::calls::Version::#version;
-            const INTERFACES: #root::calls::Interfaces = #root::calls::Interfaces {
-                co_simulation: #co_simulation,
-                model_exchange: #model_exchange,
+            const FORMAT: #root::description::Format = #root::description::Format {
+                version: #root::calls::Version::#version,
+                interfaces: #root::calls::Interfaces {
+                    co_simulation: #co_simulation,
+                    model_exchange: #model_exchange,
+                },
+                arrays: #arrays,
             };
         };
         (quote!(#root::#macro_name!(#model: #(#interfaces)*);), facts, model_exchange)

@@ -18,12 +18,14 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::calls::{Function, Interfaces, Version};
-use crate::description::{Description, LOG_CATEGORIES, LOG_DISCARD, LOG_ERROR};
+use crate::description::{Description, Format, LOG_CATEGORIES, LOG_DISCARD, LOG_ERROR};
 use crate::instance::{CallError, Instance, Snapshot};
 use crate::runner::Model;
 use c::{c_char, c_int, c_void};
 
+mod common;
 pub mod fmi2;
+pub mod fmi3;
 
 /// fmi2Status and fmi3Status, as far as FMUs of this exporter return it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,10 +53,8 @@ pub trait Export: 'static {
     const GUID: Option<&'static str> = None;
     /// The number of event indicators of model exchange, if the packer has built in the GUID.
     const EVENT_INDICATORS: usize = 0;
-    /// Version of the standard.
-    const VERSION: Version = Version::Fmi2;
-    /// Interfaces that the FMU provides.
-    const INTERFACES: Interfaces = Interfaces::ALL;
+    /// What the FMU is packed as.
+    const FORMAT: Format = Format::FMI2;
     /// Folder of the resources among the sources of the model, for its description; empty in a packed library.
     const RESOURCES: &'static str = "";
     /// What the library keeps while it is loaded.
@@ -67,8 +67,8 @@ pub trait Export: 'static {
         let mut kept = Self::library().lock();
         let description = kept.description.get_or_insert_with(|| {
             let description = Arc::new(match Self::GUID {
-                Some(guid) => Description::packed::<Self::Model>(guid, Self::EVENT_INDICATORS),
-                None => Description::of::<Self::Model>(Self::VERSION, Self::INTERFACES, Path::new(Self::RESOURCES)),
+                Some(guid) => Description::packed::<Self::Model>(Self::FORMAT, guid, Self::EVENT_INDICATORS),
+                None => Description::of::<Self::Model>(Self::FORMAT, Path::new(Self::RESOURCES)),
             });
             // On Linux the library lists the function itself, see `export!`.
             // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
@@ -116,6 +116,7 @@ pub extern "C" fn forget<E: Export + ?Sized>() {
 /// The logger of the importer, with what is passed back to it.
 enum Logger {
     Fmi2(fmi2::Logger, *mut c_void),
+    Fmi3(fmi3::Logger, *mut c_void),
 }
 
 struct Log {
@@ -142,6 +143,11 @@ impl Log {
                     logger(environment, self.name.as_ptr(), status, category.as_ptr(), text.as_ptr());
                 }
             }
+            Logger::Fmi3(logger, environment) => {
+                let text = to_c(text);
+                // SAFETY: as above.
+                unsafe { logger(environment, status, category.as_ptr(), text.as_ptr()) };
+            }
         }
     }
 }
@@ -151,6 +157,10 @@ struct Handle<E: Export> {
     log: Log,
     /// Snapshots that were handed out: only these pointers are accepted back.
     snapshots: Vec<*mut Snapshot<E::Model>>,
+    /// Whether a step of co-simulation ends at the first event (FMI 3.0).
+    returns_early: bool,
+    /// Value references of the elements of native arrays in a call (FMI 3.0).
+    elements: Vec<fmi3::ValueReference>,
 }
 
 impl<E: Export> Drop for Handle<E> {
@@ -182,7 +192,7 @@ impl<E: Export> Handle<E> {
 type CallResult = Result<(), CallError>;
 
 fn error<E: Export>(function: Function, message: &str) -> CallError {
-    CallError::Error(format!("{}: {message}", function.name(E::VERSION)))
+    CallError::Error(format!("{}: {message}", function.name(E::FORMAT.version)))
 }
 
 fn words(payload: &(dyn Any + Send)) -> &str {
@@ -221,7 +231,7 @@ unsafe fn call<E: Export>(
             handle.instance.mark_broken();
             let message = format!(
                 "{}: internal error: {}; the instance can only be reset or freed",
-                function.name(E::VERSION),
+                function.name(E::FORMAT.version),
                 words(&*panic)
             );
             handle.log.write(Status::Error as c_int, LOG_ERROR, &message);
@@ -298,13 +308,18 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
 }
 
 /// Pointer to the model description, for the packer, or to an exclamation mark and what is wrong with the declarations. The
-/// text lives until the next call or until the library is unloaded. `version` is 2 or 3, `interfaces` a sum of 1 (co-simulation)
-/// and 2 (model exchange).
-pub fn model_description<E: Export>(version: c_int, interfaces: c_int) -> *const c_char {
+/// text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a sum of 1 (co-simulation),
+/// 2 (model exchange), 4 (native arrays) and 8 (terminalsAndIcons.xml instead of the model description).
+pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
-        let version = if version == 3 { Version::Fmi3 } else { Version::Fmi2 };
-        let interfaces = Interfaces { co_simulation: interfaces & 1 != 0, model_exchange: interfaces & 2 != 0 };
-        let text = match Description::try_of::<E::Model>(version, interfaces, Path::new(E::RESOURCES)) {
+        let has = |bit: c_int| options & bit != 0;
+        let format = Format {
+            version: if version == 3 { Version::Fmi3 } else { Version::Fmi2 },
+            interfaces: Interfaces { co_simulation: has(1), model_exchange: has(2) },
+            arrays: has(4),
+        };
+        let text = match Description::try_of::<E::Model>(format, Path::new(E::RESOURCES)) {
+            Ok(description) if has(8) => description.terminals(format),
             Ok(description) => description.xml,
             Err(problem) => format!("!{problem}"),
         };

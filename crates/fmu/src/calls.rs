@@ -201,10 +201,12 @@ calls! {
     Reset "fmi2Reset" "fmi3Reset":                                            I|N|S|F|T|B, I|N|E|C|T|B, I|N|S|E|F|T|B, I|N|E|C|T|B;
     GetReal "fmi2GetReal" "fmi3GetFloat64":                                   N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
     GetInteger "fmi2GetInteger" "fmi3GetInt32":                               N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    GetInt64 "" "fmi3GetInt64":                                               NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     GetBoolean "fmi2GetBoolean" "fmi3GetBoolean":                             N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
     GetString "fmi2GetString" "fmi3GetString":                                N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
     SetReal "fmi2SetReal" "fmi3SetFloat64":                                   I|N|S, I|N|E|C, I|N|S|E, I|N|E|C;
     SetInteger "fmi2SetInteger" "fmi3SetInt32":                               I|N|S, I|N|E, I|N|S|E, I|N|E;
+    SetInt64 "" "fmi3SetInt64":                                               NO, NO, I|N|S|E, I|N|E;
     SetBoolean "fmi2SetBoolean" "fmi3SetBoolean":                             I|N|S, I|N|E, I|N|S|E, I|N|E;
     SetString "fmi2SetString" "fmi3SetString":                                I|N|S, I|N|E, I|N|S|E, I|N|E;
     GetFMUstate "fmi2GetFMUstate" "fmi3GetFMUState":                          I|N|S|T, I|N|E|C|T, I|N|S|E|T, I|N|E|C|T;
@@ -245,6 +247,33 @@ calls! {
     GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S|E, I|E;
     ExitConfigurationMode "" "fmi3ExitConfigurationMode":                     NO, NO, I, I;
+    GetFloat32 "" "fmi3GetFloat32": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetInt8 "" "fmi3GetInt8": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetUInt8 "" "fmi3GetUInt8": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetInt16 "" "fmi3GetInt16": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetUInt16 "" "fmi3GetUInt16": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetUInt32 "" "fmi3GetUInt32": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetUInt64 "" "fmi3GetUInt64": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetBinary "" "fmi3GetBinary": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetClock "" "fmi3GetClock": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    SetFloat32 "" "fmi3SetFloat32": NO, NO, I|N|S|E, I|N|E;
+    SetInt8 "" "fmi3SetInt8": NO, NO, I|N|S|E, I|N|E;
+    SetUInt8 "" "fmi3SetUInt8": NO, NO, I|N|S|E, I|N|E;
+    SetInt16 "" "fmi3SetInt16": NO, NO, I|N|S|E, I|N|E;
+    SetUInt16 "" "fmi3SetUInt16": NO, NO, I|N|S|E, I|N|E;
+    SetUInt32 "" "fmi3SetUInt32": NO, NO, I|N|S|E, I|N|E;
+    SetUInt64 "" "fmi3SetUInt64": NO, NO, I|N|S|E, I|N|E;
+    SetBinary "" "fmi3SetBinary": NO, NO, I|N|S|E, I|N|E;
+    SetClock "" "fmi3SetClock": NO, NO, I|N|S|E, I|N|E;
+    GetIntervalDecimal "" "fmi3GetIntervalDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    GetIntervalFraction "" "fmi3GetIntervalFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    GetShiftDecimal "" "fmi3GetShiftDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    GetShiftFraction "" "fmi3GetShiftFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetIntervalDecimal "" "fmi3SetIntervalDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetIntervalFraction "" "fmi3SetIntervalFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetShiftDecimal "" "fmi3SetShiftDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetShiftFraction "" "fmi3SetShiftFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    ActivateModelPartition "" "fmi3ActivateModelPartition": NO, NO, NO, NO;
 }
 
 impl Function {

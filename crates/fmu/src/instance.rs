@@ -48,6 +48,8 @@ pub struct Snapshot<M: Model> {
 /// An instance of the model `M`.
 pub struct Instance<M: Model> {
     protocol: Protocol,
+    /// Whether the importer handles the events of co-simulation (FMI 3.0).
+    uses_event_mode: bool,
     description: Arc<Description>,
     resources: PathBuf,
     mode: Mode,
@@ -81,6 +83,7 @@ impl<M: Model> Instance<M> {
         let texts = texts(&values.strings);
         Self {
             protocol,
+            uses_event_mode: false,
             description,
             resources,
             mode: Mode::Instantiated,
@@ -94,6 +97,12 @@ impl<M: Model> Instance<M> {
             texts,
             values,
         }
+    }
+
+    /// An instance for an importer that handles the events of co-simulation.
+    #[must_use]
+    pub fn with_event_mode(self) -> Self {
+        Self { uses_event_mode: true, ..self }
     }
 
     /// Where the instance stands.
@@ -124,7 +133,7 @@ impl<M: Model> Instance<M> {
         self.mode = Mode::Broken;
     }
 
-    fn layout(&self) -> &Layout {
+    pub(crate) fn layout(&self) -> &Layout {
         &self.description.layout
     }
 
@@ -141,6 +150,11 @@ impl<M: Model> Instance<M> {
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> CallResult {
         let function = Function::SetupExperiment;
         self.check(function)?;
+        self.set_experiment(function, start, stop)
+    }
+
+    /// Start and stop time, as a function sets them.
+    pub(crate) fn set_experiment(&mut self, function: Function, start: f64, stop: Option<f64>) -> CallResult {
         if !start.is_finite() {
             return Err(self.error(function, format_args!("startTime must be finite, got {start}")));
         }
@@ -196,9 +210,14 @@ impl<M: Model> Instance<M> {
             }
         }
         self.mode = match self.protocol.interface {
-            Interface::CoSimulation => Mode::Step,
-            Interface::ModelExchange => Mode::Event,
+            Interface::CoSimulation if !self.uses_event_mode => Mode::Step,
+            _ => Mode::Event,
         };
+        if self.mode == Mode::Event
+            && let Some(memory) = &mut self.memory
+        {
+            M::begin_events(memory, &self.description.layout, self.clock.start);
+        }
         Ok(())
     }
 
@@ -218,7 +237,9 @@ impl<M: Model> Instance<M> {
     /// Never; every mode allows it.
     pub fn reset(&mut self) -> CallResult {
         self.check(Function::Reset)?;
+        let uses_event_mode = self.uses_event_mode;
         *self = Self::new(self.protocol, Arc::clone(&self.description), self.resources.clone());
+        self.uses_event_mode = uses_event_mode;
         Ok(())
     }
 

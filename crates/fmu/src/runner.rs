@@ -71,6 +71,8 @@ pub struct Step {
     pub step: f64,
     /// Number of the next sample.
     pub sample: u64,
+    /// Whether the step ends at the first event, which is handled later.
+    pub stops_at_events: bool,
 }
 
 /// Result of an event in model exchange.
@@ -128,7 +130,9 @@ pub trait Model: 'static {
     fn initialize(_p: &Self::Parameters, _derived: &Self::Derived, _layout: &Layout, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
-    /// Advances states or outputs, and the memory.
+    /// Whether a step can have events.
+    const HAS_EVENTS: bool = false;
+    /// Advances states or outputs, and the memory. Returns the time of the event that ended the step early.
     ///
     /// # Errors
     /// When a number is not finite or the model rejects; `values` is kept then, the memory is not.
@@ -140,7 +144,9 @@ pub trait Model: 'static {
         values: &mut ValueStore,
         step: Step,
         parts: u64,
-    ) -> Result<(), StepError>;
+    ) -> Result<Option<f64>, StepError>;
+    /// Prepares the memory for events that the importer asks for, which begin at `start`.
+    fn begin_events(_memory: &mut Self::Memory, _layout: &Layout, _start: f64) {}
     /// Computes the outputs at `time`; those of the first sample of a source.
     fn outputs(
         p: &Self::Parameters,
@@ -174,7 +180,8 @@ pub trait Model: 'static {
     ) {
         result.fill(0.0);
     }
-    /// What real outputs, then state derivatives depend on: the known variables are the real inputs, then the states.
+    /// What real outputs, then state derivatives depend on: the known variables are the real inputs, then the states, then the
+    /// time.
     fn dependencies(
         _p: &Self::Parameters,
         _derived: &Self::Derived,

@@ -158,7 +158,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let Self { model, derived, layout, memory, values, time } = self;
-        let interval = Step { start: 0.0, reached: *time, time: *time, step, sample: 0 };
+        let interval = Step { start: 0.0, reached: *time, time: *time, step, sample: 0, stops_at_events: false };
         let parts = Runner::<M>::parts(layout, values, interval);
         if parts.is_nan() || parts > MOST_PARTS {
             return Err(format!(

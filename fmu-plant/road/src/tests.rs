@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use fmu::calls::{Interfaces, Protocol, Version};
-use fmu::description::Description;
+use fmu::calls::Protocol;
+use fmu::description::{Description, Format};
 use fmu::instance::Instance;
 use fmu::runner::DiscreteModel;
 
@@ -19,8 +19,7 @@ struct Fmu {
 
 impl Fmu {
     fn new(resources: &Path) -> Self {
-        let description =
-            Arc::new(Description::of::<DiscreteModel<Road>>(Version::Fmi2, Interfaces::ALL, Path::new("")));
+        let description = Arc::new(Description::of::<DiscreteModel<Road>>(Format::FMI2, Path::new("")));
         Self { instance: Unit::new(Protocol::CS2, Arc::clone(&description), resources.to_owned()), description }
     }
 

@@ -1,18 +1,21 @@
 //! The functions of FMI 2.0.
 
 use std::ffi::{CStr, CString};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 
 use super::c::{c_char, c_int, c_uint, c_void, size_t};
+pub use super::common::{
+    deserialize_fmu_state, enter_continuous_time_mode, enter_event_mode, exit_initialization_mode, free_fmu_state,
+    free_instance, get_continuous_states, get_derivatives, get_event_indicators, get_fmu_state,
+    get_nominals_of_continuous_states, reset, serialize_fmu_state, serialized_fmu_state_size, set_continuous_states,
+    set_fmu_state, set_time, terminate,
+};
 use super::{
-    Component, Export, FmuState, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, error, target, text,
-    words,
+    Component, Export, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error, target, text,
 };
 use crate::calls::{Function, Interface, Protocol, Version};
-use crate::description::{LOG_CATEGORIES, LOG_ERROR, LOG_EVENTS};
+use crate::description::LOG_CATEGORIES;
 use crate::instance::{CallError, Instance};
-use crate::runner::Model as _;
 
 /// fmi2Boolean.
 pub type Boolean = c_int;
@@ -80,18 +83,11 @@ fn resources_path(uri: &str) -> PathBuf {
 /// The interface of an fmi2Type.
 fn interface_of<E: Export>(fmu_type: c_int) -> Result<Interface, String> {
     let all = [(0, Interface::ModelExchange), (1, Interface::CoSimulation)];
-    let is_provided = |interface| match interface {
-        Interface::CoSimulation => E::INTERFACES.co_simulation,
-        Interface::ModelExchange => E::INTERFACES.model_exchange && E::Model::MODEL_EXCHANGE,
-    };
-    let mut provided = all.into_iter().filter(|(_, interface)| is_provided(*interface));
-    match provided.clone().find(|(number, _)| *number == fmu_type) {
-        Some((_, interface)) => Ok(interface),
-        None => {
-            let names: Vec<_> = provided.by_ref().map(|(number, of)| format!("{number} ({})", of.name())).collect();
-            Err(format!("fmuType must be {}, got {fmu_type}", names.join(" or ")))
-        }
-    }
+    let provided = || all.into_iter().filter(|(_, interface)| common::provides::<E>(*interface));
+    provided().find(|(number, _)| *number == fmu_type).map(|(_, interface)| interface).ok_or_else(|| {
+        let names: Vec<_> = provided().map(|(number, of)| format!("{number} ({})", of.name())).collect();
+        format!("fmuType must be {}, got {fmu_type}", names.join(" or "))
+    })
 }
 
 /// fmi2Instantiate. A null pointer means that the reason was logged, if there was a logger.
@@ -110,53 +106,20 @@ pub unsafe fn instantiate<E: Export>(
     // SAFETY: checked for null; the caller's struct is copied.
     let callbacks = unsafe { *callbacks };
     let logger = callbacks.logger.map(|logger| AnyLogger::Fmi2(logger, callbacks.environment));
-    let mut log = Log { logger, name: CString::default(), wanted: [logging_on != 0; LOG_CATEGORIES.len()] };
-    let mut known_name = CString::default();
-    let result = catch_unwind(AssertUnwindSafe(|| -> Result<Instance<E::Model>, String> {
-        // SAFETY: strings of the caller.
-        let name = unsafe { text(name) }.map_err(|e| format!("instanceName is {e}"))?;
-        known_name = CString::new(name).expect("a C string has no inner zeros");
-        if name.is_empty() {
-            return Err("instanceName is empty".to_owned());
-        }
-        let interface = interface_of::<E>(fmu_type)?;
-        // SAFETY: as above.
-        let guid = unsafe { text(guid) }.map_err(|e| format!("fmuGUID is {e}"))?;
-        let description = E::description();
-        if guid != description.guid {
-            return Err(format!(
-                "fmuGUID must be {}, got {guid}; the library and modelDescription.xml do not belong together",
-                description.guid
-            ));
-        }
-        let resources = if resources.is_null() {
-            PathBuf::new()
-        } else {
-            // SAFETY: as above.
-            resources_path(unsafe { text(resources) }.map_err(|e| format!("fmuResourceLocation is {e}"))?)
-        };
-        Ok(Instance::new(Protocol { version: Version::Fmi2, interface }, description, resources))
-    }));
-    log.name = known_name;
-    let message = match result {
-        Ok(Ok(instance)) => {
-            return Box::into_raw(Box::new(Handle::<E> { instance, log, snapshots: Vec::new() })).cast();
-        }
-        Ok(Err(message)) => message,
-        Err(panic) => format!("internal error: {}", words(&*panic)),
-    };
-    log.write(Status::Error as c_int, LOG_ERROR, &format!("fmi2Instantiate: {message}"));
-    std::ptr::null_mut()
-}
-
-/// fmi2FreeInstance; a null pointer is ignored.
-pub unsafe fn free_instance<E: Export>(component: Component) {
-    let handle = component.cast::<Handle<E>>();
-    if !handle.is_null() && handle.is_aligned() {
-        // SAFETY: made by Box::into_raw in `instantiate`, freed once.
-        let handle = unsafe { Box::from_raw(handle) };
-        // Nothing is left to report to if dropping panicked.
-        let _ = catch_unwind(AssertUnwindSafe(move || drop(handle)));
+    let log = Log { logger, name: CString::default(), wanted: [logging_on != 0; LOG_CATEGORIES.len()] };
+    // SAFETY: strings of the caller.
+    unsafe {
+        common::create::<E>("fmi2Instantiate", log, name, || {
+            let interface = interface_of::<E>(fmu_type)?;
+            common::check_guid::<E>("fmuGUID", guid)?;
+            let resources = if resources.is_null() {
+                PathBuf::new()
+            } else {
+                resources_path(text(resources).map_err(|e| format!("fmuResourceLocation is {e}"))?)
+            };
+            let protocol = Protocol { version: Version::Fmi2, interface };
+            Ok(Instance::new(protocol, E::description(), resources))
+        })
     }
 }
 
@@ -167,25 +130,7 @@ pub unsafe fn set_debug_logging<E: Export>(
     count: size_t,
     categories: *const *const c_char,
 ) -> Status {
-    let function = Function::SetDebugLogging;
-    let run = |handle: &mut Handle<E>| {
-        // SAFETY: the caller's array.
-        let names = unsafe { array::<E, _>(function, "categories", categories, count) }?;
-        let mut wanted = [logging_on != 0 && names.is_empty(); LOG_CATEGORIES.len()];
-        for &name in names {
-            // SAFETY: the caller's strings.
-            let name = unsafe { text(name) }.map_err(|e| error::<E>(function, &format!("a category is {e}")))?;
-            let known = LOG_CATEGORIES.iter().position(|(known, _)| *known == name).ok_or_else(|| {
-                let all: Vec<_> = LOG_CATEGORIES.iter().map(|(known, _)| *known).collect();
-                error::<E>(function, &format!("category '{name}' is unknown, expected one of {}", all.join(", ")))
-            })?;
-            wanted[known] = logging_on != 0;
-        }
-        handle.log.wanted = wanted;
-        Ok(())
-    };
-    // SAFETY: see the module's documentation; the same holds for every call below.
-    unsafe { call::<E>(component, function, run) }
+    unsafe { common::set_log_categories::<E>(component, logging_on != 0, count, categories) }
 }
 
 /// fmi2SetupExperiment. The tolerance is not used: the integrator has a fixed step.
@@ -204,39 +149,6 @@ pub unsafe fn setup_experiment<E: Export>(
 /// fmi2EnterInitializationMode.
 pub unsafe fn enter_initialization_mode<E: Export>(component: Component) -> Status {
     unsafe { call::<E>(component, Function::EnterInitializationMode, |h| h.instance.enter_initialization()) }
-}
-
-/// fmi2ExitInitializationMode.
-pub unsafe fn exit_initialization_mode<E: Export>(component: Component) -> Status {
-    unsafe {
-        call::<E>(component, Function::ExitInitializationMode, |h| {
-            h.instance.exit_initialization()?;
-            h.log.write(Status::Ok as c_int, LOG_EVENTS, "initialized");
-            Ok(())
-        })
-    }
-}
-
-/// fmi2Terminate.
-pub unsafe fn terminate<E: Export>(component: Component) -> Status {
-    unsafe {
-        call::<E>(component, Function::Terminate, |h| {
-            h.instance.terminate()?;
-            h.log.write(Status::Ok as c_int, LOG_EVENTS, &format!("terminated at {} s", h.instance.time()));
-            Ok(())
-        })
-    }
-}
-
-/// fmi2Reset.
-pub unsafe fn reset<E: Export>(component: Component) -> Status {
-    unsafe {
-        call::<E>(component, Function::Reset, |h| {
-            h.instance.reset()?;
-            h.log.write(Status::Ok as c_int, LOG_EVENTS, "reset");
-            Ok(())
-        })
-    }
 }
 
 /// fmi2GetReal.
@@ -391,116 +303,6 @@ pub unsafe fn set_string<E: Export>(
     }
 }
 
-/// fmi2GetFMUstate: into a new state, or into one that was saved before.
-pub unsafe fn get_fmu_state<E: Export>(component: Component, state: *mut FmuState) -> Status {
-    let function = Function::GetFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let state = target::<E, _>(function, "FMUstate", state)?;
-            if state.is_null() {
-                let snapshot = h.instance.snapshot()?;
-                *state = h.hand_out(snapshot);
-            } else {
-                let known = h.snapshot(function, *state)?;
-                *known = h.instance.snapshot()?;
-            }
-            Ok(())
-        })
-    }
-}
-
-/// fmi2SetFMUstate.
-pub unsafe fn set_fmu_state<E: Export>(component: Component, state: FmuState) -> Status {
-    let function = Function::SetFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let snapshot = h.snapshot(function, state)?;
-            h.instance.restore(&*snapshot)?;
-            h.log.write(Status::Ok as c_int, LOG_EVENTS, &format!("state at {} s restored", h.instance.time()));
-            Ok(())
-        })
-    }
-}
-
-/// fmi2FreeFMUstate; a null pointer is ignored.
-pub unsafe fn free_fmu_state<E: Export>(component: Component, state: *mut FmuState) -> Status {
-    let function = Function::FreeFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            if state.is_null() {
-                return Ok(());
-            }
-            let state = target::<E, _>(function, "FMUstate", state)?;
-            if state.is_null() {
-                return Ok(());
-            }
-            let snapshot = h.snapshot(function, *state)?;
-            h.snapshots.retain(|&known| known != snapshot);
-            drop(Box::from_raw(snapshot));
-            *state = std::ptr::null_mut();
-            Ok(())
-        })
-    }
-}
-
-/// fmi2SerializedFMUstateSize.
-pub unsafe fn serialized_fmu_state_size<E: Export>(component: Component, state: FmuState, size: *mut size_t) -> Status {
-    let function = Function::SerializedFMUstateSize;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let snapshot = h.snapshot(function, state)?;
-            *target::<E, _>(function, "size", size)? = h.instance.serialize(&*snapshot)?.len();
-            Ok(())
-        })
-    }
-}
-
-/// fmi2SerializeFMUstate.
-pub unsafe fn serialize_fmu_state<E: Export>(
-    component: Component,
-    state: FmuState,
-    bytes: *mut c_char,
-    size: size_t,
-) -> Status {
-    let function = Function::SerializeFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let snapshot = h.snapshot(function, state)?;
-            let written = h.instance.serialize(&*snapshot)?;
-            if size < written.len() {
-                return Err(error::<E>(function, &format!("size must be at least {}, got {size}", written.len())));
-            }
-            array_mut::<E, _>(function, "serializedState", bytes.cast::<u8>(), written.len())?
-                .copy_from_slice(&written);
-            Ok(())
-        })
-    }
-}
-
-/// fmi2DeSerializeFMUstate.
-pub unsafe fn deserialize_fmu_state<E: Export>(
-    component: Component,
-    bytes: *const c_char,
-    size: size_t,
-    state: *mut FmuState,
-) -> Status {
-    let function = Function::DeSerializeFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let state = target::<E, _>(function, "FMUstate", state)?;
-            let snapshot =
-                h.instance.deserialize(array::<E, _>(function, "serializedState", bytes.cast::<u8>(), size)?)?;
-            if state.is_null() {
-                *state = h.hand_out(snapshot);
-            } else {
-                let known = h.snapshot(function, *state)?;
-                *known = snapshot;
-            }
-            Ok(())
-        })
-    }
-}
-
 /// fmi2GetDirectionalDerivative.
 pub unsafe fn get_directional_derivative<E: Export>(
     component: Component,
@@ -568,7 +370,7 @@ const TERMINATED: c_int = 3;
 unsafe fn no_answer<E: Export>(component: Component, function: Function, kind: c_int) -> Status {
     unsafe {
         call::<E>(component, function, |_| {
-            Err(CallError::Discard(format!("{}: no answer to status kind {kind}", function.name(E::VERSION))))
+            Err(CallError::Discard(format!("{}: no answer to status kind {kind}", function.name(E::FORMAT.version))))
         })
     }
 }
@@ -616,11 +418,6 @@ pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _v
     unsafe { no_answer::<E>(component, Function::GetStringStatus, kind) }
 }
 
-/// fmi2EnterEventMode.
-pub unsafe fn enter_event_mode<E: Export>(component: Component) -> Status {
-    unsafe { call::<E>(component, Function::EnterEventMode, |h| h.instance.enter_event_mode()) }
-}
-
 /// fmi2EventInfo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
@@ -657,11 +454,6 @@ pub unsafe fn new_discrete_states<E: Export>(component: Component, info: *mut Ev
     }
 }
 
-/// fmi2EnterContinuousTimeMode.
-pub unsafe fn enter_continuous_time_mode<E: Export>(component: Component) -> Status {
-    unsafe { call::<E>(component, Function::EnterContinuousTimeMode, |h| h.instance.enter_continuous_time_mode()) }
-}
-
 /// fmi2CompletedIntegratorStep: no step ends with an event that the indicators do not show.
 pub unsafe fn completed_integrator_step<E: Export>(
     component: Component,
@@ -679,63 +471,6 @@ pub unsafe fn completed_integrator_step<E: Export>(
             Ok(())
         })
     }
-}
-
-/// fmi2SetTime.
-pub unsafe fn set_time<E: Export>(component: Component, time: f64) -> Status {
-    unsafe { call::<E>(component, Function::SetTime, |h| h.instance.set_time(time)) }
-}
-
-/// fmi2SetContinuousStates.
-pub unsafe fn set_continuous_states<E: Export>(component: Component, states: *const f64, count: size_t) -> Status {
-    let function = Function::SetContinuousStates;
-    unsafe {
-        call::<E>(component, function, |h| {
-            h.instance.set_continuous_states(array::<E, _>(function, "x", states, count)?)
-        })
-    }
-}
-
-/// Lets the instance fill the caller's array.
-unsafe fn fill<E: Export>(
-    component: Component,
-    function: Function,
-    name: &str,
-    values: *mut f64,
-    count: size_t,
-    of: impl Fn(&mut Instance<E::Model>, &mut [f64]) -> Result<(), CallError>,
-) -> Status {
-    unsafe {
-        call::<E>(component, function, |h| of(&mut h.instance, array_mut::<E, _>(function, name, values, count)?))
-    }
-}
-
-/// fmi2GetDerivatives.
-pub unsafe fn get_derivatives<E: Export>(component: Component, values: *mut f64, count: size_t) -> Status {
-    let function = Function::GetDerivatives;
-    unsafe { fill::<E>(component, function, "derivatives", values, count, |i, v| i.state_derivatives(v)) }
-}
-
-/// fmi2GetEventIndicators.
-pub unsafe fn get_event_indicators<E: Export>(component: Component, values: *mut f64, count: size_t) -> Status {
-    let function = Function::GetEventIndicators;
-    unsafe { fill::<E>(component, function, "eventIndicators", values, count, |i, v| i.event_indicators(v)) }
-}
-
-/// fmi2GetContinuousStates.
-pub unsafe fn get_continuous_states<E: Export>(component: Component, values: *mut f64, count: size_t) -> Status {
-    let function = Function::GetContinuousStates;
-    unsafe { fill::<E>(component, function, "x", values, count, |i, v| i.continuous_states(v)) }
-}
-
-/// fmi2GetNominalsOfContinuousStates.
-pub unsafe fn get_nominals_of_continuous_states<E: Export>(
-    component: Component,
-    values: *mut f64,
-    count: size_t,
-) -> Status {
-    let function = Function::GetNominalsOfContinuousStates;
-    unsafe { fill::<E>(component, function, "x_nominal", values, count, |i, v| i.nominals(v)) }
 }
 
 /// The C interface of a model by FMI 2.0, with the functions of co-simulation (`cs`), model exchange (`me`) or both.

@@ -12,6 +12,19 @@ impl<M: Model> Instance<M> {
     /// A rejected step (time, step size, stop time) changes nothing; a step with a result that is not finite restores
     /// what was before it and leaves the instance in Step Failed.
     pub fn do_step(&mut self, time: f64, step: f64) -> CallResult {
+        self.advance(time, step, false).map(drop)
+    }
+
+    /// fmi3DoStep of an importer that handles events: the step ends at the first one. Returns whether it has.
+    ///
+    /// # Errors
+    /// As [`Self::do_step`].
+    pub fn do_step_to_event(&mut self, time: f64, step: f64) -> CallResult<bool> {
+        self.advance(time, step, M::HAS_EVENTS)
+    }
+
+    #[inline]
+    fn advance(&mut self, time: f64, step: f64, stops_at_events: bool) -> CallResult<bool> {
         self.check(Function::DoStep)?;
         let name = Function::DoStep.name(self.protocol.version);
         let rejected = |message: String| Err(CallError::Error(format!("{name}: {message}")));
@@ -37,7 +50,8 @@ impl<M: Model> Instance<M> {
         {
             return rejected(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
         }
-        let span = Step { start: self.clock.start, reached: self.clock.time, time, step, sample: self.clock.sample };
+        let (start, reached, sample) = (self.clock.start, self.clock.time, self.clock.sample);
+        let span = Step { start, reached, time, step, sample, stops_at_events };
         let parts = M::parts(&self.description.layout, &self.values, span);
         if parts.is_nan() || parts > MOST_PARTS {
             return rejected(format!(
@@ -51,15 +65,29 @@ impl<M: Model> Instance<M> {
         };
         let result = M::step(&self.parameters, derived, memory, layout, &mut self.values, span, parts);
         self.forget_results();
-        if let Err(error) = result {
-            self.mode = Mode::StepFailed;
-            let what = self.reason(error);
-            return rejected(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
-        }
-        self.clock.time = end;
+        let stopped = match result {
+            Ok(stopped) => stopped,
+            Err(error) => {
+                self.mode = Mode::StepFailed;
+                let what = self.reason(error);
+                return rejected(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
+            }
+        };
+        self.clock.time = stopped.unwrap_or(end);
         if M::KIND == ModelKind::Discrete {
             self.clock.sample += parts;
         }
+        Ok(stopped.is_some())
+    }
+
+    /// fmi3EnterStepMode.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn enter_step_mode(&mut self) -> CallResult {
+        self.check(Function::EnterStepMode)?;
+        self.mode = Mode::Step;
+        self.forget_results();
         Ok(())
     }
 }

@@ -1,11 +1,30 @@
-//! Derivatives of the equations along directions.
+//! Derivatives of the equations, exact by dual numbers.
 
 use super::{CallError, CallResult, Instance};
 use crate::calls::Function;
 use crate::runner::{Kind as ModelKind, Model};
 
+/// A variable whose derivative is asked for.
+#[derive(Clone, Copy)]
+enum Unknown {
+    /// Position among the outputs and state derivatives.
+    Computed(usize),
+    /// An output that is a state: position among the inputs and states.
+    State(usize),
+}
+
+impl Unknown {
+    /// Its derivative, of those along a direction.
+    fn of(self, direction: &[f64], slopes: &[f64]) -> f64 {
+        match self {
+            Self::Computed(position) => slopes[position],
+            Self::State(position) => direction[position],
+        }
+    }
+}
+
 impl<M: Model> Instance<M> {
-    /// fmi2GetDirectionalDerivative: exact, by dual numbers.
+    /// fmi2GetDirectionalDerivative.
     ///
     /// # Errors
     /// For a discrete-time model, whose outputs are held; on a reference that is no output or state derivative (unknown) or
@@ -17,59 +36,126 @@ impl<M: Model> Instance<M> {
         seed: &[f64],
         result: &mut [f64],
     ) -> CallResult {
-        self.check(Function::GetDirectionalDerivative)?;
-        let name = Function::GetDirectionalDerivative.name(self.protocol.version);
-        let rejected = |message: String| Err(CallError::Error(format!("{name}: {message}")));
-        if M::KIND != ModelKind::Continuous {
-            return rejected("not provided: only continuous-time models have derivatives".to_owned());
+        let function = Function::GetDirectionalDerivative;
+        self.check(function)?;
+        let knowns = self.knowns(function, known)?;
+        let unknowns = self.unknowns(function, unknown)?;
+        let mut direction = self.direction();
+        for ((&position, &slope), &reference) in knowns.iter().zip(seed).zip(known) {
+            self.check_seed(function, reference, slope)?;
+            direction[position] += slope;
         }
+        let slopes = self.slopes(&direction)?;
+        let of = |unknown: &Unknown| unknown.of(&direction, &slopes);
+        if let Some(at) = unknowns.iter().position(|unknown| !of(unknown).is_finite()) {
+            return Err(self.no_derivative(function, unknown[at]));
+        }
+        for (value, unknown) in result.iter_mut().zip(&unknowns) {
+            *value = of(unknown);
+        }
+        Ok(())
+    }
+
+    /// fmi3GetAdjointDerivative: the transposed matrix of derivatives times the seed, column by column.
+    ///
+    /// # Errors
+    /// As [`Self::directional_derivative`].
+    pub fn adjoint_derivative(
+        &mut self,
+        unknown: &[u32],
+        known: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> CallResult {
+        let function = Function::GetAdjointDerivative;
+        self.check(function)?;
+        let knowns = self.knowns(function, known)?;
+        let unknowns = self.unknowns(function, unknown)?;
+        for (&reference, &slope) in unknown.iter().zip(seed) {
+            self.check_seed(function, reference, slope)?;
+        }
+        let mut products = vec![0.0; knowns.len()];
+        for ((product, &position), &reference) in products.iter_mut().zip(&knowns).zip(known) {
+            let mut direction = self.direction();
+            direction[position] = 1.0;
+            let slopes = self.slopes(&direction)?;
+            *product = unknowns.iter().zip(seed).map(|(unknown, seed)| seed * unknown.of(&direction, &slopes)).sum();
+            if !product.is_finite() {
+                return Err(self.no_derivative(function, reference));
+            }
+        }
+        result.copy_from_slice(&products);
+        Ok(())
+    }
+
+    /// A direction of zeros: real inputs, then states.
+    fn direction(&self) -> Vec<f64> {
+        vec![0.0; self.layout().inputs.counts.reals + self.layout().states.counts.reals]
+    }
+
+    /// Derivatives of the outputs, then of the state derivatives, along a direction.
+    fn slopes(&mut self, direction: &[f64]) -> CallResult<Vec<f64>> {
+        let derived = self.derive()?;
+        let layout = self.layout();
+        let mut slopes = vec![0.0; layout.outputs.counts.reals + layout.states.counts.reals];
+        let memory = self.memory.as_ref().expect("made with the derived parameters");
+        let time = self.clock.time;
+        M::directional(&self.parameters, &derived, memory, layout, &self.values, time, direction, &mut slopes);
+        Ok(slopes)
+    }
+
+    /// Positions of inputs and states in a direction.
+    fn knowns(&self, function: Function, references: &[u32]) -> CallResult<Vec<usize>> {
+        if M::KIND != ModelKind::Continuous {
+            return Err(self.error(function, "not provided: only continuous-time models have derivatives"));
+        }
+        let (inputs, states) = (self.layout().inputs.reals(), self.layout().states.reals());
+        let position = |&reference: &u32| {
+            let index = reference as usize;
+            if inputs.contains(&index) {
+                Ok(index - inputs.start)
+            } else if states.contains(&index) {
+                Ok(inputs.len() + index - states.start)
+            } else {
+                let message = format_args!("value reference {reference} is neither a real input nor a state (known)");
+                Err(self.error(function, message))
+            }
+        };
+        references.iter().map(position).collect()
+    }
+
+    fn unknowns(&self, function: Function, references: &[u32]) -> CallResult<Vec<Unknown>> {
         let layout = self.layout();
         let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
         let (outputs, derivatives) = (layout.outputs.reals(), layout.derivatives.reals());
-        let mut direction = vec![0.0; inputs.len() + states.len()];
-        for (&reference, &slope) in known.iter().zip(seed) {
+        let unknown = |&reference: &u32| {
             let index = reference as usize;
-            let position = if inputs.contains(&index) {
-                index - inputs.start
-            } else if states.contains(&index) {
-                inputs.len() + index - states.start
-            } else {
-                return rejected(format!("value reference {reference} is neither a real input nor a state (known)"));
-            };
-            if !slope.is_finite() {
-                return rejected(format!("seed of '{}' must be finite, got {slope}", layout.real_name(index)));
-            }
-            direction[position] += slope;
-        }
-        let mut positions = Vec::with_capacity(unknown.len());
-        for &reference in unknown {
-            let index = reference as usize;
-            positions.push(if outputs.contains(&index) {
-                Ok(index - outputs.start)
+            if outputs.contains(&index) {
+                Ok(Unknown::Computed(index - outputs.start))
             } else if derivatives.contains(&index) {
-                Ok(outputs.len() + index - derivatives.start)
+                Ok(Unknown::Computed(outputs.len() + index - derivatives.start))
             } else if states.contains(&index) {
-                Err(inputs.len() + index - states.start) // an output that is a state
+                Ok(Unknown::State(inputs.len() + index - states.start))
             } else {
-                return rejected(format!(
+                let message = format_args!(
                     "value reference {reference} is neither a real output nor the derivative of a state (unknown)"
-                ));
-            });
+                );
+                Err(self.error(function, message))
+            }
+        };
+        references.iter().map(unknown).collect()
+    }
+
+    fn check_seed(&self, function: Function, reference: u32, slope: f64) -> CallResult {
+        if slope.is_finite() {
+            return Ok(());
         }
-        let derived = self.derive()?;
-        let layout = self.layout();
-        let mut slopes = vec![0.0; outputs.len() + states.len()];
-        let memory = self.memory.as_ref().expect("made with the derived parameters");
-        let time = self.clock.time;
-        M::directional(&self.parameters, &derived, memory, layout, &self.values, time, &direction, &mut slopes);
-        let slope = |position: &Result<usize, usize>| position.map_or_else(|own| direction[own], |other| slopes[other]);
-        if let Some(at) = positions.iter().position(|position| !slope(position).is_finite()) {
-            let name = layout.real_name(unknown[at] as usize);
-            return rejected(format!("the derivative of '{name}' is not finite at this point"));
-        }
-        for (value, position) in result.iter_mut().zip(&positions) {
-            *value = slope(position);
-        }
-        Ok(())
+        let name = self.layout().real_name(reference as usize);
+        Err(self.error(function, format_args!("seed of '{name}' must be finite, got {slope}")))
+    }
+
+    fn no_derivative(&self, function: Function, reference: u32) -> CallError {
+        let name = self.layout().real_name(reference as usize);
+        self.error(function, format_args!("the derivative of '{name}' is not finite at this point"))
     }
 }

@@ -152,10 +152,15 @@ impl<M: Model> Instance<M> {
     pub fn event_indicators(&mut self, indicators: &mut [f64]) -> CallResult {
         let function = Function::GetEventIndicators;
         self.check(function)?;
+        self.indicators(function, indicators)
+    }
+
+    /// The event indicators. Outside Continuous-Time Mode the relations have the sides of the values.
+    pub(super) fn indicators(&mut self, function: Function, indicators: &mut [f64]) -> CallResult {
         let count = self.layout().indicators.total();
         self.check_length(function, "event indicators", count, indicators.len())?;
         self.derive()?;
-        if matches!(self.mode, Mode::Initialization | Mode::Event) {
+        if self.mode != Mode::ContinuousTime {
             self.settle()?;
         }
         let layout = &self.description.layout;

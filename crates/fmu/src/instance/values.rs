@@ -54,6 +54,50 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
+    /// fmi3GetFloat64: also of the time and of event indicators.
+    ///
+    /// # Errors
+    /// As [`Self::get_real`].
+    pub fn get_float64(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
+        let (time, indicators) = (self.layout().end, self.layout().indicators.total() as u32);
+        let is_special = |&reference: &u32| reference.wrapping_sub(time) <= indicators;
+        if !references.iter().any(is_special) {
+            return self.get_real(references, values);
+        }
+        self.check(Function::GetReal)?;
+        let mut found = vec![0.0; indicators as usize];
+        if M::MODEL_EXCHANGE && references.iter().any(|reference| is_special(reference) && *reference != time) {
+            self.indicators(Function::GetReal, &mut found)?;
+        }
+        for (value, reference) in values.iter_mut().zip(references) {
+            match reference.wrapping_sub(time) {
+                0 => *value = self.clock.time,
+                number if number <= indicators => *value = found[number as usize - 1],
+                _ => self.get_real(&[*reference], std::slice::from_mut(value))?,
+            }
+        }
+        Ok(())
+    }
+
+    /// How many values the variable of a value reference has.
+    pub(crate) fn length_of(&self, reference: u32) -> u32 {
+        self.description.lengths.get(reference as usize).copied().unwrap_or(1)
+    }
+
+    /// Rejects an enumeration where FMI 3.0 expects an Int32, and the other way round.
+    pub(crate) fn check_integer(&self, function: Function, reference: u32) -> CallResult {
+        let is_enumeration = self
+            .layout()
+            .by_reference(reference)
+            .is_some_and(|variable| matches!(variable.declaration.kind, Kind::Integer { is_enumeration: true, .. }));
+        let wants_enumeration = matches!(function, Function::GetInt64 | Function::SetInt64);
+        if is_enumeration == wants_enumeration {
+            return Ok(());
+        }
+        let expected = if wants_enumeration { "Enumeration" } else { "Int32" };
+        Err(self.unknown_reference(function, reference, expected))
+    }
+
     #[cold]
     fn not_finite(&self, index: usize) -> CallError {
         let (name, value, time) = (self.layout().real_name(index), self.values.reals[index], self.clock.time);

@@ -92,6 +92,11 @@ struct Integration<'a, M: Continuous> {
     events: u32,
     /// Time of the first event of the step, for a message.
     first_event: f64,
+    /// Time up to which time events were handled in this step in s.
+    handled: f64,
+    stops_at_events: bool,
+    /// Time of the event at which the step stopped in s.
+    stopped: Option<f64>,
 }
 
 impl<'a, M: Continuous> Integration<'a, M> {
@@ -189,6 +194,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
             if let Some(due) = due.filter(|due| *due <= time) {
                 // Between the end of the step before and the start of this one, which differ by roundings.
                 self.reached = due;
+                self.handled = due;
                 self.event(time, &mut x, &[], &[], true)?;
                 continue;
             }
@@ -204,6 +210,10 @@ impl<'a, M: Continuous> Integration<'a, M> {
             let at = found.as_ref().map_or(time + h, |(at, ..)| *at);
             time = if is_at_limit { due.unwrap_or(end) } else { at };
             self.reached = self.reached.max(time);
+            if self.stops_at_events && (found.is_some() || (is_at_limit && due.is_some())) {
+                self.stopped = Some(time);
+                return Ok(found.map_or(after, |(_, state, _)| state));
+            }
             match found {
                 Some((_, state, values)) => {
                     x = state;
@@ -216,6 +226,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
                 }
             }
             if is_at_limit && due.is_some() {
+                self.handled = time;
                 self.event(time, &mut x, &[], &[], true)?;
             }
         }
@@ -399,6 +410,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
     const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
+    const HAS_EVENTS: bool = size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS;
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Continuous;
     type Parameters = M;
@@ -475,13 +487,22 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         values: &mut ValueStore,
         step: Step,
         parts: u64,
-    ) -> Result<(), StepError> {
+    ) -> Result<Option<f64>, StepError> {
         let u = M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::State::read(values.view(), layout.states.at);
         let problem = Problem { model: p, inputs: &u, derived };
         let end = step.time + step.step;
-        let mut integration =
-            Integration { problem, memory, layout, reached: step.reached, events: 0, first_event: 0.0 };
+        let mut integration = Integration {
+            problem,
+            memory,
+            layout,
+            reached: step.reached,
+            events: 0,
+            first_event: 0.0,
+            handled: step.reached,
+            stops_at_events: step.stops_at_events,
+            stopped: None,
+        };
         let mut x = before.copied();
         if has_error_control(M::SOLVER) {
             let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
@@ -493,11 +514,21 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
                 let start = |part: u64| step.time + part as f64 * h;
                 let end = if part + 1 == parts { end } else { start(part + 1) };
                 x = integration.part(start(part), x, h, end)?;
+                if Self::HAS_EVENTS && integration.stopped.is_some() {
+                    break;
+                }
             }
+        }
+        let (stopped, handled) = (integration.stopped, integration.handled);
+        if Self::HAS_EVENTS
+            && let Some(exchange) = &mut memory.exchange
+        {
+            exchange.handled = if stopped.is_some() { handled } else { end };
         }
         x.write(&mut values.view_mut(), layout.states.at);
         first_not_finite(&values.reals, layout.states.reals(), end)
-            .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))
+            .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
+        Ok(stopped)
     }
 
     fn outputs(
@@ -562,27 +593,21 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         values: &ValueStore,
     ) -> Vec<DependencySet> {
         let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
-        let known = inputs.len() + states.len();
+        let time = inputs.len() + states.len();
+        let known = time + 1;
         let number = |index: usize| {
             if inputs.contains(&index) { index - inputs.start } else { inputs.len() + index - states.start }
         };
         let mut all = vec![DependencySet::default(); layout.outputs.counts.reals + layout.states.counts.reals];
         // A set holds a part of the known variables; the equations run once for each part.
-        for first in (0..known.max(1)).step_by(Dependencies::CAPACITY) {
+        for first in (0..known).step_by(Dependencies::CAPACITY) {
             Dependencies::forget_inspections();
-            let one = |index: usize| {
-                let number = number(index);
+            let one = |number: usize| {
                 let is_here = (first..first + Dependencies::CAPACITY).contains(&number);
                 if is_here { Dependencies::on(number - first) } else { Dependencies::default() }
             };
-            let (state, inputs) = typed::<Dependencies, M>(layout, values, one);
-            let at = At {
-                time: Dependencies::default(),
-                state: &state,
-                inputs: &inputs,
-                derived,
-                discrete: &memory.discrete,
-            };
+            let (state, inputs) = typed::<Dependencies, M>(layout, values, |index| one(number(index)));
+            let at = At { time: one(time), state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
             let unknowns = unknowns(p, at, layout, values);
             // Equations that look at a value may branch on it: then everything depends on everything.
             let inspected = Dependencies::has_inspections();
@@ -595,6 +620,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             }
         }
         all
+    }
+
+    fn begin_events(memory: &mut Self::Memory, layout: &Layout, start: f64) {
+        memory.exchange = Some(Exchange::new(layout, start).into());
     }
 
     fn count_relations(

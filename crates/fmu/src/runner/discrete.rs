@@ -91,9 +91,9 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         values: &mut ValueStore,
         step: Step,
         parts: u64,
-    ) -> Result<(), StepError> {
+    ) -> Result<Option<f64>, StepError> {
         if parts == 0 {
-            return Ok(());
+            return Ok(None);
         }
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         let period = sample_time(layout, values);
@@ -102,7 +102,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
                 let time = step.start + sample as i64 as f64 * period;
                 Self::sample(p, derived, state, layout, values, time)?;
             }
-            Ok(())
+            Ok(None)
         };
         samples().inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))
     }

@@ -20,7 +20,7 @@ pub(super) struct Exchange {
     /// Change of each declared zero crossing that belongs to the nominal values.
     scales: Box<[f64]>,
     /// Time up to which time events were handled in s.
-    handled: f64,
+    pub(super) handled: f64,
     /// Inputs and states, then what is computed from them, as numbers of the equations.
     known: Box<[Relational]>,
     unknown: Box<[Relational]>,

@@ -57,13 +57,14 @@ impl<M: Stateful> Model for StatefulModel<M> {
         values: &mut ValueStore,
         step: Step,
         _: u64,
-    ) -> Result<(), StepError> {
+    ) -> Result<Option<f64>, StepError> {
         let inputs = M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         p.step(simulation, &inputs, step.time, step.step).map_err(StepError::Rejected)?;
         p.outputs(simulation).write(&mut values.view_mut(), layout.outputs.at);
         first_not_finite(&values.reals, layout.outputs.reals(), step.time + step.step)
-            .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))
+            .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))?;
+        Ok(None)
     }
 
     fn outputs(p: &M, (): &(), simulation: &M::Simulation, layout: &Layout, values: &mut ValueStore, _: f64) {
