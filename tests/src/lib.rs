@@ -12,7 +12,7 @@ pub mod symbols;
 
 use fmu_import::archive::Archive;
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Causality, ModelDescription, Variability, Variable};
+use fmu_import::description::{BaseType, Causality, Interface, ModelDescription, Variability, Variable};
 use fmu_import::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -152,7 +152,7 @@ impl Fmu {
         };
         let xml = archive.description_text().unwrap_or_else(|error| panic!("{error}"));
         let description = archive.description().unwrap_or_else(|error| panic!("{error}"));
-        let unpacked = archive.unpack(&name).unwrap_or_else(|error| panic!("{error}"));
+        let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
         before_loading(&unpacked.binary);
         let library = Library::load(unpacked).unwrap_or_else(|error| panic!("{error}"));
         Self { name, path: path.to_path_buf(), description, xml, library }

@@ -8,6 +8,7 @@
 use crate::Fmu;
 use fmu_import::archive::{Archive, Unpacked};
 use fmu_import::c_api::{self, Component, RawStatus, Reference, State};
+use fmu_import::description::Interface;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
 use std::ptr;
@@ -131,7 +132,7 @@ impl Raw {
     /// When it cannot be loaded.
     #[must_use]
     pub fn load(fmu: &Fmu) -> Self {
-        let unpacked = unpack(&fmu.path, &fmu.name);
+        let unpacked = unpack(fmu);
         // SAFETY: the library is one of this project's, its initializers do nothing.
         let library = unsafe { libloading::Library::new(&unpacked.binary) }.unwrap_or_else(|error| panic!("{error}"));
         Self { library, unpacked, guid: fmu.description.guid.clone() }
@@ -547,8 +548,9 @@ impl RawState {
     }
 }
 
-fn unpack(path: &Path, name: &str) -> Unpacked {
-    let unpacked = Archive::open(path).and_then(|mut archive| archive.unpack(name));
+fn unpack(fmu: &Fmu) -> Unpacked {
+    let unpacked =
+        Archive::open(&fmu.path).and_then(|mut archive| archive.unpack(&fmu.description, Interface::CoSimulation));
     unpacked.unwrap_or_else(|error| panic!("{error}"))
 }
 

@@ -153,7 +153,9 @@ fn every_variable_can_be_set_when_the_standard_says_so_and_not_otherwise() {
                 Causality::Parameter => (true, variable.variability == Variability::Tunable),
                 // initial = exact: states, and the held outputs of discrete-time models.
                 Causality::Output | Causality::Local => (has_start, false),
-                Causality::CalculatedParameter | Causality::Independent => (false, false),
+                Causality::CalculatedParameter | Causality::Independent | Causality::StructuralParameter => {
+                    (false, false)
+                }
             };
             for (instance, allowed) in [(&mut before, at_start), (&mut initializing, at_start), (&mut stepping, later)]
             {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use fmu_import::archive::Archive;
-use fmu_import::description::ModelDescription;
+use fmu_import::description::{Interface, ModelDescription};
 use tempfile::TempDir;
 use tests::workspace;
 
@@ -207,7 +207,7 @@ fn a_workspace_of_several_models_packs() {
     assert_eq!(description.author.as_deref(), Some("Ada, Grace"));
     assert_eq!(description.license.as_deref(), Some("ISC"));
     assert_eq!(description.version.as_deref(), Some("1.2.3"));
-    let unpacked = archive.unpack("Widget").unwrap_or_else(|error| panic!("{error}"));
+    let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
     let table = std::fs::read_to_string(unpacked.resources.join("tables/deep/values.csv"));
     assert_eq!(table.expect("the resource is there"), "1,2\n");
     for fmu in ["Widget", "Renamed", "Pair"] {

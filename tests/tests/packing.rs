@@ -4,7 +4,7 @@
 //! `modelDescription/`. All comparisons are exact.
 
 use fmu_import::archive::{Archive, platform};
-use fmu_import::description::Causality;
+use fmu_import::description::{Causality, Interface};
 use fmu_import::loader::{Instance, exported_descriptions};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -124,7 +124,8 @@ fn binaries_know_their_description_only() {
 fn binaries_are_told_their_guid() {
     for path in paths() {
         let mut archive = Archive::open(&path).unwrap_or_else(|error| panic!("{error}"));
-        let unpacked = archive.unpack(&name_of(&path)).unwrap_or_else(|error| panic!("{error}"));
+        let description = archive.description().unwrap_or_else(|error| panic!("{error}"));
+        let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
         let descriptions = exported_descriptions(&unpacked.binary, 2, 3).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(descriptions, [], "{}", path.display());
     }

@@ -1,7 +1,8 @@
-//! The `.fmu` file: a zip archive with a description, binaries and resources (FMI 2.0.4, section 2.3).
+//! The `.fmu` file: a zip archive with a description, binaries and resources (FMI 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
 
-use crate::description::{ModelDescription, XmlError};
+use crate::description::{FmiVersion, Interface, ModelDescription, XmlError};
 use crate::directory::{self, DirectoryError, Entry};
+use crate::signature::Signature;
 use crate::temporary::Folder;
 use crate::terminal;
 use object::{FileKind, Object as _, ObjectSegment as _, ReadCache};
@@ -70,7 +71,7 @@ pub enum ArchiveError {
     #[error(
         "{}: no binary for {wanted} (binaries/{wanted}/{file}); the FMU has {}",
         path.display(),
-        if found.is_empty() { "none".to_string() } else { found.join(", ") }
+        listed(&found.iter().map(String::as_str).collect::<Vec<_>>())
     )]
     NoBinary {
         /// The archive.
@@ -82,6 +83,20 @@ pub enum ArchiveError {
         /// Platforms that the archive has.
         found: Vec<String>,
     },
+    /// The FMU lacks the interface that was asked for.
+    #[error("{}: the FMU has no interface for {interface}; it has {}", path.display(), listed(found))]
+    NoInterface {
+        /// The archive.
+        path: PathBuf,
+        /// Interface that was asked for.
+        interface: Interface,
+        /// Interfaces of the FMU.
+        found: Vec<&'static str>,
+    },
+}
+
+fn listed(names: &[&str]) -> String {
+    if names.is_empty() { "none".to_string() } else { names.join(", ") }
 }
 
 /// FMI 2.0 name of the platform this program runs on: the folder below `binaries/`.
@@ -107,6 +122,32 @@ pub const fn platform() -> &'static str {
     }
 }
 
+/// Name of the platform this program runs on in a version of FMI.
+#[must_use]
+pub const fn platform_of(fmi: FmiVersion) -> &'static str {
+    if matches!(fmi, FmiVersion::V2) {
+        platform()
+    } else if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        "x86_64-linux"
+    } else if cfg!(all(target_os = "linux", target_arch = "x86")) {
+        "x86-linux"
+    } else if cfg!(all(target_os = "windows", target_arch = "x86_64")) {
+        "x86_64-windows"
+    } else if cfg!(all(target_os = "windows", target_arch = "x86")) {
+        "x86-windows"
+    } else if cfg!(all(target_os = "windows", target_arch = "aarch64")) {
+        "aarch64-windows"
+    } else if cfg!(all(target_os = "macos", target_arch = "x86_64")) {
+        "x86_64-darwin"
+    } else if cfg!(all(target_os = "macos", target_arch = "aarch64")) {
+        "aarch64-darwin"
+    } else if cfg!(all(target_os = "linux", target_arch = "aarch64")) {
+        "aarch64-linux"
+    } else {
+        "unknown"
+    }
+}
+
 /// An open `.fmu` file.
 pub struct Archive {
     path: PathBuf,
@@ -120,13 +161,15 @@ pub struct Unpacked {
     pub binary: PathBuf,
     /// Folder of the resources; empty where the FMU has none.
     pub resources: PathBuf,
+    /// What a caller of the library has to know of its description.
+    pub(crate) signature: Signature,
     _folder: Option<Folder>,
 }
 
 impl Unpacked {
     /// What another process has unpacked, which also removes it.
-    pub(crate) fn elsewhere(binary: PathBuf, resources: PathBuf) -> Self {
-        Self { binary, resources, _folder: None }
+    pub(crate) fn elsewhere(binary: PathBuf, resources: PathBuf, signature: Signature) -> Self {
+        Self { binary, resources, signature, _folder: None }
     }
 }
 
@@ -198,7 +241,7 @@ impl Archive {
     /// Reads and parses `modelDescription.xml`.
     ///
     /// # Errors
-    /// Those of [`Self::description_text`], or it is not a description of FMI 2.0.
+    /// Those of [`Self::description_text`], or it is not a description of FMI 2.0 or 3.0.
     pub fn description(&mut self) -> Result<ModelDescription, ArchiveError> {
         let text = self.description_text()?;
         ModelDescription::parse(&text).map_err(|cause| ArchiveError::Description { path: self.path.clone(), cause })
@@ -221,20 +264,26 @@ impl Archive {
         platforms
     }
 
-    /// Unpacks the binaries of this platform and the resources into a new temporary folder.
-    ///
-    /// `model_identifier` is the file stem of the binary.
+    /// Unpacks the binaries of this platform and the resources into a new temporary folder, to use an interface of the FMU.
+    /// The description is that of the archive.
     ///
     /// # Errors
-    /// The archive has no binary for this platform, is damaged, or the temporary folder cannot be written.
-    pub fn unpack(&mut self, model_identifier: &str) -> Result<Unpacked, ArchiveError> {
-        let file = format!("{model_identifier}{}", std::env::consts::DLL_SUFFIX);
-        let folder_name = format!("binaries/{}/", platform());
+    /// The FMU lacks the interface, the archive has no binary for this platform, is damaged, or the temporary folder cannot
+    /// be written.
+    pub fn unpack(&mut self, description: &ModelDescription, interface: Interface) -> Result<Unpacked, ArchiveError> {
+        let identifier = description.model_identifier(interface).ok_or_else(|| ArchiveError::NoInterface {
+            path: self.path.clone(),
+            interface,
+            found: interfaces(description),
+        })?;
+        let platform = platform_of(description.fmi);
+        let file = format!("{identifier}{}", std::env::consts::DLL_SUFFIX);
+        let folder_name = format!("binaries/{platform}/");
         let library = format!("{folder_name}{file}");
         if self.zip.index_for_name(&library).is_none() {
             return Err(ArchiveError::NoBinary {
                 path: self.path.clone(),
-                wanted: platform(),
+                wanted: platform,
                 file,
                 found: self.platforms(),
             });
@@ -281,15 +330,26 @@ impl Archive {
             }
         }
         // Joined part by part: Windows loads no library from a path with slashes.
-        let binary = folder.path().join("binaries").join(platform()).join(file);
+        let binary = folder.path().join("binaries").join(platform).join(file);
         if !is_whole(&binary).map_err(io_error(&binary))? {
             return Err(ArchiveError::Rejected {
                 path: self.path.clone(),
                 reason: format!("the library `{library}` is damaged or cut off"),
             });
         }
-        Ok(Unpacked { binary, resources, _folder: Some(folder) })
+        let signature = Signature::new(description, interface);
+        Ok(Unpacked { binary, resources, signature, _folder: Some(folder) })
     }
+}
+
+/// Interfaces of an FMU, for messages.
+fn interfaces(description: &ModelDescription) -> Vec<&'static str> {
+    let interfaces = [
+        (description.co_simulation.is_some(), "co-simulation"),
+        (description.model_exchange.is_some(), "model exchange"),
+        (description.has_scheduled_execution, "scheduled execution"),
+    ];
+    interfaces.into_iter().filter_map(|(is_there, name)| is_there.then_some(name)).collect()
 }
 
 /// Whether a library has all the parts that it says it has. The loader of ELF files maps them without looking, and the
@@ -442,8 +502,9 @@ mod tests {
             ],
         );
         let mut archive = Archive::open(&path).unwrap();
-        assert_eq!(archive.description().unwrap().model_name, "Vehicle");
-        let unpacked = archive.unpack("Vehicle").unwrap();
+        let description = archive.description().unwrap();
+        assert_eq!(description.model_name, "Vehicle");
+        let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap();
         assert_eq!(std::fs::read_to_string(&unpacked.binary).unwrap(), "code");
         let table = unpacked.resources.join("tables/tire.csv");
         assert_eq!(std::fs::read_to_string(&table).unwrap(), "1,2");
@@ -464,10 +525,28 @@ mod tests {
                 ("binaries/vms/Vehicle.exe", ""),
             ],
         );
-        let error = Archive::open(&path).unwrap().unpack("Vehicle").unwrap_err();
-        let text = error.to_string();
+        let mut archive = Archive::open(&path).unwrap();
+        let description = archive.description().unwrap();
+        let text = archive.unpack(&description, Interface::CoSimulation).unwrap_err().to_string();
         assert!(text.contains(&format!("no binary for {}", platform())), "{text}");
         assert!(text.ends_with("the FMU has amiga68k, vms"), "{text}");
+        let text = archive.unpack(&description, Interface::ModelExchange).unwrap_err().to_string();
+        assert!(text.ends_with("the FMU has no interface for model exchange; it has co-simulation"), "{text}");
+    }
+
+    /// FMI 3.0 names platforms otherwise.
+    #[test]
+    fn binaries_of_fmi_3_are_found() {
+        let folder = TempDir::new().unwrap();
+        let tank = include_str!("../tests/data/Tank.xml");
+        let binary = |fmi| format!("binaries/{}/Tank{}", platform_of(fmi), std::env::consts::DLL_SUFFIX);
+        assert_ne!(platform_of(FmiVersion::V2), platform_of(FmiVersion::V3));
+        let (old, new) = (binary(FmiVersion::V2), binary(FmiVersion::V3));
+        let path = fmu(&folder, &[("modelDescription.xml", tank), (&old, "old"), (&new, "new")]);
+        let mut archive = Archive::open(&path).unwrap();
+        let description = archive.description().unwrap();
+        let unpacked = archive.unpack(&description, Interface::ModelExchange).unwrap();
+        assert_eq!(std::fs::read_to_string(&unpacked.binary).unwrap(), "new");
     }
 
     #[test]

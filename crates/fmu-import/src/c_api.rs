@@ -1,7 +1,9 @@
-//! The C types of FMI 2.0 for co-simulation.
+//! The C types of FMI 2.0, and in [`v3`] those of FMI 3.0.
 //!
-//! Source: FMI 2.0.4, sections 2.1 and 4.2, and its headers `fmi2TypesPlatform.h` ("default") and
+//! Source: FMI 2.0.4, sections 2.1, 3.2 and 4.2, and its headers `fmi2TypesPlatform.h` ("default") and
 //! `fmi2FunctionTypes.h`. Only types stand here; they are called in [`crate::loader`].
+
+pub mod v3;
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
@@ -20,6 +22,8 @@ pub type RawStatus = c_int;
 pub const TRUE: Boolean = 1;
 /// `fmi2False`.
 pub const FALSE: Boolean = 0;
+/// `fmi2ModelExchange` of `fmi2Type`.
+pub const MODEL_EXCHANGE: c_int = 0;
 /// `fmi2CoSimulation` of `fmi2Type`.
 pub const CO_SIMULATION: c_int = 1;
 
@@ -95,3 +99,32 @@ pub type GetOutputDerivatives =
 pub type DoStep = unsafe extern "C" fn(Component, f64, f64, Boolean) -> RawStatus;
 /// `fmi2GetStatus` and its kin: kind of `fmi2StatusKind`, value.
 pub type GetStatus<T> = unsafe extern "C" fn(Component, c_int, *mut T) -> RawStatus;
+/// `fmi2SetTime`.
+pub type SetTime = unsafe extern "C" fn(Component, f64) -> RawStatus;
+/// `fmi2SetContinuousStates`: values, their number.
+pub type SetNumbers = unsafe extern "C" fn(Component, *const f64, usize) -> RawStatus;
+/// `fmi2GetDerivatives`, `fmi2GetContinuousStates`, `fmi2GetEventIndicators`, `fmi2GetNominalsOfContinuousStates`: values,
+/// their number.
+pub type GetNumbers = unsafe extern "C" fn(Component, *mut f64, usize) -> RawStatus;
+/// `fmi2NewDiscreteStates`.
+pub type NewDiscreteStates = unsafe extern "C" fn(Component, *mut EventInfo) -> RawStatus;
+/// `fmi2CompletedIntegratorStep`: no state will be restored before this time; enter Event Mode, terminate.
+pub type CompletedIntegratorStep = unsafe extern "C" fn(Component, Boolean, *mut Boolean, *mut Boolean) -> RawStatus;
+
+/// `fmi2EventInfo`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+pub struct EventInfo {
+    /// The event goes on.
+    pub new_discrete_states_needed: Boolean,
+    /// The FMU wants the simulation to end.
+    pub terminate_simulation: Boolean,
+    /// Nominal values of continuous states have changed.
+    pub nominals_of_continuous_states_changed: Boolean,
+    /// Continuous states have changed.
+    pub values_of_continuous_states_changed: Boolean,
+    /// There is a next time event.
+    pub next_event_time_defined: Boolean,
+    /// Time of the next event, s.
+    pub next_event_time: f64,
+}

@@ -1,23 +1,28 @@
-//! Reads `modelDescription.xml` of an FMI 2.0 FMU.
+//! Reads `modelDescription.xml` of an FMU of FMI 2.0 or 3.0.
 //!
-//! Source: FMI 2.0.4, section 2.2 (attributes, defaults, model structure) and 4.3 (co-simulation).
-//! Type definitions are resolved: a [`Variable`] carries the unit, limits and items it inherits.
+//! Source: FMI 2.0.4, sections 2.2, 3.3 and 4.3; FMI 3.0.2, sections 2.4, 3.4 and 4.4.
+//! Type definitions are resolved: a [`Variable`] carries the unit, limits and items it inherits. The names are those of
+//! FMI 2.0 where the versions differ: the instantiation token of FMI 3.0 is the [`guid`](ModelDescription::guid).
 
+mod interface;
 mod read;
 
 use crate::c_api::Reference;
 pub use crate::xml::XmlError;
+pub use interface::{CoSimulation, FmiVersion, Interface, ModelExchange};
 use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Contents of `modelDescription.xml`.
 #[derive(Debug, Clone)]
 pub struct ModelDescription {
-    /// FMI version, `"2.0"`.
+    /// FMI version.
+    pub fmi: FmiVersion,
+    /// FMI version as written, such as `2.0` or `3.0.1`.
     pub fmi_version: String,
     /// Name of the model as modeled.
     pub model_name: String,
-    /// Fingerprint that the binary checks at instantiation.
+    /// Fingerprint that the binary checks at instantiation: GUID (FMI 2.0) or instantiation token (FMI 3.0).
     pub guid: String,
     /// One-line description.
     pub description: Option<String>,
@@ -37,51 +42,32 @@ pub struct ModelDescription {
     pub variable_naming_convention: String,
     /// The co-simulation interface, if it has one.
     pub co_simulation: Option<CoSimulation>,
-    /// Model identifier of the model-exchange interface, if it has one.
-    pub model_exchange: Option<String>,
+    /// The model-exchange interface, if it has one.
+    pub model_exchange: Option<ModelExchange>,
+    /// It has an interface for scheduled execution (FMI 3.0), which this crate does not use.
+    pub has_scheduled_execution: bool,
     /// Unit definitions.
     pub units: Vec<Unit>,
     /// Names of the log categories.
     pub log_categories: Vec<String>,
     /// Default experiment; empty where nothing is said.
     pub default_experiment: DefaultExperiment,
-    /// Variables in document order.
+    /// Variables in document order, without those of the types Binary and Clock. An alias follows its variable.
     pub variables: Vec<Variable>,
+    /// Variables of the types Binary and Clock (FMI 3.0), which this crate neither reads nor sets.
+    pub opaque_variables: Vec<OpaqueVariable>,
     /// Outputs of the model structure.
     pub outputs: Vec<Unknown>,
     /// State derivatives of the model structure.
     pub derivatives: Vec<Unknown>,
     /// Initial unknowns of the model structure.
     pub initial_unknowns: Vec<Unknown>,
+    /// Event indicators of the model structure (FMI 3.0).
+    pub event_indicators: Vec<Unknown>,
+    /// Number of event indicators, elements of arrays counted.
+    pub number_of_event_indicators: usize,
     by_name: HashMap<String, usize>,
     units_by_name: HashMap<String, usize>,
-}
-
-/// Identifier and capabilities of the co-simulation interface (FMI 2.0.4, section 4.3.1).
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct CoSimulation {
-    /// File stem of the binary; a C identifier.
-    pub model_identifier: String,
-    /// The FMU is a wrapper that needs its tool.
-    pub needs_execution_tool: bool,
-    /// The communication step may change.
-    pub can_handle_variable_communication_step_size: bool,
-    /// Inputs may be given with derivatives.
-    pub can_interpolate_inputs: bool,
-    /// Highest output derivative offered.
-    pub max_output_derivative_order: u32,
-    /// `fmi2DoStep` may return before it is done.
-    pub can_run_asynchronously: bool,
-    /// At most one instance per process.
-    pub can_be_instantiated_only_once_per_process: bool,
-    /// The memory callbacks are not used.
-    pub can_not_use_memory_management_functions: bool,
-    /// The state can be saved and restored.
-    pub can_get_and_set_fmu_state: bool,
-    /// The state can be turned into bytes.
-    pub can_serialize_fmu_state: bool,
-    /// Directional derivatives are offered.
-    pub provides_directional_derivative: bool,
 }
 
 /// Experiment the author suggests; `None` where nothing is said.
@@ -145,6 +131,8 @@ pub enum Causality {
     Local,
     /// Time.
     Independent,
+    /// Size of arrays (FMI 3.0), set in Configuration Mode only.
+    StructuralParameter,
 }
 
 /// When a variable may change.
@@ -173,19 +161,63 @@ pub enum Initial {
     Calculated,
 }
 
-/// Base type as the C interface tells them apart; an enumeration travels as an integer.
+/// Base type as the C interface of FMI 2.0 tells them apart; an enumeration travels as an integer.
+///
+/// FMI 3.0 has more types: a Real is a Float64 or Float32, an Integer one of eight integer types. [`Variable::data_type`]
+/// tells them apart.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
 )]
 pub enum BaseType {
-    /// `fmi2Real`.
+    /// A floating-point number.
     Real,
-    /// `fmi2Integer`.
+    /// An integer.
     Integer,
-    /// `fmi2Boolean`.
+    /// A Boolean.
     Boolean,
-    /// `fmi2String`.
+    /// A String.
     String,
+}
+
+/// Type of a variable in FMI 3.0. A Real of FMI 2.0 is a Float64, an Integer an Int32.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[allow(missing_docs)]
+pub enum DataType {
+    Float32,
+    Float64,
+    Int8,
+    UInt8,
+    Int16,
+    UInt16,
+    Int32,
+    UInt32,
+    Int64,
+    UInt64,
+    Boolean,
+    String,
+    Enumeration,
+    Binary,
+    Clock,
+}
+
+impl DataType {
+    /// The base type; `None` for a Binary or a Clock.
+    #[must_use]
+    pub fn base_type(self) -> Option<BaseType> {
+        match self {
+            Self::Float32 | Self::Float64 => Some(BaseType::Real),
+            Self::Boolean => Some(BaseType::Boolean),
+            Self::String => Some(BaseType::String),
+            Self::Binary | Self::Clock => None,
+            _ => Some(BaseType::Integer),
+        }
+    }
+}
+
+impl std::fmt::Display for DataType {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        std::fmt::Debug::fmt(self, f)
+    }
 }
 
 impl std::fmt::Display for BaseType {
@@ -200,13 +232,13 @@ impl std::fmt::Display for BaseType {
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum Value {
-    /// `fmi2Integer`, also of an enumeration.
+    /// An Integer or an item of an enumeration.
     Integer(i32),
-    /// `fmi2Real`.
+    /// A Real.
     Real(f64),
-    /// `fmi2Boolean`.
+    /// A Boolean.
     Boolean(bool),
-    /// `fmi2String`.
+    /// A String.
     String(String),
 }
 
@@ -234,12 +266,12 @@ impl std::fmt::Display for Value {
     }
 }
 
-/// A scalar variable.
+/// A variable: a scalar, or an array of FMI 3.0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Unique name.
     pub name: String,
-    /// Value reference, unique per base type but for aliases.
+    /// Value reference, but for aliases unique per base type (FMI 2.0) or in the FMU (FMI 3.0).
     pub reference: Reference,
     /// Description.
     pub description: Option<String>,
@@ -251,8 +283,18 @@ pub struct Variable {
     pub initial: Option<Initial>,
     /// Base type.
     pub base_type: BaseType,
-    /// Start value.
+    /// Type in FMI 3.0.
+    pub data_type: DataType,
+    /// Sizes of an array; empty for a scalar.
+    pub dimensions: Vec<Dimension>,
+    /// Number of elements with the start values of the sizes; 1 for a scalar.
+    pub size: usize,
+    /// Start value of a scalar that a [`Value`] can hold.
     pub start: Option<Value>,
+    /// Start values of an array, one per element; empty without them.
+    pub starts: Vec<Value>,
+    /// Start value as written where neither of these can hold it, such as an integer of more than 32 bits.
+    pub other_start: Option<String>,
     /// Smallest value of a Real, Integer or enumeration.
     pub min: Option<f64>,
     /// Largest value of a Real, Integer or enumeration.
@@ -273,13 +315,59 @@ pub struct Variable {
     pub items: Arc<[Item]>,
     /// Index of the variable whose derivative this is.
     pub derivative_of: Option<usize>,
+    /// Index of the variable whose second name this is (`<Alias>` of FMI 3.0). An alias of an output is an output, any
+    /// other is local, so that each value is set by one name.
+    pub alias_of: Option<usize>,
+}
+
+/// Size of an array in one dimension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimension {
+    /// A number.
+    Fixed(usize),
+    /// The value of the structural parameter with this index into [`ModelDescription::variables`].
+    Parameter(usize),
+}
+
+/// A variable of the type Binary or Clock.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OpaqueVariable {
+    /// Unique name.
+    pub name: String,
+    /// Value reference.
+    pub reference: Reference,
+    /// Binary or Clock.
+    pub data_type: DataType,
+    /// Role.
+    pub causality: Causality,
+    /// Description.
+    pub description: Option<String>,
 }
 
 impl Variable {
+    /// Whether it is an array.
+    #[must_use]
+    pub fn is_array(&self) -> bool {
+        !self.dimensions.is_empty()
+    }
+
+    /// Whether the description has a start value.
+    #[must_use]
+    pub fn has_start(&self) -> bool {
+        self.start.is_some() || !self.starts.is_empty() || self.other_start.is_some()
+    }
+
     /// Why this output cannot be wired to that input: what the one is and what the other; `None`: it can. The base types
     /// have to be the same, and the units of measure where both have one.
     #[must_use]
     pub fn mismatch(&self, input: &Self) -> Option<[String; 2]> {
+        if self.is_array() || input.is_array() {
+            let shape = |variable: &Self| match variable.is_array() {
+                true => format!("an array of {} elements, which no connection takes", variable.size),
+                false => "a scalar".to_owned(),
+            };
+            return Some([self, input].map(shape));
+        }
         if self.base_type != input.base_type {
             return Some([self, input].map(|variable| variable.base_type.to_string()));
         }
@@ -321,7 +409,7 @@ pub struct Unknown {
     pub kinds: Vec<DependencyKind>,
 }
 
-/// Kind of a dependency (FMI 2.0.4, section 2.2.8).
+/// Kind of a dependency (FMI 2.0.4, section 2.2.8; FMI 3.0.2, section 2.4.8).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DependencyKind {
     /// No particular structure.
@@ -347,6 +435,28 @@ impl ModelDescription {
     #[must_use]
     pub fn index(&self, name: &str) -> Option<usize> {
         self.by_name.get(name).copied()
+    }
+
+    /// Number of continuous states, elements of arrays counted.
+    #[must_use]
+    pub fn number_of_states(&self) -> usize {
+        self.derivatives.iter().map(|unknown| self.variables[unknown.variable].size).sum()
+    }
+
+    /// The interfaces of the FMU that an instance can be made for.
+    #[must_use]
+    pub fn interfaces(&self) -> Vec<Interface> {
+        let interfaces = [Interface::CoSimulation, Interface::ModelExchange];
+        interfaces.into_iter().filter(|interface| self.model_identifier(*interface).is_some()).collect()
+    }
+
+    /// File stem of the binary for an interface; `None` if the FMU lacks the interface.
+    #[must_use]
+    pub fn model_identifier(&self, interface: Interface) -> Option<&str> {
+        match interface {
+            Interface::CoSimulation => self.co_simulation.as_ref().map(|unit| unit.model_identifier.as_str()),
+            Interface::ModelExchange => self.model_exchange.as_ref().map(|unit| unit.model_identifier.as_str()),
+        }
     }
 
     /// The unit definition of that name.

@@ -1,8 +1,9 @@
 //! An FMU ready for use: description and binary.
 
 use crate::archive::{Archive, ArchiveError, Unpacked};
-use crate::description::{CoSimulation, ModelDescription};
+use crate::description::{Interface, ModelDescription};
 use crate::loader::{CallError, Instance, Library, LoadError};
+use crate::signature::Signature;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -23,9 +24,6 @@ pub enum FmuError {
     /// A call.
     #[error(transparent)]
     Call(#[from] CallError),
-    /// It is made for model exchange only.
-    #[error("{}: the FMU has no co-simulation interface", .0.display())]
-    NoCoSimulation(PathBuf),
     /// Its second instance in this process.
     #[error("{}: the FMU allows only one instance at a time", .0.display())]
     OnlyOnce(PathBuf),
@@ -40,6 +38,7 @@ pub struct Binary {
     only_once: bool,
     library: PathBuf,
     resources: PathBuf,
+    signature: Signature,
 }
 
 impl Binary {
@@ -52,7 +51,7 @@ impl Binary {
     /// # Errors
     /// As [`Library::load`].
     pub fn load_elsewhere(&self) -> Result<Arc<Library>, FmuError> {
-        self.load(Unpacked::elsewhere(self.library.clone(), self.resources.clone()).into())
+        self.load(Unpacked::elsewhere(self.library.clone(), self.resources.clone(), self.signature.clone()).into())
     }
 
     /// A new instance.
@@ -80,19 +79,26 @@ pub struct Fmu(Arc<Inner>);
 #[derive(Debug)]
 struct Inner {
     description: ModelDescription,
-    co_simulation: CoSimulation,
     binary: Binary,
     unpacked: Arc<Unpacked>,
     library: OnceLock<Arc<Library>>,
 }
 
 impl Fmu {
-    /// Opens a `.fmu` file: reads its description, unpacks it and loads its binary.
+    /// Opens a `.fmu` file for co-simulation: reads its description, unpacks it and loads its binary.
     ///
     /// # Errors
-    /// The file is no usable FMU 2.0 for co-simulation on this machine.
+    /// The file is no usable FMU for co-simulation on this machine.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FmuError> {
-        let fmu = Self::unpack(path)?;
+        Self::open_for(path, Interface::CoSimulation)
+    }
+
+    /// Opens a `.fmu` file as [`Self::open`] does, for one of its interfaces.
+    ///
+    /// # Errors
+    /// The file is no usable FMU for this interface on this machine.
+    pub fn open_for(path: impl AsRef<Path>, interface: Interface) -> Result<Self, FmuError> {
+        let fmu = Self::unpack_for(path.as_ref(), interface)?;
         fmu.load()?;
         Ok(fmu)
     }
@@ -101,22 +107,32 @@ impl Fmu {
     /// makes none, nothing of the binary is executed.
     ///
     /// # Errors
-    /// The file is no FMU 2.0 for co-simulation, or has no binary for this machine.
+    /// The file is no FMU for co-simulation, or has no binary for this machine.
     pub fn unpack(path: impl AsRef<Path>) -> Result<Self, FmuError> {
-        let path = path.as_ref();
+        Self::unpack_for(path.as_ref(), Interface::CoSimulation)
+    }
+
+    fn unpack_for(path: &Path, interface: Interface) -> Result<Self, FmuError> {
         let mut archive = Archive::open(path)?;
         let description = archive.description()?;
-        let co_simulation =
-            description.co_simulation.clone().ok_or_else(|| FmuError::NoCoSimulation(path.to_path_buf()))?;
-        let unpacked = Arc::new(archive.unpack(&co_simulation.model_identifier)?);
+        let unpacked = Arc::new(archive.unpack(&description, interface)?);
+        let only_once = match interface {
+            Interface::CoSimulation => {
+                description.co_simulation.as_ref().is_some_and(|unit| unit.can_be_instantiated_only_once_per_process)
+            }
+            Interface::ModelExchange => {
+                description.model_exchange.as_ref().is_some_and(|unit| unit.can_be_instantiated_only_once_per_process)
+            }
+        };
         let binary = Binary {
             fmu: path.to_path_buf(),
             guid: description.guid.clone(),
-            only_once: co_simulation.can_be_instantiated_only_once_per_process,
+            only_once,
             library: unpacked.binary.clone(),
             resources: unpacked.resources.clone(),
+            signature: unpacked.signature.clone(),
         };
-        Ok(Self(Arc::new(Inner { description, co_simulation, binary, unpacked, library: OnceLock::new() })))
+        Ok(Self(Arc::new(Inner { description, binary, unpacked, library: OnceLock::new() })))
     }
 
     /// Loads its binary now.
@@ -152,12 +168,6 @@ impl Fmu {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.0.binary.fmu
-    }
-
-    /// The co-simulation interface of the description.
-    #[must_use]
-    pub fn co_simulation(&self) -> &CoSimulation {
-        &self.0.co_simulation
     }
 
     /// A new instance. It keeps the library loaded.

@@ -1,4 +1,4 @@
-//! Reads, loads and validates FMI 2.0 co-simulation FMUs of any origin.
+//! Reads, loads and validates FMUs of FMI 2.0 and 3.0 of any origin, for co-simulation and model exchange.
 //!
 //! FMUs are seen as a stranger sees them: through the `.fmu` file and its C functions. From the bottom up:
 //!
@@ -26,6 +26,7 @@ pub mod xml;
 
 mod directory;
 mod python;
+mod signature;
 
 /// The example in the readme compiles.
 #[cfg(doctest)]

@@ -28,7 +28,8 @@ pub struct Linear {
 pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, String> {
     let fmu = Fmu::open(path).map_err(|error| error.to_string())?;
     let description = fmu.description();
-    if !fmu.co_simulation().provides_directional_derivative || description.derivatives.is_empty() {
+    let has_derivatives = description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative);
+    if !has_derivatives || description.derivatives.is_empty() {
         return Err(format!(
             "{} cannot be linearized: it lists no continuous states with directional derivatives (only plants do)",
             description.model_name

@@ -1,7 +1,7 @@
 //! Loads the shared library of an FMU and gives its C functions a safe interface.
 //!
-//! The only unsafe code of the crate. What the compiler cannot check is stated at each block; what
-//! remains is trust in the binary itself: a library that does not keep to the FMI 2.0 interface can
+//! One safe [`Instance`] serves FMI 2.0 and 3.0, co-simulation and model exchange. The only unsafe code of the crate. What the compiler cannot check is stated at each block; what
+//! remains is trust in the binary itself: a library that does not keep to the FMI interface can
 //! do anything to the process, as with every importer that loads FMUs into itself.
 
 #![allow(unsafe_code)]
@@ -12,6 +12,8 @@ mod error;
 mod functions;
 mod instance;
 mod library;
+mod model_exchange;
+mod special;
 mod states;
 mod status;
 mod strings;
@@ -21,4 +23,5 @@ pub(crate) use callbacks::memory_callbacks;
 pub use error::{CallError, CallProblem, LoadError, Message, Status};
 pub use instance::Instance;
 pub use library::{Library, exported_descriptions, flush_prints, not_exported};
+pub use model_exchange::{CompletedStep, EventUpdate};
 pub use states::SavedState;

@@ -90,6 +90,7 @@ pub(crate) fn role(variable: &Variable) -> &'static str {
         (Causality::Output, _) => "an output",
         (Causality::Local, _) => "a local variable",
         (Causality::Independent, _) => "the time",
+        (Causality::StructuralParameter, _) => "a structural parameter, which sets the size of arrays",
     }
 }
 

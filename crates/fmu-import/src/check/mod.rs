@@ -9,12 +9,11 @@ mod behavior;
 mod rules;
 
 use crate::archive::Archive;
-use crate::description::ModelDescription;
+use crate::description::{FmiVersion, Interface, ModelDescription};
 use crate::loader::{self, Library, LoadError};
 use crate::terminal;
 use std::fmt;
 use std::path::Path;
-use std::sync::Arc;
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -160,15 +159,14 @@ pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
 #[must_use]
 pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
     let mut findings = Vec::new();
-    match ModelDescription::parse(description) {
-        Ok(parsed) => {
-            rules::check(description, &parsed, &mut |finding| findings.push(finding));
-        }
-        Err(error) => findings.push(Finding::error("modelDescription.xml", error.to_string())),
-    }
+    let parsed = match ModelDescription::parse(description) {
+        Ok(parsed) => parsed,
+        Err(error) => return vec![Finding::error("modelDescription.xml", error.to_string())],
+    };
+    rules::check(description, &parsed, &mut |finding| findings.push(finding));
     for library in libraries {
-        match loader::not_exported(library) {
-            Ok(functions) => findings.extend(functions.into_iter().map(missing)),
+        match loader::not_exported(library, parsed.fmi, &parsed.interfaces()) {
+            Ok(functions) => findings.extend(functions.into_iter().map(|function| missing(function, parsed.fmi))),
             Err(error) => findings.push(Finding::error("binary", error.to_string())),
         }
     }
@@ -193,34 +191,28 @@ fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
         ..Checked::default()
     };
     tell(Event::Checked(checked.clone()));
-    let Some(co_simulation) = &description.co_simulation else {
+    if description.co_simulation.is_none() {
         return tell(Event::Found(Finding::error("CoSimulation", "is missing: the FMU cannot be stepped by a master")));
-    };
+    }
     tell(Event::Trying("loading the binary".to_owned()));
-    let unpacked = match archive.unpack(&co_simulation.model_identifier) {
+    let unpacked = match archive.unpack(&description, Interface::CoSimulation) {
         Ok(unpacked) => unpacked,
         Err(error) => return tell(Event::Found(Finding::error("binary", error.to_string()))),
     };
     match Library::load(unpacked) {
-        Ok(library) => functions_and_behavior(&library, &description, &mut checked, tell),
-        Err(LoadError::Missing { function, .. }) => tell(Event::Found(missing(function))),
+        Ok(library) => {
+            for function in library.missing_functions(&description.interfaces()) {
+                tell(Event::Found(missing(function, description.fmi)));
+            }
+            behavior::check(&library, &description, &mut checked, tell);
+            tell(Event::Checked(checked.clone()));
+        }
+        Err(LoadError::Missing { function, .. }) => tell(Event::Found(missing(function, description.fmi))),
         Err(error) => tell(Event::Found(Finding::error("binary", error.to_string()))),
     }
 }
 
-fn functions_and_behavior(
-    library: &Arc<Library>,
-    description: &ModelDescription,
-    checked: &mut Checked,
-    tell: &mut dyn FnMut(Event),
-) {
-    for function in library.missing_functions() {
-        tell(Event::Found(missing(function)));
-    }
-    behavior::check(library, description, checked, tell);
-    tell(Event::Checked(checked.clone()));
-}
-
-fn missing(function: &str) -> Finding {
-    Finding::error(function, "is not exported by the binary; all functions of FMI 2.0 have to be there")
+fn missing(function: &str, fmi: FmiVersion) -> Finding {
+    let message = format!("is not exported by the binary; all functions of FMI {fmi} have to be there");
+    Finding::error(function, message)
 }

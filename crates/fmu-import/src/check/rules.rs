@@ -218,7 +218,9 @@ fn rules_of_variable(
     }
 
     let allowed: &[Variability] = match causality {
-        Causality::Parameter | Causality::CalculatedParameter => &[Variability::Fixed, Variability::Tunable],
+        Causality::Parameter | Causality::CalculatedParameter | Causality::StructuralParameter => {
+            &[Variability::Fixed, Variability::Tunable]
+        }
         Causality::Input => &[Variability::Discrete, Variability::Continuous],
         Causality::Output => &[Variability::Constant, Variability::Discrete, Variability::Continuous],
         Causality::Independent => &[Variability::Continuous],

@@ -1,11 +1,14 @@
 //! Reads the XML text.
 
+mod v2;
+mod v3;
+
 use super::{
-    BaseType, BaseUnit, Causality, CoSimulation, DefaultExperiment, DependencyKind, DisplayUnit, Initial, Item,
-    ModelDescription, Unit, Unknown, Value, Variability, Variable,
+    BaseUnit, Causality, CoSimulation, DefaultExperiment, DependencyKind, DisplayUnit, FmiVersion, Initial, Item,
+    ModelDescription, ModelExchange, OpaqueVariable, Unit, Unknown, Variability, Variable,
 };
 use crate::xml::{self, Element, XmlError};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// Longest name of a variable, unit, type or item, bytes.
@@ -14,6 +17,47 @@ const MAX_NAME: usize = 4096;
 const MAX_INHERITED: usize = 200;
 /// Most display units of a unit: every recorded signal has a copy.
 const MAX_DISPLAY_UNITS: usize = 100;
+
+/// The variables of a description.
+#[derive(Default)]
+struct Variables {
+    list: Vec<Variable>,
+    opaque: Vec<OpaqueVariable>,
+    opaque_names: HashSet<String>,
+    by_name: HashMap<String, usize>,
+}
+
+impl Variables {
+    fn push(&mut self, element: &Element, variable: Variable) -> Result<(), XmlError> {
+        let is_opaque = self.opaque_names.contains(&variable.name);
+        if is_opaque || self.by_name.insert(variable.name.clone(), self.list.len()).is_some() {
+            return Err(declared_twice(element, &variable.name));
+        }
+        self.list.push(variable);
+        Ok(())
+    }
+
+    fn push_opaque(&mut self, element: &Element, variable: OpaqueVariable) -> Result<(), XmlError> {
+        if self.by_name.contains_key(&variable.name) || !self.opaque_names.insert(variable.name.clone()) {
+            return Err(declared_twice(element, &variable.name));
+        }
+        self.opaque.push(variable);
+        Ok(())
+    }
+}
+
+fn declared_twice(element: &Element, name: &str) -> XmlError {
+    element.place.error(format!("variable `{name}` is declared twice"))
+}
+
+/// The lists of the model structure.
+struct Structure {
+    outputs: Vec<Unknown>,
+    derivatives: Vec<Unknown>,
+    initial_unknowns: Vec<Unknown>,
+    event_indicators: Vec<Unknown>,
+    number_of_event_indicators: usize,
+}
 
 impl ModelDescription {
     /// Parses the text of a `modelDescription.xml`.
@@ -30,55 +74,30 @@ impl ModelDescription {
                 .error(format!("the root element is <{}>, expected <fmiModelDescription>", root.name)));
         }
         let fmi_version = root.required("fmiVersion")?;
-        if fmi_version != "2.0" {
-            return Err(root.place.error(format!("FMI version {fmi_version}, expected 2.0")));
-        }
-        let co_simulation = root.child("CoSimulation").map(co_simulation).transpose()?;
-        let model_exchange = root.child("ModelExchange").map(identifier).transpose()?;
+        let fmi = version(fmi_version).ok_or_else(|| {
+            root.place.error(format!("FMI version {fmi_version}, expected 2.0 or 3.0: export the FMU for one of these"))
+        })?;
         let units = children(&root, "UnitDefinitions", "Unit").map(unit).collect::<Result<Vec<_>, _>>()?;
         let mut units_by_name = HashMap::new();
         for (i, unit) in units.iter().enumerate() {
             units_by_name.entry(unit.name.clone()).or_insert(i);
         }
-        let mut types = HashMap::new();
-        for simple_type in children(&root, "TypeDefinitions", "SimpleType") {
-            types.insert(bounded(simple_type, "name", MAX_NAME)?, SimpleType::new(simple_type)?);
-        }
-        let mut variables = Vec::new();
-        let mut by_name = HashMap::new();
-        for element in children(&root, "ModelVariables", "ScalarVariable") {
-            let variable = variable(element, &types)?;
-            if by_name.insert(variable.name.clone(), variables.len()).is_some() {
-                return Err(element.place.error(format!("variable `{}` is declared twice", variable.name)));
-            }
-            variables.push(variable);
-        }
-        for (element, position) in children(&root, "ModelVariables", "ScalarVariable").zip(0..variables.len()) {
-            if let Some(of) = variables[position].derivative_of
-                && of >= variables.len()
-            {
-                return Err(element.place.error(format!(
-                    "variable `{}` is the derivative of variable {}, there are {}",
-                    variables[position].name,
-                    of + 1,
-                    variables.len()
-                )));
-            }
-        }
-        let structure = |list| -> Result<Vec<Unknown>, XmlError> {
-            root.child("ModelStructure")
-                .into_iter()
-                .flat_map(|s| children(s, list, "Unknown"))
-                .map(|element| unknown(element, variables.len()))
-                .collect()
+        let (variables, structure) = match fmi {
+            FmiVersion::V2 => v2::variables_and_structure(&root)?,
+            FmiVersion::V3 => v3::variables_and_structure(&root)?,
         };
         let text = |name| root.attribute(name).map(str::to_string);
         let experiment = root.child("DefaultExperiment");
         let time = |name| experiment.map_or(Ok(None), |e| e.real(name));
+        let token = match fmi {
+            FmiVersion::V2 => "guid",
+            FmiVersion::V3 => "instantiationToken",
+        };
         Ok(Self {
+            fmi,
             fmi_version: fmi_version.to_string(),
             model_name: root.required("modelName")?.to_string(),
-            guid: root.required("guid")?.to_string(),
+            guid: root.required(token)?.to_string(),
             description: text("description"),
             author: text("author"),
             version: text("version"),
@@ -87,8 +106,9 @@ impl ModelDescription {
             generation_tool: text("generationTool"),
             generation_date_and_time: text("generationDateAndTime"),
             variable_naming_convention: text("variableNamingConvention").unwrap_or_else(|| "flat".to_string()),
-            co_simulation,
-            model_exchange,
+            co_simulation: root.child("CoSimulation").map(|element| co_simulation(element, fmi)).transpose()?,
+            model_exchange: root.child("ModelExchange").map(|element| model_exchange(element, fmi)).transpose()?,
+            has_scheduled_execution: root.child("ScheduledExecution").is_some(),
             log_categories: children(&root, "LogCategories", "Category")
                 .map(|c| bounded(c, "name", MAX_NAME).map(str::to_string))
                 .collect::<Result<_, _>>()?,
@@ -98,15 +118,28 @@ impl ModelDescription {
                 tolerance: time("tolerance")?,
                 step_size: time("stepSize")?,
             },
-            outputs: structure("Outputs")?,
-            derivatives: structure("Derivatives")?,
-            initial_unknowns: structure("InitialUnknowns")?,
+            outputs: structure.outputs,
+            derivatives: structure.derivatives,
+            initial_unknowns: structure.initial_unknowns,
+            event_indicators: structure.event_indicators,
+            number_of_event_indicators: structure.number_of_event_indicators,
             units,
-            variables,
-            by_name,
+            variables: variables.list,
+            opaque_variables: variables.opaque,
+            by_name: variables.by_name,
             units_by_name,
         })
     }
+}
+
+/// `2.0`, `3.0` or `3.0.` with a number.
+fn version(text: &str) -> Option<FmiVersion> {
+    if text == "2.0" {
+        return Some(FmiVersion::V2);
+    }
+    let rest = text.strip_prefix("3.0")?;
+    let is_patch = |patch: &str| !patch.is_empty() && patch.bytes().all(|byte| byte.is_ascii_digit());
+    (rest.is_empty() || rest.strip_prefix('.').is_some_and(is_patch)).then_some(FmiVersion::V3)
 }
 
 /// The children `name` of the child `list`.
@@ -126,8 +159,12 @@ fn identifier(element: &Element) -> Result<String, XmlError> {
     Ok(text.to_string())
 }
 
-fn co_simulation(element: &Element) -> Result<CoSimulation, XmlError> {
+fn co_simulation(element: &Element, fmi: FmiVersion) -> Result<CoSimulation, XmlError> {
     let flag = |name| Ok(element.boolean(name)?.unwrap_or(false));
+    let of = |v2, v3| match fmi {
+        FmiVersion::V2 => flag(v2),
+        FmiVersion::V3 => flag(v3),
+    };
     Ok(CoSimulation {
         model_identifier: identifier(element)?,
         needs_execution_tool: flag("needsExecutionTool")?,
@@ -137,9 +174,34 @@ fn co_simulation(element: &Element) -> Result<CoSimulation, XmlError> {
         can_run_asynchronously: flag("canRunAsynchronuously")?,
         can_be_instantiated_only_once_per_process: flag("canBeInstantiatedOnlyOncePerProcess")?,
         can_not_use_memory_management_functions: flag("canNotUseMemoryManagementFunctions")?,
-        can_get_and_set_fmu_state: flag("canGetAndSetFMUstate")?,
-        can_serialize_fmu_state: flag("canSerializeFMUstate")?,
-        provides_directional_derivative: flag("providesDirectionalDerivative")?,
+        can_get_and_set_fmu_state: of("canGetAndSetFMUstate", "canGetAndSetFMUState")?,
+        can_serialize_fmu_state: of("canSerializeFMUstate", "canSerializeFMUState")?,
+        provides_directional_derivative: of("providesDirectionalDerivative", "providesDirectionalDerivatives")?,
+        provides_adjoint_derivatives: flag("providesAdjointDerivatives")?,
+        fixed_internal_step_size: element.real("fixedInternalStepSize")?,
+        has_event_mode: flag("hasEventMode")?,
+    })
+}
+
+fn model_exchange(element: &Element, fmi: FmiVersion) -> Result<ModelExchange, XmlError> {
+    let flag = |name| Ok(element.boolean(name)?.unwrap_or(false));
+    let of = |v2, v3| match fmi {
+        FmiVersion::V2 => flag(v2),
+        FmiVersion::V3 => flag(v3),
+    };
+    Ok(ModelExchange {
+        model_identifier: identifier(element)?,
+        needs_execution_tool: flag("needsExecutionTool")?,
+        needs_completed_integrator_step: match fmi {
+            FmiVersion::V2 => !flag("completedIntegratorStepNotNeeded")?,
+            FmiVersion::V3 => flag("needsCompletedIntegratorStep")?,
+        },
+        can_be_instantiated_only_once_per_process: flag("canBeInstantiatedOnlyOncePerProcess")?,
+        can_not_use_memory_management_functions: flag("canNotUseMemoryManagementFunctions")?,
+        can_get_and_set_fmu_state: of("canGetAndSetFMUstate", "canGetAndSetFMUState")?,
+        can_serialize_fmu_state: of("canSerializeFMUstate", "canSerializeFMUState")?,
+        provides_directional_derivative: of("providesDirectionalDerivative", "providesDirectionalDerivatives")?,
+        provides_adjoint_derivatives: flag("providesAdjointDerivatives")?,
     })
 }
 
@@ -177,6 +239,8 @@ fn unit(element: &Element) -> Result<Unit, XmlError> {
         .children
         .iter()
         .filter(|c| c.name == "DisplayUnit")
+        // FMI 3.0: the reciprocal, which no factor and offset can express.
+        .filter(|display| !matches!(display.boolean("inverse"), Ok(Some(true))))
         .map(|display| {
             let factor = display.real("factor")?.unwrap_or(1.0);
             let offset = display.real("offset")?.unwrap_or(0.0);
@@ -199,192 +263,73 @@ fn unit(element: &Element) -> Result<Unit, XmlError> {
     Ok(Unit { name: bounded(element, "name", MAX_INHERITED)?.to_string(), base, display_units })
 }
 
-/// The five elements that say the type of a variable.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Real,
-    Integer,
-    Boolean,
-    String,
-    Enumeration,
-}
-
-/// The child that says the type of a variable or of a type definition.
-fn typed_child(element: &Element) -> Result<(&Element, Kind), XmlError> {
-    element
-        .children
-        .iter()
-        .find_map(|child| {
-            let kind = match child.name.as_str() {
-                "Real" => Kind::Real,
-                "Integer" => Kind::Integer,
-                "Boolean" => Kind::Boolean,
-                "String" => Kind::String,
-                "Enumeration" => Kind::Enumeration,
-                _ => return None,
-            };
-            Some((child, kind))
+/// The items of an enumeration type.
+fn items(element: &Element) -> Result<Arc<[Item]>, XmlError> {
+    let items = element.children.iter().filter(|child| child.name == "Item");
+    let items = items.map(|item| {
+        Ok(Item {
+            name: bounded(item, "name", MAX_NAME)?.to_string(),
+            value: item
+                .parsed("value", "a whole number of 32 bits")?
+                .ok_or_else(|| item.place.error("<Item> lacks the attribute `value`"))?,
+            description: item.attribute("description").map(str::to_string),
         })
-        .ok_or_else(|| {
-            element.place.error(format!(
-                "<{}> has no type, expected <Real>, <Integer>, <Boolean>, <String> or <Enumeration>",
-                element.name
-            ))
-        })
+    });
+    items.collect()
 }
 
-/// A type definition: what its variables inherit.
-struct SimpleType<'a> {
-    element: &'a Element,
-    kind: Kind,
-    items: Arc<[Item]>,
-}
-
-impl<'a> SimpleType<'a> {
-    fn new(definition: &'a Element) -> Result<Self, XmlError> {
-        let (element, kind) = typed_child(definition)?;
-        let items = element.children.iter().filter(|child| kind == Kind::Enumeration && child.name == "Item");
-        let items = items.map(|item| {
-            Ok(Item {
-                name: bounded(item, "name", MAX_NAME)?.to_string(),
-                value: item
-                    .parsed("value", "a whole number")?
-                    .ok_or_else(|| item.place.error("<Item> lacks the attribute `value`"))?,
-                description: item.attribute("description").map(str::to_string),
-            })
-        });
-        Ok(Self { element, kind, items: items.collect::<Result<_, XmlError>>()? })
-    }
-}
-
-fn variable(element: &Element, types: &HashMap<&str, SimpleType<'_>>) -> Result<Variable, XmlError> {
-    let name = bounded(element, "name", MAX_NAME)?.to_string();
-    let (own, kind) = typed_child(element)?;
-    let declared = match own.attribute("declaredType") {
-        None => None,
-        Some(type_name) => match types.get(type_name) {
-            Some(definition) if definition.kind == kind => Some(definition),
-            Some(_) => {
-                return Err(own.place.error(format!("variable `{name}`: type `{type_name}` is of another base type")));
-            }
-            None => {
-                return Err(own.place.error(format!("variable `{name}`: type `{type_name}` is not defined")));
-            }
-        },
-    };
-    // An attribute of the variable stands above that of its type.
-    let source = |attribute: &str| match (own.attribute(attribute), declared) {
-        (None, Some(definition)) => definition.element,
-        _ => own,
-    };
-    let text = |attribute| {
-        let text = source(attribute).attribute(attribute);
-        text.map(|text| check_length(source(attribute), attribute, text, MAX_INHERITED).map(|()| text.to_string()))
-            .transpose()
-    };
-    let number = |attribute| source(attribute).real(attribute);
-    let base_type = match kind {
-        Kind::Real => BaseType::Real,
-        Kind::Integer | Kind::Enumeration => BaseType::Integer,
-        Kind::Boolean => BaseType::Boolean,
-        Kind::String => BaseType::String,
-    };
-    let start = match base_type {
-        BaseType::Real => own.real("start")?.map(Value::Real),
-        BaseType::Integer => own.parsed("start", "a whole number")?.map(Value::Integer),
-        BaseType::Boolean => own.boolean("start")?.map(Value::Boolean),
-        BaseType::String => own.attribute("start").map(|s| Value::String(s.to_string())),
-    };
-    let causality = match element.attribute("causality") {
+fn causality(element: &Element, fmi: FmiVersion) -> Result<Causality, XmlError> {
+    Ok(match element.attribute("causality") {
         None | Some("local") => Causality::Local,
         Some("parameter") => Causality::Parameter,
         Some("calculatedParameter") => Causality::CalculatedParameter,
         Some("input") => Causality::Input,
         Some("output") => Causality::Output,
         Some("independent") => Causality::Independent,
-        Some(other) => return Err(unexpected(element, "causality", other)),
-    };
-    let variability = match element.attribute("variability") {
-        None if base_type == BaseType::Real => Variability::Continuous,
-        None => Variability::Discrete,
-        Some("constant") => Variability::Constant,
-        Some("fixed") => Variability::Fixed,
-        Some("tunable") => Variability::Tunable,
-        Some("discrete") => Variability::Discrete,
-        Some("continuous") => Variability::Continuous,
-        Some(other) => return Err(unexpected(element, "variability", other)),
-    };
-    let initial = match element.attribute("initial") {
-        None => default_initial(causality, variability),
-        Some("exact") => Some(Initial::Exact),
-        Some("approx") => Some(Initial::Approx),
-        Some("calculated") => Some(Initial::Calculated),
-        Some(other) => return Err(unexpected(element, "initial", other)),
-    };
-    let derivative_of = own
-        .parsed::<usize>("derivative", "the number of a variable, from 1")?
-        .map(|number| number.checked_sub(1).ok_or_else(|| own.place.error("variables are numbered from 1")))
-        .transpose()?;
-    Ok(Variable {
-        reference: element
-            .parsed("valueReference", "a whole number from 0")?
-            .ok_or_else(|| element.place.error(format!("variable `{name}` lacks the attribute `valueReference`")))?,
-        description: element.attribute("description").map(str::to_string),
-        causality,
-        variability,
-        initial,
-        base_type,
-        start,
-        min: number("min")?,
-        max: number("max")?,
-        nominal: number("nominal")?,
-        quantity: text("quantity")?,
-        unit: text("unit")?,
-        display_unit: text("displayUnit")?,
-        relative_quantity: source("relativeQuantity").boolean("relativeQuantity")?.unwrap_or(false),
-        declared_type: own.attribute("declaredType").map(str::to_string),
-        items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
-        derivative_of,
-        name,
+        Some("structuralParameter") if fmi == FmiVersion::V3 => Causality::StructuralParameter,
+        Some(other) => return Err(unexpected(element, "causality", other, fmi)),
     })
 }
 
-fn unexpected(element: &Element, attribute: &str, value: &str) -> XmlError {
-    element.place.error(format!("<{}> has {attribute}=\"{value}\", which FMI 2.0 does not know", element.name))
+/// The variability that is written; `None`: the default.
+fn variability(element: &Element, fmi: FmiVersion) -> Result<Option<Variability>, XmlError> {
+    Ok(match element.attribute("variability") {
+        None => None,
+        Some("constant") => Some(Variability::Constant),
+        Some("fixed") => Some(Variability::Fixed),
+        Some("tunable") => Some(Variability::Tunable),
+        Some("discrete") => Some(Variability::Discrete),
+        Some("continuous") => Some(Variability::Continuous),
+        Some(other) => return Err(unexpected(element, "variability", other, fmi)),
+    })
 }
 
-/// `initial` where it is not written (FMI 2.0.4, section 2.2.7, the tables of defaults).
-fn default_initial(causality: Causality, variability: Variability) -> Option<Initial> {
-    match (causality, variability) {
-        (Causality::Input | Causality::Independent, _) => None,
-        (Causality::Parameter, _) | (_, Variability::Constant) => Some(Initial::Exact),
+/// `initial` as written, or its default (FMI 2.0.4, section 2.2.7; FMI 3.0.2, section 2.4.7.5).
+fn initial(
+    element: &Element,
+    causality: Causality,
+    variability: Variability,
+    fmi: FmiVersion,
+) -> Result<Option<Initial>, XmlError> {
+    Ok(match (element.attribute("initial"), causality, variability) {
+        (Some("exact"), ..) => Some(Initial::Exact),
+        (Some("approx"), ..) => Some(Initial::Approx),
+        (Some("calculated"), ..) => Some(Initial::Calculated),
+        (Some(other), ..) => return Err(unexpected(element, "initial", other, fmi)),
+        (None, Causality::Input | Causality::Independent, _) => None,
+        (None, Causality::Parameter | Causality::StructuralParameter, _) | (None, _, Variability::Constant) => {
+            Some(Initial::Exact)
+        }
         _ => Some(Initial::Calculated),
-    }
+    })
 }
 
-fn unknown(element: &Element, variables: usize) -> Result<Unknown, XmlError> {
-    let index = |number: usize| match number.checked_sub(1) {
-        Some(i) if i < variables => Ok(i),
-        _ => Err(element.place.error(format!("<Unknown> names variable {number}, expected 1 to {variables}"))),
-    };
-    let number: Option<usize> = element.parsed("index", "the number of a variable, from 1")?;
-    let number = number.ok_or_else(|| element.place.error("<Unknown> lacks the attribute `index`"))?;
-    let dependencies = element
-        .attribute("dependencies")
-        .map(|list| {
-            list.split_ascii_whitespace()
-                .map(|text| {
-                    let number = text.parse().map_err(|_| {
-                        element
-                            .place
-                            .error(format!("<Unknown> depends on \"{text}\", expected the number of a variable"))
-                    })?;
-                    index(number)
-                })
-                .collect::<Result<Vec<_>, _>>()
-        })
-        .transpose()?;
-    let kinds = element
+fn unexpected(element: &Element, attribute: &str, value: &str, fmi: FmiVersion) -> XmlError {
+    element.place.error(format!("<{}> has {attribute}=\"{value}\", which FMI {fmi} does not know", element.name))
+}
+
+fn dependency_kinds(element: &Element, fmi: FmiVersion) -> Result<Vec<DependencyKind>, XmlError> {
+    element
         .attribute("dependenciesKind")
         .unwrap_or("")
         .split_ascii_whitespace()
@@ -394,18 +339,15 @@ fn unknown(element: &Element, variables: usize) -> Result<Unknown, XmlError> {
             "fixed" => Ok(DependencyKind::Fixed),
             "tunable" => Ok(DependencyKind::Tunable),
             "discrete" => Ok(DependencyKind::Discrete),
-            other => Err(unexpected(element, "dependenciesKind", other)),
+            other => Err(unexpected(element, "dependenciesKind", other, fmi)),
         })
-        .collect::<Result<Vec<_>, _>>()?;
-    if !kinds.is_empty() && Some(kinds.len()) != dependencies.as_ref().map(Vec::len) {
-        return Err(element.place.error("<Unknown> has another number of dependenciesKind than of dependencies"));
-    }
-    Ok(Unknown { variable: index(number)?, dependencies, kinds })
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::description::{BaseType, DataType, Dimension, Value};
 
     const VEHICLE: &str = include_str!("../../tests/data/Vehicle.xml");
 
@@ -449,11 +391,83 @@ mod tests {
         assert_eq!(torque.exponents, [1, 2, -2, 0, 0, 0, 0, 0]);
     }
 
+    const TANK: &str = include_str!("../../tests/data/Tank.xml");
+
+    /// The same type holds a description of FMI 3.0.
+    #[test]
+    fn a_description_of_fmi_3_is_read() {
+        let d = ModelDescription::parse(TANK).unwrap();
+        assert_eq!((d.fmi, d.fmi_version.as_str(), d.guid.as_str()), (FmiVersion::V3, "3.0", "{tank}"));
+        let cs = d.co_simulation.as_ref().unwrap();
+        assert!(cs.can_get_and_set_fmu_state && !cs.can_serialize_fmu_state && cs.provides_adjoint_derivatives);
+        assert_eq!(cs.fixed_internal_step_size, Some(0.001));
+        let me = d.model_exchange.as_ref().unwrap();
+        assert!(me.needs_completed_integrator_step && me.provides_directional_derivative);
+        assert!(d.has_scheduled_execution);
+
+        let level = d.variable("level").unwrap();
+        assert_eq!((level.data_type, level.base_type), (DataType::Float64, BaseType::Real));
+        assert_eq!((level.unit.as_deref(), level.min), (Some("m"), Some(0.0)), "from the type");
+        assert_eq!(level.start, Some(Value::Real(0.5)));
+        let alias = d.variable("level_in_feet").unwrap();
+        assert_eq!((alias.reference, alias.alias_of), (level.reference, d.index("level")));
+        assert_eq!((alias.causality, alias.has_start()), (Causality::Output, false));
+        assert_eq!(alias.display_unit.as_deref(), Some("ft"));
+        assert_eq!(d.variables[d.index("der(level)").unwrap()].derivative_of, d.index("level"));
+
+        let size = d.variable("n").unwrap();
+        assert_eq!((size.causality, size.initial), (Causality::StructuralParameter, Some(Initial::Exact)));
+        assert_eq!(size.variability, Variability::Fixed, "default of a parameter");
+        let inflow = d.variable("inflow").unwrap();
+        assert_eq!(inflow.dimensions, [Dimension::Parameter(d.index("n").unwrap()), Dimension::Fixed(2)]);
+        assert_eq!((inflow.size, inflow.start.is_none()), (6, true));
+        assert_eq!(inflow.starts, vec![Value::Real(0.25); 6], "one value for all elements");
+        assert_eq!(d.variable("weights").unwrap().starts, [1, 2, 3].map(Value::Integer));
+        let seed = d.variable("seed").unwrap();
+        assert_eq!((seed.start.as_ref(), seed.other_start.as_deref()), (None, Some("5000000000")));
+        assert_eq!(d.variable("label").unwrap().start, Some(Value::String("a b".into())));
+        let valve = d.variable("valve").unwrap();
+        assert_eq!((valve.start.as_ref(), valve.items[1].name.as_str()), (Some(&Value::Integer(1)), "closed"));
+        assert_eq!(d.opaque_variables.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["image", "tick"]);
+        assert_eq!(d.display_units(level).len(), 1, "the reciprocal is not read");
+
+        assert_eq!(d.outputs.iter().map(|unknown| unknown.variable).collect::<Vec<_>>(), [d.index("level").unwrap()]);
+        assert_eq!(d.outputs[0].dependencies, Some(vec![d.index("inflow").unwrap()]), "without the Binary");
+        assert_eq!(d.outputs[0].kinds, [DependencyKind::Constant]);
+        assert_eq!((d.event_indicators.len(), d.number_of_event_indicators), (1, 6));
+        assert_eq!(d.number_of_states(), 1);
+    }
+
+    #[test]
+    fn faults_of_fmi_3_are_reported_with_their_place() {
+        for (from, to, expected) in [
+            ("fmiVersion=\"3.0\"", "fmiVersion=\"3.1\"", "FMI version 3.1, expected 2.0 or 3.0"),
+            ("instantiationToken=\"{tank}\"", "guid=\"{tank}\"", "lacks the attribute `instantiationToken`"),
+            ("valueReference=\"2\"", "valueReference=\"1\"", "has the value reference 1 of another variable"),
+            ("name=\"tick\"", "name=\"level\"", "variable `level` is declared twice"),
+            ("name=\"level_in_feet\"", "name=\"level\"", "variable `level` is declared twice"),
+            ("derivative=\"1\"", "derivative=\"77\"", "the value reference 77, which no variable has"),
+            ("declaredType=\"Level\"", "declaredType=\"Valve\"", "type `Valve` is of another type"),
+            ("start=\"1 2 3\"", "start=\"1 2\"", "`weights` has 2 start values, but 3 elements"),
+            ("start=\"1 2 3\"", "start=\"1 2 300\"", "the start value \"300\" of `weights` is not an Int8"),
+            ("<Dimension start=\"3\"/>", "<Dimension start=\"99999999\"/>", "more than 10000000 elements"),
+            ("<Dimension start=\"3\"/>", "<Dimension/>", "must have one of the attributes"),
+            ("<Dimension start=\"3\"/>", "<Dimension valueReference=\"1\"/>", "is not a structural parameter"),
+            ("<Output valueReference=\"1\"", "<Output valueReference=\"x\"", "valueReference=\"x\""),
+            ("dependencies=\"4 9\"", "dependencies=\"4\"", "another number of dependenciesKind"),
+        ] {
+            assert!(TANK.contains(from), "{from}");
+            let error = ModelDescription::parse(&TANK.replacen(from, to, 1)).expect_err(to).to_string();
+            assert!(error.contains(expected), "{to}: {error}");
+            assert!(error.starts_with("line "), "{error}");
+        }
+    }
+
     #[test]
     fn faults_are_reported_with_their_place() {
         let long = |name: &str, bytes| format!("{name}=\"{}\"", "x".repeat(bytes));
         for (from, to, expected) in [
-            ("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\"", "FMI version 3.0"),
+            ("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\"", "FMI version 1.0"),
             ("guid=\"{vehicle}\"", "", "lacks the attribute `guid`"),
             ("modelIdentifier=\"Vehicle\"", "modelIdentifier=\"../x\"", "C identifier"),
             ("valueReference=\"2\"", "valueReference=\"-2\"", "valueReference=\"-2\""),

@@ -25,6 +25,18 @@ impl Log {
         let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
         messages.drain(..).collect()
     }
+
+    fn push(&self, status: RawStatus, category: String, mut text: String, read: impl Fn(&str) -> String) {
+        if text.len() > MAX_MESSAGE {
+            let end = (0..=MAX_MESSAGE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
+            text.truncate(end);
+        }
+        let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
+        if messages.len() == KEPT_MESSAGES {
+            messages.pop_front();
+        }
+        messages.push_back(Message { status: Status::from(status), category, text: read(&text) });
+    }
 }
 
 /// The text of a message: a printf format in which a `#` of the text is doubled too (FMI 2.0, section 2.1.5). References
@@ -46,16 +58,23 @@ pub(super) unsafe extern "C" fn log_message(
     }
     // SAFETY: the environment is the `Log` boxed in the `Instance`, which lives until the FMU
     // instance is freed; the strings are C strings or null.
-    let (log, category, mut text) = unsafe { (&*environment.cast::<Log>(), text(category), text(format)) };
-    if text.len() > MAX_MESSAGE {
-        let end = (0..=MAX_MESSAGE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
-        text.truncate(end);
+    let (log, category, text) = unsafe { (&*environment.cast::<Log>(), text(category), text(format)) };
+    log.push(status, category, text, unescaped);
+}
+
+/// Receives a message of FMI 3.0, whose text is not a format.
+pub(super) unsafe extern "C" fn log_text(
+    environment: *mut c_void,
+    status: RawStatus,
+    category: *const c_char,
+    message: *const c_char,
+) {
+    if environment.is_null() {
+        return;
     }
-    let mut messages = log.messages.lock().unwrap_or_else(PoisonError::into_inner);
-    if messages.len() == KEPT_MESSAGES {
-        messages.pop_front();
-    }
-    messages.push_back(Message { status: Status::from(status), category, text: unescaped(&text) });
+    // SAFETY: as above.
+    let (log, category, text) = unsafe { (&*environment.cast::<Log>(), text(category), text(message)) };
+    log.push(status, category, text, |text| text.trim_end().to_owned());
 }
 
 thread_local! {
@@ -98,5 +117,9 @@ mod tests {
         assert_eq!(messages.len(), KEPT_MESSAGES);
         assert_eq!(messages[0].text, "5: 5 % of #x", "the oldest are dropped");
         assert_eq!(messages[0].status, Status::Error);
+        let text = CString::new("100 %% of ##x\n").unwrap();
+        // SAFETY: as above.
+        unsafe { log_text(environment, 1, ptr::null(), text.as_ptr()) };
+        assert_eq!(log.take()[0].text, "100 %% of ##x", "FMI 3.0 escapes nothing");
     }
 }

@@ -3,37 +3,133 @@
 //! A worker maps the file and writes to it before and after every call of an FMU. That costs two stores and no system
 //! call, and the words outlive the process: whoever started it can tell what it was doing when it crashed, exited or hung.
 
+use crate::description::{FmiVersion, Interface};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 macro_rules! functions {
-    ($($name:ident)*) => {
-        /// The functions of FMI 2.0 that the loader calls.
+    ($($name:ident $v2:literal $v3:literal)*) => {
+        /// The functions that the loader calls, by what they do in either version.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[repr(u8)]
         pub(super) enum Function { $(
-            #[doc = stringify!($name)]
+            #[doc = concat!("`fmi2", $v2, "`, `fmi3", $v3, "`")]
             $name,
         )* }
 
-        const NAMES: &[&str] = &[$(concat!("fmi2", stringify!($name))),*];
+        /// Name in FMI 2.0 and in FMI 3.0. Of a function that a version does not have, it is the name that messages use.
+        const NAMES: &[[&str; 2]] = &[$([concat!("fmi2", $v2), concat!("fmi3", $v3)]),*];
     };
 }
 
 functions! {
-    Instantiate FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode Terminate Reset
-    GetReal GetInteger GetBoolean GetString SetReal SetInteger SetBoolean SetString DoStep CancelStep SetDebugLogging
-    GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate
-    GetDirectionalDerivative SetRealInputDerivatives GetRealOutputDerivatives
-    GetStatus GetRealStatus GetIntegerStatus GetBooleanStatus GetStringStatus
+    InstantiateCoSimulation "Instantiate" "InstantiateCoSimulation"
+    InstantiateModelExchange "Instantiate" "InstantiateModelExchange"
+    FreeInstance "FreeInstance" "FreeInstance"
+    SetupExperiment "SetupExperiment" "SetupExperiment"
+    EnterInitializationMode "EnterInitializationMode" "EnterInitializationMode"
+    ExitInitializationMode "ExitInitializationMode" "ExitInitializationMode"
+    Terminate "Terminate" "Terminate"
+    Reset "Reset" "Reset"
+    GetReal "GetReal" "GetFloat64"
+    GetInteger "GetInteger" "GetInt32"
+    GetBoolean "GetBoolean" "GetBoolean"
+    GetString "GetString" "GetString"
+    SetReal "SetReal" "SetFloat64"
+    SetInteger "SetInteger" "SetInt32"
+    SetBoolean "SetBoolean" "SetBoolean"
+    SetString "SetString" "SetString"
+    GetFloat32 "GetFloat32" "GetFloat32"
+    SetFloat32 "SetFloat32" "SetFloat32"
+    GetInt8 "GetInt8" "GetInt8"
+    SetInt8 "SetInt8" "SetInt8"
+    GetUInt8 "GetUInt8" "GetUInt8"
+    SetUInt8 "SetUInt8" "SetUInt8"
+    GetInt16 "GetInt16" "GetInt16"
+    SetInt16 "SetInt16" "SetInt16"
+    GetUInt16 "GetUInt16" "GetUInt16"
+    SetUInt16 "SetUInt16" "SetUInt16"
+    GetUInt32 "GetUInt32" "GetUInt32"
+    SetUInt32 "SetUInt32" "SetUInt32"
+    GetInt64 "GetInt64" "GetInt64"
+    SetInt64 "SetInt64" "SetInt64"
+    GetUInt64 "GetUInt64" "GetUInt64"
+    SetUInt64 "SetUInt64" "SetUInt64"
+    DoStep "DoStep" "DoStep"
+    CancelStep "CancelStep" "CancelStep"
+    SetDebugLogging "SetDebugLogging" "SetDebugLogging"
+    GetFmuState "GetFMUstate" "GetFMUState"
+    SetFmuState "SetFMUstate" "SetFMUState"
+    FreeFmuState "FreeFMUstate" "FreeFMUState"
+    SerializedFmuStateSize "SerializedFMUstateSize" "SerializedFMUStateSize"
+    SerializeFmuState "SerializeFMUstate" "SerializeFMUState"
+    DeserializeFmuState "DeSerializeFMUstate" "DeserializeFMUState"
+    GetDirectionalDerivative "GetDirectionalDerivative" "GetDirectionalDerivative"
+    GetAdjointDerivative "GetAdjointDerivative" "GetAdjointDerivative"
+    SetInputDerivatives "SetRealInputDerivatives" "SetRealInputDerivatives"
+    GetOutputDerivatives "GetRealOutputDerivatives" "GetOutputDerivatives"
+    GetStatus "GetStatus" "GetStatus"
+    GetRealStatus "GetRealStatus" "GetRealStatus"
+    GetIntegerStatus "GetIntegerStatus" "GetIntegerStatus"
+    GetBooleanStatus "GetBooleanStatus" "GetBooleanStatus"
+    GetStringStatus "GetStringStatus" "GetStringStatus"
+    SetTime "SetTime" "SetTime"
+    SetContinuousStates "SetContinuousStates" "SetContinuousStates"
+    GetContinuousStates "GetContinuousStates" "GetContinuousStates"
+    GetDerivatives "GetDerivatives" "GetContinuousStateDerivatives"
+    GetEventIndicators "GetEventIndicators" "GetEventIndicators"
+    GetNominals "GetNominalsOfContinuousStates" "GetNominalsOfContinuousStates"
+    GetNumberOfStates "GetNumberOfContinuousStates" "GetNumberOfContinuousStates"
+    GetNumberOfEventIndicators "GetNumberOfEventIndicators" "GetNumberOfEventIndicators"
+    EnterEventMode "EnterEventMode" "EnterEventMode"
+    NewDiscreteStates "NewDiscreteStates" "UpdateDiscreteStates"
+    EnterContinuousTimeMode "EnterContinuousTimeMode" "EnterContinuousTimeMode"
+    CompletedIntegratorStep "CompletedIntegratorStep" "CompletedIntegratorStep"
+}
+
+const fn version(fmi: FmiVersion) -> usize {
+    match fmi {
+        FmiVersion::V2 => 0,
+        FmiVersion::V3 => 1,
+    }
 }
 
 impl Function {
-    /// Name of the C function.
-    pub(super) fn name(self) -> &'static str {
-        NAMES[self as usize]
+    /// Name of the C function in a version of FMI.
+    pub(super) fn name(self, fmi: FmiVersion) -> &'static str {
+        NAMES[self as usize][version(fmi)]
+    }
+
+    /// The interface whose instances have the function; `None`: both.
+    pub(super) fn interface(self) -> Option<Interface> {
+        match self {
+            Self::InstantiateCoSimulation
+            | Self::DoStep
+            | Self::CancelStep
+            | Self::SetInputDerivatives
+            | Self::GetOutputDerivatives
+            | Self::GetStatus
+            | Self::GetRealStatus
+            | Self::GetIntegerStatus
+            | Self::GetBooleanStatus
+            | Self::GetStringStatus => Some(Interface::CoSimulation),
+            Self::InstantiateModelExchange
+            | Self::SetTime
+            | Self::SetContinuousStates
+            | Self::GetContinuousStates
+            | Self::GetDerivatives
+            | Self::GetEventIndicators
+            | Self::GetNominals
+            | Self::GetNumberOfStates
+            | Self::GetNumberOfEventIndicators
+            | Self::EnterEventMode
+            | Self::NewDiscreteStates
+            | Self::EnterContinuousTimeMode
+            | Self::CompletedIntegratorStep => Some(Interface::ModelExchange),
+            _ => None,
+        }
     }
 }
 
@@ -41,6 +137,9 @@ impl Function {
 const LOADING: u64 = 0xff;
 /// Bits of a call that number the function, from 1; the component is above them.
 const FUNCTION_BITS: u32 = 8;
+/// Numbers of the functions of a version.
+const FUNCTIONS: u64 = 127;
+const _: () = assert!(NAMES.len() as u64 <= FUNCTIONS);
 
 /// Words of the board, in their order.
 #[derive(Clone, Copy)]
@@ -137,8 +236,9 @@ impl Board {
     }
 
     /// The process enters a function of a component.
-    pub(super) fn enter(&self, component: u64, function: Function) {
-        self.set(Word::Call, component << FUNCTION_BITS | (function as u64 + 1));
+    pub(super) fn enter(&self, component: u64, function: Function, fmi: FmiVersion) {
+        let number = FUNCTIONS * version(fmi) as u64 + function as u64 + 1;
+        self.set(Word::Call, component << FUNCTION_BITS | number);
     }
 
     /// The process loads the library of the present component.
@@ -185,7 +285,11 @@ impl Snapshot {
         let name = match call & ((1 << FUNCTION_BITS) - 1) {
             0 => None,
             LOADING => Some(""),
-            function => usize::try_from(function - 1).ok().and_then(|at| NAMES.get(at)).copied(),
+            number => {
+                let at = |number| usize::try_from(number).unwrap_or(usize::MAX);
+                let (function, version) = (at((number - 1) % FUNCTIONS), at((number - 1) / FUNCTIONS));
+                NAMES.get(function).and_then(|names| names.get(version)).copied()
+            }
         };
         let time = f64::from_bits(word(Word::Time));
         Ok(Self {
@@ -217,7 +321,9 @@ mod tests {
         board.load();
         assert_eq!(read().call, Some((3, "")));
         board.step(0.25, 7);
-        board.enter(3, Function::DoStep);
+        board.enter(4, Function::GetReal, FmiVersion::V3);
+        assert_eq!(read().call, Some((4, "fmi3GetFloat64")));
+        board.enter(3, Function::DoStep, FmiVersion::V2);
         let stepping = read();
         assert_eq!((stepping.call, stepping.time, stepping.steps), (Some((3, "fmi2DoStep")), Some(0.25), 7));
         assert_ne!(stepping.pulse, begun.pulse);

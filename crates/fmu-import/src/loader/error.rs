@@ -1,6 +1,7 @@
 //! Statuses, messages and errors of loading and of calls.
 
 use crate::c_api::RawStatus;
+use crate::description::Interface;
 use crate::terminal;
 use std::path::PathBuf;
 
@@ -15,7 +16,7 @@ pub enum LoadError {
         /// Message of the system.
         reason: String,
     },
-    /// It lacks a function of FMI 2.0 for co-simulation.
+    /// It lacks a function of its interface.
     #[error("{} does not export {function}", path.display())]
     Missing {
         /// The library.
@@ -55,7 +56,7 @@ pub enum LoadError {
     },
 }
 
-/// `fmi2Status`.
+/// `fmi2Status` or `fmi3Status`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Status {
     /// All well.
@@ -70,7 +71,7 @@ pub enum Status {
     Fatal,
     /// Not done yet.
     Pending,
-    /// A number FMI 2.0 does not know.
+    /// A number that FMI does not know.
     Unknown(RawStatus),
 }
 
@@ -88,17 +89,20 @@ impl From<RawStatus> for Status {
     }
 }
 
-impl std::fmt::Display for Status {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Ok => f.write_str("fmi2OK"),
-            Self::Warning => f.write_str("fmi2Warning"),
-            Self::Discard => f.write_str("fmi2Discard"),
-            Self::Error => f.write_str("fmi2Error"),
-            Self::Fatal => f.write_str("fmi2Fatal"),
-            Self::Pending => f.write_str("fmi2Pending"),
-            Self::Unknown(raw) => write!(f, "the unknown status {raw}"),
-        }
+impl Status {
+    /// Name in the version of FMI that a function is of.
+    fn name(self, function: &str) -> String {
+        let version = if function.starts_with("fmi3") { "fmi3" } else { "fmi2" };
+        let name = match self {
+            Self::Ok => "OK",
+            Self::Warning => "Warning",
+            Self::Discard => "Discard",
+            Self::Error => "Error",
+            Self::Fatal => "Fatal",
+            Self::Pending => "Pending",
+            Self::Unknown(raw) => return format!("the unknown status {raw}"),
+        };
+        format!("{version}{name}")
     }
 }
 
@@ -123,9 +127,15 @@ pub enum CallProblem {
     NoInstance,
     /// The FMU does not export the function.
     NotExported,
+    /// The function is not one of the interface that the instance was made for.
+    Interface(Interface),
+    /// The step was taken, and the FMU ends the simulation (FMI 3.0; in FMI 2.0 such a step is discarded).
+    Terminated,
+    /// The step ended early, which was not allowed (FMI 3.0).
+    EarlyReturn,
     /// The arguments do not fit; the FMU was not called.
     Arguments(&'static str),
-    /// A previous call returned `fmi2Fatal`; the FMU was not called.
+    /// A previous call returned `fmi2Fatal` or `fmi3Fatal`; the FMU was not called.
     Dead,
 }
 
@@ -148,17 +158,26 @@ impl std::fmt::Display for CallError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { instance, function, .. } = self;
         match &self.problem {
-            CallProblem::Status(status) => write!(f, "`{instance}`: {function} returned {status}"),
+            CallProblem::Status(status) => write!(f, "`{instance}`: {function} returned {}", status.name(function)),
             CallProblem::NoInstance => write!(f, "`{instance}`: {function} returned no instance"),
             CallProblem::NotExported => {
                 write!(f, "`{instance}`: the FMU does not export {function}")
             }
+            CallProblem::Interface(interface) => {
+                write!(f, "`{instance}`: {function} is not a function of {interface}, for which the instance was made")
+            }
+            CallProblem::Terminated => write!(f, "`{instance}`: the FMU ended the simulation in {function}"),
+            CallProblem::EarlyReturn => {
+                write!(f, "`{instance}`: {function} returned before the end of the step, which was not allowed")
+            }
             CallProblem::Arguments(reason) => write!(f, "`{instance}`: {function}: {reason}"),
-            CallProblem::Dead => write!(f, "`{instance}`: {function} is not possible after fmi2Fatal"),
+            CallProblem::Dead => {
+                write!(f, "`{instance}`: {function} is not possible after {}", Status::Fatal.name(function))
+            }
         }?;
         for message in &self.messages {
             // Further lines of a message are not taken for messages.
-            write!(f, "\n  {}: {}", message.status, terminal::indented(&message.text, "    "))?;
+            write!(f, "\n  {}: {}", message.status.name(function), terminal::indented(&message.text, "    "))?;
         }
         Ok(())
     }

@@ -1,80 +1,152 @@
-//! The table of the C functions.
+//! The tables of the C functions.
 
-use crate::c_api::{self, RawStatus};
-use std::ffi::c_char;
+pub(super) mod v2;
+pub(super) mod v3;
 
-macro_rules! functions {
-    (required { $($field:ident: $type:ty = $name:literal,)* } optional { $($other:ident: $other_type:ty = $other_name:literal,)* }) => {
-        /// The functions of a library. Those a master cannot do without are required; the others
-        /// are missing from many FMUs although FMI 2.0 demands them.
-        pub(super) struct Functions { $(pub(super) $field: $type,)* $(pub(super) $other: Option<$other_type>,)* }
+use crate::c_api;
+use crate::description::{FmiVersion, Interface};
+
+/// The functions of a library, of its version of FMI.
+pub(super) enum Functions {
+    V2(v2::Functions),
+    V3(v3::Functions),
+}
+
+impl Functions {
+    /// `Err`: the name of a function without which the library is of no use.
+    ///
+    /// # Safety
+    /// Every function of that name has the signature that its version of FMI gives it, and the library outlives the table.
+    pub(super) unsafe fn load(
+        library: &libloading::Library,
+        fmi: FmiVersion,
+        interface: Interface,
+    ) -> Result<Self, &'static str> {
+        // SAFETY: promised by the caller.
+        unsafe {
+            match fmi {
+                FmiVersion::V2 => v2::Functions::load(library, interface).map(Self::V2),
+                FmiVersion::V3 => v3::Functions::load(library, interface).map(Self::V3),
+            }
+        }
+    }
+
+    pub(super) fn fmi(&self) -> FmiVersion {
+        match self {
+            Self::V2(_) => FmiVersion::V2,
+            Self::V3(_) => FmiVersion::V3,
+        }
+    }
+}
+
+/// Functions that both versions declare in the same way.
+macro_rules! shared {
+    ($($field:ident: $type:ty,)*) => {
+        impl Functions {
+            $(pub(super) fn $field(&self) -> $type {
+                match self {
+                    Self::V2(f) => f.$field,
+                    Self::V3(f) => f.$field,
+                }
+            })*
+        }
+    };
+}
+
+shared! {
+    exit_initialization_mode: c_api::Transition,
+    terminate: c_api::Transition,
+    reset: c_api::Transition,
+    free_instance: c_api::FreeInstance,
+    get_state: Option<c_api::AccessState>,
+    set_state: Option<c_api::SetState>,
+    free_state: Option<c_api::AccessState>,
+    serialized_state_size: Option<c_api::SerializedStateSize>,
+    set_time: Option<c_api::SetTime>,
+    set_continuous_states: Option<c_api::SetNumbers>,
+    get_continuous_states: Option<c_api::GetNumbers>,
+    get_derivatives: Option<c_api::GetNumbers>,
+    get_event_indicators: Option<c_api::GetNumbers>,
+    get_nominals: Option<c_api::GetNumbers>,
+    enter_event_mode: Option<c_api::Transition>,
+    enter_continuous_time_mode: Option<c_api::Transition>,
+}
+
+/// Names of the functions that a library has to export. FMI 3.0 has all of them for every interface.
+pub(super) fn names(fmi: FmiVersion, interfaces: &[Interface]) -> Vec<&'static str> {
+    let mut names = match fmi {
+        FmiVersion::V2 => interfaces.iter().flat_map(|interface| v2::Functions::names(*interface)).collect(),
+        FmiVersion::V3 => {
+            let mut names = v3::Functions::names(Interface::CoSimulation);
+            names.extend(v3::Functions::names(Interface::ModelExchange));
+            names.extend(v3::UNUSED);
+            names
+        }
+    };
+    let mut known = std::collections::HashSet::new();
+    names.retain(|name| known.insert(*name));
+    names
+}
+
+macro_rules! table {
+    (
+        required { $($field:ident: $type:ty = $name:literal,)* }
+        optional { $($other:ident: $other_type:ty = $other_name:literal,)* }
+        co_simulation { needed { $($cs:ident: $cs_type:ty = $cs_name:literal,)* } $($cs2:ident: $cs2_type:ty = $cs2_name:literal,)* }
+        model_exchange { needed { $($me:ident: $me_type:ty = $me_name:literal,)* } $($me2:ident: $me2_type:ty = $me2_name:literal,)* }
+    ) => {
+        /// The functions of a library. Those an importer cannot do without are required; the others are missing from many
+        /// FMUs although the standard demands them. Those of the other interface are never there.
+        pub(in super::super) struct Functions {
+            $(pub(in super::super) $field: $type,)*
+            $(pub(in super::super) $other: Option<$other_type>,)*
+            $(pub(in super::super) $cs: Option<$cs_type>,)*
+            $(pub(in super::super) $cs2: Option<$cs2_type>,)*
+            $(pub(in super::super) $me: Option<$me_type>,)*
+            $(pub(in super::super) $me2: Option<$me2_type>,)*
+        }
 
         impl Functions {
             /// # Safety
-            /// Every function of that name has the signature FMI 2.0 gives it, and the library
-            /// outlives the table.
-            pub(super) unsafe fn load(library: &libloading::Library) -> Result<Self, &'static str> {
+            /// As [`super::Functions::load`].
+            pub(super) unsafe fn load(
+                library: &libloading::Library,
+                interface: Interface,
+            ) -> Result<Self, &'static str> {
+                let (is_co_simulation, is_model_exchange) = match interface {
+                    Interface::CoSimulation => (true, false),
+                    Interface::ModelExchange => (false, true),
+                };
                 // SAFETY: promised by the caller.
                 unsafe {
-                    Ok(Self {
+                    let functions = Self {
                         $($field: *library.get::<$type>($name).map_err(|_| $name)?,)*
                         $($other: library.get::<$other_type>($other_name).ok().map(|f| *f),)*
-                    })
+                        $($cs: library.get::<$cs_type>($cs_name).ok().map(|f| *f).filter(|_| is_co_simulation),)*
+                        $($cs2: library.get::<$cs2_type>($cs2_name).ok().map(|f| *f).filter(|_| is_co_simulation),)*
+                        $($me: library.get::<$me_type>($me_name).ok().map(|f| *f).filter(|_| is_model_exchange),)*
+                        $($me2: library.get::<$me2_type>($me2_name).ok().map(|f| *f).filter(|_| is_model_exchange),)*
+                    };
+                    $(if is_co_simulation && functions.$cs.is_none() {
+                        return Err($cs_name);
+                    })*
+                    $(if is_model_exchange && functions.$me.is_none() {
+                        return Err($me_name);
+                    })*
+                    Ok(functions)
                 }
             }
 
-            /// Names of all functions.
-            pub(super) const NAMES: &[&str] = &[$($name,)* $($other_name,)*];
-
-            /// Names of the optional functions that are not there.
-            pub(super) fn missing(&self) -> Vec<&'static str> {
-                let mut names = Vec::new();
-                $(if self.$other.is_none() {
-                    names.push($other_name);
-                })*
+            /// Names of the functions of an interface.
+            pub(super) fn names(interface: Interface) -> Vec<&'static str> {
+                let mut names = vec![$($name,)* $($other_name,)*];
+                match interface {
+                    Interface::CoSimulation => names.extend([$($cs_name,)* $($cs2_name,)*]),
+                    Interface::ModelExchange => names.extend([$($me_name,)* $($me2_name,)*]),
+                }
                 names
             }
         }
     };
 }
-
-functions! {
-    required {
-        get_types_platform: c_api::GetText = "fmi2GetTypesPlatform",
-        get_version: c_api::GetText = "fmi2GetVersion",
-        instantiate: c_api::Instantiate = "fmi2Instantiate",
-        free_instance: c_api::FreeInstance = "fmi2FreeInstance",
-        setup_experiment: c_api::SetupExperiment = "fmi2SetupExperiment",
-        enter_initialization_mode: c_api::Transition = "fmi2EnterInitializationMode",
-        exit_initialization_mode: c_api::Transition = "fmi2ExitInitializationMode",
-        terminate: c_api::Transition = "fmi2Terminate",
-        reset: c_api::Transition = "fmi2Reset",
-        get_real: c_api::Get<f64> = "fmi2GetReal",
-        get_integer: c_api::Get<i32> = "fmi2GetInteger",
-        get_boolean: c_api::Get<c_api::Boolean> = "fmi2GetBoolean",
-        get_string: c_api::Get<*const c_char> = "fmi2GetString",
-        set_real: c_api::Set<f64> = "fmi2SetReal",
-        set_integer: c_api::Set<i32> = "fmi2SetInteger",
-        set_boolean: c_api::Set<c_api::Boolean> = "fmi2SetBoolean",
-        set_string: c_api::Set<*const c_char> = "fmi2SetString",
-        do_step: c_api::DoStep = "fmi2DoStep",
-    }
-    optional {
-        set_debug_logging: c_api::SetDebugLogging = "fmi2SetDebugLogging",
-        get_state: c_api::AccessState = "fmi2GetFMUstate",
-        set_state: c_api::SetState = "fmi2SetFMUstate",
-        free_state: c_api::AccessState = "fmi2FreeFMUstate",
-        serialized_state_size: c_api::SerializedStateSize = "fmi2SerializedFMUstateSize",
-        serialize_state: c_api::SerializeState = "fmi2SerializeFMUstate",
-        deserialize_state: c_api::DeserializeState = "fmi2DeSerializeFMUstate",
-        get_directional_derivative: c_api::GetDirectionalDerivative = "fmi2GetDirectionalDerivative",
-        set_real_input_derivatives: c_api::SetInputDerivatives = "fmi2SetRealInputDerivatives",
-        get_real_output_derivatives: c_api::GetOutputDerivatives = "fmi2GetRealOutputDerivatives",
-        cancel_step: c_api::Transition = "fmi2CancelStep",
-        get_status: c_api::GetStatus<RawStatus> = "fmi2GetStatus",
-        get_real_status: c_api::GetStatus<f64> = "fmi2GetRealStatus",
-        get_integer_status: c_api::GetStatus<i32> = "fmi2GetIntegerStatus",
-        get_boolean_status: c_api::GetStatus<c_api::Boolean> = "fmi2GetBooleanStatus",
-        get_string_status: c_api::GetStatus<*const c_char> = "fmi2GetStringStatus",
-    }
-}
+use table;

@@ -1,21 +1,33 @@
 //! An instance: its life, and how its functions are called.
 
-use super::callbacks::{Log, allocate_memory, free_memory, log_message};
+use super::callbacks::{Log, allocate_memory, free_memory, log_message, log_text};
 use super::calls::{self, Board, Function};
 use super::error::{CallError, CallProblem, Message, Status};
 use super::functions::Functions;
 use super::library::Library;
-use crate::c_api::{self, CallbackFunctions, Component, RawStatus};
+use crate::c_api::{self, CallbackFunctions, Component, RawStatus, v3};
+use crate::description::{FmiVersion, Interface};
+use crate::signature::Signature;
 use std::ffi::{CString, c_char, c_void};
 use std::ptr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// An instance for co-simulation, freed when dropped.
+/// The end of the latest step, as `fmi3DoStep` returns it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct StepEnd {
+    /// Of an FMU that was told that Event Mode is not used.
+    _event: v3::RawBoolean,
+    pub(super) terminate: v3::RawBoolean,
+    early: v3::RawBoolean,
+    pub(super) time: f64,
+}
+
+/// An instance for co-simulation or model exchange, freed when dropped.
 ///
-/// Methods are named after the C functions. Each returns an error for a status above
-/// `fmi2Warning`, with what the instance logged. Setting and getting numbers and stepping do not
-/// allocate unless they fail.
+/// Methods are named after the C functions of FMI 2.0; an instance of FMI 3.0 has the same methods. Each returns an error
+/// for a status above `fmi2Warning`, with what the instance logged. Setting and getting numbers and stepping do not
+/// allocate unless they fail, or transfer arrays of FMI 3.0 whose type is not Float64 or Int32.
 pub struct Instance {
     component: Component,
     // Receives each call before it is made; `index` identifies the component there.
@@ -24,6 +36,9 @@ pub struct Instance {
     dead: bool,
     pub(super) states: Vec<c_api::State>,
     name: CString,
+    /// Start and stop of the experiment, which FMI 3.0 passes to `fmi3EnterInitializationMode`.
+    experiment: (f64, Option<f64>),
+    pub(super) step_end: StepEnd,
     // The FMU keeps pointers to both boxes until it is freed.
     pub(super) log: Box<Log>,
     _callbacks: Box<CallbackFunctions>,
@@ -31,16 +46,22 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// `fmi2Instantiate` for co-simulation, invisible.
+    /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the interface that the library
+    /// was unpacked for. The instance is invisible; one of FMI 3.0 uses neither Event Mode in co-simulation nor early return.
     ///
     /// `logging` asks the FMU to log more than errors.
     ///
     /// # Errors
     /// The FMU returns no instance, or a name holds a zero byte.
     pub fn instantiate(library: &Arc<Library>, name: &str, guid: &str, logging: bool) -> Result<Self, CallError> {
+        let Signature { fmi, interface, .. } = library.signature;
+        let function = match interface {
+            Interface::CoSimulation => Function::InstantiateCoSimulation,
+            Interface::ModelExchange => Function::InstantiateModelExchange,
+        };
         let failed = |problem, messages| CallError {
             instance: name.to_string(),
-            function: Function::Instantiate.name(),
+            function: function.name(fmi),
             problem,
             messages,
         };
@@ -63,20 +84,53 @@ impl Instance {
         let board = calls::board();
         let index = board.map_or(0, Board::current);
         if let Some(board) = board {
-            board.enter(index, Function::Instantiate);
+            board.enter(index, function, fmi);
         }
-        // SAFETY: all pointers are valid for the call; callbacks and log live as long as the
+        let resources = library.resources.as_ref().map_or(ptr::null(), |resources| resources.as_ptr());
+        // SAFETY: all pointers are valid for the call, resources may be null in FMI 3.0; callbacks and log live as long as the
         // instance, in the struct below.
         let component = unsafe {
-            (library.functions.instantiate)(
-                c_name.as_ptr(),
-                c_api::CO_SIMULATION,
-                c_guid.as_ptr(),
-                library.resources.as_ptr(),
-                &raw const *callbacks,
-                c_api::FALSE,
-                c_api::Boolean::from(logging),
-            )
+            match &library.functions {
+                Functions::V2(f) => (f.instantiate)(
+                    c_name.as_ptr(),
+                    match interface {
+                        Interface::CoSimulation => c_api::CO_SIMULATION,
+                        Interface::ModelExchange => c_api::MODEL_EXCHANGE,
+                    },
+                    c_guid.as_ptr(),
+                    resources,
+                    &raw const *callbacks,
+                    c_api::FALSE,
+                    c_api::Boolean::from(logging),
+                ),
+                Functions::V3(f) => match (f.instantiate_co_simulation, f.instantiate_model_exchange) {
+                    (Some(instantiate), _) => instantiate(
+                        c_name.as_ptr(),
+                        c_guid.as_ptr(),
+                        resources,
+                        false,
+                        logging,
+                        false,
+                        false,
+                        ptr::null(),
+                        0,
+                        callbacks.environment,
+                        log_text,
+                        None,
+                    ),
+                    (None, Some(instantiate)) => instantiate(
+                        c_name.as_ptr(),
+                        c_guid.as_ptr(),
+                        resources,
+                        false,
+                        logging,
+                        callbacks.environment,
+                        log_text,
+                    ),
+                    // The table has one of them.
+                    (None, None) => ptr::null_mut(),
+                },
+            }
         };
         if let Some(board) = board {
             board.leave();
@@ -92,6 +146,8 @@ impl Instance {
             dead: false,
             states: Vec::new(),
             name: c_name,
+            experiment: (0.0, None),
+            step_end: StepEnd::default(),
             log,
             _callbacks: callbacks,
             library: Arc::clone(library),
@@ -102,6 +158,14 @@ impl Instance {
     #[must_use]
     pub fn name(&self) -> &str {
         self.name.to_str().unwrap_or_default()
+    }
+
+    pub(super) fn fmi(&self) -> FmiVersion {
+        self.library.functions.fmi()
+    }
+
+    pub(super) fn signature(&self) -> &Signature {
+        &self.library.signature
     }
 
     /// Messages logged since they were last taken; at most the latest 100.
@@ -115,12 +179,13 @@ impl Instance {
         if problem == CallProblem::Status(Status::Fatal) {
             self.dead = true;
         }
-        CallError { instance: self.name().to_string(), function: function.name(), problem, messages: self.log.take() }
+        let function = function.name(self.fmi());
+        CallError { instance: self.name().to_string(), function, problem, messages: self.log.take() }
     }
 
     fn enter(&self, function: Function) {
         if let Some(board) = self.board {
-            board.enter(self.index, function);
+            board.enter(self.index, function, self.fmi());
         }
     }
 
@@ -148,7 +213,23 @@ impl Instance {
         }
     }
 
-    /// As [`Self::call`] for a function the FMU may lack.
+    /// As [`Self::call`] for a function that the FMU may lack; `call` returns `None` then.
+    pub(super) fn call_present(
+        &mut self,
+        function: Function,
+        call: impl FnOnce(&Functions, Component) -> Option<RawStatus>,
+    ) -> Result<(), CallError> {
+        let mut is_missing = false;
+        let result = self.call(function, |f, component| {
+            call(f, component).unwrap_or_else(|| {
+                is_missing = true;
+                0
+            })
+        });
+        if is_missing { Err(self.missing(function)) } else { result }
+    }
+
+    /// As [`Self::call_present`] for a function that both versions declare in the same way.
     pub(super) fn call_optional<F: Copy>(
         &mut self,
         function: Function,
@@ -157,8 +238,16 @@ impl Instance {
     ) -> Result<(), CallError> {
         match select(&self.library.functions) {
             Some(f) => self.call(function, |_, component| call(f, component)),
-            None => Err(self.failure(function, CallProblem::NotExported)),
+            None => Err(self.missing(function)),
         }
+    }
+
+    #[cold]
+    fn missing(&mut self, function: Function) -> CallError {
+        let interface = self.signature().interface;
+        let is_of_other = function.interface().is_some_and(|other| other != interface);
+        let problem = if is_of_other { CallProblem::Interface(interface) } else { CallProblem::NotExported };
+        self.failure(function, problem)
     }
 
     pub(super) fn same_length(
@@ -181,22 +270,33 @@ impl Instance {
     pub fn set_debug_logging(&mut self, on: bool, categories: &[&str]) -> Result<(), CallError> {
         const NAME: Function = Function::SetDebugLogging;
         let (_owned, pointers) = self.c_strings(NAME, categories)?;
-        self.call_optional(
-            NAME,
-            |f| f.set_debug_logging,
-            // SAFETY: live instance; the array holds as many C strings as stated.
-            |f, c| unsafe { f(c, c_api::Boolean::from(on), pointers.len(), pointers.as_ptr()) },
-        )
+        // SAFETY: live instance; the array holds as many C strings as stated.
+        self.call_present(NAME, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => {
+                    Some(f.set_debug_logging?(c, c_api::Boolean::from(on), pointers.len(), pointers.as_ptr()))
+                }
+                Functions::V3(f) => Some(f.set_debug_logging?(c, on, pointers.len(), pointers.as_ptr())),
+            }
+        })
     }
 
-    /// `fmi2SetupExperiment` without a tolerance. Times in seconds.
+    /// `fmi2SetupExperiment` without a tolerance. Times in seconds. An FMU of FMI 3.0 gets them by
+    /// `fmi3EnterInitializationMode`.
     ///
     /// # Errors
     /// The FMU returns an error.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> Result<(), CallError> {
+        self.experiment = (start, stop);
         // SAFETY: live instance.
         self.call(Function::SetupExperiment, |f, c| unsafe {
-            (f.setup_experiment)(c, c_api::FALSE, 0.0, start, c_api::Boolean::from(stop.is_some()), stop.unwrap_or(0.0))
+            match f {
+                Functions::V2(f) => {
+                    let has_stop = c_api::Boolean::from(stop.is_some());
+                    (f.setup_experiment)(c, c_api::FALSE, 0.0, start, has_stop, stop.unwrap_or(0.0))
+                }
+                Functions::V3(_) => 0,
+            }
         })
     }
 
@@ -205,8 +305,16 @@ impl Instance {
     /// # Errors
     /// The FMU returns an error.
     pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
+        let (start, stop) = self.experiment;
         // SAFETY: live instance.
-        self.call(Function::EnterInitializationMode, |f, c| unsafe { (f.enter_initialization_mode)(c) })
+        self.call(Function::EnterInitializationMode, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => (f.enter_initialization_mode)(c),
+                Functions::V3(f) => {
+                    (f.enter_initialization_mode)(c, false, 0.0, start, stop.is_some(), stop.unwrap_or(0.0))
+                }
+            }
+        })
     }
 
     /// `fmi2ExitInitializationMode`.
@@ -215,7 +323,7 @@ impl Instance {
     /// The FMU returns an error.
     pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call(Function::ExitInitializationMode, |f, c| unsafe { (f.exit_initialization_mode)(c) })
+        self.call(Function::ExitInitializationMode, |f, c| unsafe { f.exit_initialization_mode()(c) })
     }
 
     /// `fmi2Terminate`.
@@ -224,7 +332,7 @@ impl Instance {
     /// The FMU returns an error.
     pub fn terminate(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call(Function::Terminate, |f, c| unsafe { (f.terminate)(c) })
+        self.call(Function::Terminate, |f, c| unsafe { f.terminate()(c) })
     }
 
     /// `fmi2Reset`.
@@ -233,16 +341,34 @@ impl Instance {
     /// The FMU returns an error.
     pub fn reset(&mut self) -> Result<(), CallError> {
         // SAFETY: live instance.
-        self.call(Function::Reset, |f, c| unsafe { (f.reset)(c) })
+        self.call(Function::Reset, |f, c| unsafe { f.reset()(c) })
     }
 
     /// `fmi2DoStep` from `time` over `step`, both in seconds; no earlier state will be restored.
     ///
     /// # Errors
-    /// The FMU returns an error, fails, or has not finished the step.
+    /// The FMU returns an error, fails, has not finished the step, or ends the simulation.
     pub fn do_step(&mut self, time: f64, step: f64) -> Result<(), CallError> {
-        // SAFETY: live instance.
-        self.call(Function::DoStep, |f, c| unsafe { (f.do_step)(c, time, step, c_api::TRUE) })
+        let mut end = StepEnd { time, ..StepEnd::default() };
+        // SAFETY: live instance; the end of the step is written through valid pointers.
+        let result = self.call_present(Function::DoStep, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => Some(f.do_step?(c, time, step, c_api::TRUE)),
+                Functions::V3(f) => {
+                    let StepEnd { _event, terminate, early, time: reached } = &mut end;
+                    Some(f.do_step?(c, time, step, true, _event, terminate, early, reached))
+                }
+            }
+        });
+        self.step_end = end;
+        result?;
+        if end.terminate | end.early == 0 { Ok(()) } else { Err(self.not_stepped(end)) }
+    }
+
+    #[cold]
+    fn not_stepped(&mut self, end: StepEnd) -> CallError {
+        let problem = if end.terminate != 0 { CallProblem::Terminated } else { CallProblem::EarlyReturn };
+        self.failure(Function::DoStep, problem)
     }
 
     /// C strings and the pointers to them.
@@ -272,8 +398,8 @@ impl Drop for Instance {
     fn drop(&mut self) {
         // After fmi2Fatal no function may be called, not even to free.
         if !self.dead {
-            if let Some(free) = self.library.functions.free_state {
-                self.enter(Function::FreeFMUstate);
+            if let Some(free) = self.library.functions.free_state() {
+                self.enter(Function::FreeFmuState);
                 for state in &mut self.states {
                     if !state.is_null() {
                         // SAFETY: live instance; the state is one that it returned. Nothing can be
@@ -284,7 +410,7 @@ impl Drop for Instance {
             }
             self.enter(Function::FreeInstance);
             // SAFETY: the instance is freed once, here.
-            unsafe { (self.library.functions.free_instance)(self.component) };
+            unsafe { self.library.functions.free_instance()(self.component) };
             self.leave();
         }
         self.library.instances.fetch_sub(1, Ordering::AcqRel);

@@ -2,10 +2,12 @@
 
 use super::calls;
 use super::error::LoadError;
-use super::functions::Functions;
-use super::strings::{file_uri, text};
+use super::functions::{self, Functions};
+use super::strings::{file_uri, folder_path, text};
 use crate::archive::Unpacked;
+use crate::description::{FmiVersion, Interface};
 use crate::python;
+use crate::signature::Signature;
 use object::Object as _;
 use std::ffi::{CString, c_char, c_void};
 use std::ptr;
@@ -16,8 +18,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub struct Library {
     pub(super) functions: Functions,
     // Fields are dropped in this order: the library is closed before its file is removed.
-    _library: libloading::Library,
-    pub(super) resources: CString,
+    library: libloading::Library,
+    /// As the version of FMI takes it: a URI or a path; null for FMI 3.0 without resources.
+    pub(super) resources: Option<CString>,
+    pub(super) signature: Signature,
     pub(super) instances: AtomicUsize,
     _unpacked: Arc<Unpacked>,
 }
@@ -32,8 +36,8 @@ impl Library {
     /// Loads the library of an unpacked FMU.
     ///
     /// # Errors
-    /// The system cannot load it, it needs a Python library that is not there, a function is missing, or it is not one of
-    /// FMI 2.0 with the types platform `default`.
+    /// The system cannot load it, it needs a Python library that is not there, a function of the interface is missing, or it
+    /// is not one of the version of the description (FMI 2.0: with the types platform `default`).
     pub fn load(unpacked: impl Into<Arc<Unpacked>>) -> Result<Arc<Self>, LoadError> {
         let board = calls::board();
         if let Some(board) = board {
@@ -55,34 +59,46 @@ impl Library {
             return Err(LoadError::Python { path: path.clone(), symbol });
         }
         let library = opened.map_err(|error| LoadError::Library { path: path.clone(), reason: reason(&error) })?;
-        // SAFETY: the signatures are those of the FMI 2.0 headers; the table is stored beside the
+        let signature = unpacked.signature.clone();
+        // SAFETY: the signatures are those of the FMI headers; the table is stored beside the
         // library and its pointers are called through `Library` and `Instance` only.
-        let functions = unsafe { Functions::load(&library) }
+        let functions = unsafe { Functions::load(&library, signature.fmi, signature.interface) }
             .map_err(|function| LoadError::Missing { path: path.clone(), function })?;
-        for (function, get, expected) in [
-            ("fmi2GetVersion", functions.get_version, "2.0"),
-            ("fmi2GetTypesPlatform", functions.get_types_platform, "default"),
-        ] {
-            // SAFETY: both functions take nothing and return a static string or null.
+        let answers = match &functions {
+            Functions::V2(f) => vec![
+                ("fmi2GetVersion", f.get_version, "2.0"),
+                ("fmi2GetTypesPlatform", f.get_types_platform, "default"),
+            ],
+            Functions::V3(f) => vec![("fmi3GetVersion", f.get_version, "3.0")],
+        };
+        for (function, get, expected) in answers {
+            // SAFETY: these functions take nothing and return a static string or null.
             let found = unsafe { text(get()) };
-            if found != expected {
+            let is_patch = expected == "3.0" && found.starts_with("3.0.");
+            if found != expected && !is_patch {
                 return Err(LoadError::Version { path: path.clone(), function, found, expected });
             }
         }
+        let resources = match signature.fmi {
+            FmiVersion::V2 => Some(file_uri(&unpacked.resources)),
+            FmiVersion::V3 => folder_path(&unpacked.resources),
+        };
         Ok(Arc::new(Self {
             functions,
-            _library: library,
-            resources: file_uri(&unpacked.resources),
+            library,
+            resources,
+            signature,
             instances: AtomicUsize::new(0),
             _unpacked: unpacked,
         }))
     }
 
-    /// Functions of FMI 2.0 for co-simulation that the library does not export although the standard has them; those
-    /// without which it could not be loaded are not among them.
+    /// Functions of its version of FMI and of these interfaces that neither the library nor one that it depends on exports.
     #[must_use]
-    pub fn missing_functions(&self) -> Vec<&'static str> {
-        self.functions.missing()
+    pub fn missing_functions(&self, interfaces: &[Interface]) -> Vec<&'static str> {
+        let names = functions::names(self.signature.fmi, interfaces).into_iter();
+        // SAFETY: the symbol is only looked up, not used.
+        names.filter(|name| unsafe { self.library.get::<*const c_void>(*name) }.is_err()).collect()
     }
 
     /// Number of living instances.
@@ -92,11 +108,16 @@ impl Library {
     }
 }
 
-/// Functions of FMI 2.0 for co-simulation that a library, for any platform, does not export.
+/// Functions of a version of FMI and of these interfaces that a library, for any platform, does not export. FMI 3.0
+/// requires all functions for every interface.
 ///
 /// # Errors
 /// The file cannot be read or is not a library.
-pub fn not_exported(library: &std::path::Path) -> Result<Vec<&'static str>, LoadError> {
+pub fn not_exported(
+    library: &std::path::Path,
+    fmi: FmiVersion,
+    interfaces: &[Interface],
+) -> Result<Vec<&'static str>, LoadError> {
     let failed = |reason: String| LoadError::Library { path: library.to_path_buf(), reason };
     let bytes = std::fs::read(library).map_err(|error| failed(error.to_string()))?;
     let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
@@ -107,7 +128,7 @@ pub fn not_exported(library: &std::path::Path) -> Result<Vec<&'static str>, Load
             .iter()
             .any(|export| export.name() == name.as_bytes() || export.name().strip_prefix(b"_") == Some(name.as_bytes()))
     };
-    Ok(Functions::NAMES.iter().copied().filter(|name| !is_there(name)).collect())
+    Ok(functions::names(fmi, interfaces).into_iter().filter(|name| !is_there(name)).collect())
 }
 
 /// The model descriptions in a library that the exporter of this project made to describe its models, by the name of the

@@ -3,6 +3,7 @@
 use super::callbacks::Log;
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
+use super::functions::Functions;
 use super::instance::Instance;
 use crate::c_api;
 use std::ptr;
@@ -43,8 +44,8 @@ impl Instance {
     pub fn save_state(&mut self) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
         self.call_optional(
-            Function::GetFMUstate,
-            |f| f.get_state,
+            Function::GetFmuState,
+            Functions::get_state,
             // SAFETY: live instance; a null state asks for a new one.
             |f, c| unsafe { f(c, &raw mut state) },
         )?;
@@ -56,11 +57,11 @@ impl Instance {
     /// # Errors
     /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn save_state_again(&mut self, saved: &SavedState) -> Result<(), CallError> {
-        const NAME: Function = Function::GetFMUstate;
+        const NAME: Function = Function::GetFmuState;
         let mut state = self.state(NAME, saved)?;
         // SAFETY: live instance; the state is null or one that this instance returned.
         let get = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
-        let result = self.call_optional(NAME, |f| f.get_state, get);
+        let result = self.call_optional(NAME, Functions::get_state, get);
         // The FMU may have replaced the pointer, even where it failed.
         self.states[saved.slot] = state;
         result
@@ -71,11 +72,11 @@ impl Instance {
     /// # Errors
     /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn restore_state(&mut self, saved: &SavedState) -> Result<(), CallError> {
-        const NAME: Function = Function::SetFMUstate;
+        const NAME: Function = Function::SetFmuState;
         let state = self.state(NAME, saved)?;
         self.call_optional(
             NAME,
-            |f| f.set_state,
+            Functions::set_state,
             // SAFETY: live instance; the state is one that this instance returned.
             |f, c| unsafe { f(c, state) },
         )
@@ -86,11 +87,11 @@ impl Instance {
     /// # Errors
     /// The state is of another instance, or the FMU returns an error or lacks the function.
     pub fn free_state(&mut self, saved: SavedState) -> Result<(), CallError> {
-        const NAME: Function = Function::FreeFMUstate;
+        const NAME: Function = Function::FreeFmuState;
         let mut state = self.state(NAME, &saved)?;
         // SAFETY: live instance; the state is null or one that this instance returned.
         let free = |f: c_api::AccessState, c| unsafe { f(c, &raw mut state) };
-        self.call_optional(NAME, |f| f.free_state, free)?;
+        self.call_optional(NAME, Functions::free_state, free)?;
         // The slot stays, so that other states keep theirs; null is freed as nothing.
         self.states[saved.slot] = ptr::null_mut();
         Ok(())
@@ -101,22 +102,23 @@ impl Instance {
     /// # Errors
     /// The state is of another instance, or the FMU returns an error or lacks the functions.
     pub fn serialize_state(&mut self, saved: &SavedState) -> Result<Vec<u8>, CallError> {
-        const NAME: Function = Function::SerializeFMUstate;
+        const NAME: Function = Function::SerializeFmuState;
         let state = self.state(NAME, saved)?;
         let mut size = 0;
         self.call_optional(
-            Function::SerializedFMUstateSize,
-            |f| f.serialized_state_size,
+            Function::SerializedFmuStateSize,
+            Functions::serialized_state_size,
             // SAFETY: live instance and state; the size is written through a valid pointer.
             |f, c| unsafe { f(c, state, &raw mut size) },
         )?;
         let mut bytes = vec![0_u8; size];
-        self.call_optional(
-            NAME,
-            |f| f.serialize_state,
-            // SAFETY: live instance and state; the buffer has the size that the FMU asked for.
-            |f, c| unsafe { f(c, state, bytes.as_mut_ptr().cast(), size) },
-        )?;
+        // SAFETY: live instance and state; the buffer has the size that the FMU asked for.
+        self.call_present(NAME, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => Some(f.serialize_state?(c, state, bytes.as_mut_ptr().cast(), size)),
+                Functions::V3(f) => Some(f.serialize_state?(c, state, bytes.as_mut_ptr(), size)),
+            }
+        })?;
         Ok(bytes)
     }
 
@@ -126,12 +128,13 @@ impl Instance {
     /// The FMU rejects the bytes or lacks the function.
     pub fn deserialize_state(&mut self, bytes: &[u8]) -> Result<SavedState, CallError> {
         let mut state = ptr::null_mut();
-        self.call_optional(
-            Function::DeSerializeFMUstate,
-            |f| f.deserialize_state,
-            // SAFETY: live instance; the bytes have the stated length; null asks for a new state.
-            |f, c| unsafe { f(c, bytes.as_ptr().cast(), bytes.len(), &raw mut state) },
-        )?;
+        // SAFETY: live instance; the bytes have the stated length; null asks for a new state.
+        self.call_present(Function::DeserializeFmuState, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => Some(f.deserialize_state?(c, bytes.as_ptr().cast(), bytes.len(), &raw mut state)),
+                Functions::V3(f) => Some(f.deserialize_state?(c, bytes.as_ptr(), bytes.len(), &raw mut state)),
+            }
+        })?;
         Ok(self.keep(state))
     }
 }

@@ -2,108 +2,157 @@
 
 use super::calls::Function;
 use super::error::CallError;
+use super::functions::Functions;
 use super::instance::Instance;
 use super::strings::text;
 use crate::c_api::{self, Reference};
+use crate::description::FmiVersion;
 use std::ptr;
 
 impl Instance {
-    /// `fmi2GetReal`.
+    /// `fmi2GetReal`, `fmi3GetFloat64`. An array takes as many values as it has elements.
     ///
     /// # Errors
     /// The lengths differ or the FMU returns an error.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
+        if self.has_special(refs) {
+            return self.get_special_reals(refs, values);
+        }
         self.same_length(Function::GetReal, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::GetReal, |f, c| unsafe { (f.get_real)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()) })
-    }
-
-    /// `fmi2GetInteger`, also for enumerations.
-    ///
-    /// # Errors
-    /// The lengths differ or the FMU returns an error.
-    pub fn get_integer(&mut self, refs: &[Reference], values: &mut [i32]) -> Result<(), CallError> {
-        self.same_length(Function::GetInteger, refs.len(), values.len())?;
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::GetInteger, |f, c| unsafe {
-            (f.get_integer)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr())
+        self.call(Function::GetReal, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => (f.get_real)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()),
+                Functions::V3(f) => (f.get_float64)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr(), values.len()),
+            }
         })
     }
 
-    /// `fmi2GetBoolean`; 0 is false, all else true.
+    /// `fmi2GetInteger`, `fmi3GetInt32`, also for enumerations and the other integer types of FMI 3.0.
+    ///
+    /// # Errors
+    /// The lengths differ, a value has more than 32 bits, or the FMU returns an error.
+    pub fn get_integer(&mut self, refs: &[Reference], values: &mut [i32]) -> Result<(), CallError> {
+        if self.has_special(refs) {
+            return self.get_special_integers(refs, values);
+        }
+        self.same_length(Function::GetInteger, refs.len(), values.len())?;
+        // SAFETY: live instance; both arrays have the stated length.
+        self.call(Function::GetInteger, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => (f.get_integer)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr()),
+                Functions::V3(f) => (f.get_int32)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr(), values.len()),
+            }
+        })
+    }
+
+    /// `fmi2GetBoolean`, `fmi3GetBoolean`; 0 is false, all else true.
     ///
     /// # Errors
     /// The lengths differ or the FMU returns an error.
     pub fn get_boolean(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
+        if self.fmi() == FmiVersion::V3 {
+            return self.get_bools(refs, values);
+        }
         self.same_length(Function::GetBoolean, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::GetBoolean, |f, c| unsafe {
-            (f.get_boolean)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr())
+        self.call_present(Function::GetBoolean, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => Some((f.get_boolean)(c, refs.as_ptr(), refs.len(), values.as_mut_ptr())),
+                Functions::V3(_) => None,
+            }
         })
     }
 
-    /// `fmi2GetString`.
+    /// `fmi2GetString`, `fmi3GetString`: one String per element.
     ///
     /// # Errors
     /// The FMU returns an error.
     pub fn get_string(&mut self, refs: &[Reference]) -> Result<Vec<String>, CallError> {
-        let mut pointers = vec![ptr::null(); refs.len()];
+        let mut pointers = vec![ptr::null(); self.elements(refs)];
         // SAFETY: live instance; both arrays have the stated length.
         self.call(Function::GetString, |f, c| unsafe {
-            (f.get_string)(c, refs.as_ptr(), refs.len(), pointers.as_mut_ptr())
+            match f {
+                Functions::V2(f) => (f.get_string)(c, refs.as_ptr(), refs.len(), pointers.as_mut_ptr()),
+                Functions::V3(f) => (f.get_string)(c, refs.as_ptr(), refs.len(), pointers.as_mut_ptr(), pointers.len()),
+            }
         })?;
         // SAFETY: the FMU filled in C strings that stay valid until its next function is called.
         Ok(pointers.into_iter().map(|p| unsafe { text(p) }).collect())
     }
 
-    /// `fmi2SetReal`.
+    /// `fmi2SetReal`, `fmi3SetFloat64`. An array takes as many values as it has elements.
     ///
     /// # Errors
     /// The lengths differ or the FMU returns an error.
     pub fn set_real(&mut self, refs: &[Reference], values: &[f64]) -> Result<(), CallError> {
+        if self.has_special(refs) {
+            return self.set_special_reals(refs, values);
+        }
         self.same_length(Function::SetReal, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::SetReal, |f, c| unsafe { (f.set_real)(c, refs.as_ptr(), refs.len(), values.as_ptr()) })
-    }
-
-    /// `fmi2SetInteger`, also for enumerations.
-    ///
-    /// # Errors
-    /// The lengths differ or the FMU returns an error.
-    pub fn set_integer(&mut self, refs: &[Reference], values: &[i32]) -> Result<(), CallError> {
-        self.same_length(Function::SetInteger, refs.len(), values.len())?;
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::SetInteger, |f, c| unsafe {
-            (f.set_integer)(c, refs.as_ptr(), refs.len(), values.as_ptr())
+        self.call(Function::SetReal, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => (f.set_real)(c, refs.as_ptr(), refs.len(), values.as_ptr()),
+                Functions::V3(f) => (f.set_float64)(c, refs.as_ptr(), refs.len(), values.as_ptr(), values.len()),
+            }
         })
     }
 
-    /// `fmi2SetBoolean`; values are 0 or 1.
+    /// `fmi2SetInteger`, `fmi3SetInt32`, also for enumerations and the other integer types of FMI 3.0.
+    ///
+    /// # Errors
+    /// The lengths differ, a value does not fit the type of the variable, or the FMU returns an error.
+    pub fn set_integer(&mut self, refs: &[Reference], values: &[i32]) -> Result<(), CallError> {
+        if self.has_special(refs) {
+            return self.set_special_integers(refs, values);
+        }
+        self.same_length(Function::SetInteger, refs.len(), values.len())?;
+        // SAFETY: live instance; both arrays have the stated length.
+        self.call(Function::SetInteger, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => (f.set_integer)(c, refs.as_ptr(), refs.len(), values.as_ptr()),
+                Functions::V3(f) => (f.set_int32)(c, refs.as_ptr(), refs.len(), values.as_ptr(), values.len()),
+            }
+        })
+    }
+
+    /// `fmi2SetBoolean`, `fmi3SetBoolean`; values are 0 or 1.
     ///
     /// # Errors
     /// The lengths differ or the FMU returns an error.
     pub fn set_boolean(&mut self, refs: &[Reference], values: &[c_api::Boolean]) -> Result<(), CallError> {
+        if self.fmi() == FmiVersion::V3 {
+            return self.set_bools(refs, values);
+        }
         self.same_length(Function::SetBoolean, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
-        self.call(Function::SetBoolean, |f, c| unsafe {
-            (f.set_boolean)(c, refs.as_ptr(), refs.len(), values.as_ptr())
+        self.call_present(Function::SetBoolean, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => Some((f.set_boolean)(c, refs.as_ptr(), refs.len(), values.as_ptr())),
+                Functions::V3(_) => None,
+            }
         })
     }
 
-    /// `fmi2SetString`.
+    /// `fmi2SetString`, `fmi3SetString`: one String per element.
     ///
     /// # Errors
     /// The lengths differ, a value holds a zero byte, or the FMU returns an error.
     pub fn set_string(&mut self, refs: &[Reference], values: &[&str]) -> Result<(), CallError> {
-        self.same_length(Function::SetString, refs.len(), values.len())?;
+        self.same_length(Function::SetString, self.elements(refs), values.len())?;
         let (_owned, pointers) = self.c_strings(Function::SetString, values)?;
         // SAFETY: live instance; both arrays have the stated length, the strings live on.
         self.call(Function::SetString, |f, c| unsafe {
-            (f.set_string)(c, refs.as_ptr(), refs.len(), pointers.as_ptr())
+            match f {
+                Functions::V2(f) => (f.set_string)(c, refs.as_ptr(), refs.len(), pointers.as_ptr()),
+                Functions::V3(f) => (f.set_string)(c, refs.as_ptr(), refs.len(), pointers.as_ptr(), pointers.len()),
+            }
         })
     }
 
-    /// `fmi2GetDirectionalDerivative`: `result` = d(unknowns)/d(knowns) * `seed`.
+    /// `fmi2GetDirectionalDerivative`, `fmi3GetDirectionalDerivative`: `result` = d(unknowns)/d(knowns) * `seed`. Arrays have
+    /// as many numbers in `seed` and `result` as elements.
     ///
     /// # Errors
     /// The lengths differ, or the FMU returns an error or lacks the function.
@@ -115,48 +164,78 @@ impl Instance {
         result: &mut [f64],
     ) -> Result<(), CallError> {
         const NAME: Function = Function::GetDirectionalDerivative;
-        self.same_length(NAME, knowns.len(), seed.len())?;
-        self.same_length(NAME, unknowns.len(), result.len())?;
-        self.call_optional(
-            NAME,
-            |f| f.get_directional_derivative,
-            // SAFETY: live instance; all arrays have the stated lengths.
-            |f, c| unsafe {
-                f(
-                    c,
-                    unknowns.as_ptr(),
-                    unknowns.len(),
-                    knowns.as_ptr(),
-                    knowns.len(),
-                    seed.as_ptr(),
-                    result.as_mut_ptr(),
-                )
-            },
-        )
+        self.same_length(NAME, self.elements(knowns), seed.len())?;
+        self.same_length(NAME, self.elements(unknowns), result.len())?;
+        let (u, k) = ((unknowns.as_ptr(), unknowns.len()), (knowns.as_ptr(), knowns.len()));
+        // SAFETY: live instance; all arrays have the stated lengths.
+        self.call_present(NAME, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => {
+                    let get = f.get_directional_derivative?;
+                    Some(get(c, u.0, u.1, k.0, k.1, seed.as_ptr(), result.as_mut_ptr()))
+                }
+                Functions::V3(f) => {
+                    let get = f.get_directional_derivative?;
+                    Some(get(c, u.0, u.1, k.0, k.1, seed.as_ptr(), seed.len(), result.as_mut_ptr(), result.len()))
+                }
+            }
+        })
+    }
+
+    /// `fmi3GetAdjointDerivative`: `result` = `seed` * d(unknowns)/d(knowns). Arrays have as many numbers in `seed` and
+    /// `result` as elements.
+    ///
+    /// # Errors
+    /// The lengths differ, or the FMU returns an error or lacks the function, as every one of FMI 2.0 does.
+    pub fn get_adjoint_derivative(
+        &mut self,
+        unknowns: &[Reference],
+        knowns: &[Reference],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), CallError> {
+        const NAME: Function = Function::GetAdjointDerivative;
+        self.same_length(NAME, self.elements(unknowns), seed.len())?;
+        self.same_length(NAME, self.elements(knowns), result.len())?;
+        let (u, k) = ((unknowns.as_ptr(), unknowns.len()), (knowns.as_ptr(), knowns.len()));
+        // SAFETY: live instance; all arrays have the stated lengths.
+        self.call_present(NAME, |f, c| unsafe {
+            match f {
+                Functions::V2(_) => None,
+                Functions::V3(f) => {
+                    let get = f.get_adjoint_derivative?;
+                    Some(get(c, u.0, u.1, k.0, k.1, seed.as_ptr(), seed.len(), result.as_mut_ptr(), result.len()))
+                }
+            }
+        })
     }
 
     /// `fmi2SetRealInputDerivatives`; an order per reference, from 1.
     ///
     /// # Errors
-    /// The lengths differ, or the FMU returns an error or lacks the function.
+    /// The lengths differ, or the FMU returns an error or lacks the function, as every one of FMI 3.0 does.
     pub fn set_real_input_derivatives(
         &mut self,
         refs: &[Reference],
         orders: &[i32],
         values: &[f64],
     ) -> Result<(), CallError> {
-        const NAME: Function = Function::SetRealInputDerivatives;
+        const NAME: Function = Function::SetInputDerivatives;
         self.same_length(NAME, refs.len(), values.len())?;
         self.same_length(NAME, refs.len(), orders.len())?;
-        self.call_optional(
-            NAME,
-            |f| f.set_real_input_derivatives,
-            // SAFETY: live instance; all arrays have the stated length.
-            |f, c| unsafe { f(c, refs.as_ptr(), refs.len(), orders.as_ptr(), values.as_ptr()) },
-        )
+        // SAFETY: live instance; all arrays have the stated length.
+        self.call_present(NAME, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => {
+                    let set = f.set_real_input_derivatives?;
+                    Some(set(c, refs.as_ptr(), refs.len(), orders.as_ptr(), values.as_ptr()))
+                }
+                Functions::V3(_) => None,
+            }
+        })
     }
 
-    /// `fmi2GetRealOutputDerivatives`; an order per reference, from 1.
+    /// `fmi2GetRealOutputDerivatives`, `fmi3GetOutputDerivatives`; an order per reference, from 1.
     ///
     /// # Errors
     /// The lengths differ, or the FMU returns an error or lacks the function.
@@ -166,14 +245,19 @@ impl Instance {
         orders: &[i32],
         values: &mut [f64],
     ) -> Result<(), CallError> {
-        const NAME: Function = Function::GetRealOutputDerivatives;
-        self.same_length(NAME, refs.len(), values.len())?;
+        const NAME: Function = Function::GetOutputDerivatives;
+        self.same_length(NAME, self.elements(refs), values.len())?;
         self.same_length(NAME, refs.len(), orders.len())?;
-        self.call_optional(
-            NAME,
-            |f| f.get_real_output_derivatives,
-            // SAFETY: live instance; all arrays have the stated length.
-            |f, c| unsafe { f(c, refs.as_ptr(), refs.len(), orders.as_ptr(), values.as_mut_ptr()) },
-        )
+        // SAFETY: live instance; all arrays have the stated length.
+        self.call_present(NAME, |f, c| unsafe {
+            let (references, count, orders, numbers) =
+                (refs.as_ptr(), refs.len(), orders.as_ptr(), values.as_mut_ptr());
+            match f {
+                Functions::V2(f) => Some(f.get_real_output_derivatives?(c, references, count, orders, numbers)),
+                Functions::V3(f) => {
+                    Some(f.get_output_derivatives?(c, references, count, orders, numbers, values.len()))
+                }
+            }
+        })
     }
 }

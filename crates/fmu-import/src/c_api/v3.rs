@@ -1,0 +1,89 @@
+//! The C types of FMI 3.0 for co-simulation and model exchange.
+//!
+//! Source: FMI 3.0.2, section 2.2, and its headers `fmi3PlatformTypes.h` and `fmi3FunctionTypes.h`. What FMI 2.0 declares
+//! in the same way is in the module above.
+
+use super::{Component, RawStatus, Reference, State};
+use std::ffi::{c_char, c_int, c_void};
+
+/// `fmi3Boolean` that C writes: the byte of a `bool`, which may hold any number.
+pub type RawBoolean = u8;
+
+/// `fmi3LogMessageCallback`: environment, status, category, message.
+pub type LogMessage = unsafe extern "C" fn(*mut c_void, RawStatus, *const c_char, *const c_char);
+/// `fmi3IntermediateUpdateCallback`; this crate passes null.
+pub type IntermediateUpdate = unsafe extern "C" fn(*mut c_void, f64, bool, bool, bool, bool, *mut RawBoolean, *mut f64);
+
+/// `fmi3InstantiateCoSimulation`: name, token, resource path, visible, logging on, event mode used, early return allowed,
+/// required intermediate variables, their number, environment, logger, intermediate update.
+pub type InstantiateCoSimulation = unsafe extern "C" fn(
+    *const c_char,
+    *const c_char,
+    *const c_char,
+    bool,
+    bool,
+    bool,
+    bool,
+    *const Reference,
+    usize,
+    *mut c_void,
+    LogMessage,
+    Option<IntermediateUpdate>,
+) -> Component;
+/// `fmi3InstantiateModelExchange`: name, token, resource path, visible, logging on, environment, logger.
+pub type InstantiateModelExchange =
+    unsafe extern "C" fn(*const c_char, *const c_char, *const c_char, bool, bool, *mut c_void, LogMessage) -> Component;
+/// `fmi3SetDebugLogging`: on, number of categories, categories.
+pub type SetDebugLogging = unsafe extern "C" fn(Component, bool, usize, *const *const c_char) -> RawStatus;
+/// `fmi3EnterInitializationMode`: tolerance defined, tolerance, start, stop defined, stop.
+pub type EnterInitializationMode = unsafe extern "C" fn(Component, bool, f64, f64, bool, f64) -> RawStatus;
+/// `fmi3GetFloat64` and its kin: references, their number, values, their number.
+pub type Get<T> = unsafe extern "C" fn(Component, *const Reference, usize, *mut T, usize) -> RawStatus;
+/// `fmi3SetFloat64` and its kin: references, their number, values, their number.
+pub type Set<T> = unsafe extern "C" fn(Component, *const Reference, usize, *const T, usize) -> RawStatus;
+/// `fmi3SerializeFMUState`.
+pub type SerializeState = unsafe extern "C" fn(Component, State, *mut u8, usize) -> RawStatus;
+/// `fmi3DeserializeFMUState`.
+pub type DeserializeState = unsafe extern "C" fn(Component, *const u8, usize, *mut State) -> RawStatus;
+/// `fmi3GetDirectionalDerivative`, `fmi3GetAdjointDerivative`: unknowns, knowns, seed, sensitivity, each with its number.
+pub type GetDerivative = unsafe extern "C" fn(
+    Component,
+    *const Reference,
+    usize,
+    *const Reference,
+    usize,
+    *const f64,
+    usize,
+    *mut f64,
+    usize,
+) -> RawStatus;
+/// `fmi3GetOutputDerivatives`: references, their number, orders, values, their number.
+pub type GetOutputDerivatives =
+    unsafe extern "C" fn(Component, *const Reference, usize, *const c_int, *mut f64, usize) -> RawStatus;
+/// `fmi3DoStep`: time, step, no state will be restored before this time; event handling needed, terminate, early return,
+/// last successful time.
+pub type DoStep = unsafe extern "C" fn(
+    Component,
+    f64,
+    f64,
+    bool,
+    *mut RawBoolean,
+    *mut RawBoolean,
+    *mut RawBoolean,
+    *mut f64,
+) -> RawStatus;
+/// `fmi3UpdateDiscreteStates`: discrete states need update, terminate, nominals changed, values of states changed, next
+/// event time defined, next event time.
+pub type UpdateDiscreteStates = unsafe extern "C" fn(
+    Component,
+    *mut RawBoolean,
+    *mut RawBoolean,
+    *mut RawBoolean,
+    *mut RawBoolean,
+    *mut RawBoolean,
+    *mut f64,
+) -> RawStatus;
+/// `fmi3CompletedIntegratorStep`: no state will be restored before this time; enter event mode, terminate.
+pub type CompletedIntegratorStep = unsafe extern "C" fn(Component, bool, *mut RawBoolean, *mut RawBoolean) -> RawStatus;
+/// `fmi3GetNumberOfEventIndicators`, `fmi3GetNumberOfContinuousStates`.
+pub type GetNumber = unsafe extern "C" fn(Component, *mut usize) -> RawStatus;

@@ -1,0 +1,94 @@
+//! Versions and interfaces of FMI, and their capabilities.
+
+/// Version of FMI.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+pub enum FmiVersion {
+    /// FMI 2.0.
+    V2,
+    /// FMI 3.0.
+    V3,
+}
+
+impl std::fmt::Display for FmiVersion {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::V2 => "2.0",
+            Self::V3 => "3.0",
+        })
+    }
+}
+
+/// Interface of an FMU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+pub enum Interface {
+    /// The FMU advances itself by steps.
+    CoSimulation,
+    /// The importer integrates the states of the FMU.
+    ModelExchange,
+}
+
+impl std::fmt::Display for Interface {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::CoSimulation => "co-simulation",
+            Self::ModelExchange => "model exchange",
+        })
+    }
+}
+
+/// Identifier and capabilities of the co-simulation interface (FMI 2.0.4, section 4.3.1; FMI 3.0.2, section 4.4.1). What a
+/// version does not have is false or 0.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CoSimulation {
+    /// File stem of the binary; a C identifier.
+    pub model_identifier: String,
+    /// The FMU is a wrapper that needs its tool.
+    pub needs_execution_tool: bool,
+    /// The communication step may change.
+    pub can_handle_variable_communication_step_size: bool,
+    /// Inputs may be given with derivatives (FMI 2.0).
+    pub can_interpolate_inputs: bool,
+    /// Highest output derivative offered.
+    pub max_output_derivative_order: u32,
+    /// `fmi2DoStep` may return before it is done (FMI 2.0).
+    pub can_run_asynchronously: bool,
+    /// At most one instance per process.
+    pub can_be_instantiated_only_once_per_process: bool,
+    /// The memory callbacks are not used (FMI 2.0).
+    pub can_not_use_memory_management_functions: bool,
+    /// The state can be saved and restored.
+    pub can_get_and_set_fmu_state: bool,
+    /// The state can be turned into bytes.
+    pub can_serialize_fmu_state: bool,
+    /// Directional derivatives are offered.
+    pub provides_directional_derivative: bool,
+    /// Adjoint derivatives are offered (FMI 3.0).
+    pub provides_adjoint_derivatives: bool,
+    /// Step size of the solver inside (FMI 3.0), s.
+    pub fixed_internal_step_size: Option<f64>,
+    /// The FMU can handle events in Event Mode (FMI 3.0). This crate never asks for it.
+    pub has_event_mode: bool,
+}
+
+/// Identifier and capabilities of the model-exchange interface (FMI 2.0.4, section 3.3.1; FMI 3.0.2, section 3.4).
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ModelExchange {
+    /// File stem of the binary; a C identifier.
+    pub model_identifier: String,
+    /// The FMU is a wrapper that needs its tool.
+    pub needs_execution_tool: bool,
+    /// The importer has to announce the end of each integration step.
+    pub needs_completed_integrator_step: bool,
+    /// At most one instance per process.
+    pub can_be_instantiated_only_once_per_process: bool,
+    /// The memory callbacks are not used (FMI 2.0).
+    pub can_not_use_memory_management_functions: bool,
+    /// The state can be saved and restored.
+    pub can_get_and_set_fmu_state: bool,
+    /// The state can be turned into bytes.
+    pub can_serialize_fmu_state: bool,
+    /// Directional derivatives are offered.
+    pub provides_directional_derivative: bool,
+    /// Adjoint derivatives are offered (FMI 3.0).
+    pub provides_adjoint_derivatives: bool,
+}

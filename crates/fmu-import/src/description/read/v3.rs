@@ -1,0 +1,423 @@
+//! Variables and model structure of FMI 3.0.
+
+use super::{
+    MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_length, dependency_kinds, initial, items,
+    variability,
+};
+use crate::c_api::Reference;
+use crate::description::{
+    BaseType, Causality, DataType, Dimension, FmiVersion, Initial, Item, OpaqueVariable, Unknown, Value, Variability,
+    Variable,
+};
+use crate::xml::{Element, XmlError};
+use std::collections::HashMap;
+use std::str::FromStr;
+use std::sync::Arc;
+
+const FMI: FmiVersion = FmiVersion::V3;
+/// Most elements of an array, and of all arrays: their start values and a copy of their values stay in memory.
+const MAX_ELEMENTS: usize = 10_000_000;
+
+/// The type of the elements that a tag such as `Float64` stands for.
+fn data_type(tag: &str) -> Option<DataType> {
+    Some(match tag {
+        "Float32" => DataType::Float32,
+        "Float64" => DataType::Float64,
+        "Int8" => DataType::Int8,
+        "UInt8" => DataType::UInt8,
+        "Int16" => DataType::Int16,
+        "UInt16" => DataType::UInt16,
+        "Int32" => DataType::Int32,
+        "UInt32" => DataType::UInt32,
+        "Int64" => DataType::Int64,
+        "UInt64" => DataType::UInt64,
+        "Boolean" => DataType::Boolean,
+        "String" => DataType::String,
+        "Enumeration" => DataType::Enumeration,
+        "Binary" => DataType::Binary,
+        "Clock" => DataType::Clock,
+        _ => return None,
+    })
+}
+
+/// A type definition: what its variables inherit.
+struct Type<'a> {
+    element: &'a Element,
+    data_type: DataType,
+    items: Arc<[Item]>,
+}
+
+type Types<'a> = HashMap<&'a str, Type<'a>>;
+
+pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Structure), XmlError> {
+    let mut types = Types::new();
+    for element in root.child("TypeDefinitions").into_iter().flat_map(|list| &list.children) {
+        let Some(data_type) = element.name.strip_suffix("Type").and_then(data_type) else { continue };
+        let items = if data_type == DataType::Enumeration { items(element)? } else { Arc::default() };
+        types.insert(bounded(element, "name", MAX_NAME)?, Type { element, data_type, items });
+    }
+    let mut reader = VariableReader { variables: Variables::default(), elements: Vec::new(), indices: HashMap::new() };
+    for element in root.child("ModelVariables").into_iter().flat_map(|list| &list.children) {
+        if let Some(data_type) = data_type(&element.name) {
+            reader.add(element, data_type, &types)?;
+        }
+    }
+    reader.link()?;
+    let structure = reader.structure(root)?;
+    Ok((reader.variables, structure))
+}
+
+/// The variable behind a value reference.
+#[derive(Clone, Copy)]
+enum Place {
+    /// Index of a variable.
+    Variable(usize),
+    /// A Binary or a Clock.
+    Opaque,
+}
+
+struct VariableReader<'a> {
+    variables: Variables,
+    /// The element of each variable; that of its variable for an alias.
+    elements: Vec<&'a Element>,
+    indices: HashMap<Reference, Place>,
+}
+
+impl<'a> VariableReader<'a> {
+    /// Adds a variable and its aliases.
+    fn add(&mut self, element: &'a Element, data_type: DataType, types: &Types<'_>) -> Result<(), XmlError> {
+        let name = bounded(element, "name", MAX_NAME)?.to_string();
+        let reference: Reference = element
+            .parsed("valueReference", "a whole number from 0")?
+            .ok_or_else(|| element.place.error(format!("variable `{name}` lacks the attribute `valueReference`")))?;
+        let place = match data_type.base_type() {
+            Some(_) => Place::Variable(self.variables.list.len()),
+            None => Place::Opaque,
+        };
+        if self.indices.insert(reference, place).is_some() {
+            let message = format!("variable `{name}` has the value reference {reference} of another variable");
+            return Err(element.place.error(message));
+        }
+        let aliases = element.children.iter().filter(|child| child.name == "Alias");
+        let Some(base_type) = data_type.base_type() else {
+            let causality = causality(element, FMI)?;
+            let text = |element: &Element| element.attribute("description").map(str::to_string);
+            for named in std::iter::once(element).chain(aliases) {
+                let name = bounded(named, "name", MAX_NAME)?.to_string();
+                let description = text(named);
+                let variable = OpaqueVariable { name, reference, data_type, causality, description };
+                self.variables.push_opaque(named, variable)?;
+            }
+            return Ok(());
+        };
+        let index = self.variables.list.len();
+        let variable = variable(element, name, reference, (base_type, data_type), types)?;
+        let mut named = vec![(element, variable.clone())];
+        for alias in aliases {
+            let display_unit = alias.attribute("displayUnit").map(str::to_string);
+            if let Some(unit) = &display_unit {
+                check_length(alias, "displayUnit", unit, MAX_INHERITED)?;
+            }
+            let is_output = variable.causality == Causality::Output;
+            named.push((
+                alias,
+                Variable {
+                    name: bounded(alias, "name", MAX_NAME)?.to_string(),
+                    description: alias.attribute("description").map(str::to_string),
+                    display_unit: display_unit.or_else(|| variable.display_unit.clone()),
+                    causality: if is_output { Causality::Output } else { Causality::Local },
+                    initial: Some(Initial::Calculated),
+                    start: None,
+                    starts: Vec::new(),
+                    other_start: None,
+                    alias_of: Some(index),
+                    ..variable.clone()
+                },
+            ));
+        }
+        for (place, variable) in named {
+            self.variables.push(place, variable)?;
+            self.elements.push(element);
+        }
+        Ok(())
+    }
+
+    fn index(&self, element: &Element, reference: Reference) -> Result<Place, XmlError> {
+        self.indices.get(&reference).copied().ok_or_else(|| {
+            element
+                .place
+                .error(format!("<{}> refers to the value reference {reference}, which no variable has", element.name))
+        })
+    }
+
+    /// Replaces value references by variables, and reads what needs the sizes of arrays.
+    fn link(&mut self) -> Result<(), XmlError> {
+        let mut total = 0_usize;
+        for i in 0..self.variables.list.len() {
+            let element = self.elements[i];
+            let derivative = element.parsed("derivative", "the value reference of a variable")?;
+            let alias_of = self.variables.list[i].alias_of;
+            if let Some(reference) = derivative.filter(|_| alias_of.is_none()) {
+                self.variables.list[i].derivative_of = match self.index(element, reference)? {
+                    Place::Variable(of) => Some(of),
+                    Place::Opaque => {
+                        return Err(element.place.error(format!("value reference {reference} is that of no number")));
+                    }
+                };
+            }
+            let dimensions = self.dimensions(element)?;
+            let mut size = 1_usize;
+            for dimension in &dimensions {
+                let length = match dimension {
+                    Dimension::Fixed(length) => *length,
+                    Dimension::Parameter(parameter) => self.length(element, *parameter)?,
+                };
+                size = size.saturating_mul(length);
+            }
+            total = if dimensions.is_empty() { total } else { total.saturating_add(size) };
+            if total > MAX_ELEMENTS {
+                let message = format!("arrays up to this one have more than {MAX_ELEMENTS} elements in all");
+                return Err(element.place.error(message));
+            }
+            let variable = &mut self.variables.list[i];
+            (variable.dimensions, variable.size) = (dimensions, size);
+            if alias_of.is_none() {
+                start_values(element, variable)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn dimensions(&self, element: &Element) -> Result<Vec<Dimension>, XmlError> {
+        let dimensions = element.children.iter().filter(|child| child.name == "Dimension");
+        dimensions
+            .map(|dimension| {
+                if let Some(length) = dimension.parsed("start", "a whole number from 0")? {
+                    return Ok(Dimension::Fixed(length));
+                }
+                let reference = dimension.parsed("valueReference", "the value reference of a structural parameter")?;
+                let reference = reference.ok_or_else(|| {
+                    dimension.place.error("<Dimension> must have one of the attributes `start` and `valueReference`")
+                })?;
+                match self.index(dimension, reference)? {
+                    Place::Variable(i) if self.variables.list[i].causality == Causality::StructuralParameter => {
+                        Ok(Dimension::Parameter(i))
+                    }
+                    _ => Err(dimension.place.error(format!(
+                        "<Dimension> refers to the value reference {reference}, which is not a structural parameter"
+                    ))),
+                }
+            })
+            .collect()
+    }
+
+    /// Start value of a structural parameter.
+    fn length(&self, element: &Element, parameter: usize) -> Result<usize, XmlError> {
+        let written = self.elements[parameter].parsed("start", "a whole number from 0")?;
+        written.ok_or_else(|| {
+            let name = &self.variables.list[parameter].name;
+            element.place.error(format!("the structural parameter `{name}` must have a start value"))
+        })
+    }
+
+    fn structure(&self, root: &Element) -> Result<Structure, XmlError> {
+        let list = |tag: &str| -> Result<Vec<Unknown>, XmlError> {
+            let elements = root.child("ModelStructure").into_iter().flat_map(|structure| &structure.children);
+            elements.filter(|child| child.name == tag).filter_map(|child| self.unknown(child).transpose()).collect()
+        };
+        let event_indicators = list("EventIndicator")?;
+        Ok(Structure {
+            outputs: list("Output")?,
+            derivatives: list("ContinuousStateDerivative")?,
+            initial_unknowns: list("InitialUnknown")?,
+            number_of_event_indicators: event_indicators.iter().map(|i| self.variables.list[i.variable].size).sum(),
+            event_indicators,
+        })
+    }
+
+    /// An entry of the model structure; `None` if it is that of a Binary or a Clock.
+    fn unknown(&self, element: &Element) -> Result<Option<Unknown>, XmlError> {
+        let reference = element
+            .parsed("valueReference", "a whole number from 0")?
+            .ok_or_else(|| element.place.error(format!("<{}> lacks the attribute `valueReference`", element.name)))?;
+        let Place::Variable(variable) = self.index(element, reference)? else { return Ok(None) };
+        let mut kinds = dependency_kinds(element, FMI)?;
+        let Some(text) = element.attribute("dependencies") else {
+            return match kinds.is_empty() {
+                true => Ok(Some(Unknown { variable, dependencies: None, kinds })),
+                false => Err(other_number(element)),
+            };
+        };
+        let mut places = Vec::new();
+        for written in text.split_ascii_whitespace() {
+            let reference = written.parse().map_err(|_| {
+                let message = format!("<{}> depends on \"{written}\", which is not a value reference", element.name);
+                element.place.error(message)
+            })?;
+            places.push(self.index(element, reference)?);
+        }
+        if !kinds.is_empty() && kinds.len() != places.len() {
+            return Err(other_number(element));
+        }
+        let is_number = |place: &Place| matches!(place, Place::Variable(_));
+        let mut numbers = places.iter().map(is_number);
+        kinds.retain(|_| numbers.next().unwrap_or(true));
+        let dependencies = places.iter().filter_map(|place| match place {
+            Place::Variable(i) => Some(*i),
+            Place::Opaque => None,
+        });
+        Ok(Some(Unknown { variable, dependencies: Some(dependencies.collect()), kinds }))
+    }
+}
+
+fn other_number(element: &Element) -> XmlError {
+    let message = format!("<{}> has another number of dependenciesKind than of dependencies", element.name);
+    element.place.error(message)
+}
+
+/// A variable without what refers to others.
+fn variable(
+    element: &Element,
+    name: String,
+    reference: Reference,
+    (base_type, data_type): (BaseType, DataType),
+    types: &Types<'_>,
+) -> Result<Variable, XmlError> {
+    let declared = match element.attribute("declaredType") {
+        None => None,
+        Some(type_name) => match types.get(type_name) {
+            Some(definition) if definition.data_type == data_type => Some(definition),
+            Some(_) => {
+                return Err(element.place.error(format!("variable `{name}`: type `{type_name}` is of another type")));
+            }
+            None => {
+                return Err(element.place.error(format!("variable `{name}`: type `{type_name}` is not defined")));
+            }
+        },
+    };
+    // An attribute of the variable stands above that of its type.
+    let source = |attribute: &str| match (element.attribute(attribute), declared) {
+        (None, Some(definition)) => definition.element,
+        _ => element,
+    };
+    let text = |attribute| {
+        let text = source(attribute).attribute(attribute);
+        text.map(|text| check_length(source(attribute), attribute, text, MAX_INHERITED).map(|()| text.to_string()))
+            .transpose()
+    };
+    let number = |attribute| source(attribute).real(attribute);
+    let causality = causality(element, FMI)?;
+    // FMI 3.0.2, section 2.4.7.4.
+    let default = match causality {
+        Causality::Parameter | Causality::CalculatedParameter | Causality::StructuralParameter => Variability::Fixed,
+        _ if base_type == BaseType::Real => Variability::Continuous,
+        _ => Variability::Discrete,
+    };
+    let variability = variability(element, FMI)?.unwrap_or(default);
+    Ok(Variable {
+        reference,
+        description: element.attribute("description").map(str::to_string),
+        causality,
+        variability,
+        initial: initial(element, causality, variability, FMI)?,
+        base_type,
+        data_type,
+        dimensions: Vec::new(),
+        size: 1,
+        start: None,
+        starts: Vec::new(),
+        other_start: None,
+        min: number("min")?,
+        max: number("max")?,
+        nominal: number("nominal")?,
+        quantity: text("quantity")?,
+        unit: text("unit")?,
+        display_unit: text("displayUnit")?,
+        relative_quantity: source("relativeQuantity").boolean("relativeQuantity")?.unwrap_or(false),
+        declared_type: element.attribute("declaredType").map(str::to_string),
+        items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
+        derivative_of: None,
+        alias_of: None,
+        name,
+    })
+}
+
+/// A value of a list, if it is one of its type.
+fn value(text: &str, data_type: DataType) -> Option<Value> {
+    fn integer<T: FromStr + Into<i64>>(text: &str) -> Option<i64> {
+        text.parse::<T>().ok().map(Into::into)
+    }
+    let value = match data_type {
+        DataType::Float64 => return text.parse().ok().map(Value::Real),
+        DataType::Float32 => return text.parse::<f32>().ok().map(|value| Value::Real(value.into())),
+        DataType::Boolean => {
+            return match text {
+                "true" | "1" => Some(Value::Boolean(true)),
+                "false" | "0" => Some(Value::Boolean(false)),
+                _ => None,
+            };
+        }
+        DataType::Int8 => integer::<i8>(text),
+        DataType::UInt8 => integer::<u8>(text),
+        DataType::Int16 => integer::<i16>(text),
+        DataType::UInt16 => integer::<u16>(text),
+        DataType::Int32 => integer::<i32>(text),
+        DataType::UInt32 => integer::<u32>(text),
+        DataType::Int64 | DataType::Enumeration => integer::<i64>(text),
+        // Above the range of an i64 it is one that no `Value` can hold; `is_wide` has seen to it.
+        DataType::UInt64 => text.parse::<u64>().ok().and_then(|value| value.try_into().ok()),
+        DataType::String | DataType::Binary | DataType::Clock => None,
+    };
+    value.and_then(|value| i32::try_from(value).ok()).map(Value::Integer)
+}
+
+/// True for an integer of the type that has more than 32 bits.
+fn is_wide(text: &str, data_type: DataType) -> bool {
+    match data_type {
+        DataType::UInt32 => text.parse::<u32>().is_ok_and(|value| i32::try_from(value).is_err()),
+        DataType::Int64 | DataType::Enumeration => text.parse::<i64>().is_ok_and(|value| i32::try_from(value).is_err()),
+        DataType::UInt64 => text.parse::<u64>().is_ok_and(|value| i32::try_from(value).is_err()),
+        _ => false,
+    }
+}
+
+/// Reads the start values of a variable whose size is known.
+fn start_values(element: &Element, variable: &mut Variable) -> Result<(), XmlError> {
+    let name = &variable.name;
+    let mut values = Vec::new();
+    if variable.data_type == DataType::String {
+        let starts = element.children.iter().filter(|child| child.name == "Start");
+        values.extend(starts.map(|start| Value::String(start.attribute("value").unwrap_or_default().to_string())));
+        if values.is_empty() {
+            return Ok(());
+        }
+    } else {
+        let Some(written) = element.attribute("start") else { return Ok(()) };
+        for text in written.split_ascii_whitespace() {
+            if is_wide(text, variable.data_type) {
+                variable.other_start = Some(written.to_string());
+                return Ok(());
+            }
+            values.push(value(text, variable.data_type).ok_or_else(|| {
+                let article = if "AEIOU".contains(&element.name[..1]) { "an" } else { "a" };
+                let message = format!("the start value \"{text}\" of `{name}` is not {article} {}", element.name);
+                element.place.error(message)
+            })?);
+        }
+    }
+    // One value stands for all elements of an array.
+    if variable.is_array() && values.len() == 1 {
+        let value = values.remove(0);
+        values = vec![value; variable.size];
+    }
+    if values.len() != variable.size {
+        let message = format!("variable `{name}` has {} start values, but {} elements", values.len(), variable.size);
+        return Err(element.place.error(message));
+    }
+    if variable.is_array() {
+        variable.starts = values;
+    } else {
+        variable.start = values.pop();
+    }
+    Ok(())
+}

@@ -1,0 +1,231 @@
+//! Model exchange: the importer holds the states and integrates them.
+//!
+//! After [`Instance::exit_initialization_mode`] an instance is in Event Mode. [`Instance::new_discrete_states`] is called
+//! until no further update is needed, then [`Instance::enter_continuous_time_mode`].
+
+use super::calls::Function;
+use super::error::{CallError, CallProblem};
+use super::functions::Functions;
+use super::instance::Instance;
+use crate::c_api::{self, EventInfo, GetNumbers};
+
+/// The outcome of an update of the discrete states.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct EventUpdate {
+    /// The event goes on: the update has to be called again.
+    pub is_needed_again: bool,
+    /// The FMU wants the simulation to end.
+    pub terminates: bool,
+    /// Nominal values of continuous states have changed.
+    pub nominals_changed: bool,
+    /// Continuous states have changed.
+    pub states_changed: bool,
+    /// Time of the next event, s.
+    pub next_event: Option<f64>,
+}
+
+/// The outcome of a completed integration step.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct CompletedStep {
+    /// The FMU wants to handle an event.
+    pub enters_event_mode: bool,
+    /// The FMU wants the simulation to end.
+    pub terminates: bool,
+}
+
+impl Instance {
+    /// `fmi2SetTime`, s.
+    ///
+    /// # Errors
+    /// The instance is not for model exchange, or the FMU returns an error.
+    pub fn set_time(&mut self, time: f64) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call_optional(Function::SetTime, Functions::set_time, |f, c| unsafe { f(c, time) })
+    }
+
+    /// Number of continuous states in the description, elements of arrays counted.
+    #[must_use]
+    pub fn number_of_states(&self) -> usize {
+        self.signature().states
+    }
+
+    /// Number of event indicators in the description, elements of arrays counted.
+    #[must_use]
+    pub fn number_of_event_indicators(&self) -> usize {
+        self.signature().event_indicators
+    }
+
+    /// `fmi3GetNumberOfContinuousStates`.
+    ///
+    /// # Errors
+    /// The instance is not for model exchange, or the FMU returns an error or lacks the function, as every one of FMI 2.0
+    /// does.
+    pub fn get_number_of_states(&mut self) -> Result<usize, CallError> {
+        let mut number = 0;
+        // SAFETY: live instance; the number is written through a valid pointer.
+        self.call_present(Function::GetNumberOfStates, |f, c| unsafe {
+            match f {
+                Functions::V2(_) => None,
+                Functions::V3(f) => Some(f.get_number_of_states?(c, &raw mut number)),
+            }
+        })?;
+        Ok(number)
+    }
+
+    /// `fmi3GetNumberOfEventIndicators`.
+    ///
+    /// # Errors
+    /// As [`Self::get_number_of_states`].
+    pub fn get_number_of_event_indicators(&mut self) -> Result<usize, CallError> {
+        let mut number = 0;
+        // SAFETY: live instance; the number is written through a valid pointer.
+        self.call_present(Function::GetNumberOfEventIndicators, |f, c| unsafe {
+            match f {
+                Functions::V2(_) => None,
+                Functions::V3(f) => Some(f.get_number_of_event_indicators?(c, &raw mut number)),
+            }
+        })?;
+        Ok(number)
+    }
+
+    /// `fmi2SetContinuousStates`.
+    ///
+    /// # Errors
+    /// The number of values is not that of the states, the instance is not for model exchange, or the FMU returns an error.
+    pub fn set_continuous_states(&mut self, states: &[f64]) -> Result<(), CallError> {
+        const NAME: Function = Function::SetContinuousStates;
+        self.check_number(NAME, states.len(), self.number_of_states())?;
+        // SAFETY: live instance; the array has the stated length.
+        self.call_optional(NAME, Functions::set_continuous_states, |f, c| unsafe {
+            f(c, states.as_ptr(), states.len())
+        })
+    }
+
+    /// `fmi2GetContinuousStates`.
+    ///
+    /// # Errors
+    /// The number of values is not that of the states, the instance is not for model exchange, or the FMU returns an error.
+    pub fn get_continuous_states(&mut self, states: &mut [f64]) -> Result<(), CallError> {
+        let number = self.number_of_states();
+        self.get_numbers(Function::GetContinuousStates, Functions::get_continuous_states, states, number)
+    }
+
+    /// `fmi2GetDerivatives`, `fmi3GetContinuousStateDerivatives`.
+    ///
+    /// # Errors
+    /// The number of values is not that of the states, the instance is not for model exchange, or the FMU returns an error.
+    pub fn get_derivatives(&mut self, derivatives: &mut [f64]) -> Result<(), CallError> {
+        let number = self.number_of_states();
+        self.get_numbers(Function::GetDerivatives, Functions::get_derivatives, derivatives, number)
+    }
+
+    /// `fmi2GetEventIndicators`.
+    ///
+    /// # Errors
+    /// The number of values is not that of the indicators, the instance is not for model exchange, or the FMU returns an
+    /// error or lacks the function.
+    pub fn get_event_indicators(&mut self, indicators: &mut [f64]) -> Result<(), CallError> {
+        let number = self.number_of_event_indicators();
+        self.get_numbers(Function::GetEventIndicators, Functions::get_event_indicators, indicators, number)
+    }
+
+    /// `fmi2GetNominalsOfContinuousStates`.
+    ///
+    /// # Errors
+    /// The number of values is not that of the states, the instance is not for model exchange, or the FMU returns an error or
+    /// lacks the function.
+    pub fn get_nominals(&mut self, nominals: &mut [f64]) -> Result<(), CallError> {
+        let number = self.number_of_states();
+        self.get_numbers(Function::GetNominals, Functions::get_nominals, nominals, number)
+    }
+
+    /// `fmi2EnterEventMode`.
+    ///
+    /// # Errors
+    /// The instance is not for model exchange, or the FMU returns an error.
+    pub fn enter_event_mode(&mut self) -> Result<(), CallError> {
+        // SAFETY: live instance.
+        self.call_optional(Function::EnterEventMode, Functions::enter_event_mode, |f, c| unsafe { f(c) })
+    }
+
+    /// `fmi2EnterContinuousTimeMode`.
+    ///
+    /// # Errors
+    /// The instance is not for model exchange, or the FMU returns an error.
+    pub fn enter_continuous_time_mode(&mut self) -> Result<(), CallError> {
+        const NAME: Function = Function::EnterContinuousTimeMode;
+        // SAFETY: live instance.
+        self.call_optional(NAME, Functions::enter_continuous_time_mode, |f, c| unsafe { f(c) })
+    }
+
+    /// `fmi2NewDiscreteStates`, `fmi3UpdateDiscreteStates`.
+    ///
+    /// # Errors
+    /// The instance is not for model exchange, or the FMU returns an error.
+    pub fn new_discrete_states(&mut self) -> Result<EventUpdate, CallError> {
+        let mut info = EventInfo::default();
+        let (mut flags, mut time) = ([0; 5], 0.0);
+        // SAFETY: live instance; the outcome is written through valid pointers.
+        self.call_present(Function::NewDiscreteStates, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => Some(f.new_discrete_states?(c, &raw mut info)),
+                Functions::V3(f) => {
+                    let [needed, terminate, nominals, states, defined] = &mut flags;
+                    Some(f.update_discrete_states?(c, needed, terminate, nominals, states, defined, &raw mut time))
+                }
+            }
+        })?;
+        let [needed, terminate, nominals, states, defined] = flags.map(|flag| flag != 0);
+        let is_next = defined || info.next_event_time_defined != 0;
+        Ok(EventUpdate {
+            is_needed_again: needed || info.new_discrete_states_needed != 0,
+            terminates: terminate || info.terminate_simulation != 0,
+            nominals_changed: nominals || info.nominals_of_continuous_states_changed != 0,
+            states_changed: states || info.values_of_continuous_states_changed != 0,
+            // One of the two was written.
+            next_event: is_next.then_some(time + info.next_event_time),
+        })
+    }
+
+    /// `fmi2CompletedIntegratorStep`; no earlier state will be restored.
+    ///
+    /// # Errors
+    /// The instance is not for model exchange, or the FMU returns an error.
+    pub fn completed_integrator_step(&mut self) -> Result<CompletedStep, CallError> {
+        let (mut old, mut new) = ([c_api::FALSE; 2], [0; 2]);
+        // SAFETY: live instance; the outcome is written through valid pointers.
+        self.call_present(Function::CompletedIntegratorStep, |f, c| unsafe {
+            match f {
+                Functions::V2(f) => {
+                    let [enter, terminate] = &mut old;
+                    Some(f.completed_integrator_step?(c, c_api::TRUE, enter, terminate))
+                }
+                Functions::V3(f) => {
+                    let [enter, terminate] = &mut new;
+                    Some(f.completed_integrator_step?(c, true, enter, terminate))
+                }
+            }
+        })?;
+        Ok(CompletedStep { enters_event_mode: old[0] != 0 || new[0] != 0, terminates: old[1] != 0 || new[1] != 0 })
+    }
+
+    fn get_numbers(
+        &mut self,
+        function: Function,
+        select: impl FnOnce(&Functions) -> Option<GetNumbers>,
+        numbers: &mut [f64],
+        expected: usize,
+    ) -> Result<(), CallError> {
+        self.check_number(function, numbers.len(), expected)?;
+        // SAFETY: live instance; the array has the stated length.
+        self.call_optional(function, select, |f, c| unsafe { f(c, numbers.as_mut_ptr(), numbers.len()) })
+    }
+
+    fn check_number(&mut self, function: Function, found: usize, expected: usize) -> Result<(), CallError> {
+        if found == expected {
+            return Ok(());
+        }
+        let reason = "the number of values is not that of the states or event indicators";
+        Err(self.failure(function, CallProblem::Arguments(reason)))
+    }
+}
