@@ -30,15 +30,15 @@ pub(crate) struct Arguments {
     /// The models that this scenario or study needs; tells only what it had to pack
     #[arg(long = "for", value_name = "FILE", conflicts_with_all = ["names", "all"])]
     needed_by: Option<PathBuf>,
-    /// Platforms the FMUs get binaries for; win64 elsewhere needs mingw-w64 and a Rust with the sources of its library
-    /// [default: that of this machine]
+    /// Platforms the FMUs get binaries for; those of other machines need cargo-zigbuild (Linux) or mingw-w64 (Windows) and a
+    /// Rust for that platform [default: that of this machine]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     platforms: Vec<Platform>,
-    /// A linux64 binary that loads on distributions from glibc 2.17 on (needs cargo-zigbuild, see scripts/setup)
+    /// A binary for Linux that loads on distributions from glibc 2.17 on (needs cargo-zigbuild, see scripts/setup)
     /// [default: `portable` in [workspace.metadata.fmu] of Cargo.toml]
     #[arg(long, overrides_with = "no_portable")]
     portable: bool,
-    /// A linux64 binary that needs a glibc as new as the one of this machine, without cargo-zigbuild
+    /// A binary for the Linux of this machine that needs a glibc as new as its own, without cargo-zigbuild
     #[arg(long)]
     no_portable: bool,
     /// Folder the FMUs are written to [default: target/fmu]
@@ -53,7 +53,7 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// Which linux64 binary: the command line decides, then the workspace.
+    /// Kind of the binary for Linux: the command line decides, then the workspace.
     fn linux(&self, workspace: &Workspace) -> Linux {
         if self.portable {
             Linux::Portable(Asked::Option)
