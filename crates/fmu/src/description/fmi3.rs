@@ -282,14 +282,12 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, str
         write(xml, "Output", &outputs)?;
         write(xml, "ContinuousStateDerivative", &derivatives)?;
         write(xml, "InitialUnknown", &initial)?;
-        // Without a list of dependencies they depend on everything.
-        let with_reference = |xml: &mut Xml, name: &str, index: usize| -> Written {
+        (0..indicators).try_for_each(|index| {
+            // Without a list of dependencies it depends on everything.
             let reference = indicator(layout, index).to_string();
-            xml.create_element(name).with_attribute(("valueReference", reference.as_str())).write_empty()?;
+            xml.create_element("EventIndicator").with_attribute(("valueReference", reference.as_str())).write_empty()?;
             Ok(())
-        };
-        (0..indicators).try_for_each(|index| with_reference(xml, "InitialUnknown", index))?;
-        (0..indicators).try_for_each(|index| with_reference(xml, "EventIndicator", index))
+        })
     })?;
     Ok(())
 }
