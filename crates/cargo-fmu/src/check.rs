@@ -44,7 +44,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             faulty.push(path.display().to_string());
         }
     }
-    if faulty.is_empty() { Ok(()) } else { Err(miette!("does not conform to FMI 2.0: {}", faulty.join(", "))) }
+    if faulty.is_empty() { Ok(()) } else { Err(miette!("does not conform to FMI: {}", faulty.join(", "))) }
 }
 
 fn counted(count: usize, what: &str) -> String {

@@ -36,10 +36,11 @@ enum Cli {
     Pack(pack::Arguments),
     /// Shows what an FMU says about itself
     Inspect(inspect::Arguments),
-    /// Validates FMUs of any origin: the description by the rules of FMI 2.0, the binary by its behavior
+    /// Validates FMUs of any origin: the description by the rules of FMI 2.0 or 3.0, the binary by its behavior
     ///
     /// The binary is loaded and run in a process of its own, so a crash is one more finding: start values, repeated runs, two instances, reset, saved states,
-    /// dependencies, and whatever else the description promises. Ends with 1 if there are errors.
+    /// dependencies, and whatever else the description promises. Model exchange is tried with a solver of the command: states, derivatives, event
+    /// indicators and events. Ends with 1 if there are errors.
     Check(check::Arguments),
     /// Prints A, B, C, D and the modes of a plant at an operating point
     Linearize(linearize::Arguments),

@@ -315,6 +315,8 @@ pub struct Variable {
     pub items: Arc<[Item]>,
     /// Index of the variable whose derivative this is.
     pub derivative_of: Option<usize>,
+    /// Changes only when clocks tick (`clocks` of FMI 3.0).
+    pub is_clocked: bool,
     /// Index of the variable whose second name this is (`<Alias>` of FMI 3.0). An alias of an output is an output, any
     /// other is local, so that each value is set by one name.
     pub alias_of: Option<usize>,

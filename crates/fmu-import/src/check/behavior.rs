@@ -2,8 +2,10 @@
 //!
 //! Numbers are compared bit by bit: two instances of the same library that get the same calls have no reason to differ.
 
+mod adjoint;
 mod capabilities;
 mod dependencies;
+pub(super) mod exchange;
 mod reset;
 mod states;
 mod step_size;
@@ -11,13 +13,15 @@ mod values;
 
 use super::{Checked, Event, Finding};
 use crate::c_api::Reference;
-use crate::description::{BaseType, Causality, ModelDescription, Value, Variable};
+use crate::description::{BaseType, Causality, FmiVersion, Interface, ModelDescription, Value, Variable};
 use crate::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::cell::Cell;
 use std::sync::Arc;
 
 /// Steps of a trial run.
 const STEPS: usize = 40;
+/// Most internal steps of an FMU with a fixed internal step size in one communication step.
+const MOST_PARTS: f64 = 1000.0;
 /// Steps without which a trial run shows nothing.
 const FEWEST_STEPS: usize = 4;
 
@@ -37,8 +41,10 @@ struct Trial<'a> {
     inputs: Vec<usize>,
     /// Real outputs.
     outputs: Vec<usize>,
-    /// Outputs that runs are compared by: those that are real, integer or Boolean.
+    /// Outputs that runs are compared by: those that are real, integer or Boolean, and arrays of these.
     observed: Vec<usize>,
+    /// Names of their elements.
+    elements: Vec<String>,
     /// Instances that were made.
     instances: Cell<usize>,
     /// Steps that were made, of all instances.
@@ -50,31 +56,51 @@ type Part<'t> = fn(&Trial<'t>, Tell<'_>) -> Answer<()>;
 
 /// Tries everything the description promises, and counts it in `checked`.
 pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, checked: &mut Checked, tell: Tell<'_>) {
-    let experiment = description.default_experiment;
-    let start = experiment.start_time.filter(|time| time.is_finite()).unwrap_or(0.0);
-    let duration = experiment.stop_time.map(|stop| stop - start).filter(|d| d.is_finite() && *d > 0.0);
-    let step = experiment.step_size.filter(|step| step.is_finite() && *step > 0.0);
+    let (start, step) = start_and_step(description);
     let filtered = |is_wanted: &dyn Fn(&Variable) -> bool| -> Vec<usize> {
         (0..description.variables.len()).filter(|&i| is_wanted(&description.variables[i])).collect()
     };
-    let reals =
-        |causality| filtered(&|variable| variable.causality == causality && variable.base_type == BaseType::Real);
-    let is_observed =
-        |variable: &Variable| variable.causality == Causality::Output && variable.base_type != BaseType::String;
+    let reals = |causality| {
+        filtered(&|variable| {
+            is_plain(variable) && variable.causality == causality && variable.base_type == BaseType::Real
+        })
+    };
+    let is_observed = |variable: &Variable| {
+        variable.causality == Causality::Output
+            && variable.base_type != BaseType::String
+            && variable.alias_of.is_none()
+            && !values::is_wide(variable)
+    };
+    let observed = filtered(&is_observed);
+    let elements = observed.iter().flat_map(|&i| values::elements(&description.variables[i])).collect();
     let mut trial = Trial {
         library,
         description,
-        step: step.or(duration.map(|duration| duration / 1000.0)).unwrap_or(0.01),
+        step,
         steps: STEPS,
         start,
         inputs: reals(Causality::Input),
         outputs: reals(Causality::Output),
-        observed: filtered(&is_observed),
+        observed,
+        elements,
         instances: Cell::new(0),
         made: Cell::new(0),
     };
     checked.trials = trial.all(tell);
     (checked.instances, checked.steps) = (trial.instances.get(), trial.made.get());
+}
+
+/// Start and communication step of the trials, s: those of the default experiment, as far as it has them.
+fn start_and_step(description: &ModelDescription) -> (f64, f64) {
+    let experiment = description.default_experiment;
+    let start = experiment.start_time.filter(|time| time.is_finite()).unwrap_or(0.0);
+    let duration = experiment.stop_time.map(|stop| stop - start).filter(|d| d.is_finite() && *d > 0.0);
+    let step = experiment.step_size.filter(|step| step.is_finite() && *step > 0.0);
+    let step = step.or(duration.map(|duration| duration / 1000.0)).unwrap_or(0.01);
+    // A step in many parts takes its time, and shows no more than one in some.
+    let parts = description.co_simulation.as_ref().and_then(|unit| unit.fixed_internal_step_size);
+    let longest = parts.map(|part| MOST_PARTS * part).filter(|longest| *longest > 0.0);
+    (start, longest.map_or(step, |longest| step.min(longest)))
 }
 
 /// Error of a call: the function, and the messages the FMU logged.
@@ -110,7 +136,7 @@ impl Trial<'_> {
         }
         let (steps, step) = (2 * FEWEST_STEPS, self.step);
         let message = format!("ends the simulation within {steps} steps of {step} s, too early to be tried");
-        found(tell, Finding::warning("fmi2DoStep", message));
+        found(tell, Finding::warning(self.function("fmi2DoStep", "fmi3DoStep"), message));
         Vec::new()
     }
 
@@ -134,6 +160,14 @@ impl Trial<'_> {
         Ok(instance)
     }
 
+    /// The name of a function in the version of the FMU.
+    fn function(&self, v2: &'static str, v3: &'static str) -> &'static str {
+        match self.description.fmi {
+            FmiVersion::V2 => v2,
+            FmiVersion::V3 => v3,
+        }
+    }
+
     fn is_single(&self) -> bool {
         self.description.co_simulation.as_ref().is_some_and(|unit| unit.can_be_instantiated_only_once_per_process)
     }
@@ -148,28 +182,18 @@ impl Trial<'_> {
 
     /// Whether an instance can be made, and only with the GUID of the description.
     fn instantiation(&self, tell: Tell<'_>) -> bool {
-        tell(Event::Trying("instantiating".to_owned()));
-        if let Err(error) = self.instance("check") {
-            let message = format!("{}; the binary may belong to another description", words(&error));
-            found(tell, Finding::error("fmi2Instantiate", message));
-            return false;
-        }
-        tell(Event::Trying("instantiating with a wrong GUID".to_owned()));
-        if Instance::instantiate(self.library, "check", "{not the GUID}", false).is_ok() {
-            let message = "a wrong GUID is accepted, so a description of another binary goes unnoticed";
-            found(tell, Finding::warning("fmi2Instantiate", message));
-        }
-        true
+        instantiation(self.library, self.description, Interface::CoSimulation, tell)
     }
 
     fn run_all(&self, tell: Tell<'_>) -> Vec<String> {
-        let parts: [(&str, Part<'_>); 10] = [
+        let parts: [(&str, Part<'_>); 11] = [
             ("start values", Self::start_values),
             ("runs", Self::runs),
             ("resets", Self::resets),
             ("two instances", Self::instances),
             ("saved states", Self::states),
             ("capabilities", Self::capabilities),
+            ("adjoint derivatives", Self::adjoint),
             ("dependencies at the start", Self::initial_dependencies),
             ("dependencies between steps", Self::step_dependencies),
             ("step size of the solver", Self::step_size),
@@ -192,13 +216,13 @@ impl Trial<'_> {
 
     /// Steps of a run such that one instance can take twice as many: fewer if the FMU ends the simulation by itself.
     ///
-    /// It may, by fmi2Discard and fmi2Terminated. What else goes wrong is found by `runs`.
+    /// It may, by fmi2Discard and fmi2Terminated, or by the outcome of fmi3DoStep. What else goes wrong is found by `runs`.
     fn length(&self) -> usize {
         let Ok(mut instance) = self.started("length") else { return STEPS };
         for k in 0..2 * STEPS {
             let Err(error) = self.go(&mut instance, k..k + 1, 1) else { continue };
-            let is_discarded = error.problem == CallProblem::Status(Status::Discard);
-            return if is_discarded && instance.wants_termination() == Ok(true) { k / 2 } else { STEPS };
+            let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
+            return if may_end && instance.wants_termination() == Ok(true) { k / 2 } else { STEPS };
         }
         STEPS
     }
@@ -232,6 +256,14 @@ impl Trial<'_> {
                 found(tell, Finding::error(format!("variable `{}`", variable.name), message));
             }
         }
+        for variable in self.description.variables.iter().filter(|variable| values::has_starts(variable)) {
+            let now = values::read_all(&mut instance, variable)?;
+            let mut elements = values::elements(variable).into_iter().zip(variable.starts.iter().zip(&now));
+            if let Some((name, (start, value))) = elements.find(|(_, (start, value))| start != value) {
+                let message = format!("its start value is {start}, but the binary starts with {value}");
+                found(tell, Finding::error(format!("variable `{name}`"), message));
+            }
+        }
         Ok(())
     }
 
@@ -262,13 +294,15 @@ impl Trial<'_> {
                 self.made.set(self.made.get() + 1);
                 instance.do_step(self.start + self.step * k as f64 + h * part as f64, h)?;
             }
-            for value in self.values(instance, &self.observed)? {
-                outputs.push(match value {
-                    Value::Real(value) => value,
-                    Value::Integer(value) => f64::from(value),
-                    Value::Boolean(value) => f64::from(u8::from(value)),
-                    Value::String(_) => continue,
-                });
+            for &i in &self.observed {
+                for value in values::read_all(instance, self.variable(i))? {
+                    outputs.push(match value {
+                        Value::Real(value) => value,
+                        Value::Integer(value) => f64::from(value),
+                        Value::Boolean(value) => f64::from(u8::from(value)),
+                        Value::String(_) => continue,
+                    });
+                }
             }
         }
         Ok(outputs)
@@ -280,8 +314,8 @@ impl Trial<'_> {
         let expected = self.go(&mut first, 0..self.steps, 1)?;
         drop(first);
         if let Some(at) = expected.iter().position(|value| !value.is_finite()) {
-            let name = &self.variable(self.observed[at % self.observed.len()]).name;
-            let message = format!("is {} after step {}", expected[at], at / self.observed.len() + 1);
+            let name = &self.elements[at % self.elements.len()];
+            let message = format!("is {} after step {}", expected[at], at / self.elements.len() + 1);
             found(tell, Finding::error(format!("variable `{name}`"), message));
         }
         let outputs = self.go(&mut self.started("again")?, 0..self.steps, 1)?;
@@ -293,7 +327,7 @@ impl Trial<'_> {
     fn compare(&self, tell: Tell<'_>, subject: &str, message: &str, expected: &[f64], values: &[f64]) -> bool {
         let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
         let Some(at) = expected.iter().zip(values).position(differs) else { return true };
-        let name = &self.variable(self.observed[at % self.observed.len()]).name;
+        let name = &self.elements[at % self.elements.len()];
         let message = format!("{message}; first `{name}`: {:?} and {:?}", expected[at], values[at]);
         found(tell, Finding::error(subject, message));
         false
@@ -304,6 +338,38 @@ impl Trial<'_> {
         self.go(&mut instance, 0..2, 1)?;
         instance.terminate()
     }
+}
+
+/// Whether an instance can be made, and only with the GUID of the description.
+fn instantiation(library: &Arc<Library>, description: &ModelDescription, interface: Interface, tell: Tell<'_>) -> bool {
+    let (function, token) = match (description.fmi, interface) {
+        (FmiVersion::V2, _) => ("fmi2Instantiate", "GUID"),
+        (FmiVersion::V3, Interface::CoSimulation) => ("fmi3InstantiateCoSimulation", "instantiation token"),
+        (FmiVersion::V3, Interface::ModelExchange) => ("fmi3InstantiateModelExchange", "instantiation token"),
+    };
+    tell(Event::Trying(format!("instantiating for {interface}")));
+    if let Err(error) = Instance::instantiate(library, "check", &description.guid, false) {
+        let message = format!("{}; the binary may belong to another description", words(&error));
+        found(tell, Finding::error(function, message));
+        return false;
+    }
+    tell(Event::Trying(format!("instantiating for {interface} with a wrong {token}")));
+    if Instance::instantiate(library, "check", "{not the GUID}", false).is_ok() {
+        let message = format!("a wrong {token} is accepted, so a description of another binary goes unnoticed");
+        found(tell, Finding::warning(function, message));
+    }
+    true
+}
+
+/// Whether a variable takes part in the trials by itself: a scalar whose start value a value can hold.
+fn is_plain(variable: &Variable) -> bool {
+    !variable.is_array() && variable.alias_of.is_none() && variable.other_start.is_none()
+}
+
+/// Whether two derivatives are the same but for their roundings.
+fn is_same_derivative(a: f64, b: f64) -> bool {
+    const TOLERABLE: f64 = 1e-9;
+    a.to_bits() == b.to_bits() || (a - b).abs() <= TOLERABLE * a.abs().max(b.abs())
 }
 
 /// Size of a change that is neither nothing nor too much for a value.

@@ -1,7 +1,8 @@
-//! Validates FMUs made with any tool: does the description keep the rules of FMI 2.0 for co-simulation, and does the
-//! binary do what the description says?
+//! Validates FMUs made with any tool: does the description keep the rules of FMI 2.0 or 3.0, and does the binary do what
+//! the description says, for co-simulation and model exchange?
 //!
-//! The rules of the description stand in FMI 2.0.4, section 2.2 and 4.3; `rules` goes through them. Validators that
+//! The rules of the description are in FMI 2.0.4, sections 2.2, 3.3 and 4.3, and in FMI 3.0.2, section 2.4; `rules` goes
+//! through them. Validators that
 //! only read XML cannot know whether a start value is the real one, whether an output really follows an input, or
 //! whether a restored state goes on as before: `behavior` tries it out.
 
@@ -12,6 +13,7 @@ use crate::archive::Archive;
 use crate::description::{FmiVersion, Interface, ModelDescription};
 use crate::loader::{self, Library, LoadError};
 use crate::terminal;
+use std::collections::HashSet;
 use std::fmt;
 use std::path::Path;
 
@@ -93,6 +95,9 @@ pub enum Event {
     Checked(Checked),
 }
 
+/// Start of the names of trials by model exchange.
+const MODEL_EXCHANGE: &str = "model exchange: ";
+
 /// What a check has looked at.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Checked {
@@ -119,7 +124,19 @@ impl fmt::Display for Checked {
              structure: {unknowns}"
         )?;
         if *instances > 0 {
-            write!(f, "\nbinary: {instances} instances, {steps} steps: {}", trials.join(", "))?;
+            let is_exchange = |trial: &&String| trial.starts_with(MODEL_EXCHANGE);
+            let (exchange, trials): (Vec<&String>, Vec<&String>) = trials.iter().partition(is_exchange);
+            let listed = |trials: &[&String]| {
+                let names = trials.iter().map(|trial| trial.strip_prefix(MODEL_EXCHANGE).unwrap_or(trial));
+                names.collect::<Vec<_>>().join(", ")
+            };
+            write!(f, "\nbinary: {instances} instances, {steps} steps")?;
+            if !trials.is_empty() {
+                write!(f, ": {}", listed(&trials))?;
+            }
+            if !exchange.is_empty() {
+                write!(f, "\nmodel exchange: {}", listed(&exchange))?;
+            }
         }
         Ok(())
     }
@@ -154,7 +171,7 @@ pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
     }
 }
 
-/// Checks what can be seen without running anything: a model description against the rules of FMI 2.0, and whether
+/// Checks what can be seen without running anything: a model description against the rules of its version of FMI, and whether
 /// libraries, for any platform, export all functions.
 #[must_use]
 pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
@@ -187,28 +204,68 @@ fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
     let mut checked = Checked {
         elements: rules::check(&text, &description, &mut found),
         variables: description.variables.len(),
-        unknowns: description.outputs.len() + description.derivatives.len() + description.initial_unknowns.len(),
+        unknowns: [
+            &description.outputs,
+            &description.derivatives,
+            &description.initial_unknowns,
+            &description.event_indicators,
+        ]
+        .map(Vec::len)
+        .iter()
+        .sum(),
         ..Checked::default()
     };
     tell(Event::Checked(checked.clone()));
-    if description.co_simulation.is_none() {
-        return tell(Event::Found(Finding::error("CoSimulation", "is missing: the FMU cannot be stepped by a master")));
+    let interfaces = description.interfaces();
+    if interfaces.is_empty() {
+        let subject = "CoSimulation and ModelExchange";
+        return tell(Event::Found(if description.has_scheduled_execution {
+            Finding::warning(
+                subject,
+                "are missing: the binary was not tried, because scheduled execution is not supported",
+            )
+        } else {
+            Finding::error(subject, "are missing: the FMU must have one of these interfaces")
+        }));
     }
-    tell(Event::Trying("loading the binary".to_owned()));
-    let unpacked = match archive.unpack(&description, Interface::CoSimulation) {
-        Ok(unpacked) => unpacked,
-        Err(error) => return tell(Event::Found(Finding::error("binary", error.to_string()))),
-    };
-    match Library::load(unpacked) {
-        Ok(library) => {
-            for function in library.missing_functions(&description.interfaces()) {
-                tell(Event::Found(missing(function, description.fmi)));
+    let (mut libraries, mut problems) = (Vec::new(), Vec::new());
+    for &interface in &interfaces {
+        tell(Event::Trying(format!("loading the binary for {interface}")));
+        let binary = |error: &dyn fmt::Display| Finding::error("binary", error.to_string());
+        let loaded = archive.unpack(&description, interface).map_err(|error| binary(&error)).and_then(|unpacked| {
+            Library::load(unpacked).map_err(|error| match error {
+                LoadError::Missing { function, .. } => missing(function, description.fmi),
+                error => binary(&error),
+            })
+        });
+        match loaded {
+            Ok(library) => libraries.push((interface, library)),
+            // One file may be the library of both.
+            Err(problem) if problems.contains(&problem) => (),
+            Err(problem) => {
+                tell(Event::Found(problem.clone()));
+                problems.push(problem);
             }
-            behavior::check(&library, &description, &mut checked, tell);
-            tell(Event::Checked(checked.clone()));
         }
-        Err(LoadError::Missing { function, .. }) => tell(Event::Found(missing(function, description.fmi))),
-        Err(error) => tell(Event::Found(Finding::error("binary", error.to_string()))),
+    }
+    let mut told = HashSet::new();
+    for (interface, library) in &libraries {
+        let own = description.model_identifier(*interface);
+        let of_file = |other: &&Interface| description.model_identifier(**other) == own;
+        let its_interfaces: Vec<Interface> = interfaces.iter().filter(of_file).copied().collect();
+        for function in library.missing_functions(&its_interfaces).into_iter().filter(|name| told.insert(*name)) {
+            tell(Event::Found(missing(function, description.fmi)));
+        }
+    }
+    let library = |wanted| libraries.iter().find(|(interface, _)| *interface == wanted).map(|(_, library)| library);
+    let co_simulation = library(Interface::CoSimulation);
+    if let Some(library) = co_simulation {
+        behavior::check(library, &description, &mut checked, tell);
+        tell(Event::Checked(checked.clone()));
+    }
+    if let Some(library) = library(Interface::ModelExchange) {
+        behavior::exchange::check(library, co_simulation, &description, &mut checked, tell);
+        tell(Event::Checked(checked.clone()));
     }
 }
 

@@ -1,7 +1,11 @@
 //! The rules of a description.
 
+mod schema;
+
 use super::{Finding, Findings};
-use crate::description::{BaseType, Causality, Initial, ModelDescription, Unknown, Value, Variability, Variable};
+use crate::description::{
+    BaseType, Causality, FmiVersion, Initial, ModelDescription, Unknown, Value, Variability, Variable,
+};
 use crate::xml::{self, Element};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -10,100 +14,27 @@ pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn F
     let mut findings = Findings(tell);
     let mut elements = 0;
     if let Ok(root) = xml::parse(text) {
-        elements = schema(&root, &mut findings);
-        written_initial(&root, &mut findings);
+        elements = schema::schema(&root, description.fmi, &mut findings);
+        if description.fmi == FmiVersion::V2 {
+            written_initial(&root, &mut findings);
+        }
     }
     general(description, &mut findings);
     definitions(description, &mut findings);
     let known = Known::new(description);
-    for variable in &description.variables {
+    // The rules of an alias are those of its variable.
+    for variable in description.variables.iter().filter(|variable| variable.alias_of.is_none()) {
         rules_of_variable(description, variable, &known, &mut findings);
     }
-    aliases(description, &mut findings);
+    match description.fmi {
+        FmiVersion::V2 => aliases(description, &mut findings),
+        FmiVersion::V3 => independent(description, &mut findings),
+    }
     structure(description, &mut findings);
     elements
 }
 
-/// Attributes and children that the schema knows; `None`: not an element of FMI 2.0.
-fn known(element: &str) -> Option<(&'static str, &'static str)> {
-    const TYPES: &str = "Real Integer Boolean String Enumeration";
-    Some(match element {
-        "fmiModelDescription" => (
-            "fmiVersion modelName guid description author version copyright license generationTool \
-             generationDateAndTime variableNamingConvention numberOfEventIndicators",
-            "ModelExchange CoSimulation UnitDefinitions TypeDefinitions LogCategories DefaultExperiment \
-             VendorAnnotations ModelVariables ModelStructure",
-        ),
-        "CoSimulation" => (
-            "modelIdentifier needsExecutionTool canHandleVariableCommunicationStepSize canInterpolateInputs \
-             maxOutputDerivativeOrder canRunAsynchronuously canBeInstantiatedOnlyOncePerProcess \
-             canNotUseMemoryManagementFunctions canGetAndSetFMUstate canSerializeFMUstate \
-             providesDirectionalDerivative",
-            "SourceFiles",
-        ),
-        "ModelExchange" => (
-            "modelIdentifier needsExecutionTool completedIntegratorStepNotNeeded \
-             canBeInstantiatedOnlyOncePerProcess canNotUseMemoryManagementFunctions canGetAndSetFMUstate \
-             canSerializeFMUstate providesDirectionalDerivative",
-            "SourceFiles",
-        ),
-        "SourceFiles" => ("", "File"),
-        "File" => ("name", ""),
-        "UnitDefinitions" => ("", "Unit"),
-        "Unit" => ("name", "BaseUnit DisplayUnit"),
-        "BaseUnit" => ("kg m s A K mol cd rad factor offset", ""),
-        "DisplayUnit" => ("name factor offset", ""),
-        "TypeDefinitions" => ("", "SimpleType"),
-        "SimpleType" => ("name description", TYPES),
-        "Real" => (
-            "declaredType quantity unit displayUnit relativeQuantity min max nominal unbounded start derivative \
-             reinit",
-            "",
-        ),
-        "Integer" => ("declaredType quantity min max start", ""),
-        "Boolean" | "String" => ("declaredType start", ""),
-        "Enumeration" => ("declaredType quantity min max start", "Item"),
-        "Item" => ("name value description", ""),
-        "LogCategories" => ("", "Category"),
-        "Category" => ("name description", ""),
-        "DefaultExperiment" => ("startTime stopTime tolerance stepSize", ""),
-        "VendorAnnotations" | "Annotations" => ("", "Tool"),
-        "ModelVariables" => ("", "ScalarVariable"),
-        "ScalarVariable" => (
-            "name valueReference description causality variability initial canHandleMultipleSetPerTimeInstant",
-            "Real Integer Boolean String Enumeration Annotations",
-        ),
-        "ModelStructure" => ("", "Outputs Derivatives InitialUnknowns"),
-        "Outputs" | "Derivatives" | "InitialUnknowns" => ("", "Unknown"),
-        "Unknown" => ("index dependencies dependenciesKind", ""),
-        _ => return None,
-    })
-}
-
-/// Elements and attributes that are not in the schema. Returns the number of elements that were compared with it.
-fn schema(element: &Element, findings: &mut Findings<'_>) -> usize {
-    // What a tool writes for itself has a schema of its own.
-    let Some((attributes, children)) = known(&element.name).filter(|_| element.name != "Tool") else { return 0 };
-    let mut compared = 1;
-    let is_among = |list: &str, name: &str| list.split(' ').any(|known| known == name);
-    let subject = || format!("<{}>, line {}", element.name, element.place.line);
-    for name in element.attribute_names() {
-        // Namespaces are declared by attributes, and their attributes have a colon.
-        if !is_among(attributes, name) && !name.contains(':') && name != "xmlns" {
-            findings.push(Finding::error(subject(), format!("FMI 2.0 knows no attribute `{name}` here")));
-        }
-    }
-    for child in &element.children {
-        if is_among(children, &child.name) {
-            compared += schema(child, findings);
-        } else {
-            findings.push(Finding::error(subject(), format!("FMI 2.0 knows no element <{}> here", child.name)));
-        }
-    }
-    compared
-}
-
-/// `initial` where it may not be written.
+/// `initial` where FMI 2.0 does not allow it.
 fn written_initial(root: &Element, findings: &mut Findings<'_>) {
     let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
     for element in variables {
@@ -132,12 +63,19 @@ fn general(description: &ModelDescription, findings: &mut Findings<'_>) {
         let message = format!("\"{}\", expected flat or structured", description.variable_naming_convention);
         findings.push(Finding::error("variableNamingConvention", message));
     }
-    if let Some(unit) = &description.co_simulation
-        && unit.can_serialize_fmu_state
-        && !unit.can_get_and_set_fmu_state
+    let states = [
+        description.co_simulation.as_ref().map(|unit| (unit.can_serialize_fmu_state, unit.can_get_and_set_fmu_state)),
+        description.model_exchange.as_ref().map(|unit| (unit.can_serialize_fmu_state, unit.can_get_and_set_fmu_state)),
+    ];
+    if states.contains(&Some((true, false))) {
+        let word = if description.fmi == FmiVersion::V2 { "FMUstate" } else { "FMUState" };
+        let message = format!("is true, which needs canGetAndSet{word} to be true as well");
+        findings.push(Finding::error(format!("canSerialize{word}"), message));
+    }
+    if let Some(step) = description.co_simulation.as_ref().and_then(|unit| unit.fixed_internal_step_size)
+        && !(step.is_finite() && step > 0.0)
     {
-        let message = "is true, which needs canGetAndSetFMUstate to be true as well";
-        findings.push(Finding::error("canSerializeFMUstate", message));
+        findings.push(Finding::error("fixedInternalStepSize", format!("{step} s, expected a number above 0")));
     }
     let experiment = description.default_experiment;
     let mut error = |message: String| findings.push(Finding::error("DefaultExperiment", message));
@@ -236,7 +174,9 @@ fn rules_of_variable(
         error(format!("causality {causality:?} and variability {variability:?} do not go together"));
     }
     let is_initial_allowed = match causality {
-        Causality::Parameter => initial == Some(Initial::Exact),
+        Causality::Parameter | Causality::StructuralParameter => initial == Some(Initial::Exact),
+        // FMI 3.0 allows no other; FMI 2.0 allows none, which `written_initial` checks.
+        Causality::Input if description.fmi == FmiVersion::V3 => matches!(initial, None | Some(Initial::Exact)),
         Causality::CalculatedParameter => initial != Some(Initial::Exact),
         _ => true,
     };
@@ -247,12 +187,12 @@ fn rules_of_variable(
         error(format!("is a continuous {}; only a Real can be continuous", variable.base_type));
     }
 
-    let is_given = matches!(causality, Causality::Parameter | Causality::Input)
+    let is_given = matches!(causality, Causality::Parameter | Causality::StructuralParameter | Causality::Input)
         || matches!(initial, Some(Initial::Exact | Initial::Approx));
-    if is_given && variable.start.is_none() {
+    if is_given && !variable.has_start() {
         error("has no start value, which inputs, parameters and variables with initial exact or approx need".into());
     }
-    if !is_given && variable.start.is_some() {
+    if !is_given && variable.has_start() {
         error("has a start value, although it is calculated".to_owned());
     }
 
@@ -277,19 +217,23 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
     if min.is_nan() || max.is_nan() || min > max {
         return error(format!("min {min} is above max {max}"));
     }
-    let start = match variable.start {
-        Some(Value::Real(start)) => Some(start),
-        Some(Value::Integer(start)) => Some(f64::from(start)),
+    let number = |start: &Value| match start {
+        Value::Real(start) => Some(*start),
+        Value::Integer(start) => Some(f64::from(*start)),
         _ => None,
     };
-    if let Some(start) = start {
+    let written = variable.other_start.as_ref().filter(|_| !variable.is_array()).and_then(|text| text.parse().ok());
+    let starts = variable.start.iter().chain(&variable.starts).filter_map(number).chain(written);
+    for start in starts {
         if !start.is_finite() {
             error(format!("its start value {start} is no finite number"));
         } else if !(min..=max).contains(&start) {
             error(format!("its start value {start} is outside of its limits, {min} to {max}"));
         }
-        let items = variable.declared_type.as_deref().and_then(|name| known.items.get(name));
-        if let (Some(items), Some(Value::Integer(value))) = (items, &variable.start)
+    }
+    let items = variable.declared_type.as_deref().and_then(|name| known.items.get(name));
+    for start in variable.start.iter().chain(&variable.starts) {
+        if let (Some(items), Value::Integer(value)) = (items, start)
             && !items.contains(value)
         {
             error(format!("its start value {start} is none of its items"));
@@ -352,6 +296,24 @@ fn after_identifier(text: &str) -> Option<&str> {
     (end > 0 && !text.starts_with(|c: char| c.is_ascii_digit())).then(|| &text[end..])
 }
 
+/// FMI 3.0 has the time as a variable.
+fn independent(description: &ModelDescription, findings: &mut Findings<'_>) {
+    let is_time = |variable: &&Variable| variable.causality == Causality::Independent && variable.alias_of.is_none();
+    let times: Vec<&Variable> = description.variables.iter().filter(is_time).collect();
+    if times.is_empty() {
+        let message = "has no variable with causality=\"independent\", which FMI 3.0 requires: add the time, a Float64";
+        findings.push(Finding::error("ModelVariables", message));
+    }
+    for time in times.iter().skip(1) {
+        findings.push(Finding::error(variable_named(&time.name), "is a second variable with causality Independent"));
+    }
+    for time in times.iter().filter(|time| time.base_type != BaseType::Real) {
+        let message =
+            format!("is the independent variable, which must be a Float64 or a Float32, not {}", time.data_type);
+        findings.push(Finding::error(variable_named(&time.name), message));
+    }
+}
+
 /// Variables of one base type with one value reference are one quantity.
 fn aliases(description: &ModelDescription, findings: &mut Findings<'_>) {
     let mut sets: BTreeMap<_, Vec<&Variable>> = BTreeMap::new();
@@ -376,22 +338,35 @@ fn structure(description: &ModelDescription, findings: &mut Findings<'_>) {
         description.derivatives.iter().filter_map(|unknown| variables[unknown.variable].derivative_of).collect();
     let is_calculated = |variable: &Variable| variable.initial != Some(Initial::Exact);
     let all = |is_wanted: &dyn Fn(usize, &Variable) -> bool| -> BTreeSet<usize> {
-        (0..variables.len()).filter(|&i| is_wanted(i, &variables[i])).collect()
+        (0..variables.len()).filter(|&i| variables[i].alias_of.is_none() && is_wanted(i, &variables[i])).collect()
+    };
+    let names = match description.fmi {
+        FmiVersion::V2 => ["Outputs", "Derivatives", "InitialUnknowns", "EventIndicators"],
+        FmiVersion::V3 => ["Output", "ContinuousStateDerivative", "InitialUnknown", "EventIndicator"],
     };
     let outputs = all(&|_, variable| variable.causality == Causality::Output);
     let derivatives: BTreeSet<usize> = description.derivatives.iter().map(|unknown| unknown.variable).collect();
     let initial = all(&|i, variable| {
         let is_unknown = variable.causality == Causality::Output || states.contains(&i) || derivatives.contains(&i);
+        let is_unknown = is_unknown && !variable.is_clocked;
         variable.causality == Causality::CalculatedParameter || (is_unknown && is_calculated(variable))
     });
 
-    list(description, "Outputs", &description.outputs, Some(&outputs), findings);
-    list(description, "Derivatives", &description.derivatives, None, findings);
-    list(description, "InitialUnknowns", &description.initial_unknowns, Some(&initial), findings);
+    list(description, names[0], &description.outputs, Some(&outputs), findings);
+    list(description, names[1], &description.derivatives, None, findings);
+    list(description, names[2], &description.initial_unknowns, Some(&initial), findings);
+    list(description, names[3], &description.event_indicators, None, findings);
     for unknown in &description.derivatives {
         let variable = &variables[unknown.variable];
         if variable.derivative_of.is_none() {
-            let message = "is listed in Derivatives, but lacks the attribute `derivative`";
+            let message = format!("is listed in {}, but lacks the attribute `derivative`", names[1]);
+            findings.push(Finding::error(variable_named(&variable.name), message));
+        }
+    }
+    for unknown in &description.event_indicators {
+        let variable = &variables[unknown.variable];
+        if variable.base_type != BaseType::Real || variable.variability != Variability::Continuous {
+            let message = format!("is listed in {}, which takes continuous Float64 and Float32 only", names[3]);
             findings.push(Finding::error(variable_named(&variable.name), message));
         }
     }
@@ -399,8 +374,11 @@ fn structure(description: &ModelDescription, findings: &mut Findings<'_>) {
     for unknown in description.outputs.iter().filter(|unknown| has_inputs && unknown.dependencies.is_none()) {
         findings.push(Finding::warning(
             variable_named(&variables[unknown.variable].name),
-            "its entry in Outputs has no `dependencies`, which means that it depends on all inputs: masters then see \
-             algebraic loops that may not be there",
+            format!(
+                "its entry in {} has no `dependencies`, which means that it depends on all inputs: masters then see \
+                 algebraic loops that may not be there",
+                names[0]
+            ),
         ));
     }
 }
@@ -432,8 +410,10 @@ fn list(
         }
         for &dependency in dependencies {
             let known = &variables[dependency];
-            let never = matches!(known.causality, Causality::CalculatedParameter) && name != "InitialUnknowns";
-            if dependency == unknown.variable || never {
+            let never = known.causality == Causality::CalculatedParameter && !name.starts_with("InitialUnknown");
+            // In FMI 3.0 an output or event indicator may be a state, which is a known.
+            let is_itself = dependency == unknown.variable && description.fmi == FmiVersion::V2;
+            if is_itself || never {
                 error(unknown.variable, format!("cannot depend on `{}` in {name}", known.name));
             }
         }

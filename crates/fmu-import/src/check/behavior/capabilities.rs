@@ -51,9 +51,16 @@ impl Trial<'_> {
                 })
             };
             let is_well = result.is_ok();
-            promise("providesDirectionalDerivative", result);
+            let attribute = self.function("providesDirectionalDerivative", "providesDirectionalDerivatives");
+            promise(attribute, result);
             if is_well && !slope[0].is_finite() {
-                found(tell, Finding::error("fmi2GetDirectionalDerivative", format!("gives {}", slope[0])));
+                found(
+                    tell,
+                    Finding::error(
+                        self.function("fmi2GetDirectionalDerivative", "fmi3GetDirectionalDerivative"),
+                        format!("gives {}", slope[0]),
+                    ),
+                );
             }
         }
         if unit.can_not_use_memory_management_functions {
@@ -71,7 +78,7 @@ impl Trial<'_> {
     /// A directional derivative to ask for, the likeliest to be nonzero first. One that is 0 by the model structure has to be
     /// given as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and continuous states.
     fn question(&self) -> Option<Question> {
-        let is_real = |i: &usize| self.variable(*i).base_type == BaseType::Real;
+        let is_real = |i: &usize| self.variable(*i).base_type == BaseType::Real && !self.variable(*i).is_array();
         let real = |list: &[Unknown]| -> Vec<Unknown> {
             list.iter().filter(|unknown| is_real(&unknown.variable)).cloned().collect()
         };

@@ -84,8 +84,9 @@ impl Trial<'_> {
     /// InitialUnknowns: what follows inputs, parameters and exact start values of any type in Initialization Mode.
     pub(super) fn initial_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
         let mut known = self.settable_in_initialization();
-        let unknowns: Vec<&Unknown> = self.description.initial_unknowns.iter().collect();
-        let mut search = self.search("InitialUnknowns", unknowns);
+        let unknowns = self.description.initial_unknowns.iter();
+        let unknowns: Vec<&Unknown> = unknowns.filter(|unknown| self.is_scalar(unknown)).collect();
+        let mut search = self.search(self.function("InitialUnknowns", "InitialUnknown"), unknowns);
         for choice in self.all_choices() {
             let mut instance = None;
             known.retain(|&j| {
@@ -114,6 +115,12 @@ impl Trial<'_> {
         Ok(())
     }
 
+    /// True for a variable that one value stands for.
+    fn is_scalar(&self, unknown: &Unknown) -> bool {
+        let variable = self.variable(unknown.variable);
+        !variable.is_array() && !values::is_wide(variable)
+    }
+
     /// True for a continuous state, which a variable in Derivatives refers to.
     fn is_state(&self, variable: usize) -> bool {
         let mut derivatives = self.description.derivatives.iter();
@@ -138,7 +145,8 @@ impl Trial<'_> {
         unknowns: &'a [Unknown],
         tell: Tell<'_>,
     ) -> Answer<Search<'a>> {
-        let is_real = |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real;
+        let is_real =
+            |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real && self.is_scalar(unknown);
         let mut search = self.search(list, unknowns.iter().filter(is_real).collect());
         if search.unknowns.is_empty() || self.inputs.is_empty() {
             return Ok(search);
@@ -165,8 +173,12 @@ impl Trial<'_> {
 
     /// Outputs and Derivatives.
     pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
-        self.search_between_steps("Derivatives", &self.description.derivatives, tell)?;
-        let search = self.search_between_steps("Outputs", &self.description.outputs, tell)?;
+        self.search_between_steps(
+            self.function("Derivatives", "ContinuousStateDerivative"),
+            &self.description.derivatives,
+            tell,
+        )?;
+        let search = self.search_between_steps(self.function("Outputs", "Output"), &self.description.outputs, tell)?;
         // An FMU that computes its outputs in fmi2DoStep only follows no input between steps.
         if search.followed.is_empty() || search.is_cut() {
             return Ok(());
@@ -176,8 +188,11 @@ impl Trial<'_> {
             let names_inputs = unknown.dependencies.iter().flatten().any(|i| inputs.contains(i));
             if names_inputs {
                 let name = &self.variable(unknown.variable).name;
-                let message = "names inputs among its dependencies in Outputs, but followed none of them in any trial: \
-                               masters may solve an algebraic loop that is not there";
+                let message = format!(
+                    "names inputs among its dependencies in {}, but followed none of them in any trial: masters may solve \
+                     an algebraic loop that is not there",
+                    search.list
+                );
                 found(tell, Finding::warning(format!("variable `{name}`"), message));
             }
         }

@@ -82,7 +82,7 @@ impl Trial<'_> {
                     kept.before,
                     kept.others()
                 );
-                found(tell, Finding::error("fmi2Reset", message));
+                found(tell, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
                 return Ok(None);
             }
             instance.exit_initialization_mode()?;
@@ -92,10 +92,13 @@ impl Trial<'_> {
             Ok(None) => false,
             Ok(Some(outputs)) => {
                 let message = "does not bring back the start: the same run differs after it";
-                self.compare(tell, "fmi2Reset", message, &fresh.outputs, &outputs)
+                self.compare(tell, self.function("fmi2Reset", "fmi3Reset"), message, &fresh.outputs, &outputs)
             }
             Err(error) => {
-                found(tell, Finding::error("fmi2Reset", format!("after it, {}", words(&error))));
+                found(
+                    tell,
+                    Finding::error(self.function("fmi2Reset", "fmi3Reset"), format!("after it, {}", words(&error))),
+                );
                 false
             }
         }

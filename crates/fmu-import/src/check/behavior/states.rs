@@ -11,6 +11,8 @@ impl Trial<'_> {
         let Some(unit) = self.description.co_simulation.as_ref().filter(|unit| unit.can_get_and_set_fmu_state) else {
             return Ok(());
         };
+        let restored = self.function("fmi2SetFMUstate", "fmi3SetFMUState");
+        let read = self.function("fmi2DeSerializeFMUstate", "fmi3DeserializeFMUState");
         let configuration = self.configuration();
         let middle = self.steps / 2;
         let mut instance = self.configured_by(&configuration, "state")?;
@@ -20,9 +22,9 @@ impl Trial<'_> {
         let expected = self.go(&mut instance, middle..self.steps, 1)?;
         // A state holds parameters and inputs, too. A value that is rejected may end the instance: then without.
         if !self.change(&mut instance, &self.settable_between_steps()).is_empty() {
-            return self.go_on(&mut instance, &saved, None, &expected, "fmi2SetFMUstate", tell).map(drop);
+            return self.go_on(&mut instance, &saved, None, &expected, restored, tell).map(drop);
         }
-        if !self.go_on(&mut instance, &saved, Some(&then), &expected, "fmi2SetFMUstate", tell)? {
+        if !self.go_on(&mut instance, &saved, Some(&then), &expected, restored, tell)? {
             return Ok(());
         }
         if !unit.can_serialize_fmu_state {
@@ -33,7 +35,7 @@ impl Trial<'_> {
         drop(instance);
         let mut other = self.started("bytes")?;
         let saved = other.deserialize_state(&bytes)?;
-        self.go_on(&mut other, &saved, Some(&then), &expected, "fmi2DeSerializeFMUstate", tell)?;
+        self.go_on(&mut other, &saved, Some(&then), &expected, read, tell)?;
         other.free_state(saved)
     }
 
@@ -62,7 +64,7 @@ impl Trial<'_> {
             }
         }
         let again = self.go(instance, self.steps / 2..self.steps, 1)?;
-        let message = if function == "fmi2SetFMUstate" {
+        let message = if function.ends_with("SetFMUstate") || function.ends_with("SetFMUState") {
             "a restored state goes on otherwise"
         } else {
             "a state read from its bytes goes on otherwise in another instance"

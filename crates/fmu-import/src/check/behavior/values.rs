@@ -1,7 +1,7 @@
 //! Values of all types: what an FMU has, and others to set.
 
-use super::{Answer, Trial, size};
-use crate::description::{BaseType, Causality, Initial, Value, Variability, Variable};
+use super::{Answer, Trial, is_plain, size};
+use crate::description::{BaseType, Causality, DataType, Initial, Value, Variability, Variable};
 use crate::loader::Instance;
 
 impl Trial<'_> {
@@ -48,7 +48,7 @@ impl Trial<'_> {
 
     pub(super) fn filtered(&self, is_wanted: impl Fn(&Variable) -> bool) -> Vec<usize> {
         let variables = self.description.variables.iter().enumerate();
-        variables.filter(|(_, variable)| is_wanted(variable)).map(|(i, _)| i).collect()
+        variables.filter(|(_, variable)| is_plain(variable) && is_wanted(variable)).map(|(i, _)| i).collect()
     }
 
     pub(super) fn values(&self, instance: &mut Instance, variables: &[usize]) -> Answer<Vec<Value>> {
@@ -135,6 +135,49 @@ fn others(variable: &Variable, start: &Value) -> Vec<Value> {
             items.take(2).map(Value::Integer).collect()
         }
     }
+}
+
+/// True for an integer that may have more than 32 bits while the FMU runs.
+pub(super) fn is_wide(variable: &Variable) -> bool {
+    matches!(variable.data_type, DataType::UInt32 | DataType::Int64 | DataType::UInt64)
+}
+
+/// True for an array whose elements the FMU starts with.
+pub(super) fn has_starts(variable: &Variable) -> bool {
+    let is_exact = matches!(variable.causality, Causality::Parameter | Causality::Input)
+        || variable.initial == Some(Initial::Exact);
+    is_exact && !variable.starts.is_empty()
+}
+
+/// Names of the elements: `x`, or `x[1]` and so on, in the order of the values.
+pub(super) fn elements(variable: &Variable) -> Vec<String> {
+    match variable.is_array() {
+        true => (1..=variable.size).map(|i| format!("{}[{i}]", variable.name)).collect(),
+        false => vec![variable.name.clone()],
+    }
+}
+
+/// The values of all elements.
+pub(super) fn read_all(instance: &mut Instance, variable: &Variable) -> Answer<Vec<Value>> {
+    let reference = [variable.reference];
+    Ok(match variable.base_type {
+        BaseType::Real => {
+            let mut values = vec![0.0; variable.size];
+            instance.get_real(&reference, &mut values)?;
+            values.into_iter().map(Value::Real).collect()
+        }
+        BaseType::Integer => {
+            let mut values = vec![0; variable.size];
+            instance.get_integer(&reference, &mut values)?;
+            values.into_iter().map(Value::Integer).collect()
+        }
+        BaseType::Boolean => {
+            let mut values = vec![0; variable.size];
+            instance.get_boolean(&reference, &mut values)?;
+            values.into_iter().map(|value| Value::Boolean(value != 0)).collect()
+        }
+        BaseType::String => instance.get_string(&reference)?.into_iter().map(Value::String).collect(),
+    })
 }
 
 pub(super) fn read(instance: &mut Instance, variable: &Variable) -> Answer<Value> {

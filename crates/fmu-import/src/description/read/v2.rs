@@ -167,6 +167,7 @@ fn variable(element: &Element, types: &HashMap<&str, SimpleType<'_>>) -> Result<
         declared_type: own.attribute("declaredType").map(str::to_string),
         items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
         derivative_of,
+        is_clocked: false,
         alias_of: None,
         name,
     })

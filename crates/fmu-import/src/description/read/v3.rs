@@ -337,6 +337,7 @@ fn variable(
         declared_type: element.attribute("declaredType").map(str::to_string),
         items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
         derivative_of: None,
+        is_clocked: element.attribute("clocks").is_some(),
         alias_of: None,
         name,
     })

@@ -1,0 +1,498 @@
+//! Model exchange: derivatives, event indicators and states, as an importer with a solver uses them.
+
+use super::{Answer, Tell, adjoint, found, instantiation, is_same_derivative, words};
+use crate::check::{Checked, Event, Finding, MODEL_EXCHANGE};
+use crate::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value};
+use crate::loader::{CallError, Instance, Library};
+use std::cell::Cell;
+use std::sync::Arc;
+
+/// Steps of an integration.
+const STEPS: usize = 40;
+/// Most updates of the discrete states in one event.
+const MOST_UPDATES: usize = 1000;
+/// Largest number of parts of a step, if the solution leaves the finite numbers with fewer.
+const MOST_PARTS: usize = 64;
+
+/// A trial of one binary by model exchange.
+struct Exchange<'a> {
+    library: &'a Arc<Library>,
+    description: &'a ModelDescription,
+    unit: &'a ModelExchange,
+    /// Time of the start and step of an integration, s.
+    start: f64,
+    step: f64,
+    /// Value references of the states and their derivatives; they may be arrays.
+    states: Vec<u32>,
+    derivatives: Vec<u32>,
+    /// Names of the elements of the states.
+    names: Vec<String>,
+    instances: Cell<usize>,
+    made: Cell<usize>,
+}
+
+/// What a trial found out about a binary: an error of a call, or a finding that ends it.
+enum Failure {
+    Call(CallError),
+    Found(Finding),
+}
+
+impl From<CallError> for Failure {
+    fn from(error: CallError) -> Self {
+        Self::Call(error)
+    }
+}
+
+type Outcome<T> = Result<T, Failure>;
+type Part<'t> = fn(&Exchange<'t>, Tell<'_>) -> Outcome<()>;
+
+/// Tries what an importer does by model exchange. `co_simulation` is the library for the other interface, if there is one.
+pub(in crate::check) fn check(
+    library: &Arc<Library>,
+    co_simulation: Option<&Arc<Library>>,
+    description: &ModelDescription,
+    checked: &mut Checked,
+    tell: Tell<'_>,
+) {
+    let Some(unit) = &description.model_exchange else { return };
+    if !instantiation(library, description, Interface::ModelExchange, tell) {
+        return;
+    }
+    let (start, step) = super::start_and_step(description);
+    let variables = &description.variables;
+    let derivatives = description.derivatives.iter().map(|unknown| &variables[unknown.variable]);
+    let states = derivatives.clone().filter_map(|derivative| derivative.derivative_of.map(|state| &variables[state]));
+    let exchange = Exchange {
+        library,
+        description,
+        unit,
+        start,
+        step,
+        states: states.clone().map(|state| state.reference).collect(),
+        derivatives: derivatives.map(|derivative| derivative.reference).collect(),
+        names: states.flat_map(super::values::elements).collect(),
+        instances: Cell::new(0),
+        made: Cell::new(0),
+    };
+    let parts: [(&str, Part<'_>); 6] = [
+        ("the event at the start", Exchange::start_of_event),
+        ("states and derivatives", Exchange::values),
+        ("saved states", Exchange::saved_states),
+        ("integration", Exchange::integration),
+        ("derivatives", Exchange::directional),
+        ("the end", Exchange::end),
+    ];
+    for (name, part) in parts {
+        let name = format!("{MODEL_EXCHANGE}{name}");
+        tell(Event::Trying(name.clone()));
+        let is_settled = match part(&exchange, tell) {
+            Ok(()) => true,
+            Err(Failure::Call(error)) => {
+                found(tell, Finding::error(&name, words(&error)));
+                true
+            }
+            Err(Failure::Found(finding)) => {
+                found(tell, finding);
+                false
+            }
+        };
+        checked.trials.push(name);
+        // Without a start there is nothing else to try.
+        if !is_settled && exchange.instances.get() == 1 {
+            break;
+        }
+    }
+    if let Some(other) = co_simulation {
+        let name = format!("{MODEL_EXCHANGE}derivatives of both interfaces");
+        tell(Event::Trying(name.clone()));
+        // The derivatives need not be readable in co-simulation, and an error of another call was found before.
+        if let Ok(Some(finding)) = exchange.agreement(other) {
+            found(tell, finding);
+        }
+        checked.trials.push(name);
+    }
+    checked.instances += exchange.instances.get();
+    checked.steps += exchange.made.get();
+}
+
+impl Exchange<'_> {
+    fn function(&self, v2: &'static str, v3: &'static str) -> &'static str {
+        match self.description.fmi {
+            FmiVersion::V2 => v2,
+            FmiVersion::V3 => v3,
+        }
+    }
+
+    fn instance(&self, name: &str) -> Answer<Instance> {
+        self.instances.set(self.instances.get() + 1);
+        Instance::instantiate(self.library, name, &self.description.guid, false)
+    }
+
+    /// Brings an instance to the end of its first event. Returns the time of the next one.
+    fn start_up(&self, instance: &mut Instance) -> Outcome<Option<f64>> {
+        instance.setup_experiment(self.start, None)?;
+        instance.enter_initialization_mode()?;
+        instance.exit_initialization_mode()?;
+        Ok(self.settle(instance, self.start)?.next_event)
+    }
+
+    /// An instance in Continuous-Time Mode.
+    fn started(&self, name: &str) -> Outcome<Instance> {
+        let mut instance = self.instance(name)?;
+        self.start_up(&mut instance)?;
+        Ok(instance)
+    }
+
+    /// Updates discrete states until the event is over, and enters Continuous-Time Mode.
+    fn settle(&self, instance: &mut Instance, time: f64) -> Outcome<Settled> {
+        for _ in 0..MOST_UPDATES {
+            let update = instance.new_discrete_states()?;
+            if update.terminates {
+                return Ok(Settled { next_event: None, is_over: true });
+            }
+            if !update.is_needed_again {
+                instance.enter_continuous_time_mode()?;
+                // An event that is not after the present time would never be reached.
+                if let Some(next) = update.next_event.filter(|next| next.is_nan() || *next <= time) {
+                    let message =
+                        format!("defines the next event at {next} s, which is not after the present {time} s");
+                    return Err(self.broken("fmi2NewDiscreteStates", "fmi3UpdateDiscreteStates", message));
+                }
+                return Ok(Settled { next_event: update.next_event, is_over: false });
+            }
+        }
+        let message = format!("needs another update after {MOST_UPDATES} of them: the event at {time} s does not end");
+        Err(self.broken("fmi2NewDiscreteStates", "fmi3UpdateDiscreteStates", message))
+    }
+
+    fn broken(&self, v2: &'static str, v3: &'static str, message: String) -> Failure {
+        Failure::Found(Finding::error(self.function(v2, v3), message))
+    }
+
+    fn start_of_event(&self, _: Tell<'_>) -> Outcome<()> {
+        self.started("event").map(drop)
+    }
+
+    fn states(&self, instance: &mut Instance) -> Answer<Vec<f64>> {
+        let mut states = vec![0.0; instance.number_of_states()];
+        instance.get_continuous_states(&mut states)?;
+        Ok(states)
+    }
+
+    fn derivatives(&self, instance: &mut Instance) -> Answer<Vec<f64>> {
+        let mut derivatives = vec![0.0; instance.number_of_states()];
+        instance.get_derivatives(&mut derivatives)?;
+        Ok(derivatives)
+    }
+
+    fn indicators(&self, instance: &mut Instance) -> Answer<Vec<f64>> {
+        let mut indicators = vec![0.0; instance.number_of_event_indicators()];
+        if !indicators.is_empty() {
+            instance.get_event_indicators(&mut indicators)?;
+        }
+        Ok(indicators)
+    }
+
+    /// States, derivatives, indicators and nominal values at the start.
+    fn values(&self, tell: Tell<'_>) -> Outcome<()> {
+        let mut instance = self.started("values")?;
+        if self.description.fmi == FmiVersion::V3 {
+            self.numbers(&mut instance, tell)?;
+        }
+        let states = self.states(&mut instance)?;
+        let derivatives = self.derivatives(&mut instance)?;
+        let indicators = self.indicators(&mut instance)?;
+        let get_states = "GetContinuousStates";
+        let get_derivatives = self.function("fmi2GetDerivatives", "fmi3GetContinuousStateDerivatives");
+        let get_states = format!("{}{get_states}", self.function("fmi2", "fmi3"));
+        let get_indicators = self.function("fmi2GetEventIndicators", "fmi3GetEventIndicators");
+        let indicator_names: Vec<String> = (1..=indicators.len()).map(|i| format!("indicator {i}")).collect();
+        for (function, names, values) in [
+            (get_states.as_str(), &self.names, &states),
+            (get_derivatives, &self.names, &derivatives),
+            (get_indicators, &indicator_names, &indicators),
+        ] {
+            if let Some(i) = values.iter().position(|value| !value.is_finite()) {
+                let message = format!("gives {} for `{}` at the start", values[i], names[i]);
+                found(tell, Finding::error(function, message));
+            }
+        }
+
+        // The lists of the C functions are those of the description.
+        let mut named = vec![0.0; states.len()];
+        instance.get_real(&self.states, &mut named)?;
+        self.differs(tell, &get_states, "the variable has the value", &states, &named);
+        instance.get_real(&self.derivatives, &mut named)?;
+        self.differs(tell, get_derivatives, "the variable has the value", &derivatives, &named);
+
+        // Nothing changed, so nothing changes: in this instance, and in another one.
+        instance.set_time(self.start)?;
+        instance.set_continuous_states(&states)?;
+        let again = self.derivatives(&mut instance)?;
+        self.differs(tell, get_derivatives, "the second call for the same states gives", &derivatives, &again);
+        if !self.unit.can_be_instantiated_only_once_per_process {
+            let other = self.derivatives(&mut self.started("again")?)?;
+            self.differs(tell, get_derivatives, "another instance gives", &derivatives, &other);
+        }
+        if self.indicators(&mut instance)?.iter().zip(&indicators).any(|(a, b)| a.to_bits() != b.to_bits()) {
+            found(tell, Finding::error(get_indicators, "gives another value for the same states in a second call"));
+        }
+        let moved: Vec<f64> = states.iter().map(|state| state + 1e-3 * super::size(*state)).collect();
+        instance.set_continuous_states(&moved)?;
+        let read = self.states(&mut instance)?;
+        self.differs(tell, &get_states, "what was set is", &read, &moved);
+
+        let get_nominals = self.function("fmi2GetNominalsOfContinuousStates", "fmi3GetNominalsOfContinuousStates");
+        let mut nominals = vec![1.0; states.len()];
+        instance.get_nominals(&mut nominals)?;
+        if let Some(i) = nominals.iter().position(|nominal| !(nominal.is_finite() && *nominal > 0.0)) {
+            let message = format!("gives {} for `{}`; a nominal value must be above 0", nominals[i], self.names[i]);
+            found(tell, Finding::error(get_nominals, message));
+        }
+        Ok(())
+    }
+
+    /// The numbers of states and event indicators are those of the description.
+    fn numbers(&self, instance: &mut Instance, tell: Tell<'_>) -> Answer<()> {
+        for (function, number, expected) in [
+            ("fmi3GetNumberOfContinuousStates", instance.get_number_of_states()?, instance.number_of_states()),
+            (
+                "fmi3GetNumberOfEventIndicators",
+                instance.get_number_of_event_indicators()?,
+                instance.number_of_event_indicators(),
+            ),
+        ] {
+            if number != expected {
+                let message = format!("gives {number}, but ModelStructure has {expected}");
+                found(tell, Finding::error(function, message));
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the first element that differs from what was expected; whether there is one.
+    fn differs(&self, tell: Tell<'_>, function: &str, words: &str, values: &[f64], expected: &[f64]) -> bool {
+        let differing = values.iter().zip(expected).position(|(a, b)| a.to_bits() != b.to_bits());
+        let Some(i) = differing else { return false };
+        let message = format!("gives {:?} for `{}`, but {words} {:?}", values[i], self.names[i], expected[i]);
+        found(tell, Finding::error(function, message));
+        true
+    }
+
+    /// A restored state has the states and derivatives it had, also from bytes in a new instance.
+    fn saved_states(&self, tell: Tell<'_>) -> Outcome<()> {
+        if !self.unit.can_get_and_set_fmu_state {
+            return Ok(());
+        }
+        let set = self.function("fmi2SetFMUstate", "fmi3SetFMUState");
+        let read = self.function("fmi2DeSerializeFMUstate", "fmi3DeserializeFMUState");
+        let mut instance = self.started("state")?;
+        let states = self.states(&mut instance)?;
+        let moved: Vec<f64> = states.iter().map(|state| state + 1e-3 * super::size(*state)).collect();
+        instance.set_continuous_states(&moved)?;
+        let derivatives = self.derivatives(&mut instance)?;
+        let saved = instance.save_state()?;
+        instance.set_continuous_states(&states)?;
+        self.derivatives(&mut instance)?;
+        instance.restore_state(&saved)?;
+        if self.is_other(tell, set, &mut instance, &moved, &derivatives)? || !self.unit.can_serialize_fmu_state {
+            return Ok(instance.free_state(saved)?);
+        }
+        let bytes = instance.serialize_state(&saved)?;
+        instance.free_state(saved)?;
+        drop(instance);
+        let mut other = self.started("bytes")?;
+        let saved = other.deserialize_state(&bytes)?;
+        other.restore_state(&saved)?;
+        self.is_other(tell, read, &mut other, &moved, &derivatives)?;
+        Ok(other.free_state(saved)?)
+    }
+
+    fn is_other(
+        &self,
+        tell: Tell<'_>,
+        function: &str,
+        instance: &mut Instance,
+        states: &[f64],
+        derivatives: &[f64],
+    ) -> Answer<bool> {
+        let now = self.states(instance)?;
+        if self.differs(tell, function, "when the state was saved it was", &now, states) {
+            return Ok(true);
+        }
+        let now = self.derivatives(instance)?;
+        Ok(self.differs(tell, function, "when the state was saved its derivative was", &now, derivatives))
+    }
+
+    /// A short integration stays finite, repeats itself, and does so after a reset.
+    fn integration(&self, tell: Tell<'_>) -> Outcome<()> {
+        let mut parts = 1;
+        let (first, mut instance) = loop {
+            let mut instance = self.instance("integration")?;
+            let states = self.integrate(&mut instance, parts)?;
+            if states.iter().all(|state| state.is_finite()) {
+                break (states, instance);
+            }
+            if parts == MOST_PARTS {
+                let (steps, step) = (STEPS, self.step);
+                let message = format!(
+                    "leaves the finite numbers within {steps} steps of {step} s by the Runge-Kutta method, also with \
+                     {MOST_PARTS} parts of each"
+                );
+                return Err(Failure::Found(Finding::warning("model exchange: integration", message)));
+            }
+            parts *= 4;
+        };
+        instance.reset()?;
+        let after = self.integrate(&mut instance, parts)?;
+        let reset = self.function("fmi2Reset", "fmi3Reset");
+        self.differs(tell, reset, "the same integration before it ended with", &after, &first);
+        drop(instance);
+        let again = self.integrate(&mut self.instance("again")?, parts)?;
+        self.differs(tell, "model exchange: integration", "another instance ends with", &first, &again);
+        Ok(())
+    }
+
+    /// Integrates over some steps, each in parts, and returns the states at the end. Events are at the end of the part in
+    /// which an indicator changes its sign.
+    fn integrate(&self, instance: &mut Instance, parts: usize) -> Outcome<Vec<f64>> {
+        let mut next_event = self.start_up(instance)?;
+        let mut states = self.states(instance)?;
+        let mut indicators = self.indicators(instance)?;
+        let mut time = self.start;
+        for k in 1..=STEPS * parts {
+            let end = self.start + self.step * k as f64 / parts as f64;
+            self.made.set(self.made.get() + 1);
+            while time < end {
+                let until = next_event.filter(|next| *next < end).unwrap_or(end);
+                states = self.advance(instance, time, &states, until - time)?;
+                if states.iter().any(|state| !state.is_finite()) {
+                    return Ok(states);
+                }
+                time = until;
+                instance.set_time(time)?;
+                instance.set_continuous_states(&states)?;
+                let now = self.indicators(instance)?;
+                let mut is_event = next_event.is_some_and(|next| next <= time);
+                is_event |= now.iter().zip(&indicators).any(|(a, b)| (*a > 0.0) != (*b > 0.0));
+                if self.unit.needs_completed_integrator_step {
+                    let completed = instance.completed_integrator_step()?;
+                    if completed.terminates {
+                        return Ok(states);
+                    }
+                    is_event |= completed.enters_event_mode;
+                }
+                indicators = now;
+                if is_event {
+                    instance.enter_event_mode()?;
+                    let settled = self.settle(instance, time)?;
+                    if settled.is_over {
+                        return Ok(states);
+                    }
+                    next_event = settled.next_event;
+                    states = self.states(instance)?;
+                    indicators = self.indicators(instance)?;
+                }
+            }
+        }
+        instance.terminate()?;
+        Ok(states)
+    }
+
+    /// A step of the classical Runge-Kutta method.
+    fn advance(&self, instance: &mut Instance, time: f64, states: &[f64], h: f64) -> Answer<Vec<f64>> {
+        let moved = |slope: &[f64], h: f64| -> Vec<f64> { states.iter().zip(slope).map(|(x, k)| x + h * k).collect() };
+        let mut slope = |time: f64, states: &[f64]| {
+            instance.set_time(time)?;
+            instance.set_continuous_states(states)?;
+            self.derivatives(instance)
+        };
+        let a = slope(time, states)?;
+        let b = slope(time + 0.5 * h, &moved(&a, 0.5 * h))?;
+        let c = slope(time + 0.5 * h, &moved(&b, 0.5 * h))?;
+        let d = slope(time + h, &moved(&c, h))?;
+        let end = (0..states.len()).map(|i| states[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+        Ok(end.collect())
+    }
+
+    /// Directional derivatives, and the adjoint ones of FMI 3.0.
+    fn directional(&self, tell: Tell<'_>) -> Outcome<()> {
+        if !self.unit.provides_directional_derivative && !self.unit.provides_adjoint_derivatives {
+            return Ok(());
+        }
+        let mut instance = self.started("derivative")?;
+        if self.unit.provides_directional_derivative && !self.states.is_empty() {
+            let n = instance.number_of_states();
+            let mut seed = vec![0.0; n];
+            for j in 0..n {
+                seed.fill(0.0);
+                seed[j] = 1.0;
+                let mut column = vec![0.0; n];
+                if let Err(error) =
+                    instance.get_directional_derivative(&self.derivatives, &self.states, &seed, &mut column)
+                {
+                    let attribute = self.function("providesDirectionalDerivative", "providesDirectionalDerivatives");
+                    found(tell, Finding::error(attribute, format!("is promised, but {}", words(&error))));
+                    return Ok(());
+                }
+                if let Some(i) = column.iter().position(|value| !value.is_finite()) {
+                    let function = self.function("fmi2GetDirectionalDerivative", "fmi3GetDirectionalDerivative");
+                    let (value, of, by) = (column[i], &self.names[i], &self.names[j]);
+                    let message = format!("gives {value} for the derivative of `{of}` with respect to `{by}`");
+                    found(tell, Finding::error(function, message));
+                    return Ok(());
+                }
+            }
+        }
+        if self.unit.provides_adjoint_derivatives {
+            let has_directional = self.unit.provides_directional_derivative;
+            adjoint::compare(self.description, &mut instance, has_directional, tell);
+        }
+        Ok(())
+    }
+
+    fn end(&self, _: Tell<'_>) -> Outcome<()> {
+        Ok(self.started("end")?.terminate()?)
+    }
+
+    /// Compares the derivatives at the start with those that an instance for co-simulation has.
+    fn agreement(&self, library: &Arc<Library>) -> Outcome<Option<Finding>> {
+        let is_real = |unknown: &crate::description::Unknown| {
+            self.description.variables[unknown.variable].base_type == BaseType::Real
+        };
+        if self.states.is_empty() || !self.description.derivatives.iter().all(is_real) {
+            return Ok(None);
+        }
+        let mut exchange = self.started("exchange")?;
+        let (states, derivatives) = (self.states(&mut exchange)?, self.derivatives(&mut exchange)?);
+        let mut other = Instance::instantiate(library, "co-simulation", &self.description.guid, false)?;
+        self.instances.set(self.instances.get() + 1);
+        other.setup_experiment(self.start, None)?;
+        other.enter_initialization_mode()?;
+        other.exit_initialization_mode()?;
+        let (mut its_states, mut its_derivatives) = (vec![0.0; states.len()], vec![0.0; states.len()]);
+        other.get_real(&self.states, &mut its_states)?;
+        other.get_real(&self.derivatives, &mut its_derivatives)?;
+        // An event at the start may belong to one interface only.
+        if states.iter().zip(&its_states).any(|(a, b)| a.to_bits() != b.to_bits()) {
+            return Ok(None);
+        }
+        let is_other = |i: &usize| !is_same_derivative(derivatives[*i], its_derivatives[*i]);
+        Ok((0..states.len()).find(is_other).map(|i| {
+            let [exchange, other] = [derivatives[i], its_derivatives[i]].map(Value::Real);
+            let message = format!(
+                "gives {exchange} for `{}` at the start, but in co-simulation the derivative is {other}",
+                self.names[i]
+            );
+            Finding::error(self.function("fmi2GetDerivatives", "fmi3GetContinuousStateDerivatives"), message)
+        }))
+    }
+}
+
+/// The end of an event.
+struct Settled {
+    /// Time of the next one, s.
+    next_event: Option<f64>,
+    /// The FMU ended the simulation.
+    is_over: bool,
+}
