@@ -166,7 +166,7 @@ pub trait Model: 'static {
         _time: f64,
     ) {
     }
-    /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, then states), outputs first.
+    /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, states, the time), outputs first.
     #[expect(clippy::too_many_arguments, reason = "the point and the direction in it")]
     fn directional(
         _p: &Self::Parameters,

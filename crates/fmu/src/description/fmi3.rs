@@ -285,7 +285,9 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, str
         (0..indicators).try_for_each(|index| {
             // Without a list of dependencies it depends on everything.
             let reference = indicator(layout, index).to_string();
-            xml.create_element("EventIndicator").with_attribute(("valueReference", reference.as_str())).write_empty()?;
+            xml.create_element("EventIndicator")
+                .with_attribute(("valueReference", reference.as_str()))
+                .write_empty()?;
             Ok(())
         })
     })?;

@@ -1,7 +1,7 @@
 //! Derivatives of the equations, exact by dual numbers.
 
 use super::{CallError, CallResult, Instance};
-use crate::calls::Function;
+use crate::calls::{Function, Version};
 use crate::runner::{Kind as ModelKind, Model};
 
 /// A variable whose derivative is asked for.
@@ -88,9 +88,9 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// A direction of zeros: real inputs, then states.
+    /// A direction of zeros: real inputs, states and the time.
     fn direction(&self) -> Vec<f64> {
-        vec![0.0; self.layout().inputs.counts.reals + self.layout().states.counts.reals]
+        vec![0.0; self.layout().inputs.counts.reals + self.layout().states.counts.reals + 1]
     }
 
     /// Derivatives of the outputs, then of the state derivatives, along a direction.
@@ -116,6 +116,8 @@ impl<M: Model> Instance<M> {
                 Ok(index - inputs.start)
             } else if states.contains(&index) {
                 Ok(inputs.len() + index - states.start)
+            } else if reference == self.layout().end && self.protocol.version == Version::Fmi3 {
+                Ok(inputs.len() + states.len())
             } else {
                 let message = format_args!("value reference {reference} is neither a real input nor a state (known)");
                 Err(self.error(function, message))
@@ -150,12 +152,17 @@ impl<M: Model> Instance<M> {
         if slope.is_finite() {
             return Ok(());
         }
-        let name = self.layout().real_name(reference as usize);
+        let name = self.name_of(reference);
         Err(self.error(function, format_args!("seed of '{name}' must be finite, got {slope}")))
     }
 
+    /// Name of a variable, or of the time.
+    fn name_of(&self, reference: u32) -> &str {
+        self.layout().by_reference(reference).map_or("time", |variable| &variable.declaration.name)
+    }
+
     fn no_derivative(&self, function: Function, reference: u32) -> CallError {
-        let name = self.layout().real_name(reference as usize);
+        let name = self.name_of(reference);
         self.error(function, format_args!("the derivative of '{name}' is not finite at this point"))
     }
 }

@@ -579,7 +579,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         };
         let (state, inputs) =
             typed::<Dual64, M>(layout, values, |index| Dual64::new(values.reals[index], slope(index)));
-        let at = At { time: Dual64::from(time), state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
+        let time = Dual64::new(time, direction.last().copied().unwrap_or(0.0));
+        let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
         for (slope, unknown) in result.iter_mut().zip(unknowns(p, at, layout, values)) {
             *slope = unknown.eps;
         }
