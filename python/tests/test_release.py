@@ -50,9 +50,9 @@ def test_checksums_and_platforms(tmp_path: Path, cargo: Path) -> None:
         f"{hashlib.sha256(text).hexdigest()}  {name}" for name, text in [("A.fmu", b"first"), ("B.fmu", b"second")]
     ]
     assert sums == expected
-    assert "2 FMUs for linux64,win64" in output
+    assert "2 FMUs for linux64,win64,aarch64-linux" in output
     call = cargo.read_text(encoding="utf-8")
-    assert call.startswith("fmu pack --all --platforms linux64,win64 --portable --out ")
+    assert call.startswith("fmu pack --all --platforms linux64,win64,aarch64-linux --portable --out ")
 
 
 def test_other_platforms(tmp_path: Path, cargo: Path) -> None:

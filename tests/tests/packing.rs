@@ -126,7 +126,7 @@ fn binaries_are_told_their_guid() {
         let mut archive = Archive::open(&path).unwrap_or_else(|error| panic!("{error}"));
         let description = archive.description().unwrap_or_else(|error| panic!("{error}"));
         let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
-        let descriptions = exported_descriptions(&unpacked.binary).unwrap_or_else(|error| panic!("{error}"));
+        let descriptions = exported_descriptions(&unpacked.binary, 2, 3).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(descriptions, [], "{}", path.display());
     }
 }

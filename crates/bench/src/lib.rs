@@ -184,7 +184,7 @@ fn time_direct<M: Model>(layout: &Layout) -> f64 {
         M::begin(&p, &derived, no_resources, layout, &values, 0.0).expect("the start values suit each other");
     let inputs = layout.inputs.reals();
     let start = values.reals[inputs.clone()].to_vec();
-    let mut step = Step { start: 0.0, reached: 0.0, time: 0.0, step: STEP, sample: 0 };
+    let mut step = Step { start: 0.0, reached: 0.0, time: 0.0, step: STEP, sample: 0, stops_at_events: false };
     let begin = Instant::now();
     for k in 0..STEPS {
         excite(&mut values.reals[inputs.clone()], &start, k);

@@ -9,9 +9,10 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
 use crate::platform::Platform;
-use crate::win64;
+use crate::toolchain::{self, Toolchain};
+use crate::win64::Mingw;
 use crate::workspace::{Model, Workspace};
-use crate::zigbuild::{self, Zigbuild};
+use crate::zigbuild::Zigbuild;
 
 /// A call of the cargo in use.
 pub(crate) fn cargo() -> Command {
@@ -53,6 +54,59 @@ impl Options {
 /// Environment variable that asks the macro `fmu::model` for symbols, without the name of the library.
 const EXPORT: &str = "FMU_EXPORT_";
 
+/// What the macro builds into a library that is shipped.
+#[derive(Clone, Debug)]
+pub(crate) struct Export {
+    /// Type of the model: which one of the crate the library is for.
+    pub(crate) model: String,
+    /// GUID or instantiation token.
+    pub(crate) guid: String,
+    /// Version of FMI, 2 or 3.
+    pub(crate) version: i32,
+    /// Interfaces.
+    pub(crate) interfaces: Vec<Interface>,
+    /// Number of event indicators.
+    pub(crate) indicators: usize,
+    /// Whether arrays are native.
+    pub(crate) arrays: bool,
+}
+
+impl std::fmt::Display for Export {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { model, guid, version, interfaces, indicators, arrays } = self;
+        let interfaces: Vec<_> = interfaces.iter().map(|interface| interface.name()).collect();
+        let interfaces = interfaces.join(",");
+        write!(f, "{model}={guid} fmi={version} interfaces={interfaces} indicators={indicators} arrays={arrays}")
+    }
+}
+
+/// Interface of FMI that an FMU provides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Interface {
+    /// Co-simulation: the FMU contains its solver
+    Cs,
+    /// Model exchange: the importer solves the equations
+    Me,
+}
+
+impl Interface {
+    /// Name on the command line.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Cs => "cs",
+            Self::Me => "me",
+        }
+    }
+
+    /// Number in the sum that a library gets when it describes its model.
+    pub(crate) const fn bit(self) -> i32 {
+        match self {
+            Self::Cs => 1,
+            Self::Me => 2,
+        }
+    }
+}
+
 /// The profile of the binaries: small self-contained libraries. Panics unwind so that the C interface can turn them into an
 /// error status.
 const PROFILE: [&str; 5] = [
@@ -78,7 +132,7 @@ pub(crate) fn for_description(workspace: &Workspace, models: &[Model], options: 
         for &model in &round {
             command.env(format!("{EXPORT}{}", model.library), "describe");
         }
-        let built = artifacts(&carry_out(command, workspace, &round)?)?;
+        let built = artifacts(&carry_out(command, workspace, &round, &[])?)?;
         libraries.extend(kept(built, &round, &workspace.target.join("fmu-build/described"))?);
     }
     models.iter().map(|model| artifact(&libraries, model)).collect()
@@ -208,7 +262,7 @@ fn cargo_home() -> Option<PathBuf> {
     std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| std::env::home_dir().map(|home| home.join(".cargo")))
 }
 
-/// Kind of the linux64 binary.
+/// Kind of the binary for the Linux of this machine. Those for other processors are portable.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Linux {
     /// For this machine and those with a glibc as new.
@@ -229,12 +283,12 @@ pub(crate) enum Asked {
 /// Build of the libraries of one platform.
 #[derive(Debug)]
 pub(crate) enum Builder {
-    /// By the cargo in use, for this machine.
+    /// By the cargo in use, for this machine; on a Mac also for the other processor.
     Native(Platform),
-    /// By cargo-zigbuild, for old distributions of Linux.
+    /// By cargo-zigbuild, for old distributions of Linux and for other processors.
     Portable(Zigbuild),
     /// By another toolchain, for Windows.
-    Win64(win64::Toolchain),
+    Win64(Mingw),
 }
 
 /// Result of a build.
@@ -255,23 +309,42 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux)
     let mut wanted = if wanted.is_empty() { vec![this] } else { wanted.to_vec() };
     wanted.sort();
     wanted.dedup();
-    if matches!(linux, Linux::Portable(Asked::Option)) && !wanted.contains(&Platform::Linux64) {
+    if matches!(linux, Linux::Portable(Asked::Option)) && !wanted.iter().any(|platform| platform.is_linux()) {
         return Err(miette!(
-            "--portable is about the binary for linux64, which is not among the platforms to build for"
+            help = "Leave out --portable, or add linux64 or aarch64-linux to --platforms.",
+            "--portable is about binaries for Linux, which is not among the platforms to build for"
         ));
     }
-    let builder = |platform| match (platform, linux) {
-        (Platform::Linux64, Linux::Portable(asked)) => {
+    one_folder_each(&wanted)?;
+    let builder = |platform: Platform| match (platform, linux) {
+        (_, Linux::Portable(asked)) if platform == this && this.is_linux() => {
             let reason = match asked {
                 Asked::Option => "--portable",
                 Asked::Workspace => "`portable = true` in [workspace.metadata.fmu] of Cargo.toml",
             };
-            Zigbuild::find(&workspace.root, reason).map(Builder::Portable)
+            Zigbuild::portable(&workspace.root, platform, reason).map(Builder::Portable)
         }
-        (platform, _) if platform == this => Ok(Builder::Native(this)),
-        (Platform::Win64, _) => win64::Toolchain::find().map(Builder::Win64),
-        (platform, _) => Err(miette!(
-            "a binary for {} cannot be built on {}; from another machine that is possible for win64 only",
+        _ if platform == this => Ok(Builder::Native(this)),
+        (Platform::Linux64 | Platform::Aarch64Linux, _) => {
+            Zigbuild::cross(&workspace.root, platform).map(Builder::Portable)
+        }
+        (Platform::Win64, _) => Mingw::find().map(Builder::Win64),
+        (Platform::X86_64Darwin | Platform::Aarch64Darwin, _) if this.is_darwin() => {
+            if toolchain::has_library(platform.target()) {
+                return Ok(Builder::Native(platform));
+            }
+            Err(miette!(
+                help = format!("Run `rustup target add {}`.", platform.target()),
+                "{} cannot be built here: the Rust in use has no standard library for {}",
+                platform.name(),
+                platform.target()
+            ))
+        }
+        (Platform::X86_64Darwin | Platform::Aarch64Darwin, _) => Err(miette!(
+            help = "Run the same command on a Mac, where darwin64 is the default. Binaries of the same sources have the same \
+                    GUID, so those of the Mac can be added to this FMU; the guide shows the commands (Packing for several \
+                    platforms).",
+            "a binary for {} cannot be built on {}: only a Mac has the linker and the libraries of macOS",
             platform.name(),
             this.name()
         )),
@@ -279,23 +352,46 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux)
     wanted.into_iter().map(builder).collect()
 }
 
+/// An error if two platforms share a folder of FMI 2.0: an FMU has one library in each.
+fn one_folder_each(wanted: &[Platform]) -> Result<()> {
+    for (i, platform) in wanted.iter().enumerate() {
+        if let Some(other) = wanted[..i].iter().find(|other| other.fmi2() == platform.fmi2()) {
+            return Err(miette!(
+                help = "Pack one of them, or each with its own --out, and join the two libraries with `lipo -create`.",
+                "{} and {} cannot be in one FMU: FMI 2.0 has one folder for both, binaries/{}",
+                other.name(),
+                platform.name(),
+                platform.fmi2()
+            ));
+        }
+    }
+    Ok(())
+}
+
 impl Builder {
     /// Target platform.
     pub(crate) const fn platform(&self) -> Platform {
         match self {
             Self::Native(platform) => *platform,
-            Self::Portable(_) => Platform::Linux64,
+            Self::Portable(zigbuild) => zigbuild.platform(),
             Self::Win64(_) => Platform::Win64,
+        }
+    }
+
+    /// The toolchain that builds, if it is another than the one in use.
+    pub(crate) const fn toolchain(&self) -> Option<&Toolchain> {
+        match self {
+            Self::Native(_) => None,
+            Self::Portable(zigbuild) => zigbuild.toolchain(),
+            Self::Win64(mingw) => Some(mingw.toolchain()),
         }
     }
 
     /// Builds all models, each with its GUID.
     ///
-    /// The flags: `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; the paths
-    /// of the machine are taken out of the messages, and the time out of the libraries for Windows, so that two machines
-    /// build the same bytes. The build has a folder of its own because these flags would make cargo build everything else
-    /// anew, too; that for Windows another one, because its compiler may be another. The GUIDs are built in, so that the
-    /// libraries need not write their descriptions to know them.
+    /// The build has a folder of its own because its [`flags`] would make cargo build everything else anew, too; that of
+    /// another toolchain another one. The GUIDs are built in, so that the libraries need not write their descriptions to
+    /// know them.
     ///
     /// # Errors
     /// A model does not build.
@@ -303,19 +399,19 @@ impl Builder {
         &self,
         workspace: &Workspace,
         models: &[Model],
-        guids: &[(String, String)],
+        exports: &[Export],
         options: &Options,
     ) -> Result<Built> {
         let mut messages = String::new();
         let mut libraries = BTreeMap::new();
         let platform = self.platform().name();
-        for (model, (name, guid)) in models.iter().zip(guids) {
+        for (model, export) in models.iter().zip(exports) {
             let mut command = self.command(workspace, options)?;
             // Without the ordinary library, for which cargo would leave out link-time optimization.
             command.args(["--lib", "--crate-type", "cdylib"]);
-            // `TYPE=GUID`: which model of the crate the library is for.
-            command.env(format!("{EXPORT}{}", model.library), format!("{name}={guid}"));
-            let built = carry_out(command, workspace, &[model]).wrap_err_with(|| format!("building for {platform}"))?;
+            command.env(format!("{EXPORT}{}", model.library), export.to_string());
+            let built = carry_out(command, workspace, &[model], &library_flags(self.platform(), &model.name))
+                .wrap_err_with(|| format!("building for {platform}"))?;
             let folder = workspace.target.join("fmu-build").join(platform);
             libraries.extend(kept(artifacts(&built)?, &[model], &folder)?);
             messages.push_str(&built);
@@ -329,18 +425,19 @@ impl Builder {
         let platform = self.platform();
         let mut folder = workspace.target.join("fmu-build");
         let mut sources = None;
+        if let Some(toolchain) = self.toolchain() {
+            folder = workspace.target.join(format!("fmu-build-{}", platform.name()));
+            sources = Some(toolchain.sources());
+        }
         let (mut command, target) = match self {
             Self::Native(_) => {
-                let (mut command, target) = (cargo(), host()?);
+                let target = if platform == Platform::this()? { host()? } else { platform.target().to_owned() };
+                let mut command = cargo();
                 command.args(["rustc", "--target", &target]).env_remove("CARGO_BUILD_TARGET");
                 (command, target)
             }
-            Self::Portable(zigbuild) => (zigbuild.cargo_rustc(), zigbuild::TARGET.to_owned()),
-            Self::Win64(toolchain) => {
-                folder = workspace.target.join("fmu-build-win64");
-                sources = Some(toolchain.sources());
-                (toolchain.cargo_rustc(), win64::TARGET.to_owned())
-            }
+            Self::Portable(zigbuild) => (zigbuild.cargo_rustc(), platform.target().to_owned()),
+            Self::Win64(mingw) => (mingw.cargo_rustc(), platform.target().to_owned()),
         };
         command.args(["--profile", "fmu", "--target-dir"]).arg(&folder);
         for setting in PROFILE {
@@ -348,13 +445,7 @@ impl Builder {
         }
         options.apply(&mut command);
         let mut flags = user_flags(&workspace.root, &target);
-        match platform {
-            Platform::Linux64 => flags.push("-Clink-arg=-Wl,-Bsymbolic".into()),
-            Platform::Win64 if matches!(self, Self::Win64(_)) => {
-                flags.push("-Clink-arg=-Wl,--no-insert-timestamp".into());
-            }
-            Platform::Win64 | Platform::Darwin64 => {}
-        }
+        flags.extend(linker_flags(platform, matches!(self, Self::Native(_))));
         for (from, to) in [(cargo_home(), "/cargo"), (Some(workspace.root.clone()), "/workspace"), (sources, "/rust")] {
             if let Some(from) = from {
                 let mut flag = OsString::from("--remap-path-prefix=");
@@ -368,11 +459,38 @@ impl Builder {
     }
 }
 
+/// Flags for the compiler that are the same for all models of a platform.
+///
+/// `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; on Windows and macOS they
+/// stay inside anyway. Libraries for Windows get no time, so that two builds have the same bytes.
+fn linker_flags(platform: Platform, is_native: bool) -> Option<OsString> {
+    match platform {
+        Platform::Linux64 | Platform::Aarch64Linux => Some("-Clink-arg=-Wl,-Bsymbolic".into()),
+        Platform::Win64 if !is_native => Some("-Clink-arg=-Wl,--no-insert-timestamp".into()),
+        Platform::Win64 | Platform::X86_64Darwin | Platform::Aarch64Darwin => None,
+    }
+}
+
+/// Flags for the library of one model alone; dependencies need not be built again for the next one.
+///
+/// A library for macOS holds its own name, which is its path on the machine that links it unless the linker gets another.
+fn library_flags(platform: Platform, name: &str) -> Vec<String> {
+    if platform.is_darwin() {
+        return vec![format!("-Clink-arg=-Wl,-install_name,@rpath/{name}.{}", platform.extension())];
+    }
+    Vec::new()
+}
+
 /// Lets cargo build the models. Returns its messages, which are lines of JSON; diagnostics go to the terminal.
-fn carry_out(mut command: Command, workspace: &Workspace, models: &[&Model]) -> Result<String> {
+///
+/// `flags` are for the compiler of these packages, not of their dependencies; only `cargo rustc` takes some.
+fn carry_out(mut command: Command, workspace: &Workspace, models: &[&Model], flags: &[String]) -> Result<String> {
     command.args(["--message-format", "json-render-diagnostics"]);
     for model in models {
         command.args(["--package", &model.package]);
+    }
+    if !flags.is_empty() {
+        command.arg("--").args(flags);
     }
     let output = command
         .current_dir(&workspace.root)
@@ -406,6 +524,37 @@ mod tests {
         let names: Vec<Vec<&str>> =
             rounds(&models).iter().map(|round| round.iter().map(|model| model.package.as_str()).collect()).collect();
         assert_eq!(names, [vec!["motor", "controller"], vec!["loop"]]);
+    }
+
+    #[test]
+    fn flags_of_the_linker_follow_the_platform() {
+        let flags = |platform, is_native| linker_flags(platform, is_native).map(|flag| flag.into_string().unwrap());
+        for linux in [Platform::Linux64, Platform::Aarch64Linux] {
+            assert_eq!(flags(linux, false).as_deref(), Some("-Clink-arg=-Wl,-Bsymbolic"));
+            assert_eq!(flags(linux, true), flags(linux, false));
+        }
+        assert_eq!(flags(Platform::Win64, false).as_deref(), Some("-Clink-arg=-Wl,--no-insert-timestamp"));
+        // The linker of Microsoft does not know it.
+        assert_eq!(flags(Platform::Win64, true), None);
+        for mac in [Platform::X86_64Darwin, Platform::Aarch64Darwin] {
+            // The linker of Apple has no `-Bsymbolic`.
+            assert_eq!(flags(mac, true), None);
+            assert_eq!(library_flags(mac, "Road"), ["-Clink-arg=-Wl,-install_name,@rpath/Road.dylib"]);
+        }
+        for other in [Platform::Linux64, Platform::Win64, Platform::Aarch64Linux] {
+            assert!(library_flags(other, "Road").is_empty());
+        }
+    }
+
+    #[test]
+    fn an_fmu_has_one_library_in_each_folder() {
+        let all = [Platform::Linux64, Platform::Win64, Platform::Aarch64Linux, Platform::Aarch64Darwin];
+        assert!(one_folder_each(&all).is_ok());
+        let error = one_folder_each(&[Platform::X86_64Darwin, Platform::Aarch64Darwin]).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "x86_64-darwin and aarch64-darwin cannot be in one FMU: FMI 2.0 has one folder for both, binaries/darwin64"
+        );
     }
 
     /// Reference: the messages of cargo 1.95, shortened.

@@ -1,6 +1,6 @@
 //! `documentation/index.html` of an FMU: the README of the model and the tables of its variables.
 
-use fmu_import::description::{Causality, ModelDescription, Value, Variability, Variable};
+use fmu_import::description::{Causality, FmiVersion, ModelDescription, Value, Variability, Variable};
 use pulldown_cmark::{Options, Parser, html};
 
 const STYLE: &str = include_str!("documentation.css");
@@ -27,13 +27,20 @@ pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
     .map(|(causality, title)| table(description, causality, title))
     .collect();
     let guid = escape(&description.guid);
-    let calls = CALLS.replace("REFERENCE_RUN", REFERENCE_RUN);
+    let (calls, icon) = match description.fmi {
+        FmiVersion::V2 => (CALLS.to_owned(), "model.png"),
+        FmiVersion::V3 => (CALLS.replace("fmi2", "fmi3"), ICON),
+    };
+    let calls = calls.replace("REFERENCE_RUN", REFERENCE_RUN);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{name}</title>\n<style>\n{STYLE}</style>\n\
-         </head>\n<body>\n<p class=\"summary\"><img src=\"../model.png\" alt=\"\">{summary}</p>\n{body}<h2>Variables</h2>\n{tables}\
+         </head>\n<body>\n<p class=\"summary\"><img src=\"../{icon}\" alt=\"\">{summary}</p>\n{body}<h2>Variables</h2>\n{tables}\
          <h2>Calls</h2>\n{calls}<p class=\"guid\">GUID {guid}</p>\n</body>\n</html>\n"
     )
 }
+
+/// Entry of the icon in FMI 3.0.
+pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
 
 /// Entry of the reference run. FMI 2.0 asks for names of folders in `extra` that begin with a reversed domain.
 pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";

@@ -9,15 +9,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
 use crate::build::{Builder, Options, cargo, name_and_version};
 use crate::platform::Platform;
+use crate::toolchain::Toolchain;
 use crate::workspace::{Model, Workspace};
-use crate::{win64, zigbuild};
 
 /// Entry point of the folder.
 const ENTRY: &str = "license.txt";
@@ -70,9 +69,9 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
         include_str!("notices/gcc.txt"),
     );
     match builder {
-        Builder::Native(Platform::Linux64) => parts.push(gcc),
+        Builder::Native(Platform::Linux64 | Platform::Aarch64Linux) => parts.push(gcc),
         // Other libraries they link belong to the system.
-        Builder::Native(Platform::Win64 | Platform::Darwin64) => {}
+        Builder::Native(Platform::Win64 | Platform::X86_64Darwin | Platform::Aarch64Darwin) => {}
         Builder::Portable(_) => parts.push(part(
             "zig: compiler_rt, libunwind, start-up code of glibc",
             "MIT, Apache-2.0 WITH LLVM-exception, LGPL-2.1-or-later with an exception",
@@ -152,15 +151,11 @@ pub(crate) fn components(
 
 /// The packages that are linked, one per line with the depth in front, a tree for each model.
 fn tree(builder: &Builder, workspace: &Workspace, models: &[Model], options: &Options) -> Result<String> {
-    let (mut command, target): (Command, _) = match builder {
-        Builder::Native(_) => (cargo(), None),
-        Builder::Portable(_) => (cargo(), Some(zigbuild::TARGET)),
-        Builder::Win64(toolchain) => (toolchain.cargo(), Some(win64::TARGET)),
-    };
+    let mut command = builder.toolchain().map_or_else(cargo, Toolchain::cargo);
     command.args(["tree", "--prefix", "depth", "--no-dedupe", "--edges", "normal,no-proc-macro"]);
     command.args(["--format", "{p}\t{l}\t{r}"]);
-    if let Some(target) = target {
-        command.args(["--target", target]);
+    if builder.platform() != Platform::this()? || matches!(builder, Builder::Portable(_)) {
+        command.args(["--target", builder.platform().target()]);
     }
     options.apply(&mut command);
     for model in models {

@@ -16,6 +16,7 @@ mod pack;
 mod platform;
 #[cfg(feature = "system")]
 mod system;
+mod toolchain;
 mod win64;
 mod worker;
 mod workspace;

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
-use fmu_import::description::ModelDescription;
+use fmu_import::description::{FmiVersion, ModelDescription};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::build::{self, Asked, Linux};
+use crate::build::{self, Asked, Export, Interface, Linux};
 use crate::documentation;
 use crate::licenses::{self, Licenses};
 use crate::needed;
@@ -30,18 +30,27 @@ pub(crate) struct Arguments {
     /// The models that this scenario or study needs; tells only what it had to pack
     #[arg(long = "for", value_name = "FILE", conflicts_with_all = ["names", "all"])]
     needed_by: Option<PathBuf>,
-    /// Platforms the FMUs get binaries for; win64 elsewhere needs mingw-w64 and a Rust with the sources of its library
-    /// [default: that of this machine]
+    /// Platforms the FMUs get binaries for; those of other machines need cargo-zigbuild (Linux) or mingw-w64 (Windows) and a
+    /// Rust for that platform [default: that of this machine]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     platforms: Vec<Platform>,
-    /// A linux64 binary that loads on distributions from glibc 2.17 on (needs cargo-zigbuild, see scripts/setup)
+    /// A binary for Linux that loads on distributions from glibc 2.17 on (needs cargo-zigbuild, see scripts/setup)
     /// [default: `portable` in [workspace.metadata.fmu] of Cargo.toml]
     #[arg(long, overrides_with = "no_portable")]
     portable: bool,
-    /// A linux64 binary that needs a glibc as new as the one of this machine, without cargo-zigbuild
+    /// A binary for the Linux of this machine that needs a glibc as new as its own, without cargo-zigbuild
     #[arg(long)]
     no_portable: bool,
-    /// Folder the FMUs are written to [default: target/fmu]
+    /// Interfaces of the FMUs: co-simulation, model exchange, or both; a stateful model has co-simulation only
+    #[arg(long, value_delimiter = ',', value_name = "LIST", default_values = ["cs", "me"])]
+    interfaces: Vec<Interface>,
+    /// Version of FMI: 2 or 3
+    #[arg(long, value_name = "VERSION", default_value_t = 2, value_parser = clap::value_parser!(i32).range(2..=3))]
+    fmi: i32,
+    /// Arrays of a model become variables with dimensions, instead of one variable for each element; needs --fmi 3
+    #[arg(long)]
+    arrays: bool,
+    /// Folder the FMUs are written to [default: target/fmu, for FMI 3.0 target/fmu3]
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
     /// Writes the generated model descriptions to the folder `descriptions` in [workspace.metadata.fmu], after an intended
@@ -53,7 +62,15 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// Which linux64 binary: the command line decides, then the workspace.
+    /// What the FMUs are packed as.
+    fn format(&self) -> Result<Format> {
+        if self.arrays && self.fmi == 2 {
+            return Err(miette!(help = "Add --fmi 3.", "FMI 2.0 has no arrays"));
+        }
+        Ok(Format { version: self.fmi, interfaces: self.interfaces.clone(), arrays: self.arrays })
+    }
+
+    /// Kind of the binary for Linux: the command line decides, then the workspace.
     fn linux(&self, workspace: &Workspace) -> Linux {
         if self.portable {
             Linux::Portable(Asked::Option)
@@ -74,7 +91,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(target) = &arguments.cargo.target_dir {
         workspace.target = std::path::absolute(target).into_diagnostic()?;
     }
-    let folder = arguments.out.clone().unwrap_or_else(|| workspace.fmus());
+    let format = arguments.format()?;
+    let default = || if format.version == 3 { workspace.target.join("fmu3") } else { workspace.fmus() };
+    let folder = arguments.out.clone().unwrap_or_else(default);
     let models = match &arguments.needed_by {
         None => workspace.select(&arguments.names, arguments.all)?,
         Some(file) => {
@@ -99,12 +118,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "this workspace has no package with the crate type cdylib that depends on fmu"
         ));
     }
-    let (models, descriptions) = describe(&workspace, models, &arguments.cargo)?;
-    let guids: Vec<_> = descriptions.iter().map(|d| (d.model.clone(), d.parsed.guid.clone())).collect();
+    let (models, descriptions) = describe(&workspace, models, &format, &arguments.cargo)?;
+    let exports: Vec<_> = descriptions.iter().map(|description| description.export(&format)).collect();
     let mut libraries = vec![Vec::new(); models.len()];
     let mut licenses = vec![Licenses::default(); models.len()];
     for builder in &builders {
-        let built = builder.build(&workspace, &models, &guids, &arguments.cargo)?;
+        let built = builder.build(&workspace, &models, &exports, &arguments.cargo)?;
         let components = licenses::components(builder, &workspace, &models, &arguments.cargo, &built.messages)
             .wrap_err("collecting the licenses of what is linked")?;
         for (i, (library, components)) in built.libraries.into_iter().zip(components).enumerate() {
@@ -120,8 +139,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut placeholders = Vec::new();
     for (i, (model, description)) in models.iter().zip(&descriptions).enumerate() {
         bar.set_message(model.name.clone());
-        // The descriptions of examples are not committed.
-        if let Some(folder) = workspace.settings.descriptions.as_ref().filter(|_| model.is_default)
+        // The descriptions of examples, and those of other formats, are not committed.
+        let is_committed = model.is_default && format.is_default();
+        if let Some(folder) = workspace.settings.descriptions.as_ref().filter(|_| is_committed)
             && !description_is_committed(
                 &workspace.root.join(folder),
                 model,
@@ -135,7 +155,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let findings = fmu_import::check::without_running(&description.xml, &binaries);
         if !findings.is_empty() {
             let findings: Vec<_> = findings.iter().map(ToString::to_string).collect();
-            return Err(miette!("{} does not follow FMI 2.0:\n{}", model.name, findings.join("\n")));
+            let version = format.version;
+            return Err(miette!("{} does not follow FMI {version}.0:\n{}", model.name, findings.join("\n")));
         }
         let readme = readme(model)?;
         let bytes = archive(model, &libraries[i], &licenses[i], description, &readme)?;
@@ -174,28 +195,80 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
+/// What FMUs are packed as.
+struct Format {
+    /// Version of FMI.
+    version: i32,
+    interfaces: Vec<Interface>,
+    /// Whether arrays are native.
+    arrays: bool,
+}
+
+impl Format {
+    /// Number by which a library is asked for a description in this format.
+    fn options(&self) -> i32 {
+        let interfaces = self.interfaces.iter().fold(0, |sum, interface| sum | interface.bit());
+        interfaces | if self.arrays { 4 } else { 0 }
+    }
+
+    /// Whether it is that of the committed descriptions.
+    fn is_default(&self) -> bool {
+        self.version == 2 && [Interface::Cs, Interface::Me].iter().all(|interface| self.interfaces.contains(interface))
+    }
+}
+
+/// Number that asks a library for terminalsAndIcons.xml.
+const TERMINALS: i32 = 8;
+
 /// The description of a model.
 struct Description {
     /// Name of its type.
     model: String,
     xml: String,
+    /// terminalsAndIcons.xml; empty in FMI 2.0.
+    terminals: String,
     parsed: ModelDescription,
+}
+
+impl Description {
+    /// What the shipped library is built with.
+    fn export(&self, format: &Format) -> Export {
+        let has = |interface: &Interface| match interface {
+            Interface::Cs => self.parsed.co_simulation.is_some(),
+            Interface::Me => self.parsed.model_exchange.is_some(),
+        };
+        Export {
+            model: self.model.clone(),
+            guid: self.parsed.guid.clone(),
+            version: format.version,
+            interfaces: [Interface::Cs, Interface::Me].into_iter().filter(has).collect(),
+            indicators: self.parsed.number_of_event_indicators,
+            arrays: format.arrays,
+        }
+    }
 }
 
 /// Asks the models for their descriptions, which also say how the models are called.
 fn describe(
     workspace: &Workspace,
     mut models: Vec<Model>,
+    format: &Format,
     options: &build::Options,
 ) -> Result<(Vec<Model>, Vec<Description>)> {
     let libraries = build::for_description(workspace, &models, options)?;
     let mut descriptions = Vec::new();
     for (model, library) in models.iter_mut().zip(libraries) {
         let describe = || -> Result<Description> {
-            let mut exported = fmu_import::loader::exported_descriptions(&library).into_diagnostic()?;
+            let ask = |options| fmu_import::loader::exported_descriptions(&library, format.version, options);
+            let mut exported = ask(format.options()).into_diagnostic()?;
             match (exported.pop(), exported.len()) {
                 (Some((name, xml)), 0) => {
-                    Ok(Description { model: name, parsed: ModelDescription::parse(&xml).into_diagnostic()?, xml })
+                    let parsed = ModelDescription::parse(&xml).into_diagnostic()?;
+                    let terminals = match format.version {
+                        3 => ask(format.options() | TERMINALS).into_diagnostic()?.pop().map(|(_, xml)| xml),
+                        _ => None,
+                    };
+                    Ok(Description { model: name, parsed, xml, terminals: terminals.unwrap_or_default() })
                 }
                 (None, _) => Err(miette!(
                     help = "Put `#[fmu::model(stop_time = …, step_size = …)]` on the implementation of `Continuous`, \
@@ -235,6 +308,9 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).into_diagnostic().wrap_err_with(|| format!("reading {}", path.display()))
 }
 
+/// Icon of a model that has none of its own: FMI 3.0 asks for one.
+const ICON: &[u8] = include_bytes!("icon.png");
+
 /// The bytes of the FMU: the same for the same files, on every machine.
 fn archive(
     model: &Model,
@@ -244,19 +320,28 @@ fn archive(
     readme: &str,
 ) -> Result<Vec<u8>> {
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+    let is_fmi3 = description.parsed.fmi == FmiVersion::V3;
     for (platform, library) in libraries {
-        files.insert(platform.entry(&model.name), read(library)?);
+        let entry = if is_fmi3 { platform.entry_of_fmi3(&model.name) } else { platform.entry(&model.name) };
+        files.insert(entry, read(library)?);
     }
     let page = documentation::page(&description.parsed, readme);
     files.insert("documentation/index.html".to_owned(), page.into_bytes());
     for (name, text) in licenses.files(model) {
         files.insert(format!("documentation/licenses/{name}"), text.into_bytes());
     }
-    for (file, entry) in [("model.png", "model.png"), ("reference.csv", documentation::REFERENCE_RUN)] {
-        let path = model.folder.join(file);
-        if path.exists() {
-            files.insert(entry.to_owned(), read(&path)?);
-        }
+    let icon = model.folder.join("model.png");
+    let icon = if icon.exists() { Some(read(&icon)?) } else { None };
+    if is_fmi3 {
+        let (folder, icon) = ("terminalsAndIcons", icon.unwrap_or_else(|| ICON.to_vec()));
+        files.insert(format!("{folder}/terminalsAndIcons.xml"), description.terminals.clone().into_bytes());
+        files.insert(documentation::ICON.to_owned(), icon);
+    } else if let Some(icon) = icon {
+        files.insert("model.png".to_owned(), icon);
+    }
+    let reference = model.folder.join("reference.csv");
+    if reference.exists() {
+        files.insert(documentation::REFERENCE_RUN.to_owned(), read(&reference)?);
     }
     let resources = model.folder.join("resources");
     if resources.exists() {

@@ -1,56 +1,139 @@
-//! The platforms that FMI 2.0 names, and how their libraries are called.
+//! The platforms that FMUs have libraries for, and the folders of these libraries.
 
 use clap::ValueEnum;
+use clap::builder::PossibleValue;
 use miette::{Result, miette};
 
-/// A folder below `binaries/` of an FMU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+use crate::win64;
+
+/// An operating system and a processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Platform {
-    /// Linux on x86-64
-    #[value(name = "linux64")]
+    /// Linux on x86-64.
     Linux64,
-    /// Windows on x86-64
-    #[value(name = "win64")]
+    /// Windows on x86-64.
     Win64,
-    /// macOS
-    #[value(name = "darwin64")]
-    Darwin64,
+    /// Linux on ARM64.
+    Aarch64Linux,
+    /// macOS on x86-64.
+    X86_64Darwin,
+    /// macOS on ARM64.
+    Aarch64Darwin,
 }
 
 impl Platform {
+    const ALL: [Self; 5] = [Self::Linux64, Self::Win64, Self::Aarch64Linux, Self::X86_64Darwin, Self::Aarch64Darwin];
+    /// The Mac that `darwin64` on the command line stands for: this one, on other machines the one of the standard.
+    const DARWIN64: Self =
+        if cfg!(all(target_os = "macos", target_arch = "aarch64")) { Self::Aarch64Darwin } else { Self::X86_64Darwin };
+
     /// The platform of this machine.
     ///
     /// # Errors
-    /// FMI 2.0 has no name for it.
+    /// It is none of those known here.
     pub(crate) fn this() -> Result<Self> {
         match (std::env::consts::OS, std::env::consts::ARCH) {
             ("linux", "x86_64") => Ok(Self::Linux64),
+            ("linux", "aarch64") => Ok(Self::Aarch64Linux),
             ("windows", "x86_64") => Ok(Self::Win64),
-            ("macos", _) => Ok(Self::Darwin64),
-            (os, arch) => Err(miette!("FMI 2.0 has no platform for {os} on {arch}")),
+            ("macos", "x86_64") => Ok(Self::X86_64Darwin),
+            ("macos", "aarch64") => Ok(Self::Aarch64Darwin),
+            (os, arch) => Err(miette!(
+                help = "Pack on one of them; `cargo fmu pack --help` lists what they can build for.",
+                "FMUs cannot be packed on {os} with the processor {arch}, only on Linux and macOS with x86_64 or aarch64, and \
+                 on Windows with x86_64"
+            )),
         }
     }
 
-    /// Name of the folder.
+    /// Name on the command line, in messages and in folders of a build.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Linux64 => "linux64",
             Self::Win64 => "win64",
-            Self::Darwin64 => "darwin64",
+            Self::Aarch64Linux => "aarch64-linux",
+            Self::X86_64Darwin => "x86_64-darwin",
+            Self::Aarch64Darwin => "aarch64-darwin",
         }
     }
 
-    /// Path of the library in the archive.
-    pub(crate) fn entry(self, model: &str) -> String {
-        format!("binaries/{}/{model}.{}", self.name(), self.extension())
-    }
-
-    const fn extension(self) -> &'static str {
+    /// Folder below `binaries/` in FMI 2.0.
+    ///
+    /// FMI 2.0.4, section 2.3, names the x86 platforms and refers to the tuples of FMI 3.0 for all others. Macs are the
+    /// exception: FMPy 0.3.32 and fmutool 2.0 look for the libraries of either processor in `darwin64`.
+    pub(crate) const fn fmi2(self) -> &'static str {
         match self {
-            Self::Linux64 => "so",
-            Self::Win64 => "dll",
-            Self::Darwin64 => "dylib",
+            Self::Linux64 => "linux64",
+            Self::Win64 => "win64",
+            Self::Aarch64Linux => "aarch64-linux",
+            Self::X86_64Darwin | Self::Aarch64Darwin => "darwin64",
         }
+    }
+
+    /// Folder below `binaries/` in FMI 3.0, a platform tuple (FMI 3.0.2, section 2.5.1.4.1).
+    pub(crate) const fn fmi3(self) -> &'static str {
+        match self {
+            Self::Linux64 => "x86_64-linux",
+            Self::Win64 => "x86_64-windows",
+            Self::Aarch64Linux => "aarch64-linux",
+            Self::X86_64Darwin => "x86_64-darwin",
+            Self::Aarch64Darwin => "aarch64-darwin",
+        }
+    }
+
+    /// Target of the compiler in a build on another machine.
+    pub(crate) const fn target(self) -> &'static str {
+        match self {
+            Self::Linux64 => "x86_64-unknown-linux-gnu",
+            Self::Win64 => win64::TARGET,
+            Self::Aarch64Linux => "aarch64-unknown-linux-gnu",
+            Self::X86_64Darwin => "x86_64-apple-darwin",
+            Self::Aarch64Darwin => "aarch64-apple-darwin",
+        }
+    }
+
+    pub(crate) const fn is_linux(self) -> bool {
+        matches!(self, Self::Linux64 | Self::Aarch64Linux)
+    }
+
+    pub(crate) const fn is_darwin(self) -> bool {
+        matches!(self, Self::X86_64Darwin | Self::Aarch64Darwin)
+    }
+
+    /// Path of the library in an archive of FMI 2.0.
+    pub(crate) fn entry(self, model: &str) -> String {
+        format!("binaries/{}/{model}.{}", self.fmi2(), self.extension())
+    }
+
+    /// Path of the library in an archive of FMI 3.0.
+    pub(crate) fn entry_of_fmi3(self, model: &str) -> String {
+        format!("binaries/{}/{model}.{}", self.fmi3(), self.extension())
+    }
+
+    /// Extension of a library, without the dot.
+    pub(crate) const fn extension(self) -> &'static str {
+        match self {
+            Self::Linux64 | Self::Aarch64Linux => "so",
+            Self::Win64 => "dll",
+            Self::X86_64Darwin | Self::Aarch64Darwin => "dylib",
+        }
+    }
+
+    /// Environment variable with the folder of a toolchain that has the sources of the standard library.
+    pub(crate) fn variable(self) -> String {
+        format!("CHASSIS_FMU_{}_RUST", self.name().to_uppercase().replace('-', "_"))
+    }
+}
+
+/// The names of both versions of FMI are accepted.
+impl ValueEnum for Platform {
+    fn value_variants<'a>() -> &'a [Self] {
+        &Self::ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let value = PossibleValue::new(self.name()).alias(self.fmi3());
+        Some(if *self == Self::DARWIN64 { value.alias(self.fmi2()) } else { value })
     }
 }
 
@@ -59,17 +142,69 @@ mod tests {
     use super::*;
 
     #[test]
-    fn this_platform_is_called_as_the_compiler_calls_it() {
+    fn this_platform_has_the_folder_that_the_importer_reads() {
         let this = Platform::this().expect("the tests run where FMUs do");
-        assert_eq!(this.name(), fmu_import::archive::platform());
-        let value = this.to_possible_value().expect("all platforms can be named");
-        assert_eq!(value.get_name(), this.name());
+        assert_eq!(this.fmi2(), fmu_import::archive::platform());
+        assert_eq!(format!(".{}", this.extension()), std::env::consts::DLL_SUFFIX);
+        let tuple = format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS.replace("macos", "darwin"));
+        assert_eq!(this.fmi3(), tuple);
     }
 
     /// FMI 2.0.4, section 2.3: `binaries/win64/<modelIdentifier>.dll`.
     #[test]
-    fn a_library_stands_in_the_folder_of_its_platform() {
-        assert_eq!(Platform::Win64.entry("Road"), "binaries/win64/Road.dll");
-        assert_eq!(Platform::Linux64.entry("Road"), "binaries/linux64/Road.so");
+    fn a_library_is_in_the_folder_of_its_platform() {
+        let entries = Platform::ALL.map(|platform| platform.entry("Road"));
+        assert_eq!(
+            entries,
+            [
+                "binaries/linux64/Road.so",
+                "binaries/win64/Road.dll",
+                "binaries/aarch64-linux/Road.so",
+                "binaries/darwin64/Road.dylib",
+                "binaries/darwin64/Road.dylib"
+            ]
+        );
+    }
+
+    /// FMI 3.0.2, section 2.5.1.4.1: `<architecture>-<system>`, with the systems `darwin`, `linux` and `windows`.
+    #[test]
+    fn folders_of_fmi_3_are_platform_tuples() {
+        let folders = Platform::ALL.map(Platform::fmi3);
+        assert_eq!(folders, ["x86_64-linux", "x86_64-windows", "aarch64-linux", "x86_64-darwin", "aarch64-darwin"]);
+    }
+
+    #[test]
+    fn the_names_of_both_versions_are_accepted() {
+        for platform in Platform::ALL {
+            for name in [platform.name(), platform.fmi3()] {
+                assert_eq!(Platform::from_str(name, false), Ok(platform), "{name}");
+            }
+            if !platform.is_darwin() {
+                assert_eq!(Platform::from_str(platform.fmi2(), false), Ok(platform));
+            }
+        }
+        assert_eq!(Platform::from_str("darwin64", false), Ok(Platform::DARWIN64));
+    }
+
+    /// The names of rustc 1.95, `rustc --print target-list`.
+    #[test]
+    fn targets_are_those_of_the_compiler() {
+        let targets = Platform::ALL.map(Platform::target);
+        assert_eq!(
+            targets,
+            [
+                "x86_64-unknown-linux-gnu",
+                "x86_64-win7-windows-gnu",
+                "aarch64-unknown-linux-gnu",
+                "x86_64-apple-darwin",
+                "aarch64-apple-darwin"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_variable_names_the_toolchain_of_a_platform() {
+        assert_eq!(Platform::Win64.variable(), "CHASSIS_FMU_WIN64_RUST");
+        assert_eq!(Platform::Aarch64Linux.variable(), "CHASSIS_FMU_AARCH64_LINUX_RUST");
     }
 }

@@ -1,13 +1,15 @@
-//! cargo-zigbuild, which links linux64 binaries that load on old distributions.
+//! cargo-zigbuild, which links libraries that load on old distributions of Linux, for the processor of this machine and for
+//! others.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use miette::{Result, miette};
 
-/// The target of the compiler.
-pub(crate) const TARGET: &str = "x86_64-unknown-linux-gnu";
-/// The oldest glibc that the binaries load with; also the oldest that Rust supports.
+use crate::platform::Platform;
+use crate::toolchain::{self, PACKAGES, Toolchain};
+
+/// The oldest glibc that the libraries load with; also the oldest that Rust supports.
 const GLIBC: &str = "2.17";
 const PROGRAM: &str = "cargo-zigbuild";
 /// Tells cargo-zigbuild which Python has the package `ziglang`.
@@ -16,61 +18,131 @@ const PYTHON: &str = "CARGO_ZIGBUILD_PYTHON_PATH";
 /// An installed cargo-zigbuild that finds zig.
 #[derive(Debug)]
 pub(crate) struct Zigbuild {
+    platform: Platform,
     program: PathBuf,
     /// The Python beside it, if that one has the package `ziglang`.
     python: Option<PathBuf>,
+    /// Builds the standard library, if the toolchain in use has none for the platform.
+    toolchain: Option<Toolchain>,
 }
 
 impl Zigbuild {
-    /// Looks in `.venv` at the top of the workspace, then on the PATH.
+    /// For this machine and others with its processor, from glibc 2.17 on.
     ///
-    /// `reason` names the option or setting that asks for a portable binary.
+    /// `reason` names the option or setting that asks for it.
     ///
     /// # Errors
     /// cargo-zigbuild or zig is missing; the message says what was found and how to install the rest.
-    pub(crate) fn find(root: &Path, reason: &str) -> Result<Self> {
-        let path = std::env::var_os("PATH").unwrap_or_default();
-        let folders = std::iter::once(root.join(".venv/bin")).chain(std::env::split_paths(&path));
-        let mut without_zig = None;
-        for folder in folders {
-            let program = folder.join(PROGRAM);
-            if !program.is_file() || !succeeds(Command::new(&program).arg("--version")) {
-                continue;
-            }
-            let python = Some(folder.join("python3")).filter(|python| has_ziglang(python));
-            if python.is_some() || has_zig() {
-                return Ok(Self { program, python });
-            }
-            without_zig.get_or_insert(program);
-        }
-        let problem = without_zig.map_or_else(
-            || format!("there is no {PROGRAM} in {} or on the PATH", root.join(".venv/bin").display()),
-            |program| format!("{} is installed, but finds no zig", program.display()),
-        );
-        Err(miette!(
-            help = "Run `scripts/setup`, which installs both into .venv, or in a workspace of your own `python3 -m venv .venv && \
-                    .venv/bin/pip install cargo-zigbuild ziglang`. Or pass --no-portable: the binary then needs a glibc as \
-                    new as the one of this machine.",
-            "{reason} asks for linux64 binaries that load with glibc {GLIBC}, which takes cargo-zigbuild and zig: {problem}"
-        ))
+    pub(crate) fn portable(root: &Path, platform: Platform, reason: &str) -> Result<Self> {
+        let (program, python) = programs(root).map_err(|problem| {
+            miette!(
+                help = "Run `scripts/setup`, which installs both into .venv, or in a workspace of your own `python3 -m venv \
+                        .venv && .venv/bin/pip install cargo-zigbuild ziglang`. Or pass --no-portable: the binary then needs \
+                        a glibc as new as the one of this machine.",
+                "{reason} asks for {} binaries that load with glibc {GLIBC}, which takes cargo-zigbuild and zig: {problem}",
+                platform.name()
+            )
+        })?;
+        Ok(Self { platform, program, python, toolchain: None })
     }
 
-    /// A build for Linux with the cargo in use, without packages and profile.
+    /// For a Linux with another processor than this machine, or from another system.
+    ///
+    /// # Errors
+    /// cargo-zigbuild, zig or a standard library is missing; the message says what, and how to install it.
+    pub(crate) fn cross(root: &Path, platform: Platform) -> Result<Self> {
+        let (name, target) = (platform.name(), platform.target());
+        let mut missing = Vec::new();
+        let mut help = Vec::new();
+        let programs = programs(root);
+        if let Err(problem) = &programs {
+            missing.push(problem.clone());
+            help.push(
+                "Run `scripts/setup`, which installs cargo-zigbuild and zig into .venv, or in a workspace of your own \
+                 `python3 -m venv .venv && .venv/bin/pip install cargo-zigbuild ziglang`."
+                    .to_owned(),
+            );
+        }
+        let is_chosen = std::env::var_os(platform.variable()).is_some();
+        let toolchain = match Toolchain::find(platform) {
+            // A compiled library needs no sources, unless the user names a toolchain with some.
+            _ if !is_chosen && toolchain::has_library(target) => None,
+            Ok(toolchain) => Some(toolchain),
+            Err(rejected) => {
+                missing.push(format!(
+                    "the Rust in use has no standard library for {target}, and there is none with the sources to build one: \
+                     {rejected}"
+                ));
+                help.push(format!(
+                    "Run `rustup target add {target}`. Without rustup, on Debian: `apt-get install --no-install-recommends \
+                     {PACKAGES}`; cargo then builds the standard library from these sources. A toolchain elsewhere that has \
+                     them (rustup: the component rust-src) is named by {}=FOLDER, with FOLDER/bin/cargo in it.",
+                    platform.variable()
+                ));
+                None
+            }
+        };
+        match programs {
+            Ok((program, python)) if missing.is_empty() => Ok(Self { platform, program, python, toolchain }),
+            _ => Err(miette!(help = help.join(" "), "{name} cannot be built here: {}", missing.join("; "))),
+        }
+    }
+
+    /// Target platform.
+    pub(crate) const fn platform(&self) -> Platform {
+        self.platform
+    }
+
+    /// The toolchain, if it is another than the one in use.
+    pub(crate) const fn toolchain(&self) -> Option<&Toolchain> {
+        self.toolchain.as_ref()
+    }
+
+    /// A build for Linux, without packages and profile.
     pub(crate) fn cargo_rustc(&self) -> Command {
         let mut command = Command::new(&self.program);
-        command.args(["rustc", "--target", &format!("{TARGET}.{GLIBC}")]);
+        command.args(["rustc", "--target", &format!("{}.{GLIBC}", self.platform.target())]);
         if let Some(python) = &self.python {
             command.env(PYTHON, python);
         }
+        if let Some(toolchain) = &self.toolchain {
+            toolchain.use_in(&mut command);
+            Toolchain::build_library(&mut command);
+        }
         command
     }
+}
+
+/// cargo-zigbuild in `.venv` at the top of the workspace or on the PATH, and the Python beside it if that one has zig.
+///
+/// # Errors
+/// A description of what is missing.
+fn programs(root: &Path) -> Result<(PathBuf, Option<PathBuf>), String> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = std::iter::once(root.join(".venv/bin")).chain(std::env::split_paths(&path));
+    let mut without_zig = None;
+    for folder in folders {
+        let program = folder.join(PROGRAM);
+        if !program.is_file() || !succeeds(Command::new(&program).arg("--version")) {
+            continue;
+        }
+        let python = Some(folder.join("python3")).filter(|python| has_ziglang(python));
+        if python.is_some() || has_zig() {
+            return Ok((program, python));
+        }
+        without_zig.get_or_insert(program);
+    }
+    Err(without_zig.map_or_else(
+        || format!("there is no {PROGRAM} in {} or on the PATH", root.join(".venv/bin").display()),
+        |program| format!("{} is installed, but finds no zig", program.display()),
+    ))
 }
 
 fn has_ziglang(python: &Path) -> bool {
     python.is_file() && succeeds(Command::new(python).args(["-m", "ziglang", "version"]))
 }
 
-/// Whether cargo-zigbuild finds zig without our help. It looks in this order.
+/// True if cargo-zigbuild finds zig without our help. It looks in this order.
 fn has_zig() -> bool {
     let named = |variable: &str, program: &str| std::env::var_os(variable).unwrap_or_else(|| program.into());
     succeeds(Command::new(named(PYTHON, "python3")).args(["-m", "ziglang", "version"]))

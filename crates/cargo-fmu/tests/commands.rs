@@ -168,7 +168,10 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
         let output = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
             .args([&["pack"], arguments].concat())
             .current_dir(folder.path())
-            .envs([("NO_COLOR", "1"), ("PATH", path), ("CHASSIS_FMU_WIN64_RUST", "no/rust/here")])
+            .envs([("NO_COLOR", "1"), ("PATH", path), ("RUSTC", "no/rustc/here")])
+            .envs(
+                ["WIN64", "LINUX64", "AARCH64_LINUX"].map(|name| (format!("CHASSIS_FMU_{name}_RUST"), "no/rust/here")),
+            )
             .output()
             .unwrap();
         assert!(!output.status.success());
@@ -180,16 +183,36 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     };
     let error = pack(&["--platforms", "linux64,win32"], "");
     contains(&error, "'win32'");
-    contains(&error, "[possible values: linux64, win64, darwin64]");
+    contains(&error, "[possible values: linux64, win64, aarch64-linux, x86_64-darwin, aarch64-darwin]");
     let error = pack(&["--platforms", "linux64,win64"], "");
     contains(&error, "the linker x86_64-w64-mingw32-gcc is not on the PATH");
     contains(&error, "there is no no/rust/here/bin/cargo");
     contains(&error, "gcc-mingw-w64-x86-64-win32 cargo-web rustc-web rust-web-src");
     contains(&error, "CHASSIS_FMU_WIN64_RUST=FOLDER");
+    let (this, other, target) = if cfg!(target_arch = "x86_64") {
+        ("linux64", "aarch64-linux", "aarch64-unknown-linux-gnu")
+    } else {
+        ("aarch64-linux", "linux64", "x86_64-unknown-linux-gnu")
+    };
+    let error = pack(&["--platforms", &format!("{this},{other}")], "");
+    contains(&error, &format!("{other} cannot be built here: there is no cargo-zigbuild in"));
+    contains(&error, &format!("the Rust in use has no standard library for {target}"));
+    contains(&error, "there is no no/rust/here/bin/cargo");
+    contains(&error, "`scripts/setup`, which installs cargo-zigbuild and zig");
+    contains(&error, &format!("`rustup target add {target}`"));
+    contains(&error, "`apt-get install --no-install-recommends cargo-web rustc-web rust-web-src`");
+    contains(&error, &format!("CHASSIS_FMU_{}_RUST=FOLDER", other.to_uppercase().replace('-', "_")));
+    for name in ["aarch64-darwin", "x86_64-darwin"] {
+        let error = pack(&["--platforms", name], "");
+        contains(&error, &format!("a binary for {name} cannot be built on {this}: only a Mac has the linker"));
+        contains(&error, "Run the same command on a Mac");
+    }
     let error = pack(&["--platforms", "darwin64"], "");
-    contains(&error, "a binary for darwin64 cannot be built on linux64");
+    contains(&error, "a binary for x86_64-darwin cannot be built on");
+    let error = pack(&["--platforms", "aarch64-darwin,x86_64-darwin"], "");
+    contains(&error, "FMI 2.0 has one folder for both, binaries/darwin64");
     let error = pack(&["--platforms", "win64", "--portable"], "");
-    contains(&error, "--portable is about the binary for linux64");
+    contains(&error, "--portable is about binaries for Linux");
 }
 
 /// A workspace with a package of this name that becomes an FMU; nothing of it is built.
@@ -296,7 +319,7 @@ fn a_portable_binary_is_a_setting_that_needs_a_linker() {
     assert!(pack(&portable, &["--no-portable"]).contains(NO_MODEL));
     assert!(pack(&portable, &["--portable", "--no-portable"]).contains(NO_MODEL));
     assert!(pack(&portable, &["--no-portable", "--portable"]).contains("--portable asks for linux64 binaries"));
-    assert!(pack(&portable, &["--platforms", "darwin64"]).contains("cannot be built on linux64"));
+    assert!(pack(&portable, &["--platforms", "darwin64"]).contains("x86_64-darwin cannot be built on"));
 
     let native = workspace("");
     assert!(pack(&native, &[]).contains(NO_MODEL));

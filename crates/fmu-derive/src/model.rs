@@ -230,7 +230,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         block.items.push(info);
     }
     if errors.is_empty() {
-        let export = export(&block.self_ty, &root, &runner);
+        let export = export(&block.self_ty, &root, &runner, kind != Kind::Stateful);
         let numbers = crossing_numbers(&block.items, &block.self_ty, &root);
         let starts = starts_of_outputs(kind, &block.items, &root);
         quote!(#block #export #numbers #starts)
@@ -372,7 +372,7 @@ fn equations(has: &dyn Fn(&str) -> bool, root: &TokenStream, add: &mut dyn FnMut
 }
 
 /// The export of the model: its C interface is part of the library only if `cargo fmu pack` says so.
-fn export(model: &Type, root: &TokenStream, runner: &TokenStream) -> TokenStream {
+fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: bool) -> TokenStream {
     let name = model.to_token_stream().to_string();
     let test = quote::format_ident!(
         "the_declarations_of_{}_do_not_contradict_each_other",
@@ -380,39 +380,24 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream) -> TokenStream
     );
     let library = std::env::var("CARGO_CRATE_NAME").unwrap_or_default();
     let variable = format!("{EXPORT}{library}");
-    // `describe`, or the name of a model in this crate and its GUID: `QuarterCar={0123…}`.
     let wanted = std::env::var(&variable).unwrap_or_default();
-    let guid = wanted.split_once('=').filter(|(wanted, _)| *wanted == name).map(|(_, guid)| guid);
+    let packed = Packed::parse(&wanted).filter(|packed| packed.name == name);
     // A packed library does not contain the paths of the machine that built it.
-    let resources = match guid {
+    let resources = match packed {
         Some(_) => quote!(""),
         None => quote!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/resources")),
     };
-    let (guid, symbols) = match guid {
-        Some(guid) => (quote!(Some(#guid)), quote!(#root::c_interface!(#model);)),
-        None if wanted == "describe" => {
-            let symbol = format!("fmu_model_description_{name}");
-            (
-                quote!(None),
-                quote! {
-                    #[doc(hidden)]
-                    #[allow(unsafe_code)]
-                    const _: () = {
-                        #[unsafe(export_name = #symbol)]
-                        extern "C" fn describe() -> *const ::core::ffi::c_char {
-                            #root::abi::model_description::<#model>()
-                        }
-                    };
-                },
-            )
-        }
-        None => (quote!(None), quote!()),
+    let (symbols, facts, exchange) = match &packed {
+        Some(packed) => packed.export(model, root),
+        None if wanted == "describe" => (description(&name, model, root), quote!(), true),
+        None => (quote!(), quote!(), true),
     };
+    let runner = if has_exchange { quote!(#runner<Self, #exchange>) } else { quote!(#runner<Self>) };
     quote! {
         impl #root::Export for #model {
-            type Model = #root::runner::#runner<Self>;
-            const GUID: ::core::option::Option<&'static str> = #guid;
+            type Model = #root::runner::#runner;
             const RESOURCES: &'static str = #resources;
+            #facts
             fn library() -> &'static #root::abi::Library {
                 static LIBRARY: #root::abi::Library = #root::abi::Library::new();
                 &LIBRARY
@@ -428,6 +413,78 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream) -> TokenStream
             let description = <#model as #root::Export>::description();
             assert!(description.xml.contains(&description.guid));
         }
+    }
+}
+
+/// The function by which `cargo fmu pack` asks for the description.
+fn description(name: &str, model: &Type, root: &TokenStream) -> TokenStream {
+    let symbol = format!("fmu_model_description_{name}");
+    quote! {
+        #[doc(hidden)]
+        #[allow(unsafe_code)]
+        const _: () = {
+            #[unsafe(export_name = #symbol)]
+            extern "C" fn describe(
+                version: ::core::ffi::c_int,
+                options: ::core::ffi::c_int,
+            ) -> *const ::core::ffi::c_char {
+                #root::abi::model_description::<#model>(version, options)
+            }
+        };
+    }
+}
+
+/// What `cargo fmu pack` says about a library that it ships, as in `QuarterCar={0123…} fmi=2 interfaces=cs,me indicators=4`.
+struct Packed<'a> {
+    name: &'a str,
+    guid: &'a str,
+    version: u32,
+    interfaces: Vec<&'a str>,
+    indicators: usize,
+    arrays: bool,
+}
+
+impl<'a> Packed<'a> {
+    fn parse(text: &'a str) -> Option<Self> {
+        let (name, rest) = text.split_once('=')?;
+        let mut words = rest.split(' ');
+        let mut packed =
+            Self { name, guid: words.next()?, version: 2, interfaces: Vec::new(), indicators: 0, arrays: false };
+        for word in words {
+            match word.split_once('=')? {
+                ("fmi", version) => packed.version = version.parse().ok()?,
+                ("interfaces", list) => packed.interfaces = list.split(',').collect(),
+                ("arrays", value) => packed.arrays = value.parse().ok()?,
+                ("indicators", count) => packed.indicators = count.parse().ok()?,
+                _ => return None,
+            }
+        }
+        Some(packed)
+    }
+
+    /// The C interface, the constants of `Export`, and whether there is model exchange.
+    fn export(&self, model: &Type, root: &TokenStream) -> (TokenStream, TokenStream, bool) {
+        let Self { guid, indicators, arrays, .. } = self;
+        let has = |interface: &str| self.interfaces.contains(&interface);
+        let (co_simulation, model_exchange) = (has("cs"), has("me"));
+        let interfaces = self.interfaces.iter().map(|name| Ident::new(name, Span::call_site()));
+        let (version, macro_name) = match self.version {
+            3 => (quote!(Fmi3), quote!(c_interface_of_fmi3)),
+            _ => (quote!(Fmi2), quote!(c_interface_of_fmi2)),
+        };
+        let facts = quote! {
+            const GUID: ::core::option::Option<&'static str> = Some(#guid);
+            const EVENT_INDICATORS: usize = #indicators;
+            const FORMAT: #root::description::Format = #root::description::Format {
+                version: #root::calls::Version::#version,
+                interfaces: #root::calls::Interfaces {
+                    co_simulation: #co_simulation,
+                    model_exchange: #model_exchange,
+                },
+                arrays: #arrays,
+            };
+        };
+        (quote!(#root::#macro_name!(#model: #(#interfaces)*);), facts, model_exchange)
     }
 }
 

@@ -1,4 +1,5 @@
-//! The C interface of FMI 2.0 for co-simulation. All unsafe code of an FMU is in this file.
+//! The C interface. All unsafe code of an FMU is in this module: here what the versions of the standard share, in [`fmi2`]
+//! the functions of FMI 2.0.
 //!
 //! Every function checks its pointers, turns them into references and slices, and calls the safe
 //! [`Instance`]. An error is logged through the caller's logger and becomes a status; a
@@ -13,16 +14,20 @@
 use std::any::Any;
 use std::ffi::{CStr, CString};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::calls::Function;
-use crate::description::{Description, LOG_CATEGORIES, LOG_DISCARD, LOG_ERROR, LOG_EVENTS};
+use crate::calls::{Function, Interfaces, Version};
+use crate::description::{Description, Format, LOG_CATEGORIES, LOG_DISCARD, LOG_ERROR};
 use crate::instance::{CallError, Instance, Snapshot};
 use crate::runner::Model;
-use c::{c_char, c_int, c_uint, c_void, size_t};
+use c::{c_char, c_int, c_void};
 
-/// fmi2Status.
+mod common;
+pub mod fmi2;
+pub mod fmi3;
+
+/// fmi2Status and fmi3Status, as far as FMUs of this exporter return it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub enum Status {
@@ -34,33 +39,10 @@ pub enum Status {
     Error = 3,
 }
 
-/// fmi2Boolean.
-pub type Boolean = c_int;
-/// fmi2ValueReference.
-pub type ValueReference = c_uint;
-/// fmi2Component.
+/// fmi2Component, fmi3Instance.
 pub type Component = *mut c_void;
-/// fmi2FMUstate.
+/// fmi2FMUstate, fmi3FMUState.
 pub type FmuState = *mut c_void;
-
-/// fmi2CallbackLogger: environment, instance name, status, category, message as a printf format.
-pub type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
-
-/// fmi2CallbackFunctions; the memory functions are not used.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub struct Callbacks {
-    /// Where messages go.
-    pub logger: Option<Logger>,
-    /// Not used.
-    pub allocate_memory: Option<unsafe extern "C" fn(size_t, size_t) -> *mut c_void>,
-    /// Not used.
-    pub free_memory: Option<unsafe extern "C" fn(*mut c_void)>,
-    /// Not used: no step runs on after the call.
-    pub step_finished: Option<unsafe extern "C" fn(*mut c_void, c_int)>,
-    /// Passed back to the logger.
-    pub environment: *mut c_void,
-}
 
 /// A model with its description; [`model`](macro@crate::model) implements it.
 pub trait Export: 'static {
@@ -69,6 +51,10 @@ pub trait Export: 'static {
     /// The GUID, if the packer has built it in. Such a library need not write its description to know it, and does not
     /// contain the code that could.
     const GUID: Option<&'static str> = None;
+    /// The number of event indicators of model exchange, if the packer has built in the GUID.
+    const EVENT_INDICATORS: usize = 0;
+    /// What the FMU is packed as.
+    const FORMAT: Format = Format::FMI2;
     /// Folder of the resources among the sources of the model, for its description; empty in a packed library.
     const RESOURCES: &'static str = "";
     /// What the library keeps while it is loaded.
@@ -81,8 +67,8 @@ pub trait Export: 'static {
         let mut kept = Self::library().lock();
         let description = kept.description.get_or_insert_with(|| {
             let description = Arc::new(match Self::GUID {
-                Some(guid) => Description::packed::<Self::Model>(guid),
-                None => Description::of::<Self::Model>(Path::new(Self::RESOURCES)),
+                Some(guid) => Description::packed::<Self::Model>(Self::FORMAT, guid, Self::EVENT_INDICATORS),
+                None => Description::of::<Self::Model>(Self::FORMAT, Path::new(Self::RESOURCES)),
             });
             // On Linux the library lists the function itself, see `export!`.
             // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
@@ -127,8 +113,14 @@ pub extern "C" fn forget<E: Export + ?Sized>() {
     let _ = catch_unwind(|| std::mem::take(&mut *E::library().lock()));
 }
 
+/// The logger of the importer, with what is passed back to it.
+enum Logger {
+    Fmi2(fmi2::Logger, *mut c_void),
+    Fmi3(fmi3::Logger, *mut c_void),
+}
+
 struct Log {
-    callbacks: Callbacks,
+    logger: Option<Logger>,
     name: CString,
     /// Which of [`LOG_CATEGORIES`] are wanted besides errors.
     wanted: [bool; LOG_CATEGORIES.len()],
@@ -137,15 +129,25 @@ struct Log {
 impl Log {
     fn write(&self, status: c_int, category: &str, message: &str) {
         let is_wanted = LOG_CATEGORIES.iter().zip(self.wanted).any(|((name, _), on)| on && *name == category);
-        let Some(logger) = self.callbacks.logger.filter(|_| category == LOG_ERROR || is_wanted) else { return };
-        // The message is a printf format (no zero bytes, every percent sign doubled) in which a single # would begin a
-        // value reference, as in #r1# (standard, section 2.1.5).
-        let text = message.replace('\0', " ").replace('%', "%%").replace('#', "##");
-        let text = CString::new(text).expect("zeros were replaced");
+        let Some(logger) = self.logger.as_ref().filter(|_| category == LOG_ERROR || is_wanted) else { return };
+        let text = message.replace('\0', " ");
         let category = CString::new(category).expect("category names have no zeros");
-        // SAFETY: the logger and its environment are the caller's; all strings end with a zero and outlive the call.
-        unsafe {
-            logger(self.callbacks.environment, self.name.as_ptr(), status, category.as_ptr(), text.as_ptr());
+        let to_c = |text: String| CString::new(text).expect("zeros were replaced");
+        match *logger {
+            Logger::Fmi2(logger, environment) => {
+                // The message is a printf format (every percent sign doubled) in which a single # would begin a value
+                // reference, as in #r1# (standard, section 2.1.5).
+                let text = to_c(text.replace('%', "%%").replace('#', "##"));
+                // SAFETY: the logger and its environment are the caller's; all strings end with a zero and outlive the call.
+                unsafe {
+                    logger(environment, self.name.as_ptr(), status, category.as_ptr(), text.as_ptr());
+                }
+            }
+            Logger::Fmi3(logger, environment) => {
+                let text = to_c(text);
+                // SAFETY: as above.
+                unsafe { logger(environment, status, category.as_ptr(), text.as_ptr()) };
+            }
         }
     }
 }
@@ -155,6 +157,10 @@ struct Handle<E: Export> {
     log: Log,
     /// Snapshots that were handed out: only these pointers are accepted back.
     snapshots: Vec<*mut Snapshot<E::Model>>,
+    /// Whether a step of co-simulation ends at the first event (FMI 3.0).
+    returns_early: bool,
+    /// Value references of the elements of native arrays in a call (FMI 3.0).
+    elements: Vec<fmi3::ValueReference>,
 }
 
 impl<E: Export> Drop for Handle<E> {
@@ -169,7 +175,10 @@ impl<E: Export> Drop for Handle<E> {
 impl<E: Export> Handle<E> {
     fn snapshot(&self, function: Function, state: FmuState) -> Result<*mut Snapshot<E::Model>, CallError> {
         self.snapshots.iter().copied().find(|&known| known.cast() == state).ok_or_else(|| {
-            error(function, "FMUstate is not a state of this instance (never saved, already freed, or of another one)")
+            error::<E>(
+                function,
+                "FMUstate is not a state of this instance (never saved, already freed, or of another one)",
+            )
         })
     }
 
@@ -182,8 +191,8 @@ impl<E: Export> Handle<E> {
 
 type CallResult = Result<(), CallError>;
 
-fn error(function: Function, message: &str) -> CallError {
-    CallError::Error(format!("{}: {message}", function.name()))
+fn error<E: Export>(function: Function, message: &str) -> CallError {
+    CallError::Error(format!("{}: {message}", function.name(E::FORMAT.version)))
 }
 
 fn words(payload: &(dyn Any + Send)) -> &str {
@@ -222,7 +231,7 @@ unsafe fn call<E: Export>(
             handle.instance.mark_broken();
             let message = format!(
                 "{}: internal error: {}; the instance can only be reset or freed",
-                function.name(),
+                function.name(E::FORMAT.version),
                 words(&*panic)
             );
             handle.log.write(Status::Error as c_int, LOG_ERROR, &message);
@@ -232,16 +241,16 @@ unsafe fn call<E: Export>(
 }
 
 #[inline]
-fn check_array<T>(function: Function, name: &str, pointer: *const T, length: usize) -> CallResult {
+fn check_array<E: Export, T>(function: Function, name: &str, pointer: *const T, length: usize) -> CallResult {
     if pointer.is_null() || !pointer.is_aligned() || length > isize::MAX as usize / size_of::<T>() {
-        return Err(no_array(function, name, pointer.is_null(), length));
+        return Err(no_array::<E>(function, name, pointer.is_null(), length));
     }
     Ok(())
 }
 
 #[cold]
-fn no_array(function: Function, name: &str, is_null: bool, length: usize) -> CallError {
-    error(
+fn no_array<E: Export>(function: Function, name: &str, is_null: bool, length: usize) -> CallError {
+    error::<E>(
         function,
         &if is_null {
             format!("{name} must be an array of length {length}, got a null pointer")
@@ -253,18 +262,23 @@ fn no_array(function: Function, name: &str, is_null: bool, length: usize) -> Cal
 
 /// The caller's array.
 #[inline]
-unsafe fn array<'a, T>(function: Function, name: &str, pointer: *const T, length: usize) -> Result<&'a [T], CallError> {
+unsafe fn array<'a, E: Export, T>(
+    function: Function,
+    name: &str,
+    pointer: *const T,
+    length: usize,
+) -> Result<&'a [T], CallError> {
     if length == 0 {
         return Ok(&[]);
     }
-    check_array(function, name, pointer, length)?;
+    check_array::<E, T>(function, name, pointer, length)?;
     // SAFETY: checked for null and alignment; the caller vouches for the length.
     Ok(unsafe { std::slice::from_raw_parts(pointer, length) })
 }
 
 /// The caller's array to write to.
 #[inline]
-unsafe fn array_mut<'a, T>(
+unsafe fn array_mut<'a, E: Export, T>(
     function: Function,
     name: &str,
     pointer: *mut T,
@@ -273,15 +287,15 @@ unsafe fn array_mut<'a, T>(
     if length == 0 {
         return Ok(&mut []);
     }
-    check_array(function, name, pointer, length)?;
+    check_array::<E, T>(function, name, pointer, length)?;
     // SAFETY: as in `array`; the caller's arrays do not overlap.
     Ok(unsafe { std::slice::from_raw_parts_mut(pointer, length) })
 }
 
 /// The caller's variable to write to.
-unsafe fn target<'a, T>(function: Function, name: &str, pointer: *mut T) -> Result<&'a mut T, CallError> {
+unsafe fn target<'a, E: Export, T>(function: Function, name: &str, pointer: *mut T) -> Result<&'a mut T, CallError> {
     // SAFETY: an array of one value.
-    unsafe { array_mut(function, name, pointer, 1) }.map(|array| &mut array[0])
+    unsafe { array_mut::<E, T>(function, name, pointer, 1) }.map(|array| &mut array[0])
 }
 
 /// The caller's string.
@@ -294,664 +308,38 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
 }
 
 /// Pointer to the model description, for the packer, or to an exclamation mark and what is wrong with the declarations. The
-/// text lives as long as the library is loaded.
-pub fn model_description<E: Export>() -> *const c_char {
+/// text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a sum of 1 (co-simulation),
+/// 2 (model exchange), 4 (native arrays) and 8 (terminalsAndIcons.xml instead of the model description).
+pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
-        let mut kept = E::library().lock();
-        let text = kept.text.get_or_insert_with(|| {
-            let text = match Description::try_of::<E::Model>(Path::new(E::RESOURCES)) {
-                Ok(description) => description.xml,
-                Err(problem) => format!("!{problem}"),
-            };
-            CString::new(text.replace('\0', " ")).unwrap_or_default()
-        });
-        text.as_ptr()
+        let has = |bit: c_int| options & bit != 0;
+        let format = Format {
+            version: if version == 3 { Version::Fmi3 } else { Version::Fmi2 },
+            interfaces: Interfaces { co_simulation: has(1), model_exchange: has(2) },
+            arrays: has(4),
+        };
+        let text = match Description::try_of::<E::Model>(format, Path::new(E::RESOURCES)) {
+            Ok(description) if has(8) => description.terminals(format),
+            Ok(description) => description.xml,
+            Err(problem) => format!("!{problem}"),
+        };
+        let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
+        E::library().lock().text.insert(text).as_ptr()
     };
     catch_unwind(text).unwrap_or(std::ptr::null())
 }
 
-/// fmi2GetTypesPlatform.
-pub fn types_platform() -> *const c_char {
-    c"default".as_ptr()
-}
-
-/// fmi2GetVersion.
-pub fn version() -> *const c_char {
-    c"2.0".as_ptr()
-}
-
-/// Path of a `file:` URI with its percent signs decoded; anything else is taken as a path.
-fn resources_path(uri: &str) -> PathBuf {
-    let path = uri.strip_prefix("file:").map_or(uri, |rest| {
-        let rest = rest.strip_prefix("//").unwrap_or(rest);
-        let rest = rest.strip_prefix("localhost").unwrap_or(rest);
-        // On Windows, file:///C:/folder is the path C:/folder.
-        if cfg!(windows) { rest.trim_start_matches('/') } else { rest }
-    });
-    let bytes = path.as_bytes();
-    let mut decoded = Vec::with_capacity(bytes.len());
-    let mut i = 0;
-    while i < bytes.len() {
-        let code = (bytes[i] == b'%').then(|| path.get(i + 1..i + 3)).flatten();
-        // A sign is no hexadecimal digit, though the parser would take it.
-        let code = code.filter(|code| code.bytes().all(|byte| byte.is_ascii_hexdigit()));
-        match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
-            Some(byte) => {
-                decoded.push(byte);
-                i += 3;
-            }
-            None => {
-                decoded.push(bytes[i]);
-                i += 1;
-            }
-        }
-    }
-    PathBuf::from(String::from_utf8_lossy(&decoded).into_owned())
-}
-
-const CO_SIMULATION: c_int = 1;
-
-/// fmi2Instantiate. A null pointer means that the reason was logged, if there was a logger.
-pub unsafe fn instantiate<E: Export>(
-    name: *const c_char,
-    fmu_type: c_int,
-    guid: *const c_char,
-    resources: *const c_char,
-    callbacks: *const Callbacks,
-    _visible: Boolean,
-    logging_on: Boolean,
-) -> Component {
-    if callbacks.is_null() || !callbacks.is_aligned() {
-        return std::ptr::null_mut();
-    }
-    // SAFETY: checked for null; the caller's struct is copied.
-    let callbacks = unsafe { *callbacks };
-    let mut log = Log { callbacks, name: CString::default(), wanted: [logging_on != 0; LOG_CATEGORIES.len()] };
-    let mut known_name = CString::default();
-    let result = catch_unwind(AssertUnwindSafe(|| -> Result<Instance<E::Model>, String> {
-        // SAFETY: strings of the caller.
-        let name = unsafe { text(name) }.map_err(|e| format!("instanceName is {e}"))?;
-        known_name = CString::new(name).expect("a C string has no inner zeros");
-        if name.is_empty() {
-            return Err("instanceName is empty".to_owned());
-        }
-        if fmu_type != CO_SIMULATION {
-            return Err(format!("fmuType must be {CO_SIMULATION} (co-simulation), got {fmu_type}"));
-        }
-        // SAFETY: as above.
-        let guid = unsafe { text(guid) }.map_err(|e| format!("fmuGUID is {e}"))?;
-        let description = E::description();
-        if guid != description.guid {
-            return Err(format!(
-                "fmuGUID must be {}, got {guid}; the library and modelDescription.xml do not belong together",
-                description.guid
-            ));
-        }
-        let resources = if resources.is_null() {
-            PathBuf::new()
-        } else {
-            // SAFETY: as above.
-            resources_path(unsafe { text(resources) }.map_err(|e| format!("fmuResourceLocation is {e}"))?)
-        };
-        Ok(Instance::new(description, resources))
-    }));
-    log.name = known_name;
-    let message = match result {
-        Ok(Ok(instance)) => {
-            return Box::into_raw(Box::new(Handle::<E> { instance, log, snapshots: Vec::new() })).cast();
-        }
-        Ok(Err(message)) => message,
-        Err(panic) => format!("internal error: {}", words(&*panic)),
-    };
-    log.write(Status::Error as c_int, LOG_ERROR, &format!("fmi2Instantiate: {message}"));
-    std::ptr::null_mut()
-}
-
-/// fmi2FreeInstance; a null pointer is ignored.
-pub unsafe fn free_instance<E: Export>(component: Component) {
-    let handle = component.cast::<Handle<E>>();
-    if !handle.is_null() && handle.is_aligned() {
-        // SAFETY: made by Box::into_raw in `instantiate`, freed once.
-        let handle = unsafe { Box::from_raw(handle) };
-        // Nothing is left to report to if dropping panicked.
-        let _ = catch_unwind(AssertUnwindSafe(move || drop(handle)));
-    }
-}
-
-/// fmi2SetDebugLogging.
-pub unsafe fn set_debug_logging<E: Export>(
-    component: Component,
-    logging_on: Boolean,
-    count: size_t,
-    categories: *const *const c_char,
-) -> Status {
-    let function = Function::SetDebugLogging;
-    let run = |handle: &mut Handle<E>| {
-        // SAFETY: the caller's array.
-        let names = unsafe { array(function, "categories", categories, count) }?;
-        let mut wanted = [logging_on != 0 && names.is_empty(); LOG_CATEGORIES.len()];
-        for &name in names {
-            // SAFETY: the caller's strings.
-            let name = unsafe { text(name) }.map_err(|e| error(function, &format!("a category is {e}")))?;
-            let known = LOG_CATEGORIES.iter().position(|(known, _)| *known == name).ok_or_else(|| {
-                let all: Vec<_> = LOG_CATEGORIES.iter().map(|(known, _)| *known).collect();
-                error(function, &format!("category '{name}' is unknown, expected one of {}", all.join(", ")))
-            })?;
-            wanted[known] = logging_on != 0;
-        }
-        handle.log.wanted = wanted;
-        Ok(())
-    };
-    // SAFETY: see the module's documentation; the same holds for every call below.
-    unsafe { call::<E>(component, function, run) }
-}
-
-/// fmi2SetupExperiment. The tolerance is not used: the integrator has a fixed step.
-pub unsafe fn setup_experiment<E: Export>(
-    component: Component,
-    _tolerance_defined: Boolean,
-    _tolerance: f64,
-    start: f64,
-    stop_defined: Boolean,
-    stop: f64,
-) -> Status {
-    let stop = (stop_defined != 0).then_some(stop);
-    unsafe { call::<E>(component, Function::SetupExperiment, |h| h.instance.setup_experiment(start, stop)) }
-}
-
-/// fmi2EnterInitializationMode.
-pub unsafe fn enter_initialization_mode<E: Export>(component: Component) -> Status {
-    unsafe { call::<E>(component, Function::EnterInitializationMode, |h| h.instance.enter_initialization()) }
-}
-
-/// fmi2ExitInitializationMode.
-pub unsafe fn exit_initialization_mode<E: Export>(component: Component) -> Status {
-    unsafe {
-        call::<E>(component, Function::ExitInitializationMode, |h| {
-            h.instance.exit_initialization()?;
-            h.log.write(Status::Ok as c_int, LOG_EVENTS, "initialized");
-            Ok(())
-        })
-    }
-}
-
-/// fmi2Terminate.
-pub unsafe fn terminate<E: Export>(component: Component) -> Status {
-    unsafe {
-        call::<E>(component, Function::Terminate, |h| {
-            h.instance.terminate()?;
-            h.log.write(Status::Ok as c_int, LOG_EVENTS, &format!("terminated at {} s", h.instance.time()));
-            Ok(())
-        })
-    }
-}
-
-/// fmi2Reset.
-pub unsafe fn reset<E: Export>(component: Component) -> Status {
-    unsafe {
-        call::<E>(component, Function::Reset, |h| {
-            h.instance.reset()?;
-            h.log.write(Status::Ok as c_int, LOG_EVENTS, "reset");
-            Ok(())
-        })
-    }
-}
-
-/// fmi2GetReal.
-pub unsafe fn get_real<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut f64,
-) -> Status {
-    let function = Function::GetReal;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array(function, "vr", references, count)?;
-            h.instance.get_real(references, array_mut(function, "value", values, count)?)
-        })
-    }
-}
-
-/// fmi2GetInteger.
-pub unsafe fn get_integer<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut c_int,
-) -> Status {
-    unsafe {
-        get(component, Function::GetInteger, references, count, values, |h: &mut Handle<E>, r| {
-            h.instance.get_integer(r)
-        })
-    }
-}
-
-/// fmi2GetBoolean.
-pub unsafe fn get_boolean<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut Boolean,
-) -> Status {
-    unsafe {
-        get(component, Function::GetBoolean, references, count, values, |h: &mut Handle<E>, r| {
-            h.instance.get_boolean(r).map(Boolean::from)
-        })
-    }
-}
-
-/// fmi2GetString. The strings live until a string is set, a state is restored, or the instance is reset or freed.
-pub unsafe fn get_string<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut *const c_char,
-) -> Status {
-    unsafe {
-        get(component, Function::GetString, references, count, values, |h: &mut Handle<E>, r| {
-            h.instance.get_string(r).map(CStr::as_ptr)
-        })
-    }
-}
-
-/// Values of a type that is not real; all references are checked before the first value is written.
-unsafe fn get<E: Export, V>(
-    component: Component,
-    function: Function,
-    references: *const ValueReference,
-    count: size_t,
-    values: *mut V,
-    one: impl Fn(&mut Handle<E>, ValueReference) -> Result<V, CallError>,
-) -> Status {
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array(function, "vr", references, count)?;
-            let values = array_mut(function, "value", values, count)?;
-            references.iter().try_for_each(|&reference| one(h, reference).map(drop))?;
-            for (value, &reference) in values.iter_mut().zip(references) {
-                *value = one(h, reference)?;
-            }
-            Ok(())
-        })
-    }
-}
-
-/// fmi2SetReal.
-pub unsafe fn set_real<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const f64,
-) -> Status {
-    let function = Function::SetReal;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array(function, "vr", references, count)?;
-            h.instance.set_real(references, array(function, "value", values, count)?)
-        })
-    }
-}
-
-/// fmi2SetInteger.
-pub unsafe fn set_integer<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const c_int,
-) -> Status {
-    let function = Function::SetInteger;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array(function, "vr", references, count)?;
-            h.instance.set_integer(references, array(function, "value", values, count)?)
-        })
-    }
-}
-
-/// fmi2SetBoolean; any number but 0 is true.
-pub unsafe fn set_boolean<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const Boolean,
-) -> Status {
-    let function = Function::SetBoolean;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array(function, "vr", references, count)?;
-            let values: Vec<_> = array(function, "value", values, count)?.iter().map(|&value| value != 0).collect();
-            h.instance.set_boolean(references, &values)
-        })
-    }
-}
-
-/// fmi2SetString.
-pub unsafe fn set_string<E: Export>(
-    component: Component,
-    references: *const ValueReference,
-    count: size_t,
-    values: *const *const c_char,
-) -> Status {
-    let function = Function::SetString;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let references = array(function, "vr", references, count)?;
-            let texts: Result<Vec<_>, _> = array(function, "value", values, count)?
-                .iter()
-                .map(|&value| text(value).map(str::to_owned).map_err(|e| error(function, &format!("a value is {e}"))))
-                .collect();
-            h.instance.set_string(references, &texts?)
-        })
-    }
-}
-
-/// fmi2GetFMUstate: into a new state, or into one that was saved before.
-pub unsafe fn get_fmu_state<E: Export>(component: Component, state: *mut FmuState) -> Status {
-    let function = Function::GetFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let state = target(function, "FMUstate", state)?;
-            if state.is_null() {
-                let snapshot = h.instance.snapshot()?;
-                *state = h.hand_out(snapshot);
-            } else {
-                let known = h.snapshot(function, *state)?;
-                *known = h.instance.snapshot()?;
-            }
-            Ok(())
-        })
-    }
-}
-
-/// fmi2SetFMUstate.
-pub unsafe fn set_fmu_state<E: Export>(component: Component, state: FmuState) -> Status {
-    let function = Function::SetFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let snapshot = h.snapshot(function, state)?;
-            h.instance.restore(&*snapshot)?;
-            h.log.write(Status::Ok as c_int, LOG_EVENTS, &format!("state at {} s restored", h.instance.time()));
-            Ok(())
-        })
-    }
-}
-
-/// fmi2FreeFMUstate; a null pointer is ignored.
-pub unsafe fn free_fmu_state<E: Export>(component: Component, state: *mut FmuState) -> Status {
-    let function = Function::FreeFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            if state.is_null() {
-                return Ok(());
-            }
-            let state = target(function, "FMUstate", state)?;
-            if state.is_null() {
-                return Ok(());
-            }
-            let snapshot = h.snapshot(function, *state)?;
-            h.snapshots.retain(|&known| known != snapshot);
-            drop(Box::from_raw(snapshot));
-            *state = std::ptr::null_mut();
-            Ok(())
-        })
-    }
-}
-
-/// fmi2SerializedFMUstateSize.
-pub unsafe fn serialized_fmu_state_size<E: Export>(component: Component, state: FmuState, size: *mut size_t) -> Status {
-    let function = Function::SerializedFMUstateSize;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let snapshot = h.snapshot(function, state)?;
-            *target(function, "size", size)? = h.instance.serialize(&*snapshot)?.len();
-            Ok(())
-        })
-    }
-}
-
-/// fmi2SerializeFMUstate.
-pub unsafe fn serialize_fmu_state<E: Export>(
-    component: Component,
-    state: FmuState,
-    bytes: *mut c_char,
-    size: size_t,
-) -> Status {
-    let function = Function::SerializeFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let snapshot = h.snapshot(function, state)?;
-            let written = h.instance.serialize(&*snapshot)?;
-            if size < written.len() {
-                return Err(error(function, &format!("size must be at least {}, got {size}", written.len())));
-            }
-            array_mut(function, "serializedState", bytes.cast::<u8>(), written.len())?.copy_from_slice(&written);
-            Ok(())
-        })
-    }
-}
-
-/// fmi2DeSerializeFMUstate.
-pub unsafe fn deserialize_fmu_state<E: Export>(
-    component: Component,
-    bytes: *const c_char,
-    size: size_t,
-    state: *mut FmuState,
-) -> Status {
-    let function = Function::DeSerializeFMUstate;
-    unsafe {
-        call::<E>(component, function, |h| {
-            let state = target(function, "FMUstate", state)?;
-            let snapshot = h.instance.deserialize(array(function, "serializedState", bytes.cast::<u8>(), size)?)?;
-            if state.is_null() {
-                *state = h.hand_out(snapshot);
-            } else {
-                let known = h.snapshot(function, *state)?;
-                *known = snapshot;
-            }
-            Ok(())
-        })
-    }
-}
-
-/// fmi2GetDirectionalDerivative.
-pub unsafe fn get_directional_derivative<E: Export>(
-    component: Component,
-    unknown: *const ValueReference,
-    unknown_count: size_t,
-    known: *const ValueReference,
-    known_count: size_t,
-    seed: *const f64,
-    result: *mut f64,
-) -> Status {
-    let function = Function::GetDirectionalDerivative;
-    unsafe {
-        call::<E>(component, function, |h| {
-            h.instance.directional_derivative(
-                array(function, "vUnknown_ref", unknown, unknown_count)?,
-                array(function, "vKnown_ref", known, known_count)?,
-                array(function, "dvKnown", seed, known_count)?,
-                array_mut(function, "dvUnknown", result, unknown_count)?,
-            )
-        })
-    }
-}
-
-/// Inputs are held over a step and outputs have no known slope, as the capability flags say.
-unsafe fn no_interpolation<E: Export>(component: Component, function: Function) -> Status {
-    unsafe { call::<E>(component, function, |_| Err(error(function, "not supported (see the capability flags)"))) }
-}
-
-/// fmi2SetRealInputDerivatives: not supported.
-pub unsafe fn set_real_input_derivatives<E: Export>(
-    component: Component,
-    _references: *const ValueReference,
-    _count: size_t,
-    _orders: *const c_int,
-    _values: *const f64,
-) -> Status {
-    unsafe { no_interpolation::<E>(component, Function::SetRealInputDerivatives) }
-}
-
-/// fmi2GetRealOutputDerivatives: not supported.
-pub unsafe fn get_real_output_derivatives<E: Export>(
-    component: Component,
-    _references: *const ValueReference,
-    _count: size_t,
-    _orders: *const c_int,
-    _values: *mut f64,
-) -> Status {
-    unsafe { no_interpolation::<E>(component, Function::GetRealOutputDerivatives) }
-}
-
-/// fmi2DoStep.
-pub unsafe fn do_step<E: Export>(component: Component, time: f64, step: f64, _no_set_before: Boolean) -> Status {
-    unsafe { call::<E>(component, Function::DoStep, |h| h.instance.do_step(time, step)) }
-}
-
-/// fmi2CancelStep: a step is over when fmi2DoStep returns.
-pub unsafe fn cancel_step<E: Export>(component: Component) -> Status {
-    let function = Function::CancelStep;
-    unsafe { call::<E>(component, function, |_| Err(error(function, "no step is pending"))) }
-}
-
-const LAST_SUCCESSFUL_TIME: c_int = 2;
-const TERMINATED: c_int = 3;
-
-unsafe fn no_answer<E: Export>(component: Component, function: Function, kind: c_int) -> Status {
-    unsafe {
-        call::<E>(component, function, |_| {
-            Err(CallError::Discard(format!("{}: no answer to status kind {kind}", function.name())))
-        })
-    }
-}
-
-/// fmi2GetStatus: no step is ever pending.
-pub unsafe fn get_status<E: Export>(component: Component, kind: c_int, _value: *mut c_int) -> Status {
-    unsafe { no_answer::<E>(component, Function::GetStatus, kind) }
-}
-
-/// fmi2GetRealStatus: answers fmi2LastSuccessfulTime.
-pub unsafe fn get_real_status<E: Export>(component: Component, kind: c_int, value: *mut f64) -> Status {
-    let function = Function::GetRealStatus;
-    if kind != LAST_SUCCESSFUL_TIME {
-        return unsafe { no_answer::<E>(component, function, kind) };
-    }
-    unsafe {
-        call::<E>(component, function, |h| {
-            *target(function, "value", value)? = h.instance.time();
-            Ok(())
-        })
-    }
-}
-
-/// fmi2GetIntegerStatus: the standard has no question of this type.
-pub unsafe fn get_integer_status<E: Export>(component: Component, kind: c_int, _value: *mut c_int) -> Status {
-    unsafe { no_answer::<E>(component, Function::GetIntegerStatus, kind) }
-}
-
-/// fmi2GetBooleanStatus: answers fmi2Terminated; the FMU never asks to end the simulation.
-pub unsafe fn get_boolean_status<E: Export>(component: Component, kind: c_int, value: *mut Boolean) -> Status {
-    let function = Function::GetBooleanStatus;
-    if kind != TERMINATED {
-        return unsafe { no_answer::<E>(component, function, kind) };
-    }
-    unsafe {
-        call::<E>(component, function, |_| {
-            *target(function, "value", value)? = 0;
-            Ok(())
-        })
-    }
-}
-
-/// fmi2GetStringStatus: no step is ever pending.
-pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _value: *mut *const c_char) -> Status {
-    unsafe { no_answer::<E>(component, Function::GetStringStatus, kind) }
-}
-
-/// The C interface of a model; [`model`](macro@crate::model) adds it where `cargo fmu pack` asks for it.
+/// What every library that the packer builds contains, whatever its interfaces.
 #[doc(hidden)]
 #[macro_export]
-macro_rules! c_interface {
-    (@functions $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*);)*) => {$(
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
-            unsafe { $target::<$model>(component $(, $argument)*) }
-        }
-    )*};
+macro_rules! unloading {
     ($model:ty) => {
-        #[doc(hidden)]
-        #[allow(unsafe_code, non_snake_case, clippy::missing_safety_doc, clippy::too_many_arguments)]
-        pub mod c_interface {
-            #[allow(unused_imports)]
-            use super::*;
-            use $crate::abi::*;
-            use $crate::abi::c::*;
-
-            // Called when the library is unloaded, or when the process ends. `atexit` would not do: the start-up code of
-            // zig does not connect it with the library, so the function is called when the library is gone.
-            #[cfg(target_os = "linux")]
-            #[used]
-            #[unsafe(link_section = ".fini_array")]
-            static FORGET: extern "C" fn() = forget::<$model>;
-
-            #[unsafe(no_mangle)]
-            pub extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
-                types_platform()
-            }
-            #[unsafe(no_mangle)]
-            pub extern "C" fn fmi2GetVersion() -> *const c_char {
-                version()
-            }
-            #[unsafe(no_mangle)]
-            pub unsafe extern "C" fn fmi2FreeInstance(component: Component) {
-                unsafe { free_instance::<$model>(component) }
-            }
-            #[unsafe(no_mangle)]
-            pub unsafe extern "C" fn fmi2Instantiate(
-                name: *const c_char,
-                fmu_type: c_int,
-                guid: *const c_char,
-                resources: *const c_char,
-                callbacks: *const Callbacks,
-                visible: Boolean,
-                logging_on: Boolean,
-            ) -> Component {
-                unsafe { instantiate::<$model>(name, fmu_type, guid, resources, callbacks, visible, logging_on) }
-            }
-            $crate::c_interface! { @functions $model:
-                fmi2SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);
-                fmi2SetupExperiment setup_experiment (with_tolerance: Boolean, tolerance: f64, start: f64, with_stop: Boolean, stop: f64);
-                fmi2EnterInitializationMode enter_initialization_mode ();
-                fmi2ExitInitializationMode exit_initialization_mode ();
-                fmi2Terminate terminate ();
-                fmi2Reset reset ();
-                fmi2GetReal get_real (vr: *const ValueReference, n: size_t, value: *mut f64);
-                fmi2GetInteger get_integer (vr: *const ValueReference, n: size_t, value: *mut c_int);
-                fmi2GetBoolean get_boolean (vr: *const ValueReference, n: size_t, value: *mut Boolean);
-                fmi2GetString get_string (vr: *const ValueReference, n: size_t, value: *mut *const c_char);
-                fmi2SetReal set_real (vr: *const ValueReference, n: size_t, value: *const f64);
-                fmi2SetInteger set_integer (vr: *const ValueReference, n: size_t, value: *const c_int);
-                fmi2SetBoolean set_boolean (vr: *const ValueReference, n: size_t, value: *const Boolean);
-                fmi2SetString set_string (vr: *const ValueReference, n: size_t, value: *const *const c_char);
-                fmi2GetFMUstate get_fmu_state (state: *mut FmuState);
-                fmi2SetFMUstate set_fmu_state (state: FmuState);
-                fmi2FreeFMUstate free_fmu_state (state: *mut FmuState);
-                fmi2SerializedFMUstateSize serialized_fmu_state_size (state: FmuState, size: *mut size_t);
-                fmi2SerializeFMUstate serialize_fmu_state (state: FmuState, bytes: *mut c_char, size: size_t);
-                fmi2DeSerializeFMUstate deserialize_fmu_state (bytes: *const c_char, size: size_t, state: *mut FmuState);
-                fmi2GetDirectionalDerivative get_directional_derivative (unknown: *const ValueReference, unknown_count: size_t, known: *const ValueReference, known_count: size_t, seed: *const f64, result: *mut f64);
-                fmi2SetRealInputDerivatives set_real_input_derivatives (vr: *const ValueReference, n: size_t, order: *const c_int, value: *const f64);
-                fmi2GetRealOutputDerivatives get_real_output_derivatives (vr: *const ValueReference, n: size_t, order: *const c_int, value: *mut f64);
-                fmi2DoStep do_step (time: f64, step: f64, no_set_before: Boolean);
-                fmi2CancelStep cancel_step ();
-                fmi2GetStatus get_status (kind: c_int, value: *mut c_int);
-                fmi2GetRealStatus get_real_status (kind: c_int, value: *mut f64);
-                fmi2GetIntegerStatus get_integer_status (kind: c_int, value: *mut c_int);
-                fmi2GetBooleanStatus get_boolean_status (kind: c_int, value: *mut Boolean);
-                fmi2GetStringStatus get_string_status (kind: c_int, value: *mut *const c_char);
-            }
-        }
+        // Called when the library is unloaded, or when the process ends. `atexit` would not do: the start-up code of
+        // zig does not connect it with the library, so the function is called when the library is gone.
+        #[cfg(target_os = "linux")]
+        #[used]
+        #[unsafe(link_section = ".fini_array")]
+        static FORGET: extern "C" fn() = $crate::abi::forget::<$model>;
     };
 }
 
@@ -967,20 +355,4 @@ pub mod c {
     #[cfg(target_family = "wasm")]
     #[expect(non_camel_case_types, reason = "as in C")]
     pub type size_t = usize;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_resource_uri_becomes_a_path() {
-        // RFC 8089: no authority, an empty one and localhost mean the same; %XX is a byte.
-        for uri in ["file:///a/b%20c", "file:/a/b%20c", "file://localhost/a/b%20c", "/a/b%20c"] {
-            assert_eq!(resources_path(uri), PathBuf::from("/a/b c"), "{uri}");
-        }
-        for path in ["/50%", "/5%+1", "/5%\u{20ac}"] {
-            assert_eq!(resources_path(&format!("file://{path}")), PathBuf::from(path));
-        }
-    }
 }

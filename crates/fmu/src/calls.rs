@@ -1,29 +1,130 @@
-//! Which function may be called when: the call-order rules of the FMI 2.0 standard (section 4.2.4), as one table.
+//! Which function may be called when: the call-order rules of FMI 2.0 (sections 3.2.3 and 4.2.4) and FMI 3.0 (sections 2.3,
+//! 3.2 and 4.2), as one table.
 
-/// Where an instance stands.
+/// Version of the standard that an FMU follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Version {
+    /// FMI 2.0.
+    Fmi2,
+    /// FMI 3.0.
+    Fmi3,
+}
+
+/// Interface that an instance is used by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interface {
+    /// The FMU contains its solver.
+    CoSimulation,
+    /// The importer solves the equations.
+    ModelExchange,
+}
+
+impl Interface {
+    /// Name in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::CoSimulation => "co-simulation",
+            Self::ModelExchange => "model exchange",
+        }
+    }
+}
+
+/// Interfaces that an FMU provides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interfaces {
+    /// Whether it can be used by co-simulation.
+    pub co_simulation: bool,
+    /// Whether it can be used by model exchange.
+    pub model_exchange: bool,
+}
+
+impl Interfaces {
+    /// None of them.
+    pub const NONE: Self = Self { co_simulation: false, model_exchange: false };
+    /// Both.
+    pub const ALL: Self = Self { co_simulation: true, model_exchange: true };
+
+    /// Whether an interface is provided.
+    #[must_use]
+    pub const fn contains(self, interface: Interface) -> bool {
+        match interface {
+            Interface::CoSimulation => self.co_simulation,
+            Interface::ModelExchange => self.model_exchange,
+        }
+    }
+}
+
+/// Version and interface of an instance: its column in the table of calls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Protocol {
+    /// Version of the standard.
+    pub version: Version,
+    /// Interface.
+    pub interface: Interface,
+}
+
+impl Protocol {
+    /// Co-simulation of FMI 2.0.
+    pub const CS2: Self = Self { version: Version::Fmi2, interface: Interface::CoSimulation };
+    /// Model exchange of FMI 2.0.
+    pub const ME2: Self = Self { version: Version::Fmi2, interface: Interface::ModelExchange };
+    /// Co-simulation of FMI 3.0.
+    pub const CS3: Self = Self { version: Version::Fmi3, interface: Interface::CoSimulation };
+    /// Model exchange of FMI 3.0.
+    pub const ME3: Self = Self { version: Version::Fmi3, interface: Interface::ModelExchange };
+    /// All columns of the table.
+    pub const ALL: [Self; 4] = [Self::CS2, Self::ME2, Self::CS3, Self::ME3];
+
+    /// Name in messages.
+    pub fn name(&self) -> String {
+        let version = match self.version {
+            Version::Fmi2 => "2.0",
+            Version::Fmi3 => "3.0",
+        };
+        format!("{} of FMI {version}", self.interface.name())
+    }
+
+    pub(crate) const fn column(self) -> usize {
+        2 * (self.version as usize) + self.interface as usize
+    }
+}
+
+/// State of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Mode {
-    /// After fmi2Instantiate or fmi2Reset.
+    /// After instantiation or reset.
     Instantiated,
-    /// Between fmi2EnterInitializationMode and fmi2ExitInitializationMode.
+    /// Between the start and the end of the initialization.
     Initialization,
-    /// Ready for a communication step.
+    /// Co-simulation: ready for a communication step.
     Step,
-    /// After a step that failed; the values are those before it.
+    /// Co-simulation: after a step that failed; the values are those before it.
     StepFailed,
-    /// After fmi2Terminate.
+    /// After the end of the simulation.
     Terminated,
     /// After a panic inside a call; the values are not to be trusted.
     Broken,
+    /// Events are handled.
+    Event,
+    /// Model exchange: the importer integrates.
+    ContinuousTime,
 }
 
 impl Mode {
     /// All modes, in the order of their numbers.
-    pub const ALL: [Mode; 6] =
-        [Self::Instantiated, Self::Initialization, Self::Step, Self::StepFailed, Self::Terminated, Self::Broken];
+    pub const ALL: [Mode; 8] = [
+        Self::Instantiated,
+        Self::Initialization,
+        Self::Step,
+        Self::StepFailed,
+        Self::Terminated,
+        Self::Broken,
+        Self::Event,
+        Self::ContinuousTime,
+    ];
 
-    /// Name as it stands in messages.
+    /// Name in messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Instantiated => "Instantiated",
@@ -32,6 +133,18 @@ impl Mode {
             Self::StepFailed => "Step Failed",
             Self::Terminated => "Terminated",
             Self::Broken => "Broken",
+            Self::Event => "Event Mode",
+            Self::ContinuousTime => "Continuous-Time Mode",
+        }
+    }
+
+    /// Whether instances of this interface can be in the mode.
+    pub const fn belongs_to(self, protocol: Protocol) -> bool {
+        match (self, protocol.interface) {
+            (Self::Step | Self::StepFailed, interface) => matches!(interface, Interface::CoSimulation),
+            (Self::Event, Interface::CoSimulation) => matches!(protocol.version, Version::Fmi3),
+            (Self::ContinuousTime, interface) => matches!(interface, Interface::ModelExchange),
+            _ => true,
         }
     }
 
@@ -46,68 +159,128 @@ const S: u8 = Mode::Step.bit();
 const F: u8 = Mode::StepFailed.bit();
 const T: u8 = Mode::Terminated.bit();
 const B: u8 = Mode::Broken.bit();
+const E: u8 = Mode::Event.bit();
+const C: u8 = Mode::ContinuousTime.bit();
+/// Not a function of this interface.
+const NO: u8 = 0;
 
 macro_rules! calls {
-    ($($function:ident $modes:expr;)*) => {
+    ($($function:ident $two:literal $three:literal: $($modes:expr),*;)*) => {
         /// A function of the C interface whose use depends on the mode.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[expect(missing_docs, reason = "the names are those of the standard without the prefix fmi2")]
+        #[expect(missing_docs, reason = "the names are those of FMI 2.0, or of FMI 3.0 if they are new")]
         pub enum Function { $($function),* }
 
         impl Function {
             /// All functions of the table.
             pub const ALL: &[Function] = &[$(Self::$function),*];
 
-            /// Name in the C interface.
-            pub const fn name(self) -> &'static str {
-                match self { $(Self::$function => concat!("fmi2", stringify!($function))),* }
+            /// Name in the C interface of a version; empty if the version does not have the function.
+            pub const fn name(self, version: Version) -> &'static str {
+                match (self, version) { $(
+                    (Self::$function, Version::Fmi2) => $two,
+                    (Self::$function, Version::Fmi3) => $three,
+                )* }
             }
 
-            const fn modes(self) -> u8 {
-                match self { $(Self::$function => $modes),* }
+            const fn modes(self) -> [u8; 4] {
+                match self { $(Self::$function => [$($modes),*]),* }
             }
         }
     };
 }
 
 calls! {
-    SetDebugLogging             I | N | S | F | T;
-    SetupExperiment             I;
-    EnterInitializationMode     I;
-    ExitInitializationMode          N;
-    Terminate                           S | F;
-    Reset                       I | N | S | F | T | B;
-    GetReal                         N | S | F | T;
-    GetInteger                      N | S | F | T;
-    GetBoolean                      N | S | F | T;
-    GetString                       N | S | F | T;
-    SetReal                     I | N | S;
-    SetInteger                  I | N | S;
-    SetBoolean                  I | N | S;
-    SetString                   I | N | S;
-    GetFMUstate                 I | N | S     | T;
-    SetFMUstate                 I | N | S | F | T;
-    FreeFMUstate                I | N | S | F | T;
-    SerializedFMUstateSize      I | N | S | F | T;
-    SerializeFMUstate           I | N | S | F | T;
-    DeSerializeFMUstate         I | N | S | F | T;
-    GetDirectionalDerivative        N | S | F | T;
-    SetRealInputDerivatives     I | N | S;
-    GetRealOutputDerivatives            S | F | T;
-    DoStep                              S;
-    CancelStep                          S;
-    GetStatus                           S | F | T;
-    GetRealStatus                       S | F | T;
-    GetIntegerStatus                    S | F | T;
-    GetBooleanStatus                    S | F | T;
-    GetStringStatus                     S | F | T;
+    //                                                                        FMI 2.0: co-simulation, model exchange,
+    //                                                                        FMI 3.0: co-simulation, model exchange
+    SetDebugLogging "fmi2SetDebugLogging" "fmi3SetDebugLogging":              I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    SetupExperiment "fmi2SetupExperiment" "":                                 I, I, NO, NO;
+    EnterInitializationMode "fmi2EnterInitializationMode" "fmi3EnterInitializationMode": I, I, I, I;
+    ExitInitializationMode "fmi2ExitInitializationMode" "fmi3ExitInitializationMode": N, N, N, N;
+    Terminate "fmi2Terminate" "fmi3Terminate":                                S|F, E|C, S|E|F, E|C;
+    Reset "fmi2Reset" "fmi3Reset":                                            I|N|S|F|T|B, I|N|E|C|T|B, I|N|S|E|F|T|B, I|N|E|C|T|B;
+    GetReal "fmi2GetReal" "fmi3GetFloat64":                                   N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    GetInteger "fmi2GetInteger" "fmi3GetInt32":                               N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    GetInt64 "" "fmi3GetInt64":                                               NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetBoolean "fmi2GetBoolean" "fmi3GetBoolean":                             N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    GetString "fmi2GetString" "fmi3GetString":                                N|S|F|T, N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    SetReal "fmi2SetReal" "fmi3SetFloat64":                                   I|N|S, I|N|E|C, I|N|S|E, I|N|E|C;
+    SetInteger "fmi2SetInteger" "fmi3SetInt32":                               I|N|S, I|N|E, I|N|S|E, I|N|E;
+    SetInt64 "" "fmi3SetInt64":                                               NO, NO, I|N|S|E, I|N|E;
+    SetBoolean "fmi2SetBoolean" "fmi3SetBoolean":                             I|N|S, I|N|E, I|N|S|E, I|N|E;
+    SetString "fmi2SetString" "fmi3SetString":                                I|N|S, I|N|E, I|N|S|E, I|N|E;
+    GetFMUstate "fmi2GetFMUstate" "fmi3GetFMUState":                          I|N|S|T, I|N|E|C|T, I|N|S|E|T, I|N|E|C|T;
+    SetFMUstate "fmi2SetFMUstate" "fmi3SetFMUState":                          I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    FreeFMUstate "fmi2FreeFMUstate" "fmi3FreeFMUState":                       I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    SerializedFMUstateSize "fmi2SerializedFMUstateSize" "fmi3SerializedFMUStateSize": I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    SerializeFMUstate "fmi2SerializeFMUstate" "fmi3SerializeFMUState":        I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    DeSerializeFMUstate "fmi2DeSerializeFMUstate" "fmi3DeserializeFMUState":  I|N|S|F|T, I|N|E|C|T, I|N|S|E|F|T, I|N|E|C|T;
+    GetDirectionalDerivative "fmi2GetDirectionalDerivative" "fmi3GetDirectionalDerivative": N|S|F|T, N|E|C|T, N|S|E|F|T, N|E|C|T;
+    GetAdjointDerivative "" "fmi3GetAdjointDerivative":                       NO, NO, N|S|E|F|T, N|E|C|T;
+    // Model exchange, and events.
+    EnterEventMode "fmi2EnterEventMode" "fmi3EnterEventMode":                 NO, C|E, S, C|E;
+    NewDiscreteStates "fmi2NewDiscreteStates" "fmi3UpdateDiscreteStates":     NO, E, E, E;
+    EvaluateDiscreteStates "" "fmi3EvaluateDiscreteStates":                   NO, NO, N|E, N|E;
+    EnterContinuousTimeMode "fmi2EnterContinuousTimeMode" "fmi3EnterContinuousTimeMode": NO, E, NO, E;
+    CompletedIntegratorStep "fmi2CompletedIntegratorStep" "fmi3CompletedIntegratorStep": NO, C, NO, C;
+    SetTime "fmi2SetTime" "fmi3SetTime":                                      NO, E|C, NO, E|C;
+    SetContinuousStates "fmi2SetContinuousStates" "fmi3SetContinuousStates":  NO, C, NO, C;
+    GetDerivatives "fmi2GetDerivatives" "fmi3GetContinuousStateDerivatives":  NO, N|E|C|T, NO, N|E|C|T;
+    GetEventIndicators "fmi2GetEventIndicators" "fmi3GetEventIndicators":     NO, N|E|C|T, NO, N|E|C|T;
+    GetContinuousStates "fmi2GetContinuousStates" "fmi3GetContinuousStates":  NO, N|E|C|T, NO, N|E|C|T;
+    GetNominalsOfContinuousStates "fmi2GetNominalsOfContinuousStates" "fmi3GetNominalsOfContinuousStates": NO, I|N|E|C|T, NO, I|N|E|C|T;
+    GetNumberOfEventIndicators "" "fmi3GetNumberOfEventIndicators":           NO, NO, NO, I|N|E|C|T;
+    GetNumberOfContinuousStates "" "fmi3GetNumberOfContinuousStates":         NO, NO, NO, I|N|E|C|T;
+    // Co-simulation.
+    SetRealInputDerivatives "fmi2SetRealInputDerivatives" "":                 I|N|S, NO, NO, NO;
+    GetRealOutputDerivatives "fmi2GetRealOutputDerivatives" "fmi3GetOutputDerivatives": S|F|T, NO, S|E|F|T, NO;
+    EnterStepMode "" "fmi3EnterStepMode":                                     NO, NO, E, NO;
+    DoStep "fmi2DoStep" "fmi3DoStep":                                         S, NO, S, NO;
+    CancelStep "fmi2CancelStep" "":                                           S, NO, NO, NO;
+    GetStatus "fmi2GetStatus" "":                                             S|F|T, NO, NO, NO;
+    GetRealStatus "fmi2GetRealStatus" "":                                     S|F|T, NO, NO, NO;
+    GetIntegerStatus "fmi2GetIntegerStatus" "":                               S|F|T, NO, NO, NO;
+    GetBooleanStatus "fmi2GetBooleanStatus" "":                               S|F|T, NO, NO, NO;
+    GetStringStatus "fmi2GetStringStatus" "":                                 S|F|T, NO, NO, NO;
+    // FMI 3.0: what no FMU of this exporter provides. The functions exist and return errors.
+    GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S|E, I|E;
+    ExitConfigurationMode "" "fmi3ExitConfigurationMode":                     NO, NO, I, I;
+    GetFloat32 "" "fmi3GetFloat32": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetInt8 "" "fmi3GetInt8": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetUInt8 "" "fmi3GetUInt8": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetInt16 "" "fmi3GetInt16": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetUInt16 "" "fmi3GetUInt16": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetUInt32 "" "fmi3GetUInt32": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetUInt64 "" "fmi3GetUInt64": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetBinary "" "fmi3GetBinary": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    GetClock "" "fmi3GetClock": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
+    SetFloat32 "" "fmi3SetFloat32": NO, NO, I|N|S|E, I|N|E;
+    SetInt8 "" "fmi3SetInt8": NO, NO, I|N|S|E, I|N|E;
+    SetUInt8 "" "fmi3SetUInt8": NO, NO, I|N|S|E, I|N|E;
+    SetInt16 "" "fmi3SetInt16": NO, NO, I|N|S|E, I|N|E;
+    SetUInt16 "" "fmi3SetUInt16": NO, NO, I|N|S|E, I|N|E;
+    SetUInt32 "" "fmi3SetUInt32": NO, NO, I|N|S|E, I|N|E;
+    SetUInt64 "" "fmi3SetUInt64": NO, NO, I|N|S|E, I|N|E;
+    SetBinary "" "fmi3SetBinary": NO, NO, I|N|S|E, I|N|E;
+    SetClock "" "fmi3SetClock": NO, NO, I|N|S|E, I|N|E;
+    GetIntervalDecimal "" "fmi3GetIntervalDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    GetIntervalFraction "" "fmi3GetIntervalFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    GetShiftDecimal "" "fmi3GetShiftDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    GetShiftFraction "" "fmi3GetShiftFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetIntervalDecimal "" "fmi3SetIntervalDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetIntervalFraction "" "fmi3SetIntervalFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetShiftDecimal "" "fmi3SetShiftDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetShiftFraction "" "fmi3SetShiftFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    ActivateModelPartition "" "fmi3ActivateModelPartition": NO, NO, NO, NO;
 }
 
 impl Function {
     /// Whether the function may be called in `mode`.
     #[inline]
-    pub const fn allowed(self, mode: Mode) -> bool {
-        self.modes() & mode.bit() != 0
+    pub const fn allowed(self, protocol: Protocol, mode: Mode) -> bool {
+        self.modes()[protocol.column()] & mode.bit() != 0
     }
 
     /// Rejects a call out of order.
@@ -115,14 +288,18 @@ impl Function {
     /// # Errors
     /// "called in X, allowed in Y".
     #[inline]
-    pub fn check(self, mode: Mode) -> Result<(), String> {
-        if self.allowed(mode) { Ok(()) } else { Err(self.out_of_order(mode)) }
+    pub fn check(self, protocol: Protocol, mode: Mode) -> Result<(), String> {
+        if self.allowed(protocol, mode) { Ok(()) } else { Err(self.out_of_order(protocol, mode)) }
     }
 
     #[cold]
-    fn out_of_order(self, mode: Mode) -> String {
-        let allowed: Vec<_> = Mode::ALL.into_iter().filter(|&m| self.allowed(m)).map(Mode::name).collect();
-        format!("{} called in {}, allowed in {}", self.name(), mode.name(), allowed.join(", "))
+    fn out_of_order(self, protocol: Protocol, mode: Mode) -> String {
+        let name = self.name(protocol.version);
+        if self.modes()[protocol.column()] == NO {
+            return format!("{name} is not a function of {}", protocol.interface.name());
+        }
+        let allowed: Vec<_> = Mode::ALL.into_iter().filter(|&m| self.allowed(protocol, m)).map(Mode::name).collect();
+        format!("{name} called in {}, allowed in {}", mode.name(), allowed.join(", "))
     }
 }
 
@@ -133,16 +310,37 @@ mod tests {
     #[test]
     fn an_error_says_where_it_was_called_and_where_it_may_be() {
         assert_eq!(
-            Function::Terminate.check(Mode::Instantiated).unwrap_err(),
+            Function::Terminate.check(Protocol::CS2, Mode::Instantiated).unwrap_err(),
             "fmi2Terminate called in Instantiated, allowed in Step Mode, Step Failed"
         );
-        assert_eq!(Function::Reset.check(Mode::Broken), Ok(()));
+        assert_eq!(Function::Reset.check(Protocol::CS2, Mode::Broken), Ok(()));
+        assert_eq!(
+            Function::DoStep.check(Protocol::ME3, Mode::Event).unwrap_err(),
+            "fmi3DoStep is not a function of model exchange"
+        );
     }
 
     #[test]
     fn a_broken_instance_can_only_be_reset() {
-        for &function in Function::ALL {
-            assert_eq!(function.allowed(Mode::Broken), function == Function::Reset, "{}", function.name());
+        for protocol in Protocol::ALL {
+            for &function in Function::ALL {
+                let expected = function == Function::Reset;
+                assert_eq!(function.allowed(protocol, Mode::Broken), expected, "{function:?} {protocol:?}");
+            }
+        }
+    }
+
+    /// A mode that an interface does not have allows nothing, and a function without a name in a version is in no mode of it.
+    #[test]
+    fn functions_and_modes_belong_to_their_versions_and_interfaces() {
+        for protocol in Protocol::ALL {
+            for &function in Function::ALL {
+                for mode in Mode::ALL.into_iter().filter(|&mode| function.allowed(protocol, mode)) {
+                    assert!(mode.belongs_to(protocol), "{function:?} {protocol:?} {mode:?}");
+                    let prefix = if protocol.version == Version::Fmi2 { "fmi2" } else { "fmi3" };
+                    assert!(function.name(protocol.version).starts_with(prefix), "{function:?} {protocol:?}");
+                }
+            }
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
 use crate::scalar::Scalar;
 use crate::unit::{DisplayUnit, Unit};
-use crate::variable::{Declaration, Kind, Real};
+use crate::variable::{ArrayElement, Declaration, Kind, Real};
 use crate::variables::{Counts, Element, Values, Variables};
 
 /// A variable, or an array of variables, under construction.
@@ -26,6 +26,7 @@ pub struct Spec {
     local: bool,
     calculated: bool,
     enumeration: bool,
+    array: Option<ArrayElement>,
 }
 
 /// Units of an array: one for all elements, or one for each.
@@ -70,6 +71,7 @@ impl Spec {
             local: false,
             calculated: false,
             enumeration: false,
+            array: None,
         }
     }
     /// A variable of a definition.
@@ -162,17 +164,17 @@ impl Spec {
     /// The element of an array with named elements.
     #[must_use]
     pub fn element(&self, index: usize, element: &Element) -> Self {
-        self.part(index, &format!(".{}", element.name), element.description)
+        self.part(index, &format!(".{}", element.name), element.description, element.name)
     }
 
     /// The element of an array `[T; N]`, which is counted from 1 in the name: `x[1]`, `x[1,2]`.
     #[must_use]
     pub fn indexed(&self, index: usize) -> Self {
         if let Some(name) = self.elements.get(index) {
-            return self.part(index, &format!(".{name}"), name);
+            return self.part(index, &format!(".{name}"), name, name);
         }
         let number = (index + 1).to_string();
-        let part = self.part(index, "", &format!("element {number}"));
+        let part = self.part(index, "", &format!("element {number}"), "");
         let name = match part.name.strip_suffix(']') {
             Some(outer) => format!("{outer},{number}]"),
             None => format!("{}[{number}]", part.name),
@@ -180,8 +182,17 @@ impl Spec {
         Self { name, ..part }
     }
 
-    fn part(&self, index: usize, suffix: &str, words: &str) -> Self {
+    fn part(&self, index: usize, suffix: &str, words: &str, element: &str) -> Self {
         let mut part = self.clone();
+        let array = part.array.get_or_insert_with(|| ArrayElement {
+            name: self.name.clone(),
+            description: self.text().replace("{}", "elements"),
+            element: String::new(),
+            dimensions: Vec::new(),
+        });
+        if array.element.is_empty() {
+            element.clone_into(&mut array.element);
+        }
         part.name.push_str(suffix);
         part.words = if self.words.is_empty() { words.to_owned() } else { format!("{}, {words}", self.words) };
         if let Some(description) = self.descriptions.get(index) {
@@ -215,6 +226,7 @@ impl Spec {
             local: self.local,
             calculated: self.calculated,
             kind,
+            array: self.array.clone(),
         });
     }
 
@@ -321,7 +333,12 @@ pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<De
     let first = all.len();
     declare(all);
     if !prefix.is_empty() {
-        all[first..].iter_mut().for_each(|declaration| declaration.name = format!("{prefix}.{}", declaration.name));
+        for declaration in &mut all[first..] {
+            declaration.name = format!("{prefix}.{}", declaration.name);
+            if let Some(array) = &mut declaration.array {
+                array.name = format!("{prefix}.{}", array.name);
+            }
+        }
     }
 }
 

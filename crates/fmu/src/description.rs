@@ -3,15 +3,18 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, Event};
+mod fmi2;
+mod fmi3;
+mod structure;
+mod xml;
 
-use crate::instance::ValueStore;
+use self::structure::{Structure, structure};
+use self::xml::simple_type;
+use crate::calls::{Interfaces, Version};
 use crate::model::Info;
 use crate::runner::{Kind as ModelKind, Model};
-use crate::scalar::DependencySet;
-use crate::unit::{DisplayUnit, Unit};
-use crate::variable::{Kind, Layout, Role, Variable};
+use crate::unit::Unit;
+use crate::variable::{Kind, Layout};
 
 /// Category of messages about rejected calls and failed steps; always logged.
 pub const LOG_ERROR: &str = "logStatusError";
@@ -27,6 +30,24 @@ pub const LOG_CATEGORIES: [(&str, &str); 3] = [
     (LOG_EVENTS, "Initialization, termination, reset and restored states"),
 ];
 
+/// What an FMU is packed as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Format {
+    /// Version of the standard.
+    pub version: Version,
+    /// Interfaces, as far as the model has them.
+    pub interfaces: Interfaces,
+    /// Whether arrays of the model are variables with dimensions (FMI 3.0) instead of one variable for each element.
+    pub arrays: bool,
+}
+
+impl Format {
+    /// FMI 2.0 with both interfaces.
+    pub const FMI2: Self = Self { version: Version::Fmi2, interfaces: Interfaces::ALL, arrays: false };
+    /// FMI 3.0 with both interfaces.
+    pub const FMI3: Self = Self { version: Version::Fmi3, ..Self::FMI2 };
+}
+
 /// What is known about a model without an instance.
 #[derive(Debug)]
 pub struct Description {
@@ -36,6 +57,8 @@ pub struct Description {
     pub guid: String,
     /// modelDescription.xml; empty in a packed library.
     pub xml: String,
+    /// With native arrays, how many values the variable of a value reference has; otherwise empty.
+    pub(crate) lengths: Vec<u32>,
 }
 
 impl Description {
@@ -45,35 +68,72 @@ impl Description {
     /// When the declarations contradict each other (two variables of one name, a start value outside its limits), or
     /// a model has no derived parameters for any value of its Booleans and enumerations; the test that
     /// [`model`](macro@crate::model) adds to the package finds that.
-    pub fn of<M: Model>(resources: &Path) -> Self {
-        Self::try_of::<M>(resources).unwrap_or_else(|problem| panic!("{problem}"))
+    pub fn of<M: Model>(format: Format, resources: &Path) -> Self {
+        Self::try_of::<M>(format, resources).unwrap_or_else(|problem| panic!("{problem}"))
     }
 
     /// As [`Self::of`].
     ///
     /// # Errors
     /// What is wrong with the declarations.
-    pub fn try_of<M: Model>(resources: &Path) -> Result<Self, String> {
-        let layout = M::layout();
+    pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
+        let mut layout = M::layout();
+        let Format { version, interfaces, .. } = format;
+        let interfaces = Interfaces { model_exchange: interfaces.model_exchange && M::MODEL_EXCHANGE, ..interfaces };
+        let format = Format { interfaces, ..format };
         let structure = match contradiction(&M::INFO, &layout) {
             Some(problem) => Err(problem),
+            None if interfaces == Interfaces::NONE => {
+                Err("a stateful model has no model exchange; pack it with the interface cs".to_owned())
+            }
             None if M::KIND == ModelKind::Continuous => structure::<M>(&layout, resources),
-            None => Ok(Vec::new()),
+            None => Ok(Structure::default()),
         }
         .map_err(|problem| format!("{}: {problem}", M::INFO.name))?;
-        let xml = xml::<M>(&layout, &structure).expect("writing to memory does not fail");
+        layout.indicators.relations = structure.relations;
+        let write = match version {
+            Version::Fmi2 => fmi2::write::<M>,
+            Version::Fmi3 => fmi3::write::<M>,
+        };
+        let xml = write(&layout, format, &structure).expect("writing to memory does not fail");
         let xml = String::from_utf8(xml).expect("all texts are UTF-8");
         // The GUID is the hash of the description with an empty one, which is the first: it stands in the first element.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
         let guid = format!("{{{hash}}}");
-        let xml = xml.replacen(NO_GUID, &format!("guid=\"{guid}\""), 1);
-        Ok(Self { layout, guid, xml })
+        let empty = match version {
+            Version::Fmi2 => fmi2::NO_GUID,
+            Version::Fmi3 => fmi3::NO_TOKEN,
+        };
+        let xml = xml.replacen(empty, &empty.replace("\"\"", &format!("\"{guid}\"")), 1);
+        Ok(Self { lengths: lengths(&layout, format), layout, guid, xml })
     }
 
-    /// What an instance needs, where the GUID is known: see [`crate::abi::Export::GUID`].
-    pub fn packed<M: Model>(guid: &str) -> Self {
-        Self { layout: M::layout(), guid: guid.to_owned(), xml: String::new() }
+    /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common, such as a
+    /// wheel or an axle; empty if there is none. Native arrays have no terminals, because a terminal groups whole variables.
+    #[must_use]
+    pub fn terminals(&self, format: Format) -> String {
+        let xml = fmi3::terminals(&self.layout, format).expect("writing to memory does not fail");
+        String::from_utf8(xml).expect("all texts are UTF-8")
     }
+
+    /// What an instance needs, where the GUID and the number of event indicators are known: see [`crate::abi::Export::GUID`].
+    pub fn packed<M: Model>(format: Format, guid: &str, indicators: usize) -> Self {
+        let mut layout = M::layout();
+        layout.indicators.relations = indicators.saturating_sub(layout.indicators.declared);
+        Self { lengths: lengths(&layout, format), layout, guid: guid.to_owned(), xml: String::new() }
+    }
+}
+
+/// How many values the variable of each value reference has if arrays are native: an array has that of its first element.
+fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
+    if !format.arrays {
+        return Vec::new();
+    }
+    let length = |reference: u32| {
+        let array = layout.by_reference(reference).and_then(|variable| layout.array_of(variable));
+        array.filter(|array| array.is_first).map_or(1, |array| array.elements.len() as u32)
+    };
+    (0..layout.end).map(length).collect()
 }
 
 /// What is wrong with the declarations, if anything.
@@ -138,443 +198,6 @@ fn contradiction(info: &Info, layout: &Layout) -> Option<String> {
     None
 }
 
-/// The most combinations of Booleans, enumerations and bounded Integers that are tried.
-const MOST_COMBINATIONS: usize = 4096;
-
-/// The most values of an Integer that are tried.
-const MOST_VALUES: i64 = 64;
-
-/// What every real output and derivative depends on, over all values of all Booleans, enumerations and bounded Integers.
-fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Vec<DependencySet>, String> {
-    let mut values = ValueStore::start(layout);
-    let known = layout.inputs.counts.reals + layout.states.counts.reals;
-    let unknown = layout.outputs.counts.reals + layout.states.counts.reals;
-    // Variables that equations may branch on, with their values.
-    let mut branches: Vec<(bool, usize, Vec<i32>)> = Vec::new();
-    let mut is_open = false;
-    for variable in layout.variables.iter().filter(|v| matches!(v.role, Role::Parameter | Role::Input)) {
-        match &variable.declaration.kind {
-            Kind::Real(_) => {}
-            Kind::Integer { items, .. } if !items.is_empty() => {
-                branches.push((true, variable.index, items.iter().map(|item| item.value).collect()));
-            }
-            Kind::Integer { min, max, .. } if i64::from(*max) - i64::from(*min) < MOST_VALUES => {
-                branches.push((true, variable.index, (*min..=*max).collect()));
-            }
-            Kind::Boolean { .. } => branches.push((false, variable.index, vec![0, 1])),
-            // Too many values to try: anything may depend on them, and on everything else through them.
-            Kind::Integer { .. } | Kind::String { .. } => is_open = true,
-        }
-    }
-    let combinations = branches.iter().try_fold(1_usize, |all, (_, _, values)| all.checked_mul(values.len()));
-    let combinations = combinations.filter(|&all| all <= MOST_COMBINATIONS);
-    is_open |= combinations.is_none();
-    let mut union = vec![DependencySet::default(); unknown];
-    if is_open {
-        union.iter_mut().for_each(|set| (0..known).for_each(|index| set.insert(index)));
-    }
-    let mut failure = None;
-    let mut has_derived = false;
-    for combination in 0..combinations.unwrap_or(1) {
-        let mut rest = combination;
-        for (is_integer, index, options) in &branches {
-            let value = options[rest % options.len()];
-            rest /= options.len();
-            if *is_integer {
-                values.integers[*index] = value;
-            } else {
-                values.booleans[*index] = value != 0;
-            }
-        }
-        let p = values.parameters::<M>();
-        let begun = M::load(&p, resources).and_then(|derived| {
-            let mut values = values.clone();
-            M::initialize(&p, &derived, layout, &mut values);
-            let memory = M::begin(&p, &derived, resources, layout, &values, 0.0)?;
-            Ok((derived, memory))
-        });
-        match begun {
-            Ok((derived, memory)) => {
-                has_derived = true;
-                if !is_open {
-                    let sets = M::dependencies(&p, &derived, &memory, layout, &values);
-                    union.iter_mut().zip(sets).for_each(|(sum, set)| sum.extend(&set));
-                }
-            }
-            // A combination without derived parameters cannot be simulated, so it adds nothing.
-            Err(message) => failure = Some(message),
-        }
-    }
-    match failure {
-        Some(message) if !has_derived => Err(format!("the start values of the parameters do not work: {message}")),
-        _ => Ok(union),
-    }
-}
-
-fn number(value: f64) -> String {
-    format!("{value:?}")
-}
-
-/// Numbers separated by blanks.
-fn list(numbers: impl IntoIterator<Item = usize>) -> String {
-    numbers.into_iter().map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
-}
-
-type Written = std::io::Result<()>;
-type Xml = Writer<Vec<u8>>;
-
-/// How an empty GUID is written.
-const NO_GUID: &str = "guid=\"\"";
-
-/// modelDescription.xml with an empty GUID.
-fn xml<M: Model>(layout: &Layout, structure: &[DependencySet]) -> std::io::Result<Vec<u8>> {
-    let info = &M::INFO;
-    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
-    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    let tool = concat!("fmu ", env!("CARGO_PKG_VERSION"), " (Rust)");
-    let authors = info.authors.replace(':', ", ");
-    let facts = [
-        ("fmiVersion", "2.0"),
-        ("modelName", info.name),
-        ("guid", ""),
-        ("description", info.description),
-        ("author", authors.as_str()),
-        ("version", info.version),
-        ("license", info.license),
-        ("generationTool", tool),
-        ("variableNamingConvention", "structured"),
-    ];
-    // A manifest need not name authors or a license.
-    let facts = facts.into_iter().filter(|(key, value)| *key == "guid" || !value.is_empty());
-    xml.create_element("fmiModelDescription").with_attributes(facts).write_inner_content(|xml| {
-        let mut element = xml.create_element("CoSimulation").with_attributes([
-            ("modelIdentifier", info.name),
-            ("canHandleVariableCommunicationStepSize", "true"),
-            ("canNotUseMemoryManagementFunctions", "true"),
-            ("canGetAndSetFMUstate", "true"),
-        ]);
-        if M::IS_SERIALIZABLE {
-            element = element.with_attribute(("canSerializeFMUstate", "true"));
-        }
-        if M::KIND == ModelKind::Continuous {
-            element = element.with_attribute(("providesDirectionalDerivative", "true"));
-        }
-        element.write_empty()?;
-        unit_definitions(xml, layout)?;
-        type_definitions(xml, layout)?;
-        xml.create_element("LogCategories").write_inner_content(|xml| {
-            for (name, description) in LOG_CATEGORIES {
-                xml.create_element("Category")
-                    .with_attributes([("name", name), ("description", description)])
-                    .write_empty()?;
-            }
-            Ok(())
-        })?;
-        xml.create_element("DefaultExperiment")
-            .with_attributes([
-                ("startTime", "0.0"),
-                ("stopTime", number(info.stop_time).as_str()),
-                ("stepSize", number(info.step_size).as_str()),
-            ])
-            .write_empty()?;
-        xml.create_element("ModelVariables").write_inner_content(|xml| {
-            layout.variables.iter().try_for_each(|variable| scalar_variable::<M>(xml, layout, variable))
-        })?;
-        model_structure::<M>(xml, layout, structure)
-    })?;
-    let mut bytes = xml.into_inner();
-    bytes.push(b'\n');
-    Ok(bytes)
-}
-
-fn unit_definitions(xml: &mut Xml, layout: &Layout) -> Written {
-    let mut units: BTreeMap<&str, (Unit, Vec<DisplayUnit>)> = BTreeMap::new();
-    for variable in &layout.variables {
-        let Kind::Real(real) = &variable.declaration.kind else { continue };
-        if real.unit.is_declared() {
-            let (_, display) = units.entry(real.unit.name).or_insert_with(|| (real.unit, Vec::new()));
-            for one in real.unit.display.iter().copied().chain(real.display) {
-                if !display.iter().any(|known| known.name == one.name) {
-                    display.push(one);
-                }
-            }
-        }
-    }
-    if units.is_empty() {
-        return Ok(());
-    }
-    xml.create_element("UnitDefinitions").write_inner_content(|xml| {
-        for (unit, display) in units.values() {
-            xml.create_element("Unit").with_attribute(("name", unit.name)).write_inner_content(|xml| {
-                let mut base = xml.create_element("BaseUnit");
-                for (name, exponent) in ["kg", "m", "s", "A", "K", "mol", "cd", "rad"].into_iter().zip(unit.exponents) {
-                    if exponent != 0 {
-                        base = base.with_attribute((name, exponent.to_string().as_str()));
-                    }
-                }
-                if unit.factor != 1.0 {
-                    base = base.with_attribute(("factor", number(unit.factor).as_str()));
-                }
-                if unit.offset != 0.0 {
-                    base = base.with_attribute(("offset", number(unit.offset).as_str()));
-                }
-                base.write_empty()?;
-                for display in display {
-                    let mut element = xml
-                        .create_element("DisplayUnit")
-                        .with_attributes([("name", display.name), ("factor", number(display.factor).as_str())]);
-                    if display.offset != 0.0 {
-                        element = element.with_attribute(("offset", number(display.offset).as_str()));
-                    }
-                    element.write_empty()?;
-                }
-                Ok(())
-            })?;
-        }
-        Ok(())
-    })?;
-    Ok(())
-}
-
-/// Types of the enumerations. Most are Integers, because several masters cannot set FMI enumerations; their description says
-/// what the numbers mean.
-/// Name of the type of an enumeration. One that is an Integer too has two types.
-fn simple_type(layout: &Layout, name: &str, is_enumeration: bool) -> String {
-    let is_integer = |variable: &Variable| matches!(&variable.declaration.kind, Kind::Integer { type_name, is_enumeration: false, .. } if *type_name == name);
-    let is_both = is_enumeration && layout.variables.iter().any(is_integer);
-    if is_both { format!("{name}Enumeration") } else { name.to_owned() }
-}
-
-fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
-    let mut types = BTreeMap::new();
-    for variable in &layout.variables {
-        if let Kind::Integer { items, type_name, min, max, is_enumeration, .. } = &variable.declaration.kind
-            && !items.is_empty()
-        {
-            types.insert(simple_type(layout, type_name, *is_enumeration), (*items, *min, *max, *is_enumeration));
-        }
-    }
-    if types.is_empty() {
-        return Ok(());
-    }
-    xml.create_element("TypeDefinitions").write_inner_content(|xml| {
-        for (name, (items, min, max, is_enumeration)) in types {
-            let description = items
-                .iter()
-                .map(|item| format!("{} {}: {}", item.value, item.name, item.description))
-                .collect::<Vec<_>>()
-                .join("; ");
-            xml.create_element("SimpleType")
-                .with_attributes([("name", name.as_str()), ("description", description.as_str())])
-                .write_inner_content(|xml| {
-                    if !is_enumeration {
-                        xml.create_element("Integer")
-                            .with_attributes([("min", min.to_string().as_str()), ("max", max.to_string().as_str())])
-                            .write_empty()?;
-                        return Ok(());
-                    }
-                    xml.create_element("Enumeration").write_inner_content(|xml| {
-                        for item in items {
-                            xml.create_element("Item")
-                                .with_attributes([
-                                    ("name", item.name),
-                                    ("value", item.value.to_string().as_str()),
-                                    ("description", item.description),
-                                ])
-                                .write_empty()?;
-                        }
-                        Ok(())
-                    })?;
-                    Ok(())
-                })?;
-        }
-        Ok(())
-    })?;
-    Ok(())
-}
-
-fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Written {
-    let declaration = &variable.declaration;
-    let is_real = matches!(declaration.kind, Kind::Real(_));
-    let (causality, variability, initial) = match variable.role {
-        Role::Parameter => ("parameter", if declaration.tunable { "tunable" } else { "fixed" }, Some("exact")),
-        Role::Calculated => ("calculatedParameter", "fixed", Some("calculated")),
-        Role::Input => ("input", if is_real { "continuous" } else { "discrete" }, None),
-        Role::Output => (
-            "output",
-            if M::KIND == ModelKind::Continuous && is_real { "continuous" } else { "discrete" },
-            Some(if M::CALCULATES_OUTPUTS { "calculated" } else { "exact" }),
-        ),
-        Role::State => (
-            if declaration.local { "local" } else { "output" },
-            "continuous",
-            Some(if declaration.calculated { "calculated" } else { "exact" }),
-        ),
-        Role::Derivative => ("local", "continuous", Some("calculated")),
-    };
-    let mut element = xml.create_element("ScalarVariable").with_attributes([
-        ("name", declaration.name.as_str()),
-        ("valueReference", variable.reference.to_string().as_str()),
-        ("description", declaration.description.as_str()),
-        ("causality", causality),
-        ("variability", variability),
-    ]);
-    if let Some(initial) = initial {
-        element = element.with_attribute(("initial", initial));
-    }
-    let has_start = initial != Some("calculated");
-    element.write_inner_content(|xml| {
-        match &declaration.kind {
-            Kind::Real(real) => {
-                let mut element = xml.create_element("Real");
-                if real.unit.is_declared() {
-                    element = element.with_attribute(("unit", real.unit.name));
-                }
-                if let Some(display) = real.display {
-                    element = element.with_attribute(("displayUnit", display.name));
-                }
-                // 1 is the default, which only a state states: solvers look there.
-                let nominal = real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State);
-                for (name, value) in [("min", real.min), ("max", real.max), ("nominal", nominal)] {
-                    if let Some(value) = value {
-                        element = element.with_attribute((name, number(value).as_str()));
-                    }
-                }
-                if has_start {
-                    element = element.with_attribute(("start", number(real.start).as_str()));
-                }
-                if variable.role == Role::Derivative {
-                    let state = layout.states.at.reals + variable.index - layout.derivatives.at.reals;
-                    let reference = u32::try_from(state).expect("numbered in 32 bits");
-                    element =
-                        element.with_attribute(("derivative", layout.structure_index(reference).to_string().as_str()));
-                }
-                element.write_empty()?;
-            }
-            Kind::Integer { start, min, max, items, type_name, is_enumeration } => {
-                let mut element = xml.create_element(if *is_enumeration { "Enumeration" } else { "Integer" });
-                if !items.is_empty() {
-                    element = element
-                        .with_attribute(("declaredType", simple_type(layout, type_name, *is_enumeration).as_str()));
-                }
-                for (name, value, none) in [("min", min, i32::MIN), ("max", max, i32::MAX)] {
-                    if *value != none {
-                        element = element.with_attribute((name, value.to_string().as_str()));
-                    }
-                }
-                if has_start {
-                    element = element.with_attribute(("start", start.to_string().as_str()));
-                }
-                element.write_empty()?;
-            }
-            Kind::Boolean { start } => {
-                let mut element = xml.create_element("Boolean");
-                if has_start {
-                    element = element.with_attribute(("start", start.to_string().as_str()));
-                }
-                element.write_empty()?;
-            }
-            Kind::String { start } => {
-                let mut element = xml.create_element("String");
-                if has_start {
-                    element = element.with_attribute(("start", start.as_str()));
-                }
-                element.write_empty()?;
-            }
-        }
-        Ok(())
-    })?;
-    Ok(())
-}
-
-fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, structure: &[DependencySet]) -> Written {
-    let with_role = |role: Role| layout.variables.iter().filter(move |variable| variable.role == role);
-    let index = |variable: &Variable| layout.structure_index(variable.reference);
-    let is_real = |variable: &&Variable| matches!(variable.declaration.kind, Kind::Real(_));
-    // Known real variables in the order in which `DependencySet` numbers them; what depends on the others is not known.
-    let known: Vec<usize> = with_role(Role::Input).filter(is_real).chain(with_role(Role::State)).map(index).collect();
-    let others: Vec<usize> = with_role(Role::Input).filter(|variable| !is_real(variable)).map(index).collect();
-    let depends = |variable: &Variable| -> Vec<usize> {
-        let everything = || known.iter().chain(&others).copied().collect::<Vec<_>>();
-        let set = match (variable.role, M::KIND) {
-            (Role::Output, ModelKind::Continuous) if is_real(&variable) => {
-                &structure[variable.index - layout.outputs.at.reals]
-            }
-            (Role::Output, ModelKind::Continuous) => {
-                let mut indices = everything();
-                indices.sort_unstable();
-                return indices;
-            }
-            (Role::Derivative, _) => {
-                &structure[layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals]
-            }
-            // Outputs of other models are held; an output that is a state is known itself.
-            _ => return Vec::new(),
-        };
-        let mut indices: Vec<_> =
-            known.iter().enumerate().filter(|&(i, _)| set.contains(i)).map(|(_, &index)| index).collect();
-        indices.extend(&others);
-        indices.sort_unstable();
-        indices
-    };
-    let unknown = |xml: &mut Xml, variable: &Variable, dependencies: Vec<usize>| -> Written {
-        xml.create_element("Unknown")
-            .with_attributes(
-                [("index", index(variable).to_string()), ("dependencies", list(dependencies))]
-                    .iter()
-                    .map(|(name, value)| (*name, value.as_str())),
-            )
-            .write_empty()?;
-        Ok(())
-    };
-    let outputs: Vec<_> = layout
-        .variables
-        .iter()
-        .filter(|v| v.role == Role::Output || (v.role == Role::State && !v.declaration.local))
-        .collect();
-    xml.create_element("ModelStructure").write_inner_content(|xml| {
-        if !outputs.is_empty() {
-            xml.create_element("Outputs")
-                .write_inner_content(|xml| outputs.iter().try_for_each(|v| unknown(xml, v, depends(v))))?;
-        }
-        if layout.derivatives.counts.reals > 0 {
-            xml.create_element("Derivatives")
-                .write_inner_content(|xml| with_role(Role::Derivative).try_for_each(|v| unknown(xml, v, depends(v))))?;
-        }
-        // At the start everything may also depend on any parameter; calculated ones on the fixed parameters only, the
-        // outputs of a source on those it names.
-        let can_follow = |v: &Variable, parameter: &Variable| match (v.role, M::SOURCE) {
-            (Role::Calculated | Role::State, _) => !parameter.declaration.tunable,
-            (_, Some(influence)) => influence(&v.declaration.name, &parameter.declaration.name),
-            _ => true,
-        };
-        let mut initial: Vec<_> = layout
-            .variables
-            .iter()
-            .filter(|v| match v.role {
-                Role::Calculated | Role::Derivative => true,
-                Role::State => v.declaration.calculated,
-                Role::Output => M::CALCULATES_OUTPUTS,
-                _ => false,
-            })
-            .collect();
-        initial.sort_by_key(|v| index(v));
-        if !initial.is_empty() {
-            xml.create_element("InitialUnknowns").write_inner_content(|xml| {
-                initial.iter().try_for_each(|v| {
-                    let mut all: Vec<_> =
-                        with_role(Role::Parameter).filter(|parameter| can_follow(v, parameter)).map(index).collect();
-                    // A state that is calculated itself is unknown at the start; it follows from the parameters.
-                    all.extend(depends(v).into_iter().filter(|&i| !layout.variables[i - 1].declaration.calculated));
-                    unknown(xml, v, all)
-                })
-            })?;
-        }
-        Ok(())
-    })?;
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -603,7 +226,7 @@ mod tests {
 
     fn plain(kind: Kind) -> Vec<Declaration> {
         let (name, description) = ("x".to_owned(), "D".to_owned());
-        vec![Declaration { name, description, tunable: false, local: false, calculated: false, kind }]
+        vec![Declaration { name, description, tunable: false, local: false, calculated: false, kind, array: None }]
     }
 
     fn enumeration(type_name: &'static str, items: &'static [Item]) -> Kind {

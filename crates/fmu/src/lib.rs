@@ -62,6 +62,7 @@ mod dual;
 pub mod enumeration;
 pub mod instance;
 pub mod model;
+mod relation;
 pub mod runner;
 pub mod scalar;
 #[cfg(feature = "serde")]
@@ -69,6 +70,7 @@ pub mod serde;
 pub mod simulation;
 mod solver;
 mod state_bytes;
+mod store;
 mod table;
 pub mod unit;
 pub mod variable;

@@ -2,6 +2,7 @@
 
 mod continuous;
 mod discrete;
+mod exchange;
 mod stateful;
 
 use std::path::Path;
@@ -10,10 +11,11 @@ pub use continuous::ContinuousModel;
 pub use discrete::DiscreteModel;
 pub use stateful::StatefulModel;
 
+use crate::clock::Clock;
 use crate::discrete_state::{Word, Words};
-use crate::instance::ValueStore;
 use crate::model::{Influence, Info};
 use crate::scalar::DependencySet;
+use crate::store::ValueStore;
 use crate::variable::Layout;
 use crate::variables::{Derived, Parameters};
 
@@ -69,6 +71,17 @@ pub struct Step {
     pub step: f64,
     /// Number of the next sample.
     pub sample: u64,
+    /// Whether the step ends at the first event, which is handled later.
+    pub stops_at_events: bool,
+}
+
+/// Result of an event in model exchange.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Update {
+    /// Whether the event has changed continuous states.
+    pub states_changed: bool,
+    /// Time of the next time event in s.
+    pub next_event_time: Option<f64>,
 }
 
 /// What an instance needs of a model.
@@ -79,6 +92,8 @@ pub trait Model: 'static {
     const KIND: Kind;
     /// See [`Discrete::SOURCE`](crate::Discrete::SOURCE).
     const SOURCE: Option<Influence> = None;
+    /// Whether instances can be used by model exchange.
+    const MODEL_EXCHANGE: bool;
     /// Whether the state can be serialized.
     const IS_SERIALIZABLE: bool = true;
     /// Whether the outputs are calculated at the start, instead of having start values.
@@ -115,7 +130,9 @@ pub trait Model: 'static {
     fn initialize(_p: &Self::Parameters, _derived: &Self::Derived, _layout: &Layout, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
-    /// Advances states or outputs, and the memory.
+    /// Whether a step can have events.
+    const HAS_EVENTS: bool = false;
+    /// Advances states or outputs, and the memory. Returns the time of the event that ended the step early.
     ///
     /// # Errors
     /// When a number is not finite or the model rejects; `values` is kept then, the memory is not.
@@ -127,7 +144,9 @@ pub trait Model: 'static {
         values: &mut ValueStore,
         step: Step,
         parts: u64,
-    ) -> Result<(), StepError>;
+    ) -> Result<Option<f64>, StepError>;
+    /// Prepares the memory for events that the importer asks for, which begin at `start`.
+    fn begin_events(_memory: &mut Self::Memory, _layout: &Layout, _start: f64) {}
     /// Computes the outputs at `time`; those of the first sample of a source.
     fn outputs(
         p: &Self::Parameters,
@@ -147,7 +166,7 @@ pub trait Model: 'static {
         _time: f64,
     ) {
     }
-    /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, then states), outputs first.
+    /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, states, the time), outputs first.
     #[expect(clippy::too_many_arguments, reason = "the point and the direction in it")]
     fn directional(
         _p: &Self::Parameters,
@@ -161,7 +180,8 @@ pub trait Model: 'static {
     ) {
         result.fill(0.0);
     }
-    /// What real outputs, then state derivatives depend on: the known variables are the real inputs, then the states.
+    /// What real outputs, then state derivatives depend on: the known variables are the real inputs, then the states, then the
+    /// time.
     fn dependencies(
         _p: &Self::Parameters,
         _derived: &Self::Derived,
@@ -170,6 +190,61 @@ pub trait Model: 'static {
         _values: &ValueStore,
     ) -> Vec<DependencySet> {
         vec![DependencySet::default(); layout.outputs.counts.reals + layout.states.counts.reals]
+    }
+    /// How many relations the equations have at these values.
+    fn count_relations(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &Self::Memory,
+        _layout: &Layout,
+        _values: &ValueStore,
+    ) -> usize {
+        0
+    }
+    /// Model exchange: handles the events that are due.
+    ///
+    /// # Errors
+    /// A number is not finite or the model rejects; values, memory and clock are kept then.
+    fn handle_events(
+        p: &Self::Parameters,
+        derived: &Self::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &mut ValueStore,
+        clock: &mut Clock,
+    ) -> Result<Update, StepError>;
+    /// Model exchange: gives every relation the side that the values have.
+    fn settle(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &mut Self::Memory,
+        _layout: &Layout,
+        _values: &ValueStore,
+        _time: f64,
+    ) {
+    }
+    /// Model exchange: computes the outputs or the derivatives with the relations as they were settled.
+    fn frozen(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &mut Self::Memory,
+        _layout: &Layout,
+        _values: &mut ValueStore,
+        _time: f64,
+        _outputs: bool,
+    ) {
+    }
+    /// Model exchange: the event indicators, for relations as they were settled.
+    fn event_indicators(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &mut Self::Memory,
+        _layout: &Layout,
+        _values: &ValueStore,
+        _time: f64,
+        result: &mut [f64],
+    ) {
+        result.fill(1.0);
     }
     /// Passes every value of the memory on.
     ///
@@ -180,7 +255,7 @@ pub trait Model: 'static {
     ///
     /// # Errors
     /// A value is missing, of another type, or impossible.
-    fn restore(memory: &mut Self::Memory, source: &mut Words<'_>) -> Result<(), String>;
+    fn restore(memory: &mut Self::Memory, layout: &Layout, source: &mut Words<'_>) -> Result<(), String>;
     /// Name and value of the first number in the memory that is not finite.
     fn not_finite(_memory: &Self::Memory) -> Option<(&'static str, f64)> {
         None

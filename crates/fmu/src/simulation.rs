@@ -3,11 +3,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::instance::ValueStore;
 use crate::model::{Continuous, Discrete, Sample};
 use crate::runner::{ContinuousModel, DiscreteModel, MOST_PARTS, Model, Step, StepError};
+use crate::store::ValueStore;
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::{Counts, Variables as _};
+
+/// Co-simulation is all that a run needs.
+type Runner<M> = ContinuousModel<M, false>;
 
 /// A run of a continuous-time model, as its FMU would do it: same solver, same bits.
 ///
@@ -47,7 +50,7 @@ pub struct ContinuousSimulation<M: Continuous> {
     model: Arc<M>,
     derived: Arc<M::Derived>,
     layout: Arc<Layout>,
-    memory: <ContinuousModel<M> as Model>::Memory,
+    memory: <Runner<M> as Model>::Memory,
     values: ValueStore,
     time: f64,
 }
@@ -85,12 +88,12 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// # Errors
     /// The parameters do not suit each other, or a file cannot be read.
     pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
-        let layout = ContinuousModel::<M>::layout();
+        let layout = Runner::<M>::layout();
         let derived = model.load(resources)?;
         let mut values = ValueStore::start(&layout);
         model.write(&mut values.view_mut(), Counts::ZERO);
-        ContinuousModel::<M>::initialize(&model, &derived, &layout, &mut values);
-        let memory = ContinuousModel::<M>::begin(&model, &derived, resources, &layout, &values, 0.0)?;
+        Runner::<M>::initialize(&model, &derived, &layout, &mut values);
+        let memory = Runner::<M>::begin(&model, &derived, resources, &layout, &values, 0.0)?;
         Ok(Self { model: model.into(), derived: derived.into(), layout: layout.into(), memory, values, time: 0.0 })
     }
 
@@ -111,7 +114,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
         state.write(&mut self.values.view_mut(), self.layout.states.at);
         if self.time == 0.0 {
             let Self { model, derived, layout, values, .. } = self;
-            self.memory = ContinuousModel::<M>::memory(model, derived, layout, values, 0.0);
+            self.memory = Runner::<M>::memory(model, derived, layout, values, 0.0);
         }
     }
 
@@ -144,7 +147,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     pub fn outputs(&mut self, inputs: &M::Inputs<f64>) -> M::Outputs<f64> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let Self { model, derived, layout, memory, values, time } = self;
-        ContinuousModel::<M>::outputs(model, derived, memory, layout, values, *time);
+        Runner::<M>::outputs(model, derived, memory, layout, values, *time);
         M::Outputs::read(values.view(), layout.outputs.at)
     }
 
@@ -155,14 +158,14 @@ impl<M: Continuous> ContinuousSimulation<M> {
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
         let Self { model, derived, layout, memory, values, time } = self;
-        let interval = Step { start: 0.0, reached: *time, time: *time, step, sample: 0 };
-        let parts = ContinuousModel::<M>::parts(layout, values, interval);
+        let interval = Step { start: 0.0, reached: *time, time: *time, step, sample: 0, stops_at_events: false };
+        let parts = Runner::<M>::parts(layout, values, interval);
         if parts.is_nan() || parts > MOST_PARTS {
             return Err(format!(
                 "a step of {step} s needs {parts} integration steps, at most {MOST_PARTS} are possible"
             ));
         }
-        let advanced = ContinuousModel::<M>::step(model, derived, memory, layout, values, interval, parts as u64);
+        let advanced = Runner::<M>::step(model, derived, memory, layout, values, interval, parts as u64);
         advanced.map_err(|error| message(layout, &error))?;
         *time += step;
         Ok(())
@@ -210,7 +213,7 @@ impl<M: Discrete> DiscreteSimulation<M> {
     /// # Errors
     /// The parameters do not suit each other, or a file cannot be read.
     pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
-        let layout = DiscreteModel::<M>::layout();
+        let layout = DiscreteModel::<M, false>::layout();
         let mut values = ValueStore::start(&layout);
         model.write(&mut values.view_mut(), Counts::ZERO);
         let sample_time = layout.solver.map_or(M::INFO.step_size, |index| values.reals[index]);

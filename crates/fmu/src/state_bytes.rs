@@ -4,15 +4,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::calls::Mode;
+use crate::calls::{Mode, Protocol};
 use crate::clock::Clock;
 use crate::discrete_state::{OwnedWord, Word, Words};
-use crate::instance::{Snapshot, ValueStore};
+use crate::instance::Snapshot;
 use crate::runner::{Kind as ModelKind, Model};
+use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role};
 
 const MAGIC: &[u8; 8] = b"FMURS\r\n\0";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// FNV-1a, 64 bits: finds damaged bytes; it is no protection against forged ones.
 pub(crate) fn checksum(bytes: &[u8]) -> u64 {
@@ -37,9 +38,10 @@ impl Writer {
     }
 }
 
-pub(crate) fn write<M: Model>(guid: &str, snapshot: &Snapshot<M>) -> Result<Vec<u8>, String> {
+pub(crate) fn write<M: Model>(protocol: Protocol, guid: &str, snapshot: &Snapshot<M>) -> Result<Vec<u8>, String> {
     let mut out = Writer(MAGIC.to_vec());
     out.u32(VERSION);
+    out.u32(protocol.column() as u32);
     out.text(guid);
     out.u32(snapshot.mode as u32);
     out.f64(snapshot.clock.start);
@@ -118,6 +120,7 @@ impl Reader<'_> {
 
 /// The snapshot of some bytes.
 pub(crate) fn read<M: Model>(
+    protocol: Protocol,
     guid: &str,
     layout: &Layout,
     resources: &Path,
@@ -133,6 +136,11 @@ pub(crate) fn read<M: Model>(
     if version != VERSION {
         return Err(format!("format version must be {VERSION}, got {version}"));
     }
+    let column = source.u32()?;
+    if column != protocol.column() as u32 {
+        let from = Protocol::ALL.get(column as usize).map_or_else(|| "an unknown interface".to_owned(), Protocol::name);
+        return Err(format!("the state was saved by an instance for {from}, this one is for {}", protocol.name()));
+    }
     let found = source.text()?;
     if found != guid {
         return Err(format!("the state belongs to another FMU: GUID {found} instead of {guid}"));
@@ -141,7 +149,8 @@ pub(crate) fn read<M: Model>(
         return Err("the bytes are damaged (checksum)".to_owned());
     }
     let number = source.u32()?;
-    let mode = Mode::ALL.get(number as usize).copied().ok_or_else(|| format!("unknown mode {number}"))?;
+    let mode = Mode::ALL.get(number as usize).copied().filter(|mode| mode.belongs_to(protocol));
+    let mode = mode.ok_or_else(|| format!("unknown mode {number}"))?;
     let start = source.f64()?;
     let has_stop = source.switch()?;
     let stop = source.f64()?;
@@ -201,7 +210,7 @@ pub(crate) fn read<M: Model>(
         }
     }
     let period = layout.solver.filter(|_| M::KIND == ModelKind::Discrete).map(|index| values.reals[index]);
-    clock.check(initialized, period)?;
+    clock.check(protocol.interface, initialized, period)?;
     let mut snapshot = Snapshot { mode, clock, values, memory: None, derived: None };
     if !has_derived {
         return if source.0.is_empty() { Ok(snapshot) } else { Err(format!("{} bytes too many", source.0.len())) };
@@ -226,7 +235,7 @@ pub(crate) fn read<M: Model>(
             }
             kind => Err(format!("unknown kind of value {kind}")),
         };
-        M::restore(memory, &mut Words(&mut next))?;
+        M::restore(memory, layout, &mut Words(&mut next))?;
     }
     if !source.0.is_empty() {
         return Err(format!("{} bytes too many", source.0.len()));

@@ -21,6 +21,32 @@ pub struct Declaration {
     pub calculated: bool,
     /// Type and what belongs to it.
     pub kind: Kind,
+    /// The array that it is an element of.
+    pub array: Option<ArrayElement>,
+}
+
+/// Place of a variable in an array.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ArrayElement {
+    /// Name of the array.
+    pub name: String,
+    /// Description of the array.
+    pub description: String,
+    /// Name of the element, such as `fl`; empty for numbered elements.
+    pub element: String,
+    /// Lengths of the array, the outer one first.
+    pub dimensions: Vec<usize>,
+}
+
+/// An array of variables.
+#[derive(Clone, Debug)]
+pub(crate) struct Array<'a> {
+    pub(crate) name: String,
+    pub(crate) description: String,
+    pub(crate) dimensions: Vec<usize>,
+    pub(crate) elements: Vec<&'a Variable>,
+    /// Whether the variable that was asked for is the first element.
+    pub(crate) is_first: bool,
 }
 
 /// Type of a variable with its start value and limits.
@@ -123,6 +149,23 @@ impl Block {
     }
 }
 
+/// How many event indicators model exchange has, in their order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Indicators {
+    /// Zero crossings that the model declares.
+    pub declared: usize,
+    /// The most relations of derivatives and outputs, over all modes of the model.
+    pub relations: usize,
+}
+
+impl Indicators {
+    /// All of them.
+    #[must_use]
+    pub const fn total(self) -> usize {
+        self.declared + self.relations
+    }
+}
+
 /// All variables of a model and where their values are.
 ///
 /// Reals come first, block by block, so that a value reference is an index; Integers, Booleans and Strings follow.
@@ -142,6 +185,8 @@ pub struct Layout {
     pub states: Block,
     /// Their derivatives.
     pub derivatives: Block,
+    /// Numbers of event indicators.
+    pub indicators: Indicators,
     /// Index of the parameter `sample_time`, `max_step` or `tolerance`.
     pub solver: Option<usize>,
     /// First value reference of the Integers.
@@ -169,6 +214,8 @@ pub struct Declarations {
     pub outputs: Vec<Declaration>,
     /// Continuous states.
     pub states: Vec<Declaration>,
+    /// Number of zero crossings.
+    pub crossings: usize,
     /// Name of the parameter that the solver reads.
     pub solver: Option<&'static str>,
 }
@@ -227,6 +274,7 @@ impl Layout {
             outputs: next(),
             states: next(),
             derivatives: next(),
+            indicators: Indicators { declared: declared.crossings, ..Indicators::default() },
             solver,
             first_integer: first[1],
             first_boolean: first[2],
@@ -235,6 +283,26 @@ impl Layout {
             variables,
             positions,
         }
+    }
+
+    /// The array that a variable is an element of, if all elements agree in what an array has once: type, unit and limits.
+    pub(crate) fn array_of(&self, variable: &Variable) -> Option<Array<'_>> {
+        let of = variable.declaration.array.as_ref()?;
+        let is_element = |other: &&Variable| {
+            other.role == variable.role && other.declaration.array.as_ref().is_some_and(|array| array.name == of.name)
+        };
+        let elements: Vec<_> = self.variables.iter().filter(is_element).collect();
+        let first = elements.first()?;
+        let agree = elements.iter().all(|element| element.declaration.is_like(&first.declaration));
+        let is_whole = elements.len() == of.dimensions.iter().product::<usize>();
+        let is_connected = elements.iter().enumerate().all(|(i, element)| element.index == first.index + i);
+        (agree && is_whole && is_connected).then(|| Array {
+            name: of.name.clone(),
+            description: of.description.clone(),
+            dimensions: of.dimensions.clone(),
+            is_first: first.reference == variable.reference,
+            elements: elements.clone(),
+        })
     }
 
     /// The variable of a value reference.
@@ -268,6 +336,37 @@ impl Layout {
     /// How many real values there are.
     pub fn reals(&self) -> usize {
         self.derivatives.reals().end
+    }
+}
+
+impl Variable {
+    /// Start value of a real variable.
+    pub(crate) fn real_start(&self) -> Option<f64> {
+        match &self.declaration.kind {
+            Kind::Real(real) => Some(real.start),
+            _ => None,
+        }
+    }
+}
+
+impl Declaration {
+    /// Whether another variable differs in name, description and start value only.
+    fn is_like(&self, other: &Self) -> bool {
+        let is_like = match (&self.kind, &other.kind) {
+            (Kind::Real(one), Kind::Real(other)) => {
+                let limits = |real: &Real| [real.min, real.max, real.nominal].map(|value| value.map(f64::to_bits));
+                let display = |real: &Real| real.display.map(|display| display.name);
+                one.unit.name == other.unit.name && display(one) == display(other) && limits(one) == limits(other)
+            }
+            (
+                Kind::Integer { min, max, type_name, is_enumeration, .. },
+                Kind::Integer {
+                    min: other_min, max: other_max, type_name: other_type, is_enumeration: other_is, ..
+                },
+            ) => (min, max, type_name, is_enumeration) == (other_min, other_max, other_type, other_is),
+            (one, other) => one.type_number() == other.type_number(),
+        };
+        is_like && (self.tunable, self.local, self.calculated) == (other.tunable, other.local, other.calculated)
     }
 }
 
@@ -314,6 +413,11 @@ fn derivative_of(state: &Declaration) -> Declaration {
         tunable: false,
         local: true,
         calculated: false,
+        array: state.array.as_ref().map(|array| ArrayElement {
+            name: format!("der({})", array.name),
+            description: format!("Time derivative of {}", array.description),
+            ..array.clone()
+        }),
         kind: Kind::Real(Real {
             unit: real.unit.per_second(),
             display: None,

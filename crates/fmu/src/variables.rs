@@ -279,8 +279,12 @@ pub fn declare_elements<T, F: Field<T>, const N: usize>(
     F::Start: Clone,
 {
     let mut starts = start.map(|start| start.each().into_iter());
+    let first = all.len();
     for i in 0..N {
         F::declare(&spec(i), starts.as_mut().and_then(Iterator::next), all);
+    }
+    for array in all[first..].iter_mut().filter_map(|declaration| declaration.array.as_mut()) {
+        array.dimensions.insert(0, N);
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use fmu::description::Description;
+use fmu::calls::Protocol;
+use fmu::description::{Description, Format};
 use fmu::instance::Instance;
 use fmu::runner::DiscreteModel;
 
@@ -18,8 +19,8 @@ struct Fmu {
 
 impl Fmu {
     fn new(resources: &Path) -> Self {
-        let description = Arc::new(Description::of::<DiscreteModel<Driver>>(Path::new("")));
-        Self { instance: Unit::new(Arc::clone(&description), resources.to_owned()), description }
+        let description = Arc::new(Description::of::<DiscreteModel<Driver>>(Format::FMI2, Path::new("")));
+        Self { instance: Unit::new(Protocol::CS2, Arc::clone(&description), resources.to_owned()), description }
     }
 
     fn reference(&self, name: &str) -> u32 {

@@ -132,11 +132,16 @@ pub fn not_exported(
 }
 
 /// The model descriptions in a library that the exporter of this project made to describe its models, by the name of the
-/// model's type. Empty for other libraries.
+/// model's type. Empty for other libraries. `version` is that of FMI, 2 or 3; `interfaces` is a sum of 1 (co-simulation) and 2
+/// (model exchange).
 ///
 /// # Errors
 /// The system cannot load it, or a model has no description because its declarations contradict each other.
-pub fn exported_descriptions(path: &std::path::Path) -> Result<Vec<(String, String)>, LoadError> {
+pub fn exported_descriptions(
+    path: &std::path::Path,
+    version: i32,
+    interfaces: i32,
+) -> Result<Vec<(String, String)>, LoadError> {
     const PREFIX: &str = "fmu_model_description_";
     let failed = |reason: String| LoadError::Library { path: path.to_path_buf(), reason };
     let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
@@ -148,10 +153,11 @@ pub fn exported_descriptions(path: &std::path::Path) -> Result<Vec<(String, Stri
     let library = open(path).map_err(|error| failed(reason(&error)))?;
     let mut descriptions = Vec::new();
     for name in names {
-        // SAFETY: the exporter defines these functions without arguments; they return a string that lives as long as the
-        // library is loaded, or null.
+        // SAFETY: the exporter defines these functions with these arguments; they return a string that lives until the next
+        // call, or null.
         let description = unsafe {
-            library.get::<unsafe extern "C" fn() -> *const c_char>(name.as_bytes()).map(|function| text(function()))
+            let function = library.get::<unsafe extern "C" fn(i32, i32) -> *const c_char>(name.as_bytes());
+            function.map(|function| text(function(version, interfaces)))
         };
         let description = description.map_err(|error| failed(reason(&error)))?;
         let model = name[PREFIX.len()..].to_owned();

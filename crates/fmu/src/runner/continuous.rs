@@ -3,33 +3,37 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Kind, MOST_PARTS, Model, Step, StepError, are_finite, first_not_finite};
+use super::exchange::Exchange;
+use super::{Kind, MOST_PARTS, Model, Step, StepError, Update, are_finite, first_not_finite};
+use crate::clock::Clock;
 use crate::declare::Spec;
 use crate::definition::{MAX_STEP, TOLERANCE};
 use crate::discrete_state::{DiscreteState as _, Word, Words};
-use crate::instance::ValueStore;
 use crate::model::{At, Continuous, Event, Info, Solver, is_crossing};
 use crate::scalar::{Dependencies, DependencySet, Dual64, Scalar};
 use crate::solver::{Problem, Scratch};
+use crate::store::ValueStore;
 use crate::variable::{Declarations, Kind as Type, Layout};
 use crate::variables::{ContinuousState as _, Counts, Derived as _, Values, ValuesMut, Variables as _};
 
-/// Runs a [`Continuous`] model.
+/// Runs a [`Continuous`] model, with or without model exchange.
 #[derive(Debug)]
-pub struct ContinuousModel<M>(PhantomData<M>);
+pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
 /// The most events in one communication step: more of them are a chain of ever shorter intervals (Zeno behavior).
-const MOST_EVENTS: u32 = 10_000;
+pub(super) const MOST_EVENTS: u32 = 10_000;
 
 /// What a continuous-time model has besides its variables.
 #[derive(Clone, Debug)]
 pub struct Memory<D> {
-    discrete: D,
+    pub(super) discrete: D,
     /// Step that the solver with error control proposes next in s; 0 before the first one.
     proposed: f64,
     /// The quantities whose zero crossings are events, at the start or where the last step ended.
-    crossings: Vec<f64>,
+    pub(super) crossings: Vec<f64>,
     scratch: Scratch,
+    /// In model exchange, from its first event on.
+    pub(super) exchange: Option<Box<Exchange>>,
 }
 
 /// Makes one step of the solver from a time and state, at most some seconds long. Returns the state after it and its length.
@@ -88,6 +92,11 @@ struct Integration<'a, M: Continuous> {
     events: u32,
     /// Time of the first event of the step, for a message.
     first_event: f64,
+    /// Time up to which time events were handled in this step in s.
+    handled: f64,
+    stops_at_events: bool,
+    /// Time of the event at which the step stopped in s.
+    stopped: Option<f64>,
 }
 
 impl<'a, M: Continuous> Integration<'a, M> {
@@ -185,6 +194,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
             if let Some(due) = due.filter(|due| *due <= time) {
                 // Between the end of the step before and the start of this one, which differ by roundings.
                 self.reached = due;
+                self.handled = due;
                 self.event(time, &mut x, &[], &[], true)?;
                 continue;
             }
@@ -200,6 +210,10 @@ impl<'a, M: Continuous> Integration<'a, M> {
             let at = found.as_ref().map_or(time + h, |(at, ..)| *at);
             time = if is_at_limit { due.unwrap_or(end) } else { at };
             self.reached = self.reached.max(time);
+            if self.stops_at_events && (found.is_some() || (is_at_limit && due.is_some())) {
+                self.stopped = Some(time);
+                return Ok(found.map_or(after, |(_, state, _)| state));
+            }
             match found {
                 Some((_, state, values)) => {
                     x = state;
@@ -212,6 +226,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
                 }
             }
             if is_at_limit && due.is_some() {
+                self.handled = time;
                 self.event(time, &mut x, &[], &[], true)?;
             }
         }
@@ -368,7 +383,7 @@ fn error_norm<M: Continuous>(
     (sum / n as f64).sqrt()
 }
 
-impl<M: Continuous> ContinuousModel<M> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
     /// The memory at the start.
     pub(crate) fn memory(
         p: &M,
@@ -389,11 +404,13 @@ impl<M: Continuous> ContinuousModel<M> {
             let at = At { time, state, inputs, derived, discrete: &discrete };
             crossings.extend_from_slice(p.zero_crossings(at).as_ref());
         }
-        Memory { discrete, proposed: 0.0, crossings, scratch }
+        Memory { discrete, proposed: 0.0, crossings, scratch, exchange: None }
     }
 }
 
-impl<M: Continuous> Model for ContinuousModel<M> {
+impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
+    const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
+    const HAS_EVENTS: bool = size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS;
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Continuous;
     type Parameters = M;
@@ -407,6 +424,7 @@ impl<M: Continuous> Model for ContinuousModel<M> {
             inputs: M::Inputs::<f64>::declarations(),
             outputs: M::Outputs::<f64>::declarations(),
             states: M::State::<f64>::declarations(),
+            crossings: size_of::<M::Crossings>() / size_of::<f64>(),
             solver: parameter.map(|(definition, _)| definition.name),
             ..Declarations::default()
         };
@@ -469,13 +487,22 @@ impl<M: Continuous> Model for ContinuousModel<M> {
         values: &mut ValueStore,
         step: Step,
         parts: u64,
-    ) -> Result<(), StepError> {
+    ) -> Result<Option<f64>, StepError> {
         let u = M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::State::read(values.view(), layout.states.at);
         let problem = Problem { model: p, inputs: &u, derived };
         let end = step.time + step.step;
-        let mut integration =
-            Integration { problem, memory, layout, reached: step.reached, events: 0, first_event: 0.0 };
+        let mut integration = Integration {
+            problem,
+            memory,
+            layout,
+            reached: step.reached,
+            events: 0,
+            first_event: 0.0,
+            handled: step.reached,
+            stops_at_events: step.stops_at_events,
+            stopped: None,
+        };
         let mut x = before.copied();
         if has_error_control(M::SOLVER) {
             let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
@@ -487,11 +514,21 @@ impl<M: Continuous> Model for ContinuousModel<M> {
                 let start = |part: u64| step.time + part as f64 * h;
                 let end = if part + 1 == parts { end } else { start(part + 1) };
                 x = integration.part(start(part), x, h, end)?;
+                if Self::HAS_EVENTS && integration.stopped.is_some() {
+                    break;
+                }
             }
+        }
+        let (stopped, handled) = (integration.stopped, integration.handled);
+        if Self::HAS_EVENTS
+            && let Some(exchange) = &mut memory.exchange
+        {
+            exchange.handled = if stopped.is_some() { handled } else { end };
         }
         x.write(&mut values.view_mut(), layout.states.at);
         first_not_finite(&values.reals, layout.states.reals(), end)
-            .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))
+            .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
+        Ok(stopped)
     }
 
     fn outputs(
@@ -542,7 +579,8 @@ impl<M: Continuous> Model for ContinuousModel<M> {
         };
         let (state, inputs) =
             typed::<Dual64, M>(layout, values, |index| Dual64::new(values.reals[index], slope(index)));
-        let at = At { time: Dual64::from(time), state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
+        let time = Dual64::new(time, direction.last().copied().unwrap_or(0.0));
+        let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
         for (slope, unknown) in result.iter_mut().zip(unknowns(p, at, layout, values)) {
             *slope = unknown.eps;
         }
@@ -556,27 +594,21 @@ impl<M: Continuous> Model for ContinuousModel<M> {
         values: &ValueStore,
     ) -> Vec<DependencySet> {
         let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
-        let known = inputs.len() + states.len();
+        let time = inputs.len() + states.len();
+        let known = time + 1;
         let number = |index: usize| {
             if inputs.contains(&index) { index - inputs.start } else { inputs.len() + index - states.start }
         };
         let mut all = vec![DependencySet::default(); layout.outputs.counts.reals + layout.states.counts.reals];
         // A set holds a part of the known variables; the equations run once for each part.
-        for first in (0..known.max(1)).step_by(Dependencies::CAPACITY) {
+        for first in (0..known).step_by(Dependencies::CAPACITY) {
             Dependencies::forget_inspections();
-            let one = |index: usize| {
-                let number = number(index);
+            let one = |number: usize| {
                 let is_here = (first..first + Dependencies::CAPACITY).contains(&number);
                 if is_here { Dependencies::on(number - first) } else { Dependencies::default() }
             };
-            let (state, inputs) = typed::<Dependencies, M>(layout, values, one);
-            let at = At {
-                time: Dependencies::default(),
-                state: &state,
-                inputs: &inputs,
-                derived,
-                discrete: &memory.discrete,
-            };
+            let (state, inputs) = typed::<Dependencies, M>(layout, values, |index| one(number(index)));
+            let at = At { time: one(time), state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
             let unknowns = unknowns(p, at, layout, values);
             // Equations that look at a value may branch on it: then everything depends on everything.
             let inspected = Dependencies::has_inspections();
@@ -591,6 +623,59 @@ impl<M: Continuous> Model for ContinuousModel<M> {
         all
     }
 
+    fn begin_events(memory: &mut Self::Memory, layout: &Layout, start: f64) {
+        memory.exchange = Some(Exchange::new(layout, start).into());
+    }
+
+    fn count_relations(
+        p: &M,
+        derived: &M::Derived,
+        memory: &Self::Memory,
+        layout: &Layout,
+        values: &ValueStore,
+    ) -> usize {
+        Self::relations(p, derived, memory, layout, values)
+    }
+
+    fn handle_events(
+        p: &M,
+        derived: &M::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &mut ValueStore,
+        clock: &mut Clock,
+    ) -> Result<Update, StepError> {
+        Self::events(p, derived, memory, layout, values, clock.time)
+    }
+
+    fn settle(p: &M, derived: &M::Derived, memory: &mut Self::Memory, layout: &Layout, values: &ValueStore, time: f64) {
+        Self::take_sides(p, derived, memory, layout, values, time);
+    }
+
+    fn frozen(
+        p: &M,
+        derived: &M::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &mut ValueStore,
+        time: f64,
+        outputs: bool,
+    ) {
+        Self::evaluate_frozen(p, derived, memory, layout, values, time, outputs);
+    }
+
+    fn event_indicators(
+        p: &M,
+        derived: &M::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &ValueStore,
+        time: f64,
+        result: &mut [f64],
+    ) {
+        Self::indicators(p, derived, memory, layout, values, time, result);
+    }
+
     fn save(memory: &Self::Memory, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
         if has_error_control(M::SOLVER) {
             sink(Word::Real(memory.proposed));
@@ -600,10 +685,16 @@ impl<M: Continuous> Model for ContinuousModel<M> {
             memory.crossings.iter().for_each(|&value| sink(Word::Real(value)));
         }
         memory.discrete.save(sink);
+        if MODEL_EXCHANGE {
+            sink(Word::Whole(memory.exchange.is_some().into()));
+            if let Some(exchange) = &memory.exchange {
+                exchange.save(sink);
+            }
+        }
         Ok(())
     }
 
-    fn restore(memory: &mut Self::Memory, source: &mut Words<'_>) -> Result<(), String> {
+    fn restore(memory: &mut Self::Memory, layout: &Layout, source: &mut Words<'_>) -> Result<(), String> {
         if has_error_control(M::SOLVER) {
             memory.proposed = source.real("step of the solver")?;
             if !(memory.proposed >= 0.0 && are_finite(&[memory.proposed])) {
@@ -616,7 +707,13 @@ impl<M: Continuous> Model for ContinuousModel<M> {
                 memory.crossings.push(source.real("zero crossing")?);
             }
         }
-        memory.discrete.load(source)
+        memory.discrete.load(source)?;
+        if MODEL_EXCHANGE && source.whole("mark of model exchange")? != 0 {
+            let mut exchange = Exchange::new(layout, 0.0);
+            exchange.restore(source)?;
+            memory.exchange = Some(exchange.into());
+        }
+        Ok(())
     }
 
     fn not_finite(memory: &Self::Memory) -> Option<(&'static str, f64)> {

@@ -3,26 +3,26 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Kind, Model, Step, StepError, first_not_finite};
-use crate::clock::samples_due;
+use super::{Kind, MOST_PARTS, Model, Step, StepError, Update, first_not_finite};
+use crate::clock::{Clock, samples_due, slack};
 use crate::declare::Spec;
 use crate::definition::SAMPLE_TIME;
 use crate::discrete_state::{DiscreteState as _, Word, Words};
-use crate::instance::ValueStore;
 use crate::model::{Discrete, Influence, Info, Sample};
+use crate::store::ValueStore;
 use crate::variable::{Declarations, Layout};
 use crate::variables::{Derived as _, Variables as _};
 
-/// Runs a [`Discrete`] model.
+/// Runs a [`Discrete`] model, with or without model exchange.
 #[derive(Debug)]
-pub struct DiscreteModel<M>(PhantomData<M>);
+pub struct DiscreteModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>);
 
 #[inline]
 fn sample_time(layout: &Layout, values: &ValueStore) -> f64 {
     layout.solver.map_or(f64::INFINITY, |index| values.reals[index])
 }
 
-impl<M: Discrete> DiscreteModel<M> {
+impl<M: Discrete, const MODEL_EXCHANGE: bool> DiscreteModel<M, MODEL_EXCHANGE> {
     /// Takes one sample. Not inlined: in the loop over the samples of a step, which is one as a rule, the compiler would
     /// compute and store beforehand what does not change from sample to sample.
     #[inline(never)]
@@ -43,7 +43,8 @@ impl<M: Discrete> DiscreteModel<M> {
     }
 }
 
-impl<M: Discrete> Model for DiscreteModel<M> {
+impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_EXCHANGE> {
+    const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Discrete;
     const SOURCE: Option<Influence> = M::SOURCE;
@@ -90,9 +91,9 @@ impl<M: Discrete> Model for DiscreteModel<M> {
         values: &mut ValueStore,
         step: Step,
         parts: u64,
-    ) -> Result<(), StepError> {
+    ) -> Result<Option<f64>, StepError> {
         if parts == 0 {
-            return Ok(());
+            return Ok(None);
         }
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         let period = sample_time(layout, values);
@@ -101,7 +102,7 @@ impl<M: Discrete> Model for DiscreteModel<M> {
                 let time = step.start + sample as i64 as f64 * period;
                 Self::sample(p, derived, state, layout, values, time)?;
             }
-            Ok(())
+            Ok(None)
         };
         samples().inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))
     }
@@ -117,12 +118,42 @@ impl<M: Discrete> Model for DiscreteModel<M> {
         p.update(Sample { time: start, state, inputs, derived }).write(&mut values.view_mut(), layout.outputs.at);
     }
 
+    fn handle_events(
+        p: &M,
+        derived: &M::Derived,
+        state: &mut M::State,
+        layout: &Layout,
+        values: &mut ValueStore,
+        clock: &mut Clock,
+    ) -> Result<Update, StepError> {
+        let period = sample_time(layout, values);
+        let instant = |sample: u64| clock.start + sample as i64 as f64 * period;
+        let end = clock.time + slack(period.min(1.0), clock.time);
+        let due = if instant(clock.sample) <= end { ((end - clock.start) / period).floor() + 1.0 } else { 0.0 };
+        if due - clock.sample as f64 > MOST_PARTS {
+            let message = format!("more than {MOST_PARTS} samples up to {} s", clock.time);
+            return Err(StepError::Rejected(message));
+        }
+        let before = M::Outputs::read(values.view(), layout.outputs.at);
+        let mut new = state.clone();
+        let mut next = clock.sample;
+        while instant(next) <= end {
+            Self::sample(p, derived, &mut new, layout, values, instant(next))
+                .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))?;
+            next += 1;
+        }
+        let next_event_time = Some(instant(next)).filter(|time| time.is_finite());
+        *state = new;
+        clock.sample = next;
+        Ok(Update { states_changed: false, next_event_time })
+    }
+
     fn save(state: &M::State, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
         state.save(sink);
         Ok(())
     }
 
-    fn restore(state: &mut M::State, source: &mut Words<'_>) -> Result<(), String> {
+    fn restore(state: &mut M::State, _: &Layout, source: &mut Words<'_>) -> Result<(), String> {
         state.load(source)
     }
 

@@ -3,10 +3,11 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::{Kind, Model, Step, StepError, first_not_finite};
+use super::{Kind, Model, Step, StepError, Update, first_not_finite};
+use crate::clock::Clock;
 use crate::discrete_state::{Word, Words};
-use crate::instance::ValueStore;
 use crate::model::{Info, Stateful};
+use crate::store::ValueStore;
 use crate::variable::{Declarations, Layout};
 use crate::variables::Variables as _;
 
@@ -17,6 +18,7 @@ pub struct StatefulModel<M>(PhantomData<M>);
 impl<M: Stateful> Model for StatefulModel<M> {
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Stateful;
+    const MODEL_EXCHANGE: bool = false;
     const IS_SERIALIZABLE: bool = M::SERIALIZE.is_some();
     type Parameters = M;
     type Derived = ();
@@ -55,17 +57,29 @@ impl<M: Stateful> Model for StatefulModel<M> {
         values: &mut ValueStore,
         step: Step,
         _: u64,
-    ) -> Result<(), StepError> {
+    ) -> Result<Option<f64>, StepError> {
         let inputs = M::Inputs::read(values.view(), layout.inputs.at);
         let before = M::Outputs::read(values.view(), layout.outputs.at);
         p.step(simulation, &inputs, step.time, step.step).map_err(StepError::Rejected)?;
         p.outputs(simulation).write(&mut values.view_mut(), layout.outputs.at);
         first_not_finite(&values.reals, layout.outputs.reals(), step.time + step.step)
-            .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))
+            .inspect_err(|_| before.write(&mut values.view_mut(), layout.outputs.at))?;
+        Ok(None)
     }
 
     fn outputs(p: &M, (): &(), simulation: &M::Simulation, layout: &Layout, values: &mut ValueStore, _: f64) {
         p.outputs(simulation).write(&mut values.view_mut(), layout.outputs.at);
+    }
+
+    fn handle_events(
+        _: &M,
+        (): &(),
+        _: &mut M::Simulation,
+        _: &Layout,
+        _: &mut ValueStore,
+        _: &mut Clock,
+    ) -> Result<Update, StepError> {
+        Err(StepError::Rejected("a stateful model has no model exchange".to_owned()))
     }
 
     fn save(simulation: &M::Simulation, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {
@@ -76,7 +90,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
         Ok(())
     }
 
-    fn restore(simulation: &mut M::Simulation, source: &mut Words<'_>) -> Result<(), String> {
+    fn restore(simulation: &mut M::Simulation, _: &Layout, source: &mut Words<'_>) -> Result<(), String> {
         let Some(serialize) = &M::SERIALIZE else {
             return Err("the state of this model cannot be serialized".to_owned());
         };

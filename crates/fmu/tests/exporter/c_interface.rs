@@ -6,8 +6,9 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::marker::PhantomData;
 use std::ptr::{null, null_mut};
 
-use fmu::abi::{self, Callbacks, Component, Export, FmuState, Logger, Status};
-use fmu::calls::Function;
+use fmu::abi::fmi2::{self, Callbacks, Logger};
+use fmu::abi::{self, Component, Export, FmuState, Status};
+use fmu::calls::{Function, Version};
 
 use crate::allocations::live;
 use crate::models::{CartPair, Fragile, Sampler, reference};
@@ -68,7 +69,7 @@ struct C<E: Export> {
 impl<E: Export> Drop for C<E> {
     fn drop(&mut self) {
         // SAFETY: freed once.
-        unsafe { abi::free_instance::<E>(self.component) }
+        unsafe { fmi2::free_instance::<E>(self.component) }
     }
 }
 
@@ -78,7 +79,7 @@ impl<E: Export> C<E> {
         let guid = CString::new(E::description().guid.as_str()).unwrap();
         // SAFETY: all pointers live long enough.
         let component = unsafe {
-            abi::instantiate::<E>(
+            fmi2::instantiate::<E>(
                 c"unit".as_ptr(),
                 CO_SIMULATION,
                 guid.as_ptr(),
@@ -102,34 +103,34 @@ impl<E: Export> C<E> {
     fn initialize(&self) -> Status {
         // SAFETY: the component lives.
         unsafe {
-            assert_eq!(abi::setup_experiment::<E>(self.component, 0, 0.0, 0.0, 0, 0.0), Status::Ok);
-            assert_eq!(abi::enter_initialization_mode::<E>(self.component), Status::Ok);
-            abi::exit_initialization_mode::<E>(self.component)
+            assert_eq!(fmi2::setup_experiment::<E>(self.component, 0, 0.0, 0.0, 0, 0.0), Status::Ok);
+            assert_eq!(fmi2::enter_initialization_mode::<E>(self.component), Status::Ok);
+            fmi2::exit_initialization_mode::<E>(self.component)
         }
     }
 
     fn set(&self, name: &str, value: f64) -> Status {
         // SAFETY: one reference, one value.
-        unsafe { abi::set_real::<E>(self.component, &reference::<E>(name), 1, &value) }
+        unsafe { fmi2::set_real::<E>(self.component, &reference::<E>(name), 1, &value) }
     }
 
     fn get(&self, name: &str) -> f64 {
         let mut value = f64::NAN;
         // SAFETY: one reference, one value.
-        let status = unsafe { abi::get_real::<E>(self.component, &reference::<E>(name), 1, &mut value) };
+        let status = unsafe { fmi2::get_real::<E>(self.component, &reference::<E>(name), 1, &mut value) };
         assert_eq!(status, Status::Ok, "{:?}", self.messages);
         value
     }
 
     fn step(&self, time: f64, step: f64) -> Status {
         // SAFETY: the component lives.
-        unsafe { abi::do_step::<E>(self.component, time, step, 1) }
+        unsafe { fmi2::do_step::<E>(self.component, time, step, 1) }
     }
 
     fn save(&self) -> FmuState {
         let mut state = null_mut();
         // SAFETY: the pointer is written to.
-        assert_eq!(unsafe { abi::get_fmu_state::<E>(self.component, &mut state) }, Status::Ok);
+        assert_eq!(unsafe { fmi2::get_fmu_state::<E>(self.component, &mut state) }, Status::Ok);
         assert!(!state.is_null());
         state
     }
@@ -138,9 +139,9 @@ impl<E: Export> C<E> {
         let mut size = 0;
         // SAFETY: the state is one of the component; the array has the size.
         unsafe {
-            assert_eq!(abi::serialized_fmu_state_size::<E>(self.component, state, &mut size), Status::Ok);
+            assert_eq!(fmi2::serialized_fmu_state_size::<E>(self.component, state, &mut size), Status::Ok);
             let mut bytes = vec![0; size];
-            let status = abi::serialize_fmu_state::<E>(self.component, state, bytes.as_mut_ptr(), size);
+            let status = fmi2::serialize_fmu_state::<E>(self.component, state, bytes.as_mut_ptr(), size);
             assert_eq!(status, Status::Ok);
             bytes
         }
@@ -170,7 +171,7 @@ fn instantiation_says_why_it_failed() {
     let (name, guid, uri) = (c"unit".as_ptr(), guid.as_ptr(), c"file:///x".as_ptr());
     let rejected = |name, kind, guid, uri| {
         // SAFETY: the strings are null or end with a zero.
-        let component = unsafe { abi::instantiate::<Sampler>(name, kind, guid, uri, &callbacks, 0, 0) };
+        let component = unsafe { fmi2::instantiate::<Sampler>(name, kind, guid, uri, &callbacks, 0, 0) };
         assert!(component.is_null());
         let mut messages = messages.take();
         assert_eq!(messages.len(), 1, "{messages:?}");
@@ -181,10 +182,10 @@ fn instantiation_says_why_it_failed() {
     assert_eq!(rejected(null(), 1, guid, uri), "fmi2Instantiate: instanceName is a null pointer");
     assert_eq!(rejected(c"".as_ptr(), 1, guid, uri), "fmi2Instantiate: instanceName is empty");
     assert_eq!(rejected(c"\xff".as_ptr(), 1, guid, uri), "fmi2Instantiate: instanceName is not UTF-8");
-    for kind in [0, 2, -1] {
+    for kind in [2, -1] {
         assert_eq!(
             rejected(name, kind, guid, uri),
-            format!("fmi2Instantiate: fmuType must be 1 (co-simulation), got {kind}")
+            format!("fmi2Instantiate: fmuType must be 0 (model exchange) or 1 (co-simulation), got {kind}")
         );
     }
     assert_eq!(rejected(name, 1, null(), uri), "fmi2Instantiate: fmuGUID is a null pointer");
@@ -202,12 +203,12 @@ fn instantiation_says_why_it_failed() {
     let silent = Callbacks { logger: None, ..callbacks };
     // SAFETY: null callbacks are rejected; no resources are fine.
     unsafe {
-        assert!(abi::instantiate::<Sampler>(name, 1, guid, uri, null(), 0, 0).is_null());
-        assert!(abi::instantiate::<Sampler>(null(), 1, guid, uri, &silent, 0, 0).is_null());
-        let component = abi::instantiate::<Sampler>(name, 1, guid, null(), &silent, 1, 1);
+        assert!(fmi2::instantiate::<Sampler>(name, 1, guid, uri, null(), 0, 0).is_null());
+        assert!(fmi2::instantiate::<Sampler>(null(), 1, guid, uri, &silent, 0, 0).is_null());
+        let component = fmi2::instantiate::<Sampler>(name, 1, guid, null(), &silent, 1, 1);
         assert!(!component.is_null());
-        assert_eq!(abi::do_step::<Sampler>(component, 0.0, 0.1, 0), Status::Error);
-        abi::free_instance::<Sampler>(component);
+        assert_eq!(fmi2::do_step::<Sampler>(component, 0.0, 0.1, 0), Status::Error);
+        fmi2::free_instance::<Sampler>(component);
     }
     assert_eq!(messages.take(), []);
 }
@@ -216,56 +217,73 @@ fn instantiation_says_why_it_failed() {
 fn versions_and_description_are_c_strings() {
     // SAFETY: the strings live as long as the library.
     let text = |text: *const c_char| unsafe { CStr::from_ptr(text) }.to_str().unwrap();
-    assert_eq!(text(abi::version()), "2.0");
-    assert_eq!(text(abi::types_platform()), "default");
-    assert_eq!(text(abi::model_description::<CartPair>()), CartPair::description().xml);
+    assert_eq!(text(fmi2::version()), "2.0");
+    assert_eq!(text(fmi2::types_platform()), "default");
+    assert_eq!(text(abi::model_description::<CartPair>(2, 3)), CartPair::description().xml);
 }
 
 /// Every function of the C interface that returns a status, with harmless arguments.
 fn all_calls<E: Export>(component: Component) -> Vec<(Function, Status)> {
     let (mut real, mut integer, mut text, mut size, mut state) = (0.0, 0, null(), 0, null_mut());
+    let (mut other_integer, mut event_info) = (0, fmi2::EventInfo::default());
     // SAFETY: arrays of length 0 may be null; the other pointers are written to.
     unsafe {
         vec![
-            (Function::SetDebugLogging, abi::set_debug_logging::<E>(component, 0, 0, null())),
-            (Function::SetupExperiment, abi::setup_experiment::<E>(component, 0, 0.0, 0.0, 0, 0.0)),
-            (Function::EnterInitializationMode, abi::enter_initialization_mode::<E>(component)),
-            (Function::ExitInitializationMode, abi::exit_initialization_mode::<E>(component)),
-            (Function::Terminate, abi::terminate::<E>(component)),
-            (Function::GetReal, abi::get_real::<E>(component, null(), 0, null_mut())),
-            (Function::GetInteger, abi::get_integer::<E>(component, null(), 0, null_mut())),
-            (Function::GetBoolean, abi::get_boolean::<E>(component, null(), 0, null_mut())),
-            (Function::GetString, abi::get_string::<E>(component, null(), 0, null_mut())),
-            (Function::SetReal, abi::set_real::<E>(component, null(), 0, null())),
-            (Function::SetInteger, abi::set_integer::<E>(component, null(), 0, null())),
-            (Function::SetBoolean, abi::set_boolean::<E>(component, null(), 0, null())),
-            (Function::SetString, abi::set_string::<E>(component, null(), 0, null())),
-            (Function::GetFMUstate, abi::get_fmu_state::<E>(component, &mut state)),
-            (Function::SetFMUstate, abi::set_fmu_state::<E>(component, state)),
-            (Function::FreeFMUstate, abi::free_fmu_state::<E>(component, &mut state)),
-            (Function::SerializedFMUstateSize, abi::serialized_fmu_state_size::<E>(component, state, &mut size)),
-            (Function::SerializeFMUstate, abi::serialize_fmu_state::<E>(component, state, null_mut(), 0)),
-            (Function::DeSerializeFMUstate, abi::deserialize_fmu_state::<E>(component, null(), 0, &mut state)),
+            (Function::SetDebugLogging, fmi2::set_debug_logging::<E>(component, 0, 0, null())),
+            (Function::SetupExperiment, fmi2::setup_experiment::<E>(component, 0, 0.0, 0.0, 0, 0.0)),
+            (Function::EnterInitializationMode, fmi2::enter_initialization_mode::<E>(component)),
+            (Function::ExitInitializationMode, fmi2::exit_initialization_mode::<E>(component)),
+            (Function::Terminate, fmi2::terminate::<E>(component)),
+            (Function::GetReal, fmi2::get_real::<E>(component, null(), 0, null_mut())),
+            (Function::GetInteger, fmi2::get_integer::<E>(component, null(), 0, null_mut())),
+            (Function::GetBoolean, fmi2::get_boolean::<E>(component, null(), 0, null_mut())),
+            (Function::GetString, fmi2::get_string::<E>(component, null(), 0, null_mut())),
+            (Function::SetReal, fmi2::set_real::<E>(component, null(), 0, null())),
+            (Function::SetInteger, fmi2::set_integer::<E>(component, null(), 0, null())),
+            (Function::SetBoolean, fmi2::set_boolean::<E>(component, null(), 0, null())),
+            (Function::SetString, fmi2::set_string::<E>(component, null(), 0, null())),
+            (Function::GetFMUstate, fmi2::get_fmu_state::<E>(component, &mut state)),
+            (Function::SetFMUstate, fmi2::set_fmu_state::<E>(component, state)),
+            (Function::FreeFMUstate, fmi2::free_fmu_state::<E>(component, &mut state)),
+            (Function::SerializedFMUstateSize, fmi2::serialized_fmu_state_size::<E>(component, state, &mut size)),
+            (Function::SerializeFMUstate, fmi2::serialize_fmu_state::<E>(component, state, null_mut(), 0)),
+            (Function::DeSerializeFMUstate, fmi2::deserialize_fmu_state::<E>(component, null(), 0, &mut state)),
             (
                 Function::GetDirectionalDerivative,
-                abi::get_directional_derivative::<E>(component, null(), 0, null(), 0, null(), null_mut()),
+                fmi2::get_directional_derivative::<E>(component, null(), 0, null(), 0, null(), null_mut()),
             ),
             (
                 Function::SetRealInputDerivatives,
-                abi::set_real_input_derivatives::<E>(component, null(), 0, null(), null()),
+                fmi2::set_real_input_derivatives::<E>(component, null(), 0, null(), null()),
             ),
             (
                 Function::GetRealOutputDerivatives,
-                abi::get_real_output_derivatives::<E>(component, null(), 0, null(), null_mut()),
+                fmi2::get_real_output_derivatives::<E>(component, null(), 0, null(), null_mut()),
             ),
-            (Function::DoStep, abi::do_step::<E>(component, 0.0, 0.1, 1)),
-            (Function::CancelStep, abi::cancel_step::<E>(component)),
-            (Function::GetStatus, abi::get_status::<E>(component, 0, &mut integer)),
-            (Function::GetRealStatus, abi::get_real_status::<E>(component, 2, &mut real)),
-            (Function::GetIntegerStatus, abi::get_integer_status::<E>(component, 0, &mut integer)),
-            (Function::GetBooleanStatus, abi::get_boolean_status::<E>(component, 3, &mut integer)),
-            (Function::GetStringStatus, abi::get_string_status::<E>(component, 1, &mut text)),
-            (Function::Reset, abi::reset::<E>(component)),
+            (Function::DoStep, fmi2::do_step::<E>(component, 0.0, 0.1, 1)),
+            (Function::CancelStep, fmi2::cancel_step::<E>(component)),
+            (Function::GetStatus, fmi2::get_status::<E>(component, 0, &mut integer)),
+            (Function::GetRealStatus, fmi2::get_real_status::<E>(component, 2, &mut real)),
+            (Function::GetIntegerStatus, fmi2::get_integer_status::<E>(component, 0, &mut integer)),
+            (Function::GetBooleanStatus, fmi2::get_boolean_status::<E>(component, 3, &mut integer)),
+            (Function::GetStringStatus, fmi2::get_string_status::<E>(component, 1, &mut text)),
+            (Function::EnterEventMode, fmi2::enter_event_mode::<E>(component)),
+            (Function::NewDiscreteStates, fmi2::new_discrete_states::<E>(component, &mut event_info)),
+            (Function::EnterContinuousTimeMode, fmi2::enter_continuous_time_mode::<E>(component)),
+            (
+                Function::CompletedIntegratorStep,
+                fmi2::completed_integrator_step::<E>(component, 1, &mut integer, &mut other_integer),
+            ),
+            (Function::SetTime, fmi2::set_time::<E>(component, 0.0)),
+            (Function::SetContinuousStates, fmi2::set_continuous_states::<E>(component, null(), 0)),
+            (Function::GetDerivatives, fmi2::get_derivatives::<E>(component, null_mut(), 0)),
+            (Function::GetEventIndicators, fmi2::get_event_indicators::<E>(component, null_mut(), 0)),
+            (Function::GetContinuousStates, fmi2::get_continuous_states::<E>(component, null_mut(), 0)),
+            (
+                Function::GetNominalsOfContinuousStates,
+                fmi2::get_nominals_of_continuous_states::<E>(component, null_mut(), 0),
+            ),
+            (Function::Reset, fmi2::reset::<E>(component)),
         ]
     }
 }
@@ -273,12 +291,13 @@ fn all_calls<E: Export>(component: Component) -> Vec<(Function, Status)> {
 #[test]
 fn a_null_component_is_an_error_everywhere() {
     let calls = all_calls::<Sampler>(null_mut());
-    assert_eq!(calls.len(), Function::ALL.len(), "every function is called");
+    let of_fmi2 = Function::ALL.iter().filter(|function| !function.name(Version::Fmi2).is_empty());
+    assert_eq!(calls.len(), of_fmi2.count(), "every function is called");
     for (function, status) in calls {
-        assert_eq!(status, Status::Error, "{}", function.name());
+        assert_eq!(status, Status::Error, "{}", function.name(Version::Fmi2));
     }
     // SAFETY: a null pointer is ignored.
-    unsafe { abi::free_instance::<Sampler>(null_mut()) }
+    unsafe { fmi2::free_instance::<Sampler>(null_mut()) }
 }
 
 #[test]
@@ -288,38 +307,38 @@ fn empty_arrays_may_be_null_and_others_may_not() {
     let component = fmu.component;
     // SAFETY: null and misaligned pointers are rejected before they are read.
     unsafe {
-        assert_eq!(abi::get_real::<Sampler>(component, null(), 0, null_mut()), Status::Ok);
-        assert_eq!(abi::set_real::<Sampler>(component, null(), 0, null()), Status::Ok);
+        assert_eq!(fmi2::get_real::<Sampler>(component, null(), 0, null_mut()), Status::Ok);
+        assert_eq!(fmi2::set_real::<Sampler>(component, null(), 0, null()), Status::Ok);
         assert_eq!(fmu.take(), []);
 
-        assert_eq!(abi::get_real::<Sampler>(component, null(), 1, &mut 0.0), Status::Error);
+        assert_eq!(fmi2::get_real::<Sampler>(component, null(), 1, &mut 0.0), Status::Error);
         assert_eq!(fmu.error(), "fmi2GetReal: vr must be an array of length 1, got a null pointer");
-        assert_eq!(abi::get_real::<Sampler>(component, &one, 1, null_mut()), Status::Error);
+        assert_eq!(fmi2::get_real::<Sampler>(component, &one, 1, null_mut()), Status::Error);
         assert_eq!(fmu.error(), "fmi2GetReal: value must be an array of length 1, got a null pointer");
-        assert_eq!(abi::set_real::<Sampler>(component, &one, 1, null()), Status::Error);
+        assert_eq!(fmi2::set_real::<Sampler>(component, &one, 1, null()), Status::Error);
         assert_eq!(fmu.error(), "fmi2SetReal: value must be an array of length 1, got a null pointer");
         let odd = null::<u8>().wrapping_add(3).cast::<f64>();
-        assert_eq!(abi::set_real::<Sampler>(component, &one, 1, odd), Status::Error);
+        assert_eq!(fmi2::set_real::<Sampler>(component, &one, 1, odd), Status::Error);
         assert_eq!(fmu.error(), "fmi2SetReal: value of length 1 is not a possible array");
-        assert_eq!(abi::set_real::<Sampler>(component, &one, usize::MAX, &0.0), Status::Error);
+        assert_eq!(fmi2::set_real::<Sampler>(component, &one, usize::MAX, &0.0), Status::Error);
         assert!(fmu.error().ends_with("is not a possible array"));
 
         let label = reference::<Sampler>("filter.label");
         let fresh = C::<Sampler>::new(false);
-        assert_eq!(abi::set_string::<Sampler>(fresh.component, &label, 1, &null()), Status::Error);
+        assert_eq!(fmi2::set_string::<Sampler>(fresh.component, &label, 1, &null()), Status::Error);
         assert_eq!(fresh.error(), "fmi2SetString: a value is a null pointer");
-        assert_eq!(abi::set_string::<Sampler>(fresh.component, &label, 1, &c"\xff".as_ptr()), Status::Error);
+        assert_eq!(fmi2::set_string::<Sampler>(fresh.component, &label, 1, &c"\xff".as_ptr()), Status::Error);
         assert_eq!(fresh.error(), "fmi2SetString: a value is not UTF-8");
 
-        assert_eq!(abi::get_fmu_state::<Sampler>(component, null_mut()), Status::Error);
+        assert_eq!(fmi2::get_fmu_state::<Sampler>(component, null_mut()), Status::Error);
         assert!(fmu.error().starts_with("fmi2GetFMUstate: FMUstate must be an array of length "));
-        assert_eq!(abi::get_real_status::<Sampler>(component, 2, null_mut()), Status::Error);
+        assert_eq!(fmi2::get_real_status::<Sampler>(component, 2, null_mut()), Status::Error);
         assert!(fmu.error().starts_with("fmi2GetRealStatus: value must be an array of length "));
-        assert_eq!(abi::get_boolean_status::<Sampler>(component, 3, null_mut()), Status::Error);
+        assert_eq!(fmi2::get_boolean_status::<Sampler>(component, 3, null_mut()), Status::Error);
         assert!(fmu.error().starts_with("fmi2GetBooleanStatus: value must be an array of length "));
-        assert_eq!(abi::set_debug_logging::<Sampler>(component, 1, 1, null()), Status::Error);
+        assert_eq!(fmi2::set_debug_logging::<Sampler>(component, 1, 1, null()), Status::Error);
         assert!(fmu.error().starts_with("fmi2SetDebugLogging: categories must be an array of length "));
-        assert_eq!(abi::set_debug_logging::<Sampler>(component, 1, 1, &null()), Status::Error);
+        assert_eq!(fmi2::set_debug_logging::<Sampler>(component, 1, 1, &null()), Status::Error);
         assert_eq!(fmu.error(), "fmi2SetDebugLogging: a category is a null pointer");
     }
 }
@@ -332,21 +351,21 @@ fn all_types_are_set_and_read_back() {
     let text = c"100 % gr\xc3\xbcn \"<&>\"";
     // SAFETY: one reference, one value; strings end with a zero.
     unsafe {
-        assert_eq!(abi::set_integer::<Sampler>(component, &order, 1, &3), Status::Ok);
-        assert_eq!(abi::set_boolean::<Sampler>(component, &on, 1, &0), Status::Ok);
-        assert_eq!(abi::set_string::<Sampler>(component, &label, 1, &text.as_ptr()), Status::Ok);
+        assert_eq!(fmi2::set_integer::<Sampler>(component, &order, 1, &3), Status::Ok);
+        assert_eq!(fmi2::set_boolean::<Sampler>(component, &on, 1, &0), Status::Ok);
+        assert_eq!(fmi2::set_string::<Sampler>(component, &label, 1, &text.as_ptr()), Status::Ok);
         assert_eq!(fmu.initialize(), Status::Ok);
         let (mut integer, mut boolean, mut string) = (0, 7, null());
-        assert_eq!(abi::get_integer::<Sampler>(component, &order, 1, &mut integer), Status::Ok);
-        assert_eq!(abi::get_boolean::<Sampler>(component, &on, 1, &mut boolean), Status::Ok);
-        assert_eq!(abi::get_string::<Sampler>(component, &label, 1, &mut string), Status::Ok);
+        assert_eq!(fmi2::get_integer::<Sampler>(component, &order, 1, &mut integer), Status::Ok);
+        assert_eq!(fmi2::get_boolean::<Sampler>(component, &on, 1, &mut boolean), Status::Ok);
+        assert_eq!(fmi2::get_string::<Sampler>(component, &label, 1, &mut string), Status::Ok);
         assert_eq!((integer, boolean), (3, 0));
         // The text stays where it is over other calls.
         assert_eq!(fmu.step(0.0, 0.01), Status::Ok);
         assert_eq!(CStr::from_ptr(string), text);
         // Nothing is written unless all references are good.
         let mut pair = [5, 5];
-        assert_eq!(abi::get_integer::<Sampler>(component, [order, on].as_ptr(), 2, pair.as_mut_ptr()), Status::Error);
+        assert_eq!(fmi2::get_integer::<Sampler>(component, [order, on].as_ptr(), 2, pair.as_mut_ptr()), Status::Error);
         assert_eq!(pair, [5, 5]);
         assert!(fmu.error().contains("must be a variable of type Integer, it is 'filter.on' of type Boolean"));
     }
@@ -356,8 +375,8 @@ fn all_types_are_set_and_read_back() {
         let mut boolean = 7;
         // SAFETY: one reference, one value.
         unsafe {
-            assert_eq!(abi::set_boolean::<CartPair>(carts.component, &on, 1, &value), Status::Ok);
-            assert_eq!(abi::get_boolean::<CartPair>(carts.component, &on, 1, &mut boolean), Status::Ok);
+            assert_eq!(fmi2::set_boolean::<CartPair>(carts.component, &on, 1, &value), Status::Ok);
+            assert_eq!(fmi2::get_boolean::<CartPair>(carts.component, &on, 1, &mut boolean), Status::Ok);
         }
         assert_eq!(boolean, expected);
     }
@@ -368,7 +387,7 @@ fn a_message_holds_what_the_caller_wrote_with_its_percent_signs_doubled() {
     let fmu = C::<Sampler>::new(false);
     let category = c"%s%n 50%".as_ptr();
     // SAFETY: one string.
-    let status = unsafe { abi::set_debug_logging::<Sampler>(fmu.component, 1, 1, &category) };
+    let status = unsafe { fmi2::set_debug_logging::<Sampler>(fmu.component, 1, 1, &category) };
     assert_eq!(status, Status::Error);
     assert_eq!(
         fmu.error(),
@@ -381,19 +400,19 @@ fn a_message_holds_what_the_caller_wrote_with_its_percent_signs_doubled() {
 fn the_categories_decide_what_is_logged_and_errors_always_are() {
     let discarded = |fmu: &C<Sampler>| {
         // SAFETY: the value is not written to.
-        let status = unsafe { abi::get_status::<Sampler>(fmu.component, 0, &mut 0) };
+        let status = unsafe { fmi2::get_status::<Sampler>(fmu.component, 0, &mut 0) };
         assert_eq!(status, Status::Discard);
     };
     let choose = |fmu: &C<Sampler>, on: bool, names: &[&CStr]| {
         let names: Vec<_> = names.iter().map(|name| name.as_ptr()).collect();
         let pointer = if names.is_empty() { null() } else { names.as_ptr() };
         // SAFETY: an array of strings.
-        unsafe { abi::set_debug_logging::<Sampler>(fmu.component, c_int::from(on), names.len(), pointer) }
+        unsafe { fmi2::set_debug_logging::<Sampler>(fmu.component, c_int::from(on), names.len(), pointer) }
     };
     let kinds = |fmu: &C<Sampler>| {
         // An event, an answer that does not exist, an error.
         // SAFETY: the component lives.
-        unsafe { abi::reset::<Sampler>(fmu.component) };
+        unsafe { fmi2::reset::<Sampler>(fmu.component) };
         fmu.initialize();
         discarded(fmu);
         assert_eq!(fmu.step(0.0, -1.0), Status::Error);
@@ -423,8 +442,8 @@ fn the_categories_decide_what_is_logged_and_errors_always_are() {
     let state = fmu.save();
     // SAFETY: a state of the component.
     unsafe {
-        abi::set_fmu_state::<Sampler>(fmu.component, state);
-        abi::terminate::<Sampler>(fmu.component);
+        fmi2::set_fmu_state::<Sampler>(fmu.component, state);
+        fmi2::terminate::<Sampler>(fmu.component);
     }
     let events: Vec<_> = fmu.take().into_iter().map(|message| message.format).collect();
     assert_eq!(events, ["initialized", "state at 0 s restored", "terminated at 0 s"]);
@@ -441,27 +460,27 @@ fn a_simulation_through_the_c_interface() {
     let (mut time, mut ended) = (0.0, 7);
     // SAFETY: the values are written to.
     unsafe {
-        assert_eq!(abi::get_real_status::<Sampler>(fmu.component, 2, &mut time), Status::Ok);
-        assert_eq!(abi::get_boolean_status::<Sampler>(fmu.component, 3, &mut ended), Status::Ok);
+        assert_eq!(fmi2::get_real_status::<Sampler>(fmu.component, 2, &mut time), Status::Ok);
+        assert_eq!(fmi2::get_boolean_status::<Sampler>(fmu.component, 3, &mut ended), Status::Ok);
         assert_eq!((time, ended), (99.0 * 0.01 + 0.01, 0));
         // Questions without an answer are discarded; nothing is ever pending.
-        assert_eq!(abi::get_real_status::<Sampler>(fmu.component, 0, &mut time), Status::Discard);
-        assert_eq!(abi::get_boolean_status::<Sampler>(fmu.component, 2, &mut ended), Status::Discard);
+        assert_eq!(fmi2::get_real_status::<Sampler>(fmu.component, 0, &mut time), Status::Discard);
+        assert_eq!(fmi2::get_boolean_status::<Sampler>(fmu.component, 2, &mut ended), Status::Discard);
         for kind in [-1, 0, 1, 2, 3, 4] {
-            assert_eq!(abi::get_status::<Sampler>(fmu.component, kind, null_mut()), Status::Discard);
-            assert_eq!(abi::get_integer_status::<Sampler>(fmu.component, kind, null_mut()), Status::Discard);
-            assert_eq!(abi::get_string_status::<Sampler>(fmu.component, kind, null_mut()), Status::Discard);
+            assert_eq!(fmi2::get_status::<Sampler>(fmu.component, kind, null_mut()), Status::Discard);
+            assert_eq!(fmi2::get_integer_status::<Sampler>(fmu.component, kind, null_mut()), Status::Discard);
+            assert_eq!(fmi2::get_string_status::<Sampler>(fmu.component, kind, null_mut()), Status::Discard);
         }
-        assert_eq!(abi::cancel_step::<Sampler>(fmu.component), Status::Error);
+        assert_eq!(fmi2::cancel_step::<Sampler>(fmu.component), Status::Error);
         assert_eq!(fmu.error(), "fmi2CancelStep: no step is pending");
         let (input, output) = (reference::<Sampler>("filter_input"), reference::<Sampler>("filter_output"));
-        let set = abi::set_real_input_derivatives::<Sampler>(fmu.component, &input, 1, &1, &0.0);
+        let set = fmi2::set_real_input_derivatives::<Sampler>(fmu.component, &input, 1, &1, &0.0);
         assert_eq!(set, Status::Error);
         assert_eq!(fmu.error(), "fmi2SetRealInputDerivatives: not supported (see the capability flags)");
-        let get = abi::get_real_output_derivatives::<Sampler>(fmu.component, &output, 1, &1, &mut time);
+        let get = fmi2::get_real_output_derivatives::<Sampler>(fmu.component, &output, 1, &1, &mut time);
         assert_eq!(get, Status::Error);
         assert_eq!(fmu.error(), "fmi2GetRealOutputDerivatives: not supported (see the capability flags)");
-        assert_eq!(abi::terminate::<Sampler>(fmu.component), Status::Ok);
+        assert_eq!(fmi2::terminate::<Sampler>(fmu.component), Status::Ok);
     }
     assert_eq!(fmu.step(1.0, 0.01), Status::Error);
     assert_eq!(fmu.error(), "fmi2DoStep called in Terminated, allowed in Step Mode");
@@ -476,7 +495,7 @@ fn directional_derivatives_through_the_c_interface() {
     let mut slopes = [0.0; 2];
     // SAFETY: arrays of two.
     let status = unsafe {
-        abi::get_directional_derivative::<CartPair>(
+        fmi2::get_directional_derivative::<CartPair>(
             fmu.component,
             unknown.as_ptr(),
             2,
@@ -502,7 +521,7 @@ fn a_failed_step_is_an_error_that_a_saved_state_undoes() {
     );
     assert_eq!(fmu.get("sum_of_quotients"), 1.0);
     // SAFETY: a state of the component.
-    assert_eq!(unsafe { abi::set_fmu_state::<Fragile>(fmu.component, state) }, Status::Ok);
+    assert_eq!(unsafe { fmi2::set_fmu_state::<Fragile>(fmu.component, state) }, Status::Ok);
     assert_eq!(fmu.step(0.1, 0.1), Status::Ok);
     assert_eq!(fmu.get("sum_of_quotients"), 2.0);
 }
@@ -519,36 +538,36 @@ fn states_belong_to_one_instance_and_are_known_until_they_are_freed() {
     unsafe {
         for stranger in [null_mut(), nonsense, other.save()] {
             let mut size = 7;
-            assert_eq!(abi::set_fmu_state::<Sampler>(component, stranger), Status::Error);
+            assert_eq!(fmi2::set_fmu_state::<Sampler>(component, stranger), Status::Error);
             assert_eq!(fmu.error(), format!("fmi2SetFMUstate: {STRANGER}"));
-            assert_eq!(abi::serialized_fmu_state_size::<Sampler>(component, stranger, &mut size), Status::Error);
+            assert_eq!(fmi2::serialized_fmu_state_size::<Sampler>(component, stranger, &mut size), Status::Error);
             assert_eq!(fmu.error(), format!("fmi2SerializedFMUstateSize: {STRANGER}"));
-            assert_eq!(abi::serialize_fmu_state::<Sampler>(component, stranger, null_mut(), 0), Status::Error);
+            assert_eq!(fmi2::serialize_fmu_state::<Sampler>(component, stranger, null_mut(), 0), Status::Error);
             assert_eq!(fmu.error(), format!("fmi2SerializeFMUstate: {STRANGER}"));
             assert_eq!(size, 7);
             if !stranger.is_null() {
                 let mut pointer = stranger;
-                assert_eq!(abi::get_fmu_state::<Sampler>(component, &mut pointer), Status::Error);
+                assert_eq!(fmi2::get_fmu_state::<Sampler>(component, &mut pointer), Status::Error);
                 assert_eq!(fmu.error(), format!("fmi2GetFMUstate: {STRANGER}"));
-                assert_eq!(abi::free_fmu_state::<Sampler>(component, &mut pointer), Status::Error);
+                assert_eq!(fmi2::free_fmu_state::<Sampler>(component, &mut pointer), Status::Error);
                 assert_eq!(fmu.error(), format!("fmi2FreeFMUstate: {STRANGER}"));
                 assert_eq!(pointer, stranger);
             }
         }
         // Freeing a state makes its variable null; a copy of the pointer is rejected from then on.
         let (mut first, stale) = (state, state);
-        assert_eq!(abi::free_fmu_state::<Sampler>(component, &mut first), Status::Ok);
+        assert_eq!(fmi2::free_fmu_state::<Sampler>(component, &mut first), Status::Ok);
         assert!(first.is_null());
-        assert_eq!(abi::free_fmu_state::<Sampler>(component, &mut first), Status::Ok);
-        assert_eq!(abi::free_fmu_state::<Sampler>(component, null_mut()), Status::Ok);
+        assert_eq!(fmi2::free_fmu_state::<Sampler>(component, &mut first), Status::Ok);
+        assert_eq!(fmi2::free_fmu_state::<Sampler>(component, null_mut()), Status::Ok);
         assert_eq!(fmu.take(), []);
         let mut again = stale;
-        assert_eq!(abi::free_fmu_state::<Sampler>(component, &mut again), Status::Error);
+        assert_eq!(fmi2::free_fmu_state::<Sampler>(component, &mut again), Status::Error);
         assert_eq!(fmu.error(), format!("fmi2FreeFMUstate: {STRANGER}"));
-        assert_eq!(abi::set_fmu_state::<Sampler>(component, stale), Status::Error);
+        assert_eq!(fmi2::set_fmu_state::<Sampler>(component, stale), Status::Error);
         assert_eq!(fmu.error(), format!("fmi2SetFMUstate: {STRANGER}"));
         let odd = null_mut::<u8>().wrapping_add(3).cast::<FmuState>();
-        assert_eq!(abi::free_fmu_state::<Sampler>(component, odd), Status::Error);
+        assert_eq!(fmi2::free_fmu_state::<Sampler>(component, odd), Status::Error);
         assert_eq!(fmu.error(), "fmi2FreeFMUstate: FMUstate of length 1 is not a possible array");
     }
 }
@@ -559,7 +578,7 @@ fn nothing_is_left_of_a_freed_instance() {
         let fmu = C::<Sampler>::new(true);
         let label = reference::<Sampler>("filter.label");
         // SAFETY: one reference, one string.
-        unsafe { abi::set_string::<Sampler>(fmu.component, &label, 1, &c"longer".as_ptr()) };
+        unsafe { fmi2::set_string::<Sampler>(fmu.component, &label, 1, &c"longer".as_ptr()) };
         fmu.initialize();
         let mut freed = fmu.save();
         fmu.bytes(freed);
@@ -568,9 +587,9 @@ fn nothing_is_left_of_a_freed_instance() {
         assert_eq!(fmu.step(0.0, -1.0), Status::Error);
         // SAFETY: a state of the component.
         unsafe {
-            assert_eq!(abi::set_fmu_state::<Sampler>(fmu.component, freed), Status::Ok);
-            assert_eq!(abi::get_fmu_state::<Sampler>(fmu.component, &mut freed), Status::Ok);
-            assert_eq!(abi::reset::<Sampler>(fmu.component), Status::Ok);
+            assert_eq!(fmi2::set_fmu_state::<Sampler>(fmu.component, freed), Status::Ok);
+            assert_eq!(fmi2::get_fmu_state::<Sampler>(fmu.component, &mut freed), Status::Ok);
+            assert_eq!(fmi2::reset::<Sampler>(fmu.component), Status::Ok);
         }
     };
     run(); // the description is computed once and stays
@@ -588,23 +607,23 @@ fn a_state_that_is_handed_back_is_written_over() {
     let mut same = state;
     // SAFETY: a state of the component.
     unsafe {
-        assert_eq!(abi::get_fmu_state::<Sampler>(fmu.component, &mut same), Status::Ok);
+        assert_eq!(fmi2::get_fmu_state::<Sampler>(fmu.component, &mut same), Status::Ok);
         assert_eq!(same, state);
         assert_ne!(fmu.bytes(state), first);
         // Also by bytes.
-        let status = abi::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len(), &mut same);
+        let status = fmi2::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len(), &mut same);
         assert_eq!((status, same), (Status::Ok, state));
         assert_eq!(fmu.bytes(state), first);
         // A state that is kept is not touched when bytes are rejected.
-        let status = abi::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len() - 1, &mut same);
+        let status = fmi2::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), first.len() - 1, &mut same);
         assert_eq!((status, same), (Status::Error, state));
         assert_eq!(fmu.bytes(state), first);
         fmu.take();
-        assert_eq!(abi::deserialize_fmu_state::<Sampler>(fmu.component, null(), 8, &mut same), Status::Error);
+        assert_eq!(fmi2::deserialize_fmu_state::<Sampler>(fmu.component, null(), 8, &mut same), Status::Error);
         assert!(fmu.error().starts_with("fmi2DeSerializeFMUstate: serializedState must be an array of length "));
-        assert_eq!(abi::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), 8, null_mut()), Status::Error);
+        assert_eq!(fmi2::deserialize_fmu_state::<Sampler>(fmu.component, first.as_ptr(), 8, null_mut()), Status::Error);
         assert!(fmu.error().starts_with("fmi2DeSerializeFMUstate: FMUstate must be an array of length "));
-        assert_eq!(abi::set_fmu_state::<Sampler>(fmu.component, state), Status::Ok);
+        assert_eq!(fmi2::set_fmu_state::<Sampler>(fmu.component, state), Status::Ok);
     }
     assert_eq!(fmu.get("filter_count"), 0.0);
 }
@@ -619,15 +638,15 @@ fn bytes_carry_a_state_to_another_instance_and_need_their_room() {
     let mut copy = null_mut();
     // SAFETY: the arrays have the sizes that are passed.
     unsafe {
-        let status = abi::serialize_fmu_state::<CartPair>(fmu.component, state, small.as_mut_ptr(), small.len());
+        let status = fmi2::serialize_fmu_state::<CartPair>(fmu.component, state, small.as_mut_ptr(), small.len());
         assert_eq!(status, Status::Error);
         assert_eq!(
             fmu.error(),
             format!("fmi2SerializeFMUstate: size must be at least {}, got {}", bytes.len(), small.len())
         );
-        let status = abi::deserialize_fmu_state::<CartPair>(other.component, bytes.as_ptr(), bytes.len(), &mut copy);
+        let status = fmi2::deserialize_fmu_state::<CartPair>(other.component, bytes.as_ptr(), bytes.len(), &mut copy);
         assert_eq!(status, Status::Ok);
-        assert_eq!(abi::set_fmu_state::<CartPair>(other.component, copy), Status::Ok);
+        assert_eq!(fmi2::set_fmu_state::<CartPair>(other.component, copy), Status::Ok);
     }
     assert_eq!(other.step(0.25, 0.25), Status::Ok);
     assert_eq!(fmu.step(0.25, 0.25), Status::Ok);
@@ -645,7 +664,7 @@ fn after_a_panic_only_reset_and_free_are_left() {
         let fmu = C::<Fragile>::new(false);
         let parameter = reference::<Fragile>("panic");
         // SAFETY: one reference, one value.
-        let status = unsafe { abi::set_integer::<Fragile>(fmu.component, &parameter, 1, &place) };
+        let status = unsafe { fmi2::set_integer::<Fragile>(fmu.component, &parameter, 1, &place) };
         assert_eq!(status, Status::Ok);
         let status = fmu.initialize();
         let status = if place == 3 { fmu.step(0.0, 0.1) } else { status };
@@ -654,9 +673,12 @@ fn after_a_panic_only_reset_and_free_are_left() {
         for (function, status) in all_calls::<Fragile>(fmu.component) {
             // The last call is the reset.
             let expected = if function == Function::Reset { Status::Ok } else { Status::Error };
-            assert_eq!(status, expected, "{}", function.name());
+            assert_eq!(status, expected, "{}", function.name(Version::Fmi2));
         }
-        assert!(fmu.take().iter().all(|message| message.format.contains("called in Broken, allowed in ")));
+        assert!(fmu.take().iter().all(|message| {
+            message.format.contains("called in Broken, allowed in ")
+                || message.format.ends_with(" is not a function of co-simulation")
+        }));
         assert_eq!(fmu.initialize(), Status::Ok);
         assert_eq!(fmu.step(0.0, 0.1), Status::Ok);
         assert_eq!(fmu.get("sum_of_quotients"), 1.0);
@@ -664,7 +686,7 @@ fn after_a_panic_only_reset_and_free_are_left() {
     // A broken instance can also be freed at once.
     let fmu = C::<Fragile>::new(false);
     // SAFETY: one reference, one value.
-    unsafe { abi::set_integer::<Fragile>(fmu.component, &reference::<Fragile>("panic"), 1, &3) };
+    unsafe { fmi2::set_integer::<Fragile>(fmu.component, &reference::<Fragile>("panic"), 1, &3) };
     fmu.initialize();
     assert_eq!(fmu.step(0.0, 0.1), Status::Error);
 }
@@ -676,12 +698,12 @@ fn a_state_saved_before_a_panic_outlives_the_reset() {
     let state = fmu.save();
     // SAFETY: a state of the component; one reference, one value.
     unsafe {
-        assert_eq!(abi::reset::<Fragile>(fmu.component), Status::Ok);
-        abi::set_integer::<Fragile>(fmu.component, &reference::<Fragile>("panic"), 1, &2);
+        assert_eq!(fmi2::reset::<Fragile>(fmu.component), Status::Ok);
+        fmi2::set_integer::<Fragile>(fmu.component, &reference::<Fragile>("panic"), 1, &2);
         assert_eq!(fmu.initialize(), Status::Error);
-        assert_eq!(abi::set_fmu_state::<Fragile>(fmu.component, state), Status::Error);
-        assert_eq!(abi::reset::<Fragile>(fmu.component), Status::Ok);
-        assert_eq!(abi::set_fmu_state::<Fragile>(fmu.component, state), Status::Ok);
+        assert_eq!(fmi2::set_fmu_state::<Fragile>(fmu.component, state), Status::Error);
+        assert_eq!(fmi2::reset::<Fragile>(fmu.component), Status::Ok);
+        assert_eq!(fmi2::set_fmu_state::<Fragile>(fmu.component, state), Status::Ok);
     }
     assert_eq!(fmu.get("sum_of_quotients"), 3.0);
     assert_eq!(fmu.step(0.3, 0.1), Status::Ok);

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use fmu::abi::Export;
-use fmu::description::Description;
+use fmu::description::{Description, Format};
 use fmu::variable::Kind;
 use quick_xml::Reader;
 use quick_xml::events::Event;
@@ -93,6 +93,7 @@ fn the_top_of_the_description_says_what_the_fmu_can_do() {
     assert_eq!(
         order,
         [
+            "ModelExchange",
             "CoSimulation",
             "UnitDefinitions",
             "TypeDefinitions",
@@ -109,6 +110,15 @@ fn the_top_of_the_description_says_what_the_fmu_can_do() {
         format!("CoSimulation {flags}CartPair providesDirectionalDerivative=true")
     );
     assert_eq!(described::<Sampler>().one("CoSimulation").text(), format!("CoSimulation {flags}Sampler"));
+    let flags = flags.replace(
+        "canHandleVariableCommunicationStepSize=true canNotUseMemoryManagementFunctions=true canSerializeFMUstate=true",
+        "canNotUseMemoryManagementFunctions=true canSerializeFMUstate=true completedIntegratorStepNotNeeded=true",
+    );
+    assert_eq!(
+        root.one("ModelExchange").text(),
+        format!("ModelExchange {flags}CartPair providesDirectionalDerivative=true")
+    );
+    assert_eq!(described::<Sampler>().one("ModelExchange").text(), format!("ModelExchange {flags}Sampler"));
     assert_eq!(root.one("DefaultExperiment").text(), "DefaultExperiment startTime=0.0 stepSize=0.01 stopTime=10.0");
     let categories: Vec<_> = root.one("LogCategories").children.iter().filter_map(|c| c.get("name")).collect();
     assert_eq!(categories, ["logStatusError", "logStatusDiscard", "logEvents"]);
@@ -351,7 +361,7 @@ fn the_guid_is_the_hash_of_the_description_without_it() {
         assert_eq!(description.xml.matches(&description.guid).count(), 1);
     }
     // Computed anew it is the same.
-    let again = Description::of::<<CartPair as Export>::Model>(Path::new(""));
+    let again = Description::of::<<CartPair as Export>::Model>(Format::FMI2, Path::new(""));
     assert_eq!(again.guid, CartPair::description().guid);
     assert_eq!(again.xml, CartPair::description().xml);
 }
@@ -402,7 +412,7 @@ macro_rules! guids {
                 Y { y: self.k * sample.inputs.u }
             }
         }
-        let description = Description::of::<fmu::runner::DiscreteModel<Amplifier>>(Path::new(""));
+        let description = Description::of::<fmu::runner::DiscreteModel<Amplifier>>(Format::FMI2, Path::new(""));
         assert!(!description.xml.contains("author=") && !description.xml.contains("license="), "{}", description.xml);
         description.guid
     }),*]};
@@ -473,5 +483,5 @@ mod without_derived_parameters {
 #[should_panic = "Hopeless: the start values of the parameters do not work: 'mass' must be below 2 kg, got 2 kg"]
 fn a_continuous_model_whose_start_values_are_rejected_has_no_description() {
     // Its dependencies could not be found, and an empty list would be wrong.
-    Description::of::<fmu::runner::ContinuousModel<without_derived_parameters::Hopeless>>(Path::new(""));
+    Description::of::<fmu::runner::ContinuousModel<without_derived_parameters::Hopeless>>(Format::FMI2, Path::new(""));
 }

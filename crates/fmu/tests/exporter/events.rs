@@ -9,7 +9,7 @@ const GRAVITY: f64 = 9.81;
 macro_rules! ball {
     ($(#[doc = $doc:literal] $name:ident, $solver:expr;)*) => {$(
         #[derive(Parameters)]
-        struct $name {
+        pub(crate) struct $name {
             /// Coefficient of restitution (1)
             #[var(start = 0.7)]
             restitution: f64,
@@ -45,7 +45,7 @@ macro_rules! ball {
 }
 
 #[derive(State)]
-struct BallState<T> {
+pub(crate) struct BallState<T> {
     /// Height (m)
     #[var(start = 1.0)]
     height: T,
@@ -54,7 +54,7 @@ struct BallState<T> {
 }
 
 #[derive(Outputs)]
-struct BallOutputs<T> {
+pub(crate) struct BallOutputs<T> {
     /// Bounces so far
     bounces: i32,
     /// Time of the last bounce (s)
@@ -62,7 +62,7 @@ struct BallOutputs<T> {
 }
 
 #[derive(DiscreteState, Clone, Default)]
-struct Bounces {
+pub(crate) struct Bounces {
     count: i32,
     last: f64,
 }
@@ -77,7 +77,7 @@ ball! {
 }
 
 /// Bounces up to `time`, the time of the last one, height and velocity.
-fn ball(time: f64) -> (i32, f64, f64, f64) {
+pub(crate) fn ball(time: f64) -> (i32, f64, f64, f64) {
     let first = (2.0 / GRAVITY).sqrt();
     if time < first {
         return (0, 0.0, 1.0 - 0.5 * GRAVITY * time * time, -GRAVITY * time);

@@ -1,6 +1,6 @@
 //! Steps that fail.
 
-use fmu::calls::{Function, Mode};
+use fmu::calls::{Function, Mode, Protocol, Version};
 
 use crate::models::{CartPair, Fmu, Fragile, error_of};
 
@@ -80,7 +80,8 @@ fn a_continuous_model_that_overflows_restores_its_state() {
 #[test]
 fn after_a_failed_step_only_reading_restoring_and_ending_is_left() {
     use Function as F;
-    for &function in F::ALL {
+    let is_there = |function: &&Function| Mode::ALL.iter().any(|&mode| function.allowed(Protocol::CS2, mode));
+    for &function in F::ALL.iter().filter(is_there) {
         let allowed = !matches!(
             function,
             F::SetupExperiment
@@ -95,6 +96,6 @@ fn after_a_failed_step_only_reading_restoring_and_ending_is_left() {
                 | F::DoStep
                 | F::CancelStep
         );
-        assert_eq!(function.allowed(Mode::StepFailed), allowed, "{}", function.name());
+        assert_eq!(function.allowed(Protocol::CS2, Mode::StepFailed), allowed, "{}", function.name(Version::Fmi2));
     }
 }

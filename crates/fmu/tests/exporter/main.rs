@@ -10,6 +10,7 @@ mod events;
 mod exact;
 mod failures;
 mod minimal;
+mod model_exchange;
 mod models;
 mod resources;
 mod solvers;

@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::path::PathBuf;
 
 use fmu::abi::Export;
+use fmu::calls::Protocol;
 use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
 use fmu::variable::Kind;
@@ -378,7 +379,7 @@ pub(crate) fn error_of<V: std::fmt::Debug>(answer: Result<V, CallError>) -> Stri
 impl<E: Export> Fmu<E> {
     /// In Instantiated.
     pub(crate) fn new() -> Self {
-        Self(Instance::new(E::description(), PathBuf::new()))
+        Self(Instance::new(Protocol::CS2, E::description(), PathBuf::new()))
     }
 
     /// In Initialization Mode.

@@ -168,7 +168,7 @@ fn bytes_of_another_kind_say_what_they_are() {
     assert_eq!(message(&[b'x'; 100]), "fmi2DeSerializeFMUstate: these are not the bytes of a state of this exporter");
     let mut newer = bytes.clone();
     newer[8] = 9;
-    assert_eq!(message(&with_checksum(newer)), "fmi2DeSerializeFMUstate: format version must be 2, got 9");
+    assert_eq!(message(&with_checksum(newer)), "fmi2DeSerializeFMUstate: format version must be 3, got 9");
     assert_eq!(
         message(&Fmu::<Fragile>::ready().bytes()),
         format!(

@@ -1,0 +1,119 @@
+//! A Rust that builds the standard library along with a model, for platforms without a compiled one.
+//!
+//! The option of cargo is not stable. `RUSTC_BOOTSTRAP` admits it, for the one call of cargo only.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::platform::Platform;
+
+/// Sources of the standard library in a toolchain, by rustup and by Debian.
+const SOURCES: &str = "lib/rustlib/src/rust";
+/// Debian's packages of a toolchain with sources.
+pub(crate) const PACKAGES: &str = "cargo-web rustc-web rust-web-src";
+
+/// A toolchain that has the sources of its standard library.
+#[derive(Debug)]
+pub(crate) struct Toolchain {
+    root: PathBuf,
+}
+
+impl Toolchain {
+    /// Looks in the folder that [`Platform::variable`] names, and without it in the toolchain in use and in `/usr`.
+    ///
+    /// # Errors
+    /// No toolchain can build for the platform: what each of them lacks.
+    pub(crate) fn find(platform: Platform) -> Result<Self, String> {
+        let mut rejected = Vec::new();
+        for root in candidates(&platform.variable()) {
+            match usable(&root, platform.target()) {
+                Ok(()) => return Ok(Self { root }),
+                Err(reason) => rejected.push(reason),
+            }
+        }
+        Err(rejected.join(", "))
+    }
+
+    /// A call of this toolchain's cargo.
+    pub(crate) fn cargo(&self) -> Command {
+        let mut command = Command::new(self.program("cargo"));
+        self.use_in(&mut command);
+        command
+    }
+
+    /// Lets a program that calls cargo use this toolchain.
+    pub(crate) fn use_in(&self, command: &mut Command) {
+        command.env("CARGO", self.program("cargo")).env("RUSTC", self.program("rustc"));
+        // They belong to the cargo that runs this program.
+        command.env_remove("RUSTUP_TOOLCHAIN").env_remove("LD_LIBRARY_PATH");
+    }
+
+    /// Lets a build of cargo include the standard library.
+    pub(crate) fn build_library(command: &mut Command) {
+        command.args(["-Z", "build-std=std,panic_unwind"]).env("RUSTC_BOOTSTRAP", "1");
+    }
+
+    /// Folder of the sources; their paths get into messages.
+    pub(crate) fn sources(&self) -> PathBuf {
+        self.root.join(SOURCES)
+    }
+
+    fn program(&self, name: &str) -> PathBuf {
+        program(&self.root, name)
+    }
+}
+
+/// True if the toolchain in use has a compiled standard library for a target.
+pub(crate) fn has_library(target: &str) -> bool {
+    output(&rustc(), &["--print", "target-libdir", "--target", target])
+        .is_some_and(|folder| Path::new(folder.trim_end()).is_dir())
+}
+
+/// True if a program is on the PATH and succeeds with this argument.
+pub(crate) fn runs(program: &str, argument: &str) -> bool {
+    output(OsStr::new(program), &[argument]).is_some()
+}
+
+fn rustc() -> std::ffi::OsString {
+    std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into())
+}
+
+fn program(root: &Path, name: &str) -> PathBuf {
+    root.join("bin").join(name)
+}
+
+/// Folders of toolchains: the one that the variable names; else the one in use and that of the system.
+fn candidates(variable: &str) -> Vec<PathBuf> {
+    if let Some(named) = std::env::var_os(variable) {
+        return vec![PathBuf::from(named)];
+    }
+    let in_use = output(&rustc(), &["--print", "sysroot"]).map(|root| PathBuf::from(root.trim_end()));
+    let mut candidates: Vec<_> = in_use.into_iter().collect();
+    let system = PathBuf::from("/usr");
+    if !candidates.contains(&system) {
+        candidates.push(system);
+    }
+    candidates
+}
+
+/// An error if a toolchain lacks a program, the sources or the target.
+fn usable(root: &Path, target: &str) -> Result<(), String> {
+    let library = root.join(SOURCES).join("library/Cargo.lock");
+    for file in [program(root, "cargo"), program(root, "rustc"), library] {
+        if !file.exists() {
+            return Err(format!("there is no {}", file.display()));
+        }
+    }
+    let targets = output(program(root, "rustc").as_os_str(), &["--print", "target-list"]).unwrap_or_default();
+    if !targets.lines().any(|known| known == target) {
+        return Err(format!("{} does not know the target {target}", program(root, "rustc").display()));
+    }
+    Ok(())
+}
+
+/// Output of a program that succeeds.
+fn output(program: &OsStr, arguments: &[&str]) -> Option<String> {
+    let output = Command::new(program).args(arguments).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}

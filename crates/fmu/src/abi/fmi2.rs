@@ -1,0 +1,592 @@
+//! The functions of FMI 2.0.
+
+use std::ffi::{CStr, CString};
+use std::path::PathBuf;
+
+use super::c::{c_char, c_int, c_uint, c_void, size_t};
+pub use super::common::{
+    deserialize_fmu_state, enter_continuous_time_mode, enter_event_mode, exit_initialization_mode, free_fmu_state,
+    free_instance, get_continuous_states, get_derivatives, get_event_indicators, get_fmu_state,
+    get_nominals_of_continuous_states, reset, serialize_fmu_state, serialized_fmu_state_size, set_continuous_states,
+    set_fmu_state, set_time, terminate,
+};
+use super::{
+    Component, Export, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error, target, text,
+};
+use crate::calls::{Function, Interface, Protocol, Version};
+use crate::description::LOG_CATEGORIES;
+use crate::instance::{CallError, Instance};
+
+/// fmi2Boolean.
+pub type Boolean = c_int;
+/// fmi2ValueReference.
+pub type ValueReference = c_uint;
+
+/// fmi2CallbackLogger: environment, instance name, status, category, message as a printf format.
+pub type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
+
+/// fmi2CallbackFunctions; the memory functions are not used.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Callbacks {
+    /// Where messages go.
+    pub logger: Option<Logger>,
+    /// Not used.
+    pub allocate_memory: Option<unsafe extern "C" fn(size_t, size_t) -> *mut c_void>,
+    /// Not used.
+    pub free_memory: Option<unsafe extern "C" fn(*mut c_void)>,
+    /// Not used: no step runs on after the call.
+    pub step_finished: Option<unsafe extern "C" fn(*mut c_void, c_int)>,
+    /// Passed back to the logger.
+    pub environment: *mut c_void,
+}
+
+/// fmi2GetTypesPlatform.
+pub fn types_platform() -> *const c_char {
+    c"default".as_ptr()
+}
+
+/// fmi2GetVersion.
+pub fn version() -> *const c_char {
+    c"2.0".as_ptr()
+}
+
+/// Path of a `file:` URI with its percent signs decoded; anything else is taken as a path.
+fn resources_path(uri: &str) -> PathBuf {
+    let path = uri.strip_prefix("file:").map_or(uri, |rest| {
+        let rest = rest.strip_prefix("//").unwrap_or(rest);
+        let rest = rest.strip_prefix("localhost").unwrap_or(rest);
+        // On Windows, file:///C:/folder is the path C:/folder.
+        if cfg!(windows) { rest.trim_start_matches('/') } else { rest }
+    });
+    let bytes = path.as_bytes();
+    let mut decoded = Vec::with_capacity(bytes.len());
+    let mut i = 0;
+    while i < bytes.len() {
+        let code = (bytes[i] == b'%').then(|| path.get(i + 1..i + 3)).flatten();
+        // A sign is no hexadecimal digit, though the parser would take it.
+        let code = code.filter(|code| code.bytes().all(|byte| byte.is_ascii_hexdigit()));
+        match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
+            Some(byte) => {
+                decoded.push(byte);
+                i += 3;
+            }
+            None => {
+                decoded.push(bytes[i]);
+                i += 1;
+            }
+        }
+    }
+    PathBuf::from(String::from_utf8_lossy(&decoded).into_owned())
+}
+
+/// The interface of an fmi2Type.
+fn interface_of<E: Export>(fmu_type: c_int) -> Result<Interface, String> {
+    let all = [(0, Interface::ModelExchange), (1, Interface::CoSimulation)];
+    let provided = || all.into_iter().filter(|(_, interface)| common::provides::<E>(*interface));
+    provided().find(|(number, _)| *number == fmu_type).map(|(_, interface)| interface).ok_or_else(|| {
+        let names: Vec<_> = provided().map(|(number, of)| format!("{number} ({})", of.name())).collect();
+        format!("fmuType must be {}, got {fmu_type}", names.join(" or "))
+    })
+}
+
+/// fmi2Instantiate. A null pointer means that the reason was logged, if there was a logger.
+pub unsafe fn instantiate<E: Export>(
+    name: *const c_char,
+    fmu_type: c_int,
+    guid: *const c_char,
+    resources: *const c_char,
+    callbacks: *const Callbacks,
+    _visible: Boolean,
+    logging_on: Boolean,
+) -> Component {
+    if callbacks.is_null() || !callbacks.is_aligned() {
+        return std::ptr::null_mut();
+    }
+    // SAFETY: checked for null; the caller's struct is copied.
+    let callbacks = unsafe { *callbacks };
+    let logger = callbacks.logger.map(|logger| AnyLogger::Fmi2(logger, callbacks.environment));
+    let log = Log { logger, name: CString::default(), wanted: [logging_on != 0; LOG_CATEGORIES.len()] };
+    // SAFETY: strings of the caller.
+    unsafe {
+        common::create::<E>("fmi2Instantiate", log, name, || {
+            let interface = interface_of::<E>(fmu_type)?;
+            common::check_guid::<E>("fmuGUID", guid)?;
+            let resources = if resources.is_null() {
+                PathBuf::new()
+            } else {
+                resources_path(text(resources).map_err(|e| format!("fmuResourceLocation is {e}"))?)
+            };
+            let protocol = Protocol { version: Version::Fmi2, interface };
+            Ok(Instance::new(protocol, E::description(), resources))
+        })
+    }
+}
+
+/// fmi2SetDebugLogging.
+pub unsafe fn set_debug_logging<E: Export>(
+    component: Component,
+    logging_on: Boolean,
+    count: size_t,
+    categories: *const *const c_char,
+) -> Status {
+    unsafe { common::set_log_categories::<E>(component, logging_on != 0, count, categories) }
+}
+
+/// fmi2SetupExperiment. The tolerance is not used: the integrator has a fixed step.
+pub unsafe fn setup_experiment<E: Export>(
+    component: Component,
+    _tolerance_defined: Boolean,
+    _tolerance: f64,
+    start: f64,
+    stop_defined: Boolean,
+    stop: f64,
+) -> Status {
+    let stop = (stop_defined != 0).then_some(stop);
+    unsafe { call::<E>(component, Function::SetupExperiment, |h| h.instance.setup_experiment(start, stop)) }
+}
+
+/// fmi2EnterInitializationMode.
+pub unsafe fn enter_initialization_mode<E: Export>(component: Component) -> Status {
+    unsafe { call::<E>(component, Function::EnterInitializationMode, |h| h.instance.enter_initialization()) }
+}
+
+/// fmi2GetReal.
+pub unsafe fn get_real<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut f64,
+) -> Status {
+    let function = Function::GetReal;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let references = array::<E, _>(function, "vr", references, count)?;
+            h.instance.get_real(references, array_mut::<E, _>(function, "value", values, count)?)
+        })
+    }
+}
+
+/// fmi2GetInteger.
+pub unsafe fn get_integer<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut c_int,
+) -> Status {
+    unsafe {
+        get(component, Function::GetInteger, references, count, values, |h: &mut Handle<E>, r| {
+            h.instance.get_integer(r)
+        })
+    }
+}
+
+/// fmi2GetBoolean.
+pub unsafe fn get_boolean<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut Boolean,
+) -> Status {
+    unsafe {
+        get(component, Function::GetBoolean, references, count, values, |h: &mut Handle<E>, r| {
+            h.instance.get_boolean(r).map(Boolean::from)
+        })
+    }
+}
+
+/// fmi2GetString. The strings live until a string is set, a state is restored, or the instance is reset or freed.
+pub unsafe fn get_string<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut *const c_char,
+) -> Status {
+    unsafe {
+        get(component, Function::GetString, references, count, values, |h: &mut Handle<E>, r| {
+            h.instance.get_string(r).map(CStr::as_ptr)
+        })
+    }
+}
+
+/// Values of a type that is not real; all references are checked before the first value is written.
+unsafe fn get<E: Export, V>(
+    component: Component,
+    function: Function,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut V,
+    one: impl Fn(&mut Handle<E>, ValueReference) -> Result<V, CallError>,
+) -> Status {
+    unsafe {
+        call::<E>(component, function, |h| {
+            let references = array::<E, _>(function, "vr", references, count)?;
+            let values = array_mut::<E, _>(function, "value", values, count)?;
+            references.iter().try_for_each(|&reference| one(h, reference).map(drop))?;
+            for (value, &reference) in values.iter_mut().zip(references) {
+                *value = one(h, reference)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// fmi2SetReal.
+pub unsafe fn set_real<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const f64,
+) -> Status {
+    let function = Function::SetReal;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let references = array::<E, _>(function, "vr", references, count)?;
+            h.instance.set_real(references, array::<E, _>(function, "value", values, count)?)
+        })
+    }
+}
+
+/// fmi2SetInteger.
+pub unsafe fn set_integer<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const c_int,
+) -> Status {
+    let function = Function::SetInteger;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let references = array::<E, _>(function, "vr", references, count)?;
+            h.instance.set_integer(references, array::<E, _>(function, "value", values, count)?)
+        })
+    }
+}
+
+/// fmi2SetBoolean; any number but 0 is true.
+pub unsafe fn set_boolean<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const Boolean,
+) -> Status {
+    let function = Function::SetBoolean;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let references = array::<E, _>(function, "vr", references, count)?;
+            let values: Vec<_> =
+                array::<E, _>(function, "value", values, count)?.iter().map(|&value| value != 0).collect();
+            h.instance.set_boolean(references, &values)
+        })
+    }
+}
+
+/// fmi2SetString.
+pub unsafe fn set_string<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const *const c_char,
+) -> Status {
+    let function = Function::SetString;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let references = array::<E, _>(function, "vr", references, count)?;
+            let texts: Result<Vec<_>, _> = array::<E, _>(function, "value", values, count)?
+                .iter()
+                .map(|&value| {
+                    text(value).map(str::to_owned).map_err(|e| error::<E>(function, &format!("a value is {e}")))
+                })
+                .collect();
+            h.instance.set_string(references, &texts?)
+        })
+    }
+}
+
+/// fmi2GetDirectionalDerivative.
+pub unsafe fn get_directional_derivative<E: Export>(
+    component: Component,
+    unknown: *const ValueReference,
+    unknown_count: size_t,
+    known: *const ValueReference,
+    known_count: size_t,
+    seed: *const f64,
+    result: *mut f64,
+) -> Status {
+    let function = Function::GetDirectionalDerivative;
+    unsafe {
+        call::<E>(component, function, |h| {
+            h.instance.directional_derivative(
+                array::<E, _>(function, "vUnknown_ref", unknown, unknown_count)?,
+                array::<E, _>(function, "vKnown_ref", known, known_count)?,
+                array::<E, _>(function, "dvKnown", seed, known_count)?,
+                array_mut::<E, _>(function, "dvUnknown", result, unknown_count)?,
+            )
+        })
+    }
+}
+
+/// Inputs are held over a step and outputs have no known slope, as the capability flags say.
+unsafe fn no_interpolation<E: Export>(component: Component, function: Function) -> Status {
+    unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "not supported (see the capability flags)"))) }
+}
+
+/// fmi2SetRealInputDerivatives: not supported.
+pub unsafe fn set_real_input_derivatives<E: Export>(
+    component: Component,
+    _references: *const ValueReference,
+    _count: size_t,
+    _orders: *const c_int,
+    _values: *const f64,
+) -> Status {
+    unsafe { no_interpolation::<E>(component, Function::SetRealInputDerivatives) }
+}
+
+/// fmi2GetRealOutputDerivatives: not supported.
+pub unsafe fn get_real_output_derivatives<E: Export>(
+    component: Component,
+    _references: *const ValueReference,
+    _count: size_t,
+    _orders: *const c_int,
+    _values: *mut f64,
+) -> Status {
+    unsafe { no_interpolation::<E>(component, Function::GetRealOutputDerivatives) }
+}
+
+/// fmi2DoStep.
+pub unsafe fn do_step<E: Export>(component: Component, time: f64, step: f64, _no_set_before: Boolean) -> Status {
+    unsafe { call::<E>(component, Function::DoStep, |h| h.instance.do_step(time, step)) }
+}
+
+/// fmi2CancelStep: a step is over when fmi2DoStep returns.
+pub unsafe fn cancel_step<E: Export>(component: Component) -> Status {
+    let function = Function::CancelStep;
+    unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "no step is pending"))) }
+}
+
+const LAST_SUCCESSFUL_TIME: c_int = 2;
+const TERMINATED: c_int = 3;
+
+unsafe fn no_answer<E: Export>(component: Component, function: Function, kind: c_int) -> Status {
+    unsafe {
+        call::<E>(component, function, |_| {
+            Err(CallError::Discard(format!("{}: no answer to status kind {kind}", function.name(E::FORMAT.version))))
+        })
+    }
+}
+
+/// fmi2GetStatus: no step is ever pending.
+pub unsafe fn get_status<E: Export>(component: Component, kind: c_int, _value: *mut c_int) -> Status {
+    unsafe { no_answer::<E>(component, Function::GetStatus, kind) }
+}
+
+/// fmi2GetRealStatus: answers fmi2LastSuccessfulTime.
+pub unsafe fn get_real_status<E: Export>(component: Component, kind: c_int, value: *mut f64) -> Status {
+    let function = Function::GetRealStatus;
+    if kind != LAST_SUCCESSFUL_TIME {
+        return unsafe { no_answer::<E>(component, function, kind) };
+    }
+    unsafe {
+        call::<E>(component, function, |h| {
+            *target::<E, _>(function, "value", value)? = h.instance.time();
+            Ok(())
+        })
+    }
+}
+
+/// fmi2GetIntegerStatus: the standard has no question of this type.
+pub unsafe fn get_integer_status<E: Export>(component: Component, kind: c_int, _value: *mut c_int) -> Status {
+    unsafe { no_answer::<E>(component, Function::GetIntegerStatus, kind) }
+}
+
+/// fmi2GetBooleanStatus: answers fmi2Terminated; the FMU never asks to end the simulation.
+pub unsafe fn get_boolean_status<E: Export>(component: Component, kind: c_int, value: *mut Boolean) -> Status {
+    let function = Function::GetBooleanStatus;
+    if kind != TERMINATED {
+        return unsafe { no_answer::<E>(component, function, kind) };
+    }
+    unsafe {
+        call::<E>(component, function, |_| {
+            *target::<E, _>(function, "value", value)? = 0;
+            Ok(())
+        })
+    }
+}
+
+/// fmi2GetStringStatus: no step is ever pending.
+pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _value: *mut *const c_char) -> Status {
+    unsafe { no_answer::<E>(component, Function::GetStringStatus, kind) }
+}
+
+/// fmi2EventInfo.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub struct EventInfo {
+    /// Never: one call of fmi2NewDiscreteStates handles all events of a time.
+    pub new_discrete_states_needed: Boolean,
+    /// Never.
+    pub terminate_simulation: Boolean,
+    /// Never: nominal values are constant.
+    pub nominals_of_continuous_states_changed: Boolean,
+    /// Whether the event has set continuous states.
+    pub values_of_continuous_states_changed: Boolean,
+    /// Whether there is another time event.
+    pub next_event_time_defined: Boolean,
+    /// Its time in s.
+    pub next_event_time: f64,
+}
+
+/// fmi2NewDiscreteStates.
+pub unsafe fn new_discrete_states<E: Export>(component: Component, info: *mut EventInfo) -> Status {
+    let function = Function::NewDiscreteStates;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let info = target::<E, _>(function, "eventInfo", info)?;
+            let update = h.instance.new_discrete_states()?;
+            *info = EventInfo {
+                values_of_continuous_states_changed: update.states_changed.into(),
+                next_event_time_defined: update.next_event_time.is_some().into(),
+                next_event_time: update.next_event_time.unwrap_or(0.0),
+                ..EventInfo::default()
+            };
+            Ok(())
+        })
+    }
+}
+
+/// fmi2CompletedIntegratorStep: no step ends with an event that the indicators do not show.
+pub unsafe fn completed_integrator_step<E: Export>(
+    component: Component,
+    _no_set_before: Boolean,
+    enter_event_mode: *mut Boolean,
+    terminate: *mut Boolean,
+) -> Status {
+    let function = Function::CompletedIntegratorStep;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let event = target::<E, _>(function, "enterEventMode", enter_event_mode)?;
+            let end = target::<E, _>(function, "terminateSimulation", terminate)?;
+            h.instance.completed_integrator_step()?;
+            (*event, *end) = (0, 0);
+            Ok(())
+        })
+    }
+}
+
+/// The C interface of a model by FMI 2.0, with the functions of co-simulation (`cs`), model exchange (`me`) or both.
+/// [`model`](macro@crate::model) adds it where `cargo fmu pack` asks for it.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! c_interface_of_fmi2 {
+    (@functions $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*);)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
+            unsafe { $target::<$model>(component $(, $argument)*) }
+        }
+    )*};
+    (@cs $model:ty) => {
+        $crate::c_interface_of_fmi2! { @functions $model:
+            fmi2SetRealInputDerivatives set_real_input_derivatives (vr: *const ValueReference, n: size_t, order: *const c_int, value: *const f64);
+            fmi2GetRealOutputDerivatives get_real_output_derivatives (vr: *const ValueReference, n: size_t, order: *const c_int, value: *mut f64);
+            fmi2DoStep do_step (time: f64, step: f64, no_set_before: Boolean);
+            fmi2CancelStep cancel_step ();
+            fmi2GetStatus get_status (kind: c_int, value: *mut c_int);
+            fmi2GetRealStatus get_real_status (kind: c_int, value: *mut f64);
+            fmi2GetIntegerStatus get_integer_status (kind: c_int, value: *mut c_int);
+            fmi2GetBooleanStatus get_boolean_status (kind: c_int, value: *mut Boolean);
+            fmi2GetStringStatus get_string_status (kind: c_int, value: *mut *const c_char);
+        }
+    };
+    (@me $model:ty) => {
+        $crate::c_interface_of_fmi2! { @functions $model:
+            fmi2EnterEventMode enter_event_mode ();
+            fmi2NewDiscreteStates new_discrete_states (info: *mut EventInfo);
+            fmi2EnterContinuousTimeMode enter_continuous_time_mode ();
+            fmi2CompletedIntegratorStep completed_integrator_step (no_set_before: Boolean, enter_event_mode: *mut Boolean, terminate: *mut Boolean);
+            fmi2SetTime set_time (time: f64);
+            fmi2SetContinuousStates set_continuous_states (x: *const f64, n: size_t);
+            fmi2GetDerivatives get_derivatives (value: *mut f64, n: size_t);
+            fmi2GetEventIndicators get_event_indicators (value: *mut f64, n: size_t);
+            fmi2GetContinuousStates get_continuous_states (x: *mut f64, n: size_t);
+            fmi2GetNominalsOfContinuousStates get_nominals_of_continuous_states (value: *mut f64, n: size_t);
+        }
+    };
+    ($model:ty: $($interface:ident)*) => {
+        #[doc(hidden)]
+        #[allow(unsafe_code, non_snake_case, clippy::missing_safety_doc, clippy::too_many_arguments)]
+        pub mod c_interface {
+            #[allow(unused_imports)]
+            use super::*;
+            use $crate::abi::{Component, FmuState, Status};
+            use $crate::abi::fmi2::*;
+            use $crate::abi::c::*;
+
+            $crate::unloading!($model);
+
+            #[unsafe(no_mangle)]
+            pub extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
+                types_platform()
+            }
+            #[unsafe(no_mangle)]
+            pub extern "C" fn fmi2GetVersion() -> *const c_char {
+                version()
+            }
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn fmi2FreeInstance(component: Component) {
+                unsafe { free_instance::<$model>(component) }
+            }
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn fmi2Instantiate(
+                name: *const c_char,
+                fmu_type: c_int,
+                guid: *const c_char,
+                resources: *const c_char,
+                callbacks: *const Callbacks,
+                visible: Boolean,
+                logging_on: Boolean,
+            ) -> Component {
+                unsafe { instantiate::<$model>(name, fmu_type, guid, resources, callbacks, visible, logging_on) }
+            }
+            $crate::c_interface_of_fmi2! { @functions $model:
+                fmi2SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);
+                fmi2SetupExperiment setup_experiment (with_tolerance: Boolean, tolerance: f64, start: f64, with_stop: Boolean, stop: f64);
+                fmi2EnterInitializationMode enter_initialization_mode ();
+                fmi2ExitInitializationMode exit_initialization_mode ();
+                fmi2Terminate terminate ();
+                fmi2Reset reset ();
+                fmi2GetReal get_real (vr: *const ValueReference, n: size_t, value: *mut f64);
+                fmi2GetInteger get_integer (vr: *const ValueReference, n: size_t, value: *mut c_int);
+                fmi2GetBoolean get_boolean (vr: *const ValueReference, n: size_t, value: *mut Boolean);
+                fmi2GetString get_string (vr: *const ValueReference, n: size_t, value: *mut *const c_char);
+                fmi2SetReal set_real (vr: *const ValueReference, n: size_t, value: *const f64);
+                fmi2SetInteger set_integer (vr: *const ValueReference, n: size_t, value: *const c_int);
+                fmi2SetBoolean set_boolean (vr: *const ValueReference, n: size_t, value: *const Boolean);
+                fmi2SetString set_string (vr: *const ValueReference, n: size_t, value: *const *const c_char);
+                fmi2GetFMUstate get_fmu_state (state: *mut FmuState);
+                fmi2SetFMUstate set_fmu_state (state: FmuState);
+                fmi2FreeFMUstate free_fmu_state (state: *mut FmuState);
+                fmi2SerializedFMUstateSize serialized_fmu_state_size (state: FmuState, size: *mut size_t);
+                fmi2SerializeFMUstate serialize_fmu_state (state: FmuState, bytes: *mut c_char, size: size_t);
+                fmi2DeSerializeFMUstate deserialize_fmu_state (bytes: *const c_char, size: size_t, state: *mut FmuState);
+                fmi2GetDirectionalDerivative get_directional_derivative (unknown: *const ValueReference, unknown_count: size_t, known: *const ValueReference, known_count: size_t, seed: *const f64, result: *mut f64);
+            }
+            $($crate::c_interface_of_fmi2! { @$interface $model })*
+        }
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_resource_uri_becomes_a_path() {
+        // RFC 8089: no authority, an empty one and localhost mean the same; %XX is a byte.
+        for uri in ["file:///a/b%20c", "file:/a/b%20c", "file://localhost/a/b%20c", "/a/b%20c"] {
+            assert_eq!(resources_path(uri), PathBuf::from("/a/b c"), "{uri}");
+        }
+        for path in ["/50%", "/5%+1", "/5%\u{20ac}"] {
+            assert_eq!(resources_path(&format!("file://{path}")), PathBuf::from(path));
+        }
+    }
+}

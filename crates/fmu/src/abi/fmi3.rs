@@ -1,0 +1,813 @@
+//! The functions of FMI 3.0. All have to be there; those of interfaces and types that the FMU does not have return errors.
+
+use std::ffi::{CStr, CString};
+use std::path::PathBuf;
+
+use super::c::{c_char, c_int, c_uint, c_void, size_t};
+pub use super::common::{
+    enter_continuous_time_mode, enter_event_mode, exit_initialization_mode, free_fmu_state, free_instance,
+    get_continuous_states, get_derivatives, get_event_indicators, get_fmu_state, get_nominals_of_continuous_states,
+    reset, serialized_fmu_state_size, set_continuous_states, set_fmu_state, set_time, terminate,
+};
+use super::{
+    Component, Export, FmuState, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error,
+    target, text,
+};
+use crate::calls::{Function, Interface, Protocol, Version};
+use crate::description::LOG_CATEGORIES;
+use crate::instance::{CallError, Instance};
+
+/// fmi3Boolean, a `bool` of C; every number but 0 is true.
+pub type Boolean = u8;
+/// fmi3ValueReference.
+pub type ValueReference = c_uint;
+
+/// fmi3LogMessageCallback: environment, status, category, message.
+pub type Logger = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+
+/// fmi3GetVersion.
+pub fn version() -> *const c_char {
+    c"3.0".as_ptr()
+}
+
+/// What the functions that make instances share.
+#[derive(Clone, Copy, Debug)]
+pub struct Arguments {
+    /// instanceName.
+    pub name: *const c_char,
+    /// instantiationToken.
+    pub token: *const c_char,
+    /// resourcePath.
+    pub resources: *const c_char,
+    /// loggingOn.
+    pub logging_on: Boolean,
+    /// instanceEnvironment.
+    pub environment: *mut c_void,
+    /// logMessage.
+    pub logger: Option<Logger>,
+}
+
+unsafe fn instantiate<E: Export>(
+    function: &str,
+    arguments: Arguments,
+    interface: Interface,
+    with_event_mode: bool,
+) -> Component {
+    let Arguments { name, token, resources, logging_on, environment, logger } = arguments;
+    let logger = logger.map(|logger| AnyLogger::Fmi3(logger, environment));
+    let log = Log { logger, name: CString::default(), wanted: [logging_on != 0; LOG_CATEGORIES.len()] };
+    // SAFETY: strings of the caller.
+    unsafe {
+        common::create::<E>(function, log, name, || {
+            if !common::provides::<E>(interface) {
+                return Err(format!("this FMU does not provide {}", interface.name()));
+            }
+            common::check_guid::<E>("instantiationToken", token)?;
+            let resources = if resources.is_null() {
+                PathBuf::new()
+            } else {
+                PathBuf::from(text(resources).map_err(|e| format!("resourcePath is {e}"))?)
+            };
+            let protocol = Protocol { version: Version::Fmi3, interface };
+            let instance = Instance::new(protocol, E::description(), resources);
+            Ok(if with_event_mode { instance.with_event_mode() } else { instance })
+        })
+    }
+}
+
+/// fmi3InstantiateModelExchange. A null pointer means that the reason was logged, if there was a logger.
+pub unsafe fn instantiate_model_exchange<E: Export>(arguments: Arguments) -> Component {
+    unsafe { instantiate::<E>("fmi3InstantiateModelExchange", arguments, Interface::ModelExchange, false) }
+}
+
+/// fmi3InstantiateCoSimulation. `event_mode` only matters for models with events; without early return, events inside a step
+/// are handled in the step.
+pub unsafe fn instantiate_co_simulation<E: Export>(
+    arguments: Arguments,
+    event_mode: Boolean,
+    early_return: Boolean,
+    intermediate_variables: size_t,
+) -> Component {
+    const NAME: &str = "fmi3InstantiateCoSimulation";
+    if intermediate_variables > 0 {
+        let log = Log {
+            logger: arguments.logger.map(|logger| AnyLogger::Fmi3(logger, arguments.environment)),
+            name: CString::default(),
+            wanted: [true; LOG_CATEGORIES.len()],
+        };
+        let message = "requiredIntermediateVariables must be empty, there is no intermediate update".to_owned();
+        return unsafe { common::create::<E>(NAME, log, arguments.name, || Err(message)) };
+    }
+    let with_events = event_mode != 0;
+    let component = unsafe { instantiate::<E>(NAME, arguments, Interface::CoSimulation, with_events) };
+    if with_events && early_return != 0 && !component.is_null() {
+        // SAFETY: made just now.
+        unsafe { (*component.cast::<Handle<E>>()).returns_early = true };
+    }
+    component
+}
+
+/// fmi3InstantiateScheduledExecution: not provided.
+pub unsafe fn instantiate_scheduled_execution<E: Export>(arguments: Arguments) -> Component {
+    let Arguments { name, environment, logger, .. } = arguments;
+    let logger = logger.map(|logger| AnyLogger::Fmi3(logger, environment));
+    let log = Log { logger, name: CString::default(), wanted: [true; LOG_CATEGORIES.len()] };
+    let message = "this FMU does not provide scheduled execution".to_owned();
+    unsafe { common::create::<E>("fmi3InstantiateScheduledExecution", log, name, || Err(message)) }
+}
+
+/// fmi3SetDebugLogging.
+pub unsafe fn set_debug_logging<E: Export>(
+    component: Component,
+    logging_on: Boolean,
+    count: size_t,
+    categories: *const *const c_char,
+) -> Status {
+    unsafe { common::set_log_categories::<E>(component, logging_on != 0, count, categories) }
+}
+
+/// fmi3EnterInitializationMode. The tolerance is not used: a model with error control has a parameter for it.
+pub unsafe fn enter_initialization_mode<E: Export>(
+    component: Component,
+    _tolerance_defined: Boolean,
+    _tolerance: f64,
+    start: f64,
+    stop_defined: Boolean,
+    stop: f64,
+) -> Status {
+    let stop = (stop_defined != 0).then_some(stop);
+    unsafe {
+        call::<E>(component, Function::EnterInitializationMode, |h| {
+            h.instance.set_experiment(Function::EnterInitializationMode, start, stop)?;
+            h.instance.enter_initialization()
+        })
+    }
+}
+
+/// Rejects arrays of values that are not as long as the variables need.
+fn check_count<E: Export>(function: Function, expected: usize, count: usize) -> Result<(), CallError> {
+    if expected == count {
+        return Ok(());
+    }
+    Err(error::<E>(function, &format!("the variables have {expected} values, nValues is {count}")))
+}
+
+/// The value references of all elements of the variables.
+unsafe fn elements<'a, E: Export>(
+    h: &'a mut Handle<E>,
+    function: Function,
+    references: *const ValueReference,
+    count: size_t,
+) -> Result<(&'a [ValueReference], &'a mut Instance<E::Model>), CallError> {
+    let references = unsafe { array::<E, _>(function, "valueReferences", references, count) }?;
+    if !E::FORMAT.arrays {
+        return Ok((references, &mut h.instance));
+    }
+    h.elements.clear();
+    for &reference in references {
+        let length = h.instance.length_of(reference);
+        // A reference that is unknown stays as it is, and is rejected.
+        h.elements.extend((0..length.max(1)).map(|i| reference.wrapping_add(i)));
+    }
+    Ok((&h.elements, &mut h.instance))
+}
+
+/// fmi3GetFloat64.
+pub unsafe fn get_float64<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut f64,
+    value_count: size_t,
+) -> Status {
+    let function = Function::GetReal;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array_mut::<E, _>(function, "values", values, value_count)?;
+            let (references, instance) = elements(h, function, references, count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            instance.get_float64(references, values)
+        })
+    }
+}
+
+/// fmi3SetFloat64.
+pub unsafe fn set_float64<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const f64,
+    value_count: size_t,
+) -> Status {
+    let function = Function::SetReal;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array::<E, _>(function, "values", values, value_count)?;
+            let (references, instance) = elements(h, function, references, count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            instance.set_real(references, values)
+        })
+    }
+}
+
+/// Values of a type that is not real; all references are checked before the first value is written.
+unsafe fn get<E: Export, V>(
+    component: Component,
+    function: Function,
+    references: *const ValueReference,
+    count: size_t,
+    values: (*mut V, size_t),
+    one: impl Fn(&mut Instance<E::Model>, ValueReference) -> Result<V, CallError>,
+) -> Status {
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array_mut::<E, _>(function, "values", values.0, values.1)?;
+            let (references, instance) = elements(h, function, references, count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            references.iter().try_for_each(|&reference| one(instance, reference).map(drop))?;
+            for (value, &reference) in values.iter_mut().zip(references) {
+                *value = one(instance, reference)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+/// fmi3GetInt32.
+pub unsafe fn get_int32<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut i32,
+    value_count: size_t,
+) -> Status {
+    let function = Function::GetInteger;
+    let one = |i: &mut Instance<E::Model>, r| i.check_integer(function, r).and_then(|()| i.get_integer(r));
+    unsafe { get::<E, _>(component, function, references, count, (values, value_count), one) }
+}
+
+/// fmi3GetInt64, for enumerations.
+pub unsafe fn get_int64<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut i64,
+    value_count: size_t,
+) -> Status {
+    let function = Function::GetInt64;
+    let one =
+        |i: &mut Instance<E::Model>, r| i.check_integer(function, r).and_then(|()| i.get_integer(r)).map(i64::from);
+    unsafe { get::<E, _>(component, function, references, count, (values, value_count), one) }
+}
+
+/// fmi3GetBoolean.
+pub unsafe fn get_boolean<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut Boolean,
+    value_count: size_t,
+) -> Status {
+    let one = |i: &mut Instance<E::Model>, r| i.get_boolean(r).map(Boolean::from);
+    unsafe { get::<E, _>(component, Function::GetBoolean, references, count, (values, value_count), one) }
+}
+
+/// fmi3GetString. The strings live until a string is set, a state is restored, or the instance is reset or freed.
+pub unsafe fn get_string<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *mut *const c_char,
+    value_count: size_t,
+) -> Status {
+    let one = |i: &mut Instance<E::Model>, r| i.get_string(r).map(CStr::as_ptr);
+    unsafe { get::<E, _>(component, Function::GetString, references, count, (values, value_count), one) }
+}
+
+/// fmi3SetInt32.
+pub unsafe fn set_int32<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const i32,
+    value_count: size_t,
+) -> Status {
+    let function = Function::SetInteger;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array::<E, _>(function, "values", values, value_count)?;
+            let (references, instance) = elements(h, function, references, count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
+            instance.set_integer(references, values)
+        })
+    }
+}
+
+/// fmi3SetInt64, for enumerations.
+pub unsafe fn set_int64<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const i64,
+    value_count: size_t,
+) -> Status {
+    let function = Function::SetInt64;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array::<E, _>(function, "values", values, value_count)?;
+            let (references, instance) = elements(h, function, references, count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
+            // What does not fit is none of the values of an enumeration.
+            let values: Vec<_> = values.iter().map(|&value| i32::try_from(value).unwrap_or(i32::MIN)).collect();
+            instance.set_integer(references, &values)
+        })
+    }
+}
+
+/// fmi3SetBoolean.
+pub unsafe fn set_boolean<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const Boolean,
+    value_count: size_t,
+) -> Status {
+    let function = Function::SetBoolean;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array::<E, _>(function, "values", values, value_count)?;
+            let (references, instance) = elements(h, function, references, count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            let values: Vec<_> = values.iter().map(|&value| value != 0).collect();
+            instance.set_boolean(references, &values)
+        })
+    }
+}
+
+/// fmi3SetString.
+pub unsafe fn set_string<E: Export>(
+    component: Component,
+    references: *const ValueReference,
+    count: size_t,
+    values: *const *const c_char,
+    value_count: size_t,
+) -> Status {
+    let function = Function::SetString;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let values = array::<E, _>(function, "values", values, value_count)?;
+            let (references, instance) = elements(h, function, references, count)?;
+            check_count::<E>(function, references.len(), values.len())?;
+            let to_text = |&value: &*const c_char| {
+                text(value).map(str::to_owned).map_err(|e| error::<E>(function, &format!("a value is {e}")))
+            };
+            let texts: Result<Vec<_>, _> = values.iter().map(to_text).collect();
+            instance.set_string(references, &texts?)
+        })
+    }
+}
+
+/// Functions for types that no variable has: correct for no variable at all.
+pub unsafe fn no_variables<E: Export>(component: Component, function: Function, count: size_t) -> Status {
+    unsafe {
+        call::<E>(component, function, |_| {
+            if count == 0 {
+                return Ok(());
+            }
+            Err(error::<E>(function, "no variable of this FMU has this type"))
+        })
+    }
+}
+
+/// Functions of capabilities that no FMU of this exporter has.
+pub unsafe fn not_provided<E: Export>(component: Component, function: Function) -> Status {
+    unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "not provided (see the model description)"))) }
+}
+
+/// fmi3SerializeFMUState.
+pub unsafe fn serialize_fmu_state<E: Export>(
+    component: Component,
+    state: FmuState,
+    bytes: *mut u8,
+    size: size_t,
+) -> Status {
+    unsafe { common::serialize_fmu_state::<E>(component, state, bytes.cast(), size) }
+}
+
+/// fmi3DeserializeFMUState.
+pub unsafe fn deserialize_fmu_state<E: Export>(
+    component: Component,
+    bytes: *const u8,
+    size: size_t,
+    state: *mut FmuState,
+) -> Status {
+    unsafe { common::deserialize_fmu_state::<E>(component, bytes.cast(), size, state) }
+}
+
+/// Arrays of a directional or adjoint derivative.
+#[derive(Clone, Copy, Debug)]
+pub struct Derivative {
+    /// unknowns.
+    pub unknowns: *const ValueReference,
+    /// nUnknowns.
+    pub unknown_count: size_t,
+    /// knowns.
+    pub knowns: *const ValueReference,
+    /// nKnowns.
+    pub known_count: size_t,
+    /// seed.
+    pub seed: *const f64,
+    /// nSeed.
+    pub seed_count: size_t,
+    /// sensitivity.
+    pub result: *mut f64,
+    /// nSensitivity.
+    pub result_count: size_t,
+}
+
+/// fmi3GetDirectionalDerivative and fmi3GetAdjointDerivative.
+pub unsafe fn get_derivative<E: Export>(component: Component, function: Function, arrays: Derivative) -> Status {
+    unsafe {
+        call::<E>(component, function, |h| {
+            let seed = array::<E, _>(function, "seed", arrays.seed, arrays.seed_count)?;
+            let result = array_mut::<E, _>(function, "sensitivity", arrays.result, arrays.result_count)?;
+            let unknowns = elements(h, function, arrays.unknowns, arrays.unknown_count)?.0.to_vec();
+            let (knowns, instance) = elements(h, function, arrays.knowns, arrays.known_count)?;
+            if function == Function::GetAdjointDerivative {
+                check_count::<E>(function, unknowns.len(), seed.len())?;
+                check_count::<E>(function, knowns.len(), result.len())?;
+                instance.adjoint_derivative(&unknowns, knowns, seed, result)
+            } else {
+                check_count::<E>(function, knowns.len(), seed.len())?;
+                check_count::<E>(function, unknowns.len(), result.len())?;
+                instance.directional_derivative(&unknowns, knowns, seed, result)
+            }
+        })
+    }
+}
+
+/// fmi3UpdateDiscreteStates: one call handles all events of a time.
+pub unsafe fn update_discrete_states<E: Export>(
+    component: Component,
+    needs_update: *mut Boolean,
+    terminate: *mut Boolean,
+    nominals_changed: *mut Boolean,
+    states_changed: *mut Boolean,
+    next_defined: *mut Boolean,
+    next: *mut f64,
+) -> Status {
+    let function = Function::NewDiscreteStates;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let needs_update = target::<E, _>(function, "discreteStatesNeedUpdate", needs_update)?;
+            let terminate = target::<E, _>(function, "terminateSimulation", terminate)?;
+            let nominals = target::<E, _>(function, "nominalsOfContinuousStatesChanged", nominals_changed)?;
+            let states = target::<E, _>(function, "valuesOfContinuousStatesChanged", states_changed)?;
+            let next_defined = target::<E, _>(function, "nextEventTimeDefined", next_defined)?;
+            let next = target::<E, _>(function, "nextEventTime", next)?;
+            let update = h.instance.new_discrete_states()?;
+            (*needs_update, *terminate, *nominals) = (0, 0, 0);
+            *states = update.states_changed.into();
+            *next_defined = update.next_event_time.is_some().into();
+            *next = update.next_event_time.unwrap_or(0.0);
+            Ok(())
+        })
+    }
+}
+
+/// fmi3EvaluateDiscreteStates: discrete outputs are always evaluated.
+pub unsafe fn evaluate_discrete_states<E: Export>(component: Component) -> Status {
+    unsafe { call::<E>(component, Function::EvaluateDiscreteStates, |_| Ok(())) }
+}
+
+/// fmi3CompletedIntegratorStep: no step ends with an event that the indicators do not show.
+pub unsafe fn completed_integrator_step<E: Export>(
+    component: Component,
+    _no_set_before: Boolean,
+    enter_event_mode: *mut Boolean,
+    terminate: *mut Boolean,
+) -> Status {
+    let function = Function::CompletedIntegratorStep;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let event = target::<E, _>(function, "enterEventMode", enter_event_mode)?;
+            let end = target::<E, _>(function, "terminateSimulation", terminate)?;
+            h.instance.completed_integrator_step()?;
+            (*event, *end) = (0, 0);
+            Ok(())
+        })
+    }
+}
+
+/// fmi3GetNumberOfEventIndicators.
+pub unsafe fn get_number_of_event_indicators<E: Export>(component: Component, count: *mut size_t) -> Status {
+    let function = Function::GetNumberOfEventIndicators;
+    unsafe {
+        call::<E>(component, function, |h| {
+            *target::<E, _>(function, "nEventIndicators", count)? = h.instance.layout().indicators.total();
+            Ok(())
+        })
+    }
+}
+
+/// fmi3GetNumberOfContinuousStates.
+pub unsafe fn get_number_of_continuous_states<E: Export>(component: Component, count: *mut size_t) -> Status {
+    let function = Function::GetNumberOfContinuousStates;
+    unsafe {
+        call::<E>(component, function, |h| {
+            *target::<E, _>(function, "nContinuousStates", count)? = h.instance.layout().states.counts.reals;
+            Ok(())
+        })
+    }
+}
+
+/// fmi3EnterStepMode.
+pub unsafe fn enter_step_mode<E: Export>(component: Component) -> Status {
+    unsafe { call::<E>(component, Function::EnterStepMode, |h| h.instance.enter_step_mode()) }
+}
+
+/// fmi3DoStep.
+#[expect(clippy::too_many_arguments, reason = "those of the standard")]
+pub unsafe fn do_step<E: Export>(
+    component: Component,
+    time: f64,
+    step: f64,
+    _no_set_before: Boolean,
+    event_handling_needed: *mut Boolean,
+    terminate: *mut Boolean,
+    early_return: *mut Boolean,
+    last_successful_time: *mut f64,
+) -> Status {
+    let function = Function::DoStep;
+    unsafe {
+        call::<E>(component, function, |h| {
+            let event = target::<E, _>(function, "eventHandlingNeeded", event_handling_needed)?;
+            let terminate = target::<E, _>(function, "terminateSimulation", terminate)?;
+            let early = target::<E, _>(function, "earlyReturn", early_return)?;
+            let last = target::<E, _>(function, "lastSuccessfulTime", last_successful_time)?;
+            (*event, *terminate, *early, *last) = (0, 0, 0, h.instance.time());
+            if h.returns_early {
+                let has_event = h.instance.do_step_to_event(time, step)?;
+                *event = has_event.into();
+                *early = (has_event && h.instance.time() < time + step).into();
+            } else {
+                h.instance.do_step(time, step)?;
+            }
+            *last = h.instance.time();
+            Ok(())
+        })
+    }
+}
+
+/// The C interface of a model by FMI 3.0. All functions are there; those of an interface that is not among `cs` and `me` return
+/// errors, because no instance of it can be made. [`model`](macro@crate::model) adds it where `cargo fmu pack` asks for it.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! c_interface_of_fmi3 {
+    (@functions $model:ty: $($name:ident $target:ident ($($argument:ident: $type:ty),*);)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
+            unsafe { $target::<$model>(component $(, $argument)*) }
+        }
+    )*};
+    (@values $model:ty: $($name:ident $target:ident $type:ty;)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(
+            component: Component,
+            vr: *const ValueReference,
+            n: size_t,
+            values: $type,
+            n_values: size_t,
+        ) -> Status {
+            unsafe { $target::<$model>(component, vr, n, values, n_values) }
+        }
+    )*};
+    (@none $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(
+            component: Component,
+            _vr: *const ValueReference,
+            n: size_t
+            $(, $argument: $type)*
+        ) -> Status {
+            unsafe { no_variables::<$model>(component, $crate::calls::Function::$function, n) }
+        }
+    )*};
+    (@not $model:ty: $($name:ident $function:ident ($($argument:ident: $type:ty),*);)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(component: Component $(, $argument: $type)*) -> Status {
+            unsafe { not_provided::<$model>(component, $crate::calls::Function::$function) }
+        }
+    )*};
+    (@cs $model:ty) => {
+        $crate::c_interface_of_fmi3! { @functions $model:
+            fmi3DoStep do_step (time: f64, step: f64, no_set_before: Boolean, event: *mut Boolean, terminate: *mut Boolean, early: *mut Boolean, last: *mut f64);
+        }
+    };
+    (@no_cs $model:ty) => {
+        $crate::c_interface_of_fmi3! { @not $model:
+            fmi3DoStep DoStep (_time: f64, _step: f64, _no_set_before: Boolean, _event: *mut Boolean, _terminate: *mut Boolean, _early: *mut Boolean, _last: *mut f64);
+        }
+    };
+    (@me $model:ty) => {
+        $crate::c_interface_of_fmi3! { @functions $model:
+            fmi3EnterContinuousTimeMode enter_continuous_time_mode ();
+            fmi3CompletedIntegratorStep completed_integrator_step (no_set_before: Boolean, enter_event_mode: *mut Boolean, terminate: *mut Boolean);
+            fmi3SetTime set_time (time: f64);
+            fmi3SetContinuousStates set_continuous_states (x: *const f64, n: size_t);
+            fmi3GetContinuousStateDerivatives get_derivatives (value: *mut f64, n: size_t);
+            fmi3GetEventIndicators get_event_indicators (value: *mut f64, n: size_t);
+            fmi3GetContinuousStates get_continuous_states (x: *mut f64, n: size_t);
+            fmi3GetNominalsOfContinuousStates get_nominals_of_continuous_states (value: *mut f64, n: size_t);
+            fmi3GetNumberOfEventIndicators get_number_of_event_indicators (n: *mut size_t);
+            fmi3GetNumberOfContinuousStates get_number_of_continuous_states (n: *mut size_t);
+        }
+    };
+    (@no_me $model:ty) => {
+        $crate::c_interface_of_fmi3! { @not $model:
+            fmi3EnterContinuousTimeMode EnterContinuousTimeMode ();
+            fmi3CompletedIntegratorStep CompletedIntegratorStep (_no_set_before: Boolean, _enter_event_mode: *mut Boolean, _terminate: *mut Boolean);
+            fmi3SetTime SetTime (_time: f64);
+            fmi3SetContinuousStates SetContinuousStates (_x: *const f64, _n: size_t);
+            fmi3GetContinuousStateDerivatives GetDerivatives (_value: *mut f64, _n: size_t);
+            fmi3GetEventIndicators GetEventIndicators (_value: *mut f64, _n: size_t);
+            fmi3GetContinuousStates GetContinuousStates (_x: *mut f64, _n: size_t);
+            fmi3GetNominalsOfContinuousStates GetNominalsOfContinuousStates (_value: *mut f64, _n: size_t);
+            fmi3GetNumberOfEventIndicators GetNumberOfEventIndicators (_n: *mut size_t);
+            fmi3GetNumberOfContinuousStates GetNumberOfContinuousStates (_n: *mut size_t);
+        }
+    };
+    (@interfaces $model:ty: cs me) => { $crate::c_interface_of_fmi3! { @cs $model } $crate::c_interface_of_fmi3! { @me $model } };
+    (@interfaces $model:ty: cs) => { $crate::c_interface_of_fmi3! { @cs $model } $crate::c_interface_of_fmi3! { @no_me $model } };
+    (@interfaces $model:ty: me) => { $crate::c_interface_of_fmi3! { @no_cs $model } $crate::c_interface_of_fmi3! { @me $model } };
+    ($model:ty: $($interface:ident)*) => {
+        #[doc(hidden)]
+        #[allow(unsafe_code, non_snake_case, clippy::missing_safety_doc, clippy::too_many_arguments)]
+        pub mod c_interface {
+            #[allow(unused_imports)]
+            use super::*;
+            use $crate::abi::{Component, FmuState, Status};
+            use $crate::abi::fmi3::*;
+            use $crate::abi::c::*;
+
+            $crate::unloading!($model);
+
+            #[unsafe(no_mangle)]
+            pub extern "C" fn fmi3GetVersion() -> *const c_char {
+                version()
+            }
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn fmi3FreeInstance(component: Component) {
+                unsafe { free_instance::<$model>(component) }
+            }
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn fmi3InstantiateModelExchange(
+                name: *const c_char,
+                token: *const c_char,
+                resources: *const c_char,
+                _visible: Boolean,
+                logging_on: Boolean,
+                environment: *mut c_void,
+                logger: Option<Logger>,
+            ) -> Component {
+                unsafe {
+                    instantiate_model_exchange::<$model>(Arguments { name, token, resources, logging_on, environment, logger })
+                }
+            }
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
+                name: *const c_char,
+                token: *const c_char,
+                resources: *const c_char,
+                _visible: Boolean,
+                logging_on: Boolean,
+                event_mode: Boolean,
+                early_return: Boolean,
+                _intermediate: *const ValueReference,
+                n_intermediate: size_t,
+                environment: *mut c_void,
+                logger: Option<Logger>,
+                _update: *const c_void,
+            ) -> Component {
+                let arguments = Arguments { name, token, resources, logging_on, environment, logger };
+                unsafe { instantiate_co_simulation::<$model>(arguments, event_mode, early_return, n_intermediate) }
+            }
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
+                name: *const c_char,
+                token: *const c_char,
+                resources: *const c_char,
+                _visible: Boolean,
+                logging_on: Boolean,
+                environment: *mut c_void,
+                logger: Option<Logger>,
+                _clock_update: *const c_void,
+                _lock: *const c_void,
+                _unlock: *const c_void,
+            ) -> Component {
+                let arguments = Arguments { name, token, resources, logging_on, environment, logger };
+                unsafe { instantiate_scheduled_execution::<$model>(arguments) }
+            }
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn fmi3GetDirectionalDerivative(
+                component: Component,
+                unknowns: *const ValueReference,
+                unknown_count: size_t,
+                knowns: *const ValueReference,
+                known_count: size_t,
+                seed: *const f64,
+                seed_count: size_t,
+                result: *mut f64,
+                result_count: size_t,
+            ) -> Status {
+                let arrays = Derivative { unknowns, unknown_count, knowns, known_count, seed, seed_count, result, result_count };
+                let function = $crate::calls::Function::GetDirectionalDerivative;
+                unsafe { get_derivative::<$model>(component, function, arrays) }
+            }
+            #[unsafe(no_mangle)]
+            pub unsafe extern "C" fn fmi3GetAdjointDerivative(
+                component: Component,
+                unknowns: *const ValueReference,
+                unknown_count: size_t,
+                knowns: *const ValueReference,
+                known_count: size_t,
+                seed: *const f64,
+                seed_count: size_t,
+                result: *mut f64,
+                result_count: size_t,
+            ) -> Status {
+                let arrays = Derivative { unknowns, unknown_count, knowns, known_count, seed, seed_count, result, result_count };
+                let function = $crate::calls::Function::GetAdjointDerivative;
+                unsafe { get_derivative::<$model>(component, function, arrays) }
+            }
+            $crate::c_interface_of_fmi3! { @functions $model:
+                fmi3SetDebugLogging set_debug_logging (on: Boolean, n: size_t, categories: *const *const c_char);
+                fmi3EnterInitializationMode enter_initialization_mode (with_tolerance: Boolean, tolerance: f64, start: f64, with_stop: Boolean, stop: f64);
+                fmi3ExitInitializationMode exit_initialization_mode ();
+                fmi3EnterEventMode enter_event_mode ();
+                fmi3Terminate terminate ();
+                fmi3Reset reset ();
+                fmi3GetFMUState get_fmu_state (state: *mut FmuState);
+                fmi3SetFMUState set_fmu_state (state: FmuState);
+                fmi3FreeFMUState free_fmu_state (state: *mut FmuState);
+                fmi3SerializedFMUStateSize serialized_fmu_state_size (state: FmuState, size: *mut size_t);
+                fmi3SerializeFMUState serialize_fmu_state (state: FmuState, bytes: *mut u8, size: size_t);
+                fmi3DeserializeFMUState deserialize_fmu_state (bytes: *const u8, size: size_t, state: *mut FmuState);
+                fmi3EvaluateDiscreteStates evaluate_discrete_states ();
+                fmi3UpdateDiscreteStates update_discrete_states (needs_update: *mut Boolean, terminate: *mut Boolean, nominals: *mut Boolean, states: *mut Boolean, next_defined: *mut Boolean, next: *mut f64);
+                fmi3EnterStepMode enter_step_mode ();
+            }
+            $crate::c_interface_of_fmi3! { @values $model:
+                fmi3GetFloat64 get_float64 *mut f64;
+                fmi3SetFloat64 set_float64 *const f64;
+                fmi3GetInt32 get_int32 *mut i32;
+                fmi3SetInt32 set_int32 *const i32;
+                fmi3GetInt64 get_int64 *mut i64;
+                fmi3SetInt64 set_int64 *const i64;
+                fmi3GetBoolean get_boolean *mut Boolean;
+                fmi3SetBoolean set_boolean *const Boolean;
+                fmi3GetString get_string *mut *const c_char;
+                fmi3SetString set_string *const *const c_char;
+            }
+            $crate::c_interface_of_fmi3! { @none $model:
+                fmi3GetFloat32 GetFloat32 (_values: *mut f32, _n_values: size_t);
+                fmi3SetFloat32 SetFloat32 (_values: *const f32, _n_values: size_t);
+                fmi3GetInt8 GetInt8 (_values: *mut i8, _n_values: size_t);
+                fmi3SetInt8 SetInt8 (_values: *const i8, _n_values: size_t);
+                fmi3GetUInt8 GetUInt8 (_values: *mut u8, _n_values: size_t);
+                fmi3SetUInt8 SetUInt8 (_values: *const u8, _n_values: size_t);
+                fmi3GetInt16 GetInt16 (_values: *mut i16, _n_values: size_t);
+                fmi3SetInt16 SetInt16 (_values: *const i16, _n_values: size_t);
+                fmi3GetUInt16 GetUInt16 (_values: *mut u16, _n_values: size_t);
+                fmi3SetUInt16 SetUInt16 (_values: *const u16, _n_values: size_t);
+                fmi3GetUInt32 GetUInt32 (_values: *mut u32, _n_values: size_t);
+                fmi3SetUInt32 SetUInt32 (_values: *const u32, _n_values: size_t);
+                fmi3GetUInt64 GetUInt64 (_values: *mut u64, _n_values: size_t);
+                fmi3SetUInt64 SetUInt64 (_values: *const u64, _n_values: size_t);
+                fmi3GetBinary GetBinary (_sizes: *mut size_t, _values: *mut *const u8, _n_values: size_t);
+                fmi3SetBinary SetBinary (_sizes: *const size_t, _values: *const *const u8, _n_values: size_t);
+                fmi3GetClock GetClock (_values: *mut Boolean);
+                fmi3SetClock SetClock (_values: *const Boolean);
+                fmi3GetIntervalDecimal GetIntervalDecimal (_intervals: *mut f64, _qualifiers: *mut c_int);
+                fmi3GetIntervalFraction GetIntervalFraction (_counters: *mut u64, _resolutions: *mut u64, _qualifiers: *mut c_int);
+                fmi3GetShiftDecimal GetShiftDecimal (_shifts: *mut f64);
+                fmi3GetShiftFraction GetShiftFraction (_counters: *mut u64, _resolutions: *mut u64);
+                fmi3SetIntervalDecimal SetIntervalDecimal (_intervals: *const f64);
+                fmi3SetIntervalFraction SetIntervalFraction (_counters: *const u64, _resolutions: *const u64);
+                fmi3SetShiftDecimal SetShiftDecimal (_shifts: *const f64);
+                fmi3SetShiftFraction SetShiftFraction (_counters: *const u64, _resolutions: *const u64);
+                fmi3GetOutputDerivatives GetRealOutputDerivatives (_orders: *const i32, _values: *mut f64, _n_values: size_t);
+            }
+            $crate::c_interface_of_fmi3! { @not $model:
+                fmi3GetNumberOfVariableDependencies GetNumberOfVariableDependencies (_vr: ValueReference, _n: *mut size_t);
+                fmi3GetVariableDependencies GetVariableDependencies (_dependent: ValueReference, _elements: *mut size_t, _independents: *mut ValueReference, _their_elements: *mut size_t, _kinds: *mut c_int, _n: size_t);
+                fmi3EnterConfigurationMode EnterConfigurationMode ();
+                fmi3ExitConfigurationMode ExitConfigurationMode ();
+                fmi3ActivateModelPartition ActivateModelPartition (_clock: ValueReference, _time: f64);
+            }
+            $crate::c_interface_of_fmi3! { @interfaces $model: $($interface)* }
+        }
+    };
+}

@@ -1,0 +1,360 @@
+//! modelDescription.xml and terminalsAndIcons.xml of FMI 3.0.
+
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, Event};
+
+use super::structure::{Unknown, Unknowns};
+use super::xml::{
+    Written, Xml, default_experiment, enumeration_types, facts, items, kind_of, list, log_categories, nominal, number,
+    simple_type, unit_definitions,
+};
+use super::{Format, Structure};
+use crate::runner::{Kind as ModelKind, Model};
+use crate::variable::{Kind, Layout, Role, Variable};
+
+/// How an empty instantiation token is written.
+pub(super) const NO_TOKEN: &str = "instantiationToken=\"\"";
+
+/// modelDescription.xml with an empty instantiation token.
+pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Structure) -> std::io::Result<Vec<u8>> {
+    let info = &M::INFO;
+    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+    let authors = info.authors.replace(':', ", ");
+    let first = [("fmiVersion", "3.0"), ("modelName", info.name), ("instantiationToken", "")];
+    let facts: Vec<_> = facts(&M::INFO, &authors).collect();
+    let facts = first.into_iter().chain(facts.iter().map(|(key, value)| (*key, value.as_str())));
+    xml.create_element("fmiModelDescription").with_attributes(facts).write_inner_content(|xml| {
+        let interfaces = format.interfaces;
+        for (_, name) in [(interfaces.model_exchange, "ModelExchange"), (interfaces.co_simulation, "CoSimulation")]
+            .into_iter()
+            .filter(|(is_provided, _)| *is_provided)
+        {
+            let is_co_simulation = name == "CoSimulation";
+            let capabilities = [
+                ("canGetAndSetFMUState", true),
+                ("canSerializeFMUState", M::IS_SERIALIZABLE),
+                ("providesDirectionalDerivatives", M::KIND == ModelKind::Continuous),
+                ("providesAdjointDerivatives", M::KIND == ModelKind::Continuous),
+                ("canHandleVariableCommunicationStepSize", is_co_simulation),
+                ("hasEventMode", is_co_simulation && M::HAS_EVENTS),
+                ("mightReturnEarlyFromDoStep", is_co_simulation && M::HAS_EVENTS),
+            ];
+            let capabilities = capabilities.iter().filter(|(_, has)| *has).map(|(capability, _)| (*capability, "true"));
+            xml.create_element(name)
+                .with_attribute(("modelIdentifier", info.name))
+                .with_attributes(capabilities)
+                .write_empty()?;
+        }
+        unit_definitions(xml, layout)?;
+        type_definitions(xml, layout)?;
+        log_categories(xml)?;
+        default_experiment(xml, info)?;
+        xml.create_element("ModelVariables").write_inner_content(|xml| {
+            independent_variable(xml, layout)?;
+            for variable in variables(layout, format) {
+                model_variable::<M>(xml, layout, format, variable)?;
+            }
+            if interfaces.model_exchange {
+                (0..layout.indicators.total()).try_for_each(|index| event_indicator(xml, layout, index))?;
+            }
+            Ok(())
+        })?;
+        model_structure::<M>(xml, layout, format, structure)
+    })?;
+    let mut bytes = xml.into_inner();
+    bytes.push(b'\n');
+    Ok(bytes)
+}
+
+/// The variables that are written: with native arrays, the first element stands for all.
+fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable> {
+    layout
+        .variables
+        .iter()
+        .filter(move |variable| !format.arrays || layout.array_of(variable).is_none_or(|a| a.is_first))
+}
+
+fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
+    let mut types = enumeration_types(layout).peekable();
+    if types.peek().is_none() {
+        return Ok(());
+    }
+    xml.create_element("TypeDefinitions").write_inner_content(|xml| {
+        types.try_for_each(|one| -> Written {
+            let attributes = [("name", one.name.as_str()), ("description", one.description.as_str())];
+            if one.is_enumeration {
+                xml.create_element("EnumerationType")
+                    .with_attributes(attributes)
+                    .write_inner_content(|xml| items(xml, one.items))?;
+            } else {
+                let (min, max) = (one.min.to_string(), one.max.to_string());
+                xml.create_element("Int32Type")
+                    .with_attributes(attributes)
+                    .with_attributes([("min", min.as_str()), ("max", max.as_str())])
+                    .write_empty()?;
+            }
+            Ok(())
+        })
+    })?;
+    Ok(())
+}
+
+/// Value reference of the time.
+fn time(layout: &Layout) -> u32 {
+    layout.end
+}
+
+/// Value reference of an event indicator.
+fn indicator(layout: &Layout, index: usize) -> u32 {
+    layout.end + 1 + u32::try_from(index).expect("numbered in 32 bits")
+}
+
+/// The time, under a name that no variable of the model has.
+fn independent_variable(xml: &mut Xml, layout: &Layout) -> Written {
+    let is_free = |name: &&str| layout.variables.iter().all(|variable| variable.declaration.name != *name);
+    let name = ["time", "simulation_time"].into_iter().find(is_free).unwrap_or("independent_variable");
+    xml.create_element("Float64")
+        .with_attributes([
+            ("name", name),
+            ("valueReference", time(layout).to_string().as_str()),
+            ("description", "Simulation time in s"),
+            ("causality", "independent"),
+            ("variability", "continuous"),
+        ])
+        .write_empty()?;
+    Ok(())
+}
+
+fn event_indicator(xml: &mut Xml, layout: &Layout, index: usize) -> Written {
+    let description = if index < layout.indicators.declared {
+        "Quantity whose zero crossing is an event, in parts of its scale"
+    } else {
+        "Difference of the operands of a relation, in parts of its scale"
+    };
+    xml.create_element("Float64")
+        .with_attributes([
+            ("name", format!("event_indicator[{}]", index + 1).as_str()),
+            ("valueReference", indicator(layout, index).to_string().as_str()),
+            ("description", description),
+            ("causality", "local"),
+            ("variability", "continuous"),
+            ("initial", "calculated"),
+        ])
+        .write_empty()?;
+    Ok(())
+}
+
+fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, variable: &Variable) -> Written {
+    let declaration = &variable.declaration;
+    let array = layout.array_of(variable).filter(|_| format.arrays);
+    let elements: Vec<&Variable> = match &array {
+        Some(array) => array.elements.clone(),
+        None => vec![variable],
+    };
+    let (name, description) = match &array {
+        Some(array) => (array.name.clone(), array.description.clone()),
+        None => (declaration.name.clone(), declaration.description.clone()),
+    };
+    let (causality, variability, initial) = kind_of::<M>(variable);
+    let is_calculated = initial == Some("calculated");
+    let mut attributes = vec![
+        ("name", name),
+        ("valueReference", variable.reference.to_string()),
+        ("description", description),
+        ("causality", causality.to_owned()),
+        ("variability", variability.to_owned()),
+    ];
+    if let Some(initial) = initial {
+        attributes.push(("initial", initial.to_owned()));
+    }
+    let mut starts = Vec::new();
+    let element = match &declaration.kind {
+        Kind::Real(real) => {
+            if real.unit.is_declared() {
+                attributes.push(("unit", real.unit.name.to_owned()));
+            }
+            if let Some(display) = real.display {
+                attributes.push(("displayUnit", display.name.to_owned()));
+            }
+            for (name, value) in [("min", real.min), ("max", real.max), ("nominal", nominal(variable))] {
+                if let Some(value) = value {
+                    attributes.push((name, number(value)));
+                }
+            }
+            if variable.role == Role::Derivative {
+                let state = layout.states.at.reals + variable.index - layout.derivatives.at.reals;
+                attributes.push(("derivative", layout.real(state).reference.to_string()));
+            }
+            // An event may set the states.
+            if variable.role == Role::State && M::HAS_EVENTS && format.interfaces.model_exchange {
+                attributes.push(("reinit", "true".to_owned()));
+            }
+            starts.extend(elements.iter().filter_map(|v| v.real_start().map(number)));
+            "Float64"
+        }
+        Kind::Integer { min, max, items, type_name, is_enumeration, .. } => {
+            if !items.is_empty() {
+                attributes.push(("declaredType", simple_type(layout, type_name, *is_enumeration)));
+            }
+            for (name, value, none) in [("min", min, i32::MIN), ("max", max, i32::MAX)] {
+                if *value != none {
+                    attributes.push((name, value.to_string()));
+                }
+            }
+            starts.extend(elements.iter().filter_map(|v| match &v.declaration.kind {
+                Kind::Integer { start, .. } => Some(start.to_string()),
+                _ => None,
+            }));
+            if *is_enumeration { "Enumeration" } else { "Int32" }
+        }
+        Kind::Boolean { .. } => {
+            starts.extend(elements.iter().filter_map(|v| match &v.declaration.kind {
+                Kind::Boolean { start } => Some(start.to_string()),
+                _ => None,
+            }));
+            "Boolean"
+        }
+        Kind::String { .. } => {
+            starts.extend(elements.iter().filter_map(|v| match &v.declaration.kind {
+                Kind::String { start } => Some(start.clone()),
+                _ => None,
+            }));
+            "String"
+        }
+    };
+    let is_text = element == "String";
+    if !is_calculated && !is_text {
+        attributes.push(("start", starts.join(" ")));
+    }
+    let writer =
+        xml.create_element(element).with_attributes(attributes.iter().map(|(name, value)| (*name, value.as_str())));
+    let has_content = array.is_some() || (is_text && !is_calculated);
+    if !has_content {
+        writer.write_empty()?;
+        return Ok(());
+    }
+    writer.write_inner_content(|xml| {
+        for length in array.iter().flat_map(|array| &array.dimensions) {
+            xml.create_element("Dimension").with_attribute(("start", length.to_string().as_str())).write_empty()?;
+        }
+        for start in starts.iter().filter(|_| is_text && !is_calculated) {
+            xml.create_element("Start").with_attribute(("value", start.as_str())).write_empty()?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}
+
+fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, structure: &Structure) -> Written {
+    // With native arrays, an array depends on all that one of its elements depends on.
+    let representative = |variable: &Variable| match layout.array_of(variable).filter(|_| format.arrays) {
+        Some(array) => array.elements[0].reference,
+        None => variable.reference,
+    };
+    let write = |xml: &mut Xml, name: &str, unknowns: &[Unknown<'_>]| -> Written {
+        let mut merged: Vec<(u32, Vec<u32>)> = Vec::new();
+        for unknown in unknowns {
+            let reference = representative(unknown.variable);
+            let dependencies = unknown.dependencies.iter().map(|known| representative(known));
+            let dependencies = unknown.on_time.then(|| time(layout)).into_iter().chain(dependencies);
+            match merged.last_mut().filter(|(last, _)| *last == reference) {
+                Some((_, all)) => all.extend(dependencies),
+                None => merged.push((reference, dependencies.collect())),
+            }
+        }
+        for (reference, mut dependencies) in merged {
+            let mut seen = std::collections::BTreeSet::new();
+            dependencies.retain(|dependency| seen.insert(*dependency));
+            let dependencies = list(dependencies.iter().map(|&dependency| dependency as usize));
+            xml.create_element(name)
+                .with_attributes([
+                    ("valueReference", reference.to_string().as_str()),
+                    ("dependencies", dependencies.as_str()),
+                ])
+                .write_empty()?;
+        }
+        Ok(())
+    };
+    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, &structure.dependencies);
+    let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
+    xml.create_element("ModelStructure").write_inner_content(|xml| {
+        write(xml, "Output", &outputs)?;
+        write(xml, "ContinuousStateDerivative", &derivatives)?;
+        write(xml, "InitialUnknown", &initial)?;
+        (0..indicators).try_for_each(|index| {
+            // Without a list of dependencies it depends on everything.
+            let reference = indicator(layout, index).to_string();
+            xml.create_element("EventIndicator")
+                .with_attribute(("valueReference", reference.as_str()))
+                .write_empty()?;
+            Ok(())
+        })
+    })?;
+    Ok(())
+}
+
+/// Side of the icon in the coordinates of terminalsAndIcons.xml.
+const SIDE: &str = "100.0";
+
+/// terminalsAndIcons.xml.
+pub(super) fn terminals(layout: &Layout, format: Format) -> std::io::Result<Vec<u8>> {
+    // Elements in the order of their first variable.
+    let mut terminals: Vec<(&str, Vec<(&str, &Variable)>)> = Vec::new();
+    let is_signal = |variable: &&Variable| match variable.role {
+        Role::Input | Role::Output => true,
+        Role::State => !variable.declaration.local,
+        _ => false,
+    };
+    for variable in layout.variables.iter().filter(is_signal).filter(|_| !format.arrays) {
+        let array = variable.declaration.array.as_ref();
+        let Some(array) = array.filter(|array| array.dimensions.len() == 1 && !array.element.is_empty()) else {
+            continue;
+        };
+        let member = (array.name.as_str(), variable);
+        match terminals.iter_mut().find(|(name, _)| *name == array.element) {
+            Some((_, members)) => members.push(member),
+            None => terminals.push((&array.element, vec![member])),
+        }
+    }
+    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+    xml.create_element("fmiTerminalsAndIcons").with_attribute(("fmiVersion", "3.0")).write_inner_content(|xml| {
+        xml.create_element("GraphicalRepresentation").write_inner_content(|xml| {
+            let corners = [("x1", "0.0"), ("y1", "0.0"), ("x2", SIDE), ("y2", SIDE)];
+            xml.create_element("CoordinateSystem")
+                .with_attributes(corners)
+                .with_attribute(("suggestedScalingFactorTo_mm", "0.1"))
+                .write_empty()?;
+            xml.create_element("Icon").with_attributes(corners).write_empty()?;
+            Ok(())
+        })?;
+        if terminals.is_empty() {
+            return Ok(());
+        }
+        xml.create_element("Terminals").write_inner_content(|xml| {
+            terminals.iter().try_for_each(|(name, members)| -> Written {
+                let description = format!("Signals of the element {name}");
+                xml.create_element("Terminal")
+                    .with_attributes([("name", *name), ("matchingRule", "bus"), ("description", description.as_str())])
+                    .write_inner_content(|xml| {
+                        members.iter().try_for_each(|(member, variable)| -> Written {
+                            xml.create_element("TerminalMemberVariable")
+                                .with_attributes([
+                                    ("variableName", variable.declaration.name.as_str()),
+                                    ("memberName", *member),
+                                    ("variableKind", "signal"),
+                                ])
+                                .write_empty()?;
+                            Ok(())
+                        })
+                    })?;
+                Ok(())
+            })
+        })?;
+        Ok(())
+    })?;
+    let mut bytes = xml.into_inner();
+    bytes.push(b'\n');
+    Ok(bytes)
+}

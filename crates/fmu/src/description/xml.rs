@@ -1,0 +1,185 @@
+//! What the descriptions of both versions share.
+
+use std::collections::BTreeMap;
+
+use quick_xml::Writer;
+
+use super::LOG_CATEGORIES;
+use crate::enumeration::Item;
+use crate::model::Info;
+use crate::runner::{Kind as ModelKind, Model};
+use crate::unit::{DisplayUnit, Unit};
+use crate::variable::{Kind, Layout, Role, Variable};
+
+pub(super) fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// Numbers separated by blanks.
+pub(super) fn list(numbers: impl IntoIterator<Item = usize>) -> String {
+    numbers.into_iter().map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
+}
+
+pub(super) type Written = std::io::Result<()>;
+pub(super) type Xml = Writer<Vec<u8>>;
+/// Facts about the model that are attributes of the first element. A manifest need not name authors or a license.
+pub(super) fn facts(info: &'static Info, authors: &str) -> impl Iterator<Item = (&'static str, String)> {
+    let tool = concat!("fmu ", env!("CARGO_PKG_VERSION"), " (Rust)");
+    let facts = [
+        ("description", info.description.to_owned()),
+        ("author", authors.to_owned()),
+        ("version", info.version.to_owned()),
+        ("license", info.license.to_owned()),
+        ("generationTool", tool.to_owned()),
+        ("variableNamingConvention", "structured".to_owned()),
+    ];
+    facts.into_iter().filter(|(_, value)| !value.is_empty())
+}
+
+pub(super) fn unit_definitions(xml: &mut Xml, layout: &Layout) -> Written {
+    let mut units: BTreeMap<&str, (Unit, Vec<DisplayUnit>)> = BTreeMap::new();
+    for variable in &layout.variables {
+        let Kind::Real(real) = &variable.declaration.kind else { continue };
+        if real.unit.is_declared() {
+            let (_, display) = units.entry(real.unit.name).or_insert_with(|| (real.unit, Vec::new()));
+            for one in real.unit.display.iter().copied().chain(real.display) {
+                if !display.iter().any(|known| known.name == one.name) {
+                    display.push(one);
+                }
+            }
+        }
+    }
+    if units.is_empty() {
+        return Ok(());
+    }
+    xml.create_element("UnitDefinitions").write_inner_content(|xml| {
+        for (unit, display) in units.values() {
+            xml.create_element("Unit").with_attribute(("name", unit.name)).write_inner_content(|xml| {
+                let mut base = xml.create_element("BaseUnit");
+                for (name, exponent) in ["kg", "m", "s", "A", "K", "mol", "cd", "rad"].into_iter().zip(unit.exponents) {
+                    if exponent != 0 {
+                        base = base.with_attribute((name, exponent.to_string().as_str()));
+                    }
+                }
+                if unit.factor != 1.0 {
+                    base = base.with_attribute(("factor", number(unit.factor).as_str()));
+                }
+                if unit.offset != 0.0 {
+                    base = base.with_attribute(("offset", number(unit.offset).as_str()));
+                }
+                base.write_empty()?;
+                for display in display {
+                    let mut element = xml
+                        .create_element("DisplayUnit")
+                        .with_attributes([("name", display.name), ("factor", number(display.factor).as_str())]);
+                    if display.offset != 0.0 {
+                        element = element.with_attribute(("offset", number(display.offset).as_str()));
+                    }
+                    element.write_empty()?;
+                }
+                Ok(())
+            })?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}
+pub(super) fn log_categories(xml: &mut Xml) -> Written {
+    xml.create_element("LogCategories").write_inner_content(|xml| {
+        for (name, description) in LOG_CATEGORIES {
+            xml.create_element("Category")
+                .with_attributes([("name", name), ("description", description)])
+                .write_empty()?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}
+
+pub(super) fn default_experiment(xml: &mut Xml, info: &Info) -> Written {
+    xml.create_element("DefaultExperiment")
+        .with_attributes([
+            ("startTime", "0.0"),
+            ("stopTime", number(info.stop_time).as_str()),
+            ("stepSize", number(info.step_size).as_str()),
+        ])
+        .write_empty()?;
+    Ok(())
+}
+
+/// Causality, variability and initial of a variable.
+pub(super) fn kind_of<M: Model>(variable: &Variable) -> (&'static str, &'static str, Option<&'static str>) {
+    let declaration = &variable.declaration;
+    let is_real = matches!(declaration.kind, Kind::Real(_));
+    match variable.role {
+        Role::Parameter => ("parameter", if declaration.tunable { "tunable" } else { "fixed" }, Some("exact")),
+        Role::Calculated => ("calculatedParameter", "fixed", Some("calculated")),
+        Role::Input => ("input", if is_real { "continuous" } else { "discrete" }, None),
+        Role::Output => (
+            "output",
+            if M::KIND == ModelKind::Continuous && is_real { "continuous" } else { "discrete" },
+            Some(if M::CALCULATES_OUTPUTS { "calculated" } else { "exact" }),
+        ),
+        Role::State => (
+            if declaration.local { "local" } else { "output" },
+            "continuous",
+            Some(if declaration.calculated { "calculated" } else { "exact" }),
+        ),
+        Role::Derivative => ("local", "continuous", Some("calculated")),
+    }
+}
+
+/// Nominal value as it is written: 1 is the default, which only a state states, because solvers look there.
+pub(super) fn nominal(variable: &Variable) -> Option<f64> {
+    let Kind::Real(real) = &variable.declaration.kind else { return None };
+    real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State)
+}
+
+/// A type of the enumerations of a model. Most are Integers, because several masters cannot set FMI enumerations; their
+/// description says what the numbers mean.
+pub(super) struct EnumerationType {
+    pub(super) name: String,
+    pub(super) description: String,
+    pub(super) items: &'static [Item],
+    pub(super) min: i32,
+    pub(super) max: i32,
+    pub(super) is_enumeration: bool,
+}
+
+/// All types of enumerations, by name.
+pub(super) fn enumeration_types(layout: &Layout) -> impl Iterator<Item = EnumerationType> {
+    let mut types = BTreeMap::new();
+    for variable in &layout.variables {
+        if let Kind::Integer { items, type_name, min, max, is_enumeration, .. } = &variable.declaration.kind
+            && !items.is_empty()
+        {
+            types.insert(simple_type(layout, type_name, *is_enumeration), (*items, *min, *max, *is_enumeration));
+        }
+    }
+    types.into_iter().map(|(name, (items, min, max, is_enumeration))| {
+        let described = items.iter().map(|item| format!("{} {}: {}", item.value, item.name, item.description));
+        let description = described.collect::<Vec<_>>().join("; ");
+        EnumerationType { name, description, items, min, max, is_enumeration }
+    })
+}
+
+/// Name of the type of an enumeration. One that is an Integer too has two types.
+pub(super) fn simple_type(layout: &Layout, name: &str, is_enumeration: bool) -> String {
+    let is_integer = |variable: &Variable| matches!(&variable.declaration.kind, Kind::Integer { type_name, is_enumeration: false, .. } if *type_name == name);
+    let is_both = is_enumeration && layout.variables.iter().any(is_integer);
+    if is_both { format!("{name}Enumeration") } else { name.to_owned() }
+}
+
+/// Writes the items of an enumeration.
+pub(super) fn items(xml: &mut Xml, items: &[Item]) -> Written {
+    for item in items {
+        xml.create_element("Item")
+            .with_attributes([
+                ("name", item.name),
+                ("value", item.value.to_string().as_str()),
+                ("description", item.description),
+            ])
+            .write_empty()?;
+    }
+    Ok(())
+}

@@ -1,0 +1,93 @@
+//! Co-simulation: communication steps.
+
+use super::{CallError, CallResult, Instance};
+use crate::calls::{Function, Mode};
+use crate::clock;
+use crate::runner::{Kind as ModelKind, MOST_PARTS, Model, Step};
+
+impl<M: Model> Instance<M> {
+    /// fmi2DoStep.
+    ///
+    /// # Errors
+    /// A rejected step (time, step size, stop time) changes nothing; a step with a result that is not finite restores
+    /// what was before it and leaves the instance in Step Failed.
+    pub fn do_step(&mut self, time: f64, step: f64) -> CallResult {
+        self.advance(time, step, false).map(drop)
+    }
+
+    /// fmi3DoStep of an importer that handles events: the step ends at the first one. Returns whether it has.
+    ///
+    /// # Errors
+    /// As [`Self::do_step`].
+    pub fn do_step_to_event(&mut self, time: f64, step: f64) -> CallResult<bool> {
+        self.advance(time, step, M::HAS_EVENTS)
+    }
+
+    #[inline]
+    fn advance(&mut self, time: f64, step: f64, stops_at_events: bool) -> CallResult<bool> {
+        self.check(Function::DoStep)?;
+        let name = Function::DoStep.name(self.protocol.version);
+        let rejected = |message: String| Err(CallError::Error(format!("{name}: {message}")));
+        let is_length = step > 0.0 && step <= f64::MAX;
+        if !is_length {
+            return rejected(format!("communicationStepSize must be finite and above 0, got {step} s"));
+        }
+        let is_on_time = clock::is_within_tolerance((time - self.clock.time).abs(), time, step);
+        if !is_on_time {
+            return rejected(format!(
+                "currentCommunicationPoint = {time} s, but the instance is at {} s; the difference must not exceed 1e-6 \
+                 of the step or 4 units in the last place of the time",
+                self.clock.time
+            ));
+        }
+        let end = time + step;
+        let advances = end > time && end > self.clock.time && end <= f64::MAX;
+        if !advances {
+            return rejected(format!("a step of {step} s at {time} s does not advance the time"));
+        }
+        if let Some(stop) = self.clock.stop
+            && !clock::is_within_tolerance(end - stop, end, step)
+        {
+            return rejected(format!("the step from {time} s to {end} s goes past stopTime = {stop} s"));
+        }
+        let (start, reached, sample) = (self.clock.start, self.clock.time, self.clock.sample);
+        let span = Step { start, reached, time, step, sample, stops_at_events };
+        let parts = M::parts(&self.description.layout, &self.values, span);
+        if parts.is_nan() || parts > MOST_PARTS {
+            return rejected(format!(
+                "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} are possible"
+            ));
+        }
+        let parts = u64::from(parts as u32); // quicker than to u64, and the limit is below 2^32
+        let layout = &self.description.layout;
+        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
+            unreachable!("made at the end of initialization and kept since");
+        };
+        let result = M::step(&self.parameters, derived, memory, layout, &mut self.values, span, parts);
+        self.forget_results();
+        let stopped = match result {
+            Ok(stopped) => stopped,
+            Err(error) => {
+                self.mode = Mode::StepFailed;
+                let what = self.reason(error);
+                return rejected(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
+            }
+        };
+        self.clock.time = stopped.unwrap_or(end);
+        if M::KIND == ModelKind::Discrete {
+            self.clock.sample += parts;
+        }
+        Ok(stopped.is_some())
+    }
+
+    /// fmi3EnterStepMode.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn enter_step_mode(&mut self) -> CallResult {
+        self.check(Function::EnterStepMode)?;
+        self.mode = Mode::Step;
+        self.forget_results();
+        Ok(())
+    }
+}

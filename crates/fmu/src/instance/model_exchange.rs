@@ -1,0 +1,211 @@
+//! Model exchange: the importer integrates, the instance evaluates the equations and handles events.
+
+use super::{CallError, CallResult, Instance};
+use crate::calls::{Function, Mode};
+use crate::runner::{Model, StepError, Update};
+use crate::variable::Kind;
+
+impl<M: Model> Instance<M> {
+    /// fmi2EnterEventMode.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn enter_event_mode(&mut self) -> CallResult {
+        self.check(Function::EnterEventMode)?;
+        self.mode = Mode::Event;
+        self.forget_results();
+        Ok(())
+    }
+
+    /// fmi2NewDiscreteStates: handles the events of the present time. One call is enough.
+    ///
+    /// # Errors
+    /// A number is not finite, the model rejects, or events accumulate; everything is kept then.
+    pub fn new_discrete_states(&mut self) -> CallResult<Update> {
+        let function = Function::NewDiscreteStates;
+        self.check(function)?;
+        self.derive()?;
+        let layout = &self.description.layout;
+        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
+            unreachable!("made above");
+        };
+        let result = M::handle_events(&self.parameters, derived, memory, layout, &mut self.values, &mut self.clock);
+        self.forget_results();
+        result.map_err(|error| self.error(function, self.reason(error)))
+    }
+
+    /// fmi2EnterContinuousTimeMode: relations keep their sides and discrete outputs their values until the next event.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn enter_continuous_time_mode(&mut self) -> CallResult {
+        self.check(Function::EnterContinuousTimeMode)?;
+        self.refresh(false, true, false)?;
+        self.settle()?;
+        self.mode = Mode::ContinuousTime;
+        self.forget_results();
+        Ok(())
+    }
+
+    /// fmi2CompletedIntegratorStep: nothing happens at the end of a step that is not an event.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn completed_integrator_step(&mut self) -> CallResult {
+        self.check(Function::CompletedIntegratorStep)
+    }
+
+    /// fmi2SetTime. A solver may evaluate the equations after the stop time.
+    ///
+    /// # Errors
+    /// On a time that is not finite or before the start.
+    pub fn set_time(&mut self, time: f64) -> CallResult {
+        let function = Function::SetTime;
+        self.check(function)?;
+        let start = self.clock.start;
+        if !(time.is_finite() && time >= start) {
+            let message = format_args!("time must be finite and not before startTime = {start}, got {time} s");
+            return Err(self.error(function, message));
+        }
+        if time.to_bits() != self.clock.time.to_bits() {
+            self.clock.time = time;
+            self.forget_results();
+        }
+        Ok(())
+    }
+
+    /// fmi2SetContinuousStates.
+    ///
+    /// # Errors
+    /// On a wrong number of states; fmi2Discard for a state that is not finite, which a solver may try.
+    pub fn set_continuous_states(&mut self, states: &[f64]) -> CallResult {
+        let function = Function::SetContinuousStates;
+        self.check(function)?;
+        let range = self.layout().states.reals();
+        self.check_length(function, "states", range.len(), states.len())?;
+        if let Some(at) = states.iter().position(|state| !state.is_finite()) {
+            let name = self.layout().real_name(range.start + at);
+            return Err(self.discard(function, format_args!("'{name}' must be finite, got {}", states[at])));
+        }
+        self.values.reals[range].copy_from_slice(states);
+        self.forget_results();
+        Ok(())
+    }
+
+    /// fmi2GetContinuousStates.
+    ///
+    /// # Errors
+    /// On a wrong number of states, or parameters that do not suit each other.
+    pub fn continuous_states(&mut self, states: &mut [f64]) -> CallResult {
+        let function = Function::GetContinuousStates;
+        self.check(function)?;
+        // States may follow from the parameters.
+        self.derive()?;
+        let range = self.layout().states.reals();
+        self.check_length(function, "states", range.len(), states.len())?;
+        states.copy_from_slice(&self.values.reals[range]);
+        Ok(())
+    }
+
+    /// fmi2GetNominalsOfContinuousStates.
+    ///
+    /// # Errors
+    /// On a wrong number of states.
+    pub fn nominals(&self, nominals: &mut [f64]) -> CallResult {
+        let function = Function::GetNominalsOfContinuousStates;
+        self.check(function)?;
+        let range = self.layout().states.reals();
+        self.check_length(function, "states", range.len(), nominals.len())?;
+        for (nominal, index) in nominals.iter_mut().zip(range) {
+            *nominal = match &self.layout().real(index).declaration.kind {
+                Kind::Real(real) => real.nominal.unwrap_or(1.0),
+                _ => 1.0,
+            };
+        }
+        Ok(())
+    }
+
+    /// fmi2GetDerivatives.
+    ///
+    /// # Errors
+    /// On a wrong number of states; fmi2Discard for a derivative that is not finite, so that a solver can shorten its step.
+    pub fn state_derivatives(&mut self, derivatives: &mut [f64]) -> CallResult {
+        let function = Function::GetDerivatives;
+        self.check(function)?;
+        let range = self.layout().derivatives.reals();
+        self.check_length(function, "states", range.len(), derivatives.len())?;
+        self.refresh(false, false, true)?;
+        let values = &self.values.reals[range.clone()];
+        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+            let (name, value, time) = (self.layout().real_name(range.start + at), values[at], self.clock.time);
+            let message = format_args!("'{name}' = {value} at time {time} s, not a finite number");
+            return Err(self.discard(function, message));
+        }
+        derivatives.copy_from_slice(values);
+        Ok(())
+    }
+
+    /// fmi2GetEventIndicators.
+    ///
+    /// # Errors
+    /// On a wrong number of indicators; fmi2Discard for one that is not finite.
+    pub fn event_indicators(&mut self, indicators: &mut [f64]) -> CallResult {
+        let function = Function::GetEventIndicators;
+        self.check(function)?;
+        self.indicators(function, indicators)
+    }
+
+    /// The event indicators. Outside Continuous-Time Mode the relations have the sides of the values.
+    pub(super) fn indicators(&mut self, function: Function, indicators: &mut [f64]) -> CallResult {
+        let count = self.layout().indicators.total();
+        self.check_length(function, "event indicators", count, indicators.len())?;
+        self.derive()?;
+        if self.mode != Mode::ContinuousTime {
+            self.settle()?;
+        }
+        let layout = &self.description.layout;
+        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
+            unreachable!("made above");
+        };
+        let time = self.clock.time;
+        M::event_indicators(&self.parameters, derived, memory, layout, &self.values, time, indicators);
+        if let Some(at) = indicators.iter().position(|value| !value.is_finite()) {
+            let message = format_args!("event indicator {at} is {} at time {time} s", indicators[at]);
+            return Err(self.discard(function, message));
+        }
+        Ok(())
+    }
+
+    /// Gives every relation the side that the values have.
+    fn settle(&mut self) -> CallResult {
+        self.derive()?;
+        let layout = &self.description.layout;
+        let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
+            unreachable!("made above");
+        };
+        M::settle(&self.parameters, derived, memory, layout, &self.values, self.clock.time);
+        Ok(())
+    }
+
+    fn check_length(&self, function: Function, what: &str, expected: usize, got: usize) -> CallResult {
+        if expected == got {
+            return Ok(());
+        }
+        Err(self.error(function, format_args!("the model has {expected} {what}, the array has the length {got}")))
+    }
+
+    pub(super) fn discard(&self, function: Function, message: impl std::fmt::Display) -> CallError {
+        CallError::Discard(format!("{}: {message}", function.name(self.protocol.version)))
+    }
+
+    /// Reason of a failed step or event.
+    pub(super) fn reason(&self, error: StepError) -> String {
+        match error {
+            StepError::NotFinite { index, value, time } => {
+                format!("'{}' became {value} at {time} s", self.layout().real_name(index))
+            }
+            StepError::StateNotFinite { name, value, time } => format!("'{name}' became {value} at {time} s"),
+            StepError::Rejected(message) => message,
+        }
+    }
+}

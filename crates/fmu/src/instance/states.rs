@@ -1,0 +1,59 @@
+//! Saved states.
+
+use super::{CallResult, Instance, Snapshot, texts};
+use crate::calls::Function;
+use crate::runner::Model;
+
+impl<M: Model> Instance<M> {
+    /// fmi2GetFMUstate: a copy of everything.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn snapshot(&self) -> CallResult<Snapshot<M>> {
+        self.check(Function::GetFMUstate)?;
+        Ok(Snapshot {
+            mode: self.mode,
+            clock: self.clock,
+            values: self.values.clone(),
+            memory: self.memory.clone(),
+            derived: self.derived.clone(),
+        })
+    }
+
+    /// fmi2SetFMUstate. The instance continues as the one the snapshot was taken of.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn restore(&mut self, snapshot: &Snapshot<M>) -> CallResult {
+        self.check(Function::SetFMUstate)?;
+        self.mode = snapshot.mode;
+        self.clock = snapshot.clock;
+        self.values.clone_from(&snapshot.values);
+        self.memory.clone_from(&snapshot.memory);
+        self.derived.clone_from(&snapshot.derived);
+        self.parameters = self.values.parameters::<M>();
+        self.texts = texts(&self.values.strings);
+        self.forget_results();
+        Ok(())
+    }
+
+    /// Bytes of a snapshot, valid in any process with the same FMU.
+    ///
+    /// # Errors
+    /// Out of order.
+    pub fn serialize(&self, snapshot: &Snapshot<M>) -> CallResult<Vec<u8>> {
+        self.check(Function::SerializeFMUstate)?;
+        crate::state_bytes::write(self.protocol, &self.description.guid, snapshot)
+            .map_err(|message| self.error(Function::SerializeFMUstate, message))
+    }
+
+    /// A snapshot from bytes.
+    ///
+    /// # Errors
+    /// On bytes that are damaged, of another format or FMU, or whose files have changed.
+    pub fn deserialize(&self, bytes: &[u8]) -> CallResult<Snapshot<M>> {
+        self.check(Function::DeSerializeFMUstate)?;
+        crate::state_bytes::read::<M>(self.protocol, &self.description.guid, self.layout(), &self.resources, bytes)
+            .map_err(|message| self.error(Function::DeSerializeFMUstate, message))
+    }
+}

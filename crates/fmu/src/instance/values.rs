@@ -1,0 +1,357 @@
+//! Reading and setting values.
+
+use std::ffi::CStr;
+
+use super::{CallError, CallResult, Instance, text, texts};
+use crate::calls::{Function, Interface, Mode, Version};
+use crate::runner::Model;
+use crate::variable::{Kind, Role, Variable};
+
+/// Type of the variables that a function sets, as FMI 2.0 calls it.
+fn type_set_by(function: Function) -> &'static str {
+    &function.name(Version::Fmi2)["fmi2Set".len()..]
+}
+
+impl<M: Model> Instance<M> {
+    #[cold]
+    fn unknown_reference(&self, function: Function, reference: u32, expected: &str) -> CallError {
+        let what = match self.layout().by_reference(reference) {
+            Some(variable) => {
+                format!("'{}' of type {}", variable.declaration.name, variable.declaration.kind.type_name())
+            }
+            None => "no variable".to_owned(),
+        };
+        let message = format_args!("value reference {reference} must be a variable of type {expected}, it is {what}");
+        self.error(function, message)
+    }
+
+    /// fmi2GetReal.
+    ///
+    /// # Errors
+    /// On an unknown reference, a design without solution, or a result that is not finite; `values` is kept then.
+    pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
+        self.check(Function::GetReal)?;
+        let layout = self.layout();
+        let last = references.iter().fold(0, |last, &reference| last.max(reference));
+        if last as usize >= layout.reals() {
+            return Err(self.unknown_reference(Function::GetReal, last, "Real"));
+        }
+        let waits = |index| layout.derived.reals().contains(&index) || self.is_calculated_state(index);
+        let calculated = self.derived.is_none() && references.iter().any(|&reference| waits(reference as usize));
+        let (first, count) = (layout.outputs.at.reals as u32, layout.outputs.counts.reals as u32);
+        let is_output = |&reference: &u32| reference.wrapping_sub(first) < count;
+        let outputs = self.outputs_are_due() && references.iter().any(is_output);
+        self.refresh(calculated, outputs, last as usize >= layout.derivatives.at.reals)?;
+        let reals = &self.values.reals;
+        if self.has_not_finite
+            && let Some(&reference) = references.iter().find(|&&reference| !reals[reference as usize].is_finite())
+        {
+            return Err(self.not_finite(reference as usize));
+        }
+        for (value, &reference) in values.iter_mut().zip(references) {
+            *value = reals[reference as usize];
+        }
+        Ok(())
+    }
+
+    /// fmi3GetFloat64: also of the time and of event indicators.
+    ///
+    /// # Errors
+    /// As [`Self::get_real`].
+    pub fn get_float64(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
+        let (time, indicators) = (self.layout().end, self.layout().indicators.total() as u32);
+        let is_special = |&reference: &u32| reference.wrapping_sub(time) <= indicators;
+        if !references.iter().any(is_special) {
+            return self.get_real(references, values);
+        }
+        self.check(Function::GetReal)?;
+        let mut found = vec![0.0; indicators as usize];
+        if M::MODEL_EXCHANGE && references.iter().any(|reference| is_special(reference) && *reference != time) {
+            self.indicators(Function::GetReal, &mut found)?;
+        }
+        for (value, reference) in values.iter_mut().zip(references) {
+            match reference.wrapping_sub(time) {
+                0 => *value = self.clock.time,
+                number if number <= indicators => *value = found[number as usize - 1],
+                _ => self.get_real(&[*reference], std::slice::from_mut(value))?,
+            }
+        }
+        Ok(())
+    }
+
+    /// How many values the variable of a value reference has.
+    pub(crate) fn length_of(&self, reference: u32) -> u32 {
+        self.description.lengths.get(reference as usize).copied().unwrap_or(1)
+    }
+
+    /// Rejects an enumeration where FMI 3.0 expects an Int32, and the other way round.
+    pub(crate) fn check_integer(&self, function: Function, reference: u32) -> CallResult {
+        let is_enumeration = self
+            .layout()
+            .by_reference(reference)
+            .is_some_and(|variable| matches!(variable.declaration.kind, Kind::Integer { is_enumeration: true, .. }));
+        let wants_enumeration = matches!(function, Function::GetInt64 | Function::SetInt64);
+        if is_enumeration == wants_enumeration {
+            return Ok(());
+        }
+        let expected = if wants_enumeration { "Enumeration" } else { "Int32" };
+        Err(self.unknown_reference(function, reference, expected))
+    }
+
+    #[cold]
+    fn not_finite(&self, index: usize) -> CallError {
+        let (name, value, time) = (self.layout().real_name(index), self.values.reals[index], self.clock.time);
+        let message = format!("'{name}' = {value} at time {time} s, not a finite number");
+        match self.protocol.interface {
+            Interface::CoSimulation => self.error(Function::GetReal, message),
+            Interface::ModelExchange => self.discard(Function::GetReal, message),
+        }
+    }
+
+    /// Index of a value that is not a real number.
+    fn other(&self, function: Function, reference: u32, first: u32, end: u32, expected: &str) -> CallResult<usize> {
+        if (first..end).contains(&reference) {
+            Ok((reference - first) as usize)
+        } else {
+            Err(self.unknown_reference(function, reference, expected))
+        }
+    }
+
+    fn integer(&self, function: Function, reference: u32) -> CallResult<usize> {
+        self.other(function, reference, self.layout().first_integer, self.layout().first_boolean, "Integer")
+    }
+
+    fn boolean(&self, function: Function, reference: u32) -> CallResult<usize> {
+        self.other(function, reference, self.layout().first_boolean, self.layout().first_string, "Boolean")
+    }
+
+    fn string(&self, function: Function, reference: u32) -> CallResult<usize> {
+        self.other(function, reference, self.layout().first_string, self.layout().end, "String")
+    }
+
+    /// fmi2GetInteger.
+    ///
+    /// # Errors
+    /// On an unknown reference.
+    pub fn get_integer(&mut self, reference: u32) -> CallResult<i32> {
+        self.check(Function::GetInteger)?;
+        let index = self.integer(Function::GetInteger, reference)?;
+        self.refresh_others()?;
+        Ok(self.values.integers[index])
+    }
+
+    /// fmi2GetBoolean.
+    ///
+    /// # Errors
+    /// On an unknown reference.
+    pub fn get_boolean(&mut self, reference: u32) -> CallResult<bool> {
+        self.check(Function::GetBoolean)?;
+        let index = self.boolean(Function::GetBoolean, reference)?;
+        self.refresh_others()?;
+        Ok(self.values.booleans[index])
+    }
+
+    /// fmi2GetString. The text stays where it is until the value changes, a string is set or a state is restored.
+    ///
+    /// # Errors
+    /// On an unknown reference.
+    pub fn get_string(&mut self, reference: u32) -> CallResult<&CStr> {
+        self.check(Function::GetString)?;
+        let index = self.string(Function::GetString, reference)?;
+        self.refresh_others()?;
+        if self.texts[index].to_bytes() != self.values.strings[index].as_bytes() {
+            self.texts[index] = text(&self.values.strings[index]);
+        }
+        Ok(&self.texts[index])
+    }
+
+    /// Brings outputs and calculated parameters that are not real up to date.
+    fn refresh_others(&mut self) -> CallResult {
+        let layout = self.layout();
+        let (calculated, outputs) =
+            (layout.derived.has_others() && self.derived.is_none(), layout.outputs.has_others());
+        self.refresh(calculated, outputs, false)
+    }
+
+    /// Rejects what may not be set now.
+    fn settable(&self, function: Function, reference: u32) -> CallResult<&Variable> {
+        let Some(variable) = self.layout().by_reference(reference) else {
+            return Err(self.unknown_reference(function, reference, type_set_by(function)));
+        };
+        let before_start = self.is_before_start();
+        let is_continuous = self.mode == Mode::ContinuousTime;
+        let (allowed, what) = match variable.role {
+            Role::Input => (true, ""),
+            Role::Parameter if variable.declaration.tunable => (!is_continuous, "a tunable parameter"),
+            Role::Parameter => (before_start, "a fixed parameter"),
+            Role::State if variable.declaration.calculated => {
+                (false, "a state whose start value follows from the parameters")
+            }
+            Role::State => (before_start, "a continuous state"),
+            // What has an exact start value may be set before the start (standard, section 2.1.7).
+            Role::Output if !M::CALCULATES_OUTPUTS => (before_start, "an output with a start value"),
+            Role::Output => (false, "an output"),
+            Role::Calculated => (false, "a calculated parameter"),
+            Role::Derivative => (false, "the derivative of a state"),
+        };
+        if allowed {
+            return Ok(variable);
+        }
+        let when = match variable.role {
+            Role::Calculated | Role::Derivative => "never settable",
+            Role::Output if M::CALCULATES_OUTPUTS => "never settable",
+            Role::State if variable.declaration.calculated => "never settable",
+            Role::Parameter if variable.declaration.tunable => "not settable in Continuous-Time Mode",
+            _ => "settable only in Instantiated and Initialization Mode",
+        };
+        let (name, mode) = (&variable.declaration.name, self.mode.name());
+        Err(self.error(function, format_args!("'{name}' is {what}, {when}; the instance is in {mode}")))
+    }
+
+    /// After a parameter was set: the typed parameters, and the design if a fixed one changed.
+    fn parameters_changed(&mut self, fixed: bool) {
+        self.parameters = self.values.parameters::<M>();
+        if fixed {
+            self.derived = None;
+        }
+        if self.is_before_start() {
+            self.memory = None;
+        }
+    }
+
+    /// fmi2SetReal. Nothing is set unless all values are accepted.
+    ///
+    /// # Errors
+    /// On an unknown reference, a variable that may not be set now, a number that is not finite or outside its limits.
+    pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> CallResult {
+        self.check(Function::SetReal)?;
+        let layout = self.layout();
+        let inputs = layout.inputs.reals();
+        // The usual case, inputs and finite numbers, without branches; inputs carry no limits.
+        let (first, count) = (layout.inputs.at.reals as u32, layout.inputs.counts.reals as u32);
+        let are_inputs = references.iter().fold(true, |all, reference| all & (reference.wrapping_sub(first) < count));
+        // 0 times a number that is not finite is not 0, whose bits are zeros after the sign.
+        let not_zero = values.iter().fold(0, |bits, value| bits | (value * 0.0).to_bits());
+        if are_inputs && not_zero << 1 == 0 {
+            for (&reference, &value) in references.iter().zip(values) {
+                self.values.reals[reference as usize] = value;
+            }
+            self.values_changed();
+            return Ok(());
+        }
+        let (mut parameter, mut fixed) = (false, false);
+        for (&reference, &value) in references.iter().zip(values) {
+            let index = reference as usize;
+            if index >= layout.reals() {
+                return Err(self.unknown_reference(Function::SetReal, reference, "Real"));
+            }
+            if !value.is_finite() {
+                let name = layout.real_name(index);
+                return Err(self.error(Function::SetReal, format_args!("'{name}' must be finite, got {value}")));
+            }
+            if inputs.contains(&index) {
+                continue;
+            }
+            let variable = self.settable(Function::SetReal, reference)?;
+            let Kind::Real(real) = &variable.declaration.kind else { unreachable!("reals come first") };
+            let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
+            if !(min..=max).contains(&value) {
+                let (name, value) = (&variable.declaration.name, real.unit.with(value));
+                let message = format_args!("'{name}' must be in [{min}, {max}], got {value}");
+                return Err(self.error(Function::SetReal, message));
+            }
+            if variable.role == Role::Parameter {
+                parameter = true;
+                fixed |= !variable.declaration.tunable;
+            }
+        }
+        for (&reference, &value) in references.iter().zip(values) {
+            self.values.reals[reference as usize] = value;
+        }
+        if parameter {
+            self.parameters_changed(fixed);
+        }
+        self.values_changed();
+        Ok(())
+    }
+
+    /// fmi2SetInteger. Nothing is set unless all values are accepted.
+    ///
+    /// # Errors
+    /// On an unknown reference, a parameter that may not be set now, or a value outside its limits.
+    pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
+        self.check(Function::SetInteger)?;
+        for (&reference, &value) in references.iter().zip(values) {
+            self.integer(Function::SetInteger, reference)?;
+            let variable = self.settable(Function::SetInteger, reference)?;
+            let Kind::Integer { min, max, items, .. } = &variable.declaration.kind else {
+                unreachable!("the reference is one of an integer")
+            };
+            let known = items.is_empty() || items.iter().any(|item| item.value == value);
+            if !(*min..=*max).contains(&value) || !known {
+                let names: Vec<_> = items.iter().map(|c| format!("{} ({})", c.value, c.name)).collect();
+                let expected = if names.is_empty() { format!("in [{min}, {max}]") } else { names.join(" or ") };
+                let name = &variable.declaration.name;
+                let message = format_args!("'{name}' must be {expected}, got {value}");
+                return Err(self.error(Function::SetInteger, message));
+            }
+        }
+        for (&reference, &value) in references.iter().zip(values) {
+            let index = self.integer(Function::SetInteger, reference)?;
+            self.values.integers[index] = value;
+        }
+        self.others_changed(references);
+        Ok(())
+    }
+
+    /// fmi2SetBoolean. Nothing is set unless all references are accepted.
+    ///
+    /// # Errors
+    /// On an unknown reference or a parameter that may not be set now.
+    pub fn set_boolean(&mut self, references: &[u32], values: &[bool]) -> CallResult {
+        self.check(Function::SetBoolean)?;
+        for &reference in references {
+            self.boolean(Function::SetBoolean, reference)?;
+            self.settable(Function::SetBoolean, reference)?;
+        }
+        for (&reference, &value) in references.iter().zip(values) {
+            let index = self.boolean(Function::SetBoolean, reference)?;
+            self.values.booleans[index] = value;
+        }
+        self.others_changed(references);
+        Ok(())
+    }
+
+    /// fmi2SetString. Nothing is set unless all references are accepted.
+    ///
+    /// # Errors
+    /// On an unknown reference, a parameter that may not be set now, or a text with a zero byte.
+    pub fn set_string(&mut self, references: &[u32], values: &[String]) -> CallResult {
+        self.check(Function::SetString)?;
+        for (&reference, value) in references.iter().zip(values) {
+            self.string(Function::SetString, reference)?;
+            let variable = self.settable(Function::SetString, reference)?;
+            if value.contains('\0') {
+                let name = &variable.declaration.name;
+                return Err(self.error(Function::SetString, format_args!("'{name}' must not contain a zero byte")));
+            }
+        }
+        for (&reference, value) in references.iter().zip(values) {
+            let index = self.string(Function::SetString, reference)?;
+            self.values.strings[index].clone_from(value);
+        }
+        self.texts = texts(&self.values.strings);
+        self.others_changed(references);
+        Ok(())
+    }
+
+    fn others_changed(&mut self, references: &[u32]) {
+        let parameters = || references.iter().filter_map(|&reference| self.layout().by_reference(reference));
+        let mut parameters = parameters().filter(|variable| variable.role == Role::Parameter).peekable();
+        if parameters.peek().is_some() {
+            let fixed = parameters.any(|variable| !variable.declaration.tunable);
+            self.parameters_changed(fixed);
+        }
+        self.values_changed();
+    }
+}
