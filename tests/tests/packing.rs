@@ -247,9 +247,12 @@ fn libraries_are_for_the_platform_of_their_folder() {
         for (file, library) in Contents::read(&path).files.iter().filter(|(file, _)| file.starts_with("binaries/")) {
             let platform = file.split('/').nth(1).expect("a folder");
             let expected = match platform {
-                "linux64" => (BinaryFormat::Elf, Architecture::X86_64),
-                "win64" => (BinaryFormat::Pe, Architecture::X86_64),
+                "linux64" | "x86_64-linux" => (BinaryFormat::Elf, Architecture::X86_64),
+                "win64" | "x86_64-windows" => (BinaryFormat::Pe, Architecture::X86_64),
                 "aarch64-linux" => (BinaryFormat::Elf, Architecture::Aarch64),
+                "x86_64-darwin" => (BinaryFormat::MachO, Architecture::X86_64),
+                "aarch64-darwin" => (BinaryFormat::MachO, Architecture::Aarch64),
+                // FMI 2.0 has one folder for both processors.
                 "darwin64" => (BinaryFormat::MachO, symbols::format(library).1),
                 _ => panic!("{}: no platform has the folder {platform}", path.display()),
             };
