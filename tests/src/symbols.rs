@@ -3,7 +3,17 @@
 use object::Object as _;
 use object::elf::FileHeader64;
 use object::read::elf::FileHeader as _;
-use object::{Endianness, read};
+use object::{Architecture, BinaryFormat, Endianness, read};
+
+/// Format and processor of a library.
+///
+/// # Panics
+/// When the bytes are no library.
+#[must_use]
+pub fn format(library: &[u8]) -> (BinaryFormat, Architecture) {
+    let file = object::File::parse(library).unwrap_or_else(|error| panic!("{error}"));
+    (file.format(), file.architecture())
+}
 
 /// Names that a library defines for others, sorted.
 ///

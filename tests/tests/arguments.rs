@@ -266,7 +266,7 @@ fn null_pointers_are_rejected_or_ignored_but_never_followed() {
             Arguments { guid: Some(c"{}"), ..good },
             Arguments { guid: Some(c"\xff"), ..good },
             Arguments { resources: Some(c"file:///\xff"), ..good },
-            Arguments { kind: 0, ..good },
+            Arguments { kind: -1, ..good },
             Arguments { kind: 2, ..good },
             Arguments { callbacks: false, ..good },
         ] {

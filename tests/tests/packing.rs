@@ -6,6 +6,7 @@
 use fmu_import::archive::{Archive, platform};
 use fmu_import::description::{Causality, Interface};
 use fmu_import::loader::{Instance, exported_descriptions};
+use object::{Architecture, BinaryFormat};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Cursor, Read as _};
@@ -230,11 +231,34 @@ fn libraries_need_an_old_c_library_only() {
     for path in paths() {
         let name = name_of(&path);
         let contents = Contents::read(&path);
-        let newest = symbols::newest_glibc(contents.file(&binary(&name))).expect("a 64-bit ELF library");
-        println!("{name}: needs glibc {newest:?}");
-        // Without any version it would not be linked with glibc at all.
-        let fits = newest.is_some_and(|version| version <= (2, 17));
-        assert!(fits, "{name} needs glibc {newest:?}: pack it without `--no-portable`");
+        assert!(contents.files.contains_key(&binary(&name)));
+        for (file, library) in contents.files.iter().filter(|(file, _)| file.ends_with(".so")) {
+            let newest = symbols::newest_glibc(library).expect("a 64-bit ELF library");
+            println!("{name}: {file} needs glibc {newest:?}");
+            // Without any version it would not be linked with glibc at all.
+            let fits = newest.is_some_and(|version| version <= (2, 17));
+            assert!(fits, "{name}: {file} needs glibc {newest:?}: pack it without `--no-portable`");
+        }
+    }
+}
+
+#[test]
+fn libraries_are_for_the_platform_of_their_folder() {
+    for path in paths() {
+        for (file, library) in Contents::read(&path).files.iter().filter(|(file, _)| file.starts_with("binaries/")) {
+            let platform = file.split('/').nth(1).expect("a folder");
+            let expected = match platform {
+                "linux64" | "x86_64-linux" => (BinaryFormat::Elf, Architecture::X86_64),
+                "win64" | "x86_64-windows" => (BinaryFormat::Pe, Architecture::X86_64),
+                "aarch64-linux" => (BinaryFormat::Elf, Architecture::Aarch64),
+                "x86_64-darwin" => (BinaryFormat::MachO, Architecture::X86_64),
+                "aarch64-darwin" => (BinaryFormat::MachO, Architecture::Aarch64),
+                // FMI 2.0 has one folder for both processors.
+                "darwin64" => (BinaryFormat::MachO, symbols::format(library).1),
+                _ => panic!("{}: no platform has the folder {platform}", path.display()),
+            };
+            assert_eq!(symbols::format(library), expected, "{}: {file}", path.display());
+        }
     }
 }
 

@@ -1,21 +1,28 @@
 //! Compares what FMUs compute on two platforms (`scripts/test_windows`, `scripts/test_platforms`).
 //!
-//! - `platforms record OUT` steps each FMU of the tests' folder with changing inputs, runs closed loops of each vehicle by the
-//!   native master, and writes all results to the folder OUT, those of an FMU with its inputs;
+//! - `platforms record OUT` runs each FMU of the tests' folder through the reference run in it and with changing inputs, runs
+//!   closed loops of each vehicle by the native master, and writes all results to the folder OUT, those of changing inputs
+//!   with the inputs;
 //! - `platforms compare A B` compares the results of two such folders and ends with 1 unless all are bit-identical.
 
 use fmu_import::description::{BaseType, Causality};
+use fmu_import::loader::Instance;
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
 use fmu_system::resolve::{FmuFolder, Options, resolve};
 use fmu_system::results;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::Path;
 use std::process::ExitCode;
 use tests::signals::{self, Random};
 use tests::{Fmu, folder, ok, paths, workspace};
+use zip::ZipArchive;
 
+/// Reference run in an archive.
+const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 /// Communication step in s.
 const STEP: f64 = 0.001;
 /// Steps of a single FMU.
@@ -48,8 +55,12 @@ fn record(out: &Path) {
     std::fs::create_dir_all(out).unwrap_or_else(|error| panic!("{}: {error}", out.display()));
     for path in paths() {
         let fmu = Fmu::open(&path);
-        let file = out.join(format!("{}.csv", fmu.name));
-        std::fs::write(&file, alone(&fmu)).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        let write = |name: &str, table: String| {
+            let file = out.join(format!("{name}.csv"));
+            std::fs::write(&file, table).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        };
+        write(&fmu.name, alone(&fmu));
+        write(&format!("{}_reference", fmu.name), reference_run(&fmu));
     }
     for (name, stop) in LOOPS {
         let scenario = workspace().join("scenarios").join(format!("{name}.toml"));
@@ -99,6 +110,55 @@ fn alone(fmu: &Fmu) -> String {
     table
 }
 
+/// Outputs of an FMU with the inputs of the reference run in its archive. As its documentation asks, the outputs of a plant
+/// are read before the step, those of others after it.
+fn reference_run(fmu: &Fmu) -> String {
+    let text = entry(&fmu.path, REFERENCE_RUN);
+    let mut lines = text.lines();
+    let names: Vec<_> = lines.next().expect("a line of names").split(',').collect();
+    let inputs: Vec<_> = fmu
+        .with(Causality::Input)
+        .filter_map(|input| Some((names.iter().position(|name| *name == input.name)?, input)))
+        .collect();
+    let time = names.iter().position(|name| *name == "time");
+    let outputs = fmu.with(Causality::Output).filter(|v| v.base_type != BaseType::String);
+    let mut table = String::from("time");
+    outputs.for_each(|variable| write!(table, ",{}", variable.name).expect("texts grow"));
+    let mut instance: Option<Instance> = None;
+    for (k, line) in lines.enumerate() {
+        let cells: Vec<_> = line.split(',').collect();
+        let number = |column: usize| -> f64 { cells[column].parse().expect("times and inputs are in every row") };
+        let time = time.map_or(k as f64 * STEP, number);
+        let instance = instance.get_or_insert_with(|| fmu.started_at(time));
+        for (column, input) in &inputs {
+            let (reference, value) = ([input.reference], number(*column));
+            ok(match input.base_type {
+                BaseType::Real => instance.set_real(&reference, &[value]),
+                BaseType::Boolean => instance.set_boolean(&reference, &[i32::from(value != 0.0)]),
+                BaseType::Integer => instance.set_integer(&reference, &[value as i32]),
+                BaseType::String => panic!("{} is a String", input.name),
+            });
+        }
+        let before = fmu.is_plant().then(|| fmu.outputs(instance));
+        ok(instance.do_step(time, STEP));
+        let values = before.unwrap_or_else(|| fmu.outputs(instance));
+        write!(table, "\n{time:?}").expect("texts grow");
+        values.iter().for_each(|value| write!(table, ",{value:?}").expect("texts grow"));
+    }
+    ok(instance.expect("there are rows").terminate());
+    table
+}
+
+/// The text of an entry of an archive.
+fn entry(path: &Path, name: &str) -> String {
+    let file = File::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let mut zip = ZipArchive::new(file).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let mut entry = zip.by_name(name).unwrap_or_else(|error| panic!("{}: {name}: {error}", path.display()));
+    let mut text = String::new();
+    entry.read_to_string(&mut text).unwrap_or_else(|error| panic!("{}: {name}: {error}", path.display()));
+    text
+}
+
 /// A file of results.
 struct Table {
     names: Vec<String>,
@@ -127,6 +187,7 @@ fn compare(a: &Path, b: &Path) -> ExitCode {
     let names = files(a);
     assert!(!names.is_empty() && names == files(b), "the folders hold other files: {names:?}, {:?}", files(b));
     let mut code = ExitCode::SUCCESS;
+    let (mut runs, mut identical, mut numbers) = (0, 0, 0);
     for file in names {
         let (a, b) = (Table::read(&a.join(&file)), Table::read(&b.join(&file)));
         let file = file.to_string_lossy().trim_end_matches(".csv").to_owned();
@@ -149,10 +210,14 @@ fn compare(a: &Path, b: &Path) -> ExitCode {
             worst.1,
             a.names.len()
         );
+        runs += 1;
+        identical += usize::from(equal == a.names.len());
+        numbers += a.columns.iter().map(Vec::len).sum::<usize>();
         if equal < a.names.len() {
             eprintln!("error: {file}: results must be bit-identical, {} differs by {:e} of its peak", worst.1, worst.0);
             code = ExitCode::FAILURE;
         }
     }
+    println!("{identical} of {runs} runs are bit-identical, {numbers} numbers");
     code
 }

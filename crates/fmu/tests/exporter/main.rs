@@ -9,6 +9,7 @@ mod description;
 mod events;
 mod exact;
 mod failures;
+mod fmi3;
 mod minimal;
 mod model_exchange;
 mod models;

@@ -1,0 +1,346 @@
+//! The C interface of FMI 3.0. References: the same model by FMI 2.0, bit for bit; closed forms; the matrix of directional
+//! derivatives.
+#![allow(unsafe_code, reason = "the functions of the C interface are unsafe")]
+
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::ptr::{null, null_mut};
+use std::sync::Mutex;
+
+use fmu::abi::fmi3::{self, Arguments};
+use fmu::abi::{self, Component, Export, Library, Status};
+use fmu::calls::Function;
+use fmu::description::{Description, Format};
+
+use crate::events::{EqualSteps, ball};
+use crate::models::{CartPair, Fmu, Sampler, reals, reference};
+
+macro_rules! fmi3 {
+    ($($name:ident: $model:ty, $format:expr;)*) => {$(
+        struct $name;
+        impl Export for $name {
+            type Model = <$model as Export>::Model;
+            const FORMAT: Format = $format;
+            fn library() -> &'static Library {
+                static LIBRARY: Library = Library::new();
+                &LIBRARY
+            }
+        }
+    )*};
+}
+
+fmi3! {
+    Carts: CartPair, Format::FMI3;
+    CartsWithArrays: CartPair, Format { arrays: true, ..Format::FMI3 };
+    Ball: EqualSteps, Format::FMI3;
+    Filter: Sampler, Format::FMI3;
+}
+
+/// Messages of an instance.
+type Messages = Mutex<Vec<String>>;
+
+unsafe extern "C" fn log(environment: *mut c_void, _: c_int, _: *const c_char, message: *const c_char) {
+    // SAFETY: the environment is the list of the test, the message a C string.
+    let (messages, message) = unsafe { (&*environment.cast::<Messages>(), CStr::from_ptr(message)) };
+    messages.lock().unwrap().push(message.to_str().unwrap().to_owned());
+}
+
+/// An instance of FMI 3.0, freed when dropped.
+struct Instance<E: Export> {
+    component: Component,
+    messages: Box<Messages>,
+    model: std::marker::PhantomData<E>,
+}
+
+impl<E: Export> Drop for Instance<E> {
+    fn drop(&mut self) {
+        // SAFETY: a component that was not freed.
+        unsafe { fmi3::free_instance::<E>(self.component) }
+    }
+}
+
+impl<E: Export> Instance<E> {
+    fn new(make: impl FnOnce(Arguments) -> Component) -> Self {
+        let messages = Box::new(Messages::default());
+        let token = std::ffi::CString::new(E::description().guid.clone()).unwrap();
+        let component = make(Arguments {
+            name: c"instance".as_ptr(),
+            token: token.as_ptr(),
+            resources: null(),
+            logging_on: 0,
+            environment: std::ptr::from_ref(&*messages).cast_mut().cast(),
+            logger: Some(log),
+        });
+        Self { component, messages, model: std::marker::PhantomData }
+    }
+
+    fn co_simulation(events: bool) -> Self {
+        // SAFETY: strings that end with a zero.
+        let this = Self::new(|arguments| unsafe {
+            fmi3::instantiate_co_simulation::<E>(arguments, events.into(), events.into(), 0)
+        });
+        assert!(!this.component.is_null());
+        this
+    }
+
+    fn model_exchange() -> Self {
+        // SAFETY: strings that end with a zero.
+        Self::new(|arguments| unsafe { fmi3::instantiate_model_exchange::<E>(arguments) })
+    }
+
+    fn initialized(self) -> Self {
+        // SAFETY: a live component.
+        unsafe {
+            assert_eq!(fmi3::enter_initialization_mode::<E>(self.component, 0, 0.0, 0.0, 0, 0.0), Status::Ok);
+            assert_eq!(fmi3::exit_initialization_mode::<E>(self.component), Status::Ok);
+        }
+        self
+    }
+
+    fn get(&self, references: &[u32], values: &mut [f64]) -> Status {
+        let (count, length) = (references.len(), values.len());
+        // SAFETY: arrays of these lengths.
+        unsafe { fmi3::get_float64::<E>(self.component, references.as_ptr(), count, values.as_mut_ptr(), length) }
+    }
+
+    fn set(&self, references: &[u32], values: &[f64]) -> Status {
+        let (count, length) = (references.len(), values.len());
+        // SAFETY: as above.
+        unsafe { fmi3::set_float64::<E>(self.component, references.as_ptr(), count, values.as_ptr(), length) }
+    }
+
+    /// Status, whether an event is to be handled, whether the step ended early, and the time reached.
+    fn step(&self, time: f64, step: f64) -> (Status, bool, bool, f64) {
+        let (mut event, mut end, mut early, mut last) = (7, 7, 7, f64::NAN);
+        // SAFETY: a live component and variables to write to.
+        let status =
+            unsafe { fmi3::do_step::<E>(self.component, time, step, 1, &mut event, &mut end, &mut early, &mut last) };
+        (status, event == 1, early == 1, last)
+    }
+
+    /// Whether an event has set states, and the time of the next one.
+    fn update(&self) -> (bool, Option<f64>) {
+        let (mut flags, mut next) = ([7_u8; 5], f64::NAN);
+        let [needs, end, nominals, states, defined] = &mut flags;
+        // SAFETY: as above.
+        let status = unsafe {
+            fmi3::update_discrete_states::<E>(self.component, needs, end, nominals, states, defined, &mut next)
+        };
+        assert_eq!((status, *needs, *end, *nominals), (Status::Ok, 0, 0, 0));
+        (*states == 1, (*defined == 1).then_some(next))
+    }
+
+    fn error(&self) -> String {
+        self.messages.lock().unwrap().pop().expect("an error is logged")
+    }
+
+    fn derivative(&self, function: Function, unknowns: &[u32], knowns: &[u32], seed: &[f64]) -> Vec<f64> {
+        let length = if function == Function::GetAdjointDerivative { knowns.len() } else { unknowns.len() };
+        let mut result = vec![0.0; length];
+        let arrays = fmi3::Derivative {
+            unknowns: unknowns.as_ptr(),
+            unknown_count: unknowns.len(),
+            knowns: knowns.as_ptr(),
+            known_count: knowns.len(),
+            seed: seed.as_ptr(),
+            seed_count: seed.len(),
+            result: result.as_mut_ptr(),
+            result_count: length,
+        };
+        // SAFETY: arrays of these lengths.
+        assert_eq!(unsafe { fmi3::get_derivative::<E>(self.component, function, arrays) }, Status::Ok);
+        result
+    }
+}
+
+/// Reference: FMI 2.0.
+#[test]
+fn co_simulation_has_the_bits_of_fmi_2() {
+    let references = reals::<CartPair>();
+    let (new, mut old) = (Instance::<Carts>::co_simulation(false).initialized(), Fmu::<CartPair>::ready());
+    let force = reference::<CartPair>("cart_force.r");
+    for i in 0..200_u32 {
+        let value = f64::from(i % 13) - 6.0;
+        assert_eq!(new.set(&[force], &[value]), Status::Ok);
+        old.0.set_real(&[force], &[value]).unwrap();
+        let time = old.0.time();
+        let (status, event, early, last) = new.step(time, 0.013);
+        old.step(0.013).unwrap();
+        assert_eq!((status, event, early, last.to_bits()), (Status::Ok, false, false, old.0.time().to_bits()));
+        let mut values = vec![0.0; references.len()];
+        assert_eq!(new.get(&references, &mut values), Status::Ok);
+        assert_eq!(values.iter().map(|value| value.to_bits()).collect::<Vec<_>>(), old.bits(), "at {last} s");
+    }
+}
+
+/// Reference: the same steps without Event Mode, which handles the events inside. The parabola is integrated exactly, so that
+/// only roundings differ where steps are divided: 1e-12 is far above them.
+#[test]
+fn a_step_returns_early_at_an_event_that_the_importer_handles() {
+    let states = ["height", "velocity", "last_bounce"].map(reference::<EqualSteps>);
+    let (inside, outside) =
+        (Instance::<Ball>::co_simulation(false).initialized(), Instance::<Ball>::co_simulation(true).initialized());
+    // Initialization ends in Event Mode.
+    assert_eq!(outside.update(), (false, None));
+    // SAFETY: a live component.
+    let to_step_mode = || assert_eq!(unsafe { fmi3::enter_step_mode::<Ball>(outside.component) }, Status::Ok);
+    to_step_mode();
+    let (mut time, mut events) = (0.0, 0);
+    for i in 1..=50_u32 {
+        let end = f64::from(i) * 0.04;
+        assert_eq!(inside.step(f64::from(i - 1) * 0.04, end - f64::from(i - 1) * 0.04).0, Status::Ok);
+        while end - time > 1e-12 {
+            let (status, event, early, last) = outside.step(time, end - time);
+            assert_eq!((status, event), (Status::Ok, early));
+            time = last;
+            if event {
+                events += 1;
+                // SAFETY: a live component.
+                assert_eq!(unsafe { fmi3::enter_event_mode::<Ball>(outside.component) }, Status::Ok);
+                assert_eq!(outside.update(), (true, None));
+                to_step_mode();
+            }
+        }
+        let (mut one, mut other) = ([0.0; 3], [0.0; 3]);
+        assert_eq!((inside.get(&states, &mut one), outside.get(&states, &mut other)), (Status::Ok, Status::Ok));
+        for (one, other) in one.iter().zip(other) {
+            assert!((one - other).abs() < 1e-12, "{one} {other} at {end} s");
+        }
+    }
+    assert_eq!(events, ball(2.0).0 as u32);
+}
+
+#[test]
+fn the_adjoint_derivative_is_the_transposed_matrix() {
+    let instance = Instance::<Carts>::co_simulation(false).initialized();
+    let layout = &CartPair::description().layout;
+    let of = |range: std::ops::Range<usize>| range.map(|index| index as u32).collect::<Vec<_>>();
+    let unknowns = [of(layout.outputs.reals()), of(layout.derivatives.reals()), of(layout.states.reals())].concat();
+    // The time is known too.
+    let knowns = [of(layout.inputs.reals()), of(layout.states.reals()), vec![layout.end]].concat();
+    let unit = |count: usize, at: usize| (0..count).map(|i| f64::from(u8::from(i == at))).collect::<Vec<_>>();
+    let columns: Vec<Vec<f64>> = (0..knowns.len())
+        .map(|at| {
+            let seed = unit(knowns.len(), at);
+            instance.derivative(Function::GetDirectionalDerivative, &unknowns, &knowns, &seed)
+        })
+        .collect();
+    assert!(columns.iter().flatten().any(|value| *value != 0.0));
+    for row in 0..unknowns.len() {
+        let seed = unit(unknowns.len(), row);
+        let adjoint = instance.derivative(Function::GetAdjointDerivative, &unknowns, &knowns, &seed);
+        // Sums with one term that is not zero are exact.
+        assert_eq!(adjoint, columns.iter().map(|column| column[row]).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn arrays_are_read_and_set_as_one_variable() {
+    let instance = Instance::<CartsWithArrays>::co_simulation(false);
+    let stiffness = reference::<CartPair>("spring.stiffness.l");
+    assert_eq!(instance.set(&[stiffness], &[5.0, 6.0]), Status::Ok);
+    assert_eq!(instance.set(&[stiffness], &[5.0]), Status::Error);
+    assert_eq!(instance.error(), "fmi3SetFloat64: the variables have 2 values, nValues is 1");
+    let mut values = [0.0; 3];
+    let mass = reference::<CartPair>("cart.mass");
+    assert_eq!(instance.get(&[stiffness, mass], &mut values), Status::Ok);
+    assert_eq!(values, [5.0, 6.0, 2.0]);
+    let xml = &CartsWithArrays::description().xml;
+    assert!(xml.contains("name=\"spring.stiffness\""), "{xml}");
+    assert!(xml.contains("start=\"8.0 18.0\""), "{xml}");
+    assert!(!xml.contains("spring.stiffness.l"), "{xml}");
+}
+
+#[test]
+fn the_time_and_the_event_indicators_are_variables() {
+    let instance = Instance::<Ball>::co_simulation(false).initialized();
+    assert_eq!(instance.step(0.0, 0.25).0, Status::Ok);
+    let layout = &Ball::description().layout;
+    let mut values = [0.0; 3];
+    let height = reference::<EqualSteps>("height");
+    assert_eq!(instance.get(&[layout.end, height, layout.end + 1], &mut values), Status::Ok);
+    assert_eq!(values[0], 0.25);
+    // The indicator of the height is the height in parts of its nominal value, 1 m, and 1e-9 further from zero.
+    assert!((values[2] - values[1] - 1e-9).abs() < 1e-9, "{values:?}");
+    assert_eq!(instance.get(&[layout.end + 2], &mut values[..1]), Status::Error);
+    assert_eq!(instance.set(&[layout.end], &[1.0]), Status::Error);
+}
+
+/// Reference: FMI 2.0, whose co-simulation takes the same samples.
+#[test]
+fn samples_are_time_events() {
+    let instance = Instance::<Filter>::model_exchange().initialized();
+    let mut old = Fmu::<Sampler>::ready();
+    let (input, output) = (reference::<Sampler>("filter_input"), reference::<Sampler>("filter_output"));
+    let period = old.get("sample_time");
+    for k in 0..20_u32 {
+        let time = f64::from(k) * period;
+        // SAFETY: a live component.
+        unsafe {
+            if k > 0 {
+                assert_eq!(fmi3::enter_event_mode::<Filter>(instance.component), Status::Ok);
+                assert_eq!(fmi3::set_time::<Filter>(instance.component, time), Status::Ok);
+            }
+            assert_eq!(instance.set(&[input], &[f64::from(k)]), Status::Ok);
+            assert_eq!(instance.update(), (false, Some(f64::from(k + 1) * period)));
+            assert_eq!(fmi3::enter_continuous_time_mode::<Filter>(instance.component), Status::Ok);
+        }
+        old.set("filter_input", f64::from(k)).unwrap();
+        old.step(period).unwrap();
+        let mut value = [0.0];
+        assert_eq!(instance.get(&[output], &mut value), Status::Ok);
+        assert_eq!(value[0].to_bits(), old.get("filter_output").to_bits());
+    }
+}
+
+#[test]
+fn the_states_of_one_version_are_rejected_by_the_other() {
+    let instance = Instance::<Carts>::co_simulation(false).initialized();
+    let bytes = Fmu::<CartPair>::ready().bytes();
+    let mut state = null_mut();
+    // SAFETY: an array of this length.
+    let status =
+        unsafe { fmi3::deserialize_fmu_state::<Carts>(instance.component, bytes.as_ptr(), bytes.len(), &mut state) };
+    assert_eq!(status, Status::Error);
+    assert_eq!(
+        instance.error(),
+        "fmi3DeserializeFMUState: the state was saved by an instance for co-simulation of FMI 2.0, this one is for \
+         co-simulation of FMI 3.0"
+    );
+}
+
+#[test]
+fn what_the_fmu_does_not_have_is_said() {
+    let instance = Instance::<Carts>::co_simulation(false).initialized();
+    // SAFETY: a live component.
+    unsafe {
+        assert_eq!(fmi3::no_variables::<Carts>(instance.component, Function::GetFloat32, 0), Status::Ok);
+        assert_eq!(fmi3::no_variables::<Carts>(instance.component, Function::GetFloat32, 1), Status::Error);
+        assert_eq!(instance.error(), "fmi3GetFloat32: no variable of this FMU has this type");
+        assert_eq!(fmi3::not_provided::<Carts>(instance.component, Function::EnterConfigurationMode), Status::Error);
+        assert_eq!(fmi3::set_time::<Carts>(instance.component, 1.0), Status::Error);
+        assert_eq!(instance.error(), "fmi3SetTime is not a function of co-simulation");
+    }
+    let none = Instance::<Carts>::new(|arguments| unsafe { fmi3::instantiate_scheduled_execution::<Carts>(arguments) });
+    assert!(none.component.is_null());
+    assert_eq!(none.error(), "fmi3InstantiateScheduledExecution: this FMU does not provide scheduled execution");
+    let none = Instance::<Carts>::new(|arguments| unsafe {
+        fmi3::instantiate_model_exchange::<Carts>(Arguments { token: c"{other}".as_ptr(), ..arguments })
+    });
+    assert!(none.error().starts_with("fmi3InstantiateModelExchange: instantiationToken must be {"));
+}
+
+#[test]
+fn wheels_and_axles_are_terminals() {
+    let description = Description::of::<<CartPair as Export>::Model>(Format::FMI3, std::path::Path::new(""));
+    let xml = description.terminals(Format::FMI3);
+    for text in [
+        "<Terminal name=\"l\" matchingRule=\"bus\"",
+        "<TerminalMemberVariable variableName=\"cart_force.l\" memberName=\"cart_force\" variableKind=\"signal\"/>",
+        "<Icon x1=\"0.0\"",
+    ] {
+        assert!(xml.contains(text), "{xml}");
+    }
+    // Local variables and parameters are no signals.
+    assert!(!xml.contains("cart_velocity") && !xml.contains("spring.stiffness"), "{xml}");
+    let _ = abi::model_description::<Carts>(3, 3 | 8);
+}
