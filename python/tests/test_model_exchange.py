@@ -329,6 +329,35 @@ NOT_A_NUMBER = pytest.mark.xfail(
 )
 
 
+class Kerb(Run):
+    """EspCar brakes from 60 km/h until its rear wheels lock, and runs over a kerb with them at 0.8 s."""
+
+    def inputs(self, fmu: Fmu) -> tuple[list[str], Array]:
+        times = HOLD * np.arange(150)
+        zero, torque = np.zeros_like(times), np.where(times >= 0.2, 1.0, 0.0)
+        height = np.where((times > 0.795) & (times < 0.855), 0.1, 0.0)
+        columns = {"road_height.rl": height, "road_height.rr": height, "steer.front": zero}
+        columns |= {f"brake_torque.{wheel}": most * torque for wheel, most in LOCKING.items()}
+        assert set(columns) <= set(fmu.variables)
+        return list(columns), np.array(list(columns.values())).T
+
+
+# Brake torque that locks the rear wheels (N m).
+LOCKING = {"fl": 1500.0, "fr": 1500.0, "rl": 2500.0, "rr": 2500.0}
+
+
+@NOT_A_NUMBER
+def test_locked_wheels_leave_the_ground(fmus: dict[str, Fmu]) -> None:
+    """Sliding tires lose their load: D and N of Dugoff's law become 0 at once. Tolerance: as for runs with kinks."""
+    fmu, run = fmus["EspCar"], Kerb("EspCar", "kerb", ROLLING)
+    found = co_simulation(fmu, run)
+    names = [v.name for v in fmu.of("output")]
+    in_the_air = found[:, names.index("tire_load.rl")] == 0.0
+    assert (found[in_the_air, names.index("tire_longitudinal_slip.rl")] < -0.9).any()
+    expected, _ = model_exchange(fmu, run)
+    assert not above(errors(fmu, found, expected), 1e-5)
+
+
 @pytest.mark.parametrize(
     "run", [pytest.param(r, marks=IN_THE_BAND) if "lift_off" in r.file else r for r in KINKED], ids=str
 )
