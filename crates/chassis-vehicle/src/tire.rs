@@ -81,7 +81,7 @@ impl MagicFormula {
         let bent = T::atan_each(bx);
         let curved: [T; N] = from_fn(|i| bx[i] - e[i] * (bx[i] - bent[i]));
         let share = T::sin_each(T::atan_each(curved).map(|angle| angle * self.c));
-        from_fn(|i| peak[i].if_greater(least, -d[i] * share[i], zero))
+        from_fn(|i| -Scalar::max(peak[i], zero) * share[i])
     }
 }
 
@@ -117,7 +117,8 @@ pub fn dugoff_each<T: Scalar, const N: usize>(c: [[T; N]; 2], mu_n: [T; N], s: [
         // One division for both cases. Where the contact adheres, a locked wheel has D = N = 0 (a tire in the air): the
         // floor avoids 0/0.
         let numerator = d.if_greater(n, mu_n * (d * 2.0 - n), T::from(1.0));
-        let denominator = d.if_greater(n, d2 * 2.0, Scalar::max(rest, T::from(1e-12)));
+        let sliding = Scalar::max(d2 * 2.0, T::from(1e-30));
+        let denominator = d.if_greater(n, sliding, Scalar::max(rest, T::from(1e-12)));
         numerator / denominator
     });
     [from_fn(|i| g_x[i] * factor[i]), from_fn(|i| g_y[i] * factor[i])]

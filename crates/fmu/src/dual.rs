@@ -3,196 +3,212 @@
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use fmu_math as math;
-
 use crate::scalar::Scalar;
 
 /// A value and its derivative along one direction; arithmetic carries both (forward differentiation).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Dual64 {
+pub struct Dual<T> {
     /// The value.
-    pub re: f64,
+    pub re: T,
     /// The derivative.
-    pub eps: f64,
+    pub eps: T,
 }
 
-impl Dual64 {
+/// A [`Dual`] of plain numbers.
+pub type Dual64 = Dual<f64>;
+
+impl<T> Dual<T> {
     /// A value with its derivative.
     #[must_use]
-    pub const fn new(re: f64, eps: f64) -> Self {
+    pub const fn new(re: T, eps: T) -> Self {
         Self { re, eps }
     }
+}
 
+impl<T: Scalar> Dual<T> {
     /// The dual number of this value whose derivative is `slope` times that of `self`. Where `self` does not change, neither
     /// does a function of it, even where the function has no finite slope: a vehicle at rest stays differentiable.
-    fn chain(self, value: f64, slope: f64) -> Self {
-        Self::new(value, if self.eps == 0.0 { 0.0 } else { slope * self.eps })
+    fn chain(self, value: T, slope: T) -> Self {
+        Self::new(value, if self.eps.value() == 0.0 { T::from(0.0) } else { slope * self.eps })
     }
 }
 
-impl From<f64> for Dual64 {
+impl<T: Scalar> From<f64> for Dual<T> {
     fn from(value: f64) -> Self {
-        Self::new(value, 0.0)
+        Self::new(T::from(value), T::from(0.0))
     }
 }
 
-impl Add for Dual64 {
+impl<T: Scalar> Add for Dual<T> {
     type Output = Self;
     fn add(self, other: Self) -> Self {
         Self::new(self.re + other.re, self.eps + other.eps)
     }
 }
-impl Sub for Dual64 {
+impl<T: Scalar> Sub for Dual<T> {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
         Self::new(self.re - other.re, self.eps - other.eps)
     }
 }
-impl Mul for Dual64 {
+impl<T: Scalar> Mul for Dual<T> {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
         Self::new(self.re * other.re, self.eps * other.re + other.eps * self.re)
     }
 }
-impl Div for Dual64 {
+impl<T: Scalar> Div for Dual<T> {
     type Output = Self;
     fn div(self, other: Self) -> Self {
         let value = self.re / other.re;
         Self::new(value, (self.eps - value * other.eps) / other.re)
     }
 }
-impl Neg for Dual64 {
+impl<T: Scalar> Neg for Dual<T> {
     type Output = Self;
     fn neg(self) -> Self {
         Self::new(-self.re, -self.eps)
     }
 }
-impl Add<f64> for Dual64 {
+impl<T: Scalar> Add<f64> for Dual<T> {
     type Output = Self;
     fn add(self, other: f64) -> Self {
         Self::new(self.re + other, self.eps)
     }
 }
-impl Sub<f64> for Dual64 {
+impl<T: Scalar> Sub<f64> for Dual<T> {
     type Output = Self;
     fn sub(self, other: f64) -> Self {
         Self::new(self.re - other, self.eps)
     }
 }
-impl Mul<f64> for Dual64 {
+impl<T: Scalar> Mul<f64> for Dual<T> {
     type Output = Self;
     fn mul(self, other: f64) -> Self {
         Self::new(self.re * other, self.eps * other)
     }
 }
-impl Div<f64> for Dual64 {
+impl<T: Scalar> Div<f64> for Dual<T> {
     type Output = Self;
     fn div(self, other: f64) -> Self {
         Self::new(self.re / other, self.eps / other)
     }
 }
-impl AddAssign for Dual64 {
+impl<T: Scalar> AddAssign for Dual<T> {
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
 }
-impl SubAssign for Dual64 {
+impl<T: Scalar> SubAssign for Dual<T> {
     fn sub_assign(&mut self, other: Self) {
         *self = *self - other;
     }
 }
-impl Sum for Dual64 {
+impl<T: Scalar> Sum for Dual<T> {
     fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
-        terms.fold(Self::default(), Add::add)
+        terms.fold(Self::from(0.0), Add::add)
     }
 }
 
-impl Scalar for Dual64 {
+impl<T: Scalar> Scalar for Dual<T> {
     fn sin(self) -> Self {
-        self.chain(math::sin(self.re), math::cos(self.re))
+        self.chain(self.re.sin(), self.re.cos())
     }
     fn cos(self) -> Self {
-        self.chain(math::cos(self.re), -math::sin(self.re))
+        self.chain(self.re.cos(), -self.re.sin())
     }
     fn sin_cos(self) -> (Self, Self) {
-        let (sin, cos) = math::sin_cos(self.re);
+        let (sin, cos) = self.re.sin_cos();
         (self.chain(sin, cos), self.chain(cos, -sin))
     }
     fn tan(self) -> Self {
-        let value = math::tan(self.re);
-        self.chain(value, 1.0 + value * value)
+        let value = self.re.tan();
+        self.chain(value, value * value + 1.0)
     }
     fn asin(self) -> Self {
-        self.chain(math::asin(self.re), 1.0 / (1.0 - self.re * self.re).sqrt())
+        self.chain(self.re.asin(), T::from(1.0) / (T::from(1.0) - self.re * self.re).sqrt())
     }
     fn acos(self) -> Self {
-        self.chain(math::acos(self.re), -1.0 / (1.0 - self.re * self.re).sqrt())
+        self.chain(self.re.acos(), T::from(-1.0) / (T::from(1.0) - self.re * self.re).sqrt())
     }
     fn atan(self) -> Self {
-        self.chain(math::atan(self.re), 1.0 / (1.0 + self.re * self.re))
+        self.chain(self.re.atan(), T::from(1.0) / (self.re * self.re + 1.0))
     }
     fn atan2(self, x: Self) -> Self {
         // Not by way of the quotient, which has no derivative where x is 0.
         let distance = self.re * self.re + x.re * x.re;
         let turn = x.re * self.eps - self.re * x.eps;
         // At the origin the angle has no derivative; 0 keeps a vehicle at rest differentiable.
-        Self::new(math::atan2(self.re, x.re), if distance == 0.0 { 0.0 } else { turn / distance })
+        Self::new(self.re.atan2(x.re), if distance.value() == 0.0 { T::from(0.0) } else { turn / distance })
     }
     fn sinh(self) -> Self {
-        self.chain(math::sinh(self.re), math::cosh(self.re))
+        self.chain(self.re.sinh(), self.re.cosh())
     }
     fn cosh(self) -> Self {
-        self.chain(math::cosh(self.re), math::sinh(self.re))
+        self.chain(self.re.cosh(), self.re.sinh())
     }
     fn tanh(self) -> Self {
         // 1 - tanh^2 instead of a quotient of hyperbolic functions, which overflows for large arguments.
-        let value = math::tanh(self.re);
-        self.chain(value, 1.0 - value * value)
+        let value = self.re.tanh();
+        self.chain(value, T::from(1.0) - value * value)
     }
     fn sqrt(self) -> Self {
         let value = self.re.sqrt();
-        self.chain(value, 0.5 / value)
+        self.chain(value, T::from(0.5) / value)
     }
     fn exp(self) -> Self {
-        let value = math::exp(self.re);
+        let value = self.re.exp();
         self.chain(value, value)
     }
     fn ln(self) -> Self {
-        self.chain(math::ln(self.re), 1.0 / self.re)
+        self.chain(self.re.ln(), T::from(1.0) / self.re)
     }
     fn powf(self, exponent: f64) -> Self {
-        let slope = if exponent == 0.0 { 0.0 } else { exponent * math::pow(self.re, exponent - 1.0) };
-        self.chain(math::pow(self.re, exponent), slope)
+        let slope = if exponent == 0.0 { T::from(0.0) } else { self.re.powf(exponent - 1.0) * exponent };
+        self.chain(self.re.powf(exponent), slope)
     }
     fn powi(self, exponent: i32) -> Self {
-        let slope = if exponent == 0 { 0.0 } else { f64::from(exponent) * math::powi(self.re, exponent - 1) };
-        self.chain(math::powi(self.re, exponent), slope)
+        let slope = if exponent == 0 { T::from(0.0) } else { self.re.powi(exponent - 1) * f64::from(exponent) };
+        self.chain(self.re.powi(exponent), slope)
     }
     fn hypot(self, other: Self) -> Self {
-        let value = math::hypot(self.re, other.re);
+        let value = self.re.hypot(other.re);
         let slope = self.re * self.eps + other.re * other.eps;
-        Self::new(value, if value == 0.0 { 0.0 } else { slope / value })
+        Self::new(value, if value.value() == 0.0 { T::from(0.0) } else { slope / value })
     }
     fn rem_euclid(self, modulus: f64) -> Self {
         Self::new(self.re.rem_euclid(modulus), self.eps)
     }
     fn floor(self) -> Self {
-        Self::from(self.re.floor())
+        Self::new(self.re.floor(), T::from(0.0))
     }
     fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
-        if self.re > threshold.re { then } else { otherwise }
+        let is_greater = self.re.if_greater(threshold.re, T::from(1.0), T::from(0.0));
+        if is_greater.value() > 0.0 { then } else { otherwise }
+    }
+    // By the values: they may be no relations of `T` (see `Relational`).
+    fn max(self, other: Self) -> Self {
+        if self.value() > other.value() { self } else { other }
+    }
+    fn min(self, other: Self) -> Self {
+        if self.value() > other.value() { other } else { self }
+    }
+    fn abs(self) -> Self {
+        if self.value() < 0.0 { -self } else { self }
     }
     fn interpolate(self, table: &crate::Table) -> Self {
-        let (value, slope) = table.at(self.re);
-        self.chain(value, slope)
+        let (_, slope) = table.at(self.value());
+        self.chain(self.re.interpolate(table), T::from(slope))
     }
     fn value(self) -> f64 {
-        self.re
+        self.re.value()
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use fmu_math as math;
+
     use super::*;
 
     fn pair(dual: Dual64) -> (f64, f64) {

@@ -85,7 +85,8 @@ pub use fmu_derive::{model, unit};
 #[doc(inline)]
 pub use fmu_math as math;
 pub use model::{At, Continuous, Discrete, Event, Influence, Info, Sample, Serialize, Solver, Stateful};
-pub use scalar::{Dual64, Scalar};
+pub use dual::{Dual, Dual64};
+pub use scalar::Scalar;
 pub use table::Table;
 pub use unit::Unit;
 pub use variables::{Derived, Field, Parameters, Variables};

@@ -166,15 +166,17 @@ pub trait Model: 'static {
         _time: f64,
     ) {
     }
-    /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, states, the time), outputs first.
+    /// Derivatives of all real outputs and state derivatives along `direction` (real inputs, states, the time), outputs first;
+    /// if `is_frozen`, with the relations as they were settled.
     #[expect(clippy::too_many_arguments, reason = "the point and the direction in it")]
     fn directional(
         _p: &Self::Parameters,
         _derived: &Self::Derived,
-        _memory: &Self::Memory,
+        _memory: &mut Self::Memory,
         _layout: &Layout,
         _values: &ValueStore,
         _time: f64,
+        _is_frozen: bool,
         _direction: &[f64],
         result: &mut [f64],
     ) {

@@ -18,7 +18,6 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use fmu_math as math;
 
-pub use crate::dual::Dual64;
 use crate::table::Table;
 
 /// A real number in the equations of a continuous-time model.

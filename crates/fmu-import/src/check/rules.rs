@@ -411,9 +411,9 @@ fn list(
         for &dependency in dependencies {
             let known = &variables[dependency];
             let never = known.causality == Causality::CalculatedParameter && !name.starts_with("InitialUnknown");
-            // In FMI 3.0 an output or event indicator may be a state, which is a known.
-            let is_itself = dependency == unknown.variable && description.fmi == FmiVersion::V2;
-            if is_itself || never {
+            // An output or event indicator may be a state, which is a known.
+            let is_state = variables.iter().any(|variable| variable.derivative_of == Some(dependency));
+            if (dependency == unknown.variable && !is_state) || never {
                 error(unknown.variable, format!("cannot depend on `{}` in {name}", known.name));
             }
         }

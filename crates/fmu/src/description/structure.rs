@@ -131,7 +131,8 @@ impl<'a> Unknowns<'a> {
                 (Role::Derivative, _) => {
                     &structure[layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals]
                 }
-                // Outputs of other models are held; an output that is a state is known itself.
+                (Role::State, _) => return Unknown { variable, dependencies: vec![variable], on_time: false },
+                // Outputs of other models are held.
                 _ => return Unknown { variable, dependencies: Vec::new(), on_time: false },
             };
             let mut all: Vec<_> =

@@ -1,6 +1,6 @@
 //! Derivatives of the equations, exact by dual numbers.
 
-use super::{CallError, CallResult, Instance};
+use super::{CallError, CallResult, Instance, Mode};
 use crate::calls::{Function, Version};
 use crate::runner::{Kind as ModelKind, Model};
 
@@ -96,11 +96,12 @@ impl<M: Model> Instance<M> {
     /// Derivatives of the outputs, then of the state derivatives, along a direction.
     fn slopes(&mut self, direction: &[f64]) -> CallResult<Vec<f64>> {
         let derived = self.derive()?;
-        let layout = self.layout();
+        let layout = &self.description.layout;
         let mut slopes = vec![0.0; layout.outputs.counts.reals + layout.states.counts.reals];
-        let memory = self.memory.as_ref().expect("made with the derived parameters");
-        let time = self.clock.time;
-        M::directional(&self.parameters, &derived, memory, layout, &self.values, time, direction, &mut slopes);
+        let memory = self.memory.as_mut().expect("made with the derived parameters");
+        let (p, values, time) = (&self.parameters, &self.values, self.clock.time);
+        let is_frozen = self.mode == Mode::ContinuousTime;
+        M::directional(p, &derived, memory, layout, values, time, is_frozen, direction, &mut slopes);
         Ok(slopes)
     }
 

@@ -181,6 +181,8 @@ impl<M: Model> Instance<M> {
         let before_start = self.is_before_start();
         let is_continuous = self.mode == Mode::ContinuousTime;
         let (allowed, what) = match variable.role {
+            // As fmi2SetContinuousStates does: CasADi sets them so.
+            Role::State if is_continuous => (true, ""),
             Role::Input => (true, ""),
             Role::Parameter if variable.declaration.tunable => (!is_continuous, "a tunable parameter"),
             Role::Parameter => (before_start, "a fixed parameter"),
@@ -246,13 +248,23 @@ impl<M: Model> Instance<M> {
                 return Err(self.unknown_reference(Function::SetReal, reference, "Real"));
             }
             if !value.is_finite() {
-                let name = layout.real_name(index);
-                return Err(self.error(Function::SetReal, format_args!("'{name}' must be finite, got {value}")));
+                let message = format!("'{}' must be finite, got {value}", layout.real_name(index));
+                // A solver may try it.
+                let is_tried = self.mode == Mode::ContinuousTime && layout.states.reals().contains(&index);
+                return Err(if is_tried {
+                    self.discard(Function::SetReal, message)
+                } else {
+                    self.error(Function::SetReal, message)
+                });
             }
             if inputs.contains(&index) {
                 continue;
             }
             let variable = self.settable(Function::SetReal, reference)?;
+            if variable.role == Role::State && self.mode == Mode::ContinuousTime {
+                // Limits are those of start values.
+                continue;
+            }
             let Kind::Real(real) = &variable.declaration.kind else { unreachable!("reals come first") };
             let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
             if !(min..=max).contains(&value) {

@@ -10,7 +10,9 @@ use crate::declare::Spec;
 use crate::definition::{MAX_STEP, TOLERANCE};
 use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{At, Continuous, Event, Info, Solver, is_crossing};
-use crate::scalar::{Dependencies, DependencySet, Dual64, Scalar};
+use crate::dual::{Dual, Dual64};
+use crate::relation::Relational;
+use crate::scalar::{Dependencies, DependencySet, Scalar};
 use crate::solver::{Problem, Scratch};
 use crate::store::ValueStore;
 use crate::variable::{Declarations, Kind as Type, Layout};
@@ -72,7 +74,7 @@ fn typed<T: Scalar, M: Continuous>(
 
 /// Real outputs, then state derivatives.
 fn unknowns<T: Scalar, M: Continuous>(p: &M, at: At<'_, T, M>, layout: &Layout, values: &ValueStore) -> Vec<T> {
-    let (derivatives, outputs) = p.evaluate(at);
+    let (derivatives, outputs) = (p.derivatives(at), p.outputs(at));
     let mut all = vec![T::from(0.0); layout.outputs.counts.reals + layout.states.counts.reals];
     let mut others = values.clone();
     let ValueStore { integers, booleans, strings, .. } = &mut others;
@@ -562,10 +564,11 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     fn directional(
         p: &M,
         derived: &M::Derived,
-        memory: &Self::Memory,
+        memory: &mut Self::Memory,
         layout: &Layout,
         values: &ValueStore,
         time: f64,
+        is_frozen: bool,
         direction: &[f64],
         result: &mut [f64],
     ) {
@@ -577,12 +580,25 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
                 direction[inputs.len() + index - states.start]
             }
         };
-        let (state, inputs) =
-            typed::<Dual64, M>(layout, values, |index| Dual64::new(values.reals[index], slope(index)));
-        let time = Dual64::new(time, direction.last().copied().unwrap_or(0.0));
-        let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
-        for (slope, unknown) in result.iter_mut().zip(unknowns(p, at, layout, values)) {
-            *slope = unknown.eps;
+        let time_slope = direction.last().copied().unwrap_or(0.0);
+        if MODEL_EXCHANGE {
+            let dual = |value, slope| Dual::new(Relational(value), Relational(slope));
+            let (state, inputs) = typed::<_, M>(layout, values, |index| dual(values.reals[index], slope(index)));
+            let time = dual(time, time_slope);
+            let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
+            let unknowns = || unknowns(p, at, layout, values);
+            let unknowns = match &mut memory.exchange {
+                Some(exchange) if is_frozen => exchange.frozen(unknowns),
+                _ => unknowns(),
+            };
+            result.iter_mut().zip(unknowns).for_each(|(slope, unknown)| *slope = unknown.eps.0);
+        } else {
+            let (state, inputs) =
+                typed::<Dual64, M>(layout, values, |index| Dual64::new(values.reals[index], slope(index)));
+            let time = Dual64::new(time, time_slope);
+            let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
+            let unknowns = unknowns(p, at, layout, values);
+            result.iter_mut().zip(unknowns).for_each(|(slope, unknown)| *slope = unknown.eps);
         }
     }
 

@@ -327,8 +327,11 @@ fn what_is_not_finite_is_discarded_so_that_a_solver_can_shorten_its_step() {
         discarded(importer.instance.set_continuous_states(&[f64::NAN, 0.0])),
         "fmi2SetContinuousStates: 'charge' must be finite, got NaN"
     );
+    assert_eq!(
+        discarded(importer.instance.set_real(&[reference::<Relay>("charge")], &[f64::NAN])),
+        "fmi2SetReal: 'charge' must be finite, got NaN"
+    );
     importer.instance.set_real(&[reference::<Relay>("current")], &[f64::MAX]).unwrap();
-    importer.instance.set_real(&[ratio - 2], &[f64::MAX]).unwrap();
     // It goes on as if nothing had happened.
     importer.go_to(0.1, &[0.0, 0.5]);
     assert_eq!(importer.get("ratio"), 2.0);
@@ -336,6 +339,53 @@ fn what_is_not_finite_is_discarded_so_that_a_solver_can_shorten_its_step() {
     cart.go_to(0.1, &[f64::MAX, -f64::MAX, f64::MAX, f64::MAX]);
     let message = discarded(cart.instance.state_derivatives(&mut [0.0; 4]));
     assert!(message.starts_with("fmi2GetDerivatives: 'der(cart_velocity.l)' = "), "{message}");
+}
+
+/// CasADi sets continuous states so. Reference: the closed form of an output, 1 / other.
+#[test]
+fn states_can_be_set_one_by_one() {
+    let mut importer = relay(false, [0.0, 1.0], 0.0);
+    let other = reference::<Relay>("other");
+    importer.instance.set_real(&[other], &[0.25]).unwrap();
+    assert_eq!((importer.states(), importer.get("ratio")), (vec![0.0, 0.25], 4.0));
+    importer.instance.enter_event_mode().unwrap();
+    let message = error_of(importer.instance.set_real(&[other], &[0.5]));
+    assert!(message.contains("'other' is a continuous state, settable only in"), "{message}");
+}
+
+#[derive(Parameters)]
+struct Stop;
+
+/// Spring that is three times as stiff behind a stop
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Stop {
+    type State<T: Scalar> = Charge<T>;
+
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> Charge<T> {
+        let x = at.state.charge;
+        Charge { charge: x.if_greater(T::from(0.0), -x * 3.0, -x), other: Scalar::max(x, T::from(0.0)) }
+    }
+}
+
+/// Derivatives are those of the equations that a solver sees. Reference: closed form, -1 in front of the stop and -3 behind
+/// it; `max` is a kink and follows the values.
+#[test]
+fn directional_derivatives_keep_the_sides_of_relations() {
+    let mut importer = Importer::<Stop>::starting(0.0, &[("charge", -1.0)]);
+    let slopes = |importer: &mut Importer<Stop>| {
+        let unknown = ["der(charge)", "der(other)"].map(reference::<Stop>);
+        let mut slopes = [0.0; 2];
+        let known = [reference::<Stop>("charge")];
+        importer.instance.directional_derivative(&unknown, &known, &[1.0], &mut slopes).unwrap();
+        slopes
+    };
+    assert_eq!(slopes(&mut importer), [-1.0, 0.0]);
+    importer.go_to(0.1, &[1.0, 0.0]);
+    assert_eq!(slopes(&mut importer), [-1.0, 1.0]);
+    importer.event();
+    assert_eq!(slopes(&mut importer), [-3.0, 1.0]);
+    importer.go_to(0.2, &[-1.0, 0.0]);
+    assert_eq!(slopes(&mut importer), [-3.0, 0.0]);
 }
 
 /// Reference: co-simulation of the same model, which takes a sample at the start of each step.
