@@ -20,7 +20,8 @@ from lxml import etree
 from numpy.typing import NDArray
 
 _spec = importlib.util.spec_from_file_location("test_validators", Path(__file__).with_name("test_validators.py"))
-assert _spec is not None and _spec.loader is not None
+assert _spec is not None
+assert _spec.loader is not None
 validators = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(validators)
 
@@ -79,7 +80,8 @@ def test_terminals_name_variables(path: Path) -> None:
     members = [member.get("variableName") for member in root.iter("TerminalMemberVariable")]
     assert set(members) <= names
     if path.stem == "RescueVehicle":
-        assert [terminal.get("name") for terminal in root.iter("Terminal")][:2] == ["fl", "fr"]
+        axles_and_wheels = ["front", "middle", "rear", "fl", "fr", "ml", "mr", "rl", "rr"]
+        assert [terminal.get("name") for terminal in root.iter("Terminal")] == axles_and_wheels
 
 
 @both

@@ -317,18 +317,6 @@ def test_runs_with_kinks_are_equal(fmus: dict[str, Fmu], run: Run) -> None:
     assert not above(errors(fmu, co_simulation(fmu, run), expected), 1e-5)
 
 
-# Relations that an importer cannot see change: xfail is strict, so that the mark goes with the defect.
-IN_THE_BAND = pytest.mark.xfail(
-    strict=True,
-    reason="MagicFormula: peak > 1e-6 N is a relation of a number that ends at 0; 1e-6 N is less than the band of 1e-9"
-    " of the scale, so the indicator never passes zero and the tire keeps 1e-6 N in the air",
-)
-NOT_A_NUMBER = pytest.mark.xfail(
-    strict=True,
-    reason="dugoff: D > N holds its side where a sliding tire leaves the ground, D = N = 0, and divides 0 by 0",
-)
-
-
 class Kerb(Run):
     """EspCar brakes from 60 km/h until its rear wheels lock, and runs over a kerb with them at 0.8 s."""
 
@@ -346,7 +334,6 @@ class Kerb(Run):
 LOCKING = {"fl": 1500.0, "fr": 1500.0, "rl": 2500.0, "rr": 2500.0}
 
 
-@NOT_A_NUMBER
 def test_locked_wheels_leave_the_ground(fmus: dict[str, Fmu]) -> None:
     """Sliding tires lose their load: D and N of Dugoff's law become 0 at once. Tolerance: as for runs with kinks."""
     fmu, run = fmus["EspCar"], Kerb("EspCar", "kerb", ROLLING)
@@ -358,9 +345,7 @@ def test_locked_wheels_leave_the_ground(fmus: dict[str, Fmu]) -> None:
     assert not above(errors(fmu, found, expected), 1e-5)
 
 
-@pytest.mark.parametrize(
-    "run", [pytest.param(r, marks=IN_THE_BAND) if "lift_off" in r.file else r for r in KINKED], ids=str
-)
+@pytest.mark.parametrize("run", KINKED, ids=str)
 def test_relations_change_within_one_step(fmus: dict[str, Fmu], run: Run) -> None:
     """Co-simulation does not report its relations: its states are given to an instance in model exchange.
 
@@ -454,7 +439,7 @@ def spread(fmu: Fmu, random: np.random.Generator) -> tuple[Array, Array]:
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param("EspCar", marks=NOT_A_NUMBER),
+        "EspCar",
         "HeavyVehicle",
         "HydroPneumaticHalfCar",
         "RescueVehicle",
