@@ -480,7 +480,8 @@ fn hostile_descriptions_are_rejected() {
     rejected("nothing", &sound.described(""), Description, "no element");
     rejected("half of it", &sound.described(&sound.description[..sound.description.len() / 2]), Description, "line");
     for (from, to, expected) in [
-        ("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\"", "FMI version 3.0, expected 2.0"),
+        ("fmiVersion=\"2.0\"", "fmiVersion=\"4.0\"", "FMI version 4.0, expected 2.0 or 3.0"),
+        ("fmiVersion=\"2.0\"", "fmiVersion=\"3.0\"", "lacks the attribute `instantiationToken`"),
         ("<Real start=\"1\"", "<Real start=\"one\"", "has start=\"one\", expected a number"),
         ("<Integer start=\"0\"", "<Integer start=\"2147483648\"", "expected a whole number"),
         ("valueReference=\"3\"", "valueReference=\"4294967296\"", "4294967296"),

@@ -79,13 +79,13 @@ pub mod variables;
 pub use abi::Export;
 pub use definition::{Definition, Range};
 pub use discrete_state::DiscreteState;
+pub use dual::{Dual, Dual64};
 pub use enumeration::Enumeration;
 pub use fmu_derive as derive;
 pub use fmu_derive::{model, unit};
 #[doc(inline)]
 pub use fmu_math as math;
 pub use model::{At, Continuous, Discrete, Event, Influence, Info, Sample, Serialize, Solver, Stateful};
-pub use dual::{Dual, Dual64};
 pub use scalar::Scalar;
 pub use table::Table;
 pub use unit::Unit;

@@ -1,7 +1,7 @@
 //! The solvers of continuous-time models.
 
-use crate::model::{At, Continuous, Solver};
 use crate::dual::Dual64;
+use crate::model::{At, Continuous, Solver};
 use crate::variables::{ContinuousState, Counts, Values, ValuesMut, Variables};
 
 /// Model, inputs and the rest that stays as it is while a solver advances the state.
