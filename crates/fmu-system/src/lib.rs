@@ -1,4 +1,4 @@
-//! Runs systems of FMI 2.0 co-simulation FMUs.
+//! Runs systems of co-simulation FMUs of FMI 2.0 and 3.0.
 //!
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
 //!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
