@@ -10,21 +10,28 @@ use std::io::Read as _;
 use tests::{Fmu, all, ok, paths, symbols};
 use zip::ZipArchive;
 
-/// All functions of the standard for co-simulation; an FMU has to export them even if it supports them not.
-const FUNCTIONS: [&str; 34] = [
+/// All functions of the standard for both interfaces; an FMU has to export them even if it supports them not.
+const FUNCTIONS: [&str; 44] = [
     "fmi2CancelStep",
+    "fmi2CompletedIntegratorStep",
     "fmi2DeSerializeFMUstate",
     "fmi2DoStep",
+    "fmi2EnterContinuousTimeMode",
+    "fmi2EnterEventMode",
     "fmi2EnterInitializationMode",
     "fmi2ExitInitializationMode",
     "fmi2FreeFMUstate",
     "fmi2FreeInstance",
     "fmi2GetBoolean",
     "fmi2GetBooleanStatus",
+    "fmi2GetContinuousStates",
+    "fmi2GetDerivatives",
     "fmi2GetDirectionalDerivative",
+    "fmi2GetEventIndicators",
     "fmi2GetFMUstate",
     "fmi2GetInteger",
     "fmi2GetIntegerStatus",
+    "fmi2GetNominalsOfContinuousStates",
     "fmi2GetReal",
     "fmi2GetRealOutputDerivatives",
     "fmi2GetRealStatus",
@@ -34,19 +41,21 @@ const FUNCTIONS: [&str; 34] = [
     "fmi2GetTypesPlatform",
     "fmi2GetVersion",
     "fmi2Instantiate",
+    "fmi2NewDiscreteStates",
     "fmi2Reset",
     "fmi2SerializeFMUstate",
     "fmi2SerializedFMUstateSize",
     "fmi2SetBoolean",
+    "fmi2SetContinuousStates",
     "fmi2SetDebugLogging",
     "fmi2SetFMUstate",
     "fmi2SetInteger",
     "fmi2SetReal",
     "fmi2SetRealInputDerivatives",
     "fmi2SetString",
+    "fmi2SetTime",
     "fmi2SetupExperiment",
     "fmi2Terminate",
-    // Not of the standard: gives the packer the description.
 ];
 
 #[test]
@@ -57,7 +66,6 @@ fn descriptions_are_complete() {
         let unit = description.co_simulation.as_ref().expect("a co-simulation FMU");
         // One name everywhere: file, model, library.
         assert_eq!((&description.model_name, &unit.model_identifier), (name, name));
-        assert!(description.model_exchange.is_none());
         assert!(description.description.as_ref().is_some_and(|text| text.len() > 20), "{name}: description");
         for text in [&description.author, &description.version, &description.license, &description.generation_tool] {
             assert!(text.as_ref().is_some_and(|text| !text.is_empty()), "{name}: a fact of the FMU is missing");
@@ -71,6 +79,12 @@ fn descriptions_are_complete() {
         assert!(!unit.can_be_instantiated_only_once_per_process && !unit.needs_execution_tool);
         assert!(!unit.can_interpolate_inputs && !unit.can_run_asynchronously);
         assert_eq!(unit.max_output_derivative_order, 0);
+        let exchange = description.model_exchange.as_ref().expect("a model exchange FMU");
+        assert_eq!(exchange.model_identifier, unit.model_identifier);
+        assert!(exchange.can_get_and_set_fmu_state && exchange.can_serialize_fmu_state);
+        assert!(exchange.can_not_use_memory_management_functions && !exchange.needs_completed_integrator_step);
+        assert!(!exchange.can_be_instantiated_only_once_per_process && !exchange.needs_execution_tool);
+        assert_eq!(exchange.provides_directional_derivative, unit.provides_directional_derivative);
         let experiment = description.default_experiment;
         assert_eq!(experiment.start_time, Some(0.0), "{name}: start");
         let (Some(stop), Some(step)) = (experiment.stop_time, experiment.step_size) else {

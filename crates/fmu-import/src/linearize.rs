@@ -31,15 +31,19 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
     let description = &archive.map_err(|error| error.to_string())?;
     let co_simulation = description.co_simulation.as_ref().map(|unit| unit.provides_directional_derivative);
     let model_exchange = description.model_exchange.as_ref().map(|unit| unit.provides_directional_derivative);
-    let interface = match (co_simulation, model_exchange) {
-        (Some(true), _) => Interface::CoSimulation,
-        (_, Some(true)) => Interface::ModelExchange,
-        _ => return Err(not_linear(description)),
+    let (interface, has_derivatives) = match (co_simulation, model_exchange) {
+        (Some(true), _) => (Interface::CoSimulation, true),
+        (_, Some(true)) => (Interface::ModelExchange, true),
+        (Some(false), _) => (Interface::CoSimulation, false),
+        _ => (Interface::ModelExchange, false),
     };
-    if description.derivatives.is_empty() {
-        return Err(not_linear(description));
-    }
     let fmu = Fmu::open_for(path, interface).map_err(|error| error.to_string())?;
+    if !has_derivatives || description.derivatives.is_empty() {
+        return Err(format!(
+            "{} cannot be linearized: it lists no continuous states with directional derivatives (only plants do)",
+            description.model_name
+        ));
+    }
     let call = |error: crate::loader::CallError| error.to_string();
     let mut instance = fmu.instantiate("linearize").map_err(|error| error.to_string())?;
     instance.setup_experiment(0.0, None).map_err(call)?;
@@ -76,13 +80,6 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
     }
     let elements = |variables: &[&Variable]| variables.iter().flat_map(|variable| variable.elements()).collect();
     Ok(Linear { states: elements(&states), inputs: elements(&inputs), outputs: elements(&outputs), jacobian })
-}
-
-fn not_linear(description: &ModelDescription) -> String {
-    format!(
-        "{} cannot be linearized: it lists no continuous states with directional derivatives (only plants do)",
-        description.model_name
-    )
 }
 
 fn set(instance: &mut Instance, description: &ModelDescription, name: &str, value: &str) -> Result<(), String> {

@@ -394,6 +394,7 @@ fn list(
     let variables = &description.variables;
     let mut error =
         |i: usize, message: String| findings.push(Finding::error(variable_named(&variables[i].name), message));
+    let states: BTreeSet<usize> = variables.iter().filter_map(|variable| variable.derivative_of).collect();
     let mut listed = BTreeSet::new();
     for unknown in unknowns {
         if !listed.insert(unknown.variable) {
@@ -412,8 +413,7 @@ fn list(
             let known = &variables[dependency];
             let never = known.causality == Causality::CalculatedParameter && !name.starts_with("InitialUnknown");
             // An output or event indicator may be a state, which is a known.
-            let is_state = variables.iter().any(|variable| variable.derivative_of == Some(dependency));
-            if (dependency == unknown.variable && !is_state) || never {
+            if (dependency == unknown.variable && !states.contains(&dependency)) || never {
                 error(unknown.variable, format!("cannot depend on `{}` in {name}", known.name));
             }
         }
