@@ -103,6 +103,7 @@ pub(crate) fn seal(bytes: &mut [u8]) {
 }
 
 /// FNV-1a with 64 bits.
-pub(crate) fn checksum(bytes: &[u8]) -> u64 {
+#[must_use]
+pub fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
