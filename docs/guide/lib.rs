@@ -21,6 +21,7 @@ pages! {
     platforms = "src/platforms.md",
     scenarios = "src/scenarios.md",
     swapping = "src/swapping.md",
+    optimal_control = "src/optimal-control.md",
     attributes = "src/attributes.md",
     coming_from = "src/coming-from.md",
 }

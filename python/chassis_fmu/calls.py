@@ -8,9 +8,13 @@ from __future__ import annotations
 import ctypes
 import math
 
+from .fmi3 import NAMES
+
 LOADING = "loading or fmi2Instantiate"
+LOADING_3 = "loading or fmi3InstantiateCoSimulation"
 FUNCTIONS = (
     LOADING,
+    LOADING_3,
     "fmi2SetupExperiment",
     "fmi2EnterInitializationMode",
     "fmi2ExitInitializationMode",
@@ -24,6 +28,7 @@ FUNCTIONS = (
     "fmi2SetInteger",
     "fmi2SetBoolean",
     "fmi2SetString",
+    *sorted(set(NAMES.values())),
 )
 
 # No call.

@@ -158,6 +158,7 @@ def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> t
     component = plan.Component(
         name=description.modelName,
         fmu=fmu,
+        fmi="2.0",
         model_identifier=description.coSimulation.modelIdentifier,
         guid=description.guid,
         parameters=tuple(setting(name, value) for name, value in demo.parameters.items()),

@@ -1,8 +1,9 @@
 """The co-simulation master: executes one run of a plan through fmpy.
 
 The calls, their order and their arguments are those of the native master (`cargo fmu run`), so that the results
-of both are equal to the bit. The inner loop uses fmpy's ctypes functions directly on preallocated arrays:
-fmpy's convenience methods build two arrays per call and would dominate the run time.
+of both are equal to the bit. Components of FMI 3.0 are called through `fmi3`. The inner loop uses fmpy's ctypes
+functions directly on preallocated arrays: fmpy's convenience methods build two arrays per call and would dominate the
+run time.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from fmpy import calloc, free, read_model_description
@@ -24,9 +25,10 @@ from fmpy.fmi2 import (
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
 )
+from fmpy.fmi3 import FMU3Slave
 from numpy.typing import NDArray
 
-from . import calls
+from . import calls, fmi3
 from .calls import Board
 from .plan import Component, InputSeries, Kind, Run, Setting, Simulation, Wire
 
@@ -79,10 +81,14 @@ KEPT_MESSAGES = 20
 
 
 def _logger(_environment: object, instance: bytes | None, status: int, category: bytes, message: bytes) -> None:
-    name = (instance or b"").decode("utf-8", "replace")
-    label = STATUS[status] if 0 <= status < len(STATUS) else str(status)
     # fmpy has expanded the printf format; FMI 2.0 (section 2.1.5) doubles each "#" too.
     text = (message or b"").decode("utf-8", "replace").replace("##", "#")
+    _note((instance or b"").decode("utf-8", "replace"), status, category, text)
+
+
+def _note(name: str, status: int, category: bytes | None, text: str) -> None:
+    """Keep a message of a component."""
+    label = STATUS[status] if 0 <= status < len(STATUS) else str(status)
     _log.setdefault(name, deque(maxlen=KEPT_MESSAGES)).append(
         f"[{label}, {(category or b'').decode('utf-8', 'replace')}] {text}"
     )
@@ -131,11 +137,12 @@ class Instance(Protocol):
 
 
 class FmpyInstance:
-    """An instance made by fmpy."""
+    """An instance made by fmpy, of either version of FMI."""
 
     def __init__(self, component: Component, folder: Path) -> None:
+        is_new = component.fmi == "3.0"
         try:
-            self._slave = FMU2Slave(
+            self._slave = (FMU3Slave if is_new else FMU2Slave)(
                 guid=component.guid,
                 unzipDirectory=str(folder),
                 modelIdentifier=component.model_identifier,
@@ -143,18 +150,38 @@ class FmpyInstance:
             )
         except Exception as error:  # fmpy raises bare Exceptions here
             raise RunError(component.name, "loading", None, f"{component.fmu.name}: {error}") from error
-        try:
-            self._slave.instantiate(callbacks=_callbacks, loggingOn=False)
-        except Exception as error:
-            raise RunError(component.name, "fmi2Instantiate", None, str(error), _log.get(component.name, ())) from error
-        self.functions: Functions = self._slave.dll
-        self.component = self._slave.component
         self._folder = folder
+        try:
+            if is_new:
+                self._slave.instantiate(logMessage=self._logger_of(component.name))
+            else:
+                self._slave.instantiate(callbacks=_callbacks, loggingOn=False)
+        except Exception as error:
+            function = "fmi3InstantiateCoSimulation" if is_new else "fmi2Instantiate"
+            raise RunError(component.name, function, None, str(error), _log.get(component.name, ())) from error
+        self.component = self._slave.component
+        self.functions: Functions = self._slave.dll
+        if is_new:
+            types = {variable.valueReference: str(variable.type) for variable in self._variables()}
+            self.functions = cast(Functions, fmi3.Functions(self._slave.dll, types))
+
+    @staticmethod
+    def _logger_of(name: str) -> Callable[..., None]:
+        """Return the logger of an instance of FMI 3.0, which does not pass its name; its text is not a format."""
+
+        def log(_environment: object, status: int, category: bytes | None, message: bytes | None) -> None:
+            _note(name, status, category, (message or b"").decode("utf-8", "replace"))
+
+        return log
+
+    def _variables(self) -> Sequence[Any]:
+        variables: Sequence[Any] = read_model_description(str(self._folder), validate=False).modelVariables
+        return variables
 
     def name_of(self, reference: int) -> str:
         """Name of a real output, for messages."""
-        for variable in read_model_description(str(self._folder), validate=False).modelVariables:
-            if variable.type == "Real" and variable.valueReference == reference:
+        for variable in self._variables():
+            if variable.type in ("Real", "Float64", "Float32") and variable.valueReference == reference:
                 return str(variable.name)
         return f"value reference {reference}"
 
@@ -236,7 +263,9 @@ class Slave:
         self.instance = instance
         self._board = board
         self._index = index
-        self._calls = tuple(calls.code(index, name) for name in ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal"))
+        self._names = fmi3.NAMES if component.fmi == "3.0" else {}
+        hot = ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal")
+        self._calls = tuple(calls.code(index, self._named(name)) for name in hot)
         self._functions = instance.functions
         self._component = instance.component
         self._do_step = self._functions.fmi2DoStep
@@ -264,15 +293,20 @@ class Slave:
         ]
 
     def check(self, status: int, function: str, time: float | None, subject: str = "") -> None:
-        """Raise RunError if a status is worse than a warning."""
+        """Raise RunError if a status is worse than a warning. The function is named as in FMI 2.0."""
         if status > WARNING:
+            function = self._named(function)
             label = STATUS[status] if status < len(STATUS) else "unknown"
             detail = f"status {status} ({label})" + (f", {subject}" if subject else "")
             messages = _log.get(self.component.name, ())
             raise RunError(self.component.name, function, time, detail, messages, status == FATAL)
 
+    def _named(self, function: str) -> str:
+        """Return the name of a function of FMI 2.0 in the version of the component."""
+        return self._names.get(function, function)
+
     def _enter(self, function: str) -> None:
-        self._board.call = calls.code(self._index, function)
+        self._board.call = calls.code(self._index, self._named(function))
 
     def setup(self, simulation: Simulation) -> None:
         """Announce the experiment."""
@@ -442,7 +476,7 @@ def simulate(
     try:
         for index, component in enumerate(run.components):
             board.begin()
-            board.call = calls.code(index, calls.LOADING)
+            board.call = calls.code(index, calls.LOADING if component.fmi == "2.0" else calls.LOADING_3)
             slaves.append(Slave(component, instantiate(component), bus, board, index))
         for slave in slaves:
             slave.setup(simulation)

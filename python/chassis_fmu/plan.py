@@ -15,9 +15,10 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
-FORMAT = 3
+FORMAT = 4
 
 Kind = Literal["Real", "Integer", "Boolean", "String"]
+Version = Literal["2.0", "3.0"]
 
 
 class PlanError(Exception):
@@ -58,6 +59,7 @@ class Component(_Part, frozen=True):
 
     name: str
     fmu: Path
+    fmi: Version
     model_identifier: str
     guid: str
     parameters: tuple[Setting, ...]

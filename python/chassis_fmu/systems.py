@@ -181,6 +181,7 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
                 Component(
                     name=name,
                     fmu=fmu,
+                    fmi="2.0",
                     model_identifier=description.coSimulation.modelIdentifier,
                     guid=description.guid,
                     parameters=tuple(s for s in settings if variables[s.name].causality != "input"),

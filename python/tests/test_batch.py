@@ -55,7 +55,7 @@ def planned(scenario: Plan, fmu: Path) -> Plan:
     for name, gain in (("bad", 1.0), ("good", 0.5)):
         gains = (Setting("gain", "Real", 2, gain),)
         inputs = (Setting("u", "Real", 0, 2.0),)
-        component = Component("ramp", fmu, "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0),))
+        component = Component("ramp", fmu, "2.0", "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0),))
         runs.append(replace(scenario.runs[0], id=name, components=(component,), series=(), slots=1, columns=(0, None)))
     return replace(scenario, runs=tuple(runs))
 

@@ -173,7 +173,7 @@ def waves(description: ModelDescription, step: float) -> NDArray[np.float64] | N
         if variable.type == "Boolean":
             columns.append(np.ones(len(times)))
             continue
-        assert variable.type == "Real", variable.name
+        assert variable.type in ("Real", "Float64"), variable.name
         start = float(variable.start)
         wave = start + 0.01 * max(1.0, abs(start)) * np.sin(2.0 * np.pi * (1 + j % 5) * times + 1.3 * j)
         columns.append(np.clip(wave, float(variable.min or -np.inf), float(variable.max or np.inf)))

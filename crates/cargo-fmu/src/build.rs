@@ -304,7 +304,7 @@ pub(crate) struct Built {
 ///
 /// # Errors
 /// A platform cannot be built here; the message says what is missing and how to install it.
-pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux) -> Result<Vec<Builder>> {
+pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux, version: i32) -> Result<Vec<Builder>> {
     let this = Platform::this()?;
     let mut wanted = if wanted.is_empty() { vec![this] } else { wanted.to_vec() };
     wanted.sort();
@@ -315,7 +315,9 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux)
             "--portable is about binaries for Linux, which is not among the platforms to build for"
         ));
     }
-    one_folder_each(&wanted)?;
+    if version == 2 {
+        one_folder_each(&wanted)?;
+    }
     let builder = |platform: Platform| match (platform, linux) {
         (_, Linux::Portable(asked)) if platform == this && this.is_linux() => {
             let reason = match asked {

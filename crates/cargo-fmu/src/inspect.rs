@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use fmu_import::archive::Archive;
-use fmu_import::description::{Causality, ModelDescription, Value};
+use fmu_import::description::{Causality, FmiVersion, ModelDescription, Value, Variable};
 use fmu_import::terminal::{indented, line};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
@@ -56,13 +56,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(text) = &description.description {
         outln!("{}", indented(text, "  "));
     }
-    outln!("GUID       {}", line(&description.guid));
-    outln!("made with  {}", line(description.generation_tool.as_deref().unwrap_or("unknown")));
-    outln!("platforms  {}", archive.platforms().join(", "));
-    outln!("supports   {}", capabilities(&description).join(", "));
+    let token = match description.fmi {
+        FmiVersion::V2 => "GUID",
+        FmiVersion::V3 => "token",
+    };
+    outln!("FMI             {}", line(&description.fmi_version));
+    outln!("{token:14}  {}", line(&description.guid));
+    outln!("made with       {}", line(description.generation_tool.as_deref().unwrap_or("unknown")));
+    outln!("platforms       {}", archive.platforms().join(", "));
+    for (interface, capabilities) in interfaces(&description) {
+        outln!("{interface:14}  {}", if capabilities.is_empty() { "-".to_owned() } else { capabilities.join(", ") });
+    }
     for (causality, title) in [
         (Causality::Input, "Inputs"),
         (Causality::Output, "Outputs"),
+        (Causality::StructuralParameter, "Structural parameters"),
         (Causality::Parameter, "Parameters"),
         (Causality::CalculatedParameter, "Calculated parameters"),
         (Causality::Local, "Local variables"),
@@ -70,21 +78,63 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ] {
         table(&description, causality, title);
     }
+    opaque(&description);
     Ok(())
 }
 
-fn capabilities(description: &ModelDescription) -> Vec<&'static str> {
-    let Some(co_simulation) = &description.co_simulation else { return vec!["no co-simulation"] };
-    [
-        (co_simulation.can_handle_variable_communication_step_size, "variable communication steps"),
-        (co_simulation.can_get_and_set_fmu_state, "saved states"),
-        (co_simulation.can_serialize_fmu_state, "serialized states"),
-        (co_simulation.provides_directional_derivative, "directional derivatives"),
-        (!co_simulation.can_be_instantiated_only_once_per_process, "several instances in a process"),
-    ]
-    .into_iter()
-    .filter_map(|(can, what)| can.then_some(what))
-    .collect()
+/// The interfaces of an FMU, each with its capabilities.
+fn interfaces(description: &ModelDescription) -> Vec<(&'static str, Vec<String>)> {
+    let named = |capabilities: &[(bool, &str)]| -> Vec<String> {
+        capabilities.iter().filter(|(can, _)| *can).map(|(_, what)| (*what).to_owned()).collect()
+    };
+    let mut interfaces = Vec::new();
+    if let Some(unit) = &description.co_simulation {
+        let mut capabilities = named(&[
+            (unit.can_handle_variable_communication_step_size, "variable communication steps"),
+            (unit.can_get_and_set_fmu_state, "saved states"),
+            (unit.can_serialize_fmu_state, "serialized states"),
+            (unit.provides_directional_derivative, "directional derivatives"),
+            (unit.provides_adjoint_derivatives, "adjoint derivatives"),
+            (unit.has_event_mode, "event mode"),
+            (!unit.can_be_instantiated_only_once_per_process, "several instances in a process"),
+        ]);
+        if let Some(step) = unit.fixed_internal_step_size {
+            capabilities.push(format!("internal steps of {step} s"));
+        }
+        interfaces.push(("co-simulation", capabilities));
+    }
+    if let Some(unit) = &description.model_exchange {
+        let mut capabilities = vec![
+            format!("continuous states: {}", description.number_of_states()),
+            format!("event indicators: {}", description.number_of_event_indicators),
+        ];
+        capabilities.extend(named(&[
+            (unit.can_get_and_set_fmu_state, "saved states"),
+            (unit.can_serialize_fmu_state, "serialized states"),
+            (unit.provides_directional_derivative, "directional derivatives"),
+            (unit.provides_adjoint_derivatives, "adjoint derivatives"),
+            (!unit.can_be_instantiated_only_once_per_process, "several instances in a process"),
+        ]));
+        interfaces.push(("model exchange", capabilities));
+    }
+    if description.has_scheduled_execution {
+        interfaces.push(("scheduled execution", vec!["not supported".to_owned()]));
+    }
+    interfaces
+}
+
+/// Variables that this command neither reads nor sets.
+fn opaque(description: &ModelDescription) {
+    let variables = &description.opaque_variables;
+    if variables.is_empty() {
+        return;
+    }
+    outln!("\nBinary and Clock variables, not supported ({})", variables.len());
+    let width = variables.iter().map(|variable| variable.name.chars().count()).max().unwrap_or(0);
+    for variable in variables {
+        let (name, text) = (line(&variable.name), variable.description.as_deref().unwrap_or_default());
+        outln!("  {name:width$}  {}  {}", variable.data_type, line(text));
+    }
 }
 
 fn table(description: &ModelDescription, causality: Causality, title: &str) {
@@ -94,8 +144,8 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) {
         .filter(|variable| variable.causality == causality)
         .map(|variable| {
             [
-                variable.name.clone(),
-                variable.start.as_ref().map_or_else(String::new, value),
+                name(variable),
+                start(variable),
                 variable.unit.clone().unwrap_or_default(),
                 variable.description.clone().unwrap_or_default(),
             ]
@@ -111,6 +161,26 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) {
     for row in &rows {
         outln!("  {:name$}  {:>start$} {:unit$}  {}", row[0], row[1], row[2], row[3]);
     }
+}
+
+/// The name, and the lengths of an array.
+fn name(variable: &Variable) -> String {
+    if !variable.is_array() {
+        return variable.name.clone();
+    }
+    let lengths: Vec<String> = variable.lengths.iter().map(usize::to_string).collect();
+    format!("{} ({})", variable.name, lengths.join(" x "))
+}
+
+/// The start value; of an array, the first few.
+fn start(variable: &Variable) -> String {
+    const SHOWN: usize = 3;
+    let mut starts: Vec<String> = variable.start.iter().chain(&variable.starts).take(SHOWN).map(value).collect();
+    if variable.starts.len() > SHOWN {
+        starts.push("...".to_owned());
+    }
+    starts.extend(variable.other_start.clone());
+    starts.join(" ")
 }
 
 fn value(value: &Value) -> String {

@@ -111,7 +111,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     // Before any build, because the user should not wait for one to hear what is missing.
-    let builders = build::builders(&workspace, &arguments.platforms, arguments.linux(&workspace))?;
+    let builders = build::builders(&workspace, &arguments.platforms, arguments.linux(&workspace), format.version)?;
     if models.is_empty() {
         return Err(miette!(
             help = "Set `crate-type = [\"cdylib\", \"rlib\"]` in the section [lib] of its Cargo.toml.",

@@ -287,7 +287,9 @@ pub struct Variable {
     pub data_type: DataType,
     /// Sizes of an array; empty for a scalar.
     pub dimensions: Vec<Dimension>,
-    /// Number of elements with the start values of the sizes; 1 for a scalar.
+    /// Length of each dimension, with the start values of structural parameters.
+    pub lengths: Vec<usize>,
+    /// Number of elements: the product of these lengths, 1 for a scalar.
     pub size: usize,
     /// Start value of a scalar that a [`Value`] can hold.
     pub start: Option<Value>,
@@ -351,6 +353,26 @@ impl Variable {
     #[must_use]
     pub fn is_array(&self) -> bool {
         !self.dimensions.is_empty()
+    }
+
+    /// Names of the elements in the order of their values: `x`, or `x[1]`, `x[2]` and so on for an array, `x[1,1]` for one of
+    /// several dimensions.
+    #[must_use]
+    pub fn elements(&self) -> Vec<String> {
+        if !self.is_array() {
+            return vec![self.name.clone()];
+        }
+        let name = |element: usize| {
+            let mut rest = element;
+            let mut indices: Vec<String> = Vec::new();
+            for length in self.lengths.iter().rev() {
+                indices.push((rest % length + 1).to_string());
+                rest /= length;
+            }
+            indices.reverse();
+            format!("{}[{}]", self.name, indices.join(","))
+        };
+        (0..self.size).map(name).collect()
     }
 
     /// Whether the description has a start value.

@@ -1,6 +1,7 @@
 //! Linear models of FMUs with continuous states, by their directional derivatives.
 
-use crate::description::{BaseType, Causality, Initial, ModelDescription, Value, Variable};
+use crate::archive::Archive;
+use crate::description::{BaseType, Causality, Initial, Interface, ModelDescription, Value, Variable};
 use crate::fmu::Fmu;
 use crate::loader::Instance;
 use crate::named_values::listed;
@@ -26,15 +27,19 @@ pub struct Linear {
 /// # Errors
 /// The FMU cannot be used or has no states with directional derivatives, or a value cannot be set.
 pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, String> {
-    let fmu = Fmu::open(path).map_err(|error| error.to_string())?;
-    let description = fmu.description();
-    let has_derivatives = description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative);
-    if !has_derivatives || description.derivatives.is_empty() {
-        return Err(format!(
-            "{} cannot be linearized: it lists no continuous states with directional derivatives (only plants do)",
-            description.model_name
-        ));
+    let archive = Archive::open(path).and_then(|mut archive| archive.description());
+    let description = &archive.map_err(|error| error.to_string())?;
+    let co_simulation = description.co_simulation.as_ref().map(|unit| unit.provides_directional_derivative);
+    let model_exchange = description.model_exchange.as_ref().map(|unit| unit.provides_directional_derivative);
+    let interface = match (co_simulation, model_exchange) {
+        (Some(true), _) => Interface::CoSimulation,
+        (_, Some(true)) => Interface::ModelExchange,
+        _ => return Err(not_linear(description)),
+    };
+    if description.derivatives.is_empty() {
+        return Err(not_linear(description));
     }
+    let fmu = Fmu::open_for(path, interface).map_err(|error| error.to_string())?;
     let call = |error: crate::loader::CallError| error.to_string();
     let mut instance = fmu.instantiate("linearize").map_err(|error| error.to_string())?;
     instance.setup_experiment(0.0, None).map_err(call)?;
@@ -51,20 +56,33 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
     };
     let states: Vec<&Variable> = derivatives.iter().map(state).collect::<Result<_, _>>()?;
     let real = |causality: Causality| -> Vec<&Variable> {
-        let is_wanted = |v: &&Variable| v.causality == causality && v.base_type == BaseType::Real;
+        let is_wanted =
+            |v: &&Variable| v.causality == causality && v.base_type == BaseType::Real && v.alias_of.is_none();
         description.variables.iter().filter(is_wanted).collect()
     };
     let (inputs, outputs) = (real(Causality::Input), real(Causality::Output));
 
     let unknown: Vec<_> = derivatives.iter().chain(&outputs).map(|variable| variable.reference).collect();
     let mut jacobian = Vec::new();
-    let mut column = vec![0.0; unknown.len()];
+    let mut column = vec![0.0; derivatives.iter().chain(&outputs).map(|variable| variable.size).sum()];
     for known in states.iter().chain(&inputs) {
-        instance.get_directional_derivative(&unknown, &[known.reference], &[1.0], &mut column).map_err(call)?;
-        jacobian.extend_from_slice(&column);
+        let mut seed = vec![0.0; known.size];
+        for element in 0..known.size {
+            seed.fill(0.0);
+            seed[element] = 1.0;
+            instance.get_directional_derivative(&unknown, &[known.reference], &seed, &mut column).map_err(call)?;
+            jacobian.extend_from_slice(&column);
+        }
     }
-    let names = |variables: &[&Variable]| variables.iter().map(|variable| variable.name.clone()).collect();
-    Ok(Linear { states: names(&states), inputs: names(&inputs), outputs: names(&outputs), jacobian })
+    let elements = |variables: &[&Variable]| variables.iter().flat_map(|variable| variable.elements()).collect();
+    Ok(Linear { states: elements(&states), inputs: elements(&inputs), outputs: elements(&outputs), jacobian })
+}
+
+fn not_linear(description: &ModelDescription) -> String {
+    format!(
+        "{} cannot be linearized: it lists no continuous states with directional derivatives (only plants do)",
+        description.model_name
+    )
 }
 
 fn set(instance: &mut Instance, description: &ModelDescription, name: &str, value: &str) -> Result<(), String> {
@@ -73,6 +91,9 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
         let hint = near.map_or_else(String::new, |near| format!("; {near}"));
         format!("{} has no variable `{name}`{hint}", description.model_name)
     })?;
+    if variable.is_array() {
+        return Err(format!("`{name}` is an array of {} elements; only scalars can be set", variable.size));
+    }
     let is_settable = matches!(variable.causality, Causality::Parameter | Causality::Input)
         || variable.initial == Some(Initial::Exact);
     if !is_settable {

@@ -11,10 +11,15 @@ pub(crate) struct Signature {
     pub(crate) fmi: FmiVersion,
     pub(crate) interface: Interface,
     /// Variables that are arrays, or of another type than Float64, Int32, Boolean and String.
-    pub(crate) special: HashMap<Reference, Special>,
+    special: HashMap<Reference, Special>,
+    /// One bit for each value reference below [`MARKED`], up to the largest that is special: a getter looks at every reference.
+    marks: Vec<u64>,
     pub(crate) states: usize,
     pub(crate) event_indicators: usize,
 }
+
+/// Value references that have a bit. Beyond them, the table is asked.
+const MARKED: Reference = 1 << 16;
 
 /// A variable that needs a function or a number of values of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,12 +46,67 @@ impl Signature {
                 }
             }
         }
+        let mut marks = Vec::new();
+        for reference in special.keys().filter(|reference| **reference < MARKED) {
+            let (word, bit) = (*reference as usize / 64, reference % 64);
+            if marks.len() <= word {
+                marks.resize(word + 1, 0);
+            }
+            marks[word] |= 1 << bit;
+        }
         Self {
             fmi: description.fmi,
             interface,
             special,
+            marks,
             states: description.number_of_states(),
             event_indicators: description.number_of_event_indicators,
+        }
+    }
+
+    /// Whether one of the variables is special.
+    pub(crate) fn has_special(&self, references: &[Reference]) -> bool {
+        !self.special.is_empty() && references.iter().any(|reference| self.is_special(*reference))
+    }
+
+    fn is_special(&self, reference: Reference) -> bool {
+        match self.marks.get(reference as usize / 64) {
+            Some(word) => word >> (reference % 64) & 1 == 1,
+            None => reference >= MARKED && self.special.contains_key(&reference),
+        }
+    }
+
+    /// The entry of a special variable.
+    pub(crate) fn special(&self, reference: Reference) -> Option<Special> {
+        self.is_special(reference).then(|| self.special.get(&reference).copied()).flatten()
+    }
+
+    /// Number of elements of variables.
+    pub(crate) fn elements(&self, references: &[Reference]) -> usize {
+        if self.special.is_empty() {
+            return references.len();
+        }
+        references.iter().map(|reference| self.special(*reference).map_or(1, |special| special.size)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With and without a bit of its own, next to variables that are not special.
+    #[test]
+    fn special_variables_are_found_by_any_reference() {
+        for reference in [5, 63, 64, MARKED - 1, MARKED, Reference::MAX] {
+            let text = include_str!("../tests/data/Tank.xml")
+                .replace("valueReference=\"11\"", &format!("valueReference=\"{reference}\""));
+            let text = text
+                .replace("<Int8 name=\"weights\" valueReference=\"5\"", "<Int8 name=\"weights\" valueReference=\"12\"");
+            let description = ModelDescription::parse(&text).unwrap();
+            let signature = Signature::new(&description, Interface::CoSimulation);
+            assert_eq!(signature.special(reference).map(|special| special.size), Some(6), "{reference}");
+            assert!(signature.has_special(&[1, reference]) && !signature.has_special(&[1, 2, 77]));
+            assert_eq!(signature.elements(&[1, reference, 2]), 8);
         }
     }
 }

@@ -20,7 +20,7 @@ use crate::run;
 use crate::run::{Run, Wire};
 use fmu_import::archive::{ArchiveError, read_description};
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Causality, ModelDescription, Unit, Variable};
+use fmu_import::description::{BaseType, Causality, FmiVersion, ModelDescription, Unit, Variable};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -38,6 +38,18 @@ pub enum ExportError {
     /// An FMU cannot be read.
     #[error(transparent)]
     Fmu(#[from] ArchiveError),
+    /// An FMU of a version that the formats do not take.
+    #[error(
+        "{fmu} of `{component}` is of FMI {fmi}, but SSP 1.0 and libcosim take FMI 2.0 only; pack the model for FMI 2.0"
+    )]
+    Version {
+        /// The file.
+        fmu: String,
+        /// Component.
+        component: String,
+        /// Its version.
+        fmi: FmiVersion,
+    },
     /// The description is not that of the plan.
     #[error("{fmu}: the FMU has changed since the plan was made: it has no {what} {base_type} {reference}")]
     Changed {
@@ -171,7 +183,7 @@ impl System {
     /// The run of a plan.
     ///
     /// # Errors
-    /// An FMU cannot be read or is another one than that of the plan, a file writes signals, an FMU has a name that is
+    /// An FMU cannot be read, is of FMI 3.0 or another one than that of the plan, a file writes signals, an FMU has a name that is
     /// no part of a URI, an enumeration is set or wired, a connection converts Real or Boolean, a unit of measure is
     /// defined in two ways.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
@@ -186,6 +198,10 @@ impl System {
         let mut components = Vec::new();
         for planned in &run.components {
             let description = read_description(Path::new(&planned.fmu))?;
+            if description.fmi != FmiVersion::V2 {
+                let (fmu, component, fmi) = (planned.fmu.clone(), planned.name.clone(), description.fmi);
+                return Err(ExportError::Version { fmu, component, fmi });
+            }
             let fmu = PathBuf::from(&planned.fmu);
             let mut component = Component {
                 name: planned.name.clone(),

@@ -4,6 +4,9 @@
 //! all from the outputs of the step before (Jacobi); see [`Order`]. The sequence of calls is part of
 //! the plan's meaning: another master that makes the same calls gets the same bits.
 //!
+//! The functions below are those of FMI 2.0. A component of FMI 3.0 gets the calls that do the same, in the same places:
+//! `fmi3EnterInitializationMode` has the times of `fmi2SetupExperiment`, and Event Mode and early return are not used.
+//!
 //! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
 //! 2. Set the parameters, `fmi2EnterInitializationMode` on all.
 //! 3. Bus at 0; input series of the start time; read the outputs of all components; then component by component: set

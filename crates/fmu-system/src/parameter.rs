@@ -97,6 +97,9 @@ pub(crate) fn role(variable: &Variable) -> &'static str {
 /// Checks type, limits and items; the text says what does not fit.
 pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
     let name = &variable.name;
+    if variable.is_array() {
+        return Err(format!("`{name}` is an array of {} elements; only scalars can be set", variable.size));
+    }
     let number = match value {
         _ if value.base_type() != variable.base_type => {
             return Err(format!("`{name}` is {}, got {value}, {}", variable.base_type, value.base_type()));

@@ -4,7 +4,7 @@
 //! file; integers and booleans are doubles there.
 
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Value};
+use fmu_import::description::{BaseType, FmiVersion, Value};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::sync::Arc;
@@ -64,9 +64,11 @@ pub struct Component {
     pub name: String,
     /// Path of the `.fmu` file.
     pub fmu: String,
+    /// Version of FMI.
+    pub fmi: FmiVersion,
     /// Model identifier.
     pub model_identifier: String,
-    /// GUID.
+    /// GUID, or instantiation token of FMI 3.0.
     pub guid: String,
     /// Parameters to set before initialization, sorted by name.
     pub parameters: Vec<Setting>,

@@ -1,6 +1,6 @@
 //! Trial runs: whether a parameter that a scenario sets changes anything that is read.
 //!
-//! The model structure of FMI 2.0 tells on which parameters an initial value depends, not what a later one does, and it holds
+//! The model structure of FMI tells on which parameters an initial value depends, not what a later one does, and it holds
 //! for all values of all parameters: the steering angle of a driver depends on his speed in a slalom, but not in a step
 //! steer. A component without inputs does the same with and without the rest of the system, so that a run of it alone tells.
 
@@ -98,7 +98,8 @@ impl Variant {
 
 /// Outputs that can be recorded.
 fn outputs(description: &ModelDescription) -> impl Iterator<Item = &Variable> {
-    let can_be_recorded = |v: &&Variable| v.causality == Causality::Output && v.base_type != BaseType::String;
+    let can_be_recorded =
+        |v: &&Variable| v.causality == Causality::Output && v.base_type != BaseType::String && !v.is_array();
     description.variables.iter().filter(can_be_recorded)
 }
 

@@ -593,10 +593,11 @@ fn signals_beside_others_and_origins() {
 #[test]
 fn the_json_has_the_agreed_layout() {
     let json = serde_json::to_value(plan()).unwrap();
-    assert_eq!(json["format"], 3);
+    assert_eq!(json["format"], 4);
     assert_eq!(json["simulation"]["order"], "sequential");
     let run = &json["runs"][0];
     assert_eq!(run["seed"], 3);
+    assert_eq!(run["components"][0]["fmi"], "2.0");
     let setting = &run["components"][0]["parameters"][0];
     assert_eq!(setting["name"], "maneuver");
     assert_eq!(setting["type"], "Integer");

@@ -56,6 +56,16 @@ pub(crate) enum OwnedWord {
     Bytes(Vec<u8>),
 }
 
+impl From<Word<'_>> for OwnedWord {
+    fn from(word: Word<'_>) -> Self {
+        match word {
+            Word::Real(value) => Self::Real(value),
+            Word::Whole(value) => Self::Whole(value),
+            Word::Bytes(bytes) => Self::Bytes(bytes.to_vec()),
+        }
+    }
+}
+
 impl Words<'_> {
     /// The next value, a real number.
     ///

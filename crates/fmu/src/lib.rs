@@ -1,4 +1,4 @@
-//! Exports a model, declared once in Rust, as an FMI 2.0 co-simulation FMU.
+//! Exports a model, declared once in Rust, as an FMU: FMI 2.0 or 3.0, co-simulation and model exchange.
 //!
 //! A model consists of structs whose fields carry name, unit, start value and description of every variable, and of pure
 //! functions. The struct with the parameters is the model; it implements one of three traits:

@@ -72,7 +72,7 @@ pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, chec
             && !values::is_wide(variable)
     };
     let observed = filtered(&is_observed);
-    let elements = observed.iter().flat_map(|&i| values::elements(&description.variables[i])).collect();
+    let elements = observed.iter().flat_map(|&i| description.variables[i].elements()).collect();
     let mut trial = Trial {
         library,
         description,
@@ -258,7 +258,7 @@ impl Trial<'_> {
         }
         for variable in self.description.variables.iter().filter(|variable| values::has_starts(variable)) {
             let now = values::read_all(&mut instance, variable)?;
-            let mut elements = values::elements(variable).into_iter().zip(variable.starts.iter().zip(&now));
+            let mut elements = variable.elements().into_iter().zip(variable.starts.iter().zip(&now));
             if let Some((name, (start, value))) = elements.find(|(_, (start, value))| start != value) {
                 let message = format!("its start value is {start}, but the binary starts with {value}");
                 found(tell, Finding::error(format!("variable `{name}`"), message));

@@ -1,11 +1,13 @@
 //! Versions and interfaces of FMI, and their capabilities.
 
 /// Version of FMI.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub enum FmiVersion {
     /// FMI 2.0.
+    #[serde(rename = "2.0")]
     V2,
     /// FMI 3.0.
+    #[serde(rename = "3.0")]
     V3,
 }
 

@@ -421,6 +421,8 @@ mod tests {
         let inflow = d.variable("inflow").unwrap();
         assert_eq!(inflow.dimensions, [Dimension::Parameter(d.index("n").unwrap()), Dimension::Fixed(2)]);
         assert_eq!((inflow.size, inflow.start.is_none()), (6, true));
+        let elements = ["[1,1]", "[1,2]", "[2,1]", "[2,2]", "[3,1]", "[3,2]"].map(|index| format!("inflow{index}"));
+        assert_eq!(inflow.elements(), elements);
         assert_eq!(inflow.starts, vec![Value::Real(0.25); 6], "one value for all elements");
         assert_eq!(d.variable("weights").unwrap().starts, [1, 2, 3].map(Value::Integer));
         let seed = d.variable("seed").unwrap();

@@ -9,7 +9,7 @@ use super::functions::{Functions, v3};
 use super::instance::Instance;
 use crate::c_api::v3::{Get, RawBoolean, Set};
 use crate::c_api::{self, Reference};
-use crate::description::{BaseType, DataType};
+use crate::description::{BaseType, DataType, FmiVersion};
 use crate::signature::Special;
 
 /// Booleans that are converted at once, without memory from the heap.
@@ -22,21 +22,17 @@ const TOO_LARGE: CallProblem = CallProblem::Arguments("a value does not fit the 
 impl Instance {
     /// Whether one of the variables is an array or needs a function of its own.
     pub(super) fn has_special(&self, refs: &[Reference]) -> bool {
-        let special = &self.signature().special;
-        !special.is_empty() && refs.iter().any(|reference| special.contains_key(reference))
+        // Both versions read the version anyway; one of FMI 2.0 looks no further.
+        self.fmi() == FmiVersion::V3 && self.signature().has_special(refs)
     }
 
     /// Number of elements of variables.
     pub(super) fn elements(&self, refs: &[Reference]) -> usize {
-        let special = &self.signature().special;
-        if special.is_empty() {
-            return refs.len();
-        }
-        refs.iter().map(|reference| special.get(reference).map_or(1, |special| special.size)).sum()
+        self.signature().elements(refs)
     }
 
     fn special(&self, reference: Reference, plain: DataType) -> Special {
-        self.signature().special.get(&reference).copied().unwrap_or(Special { data_type: plain, size: 1 })
+        self.signature().special(reference).unwrap_or(Special { data_type: plain, size: 1 })
     }
 
     pub(super) fn get_special_reals(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {

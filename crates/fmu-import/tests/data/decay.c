@@ -94,7 +94,9 @@ static int set_real(Instance *i, unsigned r, double value) {
 /* Columns of d(der(x), y, w)/d(x, u, v): one element each. */
 static double partial(const Instance *i, unsigned unknown, size_t row, unsigned known, size_t column) {
     if (unknown == DX) return known == X ? -i->m.k : 0;
+    if (unknown == X) return known == X ? 1 : 0;
     if (unknown == Y) return known == X || known == U ? 1 : 0;
+    if (unknown == Y32) return known == U ? 0.5 : 0;
     if (unknown == W) return known == X ? i->m.v[row] : known == V && row == column ? i->m.x : 0;
     return 0;
 }
@@ -380,6 +382,9 @@ EXPORT int fmi3DoStep(void *c, double t, double h, bool final, bool *event_neede
 #endif
 #ifdef EARLY
     *early = true;
+#endif
+#ifdef CRASH
+    abort();
 #endif
     step(c, h);
     *reached = ((Instance *)c)->m.time = t + h;

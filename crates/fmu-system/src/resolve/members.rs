@@ -52,7 +52,8 @@ impl<'a> Resolver<'a> {
     ) -> Option<Found> {
         match source.find(name) {
             Ok(Some(found)) if found.description.co_simulation.is_none() => {
-                let message = format!("{} has no co-simulation interface", found.path);
+                let message =
+                    format!("{} has no interface for co-simulation, by which a scenario steps its FMUs", found.path);
                 self.problems.add(span, message);
                 None
             }

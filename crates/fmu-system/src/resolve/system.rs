@@ -36,7 +36,7 @@ impl Member<'_> {
 
     /// Variables of a causality that can travel on the bus, by index.
     pub(super) fn wirable(&self, causality: Causality) -> impl Iterator<Item = (usize, &Variable)> {
-        self.all(causality).filter(|(_, v)| v.base_type != BaseType::String)
+        self.all(causality).filter(|(_, v)| v.base_type != BaseType::String && !v.is_array())
     }
 
     pub(super) fn all(&self, causality: Causality) -> impl Iterator<Item = (usize, &Variable)> {

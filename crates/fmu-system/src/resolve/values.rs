@@ -311,6 +311,13 @@ pub(super) fn setting(variable: &Variable, value: Value) -> Setting {
 /// A value as written in TOML as a value of the variable, in the unit of the variable.
 fn convert(description: &ModelDescription, variable: &Variable, written: &toml::Value) -> Result<Value, Mistake> {
     let name = &variable.name;
+    if variable.is_array() {
+        let help = "the FMU needs a variable for each element to be set".to_string();
+        return Err((
+            format!("`{name}` is an array of {} elements, which a scenario cannot set", variable.size),
+            Some(help),
+        ));
+    }
     let wrong = |found: &str| {
         let expected = match variable.base_type {
             BaseType::Real => "a number",

@@ -86,6 +86,14 @@ impl<'a> Resolver<'a> {
             let mut inputs = Vec::new();
             let mut missing = Vec::new();
             for (v, variable) in member.all(Causality::Input) {
+                if variable.is_array() {
+                    self.problems.warn(
+                        member.component.name.span(),
+                        format!("the input `{}` is an array, which keeps its start values", variable.name),
+                        Some("only scalars can be connected or set".to_string()),
+                    );
+                    continue;
+                }
                 let constant = constants.get(&v);
                 let explicit = connections.get(&(m, v)).copied();
                 let writer = self.writer(system, (m, v), explicit, &outputs);
@@ -373,6 +381,14 @@ impl<'a> Resolver<'a> {
                 );
                 Err(())
             }
+            Some(v) if member.variable(v).is_array() => {
+                self.problems.add_with_help(
+                    name_span,
+                    format!("`{name}` of `{component}` is an array, which cannot be connected"),
+                    Some("connect scalars: the FMU needs a variable for each element".to_string()),
+                );
+                Err(())
+            }
             Some(v) if member.variable(v).base_type == BaseType::String => {
                 self.problems.add(name_span, "a String cannot be connected".to_string());
                 Err(())
@@ -467,6 +483,7 @@ impl<'a> Resolver<'a> {
                 run::Component {
                     name: member.name().to_string(),
                     fmu: member.found.path.clone(),
+                    fmi: description.fmi,
                     model_identifier: description
                         .co_simulation
                         .as_ref()

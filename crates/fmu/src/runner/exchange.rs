@@ -4,12 +4,17 @@
 use super::continuous::{ContinuousModel, MOST_EVENTS, Memory};
 use super::{StepError, Update, first_not_finite};
 use crate::clock::slack;
-use crate::discrete_state::{DiscreteState as _, Word, Words};
+use crate::discrete_state::{DiscreteState, OwnedWord, Word, Words};
 use crate::model::{At, Continuous, Event, is_crossing};
 use crate::relation::{PROBE, Relational, Relations, indicator_of};
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
 use crate::variables::{Counts, Values, ValuesMut, Variables as _};
+
+/// Values of a Boolean, enumeration or Integer of the discrete state that are tried when relations are counted.
+const MOST_VALUES: u64 = 64;
+/// Combinations of them that are tried.
+const MOST_MODES: usize = 4096;
 
 /// What a continuous-time model keeps for model exchange besides its variables.
 #[derive(Clone, Debug)]
@@ -138,7 +143,7 @@ impl<M: Continuous> Equations<'_, M> {
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
-    /// How many relations the equations have at these values.
+    /// The most relations that the equations have at these values, over the modes of the discrete state.
     pub(super) fn relations(
         p: &M,
         derived: &M::Derived,
@@ -149,8 +154,11 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let mut exchange = Exchange::new(layout, 0.0);
         let equations = Equations { p, derived, layout, time: 0.0 };
         equations.read(&mut exchange, values);
-        equations.run_all(&mut exchange, &memory.discrete, values, Sides::Update);
-        exchange.relations.count()
+        let mut count = |discrete: &M::DiscreteState| {
+            equations.run_all(&mut exchange, discrete, values, Sides::Update);
+            exchange.relations.count()
+        };
+        modes_of(&memory.discrete).iter().map(&mut count).max().unwrap_or(0)
     }
 
     /// Gives every relation the side that the values have, and every indicator its scale.
@@ -339,6 +347,44 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         }
         Ok(Update { states_changed, next_event_time: next })
     }
+}
+
+/// Discrete states on which equations may branch: each Boolean, enumeration and Integer with every value up to
+/// [`MOST_VALUES`], all combinations if they are few.
+fn modes_of<D: DiscreteState + Clone>(discrete: &D) -> Vec<D> {
+    let mut words = Vec::new();
+    discrete.save(&mut |word| words.push(OwnedWord::from(word)));
+    let with = |changes: &[(usize, u64)]| {
+        let mut changed = words.clone();
+        for &(at, value) in changes {
+            changed[at] = OwnedWord::Whole(value);
+        }
+        let mut rest = changed.into_iter();
+        let mut next = || rest.next().ok_or_else(|| "too few values".to_owned());
+        let mut state = discrete.clone();
+        state.load(&mut Words(&mut next)).ok().map(|()| state)
+    };
+    let options: Vec<(usize, Vec<u64>)> = (0..words.len())
+        .filter(|&at| matches!(words[at], OwnedWord::Whole(_)))
+        .map(|at| (at, (0..MOST_VALUES).filter(|&value| with(&[(at, value)]).is_some()).collect()))
+        .collect();
+    let mut modes = vec![discrete.clone()];
+    let combinations = options.iter().try_fold(1, |all: usize, (_, values)| all.checked_mul(values.len().max(1)));
+    match combinations.filter(|&all| all <= MOST_MODES) {
+        Some(combinations) => modes.extend((0..combinations).filter_map(|mut number| {
+            let choose = |(at, values): &(usize, Vec<u64>)| {
+                let value = *values.get(number.checked_rem(values.len())?)?;
+                number /= values.len();
+                Some((*at, value))
+            };
+            with(&options.iter().filter_map(choose).collect::<Vec<_>>())
+        })),
+        None => {
+            let single = options.iter().flat_map(|(at, values)| values.iter().map(move |&value| [(*at, value)]));
+            modes.extend(single.filter_map(|change| with(&change)));
+        }
+    }
+    modes
 }
 
 /// Nominal value of a real variable.

@@ -283,6 +283,39 @@ fn a_relation_is_an_event_where_its_operands_are_equal() {
     assert!(importer.events >= 1 && (charge - 0.5).abs() < 1e-7, "{} {charge}", importer.events);
 }
 
+#[derive(Parameters)]
+struct Latch;
+
+#[derive(DiscreteState, Clone, Default)]
+struct Locks {
+    is_locked: bool,
+    is_reversed: bool,
+}
+
+/// Relations that exist only while both locks are closed
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Latch {
+    type State<T: Scalar> = Charge<T>;
+    type DiscreteState = Locks;
+
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> Charge<T> {
+        let (one, zero) = (T::from(1.0), T::from(0.0));
+        let mut slope = at.state.charge.if_greater(one, zero, one);
+        if at.discrete.is_locked && at.discrete.is_reversed {
+            slope = slope + at.state.other.if_greater(one, zero, one) + at.state.other.if_greater(zero, zero, one);
+        }
+        Charge { charge: slope, other: one }
+    }
+}
+
+/// Reference: the equations; one relation, or three.
+#[test]
+fn the_indicators_are_those_of_the_mode_with_the_most_relations() {
+    assert_eq!(Latch::description().layout.indicators.total(), 3);
+    let mut importer = Importer::<Latch>::starting(0.0, &[]);
+    assert_eq!(importer.indicators()[1..], [1.0, 1.0]);
+}
+
 #[test]
 fn what_is_not_finite_is_discarded_so_that_a_solver_can_shorten_its_step() {
     let mut importer = relay(false, [0.0, 1.0], 0.0);

@@ -1,6 +1,6 @@
 //! Adjoint derivatives (FMI 3.0): the transpose of the directional ones.
 
-use super::{Answer, Tell, Trial, found, is_same_derivative, values, words};
+use super::{Answer, Tell, Trial, found, is_same_derivative, words};
 use crate::check::Finding;
 use crate::description::{BaseType, Causality, ModelDescription, Variability, Variable};
 use crate::loader::Instance;
@@ -46,7 +46,7 @@ pub(super) fn compare(description: &ModelDescription, instance: &mut Instance, h
     let unknowns = of(derivatives.chain(outputs.filter(|i| !states.contains(i))).collect());
     let knowns = of(states.iter().copied().chain(inputs).collect());
     let references = |variables: &[&Variable]| variables.iter().map(|variable| variable.reference).collect::<Vec<_>>();
-    let names = |variables: &[&Variable]| variables.iter().flat_map(|v| values::elements(v)).collect::<Vec<_>>();
+    let names = |variables: &[&Variable]| variables.iter().flat_map(|v| v.elements()).collect::<Vec<_>>();
     let ((unknown, rows), (known, columns)) =
         ((references(&unknowns), names(&unknowns)), (references(&knowns), names(&knowns)));
     let (m, n) = (rows.len(), columns.len());

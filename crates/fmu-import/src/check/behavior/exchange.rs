@@ -70,7 +70,7 @@ pub(in crate::check) fn check(
         step,
         states: states.clone().map(|state| state.reference).collect(),
         derivatives: derivatives.map(|derivative| derivative.reference).collect(),
-        names: states.flat_map(super::values::elements).collect(),
+        names: states.flat_map(|state| state.elements()).collect(),
         instances: Cell::new(0),
         made: Cell::new(0),
     };

@@ -149,14 +149,6 @@ pub(super) fn has_starts(variable: &Variable) -> bool {
     is_exact && !variable.starts.is_empty()
 }
 
-/// Names of the elements: `x`, or `x[1]` and so on, in the order of the values.
-pub(super) fn elements(variable: &Variable) -> Vec<String> {
-    match variable.is_array() {
-        true => (1..=variable.size).map(|i| format!("{}[{i}]", variable.name)).collect(),
-        false => vec![variable.name.clone()],
-    }
-}
-
 /// The values of all elements.
 pub(super) fn read_all(instance: &mut Instance, variable: &Variable) -> Answer<Vec<Value>> {
     let reference = [variable.reference];

@@ -153,6 +153,7 @@ fn variable(element: &Element, types: &HashMap<&str, SimpleType<'_>>) -> Result<
         base_type,
         data_type,
         dimensions: Vec::new(),
+        lengths: Vec::new(),
         size: 1,
         start,
         starts: Vec::new(),

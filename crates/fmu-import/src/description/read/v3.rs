@@ -166,21 +166,19 @@ impl<'a> VariableReader<'a> {
                 };
             }
             let dimensions = self.dimensions(element)?;
-            let mut size = 1_usize;
-            for dimension in &dimensions {
-                let length = match dimension {
-                    Dimension::Fixed(length) => *length,
-                    Dimension::Parameter(parameter) => self.length(element, *parameter)?,
-                };
-                size = size.saturating_mul(length);
-            }
+            let length = |dimension: &Dimension| match dimension {
+                Dimension::Fixed(length) => Ok(*length),
+                Dimension::Parameter(parameter) => self.length(element, *parameter),
+            };
+            let lengths = dimensions.iter().map(length).collect::<Result<Vec<_>, _>>()?;
+            let size = lengths.iter().fold(1_usize, |size, length| size.saturating_mul(*length));
             total = if dimensions.is_empty() { total } else { total.saturating_add(size) };
             if total > MAX_ELEMENTS {
                 let message = format!("arrays up to this one have more than {MAX_ELEMENTS} elements in all");
                 return Err(element.place.error(message));
             }
             let variable = &mut self.variables.list[i];
-            (variable.dimensions, variable.size) = (dimensions, size);
+            (variable.dimensions, variable.lengths, variable.size) = (dimensions, lengths, size);
             if alias_of.is_none() {
                 start_values(element, variable)?;
             }
@@ -323,6 +321,7 @@ fn variable(
         base_type,
         data_type,
         dimensions: Vec::new(),
+        lengths: Vec::new(),
         size: 1,
         start: None,
         starts: Vec::new(),

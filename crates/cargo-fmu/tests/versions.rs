@@ -1,0 +1,84 @@
+//! The commands on FMUs of FMI 3.0 and for model exchange, built from C.
+#![cfg(unix)]
+
+#[path = "../../fmu-import/tests/support/decay.rs"]
+mod decay;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use decay::Decay;
+use fmu_import::description::FmiVersion;
+
+fn command(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+    command.arg("fmu").args(arguments).current_dir(folder).output().unwrap()
+}
+
+/// What a command prints, which succeeds.
+fn printed(folder: &Path, arguments: &[&str]) -> String {
+    let output = command(folder, arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn an_fmu_of_fmi_3_is_listed_and_validated() {
+    let folder = tempfile::tempdir().unwrap();
+    Decay::new(FmiVersion::V3).pack(folder.path());
+    let listed = printed(folder.path(), &["inspect", "Decay3.fmu"]);
+    for expected in [
+        "FMI             3.0\ntoken           {decay}\n",
+        "\nco-simulation   variable communication steps, saved states, serialized states, directional derivatives, adjoint \
+         derivatives, several instances in a process\n",
+        "\nmodel exchange  continuous states: 1, event indicators: 1, saved states,",
+        "\nInputs (4)\n",
+        "  v (3)  1 2 3",
+        "  bits (2)  true false",
+    ] {
+        assert!(listed.contains(expected), "{expected}: {listed}");
+    }
+    let checked = printed(folder.path(), &["check", "Decay3.fmu"]);
+    assert!(checked.starts_with("Decay3.fmu: no error, no warning\n"), "{checked}");
+    assert!(checked.contains("\n  model exchange: the event at the start, "), "{checked}");
+}
+
+/// x' = -2 x; y = x + u, w = x v, y32 = u / 2 at x = 1, v = (1, 2, 3); elements of arrays are columns and rows.
+#[test]
+fn arrays_are_linearized_by_either_interface() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = include_str!("../../fmu-import/tests/data/decay3.xml");
+    let co_simulation = text.lines().find(|line| line.contains("<CoSimulation")).unwrap();
+    for edits in [&[][..], &[(co_simulation, "")]] {
+        Decay { edits, ..Decay::new(FmiVersion::V3) }.pack(folder.path());
+        let json = printed(folder.path(), &["linearize", "Decay3.fmu", "--json"]);
+        let linear: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(linear["states"], serde_json::json!(["x"]));
+        assert_eq!(linear["inputs"], serde_json::json!(["u", "v[1]", "v[2]", "v[3]"]));
+        assert_eq!(linear["outputs"], serde_json::json!(["x", "y", "y32", "w[1]", "w[2]", "w[3]"]));
+        assert_eq!(linear["A"], serde_json::json!([[-2.0]]));
+        assert_eq!(linear["C"], serde_json::json!([[1.0], [1.0], [0.0], [1.0], [2.0], [3.0]]));
+        let expected = serde_json::json!([
+            [0.0, 0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0, 0.0],
+            [0.5, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0]
+        ]);
+        assert_eq!(linear["D"], expected);
+    }
+    let output = command(folder.path(), &["linearize", "Decay3.fmu", "--set", "v=1"]);
+    let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(error.contains("--set v=1: `v` is an array of 3 elements; only scalars can be set"), "{error}");
+}
+
+/// Names on the board of calls are those of the version: a crash is named.
+#[test]
+fn a_crash_in_fmi_3_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    Decay { defects: &["CRASH"], ..Decay::new(FmiVersion::V3) }.pack(folder.path());
+    let output = command(folder.path(), &["check", "Decay3.fmu"]);
+    let checked = String::from_utf8_lossy(&output.stdout);
+    assert!(checked.contains("during fmi3DoStep"), "{checked}");
+}

@@ -1,0 +1,215 @@
+"""The functions of an FMU of FMI 3.0 by the names and arguments of FMI 2.0.
+
+A master for both versions calls these. Each makes the calls that the native master makes in its place, so that the
+results of both are equal to the bit: plain scalars of a call are transferred at once, and if one of them has a type
+that FMI 2.0 lacks, all are transferred one by one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping
+from typing import Any
+
+# Names of the functions of FMI 2.0 that are called otherwise in FMI 3.0.
+NAMES = {
+    "fmi2SetupExperiment": "fmi3EnterInitializationMode",
+    "fmi2EnterInitializationMode": "fmi3EnterInitializationMode",
+    "fmi2ExitInitializationMode": "fmi3ExitInitializationMode",
+    "fmi2Terminate": "fmi3Terminate",
+    "fmi2FreeInstance": "fmi3FreeInstance",
+    "fmi2DoStep": "fmi3DoStep",
+    "fmi2GetReal": "fmi3GetFloat64",
+    "fmi2GetInteger": "fmi3GetInt32",
+    "fmi2GetBoolean": "fmi3GetBoolean",
+    "fmi2SetReal": "fmi3SetFloat64",
+    "fmi2SetInteger": "fmi3SetInt32",
+    "fmi2SetBoolean": "fmi3SetBoolean",
+    "fmi2SetString": "fmi3SetString",
+}
+
+OK = 0
+DISCARD = 2
+ERROR = 3
+
+# Types that a call of FMI 2.0 transfers as they are.
+PLAIN = ("Float64", "Int32", "Boolean", "String")
+
+# Function and C type of the others.
+SPECIAL: Mapping[str, tuple[str, Any]] = {
+    "Float32": ("Float32", ctypes.c_float),
+    "Float64": ("Float64", ctypes.c_double),
+    "Int8": ("Int8", ctypes.c_int8),
+    "UInt8": ("UInt8", ctypes.c_uint8),
+    "Int16": ("Int16", ctypes.c_int16),
+    "UInt16": ("UInt16", ctypes.c_uint16),
+    "Int32": ("Int32", ctypes.c_int32),
+    "UInt32": ("UInt32", ctypes.c_uint32),
+    "Int64": ("Int64", ctypes.c_int64),
+    "UInt64": ("UInt64", ctypes.c_uint64),
+    "Enumeration": ("Int64", ctypes.c_int64),
+}
+
+# Booleans of one call, as in the native master.
+CHUNK = 64
+
+_REFERENCES = ctypes.POINTER(ctypes.c_uint)
+
+
+def _getter(library: Any, name: str, kind: Any) -> Callable[..., int]:
+    function = library[name]
+    function.argtypes = [ctypes.c_void_p, _REFERENCES, ctypes.c_size_t, ctypes.POINTER(kind), ctypes.c_size_t]
+    function.restype = ctypes.c_int
+    call: Callable[..., int] = function
+    return call
+
+
+def _transition(library: Any, name: str) -> Callable[[Any], int]:
+    # A library returns another object each time, which has types of its own.
+    function = library[name]
+    function.argtypes = [ctypes.c_void_p]
+    function.restype = ctypes.c_int
+    call: Callable[[Any], int] = function
+    return call
+
+
+class Functions:
+    """The functions of a shared library of FMI 3.0; `types` has the type of each value reference."""
+
+    def __init__(self, library: Any, types: Mapping[int, str]) -> None:
+        self._library = library
+        self._types = types
+        self._special = {reference for reference, name in types.items() if name not in PLAIN}
+        self._experiment: tuple[float, bool, float] = (0.0, False, 0.0)
+        self._get_float64 = _getter(library, "fmi3GetFloat64", ctypes.c_double)
+        self._set_float64 = _getter(library, "fmi3SetFloat64", ctypes.c_double)
+        self._get_int32 = _getter(library, "fmi3GetInt32", ctypes.c_int)
+        self._set_int32 = _getter(library, "fmi3SetInt32", ctypes.c_int)
+        self._get_boolean = _getter(library, "fmi3GetBoolean", ctypes.c_uint8)
+        self._set_boolean = _getter(library, "fmi3SetBoolean", ctypes.c_uint8)
+        self._set_string = _getter(library, "fmi3SetString", ctypes.c_char_p)
+        self._enter = library["fmi3EnterInitializationMode"]
+        self._enter.argtypes = [
+            ctypes.c_void_p,
+            ctypes.c_bool,
+            ctypes.c_double,
+            ctypes.c_double,
+            ctypes.c_bool,
+            ctypes.c_double,
+        ]
+        self._do_step = library["fmi3DoStep"]
+        flag = ctypes.POINTER(ctypes.c_bool)
+        self._do_step.argtypes = [
+            ctypes.c_void_p,
+            ctypes.c_double,
+            ctypes.c_double,
+            ctypes.c_bool,
+            flag,
+            flag,
+            flag,
+            ctypes.POINTER(ctypes.c_double),
+        ]
+        self._outcome = (ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double())
+        self._outcome_pointers = tuple(ctypes.byref(value) for value in self._outcome)
+        self.fmi2ExitInitializationMode = _transition(library, "fmi3ExitInitializationMode")
+        self.fmi2Terminate = _transition(library, "fmi3Terminate")
+
+    def fmi2SetupExperiment(
+        self, _component: Any, _has_tolerance: int, _tolerance: float, start: float, has_stop: int, stop: float
+    ) -> int:
+        """Keep the times for the initialization."""
+        self._experiment = (start, bool(has_stop), stop)
+        return OK
+
+    def fmi2EnterInitializationMode(self, component: Any) -> int:
+        """Enter the initialization mode with the times of the experiment."""
+        start, has_stop, stop = self._experiment
+        return int(self._enter(component, False, 0.0, start, has_stop, stop))
+
+    def fmi2DoStep(self, component: Any, time: float, step: float, final: int) -> int:
+        """Advance; a step that ends the simulation or returns early is discarded, as in FMI 2.0."""
+        _, terminate, early, _ = self._outcome
+        terminate.value = early.value = False
+        status = int(self._do_step(component, time, step, bool(final), *self._outcome_pointers))
+        return DISCARD if status < DISCARD and (terminate.value or early.value) else status
+
+    def _has_special(self, references: Any, count: int) -> bool:
+        return bool(self._special) and any(references[i] in self._special for i in range(count))
+
+    def _get(self, component: Any, references: Any, count: int, values: Any, plain: str) -> int:
+        for i in range(count):
+            name, kind = SPECIAL[self._types.get(references[i], plain)]
+            value = (kind * 1)()
+            reference = (ctypes.c_uint * 1)(references[i])
+            status = _getter(self._library, f"fmi3Get{name}", kind)(component, reference, 1, value, 1)
+            if status >= DISCARD:
+                return status
+            if plain == "Int32" and not -(2**31) <= value[0] < 2**31:
+                return ERROR
+            values[i] = value[0]
+        return OK
+
+    def _set(self, component: Any, references: Any, count: int, values: Any, plain: str) -> int:
+        for i in range(count):
+            name, kind = SPECIAL[self._types.get(references[i], plain)]
+            value = (kind * 1)(values[i])
+            # ctypes wraps integers around.
+            if plain == "Int32" and value[0] != values[i]:
+                return ERROR
+            reference = (ctypes.c_uint * 1)(references[i])
+            status = _getter(self._library, f"fmi3Set{name}", kind)(component, reference, 1, value, 1)
+            if status >= DISCARD:
+                return status
+        return OK
+
+    def fmi2GetReal(self, component: Any, references: Any, count: int, values: Any) -> int:
+        """Read Float64 and Float32."""
+        if self._has_special(references, count):
+            return self._get(component, references, count, values, "Float64")
+        return self._get_float64(component, references, count, values, count)
+
+    def fmi2SetReal(self, component: Any, references: Any, count: int, values: Any) -> int:
+        """Set Float64 and Float32."""
+        if self._has_special(references, count):
+            return self._set(component, references, count, values, "Float64")
+        return self._set_float64(component, references, count, values, count)
+
+    def fmi2GetInteger(self, component: Any, references: Any, count: int, values: Any) -> int:
+        """Read integers of all types and enumerations."""
+        if self._has_special(references, count):
+            return self._get(component, references, count, values, "Int32")
+        return self._get_int32(component, references, count, values, count)
+
+    def fmi2SetInteger(self, component: Any, references: Any, count: int, values: Any) -> int:
+        """Set integers of all types and enumerations."""
+        if self._has_special(references, count):
+            return self._set(component, references, count, values, "Int32")
+        return self._set_int32(component, references, count, values, count)
+
+    def fmi2GetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
+        """Read Booleans, which have one byte in FMI 3.0."""
+        for first in range(0, count, CHUNK):
+            part = range(first, min(first + CHUNK, count))
+            few = (ctypes.c_uint * len(part))(*(references[i] for i in part))
+            flags = (ctypes.c_uint8 * len(part))()
+            status = self._get_boolean(component, few, len(part), flags, len(part))
+            if status >= DISCARD:
+                return status
+            for i, flag in zip(part, flags, strict=True):
+                values[i] = flag
+        return OK
+
+    def fmi2SetBoolean(self, component: Any, references: Any, count: int, values: Any) -> int:
+        """Set Booleans."""
+        for first in range(0, count, CHUNK):
+            part = range(first, min(first + CHUNK, count))
+            few = (ctypes.c_uint * len(part))(*(references[i] for i in part))
+            flags = (ctypes.c_uint8 * len(part))(*(int(values[i] != 0) for i in part))
+            status = self._set_boolean(component, few, len(part), flags, len(part))
+            if status >= DISCARD:
+                return status
+        return OK
+
+    def fmi2SetString(self, component: Any, references: Any, count: int, values: Any) -> int:
+        """Set Strings."""
+        return self._set_string(component, references, count, values, count)

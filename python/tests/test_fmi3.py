@@ -1,0 +1,125 @@
+"""FMUs of FMI 3.0 pass the validators and have the bits of FMI 2.0.
+
+References: the schemas of FMI 3.0 that FMPy ships, the rules of FMPy, of the FMU manipulation toolbox and of
+`cargo fmu check`; the FMUs of FMI 2.0 from the same sources. `.ci/run` packs some FMUs for FMI 3.0, `scripts/nightly
+fmi3` all of them and the examples; CHASSIS_FMU3_DIR names another folder than target/fmu3.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.model_description import ModelDescription
+from lxml import etree
+from numpy.typing import NDArray
+
+_spec = importlib.util.spec_from_file_location("test_validators", Path(__file__).with_name("test_validators.py"))
+assert _spec is not None and _spec.loader is not None
+validators = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(validators)
+
+pytestmark = pytest.mark.ci
+
+FOLDER3 = Path(os.environ.get("CHASSIS_FMU3_DIR", validators.ROOT / "target" / "fmu3"))
+FMUS = sorted(FOLDER3.glob("*.fmu"))
+SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
+# Length of the runs that are compared, s.
+DURATION = 2.0
+
+each_fmu = pytest.mark.parametrize("path", FMUS, ids=lambda path: path.stem)
+both = pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
+
+
+def test_there_are_fmus_of_every_kind() -> None:
+    kinds = {"RescueVehicle", "AllWheelSteering", "Driver", "BouncingBall", "AllTypes", "WrappedSimulation"}
+    missing = kinds - {path.stem for path in FMUS}
+    assert not missing, f"run `cargo fmu pack --fmi 3 {' '.join(sorted(missing))}`"
+
+
+@each_fmu
+@pytest.mark.parametrize(
+    ("entry", "schema"),
+    [
+        ("modelDescription.xml", "fmi3ModelDescription.xsd"),
+        ("terminalsAndIcons/terminalsAndIcons.xml", "fmi3TerminalsAndIcons.xsd"),
+    ],
+    ids=["description", "terminals"],
+)
+def test_the_schemas_find_nothing(path: Path, entry: str, schema: str) -> None:
+    validator = etree.XMLSchema(etree.parse(SCHEMAS / schema))
+    with zipfile.ZipFile(path) as archive:
+        validator.validate(etree.fromstring(archive.read(entry)))
+        assert "terminalsAndIcons/icon.png" in archive.namelist()
+    assert [str(error) for error in validator.error_log] == []
+
+
+@each_fmu
+def test_fmpy_and_the_toolbox_find_nothing(path: Path) -> None:
+    assert validators.by_fmpy(path) == []
+    assert validators.by_toolbox(path) == []
+
+
+@each_fmu
+def test_our_own_check_finds_nothing(path: Path) -> None:
+    done = validators.call("cargo", "fmu", "check", str(path))
+    assert done.returncode == 0, done.stdout
+
+
+@each_fmu
+def test_terminals_name_variables(path: Path) -> None:
+    names = {variable.name for variable in fmpy.read_model_description(str(path)).modelVariables}
+    with zipfile.ZipFile(path) as archive:
+        root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+    members = [member.get("variableName") for member in root.iter("TerminalMemberVariable")]
+    assert set(members) <= names
+    if path.stem == "RescueVehicle":
+        assert [terminal.get("name") for terminal in root.iter("Terminal")][:2] == ["fl", "fr"]
+
+
+@both
+@each_fmu
+def test_runs_have_the_bits_of_fmi_2(path: Path, interface: str) -> None:
+    """Inputs move at every step. Model exchange is integrated by Euler's method, which both versions do alike."""
+    old = validators.FOLDER / path.name
+    if not old.is_file():
+        # An example: not among the packed FMUs of the library.
+        old = FOLDER3.with_name("fmu2") / path.name
+    descriptions = [fmpy.read_model_description(str(file)) for file in (old, path)]
+    if interface == "ModelExchange" and descriptions[1].modelExchange is None:
+        assert descriptions[0].modelExchange is None
+        return
+    results = [run(file, description, interface) for file, description in zip((old, path), descriptions, strict=True)]
+    assert results[0].dtype.names == results[1].dtype.names
+    for name in results[0].dtype.names or ():
+        assert np.array_equal(results[0][name], results[1][name]), name
+
+
+def run(path: Path, description: ModelDescription, interface: str) -> NDArray[np.void]:
+    step = float(description.defaultExperiment.stepSize)
+    result: NDArray[np.void] = fmpy.simulate_fmu(
+        str(path),
+        fmi_type=interface,
+        solver="Euler",
+        input=inputs(description, step),
+        output=[v.name for v in description.modelVariables if v.causality == "output" and v.type != "String"],
+        stop_time=DURATION,
+        step_size=step,
+        output_interval=step,
+        record_events=False,
+    )
+    return result
+
+
+def inputs(description: ModelDescription, step: float) -> NDArray[np.float64] | None:
+    """Return moving inputs if all are real or Boolean."""
+    types = {v.type for v in description.modelVariables if v.causality == "input"}
+    if not types <= {"Real", "Float64", "Boolean"}:
+        return None
+    signals: NDArray[np.float64] | None = validators.waves(description, step)
+    return signals
