@@ -136,6 +136,8 @@ struct Fuzzer<'a> {
     known: Vec<Reference>,
     states: Vec<Reference>,
     indicators: usize,
+    /// Step size of the description in s.
+    step: f64,
     slots: Vec<Slot<'a>>,
     bytes: Vec<Bytes>,
     /// Bytes of states of other FMUs.
@@ -244,6 +246,7 @@ pub fn fuzz(
         known: states.iter().copied().chain(fmu.references(Causality::Input)).collect(),
         states,
         indicators: fmu.description.number_of_event_indicators,
+        step: fmu.description.default_experiment.step_size.unwrap_or(1e-3),
         slots: Vec::new(),
         bytes: Vec::new(),
         foreign,
@@ -336,12 +339,8 @@ impl<'a> Fuzzer<'a> {
         if self.slots[at].mode == FAILED || !self.slots[at].has_logger {
             return Ok(None);
         }
-        let instance = &self.slots[at].instance;
-        if self.slots[at].mode != INSTANTIATED {
-            let (reals, count) = self.reals();
-            let status = instance.get_counted(Some(&reals), reals.len(), Some(&mut vec![0.0; count]), count);
-            let _ = instance.take_log();
-            self.probed("fmi2GetReal", status)?;
+        if self.slots[at].mode != INSTANTIATED || self.version == FmiVersion::V3 {
+            self.compute(at)?;
         }
         let instance = &self.slots[at].instance;
         let (mut state, mut size) = (RawState::NULL, 0);

@@ -91,7 +91,7 @@ fn main() -> ExitCode {
             }
             Err(violation) => {
                 println!("{} {interface}: with --seed {}, at call {}:", fmu.name, options.seed, violation.call);
-                violation.last.iter().for_each(|call| println!("  {call}"));
+                violation.last.iter().for_each(|call| println!("  {call:.400}"));
                 println!("{}", violation.what);
                 return ExitCode::FAILURE;
             }

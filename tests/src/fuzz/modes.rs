@@ -1,8 +1,8 @@
 //! Modes, the calls that lead from one to another, and steps.
 
-use super::{Checked, Fuzzer, MARK, Next, ensure, texts};
-use crate::raw::{ERROR, OK};
-use fmu_import::c_api::RawStatus;
+use super::{Checked, Fuzzer, MARK, Next, Spec, ensure, texts};
+use crate::raw::{ERROR, OK, Truth};
+use fmu_import::c_api::{RawStatus, Reference};
 use fmu_import::description::{DataType, FmiVersion, Interface};
 
 /// State of an instance, as messages name it.
@@ -160,20 +160,19 @@ impl Fuzzer<'_> {
     }
 
     pub(super) fn do_step(&mut self, at: usize) -> Checked {
-        const STEPS: [f64; 4] = [1e-3, 1e-3, 1e-2, 1e-4];
         let now = self.now(at);
         let time = if self.chance(10) { self.wild() } else { now };
-        let step = if self.chance(10) { self.wild() } else { self.pick(&STEPS) };
+        let step = if self.chance(10) { self.wild() } else { self.pick(&[1e-3, 1e-3, 1e-2, 1e-4, self.step]) };
         // Up to a million samples are in order; where that takes seconds, it is done now and then only.
         let step = if (1.0..1e6).contains(&step) && !self.chance(64) { 0.5 } else { step };
         let text = format!("{time:e} {step:e}");
         if self.version == FmiVersion::V3 {
-            return self.step_with_events(at, time, step, text);
+            return self.step_with_events(at, now, (time, step), text);
         }
         self.call(at, "fmi2DoStep", text, Next::Same, |instance| instance.do_step(time, step)).map(drop)
     }
 
-    fn step_with_events(&mut self, at: usize, time: f64, step: f64, text: String) -> Checked {
+    fn step_with_events(&mut self, at: usize, now: f64, (time, step): (f64, f64), text: String) -> Checked {
         const FLAG: u8 = 77;
         let (mut flags, mut last) = ([FLAG; 3], MARK);
         let flags_there = (!self.chance(40)).then_some(&mut flags);
@@ -183,8 +182,11 @@ impl Fuzzer<'_> {
             instance.step_with_events(time, step, flags_there, last_there)
         })?;
         if status != OK {
-            return ensure(flags == [FLAG; 3] && last == MARK, || {
-                format!("fmi3DoStep returned {status} and wrote {flags:?} {last:e}")
+            // The standard lets an importer read the time that was reached: the one before the step.
+            let is_kept = flags == [FLAG; 3] && last == MARK;
+            let is_reached = flags == [0; 3] && last.to_bits() == now.to_bits();
+            return ensure(is_kept || is_reached, || {
+                format!("fmi3DoStep at {now:e} returned {status} and wrote {flags:?} {last:e}")
             });
         }
         let [event, terminate, early] = flags;
@@ -203,9 +205,44 @@ impl Fuzzer<'_> {
     }
 
     /// References of the real variables and the number of their values.
-    pub(super) fn reals(&self) -> (Vec<fmu_import::c_api::Reference>, usize) {
-        let references = self.of_type(DataType::Float64).map(|spec| spec.reference).collect();
-        (references, self.of_type(DataType::Float64).map(|spec| spec.size).sum())
+    pub(super) fn reals(&self) -> (Vec<Reference>, usize) {
+        let is_ordinary = |spec: &&Spec| self.time.is_none_or(|time| spec.reference < time);
+        let reals = || self.of_type(DataType::Float64).filter(is_ordinary);
+        (reals().map(|spec| spec.reference).collect(), reals().map(|spec| spec.size).sum())
+    }
+
+    /// Asks for values of all types, because some are computed when they are first needed. Event indicators alone: they may
+    /// be discarded.
+    pub(super) fn compute(&mut self, at: usize) -> Checked {
+        let (reals, count) = self.reals();
+        let mut statuses = Vec::new();
+        let first = |fuzzer: &Self, data_type| fuzzer.of_type(data_type).map(|spec| spec.reference).next();
+        let others = [DataType::Int32, DataType::Boolean, DataType::String].map(|data_type| first(self, data_type));
+        let sizes = others.map(|reference| self.size(reference.as_slice()));
+        let instance = &self.slots[at].instance;
+        statuses
+            .push(("fmi2GetReal", instance.get_counted(Some(&reals), reals.len(), Some(&mut vec![0.0; count]), count)));
+        if let Some(time) = self.time.filter(|_| self.indicators > 0) {
+            statuses.push(("fmi2GetReal", instance.get(Some(&[time + 1]), 1, Some(&mut [0.0]))));
+        }
+        let [integer, boolean, string] = others;
+        if let Some(reference) = integer {
+            let values = &mut vec![0_i32; sizes[0]];
+            statuses.push(("fmi2GetInteger", instance.get_counted(Some(&[reference]), 1, Some(values), sizes[0])));
+        }
+        if let Some(reference) = boolean {
+            let status = if self.version == FmiVersion::V2 {
+                instance.get(Some(&[reference]), 1, Some(&mut [Truth(0)]))
+            } else {
+                instance.get_counted(Some(&[reference]), 1, Some(&mut vec![0_u8; sizes[1]]), sizes[1])
+            };
+            statuses.push(("fmi2GetBoolean", status));
+        }
+        if let Some(reference) = string {
+            statuses.push(("fmi2GetString", instance.get_texts(Some(&[reference]), 1, Some(1)).0));
+        }
+        let _ = instance.take_log();
+        statuses.into_iter().try_for_each(|(function, status)| self.probed(function, status))
     }
 
     /// An error unless the status is one of a rejected call.

@@ -268,6 +268,7 @@ impl Fuzzer<'_> {
                 let number = if self.chance(2) { self.wild().to_bits() } else { self.random.bits() };
                 bytes[at..at + 8].copy_from_slice(&number.to_le_bytes());
             }
+            _ if reals.is_empty() => {}
             _ => {
                 let reference = self.pick(&reals);
                 let at = Place::of(self.raw.guid()).real(reference);
