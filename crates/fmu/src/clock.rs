@@ -71,8 +71,8 @@ pub(crate) fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) 
 /// Number of samples that have been taken once the events of `time` are handled.
 fn samples_until(time: f64, start: f64, sample_time: f64) -> f64 {
     let end = time + slack(sample_time.min(1.0), time);
-    let samples = ((end - start) / sample_time).floor() + 1.0;
-    // The quotient may be rounded to below the instant of a sample.
+    // The instant of a sample is rounded, at most by the distance of two numbers, and the quotient is.
+    let samples = ((end + ulp(end) - start) / sample_time).floor() + 1.0;
     if start + samples * sample_time <= end { samples + 1.0 } else { samples }
 }
 
@@ -249,6 +249,10 @@ mod tests {
             }
         }
         assert!(clock(0.0, 0.0, 1).check(Protocol::CS3, false, Some(0.01)).is_err());
+        // The numbers here are 2 s apart, so that all samples within 9 s are due at once.
+        let start = 2.0_f64.powi(53);
+        let samples = (0..).find(|&k| start + f64::from(k) * 0.01 > start + slack(0.01, start)).unwrap();
+        assert_eq!(check(clock(start, start, samples.try_into().unwrap())), Ok(()));
         assert_eq!(clock(0.0, 1.0, 0).check(Protocol::CS2, true, None), Ok(()));
         assert!(clock(0.0, 1.0, 1).check(Protocol::CS2, true, None).is_err());
     }

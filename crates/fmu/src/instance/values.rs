@@ -34,7 +34,7 @@ impl<M: Model> Instance<M> {
         self.check(Function::GetReal)?;
         let layout = self.layout();
         let last = references.iter().fold(0, |last, &reference| last.max(reference));
-        if last as usize >= layout.reals() {
+        if last as usize >= layout.reals() && !references.is_empty() {
             return Err(self.unknown_reference(Function::GetReal, last, "Real"));
         }
         let waits = |index| layout.derived.reals().contains(&index) || self.is_calculated_state(index);
