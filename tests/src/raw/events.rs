@@ -195,4 +195,21 @@ impl RawInstance<'_> {
         // SAFETY: a number to write to, or null.
         unsafe { function(self.component, reference, number.map_or(ptr::null_mut(), |number| &raw mut *number)) }
     }
+
+    /// fmi3GetVariableDependencies of a variable without any.
+    pub fn dependencies(&self, reference: Reference) -> RawStatus {
+        type GetDependencies = unsafe extern "C" fn(
+            Component,
+            Reference,
+            *mut usize,
+            *mut Reference,
+            *mut usize,
+            *mut c_int,
+            usize,
+        ) -> RawStatus;
+        let function: GetDependencies = self.raw.function("fmi3GetVariableDependencies");
+        let none = ptr::null_mut();
+        // SAFETY: arrays of no elements.
+        unsafe { function(self.component, reference, none, ptr::null_mut(), none, ptr::null_mut(), 0) }
+    }
 }
