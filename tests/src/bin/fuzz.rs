@@ -1,10 +1,9 @@
 //! Calls FMUs as no master should, and checks how they answer: see `tests::fuzz`.
 //!
-//! `fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...` makes about N calls to each interface
-//! of each FMU, or only to one interface, and more until T seconds are over, in the same order whenever seed and FMUs are the same, and prints how often each function
-//! succeeded, was discarded and was rejected. Calls that only observe are made besides. It ends with 1 at the first
-//! broken rule and prints the seed and the last calls. If a call ends the process, `--verbose` shows which: it prints
-//! every call before it is made.
+//! `fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...` makes N calls or a few more to each
+//! interface of each FMU, or only to one interface, and goes on with each for at least T seconds. The FMUs may be of FMI 2.0 and 3.0. Equal seeds and FMUs make equal calls. It prints how often each function succeeded, was
+//! discarded and was rejected. Calls that only observe are made besides. It ends with 1 at the first broken rule and prints the
+//! seed and the last calls. If a call ends the process, `--verbose` shows which: it prints every call before it is made.
 
 use fmu_import::description::Interface;
 use std::path::Path;
