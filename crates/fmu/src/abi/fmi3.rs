@@ -153,12 +153,12 @@ fn check_count<E: Export>(function: Function, expected: usize, count: usize) -> 
 }
 
 /// The value references of all elements of the variables.
-unsafe fn elements<'a, E: Export>(
-    h: &'a mut Handle<E>,
+unsafe fn elements<E: Export>(
+    h: &mut Handle<E>,
     function: Function,
     references: *const ValueReference,
     count: size_t,
-) -> Result<(&'a [ValueReference], &'a mut Instance<E::Model>), CallError> {
+) -> Result<(&[ValueReference], &mut Instance<E::Model>), CallError> {
     let references = unsafe { array::<E, _>(function, "valueReferences", references, count) }?;
     if !E::FORMAT.arrays {
         return Ok((references, &mut h.instance));
