@@ -55,7 +55,7 @@ fn no_call_breaks_an_fmu_of_fmi_3() {
         "fmi3GetNumberOfVariableDependencies",
         "fmi3InstantiateScheduledExecution",
     ];
-    no_call_breaks(&tests::paths_of_fmi3(), 71, &never, &[]);
+    no_call_breaks(&tests::paths_of_fmi3(), 72, &never, &[]);
 }
 
 #[test]
