@@ -73,12 +73,32 @@ pub fn folder() -> PathBuf {
 /// When there is none.
 #[must_use]
 pub fn paths() -> Vec<PathBuf> {
-    let mut paths: Vec<_> = std::fs::read_dir(folder())
+    let paths = fmus_in(&folder());
+    assert!(!paths.is_empty(), "there is no FMU in {}: run `cargo fmu pack --all`", folder().display());
+    paths
+}
+
+/// Paths of the FMUs of FMI 3.0, sorted by name: those of `$CHASSIS_FMU3_DIR`, or `target/fmu3`.
+///
+/// # Panics
+/// When one of each kind is missing: continuous-time, discrete-time, with events, with all types.
+#[must_use]
+pub fn paths_of_fmi3() -> Vec<PathBuf> {
+    let folder = std::env::var_os("CHASSIS_FMU3_DIR").map_or_else(|| workspace().join("target/fmu3"), PathBuf::from);
+    let paths = fmus_in(&folder);
+    for name in ["RescueVehicle", "AllWheelSteering", "BouncingBall", "AllTypes"] {
+        let is_there = paths.iter().any(|path| path.file_stem().is_some_and(|stem| stem == name));
+        assert!(is_there, "{name}.fmu is not in {}: run `cargo fmu pack --fmi 3 {name}`", folder.display());
+    }
+    paths
+}
+
+fn fmus_in(folder: &Path) -> Vec<PathBuf> {
+    let mut paths: Vec<_> = std::fs::read_dir(folder)
         .map(|entries| entries.filter_map(|entry| entry.ok().map(|entry| entry.path())).collect())
         .unwrap_or_default();
     paths.retain(|path: &PathBuf| path.extension().is_some_and(|extension| extension == "fmu"));
     paths.sort();
-    assert!(!paths.is_empty(), "there is no FMU in {}: run `cargo fmu pack --all`", folder().display());
     paths
 }
 
@@ -89,6 +109,15 @@ pub fn paths() -> Vec<PathBuf> {
 #[must_use]
 pub fn all() -> Vec<Fmu> {
     paths().iter().map(|path| Fmu::open(path)).collect()
+}
+
+/// The FMUs of [`paths_of_fmi3`].
+///
+/// # Panics
+/// As [`paths_of_fmi3`], or when one cannot be opened.
+#[must_use]
+pub fn all_of_fmi3() -> Vec<Fmu> {
+    paths_of_fmi3().iter().map(|path| Fmu::open(path)).collect()
 }
 
 /// All packed FMUs that provide directional derivatives, which here are the plants.

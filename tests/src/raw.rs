@@ -8,11 +8,20 @@
 use crate::Fmu;
 use fmu_import::archive::{Archive, Unpacked};
 use fmu_import::c_api::{self, Component, RawStatus, Reference, State};
-use fmu_import::description::Interface;
+use fmu_import::description::{FmiVersion, Interface};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
 use std::ptr;
 use std::sync::{Mutex, PoisonError};
+
+mod calls;
+mod events;
+mod names;
+mod types;
+
+pub use events::{DerivativeArrays, UpdateFlags};
+pub use names::in_version;
+pub use types::TYPES_WITHOUT_VARIABLES;
 
 /// `fmi2OK`.
 pub const OK: RawStatus = 0;
@@ -36,6 +45,7 @@ pub struct Raw {
     library: libloading::Library,
     unpacked: Unpacked,
     guid: String,
+    version: FmiVersion,
 }
 
 /// What is passed to fmi2Instantiate; `None` is a null pointer.
@@ -43,14 +53,27 @@ pub struct Raw {
 pub struct Arguments<'a> {
     /// instanceName.
     pub name: Option<&'a CStr>,
-    /// fmuType: 0 model exchange, 1 co-simulation.
+    /// fmuType: 0 model exchange, 1 co-simulation; 2 is the scheduled execution of FMI 3.0.
     pub kind: c_int,
     /// fmuGUID.
     pub guid: Option<&'a CStr>,
     /// fmuResourceLocation.
     pub resources: Option<&'a CStr>,
-    /// Whether there is a struct of callbacks.
+    /// Whether there is a struct of callbacks (FMI 2.0).
     pub callbacks: bool,
+    /// Arguments of FMI 3.0.
+    pub events: EventArguments,
+}
+
+/// Arguments of fmi3InstantiateCoSimulation that FMI 2.0 does not have.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EventArguments {
+    /// eventModeUsed.
+    pub mode_used: bool,
+    /// earlyReturnAllowed.
+    pub early_return: bool,
+    /// nRequiredIntermediateVariables.
+    pub intermediate_variables: usize,
 }
 
 /// An instance; freed when dropped.
@@ -70,7 +93,7 @@ pub struct Entry {
     pub status: RawStatus,
     /// The category.
     pub category: Vec<u8>,
-    /// The message, a format of printf without arguments.
+    /// The message; in FMI 2.0 a format of printf without arguments.
     pub format: Vec<u8>,
 }
 
@@ -104,6 +127,17 @@ unsafe extern "C" fn note(
     book.0.lock().unwrap_or_else(PoisonError::into_inner).push(entry);
 }
 
+/// The logger of FMI 3.0, whose messages do not have the name of the instance.
+unsafe extern "C" fn note_fmi3(
+    environment: *mut c_void,
+    status: RawStatus,
+    category: *const c_char,
+    message: *const c_char,
+) {
+    // SAFETY: as above.
+    unsafe { note(environment, c"".as_ptr(), status, category, message) }
+}
+
 /// Whether an array can have that length: one that no memory can hold is rejected before the array is looked at.
 fn fits<T>(values: &[T], count: usize) -> bool {
     count <= values.len() || count > isize::MAX as usize / size_of::<T>()
@@ -135,7 +169,7 @@ impl Raw {
         let unpacked = unpack(fmu);
         // SAFETY: the library is one of this project's, its initializers do nothing.
         let library = unsafe { libloading::Library::new(&unpacked.binary) }.unwrap_or_else(|error| panic!("{error}"));
-        Self { library, unpacked, guid: fmu.description.guid.clone() }
+        Self { library, unpacked, guid: fmu.description.guid.clone(), version: fmu.description.fmi }
     }
 
     /// The GUID of the description.
@@ -144,16 +178,31 @@ impl Raw {
         &self.guid
     }
 
+    /// The version of FMI.
+    #[must_use]
+    pub fn version(&self) -> FmiVersion {
+        self.version
+    }
+
     /// The unpacked library file.
     #[must_use]
     pub fn binary(&self) -> &Path {
         &self.unpacked.binary
     }
 
-    /// A function of the library.
+    /// A function of the library, by its name in FMI 2.0 if it has one.
     fn function<F: Copy>(&self, name: &str) -> F {
-        // SAFETY: callers below name the type that `fmu_import::c_api` gives the function of that name (FMI 2.0 headers).
+        let name = in_version(self.version, name);
+        // SAFETY: callers name the type that `fmu_import::c_api` gives the function of that name (headers of FMI).
         *unsafe { self.library.get::<F>(name) }.unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// fmi3GetVersion.
+    #[must_use]
+    pub fn version_text(&self) -> String {
+        let function: c_api::GetText = self.function("fmi2GetVersion");
+        // SAFETY: a static string.
+        unsafe { CStr::from_ptr(function()) }.to_string_lossy().into_owned()
     }
 
     /// fmi2GetVersion and fmi2GetTypesPlatform.
@@ -201,6 +250,13 @@ impl Raw {
             environment: log.as_deref().map_or(ptr::null_mut(), |log| ptr::from_ref(log).cast_mut().cast()),
         };
         let text = |text: Option<&CStr>| text.map_or(ptr::null(), CStr::as_ptr);
+        if self.version == FmiVersion::V3 {
+            let component = self.instantiate_fmi3(arguments, logging_on != 0, log.as_deref());
+            if component.is_null() {
+                return Err(log.map(|log| log.take()).unwrap_or_default());
+            }
+            return Ok(RawInstance { raw: self, component, log });
+        }
         let instantiate: c_api::Instantiate = self.function("fmi2Instantiate");
         let table = if arguments.callbacks { ptr::from_ref(&callbacks).cast() } else { ptr::null() };
         // SAFETY: strings end with a zero, the struct has the layout of the FMI header; the FMU copies it.
@@ -221,6 +277,82 @@ impl Raw {
         Ok(RawInstance { raw: self, component, log })
     }
 
+    fn instantiate_fmi3(&self, arguments: Arguments<'_>, logging_on: bool, log: Option<&LogBook>) -> Component {
+        type Logger = Option<c_api::v3::LogMessage>;
+        type Exchange = unsafe extern "C" fn(
+            *const c_char,
+            *const c_char,
+            *const c_char,
+            bool,
+            bool,
+            *mut c_void,
+            Logger,
+        ) -> Component;
+        type CoSimulation = unsafe extern "C" fn(
+            *const c_char,
+            *const c_char,
+            *const c_char,
+            bool,
+            bool,
+            bool,
+            bool,
+            *const Reference,
+            usize,
+            *mut c_void,
+            Logger,
+            *const c_void,
+        ) -> Component;
+        type Scheduled = unsafe extern "C" fn(
+            *const c_char,
+            *const c_char,
+            *const c_char,
+            bool,
+            bool,
+            *mut c_void,
+            Logger,
+            *const c_void,
+            *const c_void,
+            *const c_void,
+        ) -> Component;
+        let text = |text: Option<&CStr>| text.map_or(ptr::null(), CStr::as_ptr);
+        let (name, token, resources) = (text(arguments.name), text(arguments.guid), text(arguments.resources));
+        let environment = log.map_or(ptr::null_mut(), |log| ptr::from_ref(log).cast_mut().cast());
+        let logger: Logger = log.map(|_| note_fmi3 as c_api::v3::LogMessage);
+        let EventArguments { mode_used, early_return, intermediate_variables } = arguments.events;
+        // SAFETY: strings end with a zero; the types are those of the headers, with callbacks that may be null. The array of
+        // intermediate variables is null, which an FMU without them rejects by its length.
+        unsafe {
+            match arguments.kind {
+                0 => {
+                    let make: Exchange = self.function("fmi3InstantiateModelExchange");
+                    make(name, token, resources, false, logging_on, environment, logger)
+                }
+                1 => {
+                    let make: CoSimulation = self.function("fmi3InstantiateCoSimulation");
+                    make(
+                        name,
+                        token,
+                        resources,
+                        false,
+                        logging_on,
+                        mode_used,
+                        early_return,
+                        ptr::null(),
+                        intermediate_variables,
+                        environment,
+                        logger,
+                        ptr::null(),
+                    )
+                }
+                _ => {
+                    let make: Scheduled = self.function("fmi3InstantiateScheduledExecution");
+                    let none = ptr::null();
+                    make(name, token, resources, false, logging_on, environment, logger, none, none, none)
+                }
+            }
+        }
+    }
+
     /// An instance that is no instance: every function gets a null pointer.
     #[must_use]
     pub fn null(&self) -> RawInstance<'_> {
@@ -238,12 +370,21 @@ impl Drop for RawInstance<'_> {
 
 /// A value of a function's array.
 pub trait Element: Copy {
-    /// Name of the type in function names.
-    const NAME: &'static str;
+    /// Name of the type in the function names of FMI 2.0 and FMI 3.0; empty where a version does not have it.
+    const NAMES: [&'static str; 2];
 }
 
 impl Element for f64 {
-    const NAME: &'static str = "Real";
+    const NAMES: [&'static str; 2] = ["Real", "Float64"];
+}
+
+impl Element for i64 {
+    const NAMES: [&'static str; 2] = ["", "Int64"];
+}
+
+/// fmi3Boolean.
+impl Element for u8 {
+    const NAMES: [&'static str; 2] = ["", "Boolean"];
 }
 
 /// fmi2Integer and fmi2Boolean are both C's int; this tells them apart.
@@ -252,11 +393,11 @@ impl Element for f64 {
 pub struct Truth(pub c_int);
 
 impl Element for i32 {
-    const NAME: &'static str = "Integer";
+    const NAMES: [&'static str; 2] = ["Integer", "Int32"];
 }
 
 impl Element for Truth {
-    const NAME: &'static str = "Boolean";
+    const NAMES: [&'static str; 2] = ["Boolean", ""];
 }
 
 /// A string of C, or null.
@@ -273,258 +414,7 @@ impl<'a> Text<'a> {
 }
 
 impl Element for Text<'_> {
-    const NAME: &'static str = "String";
-}
-
-impl RawInstance<'_> {
-    /// fmi2Get of a type: references, number of both arrays, values.
-    pub fn get<T: Element>(
-        &self,
-        references: Option<&[Reference]>,
-        count: usize,
-        values: Option<&mut [T]>,
-    ) -> RawStatus {
-        let get: c_api::Get<T> = self.raw.function(&format!("fmi2Get{}", T::NAME));
-        // SAFETY: arrays of the stated length, or null.
-        unsafe { get(self.component, pointer(references, count), count, pointer_mut(values, count)) }
-    }
-
-    /// fmi2Set of a type: references, number of both arrays, values.
-    pub fn set<T: Element>(&self, references: Option<&[Reference]>, count: usize, values: Option<&[T]>) -> RawStatus {
-        let set: c_api::Set<T> = self.raw.function(&format!("fmi2Set{}", T::NAME));
-        // SAFETY: arrays of the stated length, or null; strings end with a zero, or are null.
-        unsafe { set(self.component, pointer(references, count), count, pointer(values, count)) }
-    }
-
-    /// A function that gets nothing but the instance.
-    pub fn transition(&self, name: &str) -> RawStatus {
-        let function: c_api::Transition = self.raw.function(name);
-        // SAFETY: a live instance or null.
-        unsafe { function(self.component) }
-    }
-
-    /// fmi2SetupExperiment without a tolerance and stop time.
-    pub fn setup_experiment(&self, start: f64) -> RawStatus {
-        let function: c_api::SetupExperiment = self.raw.function("fmi2SetupExperiment");
-        // SAFETY: a live instance or null.
-        unsafe { function(self.component, 0, 0.0, start, 0, 0.0) }
-    }
-
-    /// fmi2SetupExperiment with all arguments: tolerance with its flag, start, stop time with its flag.
-    pub fn setup_experiment_with(&self, tolerance: (c_int, f64), start: f64, stop: (c_int, f64)) -> RawStatus {
-        let function: c_api::SetupExperiment = self.raw.function("fmi2SetupExperiment");
-        // SAFETY: a live instance or null.
-        unsafe { function(self.component, tolerance.0, tolerance.1, start, stop.0, stop.1) }
-    }
-
-    /// fmi2DoStep.
-    pub fn do_step(&self, time: f64, step: f64) -> RawStatus {
-        let function: c_api::DoStep = self.raw.function("fmi2DoStep");
-        // SAFETY: a live instance or null.
-        unsafe { function(self.component, time, step, 1) }
-    }
-
-    /// fmi2SetDebugLogging.
-    pub fn set_debug_logging(&self, count: usize, categories: Option<&[Text<'_>]>) -> RawStatus {
-        let function: c_api::SetDebugLogging = self.raw.function("fmi2SetDebugLogging");
-        // SAFETY: an array of the stated length, or null; strings end with a zero, or are null.
-        unsafe { function(self.component, 1, count, pointer(categories, count).cast()) }
-    }
-
-    /// fmi2SetDebugLogging without categories.
-    pub fn set_all_logging(&self, on: c_int) -> RawStatus {
-        let function: c_api::SetDebugLogging = self.raw.function("fmi2SetDebugLogging");
-        // SAFETY: no array.
-        unsafe { function(self.component, on, 0, ptr::null()) }
-    }
-
-    /// fmi2GetFMUstate; `None` is a null pointer to the pointer.
-    pub fn get_state(&self, state: Option<&mut RawState>) -> RawStatus {
-        self.access_state("fmi2GetFMUstate", state)
-    }
-
-    /// fmi2FreeFMUstate; `None` is a null pointer to the pointer.
-    pub fn free_state(&self, state: Option<&mut RawState>) -> RawStatus {
-        self.access_state("fmi2FreeFMUstate", state)
-    }
-
-    fn access_state(&self, name: &str, state: Option<&mut RawState>) -> RawStatus {
-        let function: c_api::AccessState = self.raw.function(name);
-        // SAFETY: the FMU accepts back only pointers that it gave out, which is what is tested; else null.
-        unsafe { function(self.component, state.map_or(ptr::null_mut(), |state| &raw mut state.0)) }
-    }
-
-    /// fmi2SetFMUstate.
-    pub fn set_state(&self, state: RawState) -> RawStatus {
-        let function: c_api::SetState = self.raw.function("fmi2SetFMUstate");
-        // SAFETY: as above.
-        unsafe { function(self.component, state.0) }
-    }
-
-    /// fmi2SerializedFMUstateSize; `None` is a null pointer.
-    pub fn state_size(&self, state: RawState, size: Option<&mut usize>) -> RawStatus {
-        let function: c_api::SerializedStateSize = self.raw.function("fmi2SerializedFMUstateSize");
-        // SAFETY: as above.
-        unsafe { function(self.component, state.0, size.map_or(ptr::null_mut(), |size| &raw mut *size)) }
-    }
-
-    /// fmi2SerializeFMUstate; `None` is a null pointer.
-    pub fn serialize(&self, state: RawState, bytes: Option<&mut [u8]>, size: usize) -> RawStatus {
-        let function: c_api::SerializeState = self.raw.function("fmi2SerializeFMUstate");
-        // Only as much as the state needs is written, so no stated size is impossible here.
-        assert!(bytes.as_ref().is_none_or(|bytes| size <= bytes.len()), "the array is shorter than stated");
-        // SAFETY: as above; an array of the stated length, or null.
-        unsafe { function(self.component, state.0, pointer_mut(bytes, size).cast(), size) }
-    }
-
-    /// fmi2DeSerializeFMUstate; `None` is a null pointer.
-    pub fn deserialize(&self, bytes: Option<&[u8]>, size: usize, state: Option<&mut RawState>) -> RawStatus {
-        let function: c_api::DeserializeState = self.raw.function("fmi2DeSerializeFMUstate");
-        let state = state.map_or(ptr::null_mut(), |state| &raw mut state.0);
-        // SAFETY: as above; an array of the stated length, or null.
-        unsafe { function(self.component, pointer(bytes, size).cast(), size, state) }
-    }
-
-    /// fmi2GetDirectionalDerivative of one unknown by one known; each array may be null.
-    pub fn directional_derivative(
-        &self,
-        unknown: Option<&[Reference]>,
-        known: Option<&[Reference]>,
-        seed: Option<&[f64]>,
-        result: Option<&mut [f64]>,
-    ) -> RawStatus {
-        let function: c_api::GetDirectionalDerivative = self.raw.function("fmi2GetDirectionalDerivative");
-        // SAFETY: arrays of one value, or null.
-        unsafe {
-            function(
-                self.component,
-                pointer(unknown, 1),
-                1,
-                pointer(known, 1),
-                1,
-                pointer(seed, 1),
-                pointer_mut(result, 1),
-            )
-        }
-    }
-
-    /// fmi2GetDirectionalDerivative: unknowns, their number, knowns, their number, seed, result; each array may be null.
-    pub fn directional_derivatives(
-        &self,
-        (unknown, unknowns): (Option<&[Reference]>, usize),
-        (known, knowns): (Option<&[Reference]>, usize),
-        seed: Option<&[f64]>,
-        result: Option<&mut [f64]>,
-    ) -> RawStatus {
-        let function: c_api::GetDirectionalDerivative = self.raw.function("fmi2GetDirectionalDerivative");
-        // SAFETY: arrays of the stated lengths, or null.
-        unsafe {
-            function(
-                self.component,
-                pointer(unknown, unknowns),
-                unknowns,
-                pointer(known, knowns),
-                knowns,
-                pointer(seed, knowns),
-                pointer_mut(result, unknowns),
-            )
-        }
-    }
-
-    /// fmi2SetRealInputDerivatives; each array may be null.
-    pub fn set_input_derivatives(
-        &self,
-        references: Option<&[Reference]>,
-        count: usize,
-        orders: Option<&[c_int]>,
-        values: Option<&[f64]>,
-    ) -> RawStatus {
-        let function: c_api::SetInputDerivatives = self.raw.function("fmi2SetRealInputDerivatives");
-        // SAFETY: arrays of the stated length, or null.
-        unsafe {
-            function(self.component, pointer(references, count), count, pointer(orders, count), pointer(values, count))
-        }
-    }
-
-    /// fmi2GetRealOutputDerivatives; each array may be null.
-    pub fn get_output_derivatives(
-        &self,
-        references: Option<&[Reference]>,
-        count: usize,
-        orders: Option<&[c_int]>,
-        values: Option<&mut [f64]>,
-    ) -> RawStatus {
-        let function: c_api::GetOutputDerivatives = self.raw.function("fmi2GetRealOutputDerivatives");
-        // SAFETY: arrays of the stated length, or null.
-        unsafe {
-            function(
-                self.component,
-                pointer(references, count),
-                count,
-                pointer(orders, count),
-                pointer_mut(values, count),
-            )
-        }
-    }
-
-    /// fmi2GetString into an array with room for that many strings, or into none, and the strings if it returns fmi2OK.
-    pub fn get_texts(
-        &self,
-        references: Option<&[Reference]>,
-        count: usize,
-        room: Option<usize>,
-    ) -> (RawStatus, Vec<Vec<u8>>) {
-        let mut values = room.map(|room| vec![Text::new(None); room]);
-        let status = self.get(references, count, values.as_deref_mut());
-        let values = values.unwrap_or_default();
-        let written = if status == OK { &values[..count.min(values.len())] } else { &[] };
-        // SAFETY: the FMU has just filled in strings that live until its next function is called.
-        let read = |text: &Text<'_>| unsafe { CStr::from_ptr(text.0) }.to_bytes().to_vec();
-        (status, written.iter().filter(|text| !text.0.is_null()).map(read).collect())
-    }
-
-    /// The messages that the logger got since the last time; none without a logger.
-    #[must_use]
-    pub fn take_log(&self) -> Vec<Entry> {
-        self.log.as_deref().map(LogBook::take).unwrap_or_default()
-    }
-
-    /// fmi2GetRealStatus of a kind; `None` is a null pointer.
-    pub fn real_status(&self, kind: c_int, value: Option<&mut f64>) -> RawStatus {
-        let function: c_api::GetStatus<f64> = self.raw.function("fmi2GetRealStatus");
-        // SAFETY: a live instance or null; one value, or null.
-        unsafe { function(self.component, kind, value.map_or(ptr::null_mut(), |value| &raw mut *value)) }
-    }
-
-    /// fmi2GetBooleanStatus of a kind; `None` is a null pointer.
-    pub fn boolean_status(&self, kind: c_int, value: Option<&mut c_int>) -> RawStatus {
-        let function: c_api::GetStatus<c_int> = self.raw.function("fmi2GetBooleanStatus");
-        // SAFETY: a live instance or null; one value, or null.
-        unsafe { function(self.component, kind, value.map_or(ptr::null_mut(), |value| &raw mut *value)) }
-    }
-
-    /// fmi2GetStatus of a kind.
-    pub fn status(&self, kind: c_int) -> RawStatus {
-        let function: c_api::GetStatus<RawStatus> = self.raw.function("fmi2GetStatus");
-        let mut value = 0;
-        // SAFETY: a live instance or null; one value.
-        unsafe { function(self.component, kind, &raw mut value) }
-    }
-
-    /// fmi2GetIntegerStatus of a kind; `None` is a null pointer.
-    pub fn integer_status(&self, kind: c_int, value: Option<&mut c_int>) -> RawStatus {
-        let function: c_api::GetStatus<c_int> = self.raw.function("fmi2GetIntegerStatus");
-        // SAFETY: a live instance or null; one value, or null.
-        unsafe { function(self.component, kind, value.map_or(ptr::null_mut(), |value| &raw mut *value)) }
-    }
-
-    /// fmi2GetStringStatus of a kind.
-    pub fn string_status(&self, kind: c_int) -> RawStatus {
-        let function: c_api::GetStatus<*const c_char> = self.raw.function("fmi2GetStringStatus");
-        let mut value = ptr::null();
-        // SAFETY: a live instance or null; one value.
-        unsafe { function(self.component, kind, &raw mut value) }
-    }
+    const NAMES: [&'static str; 2] = ["String", "String"];
 }
 
 /// A pointer that an FMU gave out as fmi2FMUstate, or null.
@@ -549,8 +439,10 @@ impl RawState {
 }
 
 fn unpack(fmu: &Fmu) -> Unpacked {
-    let unpacked =
-        Archive::open(&fmu.path).and_then(|mut archive| archive.unpack(&fmu.description, Interface::CoSimulation));
+    let description = &fmu.description;
+    let interface =
+        if description.co_simulation.is_some() { Interface::CoSimulation } else { Interface::ModelExchange };
+    let unpacked = Archive::open(&fmu.path).and_then(|mut archive| archive.unpack(description, interface));
     unpacked.unwrap_or_else(|error| panic!("{error}"))
 }
 

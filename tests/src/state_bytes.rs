@@ -2,17 +2,20 @@
 //!
 //! Some states start by the parameters and cannot be set, but the tests of the model structure have to change them one
 //! by one, and others craft states that no run leads to. The bytes are those of this project's exporter (crate `fmu`,
-//! `state_bytes`): a magic number, the version of the format, the GUID with its length, the mode (4 bytes), the start,
-//! whether there is a stop (4 bytes), the stop, the time, the number of samples, then the real values in the order of
+//! `state_bytes`): a magic number, the version of the format, version and interface of FMI (4 bytes), the GUID with its
+//! length, the mode (4 bytes), the start, whether there is a stop (4 bytes), the stop, the time, the number of samples, then the real values in the order of
 //! their references, little endian. The last eight bytes are the FNV-1a checksum of all before.
 
 use crate::ok;
 use fmu_import::c_api::Reference;
 use fmu_import::loader::Instance;
 
-/// Where the format's version stands: behind the magic number. The length of the GUID and its text follow.
+/// The format's version, behind the magic number.
 pub(crate) const VERSION_AT: usize = 8;
-pub(crate) const GUID_AT: usize = 16;
+/// Version and interface of FMI.
+pub(crate) const COLUMN_AT: usize = 12;
+/// The text of the GUID, behind its length.
+pub(crate) const GUID_AT: usize = 20;
 /// Mode, start, whether there is a stop, stop, time, number of samples.
 const BETWEEN_GUID_AND_REALS: usize = 4 + 8 + 4 + 3 * 8;
 

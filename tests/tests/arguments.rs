@@ -7,7 +7,7 @@ use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
 use fmu_import::loader::{CallError, Instance};
 use std::ffi::CString;
-use tests::raw::{self, Arguments, Raw, RawInstance, RawState, Text, Truth};
+use tests::raw::{self, Arguments, EventArguments, Raw, RawInstance, RawState, Text, Truth};
 use tests::signals::{Random, start};
 use tests::{Fmu, all, is_fixed, ok, reals, rejected};
 
@@ -256,8 +256,14 @@ fn null_pointers_are_rejected_or_ignored_but_never_followed() {
         let raw = Raw::load(&fmu);
         assert_eq!(raw.texts(), ["2.0", "default"], "{}", fmu.name);
         let guid = CString::new(raw.guid()).expect("no zero inside");
-        let good =
-            Arguments { name: Some(c"a"), kind: 1, guid: Some(&guid), resources: Some(c"file:///r"), callbacks: true };
+        let good = Arguments {
+            name: Some(c"a"),
+            kind: 1,
+            guid: Some(&guid),
+            resources: Some(c"file:///r"),
+            callbacks: true,
+            events: EventArguments::default(),
+        };
         for bad in [
             Arguments { name: None, ..good },
             Arguments { name: Some(c""), ..good },

@@ -220,7 +220,7 @@ calls! {
     // Model exchange, and events.
     EnterEventMode "fmi2EnterEventMode" "fmi3EnterEventMode":                 NO, C|E, S, C|E;
     NewDiscreteStates "fmi2NewDiscreteStates" "fmi3UpdateDiscreteStates":     NO, E, E, E;
-    EvaluateDiscreteStates "" "fmi3EvaluateDiscreteStates":                   NO, NO, N|E, N|E;
+    EvaluateDiscreteStates "" "fmi3EvaluateDiscreteStates":                   NO, NO, E, E;
     EnterContinuousTimeMode "fmi2EnterContinuousTimeMode" "fmi3EnterContinuousTimeMode": NO, E, NO, E;
     CompletedIntegratorStep "fmi2CompletedIntegratorStep" "fmi3CompletedIntegratorStep": NO, C, NO, C;
     SetTime "fmi2SetTime" "fmi3SetTime":                                      NO, E|C, NO, E|C;
@@ -233,7 +233,7 @@ calls! {
     GetNumberOfContinuousStates "" "fmi3GetNumberOfContinuousStates":         NO, NO, NO, I|N|E|C|T;
     // Co-simulation.
     SetRealInputDerivatives "fmi2SetRealInputDerivatives" "":                 I|N|S, NO, NO, NO;
-    GetRealOutputDerivatives "fmi2GetRealOutputDerivatives" "fmi3GetOutputDerivatives": S|F|T, NO, S|E|F|T, NO;
+    GetRealOutputDerivatives "fmi2GetRealOutputDerivatives" "fmi3GetOutputDerivatives": S|F|T, NO, S|F|T, NO;
     EnterStepMode "" "fmi3EnterStepMode":                                     NO, NO, E, NO;
     DoStep "fmi2DoStep" "fmi3DoStep":                                         S, NO, S, NO;
     CancelStep "fmi2CancelStep" "":                                           S, NO, NO, NO;
@@ -255,8 +255,8 @@ calls! {
     GetUInt32 "" "fmi3GetUInt32": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     GetUInt64 "" "fmi3GetUInt64": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     GetBinary "" "fmi3GetBinary": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    GetClock "" "fmi3GetClock": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
-    SetFloat32 "" "fmi3SetFloat32": NO, NO, I|N|S|E, I|N|E;
+    GetClock "" "fmi3GetClock": NO, NO, E, E;
+    SetFloat32 "" "fmi3SetFloat32": NO, NO, I|N|S|E, I|N|E|C;
     SetInt8 "" "fmi3SetInt8": NO, NO, I|N|S|E, I|N|E;
     SetUInt8 "" "fmi3SetUInt8": NO, NO, I|N|S|E, I|N|E;
     SetInt16 "" "fmi3SetInt16": NO, NO, I|N|S|E, I|N|E;
@@ -264,15 +264,15 @@ calls! {
     SetUInt32 "" "fmi3SetUInt32": NO, NO, I|N|S|E, I|N|E;
     SetUInt64 "" "fmi3SetUInt64": NO, NO, I|N|S|E, I|N|E;
     SetBinary "" "fmi3SetBinary": NO, NO, I|N|S|E, I|N|E;
-    SetClock "" "fmi3SetClock": NO, NO, I|N|S|E, I|N|E;
-    GetIntervalDecimal "" "fmi3GetIntervalDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
-    GetIntervalFraction "" "fmi3GetIntervalFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
-    GetShiftDecimal "" "fmi3GetShiftDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
-    GetShiftFraction "" "fmi3GetShiftFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
-    SetIntervalDecimal "" "fmi3SetIntervalDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
-    SetIntervalFraction "" "fmi3SetIntervalFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
-    SetShiftDecimal "" "fmi3SetShiftDecimal": NO, NO, I|N|S|E|T, I|N|E|C|T;
-    SetShiftFraction "" "fmi3SetShiftFraction": NO, NO, I|N|S|E|T, I|N|E|C|T;
+    SetClock "" "fmi3SetClock": NO, NO, E, E;
+    GetIntervalDecimal "" "fmi3GetIntervalDecimal": NO, NO, N|E, N|E;
+    GetIntervalFraction "" "fmi3GetIntervalFraction": NO, NO, N|E, N|E;
+    GetShiftDecimal "" "fmi3GetShiftDecimal": NO, NO, N, N;
+    GetShiftFraction "" "fmi3GetShiftFraction": NO, NO, N, N;
+    SetIntervalDecimal "" "fmi3SetIntervalDecimal": NO, NO, N|E, N|E;
+    SetIntervalFraction "" "fmi3SetIntervalFraction": NO, NO, N|E, N|E;
+    SetShiftDecimal "" "fmi3SetShiftDecimal": NO, NO, N, N;
+    SetShiftFraction "" "fmi3SetShiftFraction": NO, NO, N, N;
     ActivateModelPartition "" "fmi3ActivateModelPartition": NO, NO, NO, NO;
 }
 

@@ -6,6 +6,9 @@ use fmu::prelude::*;
 
 use warehouse::{ReorderPoint, Warehouse};
 
+/// Longest step in days: an importer that asks for a longer one by mistake would wait for it.
+const MOST_DAYS: i64 = 10_000;
+
 /// Parameters.
 #[derive(Parameters)]
 pub struct WrappedSimulation {
@@ -53,7 +56,11 @@ impl Stateful for WrappedSimulation {
 
     fn step(&self, warehouse: &mut Warehouse, inputs: &U, time: f64, step: f64) -> Result<(), String> {
         let day = |time: f64| (time / 86_400.0).round() as i64;
-        for _ in day(time)..day(time + step) {
+        let days = day(time)..day(time + step);
+        if days.end.saturating_sub(days.start) > MOST_DAYS {
+            return Err(format!("a step must be at most {MOST_DAYS} days long, got {step} s"));
+        }
+        for _ in days {
             warehouse.advance_day("bolts", inputs.demand.max(0).cast_unsigned());
         }
         Ok(())

@@ -1,36 +1,51 @@
 //! Calls FMUs as no master should, and checks how they answer: see `tests::fuzz`.
 //!
-//! `fuzz [--calls N] [--seconds T] [--seed S] [--verbose] FMU...` makes about N calls to each FMU, and more until T
-//! seconds are over, in the same order whenever seed and FMUs are the same, and prints how often each function
-//! succeeded, was discarded and was rejected. Calls that only observe are made besides. It ends with 1 at the first
-//! broken rule and prints the seed and the last calls. If a call ends the process, `--verbose` shows which: it prints
-//! every call before it is made.
+//! `fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...` makes N calls or a few more to each
+//! interface of each FMU, or only to one interface, and goes on with each for at least T seconds. The FMUs may be of FMI 2.0 and 3.0. Equal seeds and FMUs make equal calls. It prints how often each function succeeded, was
+//! discarded and was rejected. Calls that only observe are made besides. It ends with 1 at the first broken rule and prints the
+//! seed and the last calls. If a call ends the process, `--verbose` shows which: it prints every call before it is made.
 
+use fmu_import::description::Interface;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tests::Fmu;
-use tests::fuzz::{Report, fuzz, state};
+use tests::fuzz::{Report, fuzz, interfaces, state};
 use tests::raw::Raw;
 
-const USAGE: &str = "usage: fuzz [--calls N] [--seconds T] [--seed S] [--verbose] FMU...";
+const USAGE: &str = "usage: fuzz [--calls N] [--seconds T] [--seed S] [--interface cs|me] [--verbose] FMU...";
 
 struct Options {
     calls: u64,
     least: Duration,
     seed: u64,
+    interface: Option<Interface>,
     is_verbose: bool,
     fmus: Vec<String>,
 }
 
 fn options() -> Option<Options> {
-    let mut options = Options { calls: 100_000, least: Duration::ZERO, seed: 1, is_verbose: false, fmus: Vec::new() };
+    let mut options = Options {
+        calls: 100_000,
+        least: Duration::ZERO,
+        seed: 1,
+        interface: None,
+        is_verbose: false,
+        fmus: Vec::new(),
+    };
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--calls" => options.calls = arguments.next()?.parse().ok()?,
             "--seconds" => options.least = Duration::try_from_secs_f64(arguments.next()?.parse().ok()?).ok()?,
             "--seed" => options.seed = arguments.next()?.parse().ok()?,
+            "--interface" => {
+                options.interface = Some(match arguments.next()?.as_str() {
+                    "cs" => Interface::CoSimulation,
+                    "me" => Interface::ModelExchange,
+                    _ => return None,
+                });
+            }
             "--verbose" => options.is_verbose = true,
             option if option.starts_with('-') => return None,
             fmu => options.fmus.push(fmu.to_owned()),
@@ -48,20 +63,25 @@ fn main() -> ExitCode {
     let mut all = Report::default();
     // Kept loaded: valgrind can name the functions of a library that is still there.
     let fmus: Vec<_> = options.fmus.iter().map(|path| Fmu::open(Path::new(path))).collect();
-    let states: Vec<_> = fmus.iter().map(|fmu| (&fmu.description.guid, state(fmu))).collect();
-    for fmu in &fmus {
-        let raw = Raw::load(fmu);
-        let others = states.iter().filter(|(guid, _)| **guid != fmu.description.guid);
+    let raws: Vec<_> = fmus.iter().map(Raw::load).collect();
+    let runs = || fmus.iter().zip(&raws).flat_map(|(fmu, raw)| interfaces(fmu).into_iter().map(move |i| (fmu, raw, i)));
+    let states: Vec<_> = runs().map(|(_, raw, interface)| (raw.guid(), state(raw, interface))).collect();
+    for (fmu, raw, interface) in runs().filter(|(.., interface)| options.interface.is_none_or(|one| one == *interface))
+    {
+        let others = states.iter().filter(|(guid, _)| *guid != fmu.description.guid);
         let foreign: Vec<_> = others.map(|(_, bytes)| bytes.clone()).collect();
         let begin = Instant::now();
         let goes_on = |calls: u64| calls < options.calls || begin.elapsed() < options.least;
-        match fuzz(fmu, &raw, &foreign, options.seed, options.is_verbose, goes_on) {
+        match fuzz((fmu, raw), interface, &foreign, options.seed, options.is_verbose, goes_on) {
             Ok(report) => {
                 let (slowest, call) = &report.slowest;
                 println!(
-                    "{} {} calls and {} that observe, {:.1} s, slowest {:.1} ms: {call:.120}",
+                    "{} {interface} of FMI {}: {} calls, {} to the other interface and {} that observe, {:.1} s, slowest \
+                     {:.1} ms: {call:.120}",
                     fmu.name,
+                    fmu.description.fmi,
                     report.calls,
+                    report.others,
                     report.probes,
                     begin.elapsed().as_secs_f64(),
                     1e3 * slowest.as_secs_f64()
@@ -69,8 +89,8 @@ fn main() -> ExitCode {
                 all.add(&report);
             }
             Err(violation) => {
-                println!("{}: with --seed {}, at call {}:", fmu.name, options.seed, violation.call);
-                violation.last.iter().for_each(|call| println!("  {call}"));
+                println!("{} {interface}: with --seed {}, at call {}:", fmu.name, options.seed, violation.call);
+                violation.last.iter().for_each(|call| println!("  {call:.400}"));
                 println!("{}", violation.what);
                 return ExitCode::FAILURE;
             }
@@ -84,9 +104,9 @@ fn main() -> ExitCode {
     println!(
         "{} calls and {} that observe with --seed {}, {:.0} per second",
         all.calls,
-        all.probes,
+        all.probes + all.others,
         options.seed,
-        (all.calls + all.probes) as f64 / seconds
+        (all.calls + all.others + all.probes) as f64 / seconds
     );
     ExitCode::SUCCESS
 }

@@ -321,7 +321,7 @@ pub unsafe fn set_int64<E: Export>(
             references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
             // What does not fit is none of the values of an enumeration.
             let values: Vec<_> = values.iter().map(|&value| i32::try_from(value).unwrap_or(i32::MIN)).collect();
-            instance.set_integer(references, &values)
+            instance.set_integer_by(function, references, &values)
         })
     }
 }

@@ -99,10 +99,10 @@ impl<M: Model> Instance<M> {
     pub fn continuous_states(&mut self, states: &mut [f64]) -> CallResult {
         let function = Function::GetContinuousStates;
         self.check(function)?;
-        // States may follow from the parameters.
-        self.derive()?;
         let range = self.layout().states.reals();
         self.check_length(function, "states", range.len(), states.len())?;
+        // States may follow from the parameters.
+        self.derive()?;
         states.copy_from_slice(&self.values.reals[range]);
         Ok(())
     }

@@ -9,7 +9,8 @@ use crate::variable::{Kind, Role, Variable};
 
 /// Type of the variables that a function sets, as FMI 2.0 calls it.
 fn type_set_by(function: Function) -> &'static str {
-    &function.name(Version::Fmi2)["fmi2Set".len()..]
+    let name = if function == Function::SetInt64 { Function::SetInteger } else { function }.name(Version::Fmi2);
+    &name["fmi2Set".len()..]
 }
 
 impl<M: Model> Instance<M> {
@@ -33,7 +34,7 @@ impl<M: Model> Instance<M> {
         self.check(Function::GetReal)?;
         let layout = self.layout();
         let last = references.iter().fold(0, |last, &reference| last.max(reference));
-        if last as usize >= layout.reals() {
+        if last as usize >= layout.reals() && !references.is_empty() {
             return Err(self.unknown_reference(Function::GetReal, last, "Real"));
         }
         let waits = |index| layout.derived.reals().contains(&index) || self.is_calculated_state(index);
@@ -68,6 +69,10 @@ impl<M: Model> Instance<M> {
         let mut found = vec![0.0; indicators as usize];
         if M::MODEL_EXCHANGE && references.iter().any(|reference| is_special(reference) && *reference != time) {
             self.indicators(Function::GetReal, &mut found)?;
+        }
+        // First all that can be rejected: then no value is written.
+        for reference in references.iter().filter(|reference| !is_special(reference)) {
+            self.get_real(&[*reference], &mut [0.0])?;
         }
         for (value, reference) in values.iter_mut().zip(references) {
             match reference.wrapping_sub(time) {
@@ -292,10 +297,15 @@ impl<M: Model> Instance<M> {
     /// # Errors
     /// On an unknown reference, a parameter that may not be set now, or a value outside its limits.
     pub fn set_integer(&mut self, references: &[u32], values: &[i32]) -> CallResult {
-        self.check(Function::SetInteger)?;
+        self.set_integer_by(Function::SetInteger, references, values)
+    }
+
+    /// As [`Self::set_integer`]; messages name the function, which is another one for enumerations in FMI 3.0.
+    pub(crate) fn set_integer_by(&mut self, function: Function, references: &[u32], values: &[i32]) -> CallResult {
+        self.check(function)?;
         for (&reference, &value) in references.iter().zip(values) {
-            self.integer(Function::SetInteger, reference)?;
-            let variable = self.settable(Function::SetInteger, reference)?;
+            self.integer(function, reference)?;
+            let variable = self.settable(function, reference)?;
             let Kind::Integer { min, max, items, .. } = &variable.declaration.kind else {
                 unreachable!("the reference is one of an integer")
             };
@@ -305,11 +315,11 @@ impl<M: Model> Instance<M> {
                 let expected = if names.is_empty() { format!("in [{min}, {max}]") } else { names.join(" or ") };
                 let name = &variable.declaration.name;
                 let message = format_args!("'{name}' must be {expected}, got {value}");
-                return Err(self.error(Function::SetInteger, message));
+                return Err(self.error(function, message));
             }
         }
         for (&reference, &value) in references.iter().zip(values) {
-            let index = self.integer(Function::SetInteger, reference)?;
+            let index = self.integer(function, reference)?;
             self.values.integers[index] = value;
         }
         self.others_changed(references);

@@ -79,7 +79,8 @@ impl<M: Stateful> Model for StatefulModel<M> {
         _: &mut ValueStore,
         _: &mut Clock,
     ) -> Result<Update, StepError> {
-        Err(StepError::Rejected("a stateful model has no model exchange".to_owned()))
+        // Event Mode of co-simulation, FMI 3.0: the simulation has no events of its own.
+        Ok(Update { states_changed: false, next_event_time: None })
     }
 
     fn save(simulation: &M::Simulation, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {

@@ -13,6 +13,7 @@ use fmu::description::{Description, Format};
 
 use crate::events::{EqualSteps, ball};
 use crate::models::{CartPair, Fmu, Sampler, reals, reference};
+use crate::types::DiscreteTypes;
 
 macro_rules! fmi3 {
     ($($name:ident: $model:ty, $format:expr;)*) => {$(
@@ -33,6 +34,7 @@ fmi3! {
     CartsWithArrays: CartPair, Format { arrays: true, ..Format::FMI3 };
     Ball: EqualSteps, Format::FMI3;
     Filter: Sampler, Format::FMI3;
+    Types: DiscreteTypes, Format::FMI3;
 }
 
 /// Messages of an instance.
@@ -263,6 +265,21 @@ fn the_time_and_the_event_indicators_are_variables() {
     assert!((values[2] - values[1] - 1e-9).abs() < 1e-9, "{values:?}");
     assert_eq!(instance.get(&[layout.end + 2], &mut values[..1]), Status::Error);
     assert_eq!(instance.set(&[layout.end], &[1.0]), Status::Error);
+    // A call that returns an error writes nothing, whatever comes before the reference that is wrong.
+    let mut values = [7.0; 3];
+    assert_eq!(instance.get(&[layout.end, height, u32::MAX], &mut values), Status::Error);
+    assert_eq!(values, [7.0; 3]);
+}
+
+#[test]
+fn messages_about_enumerations_name_their_function() {
+    let instance = Instance::<Types>::co_simulation(false);
+    let listed = reference::<DiscreteTypes>("p.listed");
+    // SAFETY: arrays of these lengths.
+    let set = |value: i64| unsafe { fmi3::set_int64::<Types>(instance.component, &listed, 1, &value, 1) };
+    assert_eq!(set(6), Status::Ok);
+    assert_eq!(set(5), Status::Error);
+    assert!(instance.error().starts_with("fmi3SetInt64: 'p.listed' must be 0 (neutral) or "), "{}", instance.error());
 }
 
 /// Reference: FMI 2.0, whose co-simulation takes the same samples.
@@ -289,6 +306,24 @@ fn samples_are_time_events() {
         let mut value = [0.0];
         assert_eq!(instance.get(&[output], &mut value), Status::Ok);
         assert_eq!(value[0].to_bits(), old.get("filter_output").to_bits());
+    }
+}
+
+/// Event Mode takes the sample of the present time, before the step that begins with it.
+#[test]
+fn a_state_saved_after_a_sample_of_event_mode_is_accepted() {
+    let instance = Instance::<Filter>::co_simulation(true).initialized();
+    instance.update();
+    let (mut state, mut other, mut size) = (null_mut(), null_mut(), 0);
+    // SAFETY: a live component and its state; an array of the size asked for.
+    unsafe {
+        assert_eq!(fmi3::get_fmu_state::<Filter>(instance.component, &mut state), Status::Ok);
+        assert_eq!(fmi3::serialized_fmu_state_size::<Filter>(instance.component, state, &mut size), Status::Ok);
+        let mut bytes = vec![0; size];
+        let status = fmi3::serialize_fmu_state::<Filter>(instance.component, state, bytes.as_mut_ptr(), size);
+        assert_eq!(status, Status::Ok);
+        let status = fmi3::deserialize_fmu_state::<Filter>(instance.component, bytes.as_ptr(), size, &mut other);
+        assert_eq!(status, Status::Ok);
     }
 }
 

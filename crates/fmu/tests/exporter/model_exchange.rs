@@ -465,6 +465,10 @@ fn bad_arguments_say_what_is_expected() {
         "fmi2SetContinuousStates: the model has 4 states, the array has the length 1"
     );
     assert_eq!(
+        error_of(instance.continuous_states(&mut [0.0])),
+        "fmi2GetContinuousStates: the model has 4 states, the array has the length 1"
+    );
+    assert_eq!(
         error_of(instance.event_indicators(&mut [0.0; 9])),
         "fmi2GetEventIndicators: the model has 0 event indicators, the array has the length 9"
     );

@@ -12,7 +12,7 @@ use crate::models::{Fmu, error_of, reference};
 /// Gear
 #[derive(Enumeration, Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-enum Gear {
+pub(crate) enum Gear {
     /// Neutral
     #[default]
     Neutral,
@@ -23,7 +23,7 @@ enum Gear {
 }
 
 #[derive(Parameters, Clone)]
-struct All {
+pub(crate) struct All {
     /// Real (m)
     #[var("p.real", start = 1.5, min = -10.0, max = 10.0, tunable)]
     real: f64,
@@ -45,7 +45,7 @@ struct All {
 }
 
 #[derive(Inputs, Clone)]
-struct U<T> {
+pub(crate) struct U<T> {
     /// Real (m)
     #[var("u.real", start = 0.5)]
     real: T,
@@ -67,7 +67,7 @@ struct U<T> {
 }
 
 #[derive(Outputs, Clone)]
-struct Y<T> {
+pub(crate) struct Y<T> {
     /// Real (m)
     #[var("y.real")]
     real: T,
@@ -91,7 +91,7 @@ struct Y<T> {
 /// Sums of the inputs.
 #[derive(DiscreteState, Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Sums {
+pub(crate) struct Sums {
     real: f64,
     integer: i32,
     count: u64,
@@ -148,7 +148,7 @@ impl Continuous for ContinuousTypes {
 }
 
 #[derive(Parameters)]
-struct DiscreteTypes {
+pub(crate) struct DiscreteTypes {
     #[var(flatten)]
     p: All,
 }

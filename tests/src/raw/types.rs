@@ -1,0 +1,85 @@
+//! The functions of FMI 3.0 for types that no variable of these FMUs has.
+
+use super::{RawInstance, pointer};
+use fmu_import::c_api::{Component, RawStatus, Reference};
+use std::ffi::c_void;
+
+type Pointer = *mut c_void;
+type OneArray = unsafe extern "C" fn(Component, *const Reference, usize, Pointer) -> RawStatus;
+type TwoArrays = unsafe extern "C" fn(Component, *const Reference, usize, Pointer, Pointer) -> RawStatus;
+type ThreeArrays = unsafe extern "C" fn(Component, *const Reference, usize, Pointer, Pointer, Pointer) -> RawStatus;
+type Counted = unsafe extern "C" fn(Component, *const Reference, usize, Pointer, usize) -> RawStatus;
+type CountedPairs = unsafe extern "C" fn(Component, *const Reference, usize, Pointer, Pointer, usize) -> RawStatus;
+
+/// Arguments of a function behind the value references and their number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Arrays of values.
+    Arrays(u8),
+    /// An array and the number of its values.
+    Counted,
+    /// Sizes, values and their number.
+    CountedPairs,
+}
+
+/// Functions for types without variables.
+pub const TYPES_WITHOUT_VARIABLES: [(&str, Shape); 26] = [
+    ("fmi3GetFloat32", Shape::Counted),
+    ("fmi3SetFloat32", Shape::Counted),
+    ("fmi3GetInt8", Shape::Counted),
+    ("fmi3SetInt8", Shape::Counted),
+    ("fmi3GetUInt8", Shape::Counted),
+    ("fmi3SetUInt8", Shape::Counted),
+    ("fmi3GetInt16", Shape::Counted),
+    ("fmi3SetInt16", Shape::Counted),
+    ("fmi3GetUInt16", Shape::Counted),
+    ("fmi3SetUInt16", Shape::Counted),
+    ("fmi3GetUInt32", Shape::Counted),
+    ("fmi3SetUInt32", Shape::Counted),
+    ("fmi3GetUInt64", Shape::Counted),
+    ("fmi3SetUInt64", Shape::Counted),
+    ("fmi3GetBinary", Shape::CountedPairs),
+    ("fmi3SetBinary", Shape::CountedPairs),
+    ("fmi3GetClock", Shape::Arrays(1)),
+    ("fmi3SetClock", Shape::Arrays(1)),
+    ("fmi3GetIntervalDecimal", Shape::Arrays(2)),
+    ("fmi3GetIntervalFraction", Shape::Arrays(3)),
+    ("fmi3GetShiftDecimal", Shape::Arrays(1)),
+    ("fmi3GetShiftFraction", Shape::Arrays(2)),
+    ("fmi3SetIntervalDecimal", Shape::Arrays(1)),
+    ("fmi3SetIntervalFraction", Shape::Arrays(2)),
+    ("fmi3SetShiftDecimal", Shape::Arrays(1)),
+    ("fmi3SetShiftFraction", Shape::Arrays(2)),
+];
+
+impl RawInstance<'_> {
+    /// One of [`TYPES_WITHOUT_VARIABLES`], with the same array in place of each array of values. Its length is the number of
+    /// value references, each with the room of the largest type.
+    pub fn without_variables(
+        &self,
+        (name, shape): (&str, Shape),
+        references: Option<&[Reference]>,
+        count: usize,
+        values: &mut [u64],
+        value_count: usize,
+    ) -> RawStatus {
+        let raw = self.raw;
+        let references = pointer(references, count);
+        let values: Pointer = values.as_mut_ptr().cast();
+        // SAFETY: arrays of the stated lengths, or null; all pointers to values are passed in the same way.
+        unsafe {
+            match shape {
+                Shape::Arrays(1) => raw.function::<OneArray>(name)(self.component, references, count, values),
+                Shape::Arrays(2) => raw.function::<TwoArrays>(name)(self.component, references, count, values, values),
+                Shape::Arrays(_) => {
+                    raw.function::<ThreeArrays>(name)(self.component, references, count, values, values, values)
+                }
+                Shape::Counted => raw.function::<Counted>(name)(self.component, references, count, values, value_count),
+                Shape::CountedPairs => {
+                    let function = raw.function::<CountedPairs>(name);
+                    function(self.component, references, count, values, values, value_count)
+                }
+            }
+        }
+    }
+}
