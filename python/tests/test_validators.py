@@ -66,10 +66,13 @@ def by_toolbox(path: Path) -> list[str]:
 
 
 def by_fmi_sim(path: Path) -> list[str]:
-    """Return what fmi-sim says in a short run besides the times of the rows."""
-    done = call(str(fmi_sim()), "--model", str(path), "--output-file", os.devnull, "co-simulation", "-f", "0.01")
-    lines = [line for line in done.stdout.splitlines() if not line.startswith("Recorded outputs at time ")]
-    return lines or ([f"exit code {done.returncode}"] if done.returncode else [])
+    """Return what fmi-sim says in short runs besides the times of the rows."""
+    found = []
+    for interface in ("co-simulation", "model-exchange"):
+        done = call(str(fmi_sim()), "--model", str(path), "--output-file", os.devnull, interface, "-f", "0.01")
+        lines = [line for line in done.stdout.splitlines() if not line.startswith("Recorded outputs at time ")]
+        found += lines or ([f"exit code {done.returncode}"] if done.returncode else [])
+    return found
 
 
 def call(*command: str) -> subprocess.CompletedProcess[str]:
