@@ -136,6 +136,8 @@ struct Fuzzer<'a> {
     known: Vec<Reference>,
     states: Vec<Reference>,
     indicators: usize,
+    /// Whether it has Event Mode in co-simulation of FMI 3.0.
+    has_event_mode: bool,
     /// Step size of the description in s.
     step: f64,
     slots: Vec<Slot<'a>>,
@@ -246,6 +248,7 @@ pub fn fuzz(
         known: states.iter().copied().chain(fmu.references(Causality::Input)).collect(),
         states,
         indicators: fmu.description.number_of_event_indicators,
+        has_event_mode: fmu.description.co_simulation.as_ref().is_some_and(|unit| unit.has_event_mode),
         step: fmu.description.default_experiment.step_size.unwrap_or(1e-3),
         slots: Vec::new(),
         bytes: Vec::new(),
@@ -447,7 +450,8 @@ impl<'a> Fuzzer<'a> {
         let (mut kind, mut callbacks) = (kind_of(interface), true);
         let mut events = EventArguments::default();
         if self.version == FmiVersion::V3 && interface == Interface::CoSimulation {
-            (events.mode_used, events.early_return) = (self.chance(2), self.chance(2));
+            let may_use_events = self.has_event_mode || self.chance(8);
+            (events.mode_used, events.early_return) = (may_use_events && self.chance(2), self.chance(2));
         }
         if !is_right {
             match self.random.below(5) {
@@ -487,6 +491,7 @@ impl<'a> Fuzzer<'a> {
         let is_due = found.is_some()
             && (callbacks || !is_fmi2)
             && (kind != c_api::CO_SIMULATION || is_fmi2 || events.intermediate_variables == 0)
+            && (!events.mode_used || kind != c_api::CO_SIMULATION || self.has_event_mode)
             && is_text(&name)
             && name.as_deref().is_some_and(|name| !name.is_empty())
             && guid.as_deref().map(CStr::to_bytes) == Some(raw.guid().as_bytes())

@@ -1,6 +1,6 @@
 //! The time of an instance: how far the master's times may be off, and which samples are due.
 
-use crate::calls::{Interface, Protocol, Version};
+use crate::calls::Interface;
 
 /// Part of a step or sample time by which two times may differ and still be the same instant.
 const SLACK: f64 = 1e-6;
@@ -68,14 +68,6 @@ pub(crate) fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) 
     if samples > 0.0 { samples } else { 0.0 }
 }
 
-/// Number of samples that have been taken once the events of `time` are handled.
-fn samples_until(time: f64, start: f64, sample_time: f64) -> f64 {
-    let end = time + slack(sample_time.min(1.0), time);
-    // The instant of a sample is rounded, at most by the distance of two numbers, and the quotient is.
-    let samples = ((end + ulp(end) - start) / sample_time).floor() + 1.0;
-    if start + samples * sample_time <= end { samples + 1.0 } else { samples }
-}
-
 /// Number of samples due before `end`, starting with number `sample`: [`samples_before`] minus `sample`. Fast path: no division
 /// if none or one sample is due by a clear margin.
 #[inline]
@@ -101,8 +93,13 @@ impl Clock {
     ///
     /// # Errors
     /// When no sequence of steps leads to it.
-    pub(crate) fn check(&self, protocol: Protocol, has_stepped: bool, sample_time: Option<f64>) -> Result<(), String> {
-        let is_exchange = protocol.interface == Interface::ModelExchange;
+    pub(crate) fn check(
+        &self,
+        interface: Interface,
+        has_stepped: bool,
+        sample_time: Option<f64>,
+    ) -> Result<(), String> {
+        let is_exchange = interface == Interface::ModelExchange;
         let Self { start, stop, time, sample } = *self;
         if !(start.is_finite() && time.is_finite()) {
             return Err(format!("start = {start} s and time = {time} s must be finite numbers"));
@@ -123,10 +120,6 @@ impl Clock {
         let (least, most) = match sample_time {
             // A solver may look ahead and back, and the sample that is due at this time may have been taken.
             Some(_) if is_exchange => (0.0, MOST_SAMPLES as f64),
-            // The sample of the present time may have been taken in Event Mode.
-            Some(sample_time) if has_stepped && protocol.version == Version::Fmi3 => {
-                (samples_before(time, start, sample_time, sample_time), samples_until(time, start, sample_time))
-            }
             Some(sample_time) if time > start => {
                 (samples_before(time, start, sample_time, sample_time), ((time - start) / sample_time).ceil())
             }
@@ -223,7 +216,7 @@ mod tests {
     #[test]
     fn a_clock_agrees_with_its_samples() {
         let clock = |start: f64, time, sample| Clock { start, stop: None, time, sample };
-        let check = |clock: Clock| clock.check(Protocol::CS2, true, Some(0.01));
+        let check = |clock: Clock| clock.check(Interface::CoSimulation, true, Some(0.01));
         for start in [0.0, 1e7, 1.7e9] {
             assert_eq!(check(clock(start, start, 0)), Ok(()));
             assert_eq!(check(clock(start, start + 0.095, 10)), Ok(()));
@@ -238,23 +231,8 @@ mod tests {
         // 2^64 samples of 0.01 s: a time that a counter of 2^64 - 1 would agree with.
         assert!(check(clock(0.0, 2.0_f64.powi(64) * 0.01, u64::MAX)).is_err());
         // Without samples, as in a plant.
-        // Event Mode of FMI 3.0 takes the sample of the present time.
-        let check = |clock: Clock| clock.check(Protocol::CS3, true, Some(0.01));
-        for start in [0.0, 1.3, -500.0] {
-            for k in [0_u32, 1, 7, 2000] {
-                let time = start + f64::from(k) * 0.01;
-                assert_eq!(check(clock(start, time, k.into())), Ok(()));
-                assert_eq!(check(clock(start, time, u64::from(k) + 1)), Ok(()));
-                assert!(check(clock(start, time, u64::from(k) + 2)).is_err());
-            }
-        }
-        assert!(clock(0.0, 0.0, 1).check(Protocol::CS3, false, Some(0.01)).is_err());
-        // The numbers here are 2 s apart, so that all samples within 9 s are due at once.
-        let start = 2.0_f64.powi(53);
-        let samples = (0..).find(|&k| start + f64::from(k) * 0.01 > start + slack(0.01, start)).unwrap();
-        assert_eq!(check(clock(start, start, samples.try_into().unwrap())), Ok(()));
-        assert_eq!(clock(0.0, 1.0, 0).check(Protocol::CS2, true, None), Ok(()));
-        assert!(clock(0.0, 1.0, 1).check(Protocol::CS2, true, None).is_err());
+        assert_eq!(clock(0.0, 1.0, 0).check(Interface::CoSimulation, true, None), Ok(()));
+        assert!(clock(0.0, 1.0, 1).check(Interface::CoSimulation, true, None).is_err());
     }
 
     #[test]
@@ -268,13 +246,13 @@ mod tests {
             clock(0.0, Some(f64::NAN), 0.0),
             clock(0.0, Some(1.0), 1.1),
         ] {
-            assert!(impossible.check(Protocol::CS2, true, None).is_err(), "{impossible:?}");
+            assert!(impossible.check(Interface::CoSimulation, true, None).is_err(), "{impossible:?}");
         }
         assert!(
-            clock(0.0, None, 1.0).check(Protocol::CS2, false, None).is_err(),
+            clock(0.0, None, 1.0).check(Interface::CoSimulation, false, None).is_err(),
             "a step before the end of initialization"
         );
-        assert_eq!(clock(0.0, Some(1.0), 1.0 + 0.9e-6).check(Protocol::CS2, true, None), Ok(()));
-        assert_eq!(clock(0.0, Some(f64::INFINITY), 1.0).check(Protocol::CS2, true, None), Ok(()));
+        assert_eq!(clock(0.0, Some(1.0), 1.0 + 0.9e-6).check(Interface::CoSimulation, true, None), Ok(()));
+        assert_eq!(clock(0.0, Some(f64::INFINITY), 1.0).check(Interface::CoSimulation, true, None), Ok(()));
     }
 }

@@ -210,7 +210,7 @@ pub(crate) fn read<M: Model>(
         }
     }
     let period = layout.solver.filter(|_| M::KIND == ModelKind::Discrete).map(|index| values.reals[index]);
-    clock.check(protocol, initialized, period)?;
+    clock.check(protocol.interface, initialized, period)?;
     let mut snapshot = Snapshot { mode, clock, values, memory: None, derived: None };
     if !has_derived {
         return if source.0.is_empty() { Ok(snapshot) } else { Err(format!("{} bytes too many", source.0.len())) };

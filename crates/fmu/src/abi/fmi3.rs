@@ -16,6 +16,7 @@ use super::{
 use crate::calls::{Function, Interface, Protocol, Version};
 use crate::description::LOG_CATEGORIES;
 use crate::instance::{CallError, Instance};
+use crate::runner::Model;
 
 /// fmi3Boolean, a `bool` of C; every number but 0 is true.
 pub type Boolean = u8;
@@ -62,6 +63,9 @@ unsafe fn instantiate<E: Export>(
             if !common::provides::<E>(interface) {
                 return Err(format!("this FMU does not provide {}", interface.name()));
             }
+            if with_event_mode && !<E::Model as Model>::HAS_EVENTS {
+                return Err("eventModeUsed must be false, the FMU has no Event Mode (hasEventMode is false)".to_owned());
+            }
             common::check_guid::<E>("instantiationToken", token)?;
             let resources = if resources.is_null() {
                 PathBuf::new()
@@ -80,8 +84,8 @@ pub unsafe fn instantiate_model_exchange<E: Export>(arguments: Arguments) -> Com
     unsafe { instantiate::<E>("fmi3InstantiateModelExchange", arguments, Interface::ModelExchange, false) }
 }
 
-/// fmi3InstantiateCoSimulation. `event_mode` only matters for models with events; without early return, events inside a step
-/// are handled in the step.
+/// fmi3InstantiateCoSimulation. `event_mode` is for models with events only; without early return, events inside a step are
+/// handled in the step.
 pub unsafe fn instantiate_co_simulation<E: Export>(
     arguments: Arguments,
     event_mode: Boolean,

@@ -1,7 +1,7 @@
 //! Model exchange: the importer integrates, the instance evaluates the equations and handles events.
 
 use super::{CallError, CallResult, Instance};
-use crate::calls::{Function, Mode};
+use crate::calls::{Function, Interface, Mode};
 use crate::runner::{Model, StepError, Update};
 use crate::variable::Kind;
 
@@ -9,9 +9,13 @@ impl<M: Model> Instance<M> {
     /// fmi2EnterEventMode.
     ///
     /// # Errors
-    /// Out of order.
+    /// Out of order, or in co-simulation without Event Mode.
     pub fn enter_event_mode(&mut self) -> CallResult {
-        self.check(Function::EnterEventMode)?;
+        let function = Function::EnterEventMode;
+        self.check(function)?;
+        if self.protocol.interface == Interface::CoSimulation && !self.uses_event_mode {
+            return Err(self.error(function, "eventModeUsed was false when the instance was made"));
+        }
         self.mode = Mode::Event;
         self.forget_results();
         Ok(())

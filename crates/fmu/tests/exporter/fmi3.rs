@@ -309,24 +309,6 @@ fn samples_are_time_events() {
     }
 }
 
-/// Event Mode takes the sample of the present time, before the step that begins with it.
-#[test]
-fn a_state_saved_after_a_sample_of_event_mode_is_accepted() {
-    let instance = Instance::<Filter>::co_simulation(true).initialized();
-    instance.update();
-    let (mut state, mut other, mut size) = (null_mut(), null_mut(), 0);
-    // SAFETY: a live component and its state; an array of the size asked for.
-    unsafe {
-        assert_eq!(fmi3::get_fmu_state::<Filter>(instance.component, &mut state), Status::Ok);
-        assert_eq!(fmi3::serialized_fmu_state_size::<Filter>(instance.component, state, &mut size), Status::Ok);
-        let mut bytes = vec![0; size];
-        let status = fmi3::serialize_fmu_state::<Filter>(instance.component, state, bytes.as_mut_ptr(), size);
-        assert_eq!(status, Status::Ok);
-        let status = fmi3::deserialize_fmu_state::<Filter>(instance.component, bytes.as_ptr(), size, &mut other);
-        assert_eq!(status, Status::Ok);
-    }
-}
-
 #[test]
 fn the_states_of_one_version_are_rejected_by_the_other() {
     let instance = Instance::<Carts>::co_simulation(false).initialized();
@@ -358,6 +340,17 @@ fn what_the_fmu_does_not_have_is_said() {
     let none = Instance::<Carts>::new(|arguments| unsafe { fmi3::instantiate_scheduled_execution::<Carts>(arguments) });
     assert!(none.component.is_null());
     assert_eq!(none.error(), "fmi3InstantiateScheduledExecution: this FMU does not provide scheduled execution");
+    let none =
+        Instance::<Filter>::new(|arguments| unsafe { fmi3::instantiate_co_simulation::<Filter>(arguments, 1, 1, 0) });
+    assert!(none.component.is_null());
+    assert_eq!(
+        none.error(),
+        "fmi3InstantiateCoSimulation: eventModeUsed must be false, the FMU has no Event Mode (hasEventMode is false)"
+    );
+    let ball = Instance::<Ball>::co_simulation(false).initialized();
+    // SAFETY: a live component.
+    assert_eq!(unsafe { fmi3::enter_event_mode::<Ball>(ball.component) }, Status::Error);
+    assert_eq!(ball.error(), "fmi3EnterEventMode: eventModeUsed was false when the instance was made");
     let none = Instance::<Carts>::new(|arguments| unsafe {
         fmi3::instantiate_model_exchange::<Carts>(Arguments { token: c"{other}".as_ptr(), ..arguments })
     });
