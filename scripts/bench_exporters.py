@@ -116,8 +116,9 @@ def pack_fmi_export(tools: Path) -> Iterator[Fmu]:
 def run_cmake(name: str, dependency: str, checkout: Path) -> Path:
     """Build a folder of `SOURCES`; a checkout is used instead of a download if it is there."""
     folder = BUILD / name
-    local = [f"-DFETCHCONTENT_SOURCE_DIR_{dependency}={checkout}"] if checkout.is_dir() else []
-    run(["cmake", "-S", SOURCES / name, "-B", folder, "-DCMAKE_BUILD_TYPE=Release", *local])
+    # CMake remembers it for the next time, and downloads if it is empty.
+    local = f"-DFETCHCONTENT_SOURCE_DIR_{dependency}={checkout if checkout.is_dir() else ''}"
+    run(["cmake", "-S", SOURCES / name, "-B", folder, "-DCMAKE_BUILD_TYPE=Release", local])
     run(["cmake", "--build", folder])
     return folder
 

@@ -1,4 +1,4 @@
-//! A ball that falls from 1 m and bounces, over 2.5 s: ten bounces.
+//! A ball that falls from 1 m and bounces, over 2.5 s: eleven bounces.
 
 use std::hint::black_box;
 
