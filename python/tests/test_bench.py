@@ -1,4 +1,4 @@
-"""What `scripts/bench masters` and `workers` run and print; nothing is timed here."""
+"""What `scripts/bench exporters`, `masters` and `workers` run and print; nothing is timed here."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import bench_exporters
 import bench_masters
 import bench_workers
 
@@ -64,3 +65,32 @@ def test_a_command_that_fails_ends_the_benchmark() -> None:
     assert bench_workers.measured(["true"]).wall > 0.0
     with pytest.raises(SystemExit, match=r"mine\nerror: sh -c .*: exit code 3"):
         bench_workers.measured(["sh", "-c", "echo mine >&2; exit 3"])
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text", "lines"),
+    [
+        (".rs", "//! A model.\n\n/// Height (m)\nh: f64, // start\n", 1),
+        (".c", "/* A\n * model. */\n#define H 1\n\nint x; /* height */\n// end\n", 2),
+        (".py", '"""A\n\nmodel."""\n\n# comment\nx = 1  # start\n', 1),
+        (".xml", "<a>\n<!-- two\nlines -->\n</a>\n", 2),
+    ],
+)
+def test_comments_and_empty_lines_do_not_count(suffix: str, text: str, lines: int) -> None:
+    assert bench_exporters.lines_of_code(text, suffix) == lines
+
+
+def test_first_error_is_the_reason() -> None:
+    assert bench_exporters.reason("building\nerror: no linker\nerror: 1 error\n") == "error: no linker"
+    assert bench_exporters.reason("one\n\ntwo\n\n") == "two"
+    assert bench_exporters.reason("") == "no output"
+
+
+def test_findings_of_the_check_are_found() -> None:
+    report = "a.fmu: 1 error, 1 warning\n  description: 3 elements\n  error: x: y\n  warning: z\n"
+    assert bench_exporters.findings(report) == ["error: x: y", "warning: z"]
+
+
+def test_missing_program_is_an_error() -> None:
+    with pytest.raises(bench_exporters.ProgramError, match="no-such-program"):
+        bench_exporters.run(["no-such-program"])
