@@ -138,18 +138,17 @@ impl Trial<'_> {
         std::iter::once(None).chain(self.choices().into_iter().map(Some))
     }
 
-    /// What follows inputs between two steps in a list, if the FMU answers for inputs that were just set.
-    fn search_between_steps<'a>(
-        &'a self,
-        list: &'static str,
-        unknowns: &'a [Unknown],
-        tell: Tell<'_>,
-    ) -> Answer<Search<'a>> {
+    /// Outputs and Derivatives: what follows inputs between two steps, if the FMU answers for inputs that were just set.
+    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
         let is_real =
             |unknown: &&Unknown| self.variable(unknown.variable).base_type == BaseType::Real && self.is_scalar(unknown);
-        let mut search = self.search(list, unknowns.iter().filter(is_real).collect());
-        if search.unknowns.is_empty() || self.inputs.is_empty() {
-            return Ok(search);
+        let lists = [
+            (self.function("Derivatives", "ContinuousStateDerivative"), &self.description.derivatives),
+            (self.function("Outputs", "Output"), &self.description.outputs),
+        ];
+        let mut searches = lists.map(|(list, unknowns)| self.search(list, unknowns.iter().filter(is_real).collect()));
+        if self.inputs.is_empty() || searches.iter().all(|search| search.unknowns.is_empty()) {
+            return Ok(());
         }
         let limits = self.limits().into_iter().map(|limit| (Some(limit), 1, 1));
         for (choice, points, steps) in self.all_choices().map(|choice| (choice, POINTS, 5)).chain(limits) {
@@ -159,26 +158,18 @@ impl Trial<'_> {
             });
             // Values that do not suit each other show nothing.
             let Ok(mut instance) = started else { continue };
-            search.choice = choice;
             for point in 0..points {
                 if self.go(&mut instance, point * steps..(point + 1) * steps, 1).is_err() {
                     break;
                 }
-                search.look(self, &self.inputs, &mut instance, tell)?;
+                for search in searches.iter_mut().filter(|search| !search.unknowns.is_empty()) {
+                    search.choice = choice;
+                    search.look(self, &self.inputs, &mut instance, tell)?;
+                }
             }
         }
-        search.end(tell);
-        Ok(search)
-    }
-
-    /// Outputs and Derivatives.
-    pub(super) fn step_dependencies(&self, tell: Tell<'_>) -> Answer<()> {
-        self.search_between_steps(
-            self.function("Derivatives", "ContinuousStateDerivative"),
-            &self.description.derivatives,
-            tell,
-        )?;
-        let search = self.search_between_steps(self.function("Outputs", "Output"), &self.description.outputs, tell)?;
+        searches.iter().for_each(|search| search.end(tell));
+        let [_, search] = searches;
         // An FMU that computes its outputs in fmi2DoStep only follows no input between steps.
         if search.followed.is_empty() || search.is_cut() {
             return Ok(());
