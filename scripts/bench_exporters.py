@@ -12,7 +12,6 @@ import re
 import shutil
 import subprocess
 import sys
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -192,22 +191,9 @@ def checked(fmu: Fmu) -> list[str]:
     return findings(done.stdout)
 
 
-def with_resources(fmu: Path) -> Path:
-    """Return a copy with a file in `resources`.
-
-    Our importer passes no path of resources to an FMU of FMI 3.0 that has none. Some FMUs crash then.
-    """
-    copy = fmu.with_name(f"{fmu.stem}-resources.fmu")
-    shutil.copy(fmu, copy)
-    with zipfile.ZipFile(copy, "a") as archive:
-        archive.writestr("resources/none.txt", "")
-    return copy
-
-
 def measured(fmu: Fmu) -> Row:
     """Measure and validate an FMU."""
-    path = with_resources(fmu.path) if fmu.fmi == 3 else fmu.path
-    command = [ROOT / "target" / "release" / "other-exporters", path]
+    command = [ROOT / "target" / "release" / "other-exporters", fmu.path]
     table = run(command) if fmu.preload is None else run(command, LD_PRELOAD=fmu.preload)
     step, function, start, error = (float(word) for word in table.splitlines()[1].split()[:4])
     return Row(fmu, step, function, start, error, validate_fmu(str(fmu.path)), checked(fmu))

@@ -86,9 +86,8 @@ impl Instance {
         if let Some(board) = board {
             board.enter(index, function, fmi);
         }
-        let resources = library.resources.as_ref().map_or(ptr::null(), |resources| resources.as_ptr());
-        // SAFETY: all pointers are valid for the call, resources may be null in FMI 3.0; callbacks and log live as long as the
-        // instance, in the struct below.
+        let resources = library.resources.as_ptr();
+        // SAFETY: all pointers are valid for the call; callbacks and log live as long as the instance, in the struct below.
         let component = unsafe {
             match &library.functions {
                 Functions::V2(f) => (f.instantiate)(

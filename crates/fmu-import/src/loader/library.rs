@@ -19,8 +19,9 @@ pub struct Library {
     pub(super) functions: Functions,
     // Fields are dropped in this order: the library is closed before its file is removed.
     library: libloading::Library,
-    /// As the version of FMI takes it: a URI or a path; null for FMI 3.0 without resources.
-    pub(super) resources: Option<CString>,
+    /// As the version of FMI takes it: a URI or a path. The folder is there, if empty, also for an FMU without resources: some
+    /// FMUs of FMI 3.0 crash without a path.
+    pub(super) resources: CString,
     pub(super) signature: Signature,
     pub(super) instances: AtomicUsize,
     _unpacked: Arc<Unpacked>,
@@ -80,7 +81,7 @@ impl Library {
             }
         }
         let resources = match signature.fmi {
-            FmiVersion::V2 => Some(file_uri(&unpacked.resources)),
+            FmiVersion::V2 => file_uri(&unpacked.resources),
             FmiVersion::V3 => folder_path(&unpacked.resources),
         };
         Ok(Arc::new(Self {

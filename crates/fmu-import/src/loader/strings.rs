@@ -19,11 +19,10 @@ pub(super) fn file_uri(path: &std::path::Path) -> CString {
     CString::new(uri).unwrap_or_default()
 }
 
-/// Path of a folder with a separator at its end; `None` if there is nothing in it.
-pub(super) fn folder_path(path: &std::path::Path) -> Option<CString> {
-    std::fs::read_dir(path).ok()?.next()?.ok()?;
+/// Path of a folder with a separator at its end.
+pub(super) fn folder_path(path: &std::path::Path) -> CString {
     let text = format!("{}{}", path.to_string_lossy(), std::path::MAIN_SEPARATOR);
-    CString::new(text).ok()
+    CString::new(text).unwrap_or_default()
 }
 
 /// Owned text of a C string; empty for null, faulty UTF-8 replaced.

@@ -552,7 +552,8 @@ pub unsafe fn do_step<E: Export>(
             let early = target::<E, _>(function, "earlyReturn", early_return)?;
             let last = target::<E, _>(function, "lastSuccessfulTime", last_successful_time)?;
             (*event, *terminate, *early, *last) = (0, 0, 0, h.instance.time());
-            if h.returns_early {
+            // The constant leaves out what a model without events does not need.
+            if <E::Model as Model>::HAS_EVENTS && h.returns_early {
                 let has_event = h.instance.do_step_to_event(time, step)?;
                 *event = has_event.into();
                 *early = (has_event && h.instance.time() < time + step).into();

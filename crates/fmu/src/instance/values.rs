@@ -61,10 +61,11 @@ impl<M: Model> Instance<M> {
     /// As [`Self::get_real`].
     pub fn get_float64(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         let (time, indicators) = (self.layout().end, self.layout().indicators.total() as u32);
-        let is_special = |&reference: &u32| reference.wrapping_sub(time) <= indicators;
-        if !references.iter().any(is_special) {
+        // The usual case: they have the last numbers.
+        if references.iter().fold(0, |last, &reference| last.max(reference)) < time {
             return self.get_real(references, values);
         }
+        let is_special = |&reference: &u32| reference.wrapping_sub(time) <= indicators;
         self.check(Function::GetReal)?;
         let mut found = vec![0.0; indicators as usize];
         if M::MODEL_EXCHANGE && references.iter().any(|reference| is_special(reference) && *reference != time) {
