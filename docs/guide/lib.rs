@@ -18,6 +18,7 @@ pages! {
     solvers = "src/solvers.md",
     resources = "src/resources.md",
     testing = "src/testing.md",
+    interfaces = "src/interfaces.md",
     platforms = "src/platforms.md",
     scenarios = "src/scenarios.md",
     swapping = "src/swapping.md",

@@ -3,7 +3,7 @@
 use super::{Answer, Tell, adjoint, found, instantiation, is_same_derivative, words};
 use crate::check::{Checked, Event, Finding, MODEL_EXCHANGE};
 use crate::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value};
-use crate::loader::{CallError, Instance, Library};
+use crate::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::cell::Cell;
 use std::sync::Arc;
 
@@ -11,8 +11,11 @@ use std::sync::Arc;
 const STEPS: usize = 40;
 /// Most updates of the discrete states in one event.
 const MOST_UPDATES: usize = 1000;
-/// Largest number of parts of a step, if the solution leaves the finite numbers with fewer.
-const MOST_PARTS: usize = 64;
+/// Largest number of parts of a step, if the solution leaves the finite numbers with fewer, or the FMU asks for shorter ones.
+/// Stiff equations, which need millions of them, are integrated over a part of the time.
+const MOST_PARTS: usize = 1 << 24;
+/// Most parts of all steps.
+const MOST_STEPS: usize = 64 * STEPS;
 
 /// A trial of one binary by model exchange.
 struct Exchange<'a> {
@@ -329,15 +332,18 @@ impl Exchange<'_> {
         let mut parts = 1;
         let (first, mut instance) = loop {
             let mut instance = self.instance("integration")?;
-            let states = self.integrate(&mut instance, parts)?;
-            if states.iter().all(|state| state.is_finite()) {
-                break (states, instance);
+            match self.integrate(&mut instance, parts) {
+                Ok(states) if states.iter().all(|state| state.is_finite()) => break (states, instance),
+                // A solver shortens its step then.
+                Ok(_) => {}
+                Err(Failure::Call(error)) if matches!(error.problem, CallProblem::Status(Status::Discard)) => {}
+                Err(failure) => return Err(failure),
             }
             if parts == MOST_PARTS {
-                let (steps, step) = (STEPS, self.step);
+                let step = self.step / MOST_PARTS as f64;
                 let message = format!(
-                    "leaves the finite numbers within {steps} steps of {step} s by the Runge-Kutta method, also with \
-                     {MOST_PARTS} parts of each"
+                    "leaves the finite numbers, or is discarded, within {MOST_STEPS} steps of {step:.1e} s by the \
+                     Runge-Kutta method"
                 );
                 return Err(Failure::Found(Finding::warning("model exchange: integration", message)));
             }
@@ -353,14 +359,14 @@ impl Exchange<'_> {
         Ok(())
     }
 
-    /// Integrates over some steps, each in parts, and returns the states at the end. Events are at the end of the part in
+    /// Integrates over some steps, each in parts, or over [`MOST_STEPS`] parts, and returns the states at the end. Events are at the end of the part in
     /// which an indicator changes its sign.
     fn integrate(&self, instance: &mut Instance, parts: usize) -> Outcome<Vec<f64>> {
         let mut next_event = self.start_up(instance)?;
         let mut states = self.states(instance)?;
         let mut indicators = self.indicators(instance)?;
         let mut time = self.start;
-        for k in 1..=STEPS * parts {
+        for k in 1..=(STEPS * parts).min(MOST_STEPS) {
             let end = self.start + self.step * k as f64 / parts as f64;
             self.made.set(self.made.get() + 1);
             while time < end {
