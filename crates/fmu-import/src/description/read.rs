@@ -1,5 +1,6 @@
 //! Reads the XML text.
 
+mod types;
 mod v2;
 mod v3;
 

@@ -1,18 +1,18 @@
 //! Variables and model structure of FMI 3.0.
 
+use super::types::{self, Head, Type, Types};
 use super::{
-    MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_length, dependency_kinds, initial, items,
+    MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_length, dependency_kinds, initial,
     variability,
 };
 use crate::c_api::Reference;
 use crate::description::{
-    BaseType, Causality, DataType, Dimension, FmiVersion, Initial, Item, OpaqueVariable, Unknown, Value, Variability,
+    BaseType, Causality, DataType, Dimension, FmiVersion, Initial, OpaqueVariable, Unknown, Value, Variability,
     Variable,
 };
 use crate::xml::{Element, XmlError};
 use std::collections::HashMap;
 use std::str::FromStr;
-use std::sync::Arc;
 
 const FMI: FmiVersion = FmiVersion::V3;
 /// Most elements of an array, and of all arrays: their start values and a copy of their values stay in memory.
@@ -40,21 +40,11 @@ fn data_type(tag: &str) -> Option<DataType> {
     })
 }
 
-/// A type definition: what its variables inherit.
-struct Type<'a> {
-    element: &'a Element,
-    data_type: DataType,
-    items: Arc<[Item]>,
-}
-
-type Types<'a> = HashMap<&'a str, Type<'a>>;
-
 pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Structure), XmlError> {
     let mut types = Types::new();
     for element in root.child("TypeDefinitions").into_iter().flat_map(|list| &list.children) {
         let Some(data_type) = element.name.strip_suffix("Type").and_then(data_type) else { continue };
-        let items = if data_type == DataType::Enumeration { items(element)? } else { Arc::default() };
-        types.insert(bounded(element, "name", MAX_NAME)?, Type { element, data_type, items });
+        types.insert(bounded(element, "name", MAX_NAME)?, Type::new(element, data_type)?);
     }
     let mut reader = VariableReader { variables: Variables::default(), elements: Vec::new(), indices: HashMap::new() };
     for element in root.child("ModelVariables").into_iter().flat_map(|list| &list.children) {
@@ -281,29 +271,6 @@ fn variable(
     (base_type, data_type): (BaseType, DataType),
     types: &Types<'_>,
 ) -> Result<Variable, XmlError> {
-    let declared = match element.attribute("declaredType") {
-        None => None,
-        Some(type_name) => match types.get(type_name) {
-            Some(definition) if definition.data_type == data_type => Some(definition),
-            Some(_) => {
-                return Err(element.place.error(format!("variable `{name}`: type `{type_name}` is of another type")));
-            }
-            None => {
-                return Err(element.place.error(format!("variable `{name}`: type `{type_name}` is not defined")));
-            }
-        },
-    };
-    // An attribute of the variable stands above that of its type.
-    let source = |attribute: &str| match (element.attribute(attribute), declared) {
-        (None, Some(definition)) => definition.element,
-        _ => element,
-    };
-    let text = |attribute| {
-        let text = source(attribute).attribute(attribute);
-        text.map(|text| check_length(source(attribute), attribute, text, MAX_INHERITED).map(|()| text.to_string()))
-            .transpose()
-    };
-    let number = |attribute| source(attribute).real(attribute);
     let causality = causality(element, FMI)?;
     // FMI 3.0.2, section 2.4.7.4.
     let default = match causality {
@@ -312,34 +279,10 @@ fn variable(
         _ => Variability::Discrete,
     };
     let variability = variability(element, FMI)?.unwrap_or(default);
-    Ok(Variable {
-        reference,
-        description: element.attribute("description").map(str::to_string),
-        causality,
-        variability,
-        initial: initial(element, causality, variability, FMI)?,
-        base_type,
-        data_type,
-        dimensions: Vec::new(),
-        lengths: Vec::new(),
-        size: 1,
-        start: None,
-        starts: Vec::new(),
-        other_start: None,
-        min: number("min")?,
-        max: number("max")?,
-        nominal: number("nominal")?,
-        quantity: text("quantity")?,
-        unit: text("unit")?,
-        display_unit: text("displayUnit")?,
-        relative_quantity: source("relativeQuantity").boolean("relativeQuantity")?.unwrap_or(false),
-        declared_type: element.attribute("declaredType").map(str::to_string),
-        items: declared.map(|definition| Arc::clone(&definition.items)).unwrap_or_default(),
-        derivative_of: None,
-        is_clocked: element.attribute("clocks").is_some(),
-        alias_of: None,
-        name,
-    })
+    let description = element.attribute("description").map(str::to_string);
+    let initial = initial(element, causality, variability, FMI)?;
+    let head = Head { name, reference, description, causality, variability, initial, base_type, data_type };
+    Ok(Variable { is_clocked: element.attribute("clocks").is_some(), ..types::variable(element, head, types)? })
 }
 
 /// A value of a list, if it is one of its type.
