@@ -375,10 +375,10 @@ impl Continuous for Hiding {
         [
             "error: variable `slow`: changes with `hidden`, which its dependencies in InitialUnknowns do not name; seen with \
              `leakage` = 1",
-            "error: variable `der(x)`: changes with `second`, which its dependencies in Derivatives do not name; seen with \
-             `damping` = 2",
             "error: variable `y`: changes with `first`, which its dependencies in Outputs do not name; seen with \
              `feedthrough` = 4",
+            "error: variable `der(x)`: changes with `second`, which its dependencies in Derivatives do not name; seen with \
+             `damping` = 2",
         ]
     );
 }
