@@ -391,7 +391,7 @@ impl Builder {
 
     /// Builds all models, each with its GUID.
     ///
-    /// The build has a folder of its own because its [`flags`] would make cargo build everything else anew, too; that of
+    /// The build has a folder of its own because its flags would make cargo build everything else anew, too; that of
     /// another toolchain another one. The GUIDs are built in, so that the libraries need not write their descriptions to
     /// know them.
     ///
