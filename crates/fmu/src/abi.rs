@@ -1,12 +1,12 @@
 //! The C interface. All unsafe code of an FMU is in this module: here what the versions of the standard share, in [`fmi2`]
-//! the functions of FMI 2.0.
+//! and [`fmi3`] their functions.
 //!
 //! Every function checks its pointers, turns them into references and slices, and calls the safe
 //! [`Instance`]. An error is logged through the caller's logger and becomes a status; a
 //! panic is caught, logged, and leaves an instance that can only be reset or freed.
 //!
 //! # Safety
-//! As in C: a component must come from [`instantiate`] and not have been freed, arrays must have the length that is
+//! As in C: a component must come from an instantiating function and not have been freed, arrays must have the length that is
 //! passed with them, strings must end with a zero, and one instance must not be used by two threads at a time.
 #![allow(unsafe_code)]
 #![expect(clippy::missing_safety_doc, reason = "the module's documentation says it for all functions")]

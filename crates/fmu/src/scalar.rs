@@ -1,7 +1,8 @@
 //! The numbers that the equations of a continuous-time model are written in.
 //!
-//! The same generic function runs on three of them: [`f64`] simulates, [`Dual64`] differentiates exactly along one
-//! direction, and [`Dependencies`] finds out which inputs and states a result depends on.
+//! The same generic function runs on several types: [`f64`] simulates, [`Dual64`](crate::Dual64) differentiates exactly
+//! along one direction, [`Dependencies`] finds out which inputs and states a result depends on, and a type of the exporter
+//! finds and freezes the relations of model exchange.
 //!
 //! [`Scalar`] has no comparison on purpose: a branch that looks at a value would hide the other side from
 //! [`Dependencies`]. Use [`Scalar::if_greater`], [`Scalar::min`], [`Scalar::max`], [`Scalar::sign`] and [`Scalar::clamp`].
