@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -57,25 +56,10 @@ signals = ["driver:driver.brake", "first:antilock_active.fl", "second:antilock_a
 """
 
 
-def test_both_masters_convert_alike(tmp_path: Path) -> None:
+def test_both_masters_convert_alike(tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]) -> None:
     scenario = tmp_path / "conversion.toml"
     scenario.write_text(SCENARIO, encoding="utf-8")
-    files: list[Path] = []
-    for name, options in (("fmpy", []), ("native", ["--native"])):
-        command = [sys.executable, str(ROOT / "scripts" / "cosim.py"), str(scenario), "--fmus", str(FOLDER), *options]
-        done = subprocess.run(
-            [*command, "--out", str(tmp_path / name)],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            encoding="utf-8",
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout
-        files.append(tmp_path / name / "conversion" / "runs" / "only.csv")
-    assert files[0].read_bytes() == files[1].read_bytes()
-
-    with files[0].open(encoding="utf-8") as file:
+    with run_by_both_masters(scenario, FOLDER).open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     names = ("driver.brake", "first:antilock_active.fl", "second:antilock_active.rl", "second:antilock_active.rr")
     pedal, first, left, right = (np.array([float(row[name]) for row in rows]) for name in names)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import math
 import subprocess
-import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
@@ -42,8 +42,9 @@ signals = ["new:*", "old:y"]
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs cc")
-def test_both_masters_run_components_of_both_versions_alike(tmp_path: Path) -> None:
+def test_both_masters_run_components_of_both_versions_alike(
+    tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]
+) -> None:
     for number, platform in ((2, fmpy.platform), (3, fmpy.platform_tuple)):
         library = tmp_path / "Decay.so"
         options = ["-O1", "-shared", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", f"-DFMI={number}"]
@@ -53,22 +54,7 @@ def test_both_masters_run_components_of_both_versions_alike(tmp_path: Path) -> N
             file.write(library, f"binaries/{platform}/Decay.so")
     scenario = tmp_path / "versions.toml"
     scenario.write_text(SCENARIO, encoding="utf-8")
-    files: list[Path] = []
-    for name, options in (("fmpy", []), ("native", ["--native"])):
-        command = [sys.executable, str(ROOT / "scripts" / "cosim.py"), str(scenario), "--fmus", str(tmp_path), *options]
-        done = subprocess.run(
-            [*command, "--out", str(tmp_path / name)],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            encoding="utf-8",
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout
-        files.append(tmp_path / name / "versions" / "runs" / "only.csv")
-    assert files[0].read_bytes() == files[1].read_bytes()
-
-    with files[0].open(encoding="utf-8") as file:
+    with run_by_both_masters(scenario, tmp_path).open(encoding="utf-8") as file:
         row = list(csv.DictReader(file))[-1]
     x = math.exp(-2.0 * 0.3)
     assert float(row["new:x"]) == pytest.approx(x, abs=1e-14)

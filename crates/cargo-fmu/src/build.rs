@@ -67,7 +67,7 @@ pub(crate) struct Export {
     pub(crate) interfaces: Vec<Interface>,
     /// Number of event indicators.
     pub(crate) indicators: usize,
-    /// Whether arrays are native.
+    /// Native arrays instead of scalars (FMI 3.0).
     pub(crate) arrays: bool,
 }
 

@@ -62,7 +62,7 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// What the FMUs are packed as.
+    /// Version of FMI, interfaces and arrays of the FMUs.
     fn format(&self) -> Result<Format> {
         if self.arrays && self.fmi == 2 {
             return Err(miette!(help = "Add --fmi 3.", "FMI 2.0 has no arrays"));
@@ -195,12 +195,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// What FMUs are packed as.
+/// Version of FMI, interfaces and arrays of FMUs.
 struct Format {
     /// Version of FMI.
     version: i32,
     interfaces: Vec<Interface>,
-    /// Whether arrays are native.
+    /// Native arrays instead of scalars (FMI 3.0).
     arrays: bool,
 }
 
@@ -211,7 +211,7 @@ impl Format {
         interfaces | if self.arrays { 4 } else { 0 }
     }
 
-    /// Whether it is that of the committed descriptions.
+    /// True for the format of the committed descriptions.
     fn is_default(&self) -> bool {
         self.version == 2 && [Interface::Cs, Interface::Me].iter().all(|interface| self.interfaces.contains(interface))
     }

@@ -1,7 +1,7 @@
 //! Builds for Windows on another system: a Rust with the sources of its standard library, and mingw-w64.
 //!
 //! The target is `x86_64-win7-windows-gnu`. With that of newer Windows a hash map takes its random numbers from a library
-//! that Windows 7 and Wine 8 lack. There is no compiled standard library for it, so cargo builds that along.
+//! that Windows 7 and Wine 8 lack. Rust has no prebuilt standard library for this target; cargo builds it from source.
 
 use std::process::Command;
 

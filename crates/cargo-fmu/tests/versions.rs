@@ -15,7 +15,7 @@ fn command(folder: &Path, arguments: &[&str]) -> Output {
     command.arg("fmu").args(arguments).current_dir(folder).output().unwrap()
 }
 
-/// What a command prints, which succeeds.
+/// Standard output of a command that must succeed.
 fn printed(folder: &Path, arguments: &[&str]) -> String {
     let output = command(folder, arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -319,8 +319,8 @@ fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> Toke
             let (ty, numbers) = (&outputs.ty, outputs.generics.type_params().map(|number| &number.ident));
             quote_spanned! {ty.span().resolved_at(Span::call_site())=>
                 const _: () = {
-                    // Outputs without real variables do not use the number type.
-                    #(#[allow(dead_code)] type #numbers = f64;)*
+                    // The constant uses the number type, because outputs without real variables do not.
+                    #(type #numbers = f64; const _: #numbers = 0.0;)*
                     ::core::assert!(!<#ty as #root::Variables<f64>>::HAS_STARTS, #message)
                 };
             }

@@ -161,7 +161,7 @@ pub struct Unpacked {
     pub binary: PathBuf,
     /// Folder of the resources; empty where the FMU has none.
     pub resources: PathBuf,
-    /// What a caller of the library has to know of its description.
+    /// Version, interface and types of the description, for the calls of the library.
     pub(crate) signature: Signature,
     _folder: Option<Folder>,
 }

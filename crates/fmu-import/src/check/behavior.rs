@@ -180,7 +180,7 @@ impl Trial<'_> {
             && self.started("step").is_ok_and(|mut instance| self.go(&mut instance, 0..1, 1).is_err_and(is_pending))
     }
 
-    /// Whether an instance can be made, and only with the GUID of the description.
+    /// Instantiation succeeds with the GUID of the description and fails with another one.
     fn instantiation(&self, tell: Tell<'_>) -> bool {
         instantiation(self.library, self.description, Interface::CoSimulation, tell)
     }
@@ -340,7 +340,7 @@ impl Trial<'_> {
     }
 }
 
-/// Whether an instance can be made, and only with the GUID of the description.
+/// Instantiation succeeds with the GUID of the description and fails with another one.
 fn instantiation(library: &Arc<Library>, description: &ModelDescription, interface: Interface, tell: Tell<'_>) -> bool {
     let (function, token) = match (description.fmi, interface) {
         (FmiVersion::V2, _) => ("fmi2Instantiate", "GUID"),
@@ -361,12 +361,12 @@ fn instantiation(library: &Arc<Library>, description: &ModelDescription, interfa
     true
 }
 
-/// Whether a variable takes part in the trials by itself: a scalar whose start value a value can hold.
+/// True for a scalar whose start value fits into a value; the trials vary such variables one by one.
 fn is_plain(variable: &Variable) -> bool {
     !variable.is_array() && variable.alias_of.is_none() && variable.other_start.is_none()
 }
 
-/// Whether two derivatives are the same but for their roundings.
+/// True for two derivatives that differ by rounding errors only.
 fn is_same_derivative(a: f64, b: f64) -> bool {
     const TOLERABLE: f64 = 1e-9;
     a.to_bits() == b.to_bits() || (a - b).abs() <= TOLERABLE * a.abs().max(b.abs())

@@ -34,7 +34,7 @@ struct Exchange<'a> {
     made: Cell<usize>,
 }
 
-/// What a trial found out about a binary: an error of a call, or a finding that ends it.
+/// Early end of a trial: a failed call, or a finding.
 enum Failure {
     Call(CallError),
     Found(Finding),
