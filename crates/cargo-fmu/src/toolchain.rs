@@ -102,7 +102,7 @@ fn usable(root: &Path, target: &str) -> Result<(), String> {
     let library = root.join(SOURCES).join("library/Cargo.lock");
     for file in [program(root, "cargo"), program(root, "rustc"), library] {
         if !file.exists() {
-            return Err(format!("there is no {}", file.display()));
+            return Err(format!("{} does not exist", file.display()));
         }
     }
     let targets = output(program(root, "rustc").as_os_str(), &["--print", "target-list"]).unwrap_or_default();

@@ -133,7 +133,7 @@ fn programs(root: &Path) -> Result<(PathBuf, Option<PathBuf>), String> {
         without_zig.get_or_insert(program);
     }
     Err(without_zig.map_or_else(
-        || format!("there is no {PROGRAM} in {} or on the PATH", root.join(".venv/bin").display()),
+        || format!("{PROGRAM} is neither in {} nor on the PATH", root.join(".venv/bin").display()),
         |program| format!("{} is installed, but finds no zig", program.display()),
     ))
 }

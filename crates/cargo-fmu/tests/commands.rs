@@ -186,7 +186,7 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     contains(&error, "[possible values: linux64, win64, aarch64-linux, x86_64-darwin, aarch64-darwin]");
     let error = pack(&["--platforms", "linux64,win64"], "");
     contains(&error, "the linker x86_64-w64-mingw32-gcc is not on the PATH");
-    contains(&error, "there is no no/rust/here/bin/cargo");
+    contains(&error, "no/rust/here/bin/cargo does not exist");
     contains(&error, "gcc-mingw-w64-x86-64-win32 cargo-web rustc-web rust-web-src");
     contains(&error, "CHASSIS_FMU_WIN64_RUST=FOLDER");
     let (this, other, target) = if cfg!(target_arch = "x86_64") {
@@ -195,9 +195,9 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
         ("aarch64-linux", "linux64", "x86_64-unknown-linux-gnu")
     };
     let error = pack(&["--platforms", &format!("{this},{other}")], "");
-    contains(&error, &format!("{other} cannot be built here: there is no cargo-zigbuild in"));
+    contains(&error, &format!("{other} cannot be built here: cargo-zigbuild is neither in"));
     contains(&error, &format!("the Rust in use has no standard library for {target}"));
-    contains(&error, "there is no no/rust/here/bin/cargo");
+    contains(&error, "no/rust/here/bin/cargo does not exist");
     contains(&error, "`scripts/setup`, which installs cargo-zigbuild and zig");
     contains(&error, &format!("`rustup target add {target}`"));
     contains(&error, "`apt-get install --no-install-recommends cargo-web rustc-web rust-web-src`");
@@ -313,7 +313,7 @@ fn a_portable_binary_is_a_setting_that_needs_a_linker() {
     let portable = workspace("portable = true");
     let error = pack(&portable, &[]);
     assert!(error.contains("`portable = true` in [workspace.metadata.fmu] of Cargo.toml asks for"), "{error}");
-    assert!(error.contains("there is no cargo-zigbuild in"), "{error}");
+    assert!(error.contains("cargo-zigbuild is neither in"), "{error}");
     assert!(error.contains("Run `scripts/setup`") && error.contains("pass --no-portable"), "{error}");
     // It concerns linux64 alone, and the command line has the last word.
     assert!(pack(&portable, &["--no-portable"]).contains(NO_MODEL));
