@@ -278,22 +278,13 @@ calls! {
 
 impl Function {
     /// Whether the function may be called in `mode`.
-    #[inline]
     pub const fn allowed(self, protocol: Protocol, mode: Mode) -> bool {
         self.modes()[protocol.column()] & mode.bit() != 0
     }
 
-    /// Rejects a call out of order.
-    ///
-    /// # Errors
-    /// "called in X, allowed in Y".
-    #[inline]
-    pub fn check(self, protocol: Protocol, mode: Mode) -> Result<(), String> {
-        if self.allowed(protocol, mode) { Ok(()) } else { Err(self.out_of_order(protocol, mode)) }
-    }
-
+    /// Why a call is out of order: "called in X, allowed in Y".
     #[cold]
-    fn out_of_order(self, protocol: Protocol, mode: Mode) -> String {
+    pub fn out_of_order(self, protocol: Protocol, mode: Mode) -> String {
         let name = self.name(protocol.version);
         if self.modes()[protocol.column()] == NO {
             return format!("{name} is not a function of {}", protocol.interface.name());
@@ -303,6 +294,53 @@ impl Function {
     }
 }
 
+/// The functions that may be called in a mode: the table of calls seen from the mode. An instance keeps them, so that a call
+/// tests one bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Functions(u128);
+
+impl Functions {
+    /// All that may be called in `mode`.
+    pub const fn allowed(protocol: Protocol, mode: Mode) -> Self {
+        ALLOWED[protocol.column()][mode as usize]
+    }
+
+    /// Whether a function is among them.
+    #[inline]
+    pub const fn contains(self, function: Function) -> bool {
+        self.0 >> function as u32 & 1 != 0
+    }
+
+    const fn collect(protocol: Protocol, mode: Mode) -> Self {
+        let mut set = 0;
+        let mut number = 0;
+        while number < Function::ALL.len() {
+            let function = Function::ALL[number];
+            if function.allowed(protocol, mode) {
+                set |= 1 << function as u32;
+            }
+            number += 1;
+        }
+        Self(set)
+    }
+}
+
+/// By column of the table of calls, then by mode.
+static ALLOWED: [[Functions; Mode::ALL.len()]; Protocol::ALL.len()] = {
+    let mut table = [[Functions(0); Mode::ALL.len()]; Protocol::ALL.len()];
+    let mut column = 0;
+    while column < Protocol::ALL.len() {
+        let protocol = Protocol::ALL[column];
+        let mut mode = 0;
+        while mode < Mode::ALL.len() {
+            table[protocol.column()][mode] = Functions::collect(protocol, Mode::ALL[mode]);
+            mode += 1;
+        }
+        column += 1;
+    }
+    table
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -310,14 +348,26 @@ mod tests {
     #[test]
     fn an_error_says_where_it_was_called_and_where_it_may_be() {
         assert_eq!(
-            Function::Terminate.check(Protocol::CS2, Mode::Instantiated).unwrap_err(),
+            Function::Terminate.out_of_order(Protocol::CS2, Mode::Instantiated),
             "fmi2Terminate called in Instantiated, allowed in Step Mode, Step Failed"
         );
-        assert_eq!(Function::Reset.check(Protocol::CS2, Mode::Broken), Ok(()));
         assert_eq!(
-            Function::DoStep.check(Protocol::ME3, Mode::Event).unwrap_err(),
+            Function::DoStep.out_of_order(Protocol::ME3, Mode::Event),
             "fmi3DoStep is not a function of model exchange"
         );
+    }
+
+    #[test]
+    fn the_functions_of_a_mode_are_those_that_allow_it() {
+        for protocol in Protocol::ALL {
+            for mode in Mode::ALL {
+                let functions = Functions::allowed(protocol, mode);
+                for &function in Function::ALL {
+                    let expected = function.allowed(protocol, mode);
+                    assert_eq!(functions.contains(function), expected, "{function:?} {protocol:?} {mode:?}");
+                }
+            }
+        }
     }
 
     #[test]

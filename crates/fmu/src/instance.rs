@@ -4,7 +4,7 @@ use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::calls::{Function, Interface, Mode, Protocol};
+use crate::calls::{Function, Functions, Interface, Mode, Protocol};
 use crate::clock::Clock;
 use crate::description::Description;
 use crate::runner::{Kind as ModelKind, Model, are_finite};
@@ -53,6 +53,8 @@ pub struct Instance<M: Model> {
     description: Arc<Description>,
     resources: PathBuf,
     mode: Mode,
+    /// What may be called in the mode.
+    allowed: Functions,
     clock: Clock,
     values: ValueStore,
     parameters: M::Parameters,
@@ -87,6 +89,7 @@ impl<M: Model> Instance<M> {
             description,
             resources,
             mode: Mode::Instantiated,
+            allowed: Functions::allowed(protocol, Mode::Instantiated),
             clock: Clock::ZERO,
             parameters,
             derived: None,
@@ -110,12 +113,22 @@ impl<M: Model> Instance<M> {
         self.mode
     }
 
+    /// Changes the mode.
+    fn enter(&mut self, mode: Mode) {
+        self.mode = mode;
+        self.allowed = Functions::allowed(self.protocol, mode);
+    }
+
     /// Rejects a call out of order.
     ///
     /// # Errors
     /// "called in X, allowed in Y".
+    #[inline]
     pub fn check(&self, function: Function) -> CallResult {
-        Ok(function.check(self.protocol, self.mode)?)
+        if self.allowed.contains(function) {
+            return Ok(());
+        }
+        Err(function.out_of_order(self.protocol, self.mode).into())
     }
 
     /// An error of a function, which the message names.
@@ -130,7 +143,7 @@ impl<M: Model> Instance<M> {
 
     /// After a panic nothing but reset and free is trusted.
     pub(crate) fn mark_broken(&mut self) {
-        self.mode = Mode::Broken;
+        self.enter(Mode::Broken);
     }
 
     pub(crate) fn layout(&self) -> &Layout {
@@ -174,7 +187,7 @@ impl<M: Model> Instance<M> {
     /// Out of order.
     pub fn enter_initialization(&mut self) -> CallResult {
         self.check(Function::EnterInitializationMode)?;
-        self.mode = Mode::Initialization;
+        self.enter(Mode::Initialization);
         Ok(())
     }
 
@@ -209,10 +222,10 @@ impl<M: Model> Instance<M> {
                 .into());
             }
         }
-        self.mode = match self.protocol.interface {
+        self.enter(match self.protocol.interface {
             Interface::CoSimulation if !self.uses_event_mode => Mode::Step,
             _ => Mode::Event,
-        };
+        });
         if self.mode == Mode::Event
             && let Some(memory) = &mut self.memory
         {
@@ -227,7 +240,7 @@ impl<M: Model> Instance<M> {
     /// Out of order.
     pub fn terminate(&mut self) -> CallResult {
         self.check(Function::Terminate)?;
-        self.mode = Mode::Terminated;
+        self.enter(Mode::Terminated);
         Ok(())
     }
 
@@ -306,14 +319,17 @@ impl<M: Model> Instance<M> {
         are_computed && self.outputs_are_old
     }
 
-    /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them.
-    #[inline]
+    /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them. A controller's are
+    /// so as a rule: always inlined, as the call would cost more than the test.
+    #[inline(always)]
     fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> CallResult {
         let outputs = outputs && self.outputs_are_due();
         let derivatives = derivatives && self.derivatives_are_old;
-        if !(calculated || outputs || derivatives) {
-            return Ok(());
-        }
+        if calculated || outputs || derivatives { self.compute(outputs, derivatives) } else { Ok(()) }
+    }
+
+    /// Computes outputs and derivatives; what is calculated from the parameters first, if it is not known.
+    fn compute(&mut self, outputs: bool, derivatives: bool) -> CallResult {
         if self.memory.is_none() {
             self.derive()?;
         }

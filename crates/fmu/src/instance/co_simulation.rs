@@ -26,8 +26,9 @@ impl<M: Model> Instance<M> {
     #[inline]
     fn advance(&mut self, time: f64, step: f64, stops_at_events: bool) -> CallResult<bool> {
         self.check(Function::DoStep)?;
-        let name = Function::DoStep.name(self.protocol.version);
-        let rejected = |message: String| Err(CallError::Error(format!("{name}: {message}")));
+        let version = self.protocol.version;
+        let rejected =
+            |message: String| Err(CallError::Error(format!("{}: {message}", Function::DoStep.name(version))));
         let is_length = step > 0.0 && step <= f64::MAX;
         if !is_length {
             return rejected(format!("communicationStepSize must be finite and above 0, got {step} s"));
@@ -68,7 +69,7 @@ impl<M: Model> Instance<M> {
         let stopped = match result {
             Ok(stopped) => stopped,
             Err(error) => {
-                self.mode = Mode::StepFailed;
+                self.enter(Mode::StepFailed);
                 let what = self.reason(error);
                 return rejected(format!("{what}; the state at {time} s was restored and the instance cannot step on"));
             }
@@ -86,7 +87,7 @@ impl<M: Model> Instance<M> {
     /// Out of order.
     pub fn enter_step_mode(&mut self) -> CallResult {
         self.check(Function::EnterStepMode)?;
-        self.mode = Mode::Step;
+        self.enter(Mode::Step);
         self.forget_results();
         Ok(())
     }

@@ -16,7 +16,7 @@ impl<M: Model> Instance<M> {
         if self.protocol.interface == Interface::CoSimulation && !self.uses_event_mode {
             return Err(self.error(function, "eventModeUsed was false when the instance was made"));
         }
-        self.mode = Mode::Event;
+        self.enter(Mode::Event);
         self.forget_results();
         Ok(())
     }
@@ -46,7 +46,7 @@ impl<M: Model> Instance<M> {
         self.check(Function::EnterContinuousTimeMode)?;
         self.refresh(false, true, false)?;
         self.settle()?;
-        self.mode = Mode::ContinuousTime;
+        self.enter(Mode::ContinuousTime);
         self.forget_results();
         Ok(())
     }

@@ -26,7 +26,7 @@ impl<M: Model> Instance<M> {
     /// Out of order.
     pub fn restore(&mut self, snapshot: &Snapshot<M>) -> CallResult {
         self.check(Function::SetFMUstate)?;
-        self.mode = snapshot.mode;
+        self.enter(snapshot.mode);
         self.clock = snapshot.clock;
         self.values.clone_from(&snapshot.values);
         self.memory.clone_from(&snapshot.memory);
