@@ -52,6 +52,7 @@ pub mod abi;
 pub mod calls;
 mod clock;
 #[doc(hidden)]
+mod combinations;
 pub mod comparison;
 #[doc(hidden)]
 pub mod declare;

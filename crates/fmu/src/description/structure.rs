@@ -2,16 +2,11 @@
 
 use std::path::Path;
 
+use crate::combinations::{MOST_VALUES, are_few, combinations};
 use crate::runner::{Kind as ModelKind, Model};
 use crate::scalar::DependencySet;
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role, Variable};
-
-/// The most combinations of Booleans, enumerations and bounded Integers that are tried.
-const MOST_COMBINATIONS: usize = 4096;
-
-/// The most values of an Integer that are tried.
-const MOST_VALUES: i64 = 64;
 
 /// What the equations say about themselves.
 #[derive(Default)]
@@ -22,9 +17,10 @@ pub(super) struct Structure {
     pub(super) relations: usize,
 }
 
-/// Dependencies and relations over all values of all Booleans, enumerations and bounded Integers.
+/// Dependencies and relations over the values of Booleans, enumerations and bounded Integers, see [`combinations`].
 pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Structure, String> {
-    let mut values = ValueStore::start(layout);
+    let start = ValueStore::start(layout);
+    let mut values = start.clone();
     // The last one is the time.
     let known = layout.inputs.counts.reals + layout.states.counts.reals + 1;
     let unknown = layout.outputs.counts.reals + layout.states.counts.reals;
@@ -37,7 +33,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
             Kind::Integer { items, .. } if !items.is_empty() => {
                 branches.push((true, variable.index, items.iter().map(|item| item.value).collect()));
             }
-            Kind::Integer { min, max, .. } if i64::from(*max) - i64::from(*min) < MOST_VALUES => {
+            Kind::Integer { min, max, .. } if i64::from(*max) - i64::from(*min) < MOST_VALUES as i64 => {
                 branches.push((true, variable.index, (*min..=*max).collect()));
             }
             Kind::Boolean { .. } => branches.push((false, variable.index, vec![0, 1])),
@@ -45,9 +41,8 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
             Kind::Integer { .. } | Kind::String { .. } => is_open = true,
         }
     }
-    let combinations = branches.iter().try_fold(1_usize, |all, (_, _, values)| all.checked_mul(values.len()));
-    let combinations = combinations.filter(|&all| all <= MOST_COMBINATIONS);
-    is_open |= combinations.is_none();
+    let sizes: Vec<_> = branches.iter().map(|(_, _, options)| options.len()).collect();
+    is_open |= !are_few(&sizes);
     let mut union = vec![DependencySet::default(); unknown];
     if is_open {
         union.iter_mut().for_each(|set| (0..known).for_each(|index| set.insert(index)));
@@ -55,11 +50,11 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
     let mut relations = 0;
     let mut failure = None;
     let mut has_derived = false;
-    for combination in 0..combinations.unwrap_or(1) {
-        let mut rest = combination;
-        for (is_integer, index, options) in &branches {
-            let value = options[rest % options.len()];
-            rest /= options.len();
+    for choice in combinations(&sizes) {
+        values.clone_from(&start);
+        for ((is_integer, index, options), number) in branches.iter().zip(choice) {
+            let Some(number) = number else { continue };
+            let value = options[number];
             if *is_integer {
                 values.integers[*index] = value;
             } else {
@@ -83,7 +78,7 @@ pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<S
                 }
             }
             // A combination without derived parameters cannot be simulated, so it adds nothing.
-            Err(message) => failure = Some(message),
+            Err(message) => failure = failure.or(Some(message)),
         }
     }
     match failure {

@@ -4,6 +4,7 @@
 use super::continuous::{ContinuousModel, MOST_EVENTS, Memory};
 use super::{StepError, Update, first_not_finite};
 use crate::clock::slack;
+use crate::combinations::{MOST_VALUES, combinations};
 use crate::discrete_state::{DiscreteState, OwnedWord, Word, Words};
 use crate::model::{At, Continuous, Event, is_crossing};
 use crate::relation::{PROBE, Relational, Relations, indicator_of};
@@ -11,10 +12,8 @@ use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
 use crate::variables::{Counts, Values, ValuesMut, Variables as _};
 
-/// Values of a Boolean, enumeration or Integer of the discrete state that are tried when relations are counted.
-const MOST_VALUES: u64 = 64;
-/// Combinations of them that are tried.
-const MOST_MODES: usize = 4096;
+/// Numbers that an enumeration does not have, as nobody would list so many items.
+const NOT_LISTED: [u64; 2] = [0x7fff_fe35, 0x7fff_ffff];
 
 /// What a continuous-time model keeps for model exchange besides its variables.
 #[derive(Clone, Debug)]
@@ -354,8 +353,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
     }
 }
 
-/// Discrete states on which equations may branch: each Boolean, enumeration and Integer with every value up to
-/// [`MOST_VALUES`], all combinations if they are few.
+/// Discrete states on which equations may branch: Booleans and enumerations with every value, see [`combinations`]. Other
+/// fields keep their values: equations need not work for any Integer, which may be a count or an index.
 fn modes_of<D: DiscreteState + Clone>(discrete: &D) -> Vec<D> {
     let mut words = Vec::new();
     discrete.save(&mut |word| words.push(OwnedWord::from(word)));
@@ -369,27 +368,18 @@ fn modes_of<D: DiscreteState + Clone>(discrete: &D) -> Vec<D> {
         let mut state = discrete.clone();
         state.load(&mut Words(&mut next)).ok().map(|()| state)
     };
+    let is_limited = |at: usize| NOT_LISTED.iter().any(|&value| with(&[(at, value)]).is_none());
     let options: Vec<(usize, Vec<u64>)> = (0..words.len())
-        .filter(|&at| matches!(words[at], OwnedWord::Whole(_)))
-        .map(|at| (at, (0..MOST_VALUES).filter(|&value| with(&[(at, value)]).is_some()).collect()))
+        .filter(|&at| matches!(words[at], OwnedWord::Whole(_)) && is_limited(at))
+        .map(|at| (at, (0..MOST_VALUES as u64).filter(|&value| with(&[(at, value)]).is_some()).collect()))
+        .filter(|(_, values): &(usize, Vec<u64>)| !values.is_empty())
         .collect();
-    let mut modes = vec![discrete.clone()];
-    let combinations = options.iter().try_fold(1, |all: usize, (_, values)| all.checked_mul(values.len().max(1)));
-    match combinations.filter(|&all| all <= MOST_MODES) {
-        Some(combinations) => modes.extend((0..combinations).filter_map(|mut number| {
-            let choose = |(at, values): &(usize, Vec<u64>)| {
-                let value = *values.get(number.checked_rem(values.len())?)?;
-                number /= values.len();
-                Some((*at, value))
-            };
-            with(&options.iter().filter_map(choose).collect::<Vec<_>>())
-        })),
-        None => {
-            let single = options.iter().flat_map(|(at, values)| values.iter().map(move |&value| [(*at, value)]));
-            modes.extend(single.filter_map(|change| with(&change)));
-        }
-    }
-    modes
+    let sizes: Vec<_> = options.iter().map(|(_, values)| values.len()).collect();
+    let mode = |choice: Vec<Option<usize>>| {
+        let chosen = options.iter().zip(choice);
+        with(&chosen.filter_map(|((at, values), number)| Some((*at, values[number?]))).collect::<Vec<_>>())
+    };
+    combinations(&sizes).into_iter().filter_map(mode).collect()
 }
 
 /// Nominal value of a real variable.

@@ -1,0 +1,63 @@
+//! Which values of several variables are tried together.
+
+/// The most values of a variable that are tried.
+pub(crate) const MOST_VALUES: usize = 64;
+
+/// The most combinations that are tried.
+const MOST_COMBINATIONS: usize = 4096;
+
+/// For variables with so many values each, the numbers of the values to try together; `None` leaves a variable as it is. First
+/// all as they are, then all combinations. If these are more than [`MOST_COMBINATIONS`], each value of each variable alone.
+pub(crate) fn combinations(sizes: &[usize]) -> Vec<Vec<Option<usize>>> {
+    let mut tried = vec![vec![None; sizes.len()]];
+    if are_few(sizes) {
+        let all: usize = sizes.iter().product();
+        tried.extend((0..all).map(|mut number| {
+            let digit = |&size: &usize| {
+                let value = number % size;
+                number /= size;
+                Some(value)
+            };
+            sizes.iter().map(digit).collect()
+        }));
+    } else {
+        for (at, &size) in sizes.iter().enumerate() {
+            tried.extend((0..size).map(|value| {
+                let mut one = vec![None; sizes.len()];
+                one[at] = Some(value);
+                one
+            }));
+        }
+    }
+    tried
+}
+
+/// Whether all combinations are tried.
+pub(crate) fn are_few(sizes: &[usize]) -> bool {
+    let all = sizes.iter().try_fold(1_usize, |all, &size| all.checked_mul(size));
+    all.is_some_and(|all| all <= MOST_COMBINATIONS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_values_are_tried_in_all_combinations() {
+        let tried = combinations(&[2, 3]);
+        assert_eq!(tried[0], [None, None]);
+        let mut rest = tried[1..].to_vec();
+        rest.sort();
+        let expected: Vec<_> = (0..2).flat_map(|a| (0..3).map(move |b| vec![Some(a), Some(b)])).collect();
+        assert_eq!(rest, expected);
+        assert_eq!(combinations(&[]), [vec![], vec![]]);
+    }
+
+    #[test]
+    fn many_values_are_tried_one_by_one() {
+        let tried = combinations(&[2; 13]);
+        assert!(!are_few(&[2; 13]));
+        assert_eq!(tried.len(), 1 + 26);
+        assert!(tried[1..].iter().all(|one| one.iter().flatten().count() == 1));
+    }
+}
