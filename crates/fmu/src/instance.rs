@@ -60,8 +60,8 @@ pub struct Instance<M: Model> {
     parameters: M::Parameters,
     /// Computed when they are first needed after a fixed parameter changed.
     derived: Option<Arc<M::Derived>>,
-    /// Made with the derived parameters. Not restored when a step fails: in Step Failed nothing reads it, and a saved state or
-    /// a reset replaces it.
+    /// Made with the derived parameters. When a step fails, only the discrete state of a continuous-time model is restored, for
+    /// its outputs; in Step Failed nothing reads the rest, and a saved state or a reset replaces it.
     memory: Option<M::Memory>,
     outputs_are_old: bool,
     derivatives_are_old: bool,

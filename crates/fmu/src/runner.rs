@@ -145,8 +145,8 @@ pub trait Model: 'static {
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, StepError>;
-    /// Prepares the memory for events that the importer asks for, which begin at `start`.
-    fn begin_events(_memory: &mut Self::Memory, _layout: &Layout, _start: f64) {}
+    /// Prepares the memory for events that the importer handles, if it is not: those up to `time` are done.
+    fn begin_events(_memory: &mut Self::Memory, _layout: &Layout, _time: f64) {}
     /// Computes the outputs at `time`; those of the first sample of a source.
     fn outputs(
         p: &Self::Parameters,

@@ -133,7 +133,7 @@ pub unsafe fn set_debug_logging<E: Export>(
     unsafe { common::set_log_categories::<E>(component, logging_on != 0, count, categories) }
 }
 
-/// fmi2SetupExperiment. The tolerance is not used: the integrator has a fixed step.
+/// fmi2SetupExperiment. The tolerance is not used: that of a solver with error control is a parameter.
 pub unsafe fn setup_experiment<E: Export>(
     component: Component,
     _tolerance_defined: Boolean,

@@ -48,7 +48,7 @@ impl<M: Model> Instance<M> {
         let slopes = self.slopes(&direction)?;
         let of = |unknown: &Unknown| unknown.of(&direction, &slopes);
         if let Some(at) = unknowns.iter().position(|unknown| !of(unknown).is_finite()) {
-            return Err(self.no_derivative(function, unknown[at]));
+            return Err(self.no_derivative(function, "of", unknown[at]));
         }
         for (value, unknown) in result.iter_mut().zip(&unknowns) {
             *value = of(unknown);
@@ -81,7 +81,7 @@ impl<M: Model> Instance<M> {
             let slopes = self.slopes(&direction)?;
             *product = unknowns.iter().zip(seed).map(|(unknown, seed)| seed * unknown.of(&direction, &slopes)).sum();
             if !product.is_finite() {
-                return Err(self.no_derivative(function, reference));
+                return Err(self.no_derivative(function, "with respect to", reference));
             }
         }
         result.copy_from_slice(&products);
@@ -162,8 +162,8 @@ impl<M: Model> Instance<M> {
         self.layout().by_reference(reference).map_or("time", |variable| &variable.declaration.name)
     }
 
-    fn no_derivative(&self, function: Function, reference: u32) -> CallError {
+    fn no_derivative(&self, function: Function, preposition: &str, reference: u32) -> CallError {
         let name = self.name_of(reference);
-        self.error(function, format_args!("the derivative of '{name}' is not finite at this point"))
+        self.error(function, format_args!("the derivative {preposition} '{name}' is not finite at this point"))
     }
 }

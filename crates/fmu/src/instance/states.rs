@@ -31,6 +31,13 @@ impl<M: Model> Instance<M> {
         self.values.clone_from(&snapshot.values);
         self.memory.clone_from(&snapshot.memory);
         self.derived.clone_from(&snapshot.derived);
+        if self.uses_event_mode
+            && !self.is_before_start()
+            && let Some(memory) = &mut self.memory
+        {
+            // The instance that saved the state may have handled its events in its steps.
+            M::begin_events(memory, &self.description.layout, self.clock.time);
+        }
         self.parameters = self.values.parameters::<M>();
         self.texts = texts(&self.values.strings);
         self.forget_results();

@@ -13,12 +13,24 @@ fn type_set_by(function: Function) -> &'static str {
     &name["fmi2Set".len()..]
 }
 
+/// A type of FMI 2.0 by its name in a version.
+fn name_in(version: Version, name: &str) -> &str {
+    match (version, name) {
+        (Version::Fmi3, "Real") => "Float64",
+        (Version::Fmi3, "Integer") => "Int32",
+        _ => name,
+    }
+}
+
 impl<M: Model> Instance<M> {
     #[cold]
     fn unknown_reference(&self, function: Function, reference: u32, expected: &str) -> CallError {
+        let version = self.protocol.version;
+        let expected = name_in(version, expected);
         let what = match self.layout().by_reference(reference) {
             Some(variable) => {
-                format!("'{}' of type {}", variable.declaration.name, variable.declaration.kind.type_name())
+                let found = name_in(version, variable.declaration.kind.type_name());
+                format!("'{}' of type {found}", variable.declaration.name)
             }
             None => "no variable".to_owned(),
         };
@@ -100,7 +112,7 @@ impl<M: Model> Instance<M> {
         if is_enumeration == wants_enumeration {
             return Ok(());
         }
-        let expected = if wants_enumeration { "Enumeration" } else { "Int32" };
+        let expected = if wants_enumeration { "Enumeration" } else { "Integer" };
         Err(self.unknown_reference(function, reference, expected))
     }
 

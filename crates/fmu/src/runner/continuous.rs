@@ -99,17 +99,46 @@ struct Integration<'a, M: Continuous> {
     stops_at_events: bool,
     /// Time of the event at which the step stopped in s.
     stopped: Option<f64>,
+    /// The discrete state before the first event of the step, for a step that fails.
+    before_events: Option<M::DiscreteState>,
+}
+
+/// Whether the model has events at all.
+const fn has_events<M: Continuous>() -> bool {
+    size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS
 }
 
 impl<'a, M: Continuous> Integration<'a, M> {
-    /// Whether the model has events at all.
-    fn has_events() -> bool {
-        size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS
+    /// The state after the step of the master, in so many parts.
+    #[inline]
+    fn over(
+        &mut self,
+        mut x: M::State<f64>,
+        time: f64,
+        step: f64,
+        parts: u64,
+        tolerance: f64,
+    ) -> Result<M::State<f64>, StepError> {
+        let end = time + step;
+        if has_error_control(M::SOLVER) {
+            return self.controlled(time, x, end, tolerance);
+        }
+        let h = step / parts as f64;
+        for part in 0..parts {
+            // Each part ends where the next one starts, so that no time event is between them.
+            let start = |part: u64| time + part as f64 * h;
+            let end = if part + 1 == parts { end } else { start(part + 1) };
+            x = self.part(start(part), x, h, end)?;
+            if has_events::<M>() && self.stopped.is_some() {
+                break;
+            }
+        }
+        Ok(x)
     }
 
     /// The state after one part of the step, of `h` s, which ends at `end`.
     fn part(&mut self, time: f64, x: M::State<f64>, h: f64, end: f64) -> Result<M::State<f64>, StepError> {
-        if !Self::has_events() {
+        if !has_events::<M>() {
             return Ok(self.problem.fixed(time, &x, &self.memory.discrete, h));
         }
         self.until(time, x, end, &mut |this: &mut Self, time, x, limit| {
@@ -180,7 +209,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
         end: f64,
         advance: Advance<'_, 'a, M>,
     ) -> Result<M::State<f64>, StepError> {
-        if !Self::has_events() {
+        if !has_events::<M>() {
             while time < end {
                 let limit = end - time;
                 let (after, h) = advance(self, time, &x, limit)?;
@@ -318,6 +347,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
     ) -> Result<(), StepError> {
         if self.events == 0 {
             self.first_event = time;
+            self.before_events = Some(self.memory.discrete.clone());
         }
         self.events += 1;
         if self.events > MOST_EVENTS {
@@ -412,7 +442,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
     const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
-    const HAS_EVENTS: bool = size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS;
+    const HAS_EVENTS: bool = has_events::<M>();
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Continuous;
     type Parameters = M;
@@ -504,33 +534,24 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             handled: step.reached,
             stops_at_events: step.stops_at_events,
             stopped: None,
+            before_events: None,
         };
-        let mut x = before.copied();
-        if has_error_control(M::SOLVER) {
-            let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
-            x = integration.controlled(step.time, x, end, tolerance)?;
-        } else {
-            let h = step.step / parts as f64;
-            for part in 0..parts {
-                // Each part ends where the next one starts, so that no time event is between them.
-                let start = |part: u64| step.time + part as f64 * h;
-                let end = if part + 1 == parts { end } else { start(part + 1) };
-                x = integration.part(start(part), x, h, end)?;
-                if Self::HAS_EVENTS && integration.stopped.is_some() {
-                    break;
-                }
+        let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
+        let advanced = integration.over(before.copied(), step.time, step.step, parts, tolerance);
+        let Integration { stopped, handled, before_events, .. } = integration;
+        let result = advanced.and_then(|x| {
+            x.write(&mut values.view_mut(), layout.states.at);
+            first_not_finite(&values.reals, layout.states.reals(), end)
+                .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))
+        });
+        if Self::HAS_EVENTS {
+            match (&result, &mut memory.exchange, before_events) {
+                (Ok(()), Some(exchange), _) => exchange.handled = if stopped.is_some() { handled } else { end },
+                (Err(_), _, Some(discrete)) => memory.discrete = discrete,
+                _ => {}
             }
         }
-        let (stopped, handled) = (integration.stopped, integration.handled);
-        if Self::HAS_EVENTS
-            && let Some(exchange) = &mut memory.exchange
-        {
-            exchange.handled = if stopped.is_some() { handled } else { end };
-        }
-        x.write(&mut values.view_mut(), layout.states.at);
-        first_not_finite(&values.reals, layout.states.reals(), end)
-            .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
-        Ok(stopped)
+        result.map(|()| stopped)
     }
 
     fn outputs(
@@ -639,8 +660,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         all
     }
 
-    fn begin_events(memory: &mut Self::Memory, layout: &Layout, start: f64) {
-        memory.exchange = Some(Exchange::new(layout, start).into());
+    fn begin_events(memory: &mut Self::Memory, layout: &Layout, time: f64) {
+        memory.exchange.get_or_insert_with(|| Exchange::new(layout, time).into());
     }
 
     fn count_relations(
@@ -701,7 +722,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             memory.crossings.iter().for_each(|&value| sink(Word::Real(value)));
         }
         memory.discrete.save(sink);
-        if MODEL_EXCHANGE {
+        if MODEL_EXCHANGE || Self::HAS_EVENTS {
             sink(Word::Whole(memory.exchange.is_some().into()));
             if let Some(exchange) = &memory.exchange {
                 exchange.save(sink);
@@ -724,7 +745,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             }
         }
         memory.discrete.load(source)?;
-        if MODEL_EXCHANGE && source.whole("mark of model exchange")? != 0 {
+        let has_exchange = (MODEL_EXCHANGE || Self::HAS_EVENTS) && source.whole("mark of events")? != 0;
+        if has_exchange {
             let mut exchange = Exchange::new(layout, 0.0);
             exchange.restore(source)?;
             memory.exchange = Some(exchange.into());

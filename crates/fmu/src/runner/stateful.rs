@@ -79,8 +79,7 @@ impl<M: Stateful> Model for StatefulModel<M> {
         _: &mut ValueStore,
         _: &mut Clock,
     ) -> Result<Update, StepError> {
-        // Event Mode of co-simulation, FMI 3.0: the simulation has no events of its own.
-        Ok(Update { states_changed: false, next_event_time: None })
+        unreachable!("neither model exchange nor Event Mode is provided")
     }
 
     fn save(simulation: &M::Simulation, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String> {

@@ -163,26 +163,26 @@ fn a_chain_of_ever_shorter_intervals_is_an_error() {
 }
 
 #[derive(Parameters)]
-struct Pulses {
+pub(crate) struct Pulses {
     /// Period (s)
     #[var(start = 0.1)]
     period: f64,
 }
 
 #[derive(State)]
-struct Charge<T> {
+pub(crate) struct Charge<T> {
     /// Integral of the pulses (s)
     charge: T,
 }
 
 #[derive(Outputs)]
-struct Edges {
+pub(crate) struct Edges {
     /// Edges so far
     edges: i32,
 }
 
 #[derive(DiscreteState, Clone, Default)]
-struct Edge {
+pub(crate) struct Edge {
     /// Edges so far; the signal is on after an odd number of them.
     count: i32,
 }
@@ -236,7 +236,7 @@ fn time_events_are_met_exactly_whatever_the_communication_steps() {
 }
 
 #[derive(Parameters)]
-struct Clocked;
+pub(crate) struct Clocked;
 
 /// The next event follows from the time alone
 #[fmu::model(stop_time = 1.0, step_size = 0.1)]

@@ -8,10 +8,11 @@ use std::sync::Mutex;
 
 use fmu::abi::fmi3::{self, Arguments};
 use fmu::abi::{self, Component, Export, Library, Status};
-use fmu::calls::Function;
+use fmu::calls::{Function, Interfaces};
 use fmu::description::{Description, Format};
+use fmu::runner::ContinuousModel;
 
-use crate::events::{EqualSteps, ball};
+use crate::events::{EqualSteps, Pulses, ball};
 use crate::models::{CartPair, Fmu, Sampler, reals, reference};
 use crate::types::DiscreteTypes;
 
@@ -33,8 +34,21 @@ fmi3! {
     Carts: CartPair, Format::FMI3;
     CartsWithArrays: CartPair, Format { arrays: true, ..Format::FMI3 };
     Ball: EqualSteps, Format::FMI3;
+    Train: Pulses, Format::FMI3;
+    TrainWithoutExchange: WithoutExchange, Format { interfaces: Interfaces { model_exchange: false, ..Interfaces::ALL }, ..Format::FMI3 };
     Filter: Sampler, Format::FMI3;
     Types: DiscreteTypes, Format::FMI3;
+}
+
+/// What the macro makes of a model that is packed for co-simulation only.
+struct WithoutExchange;
+
+impl Export for WithoutExchange {
+    type Model = ContinuousModel<Pulses, false>;
+    fn library() -> &'static Library {
+        static LIBRARY: Library = Library::new();
+        &LIBRARY
+    }
 }
 
 /// Messages of an instance.
@@ -209,6 +223,79 @@ fn a_step_returns_early_at_an_event_that_the_importer_handles() {
         }
     }
     assert_eq!(events, ball(2.0).0 as u32);
+}
+
+/// Time events in Event Mode, also when the state is saved between the end of a step and its event, by an instance with or
+/// without Event Mode. Reference: the number of periods.
+fn time_events_are_handled_once<E: Export>() {
+    let edges = reference::<Pulses>("edges");
+    let count = |instance: &Instance<E>| {
+        let mut value = [0];
+        // SAFETY: arrays of these lengths.
+        assert_eq!(unsafe { fmi3::get_int32::<E>(instance.component, &edges, 1, value.as_mut_ptr(), 1) }, Status::Ok);
+        value[0]
+    };
+    // SAFETY: live components, and arrays of their lengths.
+    let copied = |from: &Instance<E>, to: &Instance<E>| unsafe {
+        let (mut state, mut size) = (null_mut(), 0);
+        assert_eq!(fmi3::get_fmu_state::<E>(from.component, &mut state), Status::Ok);
+        assert_eq!(fmi3::serialized_fmu_state_size::<E>(from.component, state, &mut size), Status::Ok);
+        let mut bytes = vec![0; size];
+        assert_eq!(fmi3::serialize_fmu_state::<E>(from.component, state, bytes.as_mut_ptr(), size), Status::Ok);
+        let mut other = null_mut();
+        assert_eq!(fmi3::deserialize_fmu_state::<E>(to.component, bytes.as_ptr(), size, &mut other), Status::Ok);
+        assert_eq!(fmi3::set_fmu_state::<E>(to.component, other), Status::Ok);
+    };
+    // SAFETY: live components.
+    let to_step_mode = |instance: &Instance<E>| unsafe {
+        assert_eq!(fmi3::enter_step_mode::<E>(instance.component), Status::Ok);
+    };
+    let handle = |instance: &Instance<E>| {
+        // SAFETY: a live component.
+        assert_eq!(unsafe { fmi3::enter_event_mode::<E>(instance.component) }, Status::Ok);
+        let update = instance.update();
+        to_step_mode(instance);
+        update
+    };
+    let first = Instance::<E>::co_simulation(true).initialized();
+    assert_eq!(first.update(), (false, Some(0.1)));
+    to_step_mode(&first);
+    assert_eq!(first.step(0.0, 0.07), (Status::Ok, false, false, 0.07));
+    assert_eq!(first.step(0.07, 0.1), (Status::Ok, true, true, 0.1));
+    let second = Instance::<E>::co_simulation(true);
+    copied(&first, &second);
+    for instance in [&first, &second] {
+        assert_eq!((handle(instance), count(instance)), ((false, Some(0.2)), 1));
+        assert_eq!(instance.step(0.1, 0.1), (Status::Ok, true, false, 0.2));
+        assert_eq!(handle(instance), (false, Some(3.0 * 0.1)));
+        assert_eq!(count(instance), 2);
+    }
+    // An instance that handles its events in its steps has handled those at the end of the last one.
+    let inside = Instance::<E>::co_simulation(false).initialized();
+    assert_eq!(inside.step(0.0, 0.2), (Status::Ok, false, false, 0.2));
+    let outside = Instance::<E>::co_simulation(true);
+    copied(&inside, &outside);
+    assert_eq!(count(&outside), 2);
+    let (status, event, _, time) = outside.step(0.2, 0.15);
+    assert_eq!((status, event, time), (Status::Ok, true, 3.0 * 0.1));
+    assert_eq!(handle(&outside), (false, Some(0.4)));
+    assert_eq!(count(&outside), 3);
+}
+
+#[test]
+fn declared_time_events_are_handled_once() {
+    time_events_are_handled_once::<Train>();
+    time_events_are_handled_once::<TrainWithoutExchange>();
+}
+
+#[test]
+fn messages_name_the_types_of_the_version() {
+    let instance = Instance::<Carts>::co_simulation(false);
+    let layout = &CartPair::description().layout;
+    let mut value = [0.0];
+    assert_eq!(instance.get(&[layout.first_integer], &mut value), Status::Error);
+    let error = instance.error();
+    assert!(error.contains("must be a variable of type Float64, it is"), "{error}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
 use proptest::prelude::*;
 
-use crate::events::{EqualSteps, ball};
+use crate::events::{Clocked, EqualSteps, Pulses, ball};
 use crate::models::{CartPair, Fmu, Sampler, error_of, reference};
 
 /// An importer that integrates with the classical Runge-Kutta method and finds events by bisection.
@@ -416,6 +416,90 @@ fn samples_are_time_events_with_the_bits_of_co_simulation() {
         importer.event();
         assert_eq!(importer.get("filter_output").to_bits(), co_simulation.get("filter_output").to_bits());
     }
+}
+
+/// Time events of a continuous-time model. References: the closed form of the integral, the number of periods.
+#[test]
+fn declared_time_events_are_handled_at_their_times() {
+    fn edges<E: Export>(importer: &mut Importer<E>) -> i32 {
+        importer.instance.get_integer(reference::<E>("edges")).unwrap()
+    }
+    let mut pulses = Importer::<Pulses>::starting(0.0, &[]);
+    assert_eq!(pulses.next_event, Some(0.1));
+    for k in 1..=40_i32 {
+        pulses.run(f64::from(k) * 0.1 + 0.05, 0.03);
+        assert_eq!((edges(&mut pulses), pulses.next_event), (k, Some(f64::from(k + 1) * 0.1)));
+        // The integral of a pulse train that is on in [T, 2T), [3T, 4T), …; sums of a few hundred terms, each rounded.
+        let charge = 0.1 * f64::from(k / 2) + if k % 2 == 1 { 0.05 } else { 0.0 };
+        assert!((pulses.get("charge") - charge).abs() < 1e-12, "{} {charge}", pulses.get("charge"));
+    }
+    let mut clocked = Importer::<Clocked>::starting(0.0, &[]);
+    clocked.run(3.05, 0.07);
+    assert_eq!(edges(&mut clocked), 21); // 1.0, 1.1, …, 3.0
+
+    // Due at the time of the saved state, and not handled yet.
+    let mut importer = Importer::<Pulses>::starting(0.0, &[]);
+    let states = importer.states();
+    importer.go_to(0.1, &states);
+    let bytes = importer.instance.serialize(&importer.instance.snapshot().unwrap()).unwrap();
+    let mut other = Importer::<Pulses> { instance: Importer::<Pulses>::instantiated(), next_event: None, events: 0 };
+    other.instance.restore(&other.instance.deserialize(&bytes).unwrap()).unwrap();
+    other.event();
+    assert_eq!((edges(&mut other), other.next_event), (1, Some(0.2)));
+}
+
+#[derive(Parameters)]
+struct Gears;
+
+#[derive(DiscreteState, Clone, Default)]
+struct Gear {
+    number: i32,
+    is_locked: bool,
+}
+
+/// Equations that work for three gears only
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Gears {
+    type State<T: Scalar> = Charge<T>;
+    type DiscreteState = Gear;
+
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> Charge<T> {
+        let ratio = T::from([1.0, 2.0, 3.0][at.discrete.number as usize]);
+        let slope = if at.discrete.is_locked { at.state.charge.if_greater(ratio, ratio, -ratio) } else { ratio };
+        Charge { charge: slope, other: ratio }
+    }
+}
+
+/// Reference: the equations. A Boolean of the discrete state is tried with both values, an Integer keeps its value.
+#[test]
+fn equations_need_not_work_for_every_integer_of_the_discrete_state() {
+    assert_eq!(Gears::description().layout.indicators.total(), 1);
+}
+
+#[derive(Parameters)]
+struct Switches {
+    /// Switches
+    #[var(start = [true; 13])]
+    on: [bool; 13],
+}
+
+/// Relations that most switches at once would not show
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Switches {
+    type State<T: Scalar> = Charge<T>;
+
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> Charge<T> {
+        let (one, zero) = (T::from(1.0), T::from(0.0));
+        let on = self.on.iter().filter(|on| **on).count();
+        let relation = || at.state.charge.if_greater(one, zero, one);
+        Charge { charge: (0..on).fold(zero, |sum, _| sum + relation()), other: one }
+    }
+}
+
+/// Reference: the equations. Of 2^13 combinations the start values are tried, and each value alone.
+#[test]
+fn with_many_parameters_the_start_values_count() {
+    assert_eq!(Switches::description().layout.indicators.total(), 13);
 }
 
 #[test]
