@@ -36,6 +36,8 @@ pub struct Memory<D> {
     scratch: Scratch,
     /// In model exchange, from its first event on.
     pub(super) exchange: Option<Box<Exchange>>,
+    /// The discrete state before the first event of a step, for a step that fails.
+    before_events: Option<D>,
 }
 
 /// Makes one step of the solver from a time and state, at most some seconds long. Returns the state after it and its length.
@@ -99,8 +101,6 @@ struct Integration<'a, M: Continuous> {
     stops_at_events: bool,
     /// Time of the event at which the step stopped in s.
     stopped: Option<f64>,
-    /// The discrete state before the first event of the step, for a step that fails.
-    before_events: Option<M::DiscreteState>,
 }
 
 /// Whether the model has events at all.
@@ -109,33 +109,6 @@ const fn has_events<M: Continuous>() -> bool {
 }
 
 impl<'a, M: Continuous> Integration<'a, M> {
-    /// The state after the step of the master, in so many parts.
-    #[inline]
-    fn over(
-        &mut self,
-        mut x: M::State<f64>,
-        time: f64,
-        step: f64,
-        parts: u64,
-        tolerance: f64,
-    ) -> Result<M::State<f64>, StepError> {
-        let end = time + step;
-        if has_error_control(M::SOLVER) {
-            return self.controlled(time, x, end, tolerance);
-        }
-        let h = step / parts as f64;
-        for part in 0..parts {
-            // Each part ends where the next one starts, so that no time event is between them.
-            let start = |part: u64| time + part as f64 * h;
-            let end = if part + 1 == parts { end } else { start(part + 1) };
-            x = self.part(start(part), x, h, end)?;
-            if has_events::<M>() && self.stopped.is_some() {
-                break;
-            }
-        }
-        Ok(x)
-    }
-
     /// The state after one part of the step, of `h` s, which ends at `end`.
     fn part(&mut self, time: f64, x: M::State<f64>, h: f64, end: f64) -> Result<M::State<f64>, StepError> {
         if !has_events::<M>() {
@@ -347,7 +320,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
     ) -> Result<(), StepError> {
         if self.events == 0 {
             self.first_event = time;
-            self.before_events = Some(self.memory.discrete.clone());
+            self.memory.before_events = Some(self.memory.discrete.clone());
         }
         self.events += 1;
         if self.events > MOST_EVENTS {
@@ -436,7 +409,61 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             let at = At { time, state, inputs, derived, discrete: &discrete };
             crossings.extend_from_slice(p.zero_crossings(at).as_ref());
         }
-        Memory { discrete, proposed: 0.0, crossings, scratch, exchange: None }
+        Memory { discrete, proposed: 0.0, crossings, scratch, exchange: None, before_events: None }
+    }
+
+    /// Advances the states. If that fails, the values are kept, and the discrete state is the one at the failure.
+    #[inline]
+    fn advance(
+        p: &M,
+        derived: &M::Derived,
+        memory: &mut Memory<M::DiscreteState>,
+        layout: &Layout,
+        values: &mut ValueStore,
+        step: Step,
+        parts: u64,
+    ) -> Result<Option<f64>, StepError> {
+        let u = M::Inputs::read(values.view(), layout.inputs.at);
+        let before = M::State::read(values.view(), layout.states.at);
+        let problem = Problem { model: p, inputs: &u, derived };
+        let end = step.time + step.step;
+        let mut integration = Integration {
+            problem,
+            memory,
+            layout,
+            reached: step.reached,
+            events: 0,
+            first_event: 0.0,
+            handled: step.reached,
+            stops_at_events: step.stops_at_events,
+            stopped: None,
+        };
+        let mut x = before.copied();
+        if has_error_control(M::SOLVER) {
+            let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
+            x = integration.controlled(step.time, x, end, tolerance)?;
+        } else {
+            let h = step.step / parts as f64;
+            for part in 0..parts {
+                // Each part ends where the next one starts, so that no time event is between them.
+                let start = |part: u64| step.time + part as f64 * h;
+                let end = if part + 1 == parts { end } else { start(part + 1) };
+                x = integration.part(start(part), x, h, end)?;
+                if has_events::<M>() && integration.stopped.is_some() {
+                    break;
+                }
+            }
+        }
+        let (stopped, handled) = (integration.stopped, integration.handled);
+        if has_events::<M>()
+            && let Some(exchange) = &mut memory.exchange
+        {
+            exchange.handled = if stopped.is_some() { handled } else { end };
+        }
+        x.write(&mut values.view_mut(), layout.states.at);
+        first_not_finite(&values.reals, layout.states.reals(), end)
+            .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
+        Ok(stopped)
     }
 }
 
@@ -520,38 +547,17 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, StepError> {
-        let u = M::Inputs::read(values.view(), layout.inputs.at);
-        let before = M::State::read(values.view(), layout.states.at);
-        let problem = Problem { model: p, inputs: &u, derived };
-        let end = step.time + step.step;
-        let mut integration = Integration {
-            problem,
-            memory,
-            layout,
-            reached: step.reached,
-            events: 0,
-            first_event: 0.0,
-            handled: step.reached,
-            stops_at_events: step.stops_at_events,
-            stopped: None,
-            before_events: None,
-        };
-        let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
-        let advanced = integration.over(before.copied(), step.time, step.step, parts, tolerance);
-        let Integration { stopped, handled, before_events, .. } = integration;
-        let result = advanced.and_then(|x| {
-            x.write(&mut values.view_mut(), layout.states.at);
-            first_not_finite(&values.reals, layout.states.reals(), end)
-                .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))
-        });
-        if Self::HAS_EVENTS {
-            match (&result, &mut memory.exchange, before_events) {
-                (Ok(()), Some(exchange), _) => exchange.handled = if stopped.is_some() { handled } else { end },
-                (Err(_), _, Some(discrete)) => memory.discrete = discrete,
-                _ => {}
-            }
+        if !Self::HAS_EVENTS {
+            return Self::advance(p, derived, memory, layout, values, step, parts);
         }
-        result.map(|()| stopped)
+        memory.before_events = None;
+        let result = Self::advance(p, derived, memory, layout, values, step, parts);
+        if result.is_err()
+            && let Some(discrete) = memory.before_events.take()
+        {
+            memory.discrete = discrete;
+        }
+        result
     }
 
     fn outputs(

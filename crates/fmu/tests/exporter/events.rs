@@ -163,6 +163,43 @@ fn a_chain_of_ever_shorter_intervals_is_an_error() {
 }
 
 #[derive(Parameters)]
+struct Brittle;
+
+/// Ball that breaks at its second bounce
+#[fmu::model(stop_time = 3.0, step_size = 0.01)]
+impl Continuous for Brittle {
+    type State<T: Scalar> = BallState<T>;
+    type Outputs<T: Scalar> = BallOutputs<T>;
+    type DiscreteState = Bounces;
+    type Crossings = [f64; 1];
+
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> BallState<T> {
+        BallState { height: at.state.velocity, velocity: T::from(-GRAVITY) }
+    }
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> BallOutputs<T> {
+        BallOutputs { bounces: at.discrete.count, last_bounce: T::from(at.discrete.last) }
+    }
+    fn zero_crossings(&self, at: At<f64, Self>) -> [f64; 1] {
+        [at.state.height]
+    }
+    fn on_event(&self, event: Event<Self>) {
+        event.discrete.count += 1;
+        event.state.height = if event.discrete.count == 2 { f64::NAN } else { 0.0 };
+        event.state.velocity *= -0.7;
+    }
+}
+
+/// The outputs of a step that failed are those before it, whatever its events changed.
+#[test]
+fn a_step_that_fails_after_an_event_keeps_the_discrete_state() {
+    let mut fmu = Fmu::<Brittle>::ready();
+    fmu.step(0.1).unwrap();
+    let before = fmu.bits();
+    error_of(fmu.step(2.0));
+    assert_eq!((bounces(&mut fmu), fmu.bits()), (0, before));
+}
+
+#[derive(Parameters)]
 pub(crate) struct Pulses {
     /// Period (s)
     #[var(start = 0.1)]
