@@ -17,6 +17,7 @@ mod platform;
 #[cfg(feature = "system")]
 mod system;
 mod toolchain;
+mod variables;
 mod win64;
 mod worker;
 mod workspace;
