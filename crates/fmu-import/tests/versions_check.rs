@@ -80,7 +80,7 @@ fn defects_of_model_exchange_are_found() {
         (
             three,
             "ADJOINT_TWICE",
-            "error: fmi3GetAdjointDerivative: is not the transpose of fmi3GetDirectionalDerivative: d(`der(x)`)/d(`x`) is -4",
+            "error: fmi3GetAdjointDerivative: is not the transpose of fmi3GetDirectionalDerivative: d(`der(x)`)/d(`x`) is -4, the directional derivative is -2",
         ),
         (
             three,

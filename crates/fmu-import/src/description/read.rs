@@ -459,7 +459,7 @@ mod tests {
             ("<Dimension start=\"3\"/>", "<Dimension/>", "must have one of the attributes"),
             ("<Dimension start=\"3\"/>", "<Dimension valueReference=\"1\"/>", "is not a structural parameter"),
             ("<Output valueReference=\"1\"", "<Output valueReference=\"x\"", "valueReference=\"x\""),
-            ("dependencies=\"4 9\"", "dependencies=\"4\"", "another number of dependenciesKind"),
+            ("dependencies=\"4 9\"", "dependencies=\"4\"", "must have as many dependenciesKind as dependencies"),
         ] {
             assert!(TANK.contains(from), "{from}");
             let error = ModelDescription::parse(&TANK.replacen(from, to, 1)).expect_err(to).to_string();

@@ -124,7 +124,7 @@ fn unknown(element: &Element, variables: usize) -> Result<Unknown, XmlError> {
         .transpose()?;
     let kinds = dependency_kinds(element, FmiVersion::V2)?;
     if !kinds.is_empty() && Some(kinds.len()) != dependencies.as_ref().map(Vec::len) {
-        return Err(element.place.error("<Unknown> has another number of dependenciesKind than of dependencies"));
+        return Err(element.place.error("<Unknown> must have as many dependenciesKind as dependencies"));
     }
     Ok(Unknown { variable: index(number)?, dependencies, kinds })
 }

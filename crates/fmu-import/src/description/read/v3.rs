@@ -149,7 +149,7 @@ impl<'a> VariableReader<'a> {
                 self.variables.list[i].derivative_of = match self.index(element, reference)? {
                     Place::Variable(of) => Some(of),
                     Place::Opaque => {
-                        return Err(element.place.error(format!("value reference {reference} is that of no number")));
+                        return Err(element.place.error(format!("value reference {reference} is a Binary or a Clock")));
                     }
                 };
             }
@@ -269,7 +269,7 @@ impl<'a> VariableReader<'a> {
 }
 
 fn other_number(element: &Element) -> XmlError {
-    let message = format!("<{}> has another number of dependenciesKind than of dependencies", element.name);
+    let message = format!("<{}> must have as many dependenciesKind as dependencies", element.name);
     element.place.error(message)
 }
 
