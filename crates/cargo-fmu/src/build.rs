@@ -312,7 +312,7 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux,
     if matches!(linux, Linux::Portable(Asked::Option)) && !wanted.iter().any(|platform| platform.is_linux()) {
         return Err(miette!(
             help = "Leave out --portable, or add linux64 or aarch64-linux to --platforms.",
-            "--portable is about binaries for Linux, which is not among the platforms to build for"
+            "--portable applies to Linux binaries, but --platforms lists no Linux platform"
         ));
     }
     if version == 2 {

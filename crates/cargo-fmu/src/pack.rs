@@ -30,7 +30,7 @@ pub(crate) struct Arguments {
     /// The models that this scenario or study needs; tells only what it had to pack
     #[arg(long = "for", value_name = "FILE", conflicts_with_all = ["names", "all"])]
     needed_by: Option<PathBuf>,
-    /// Platforms the FMUs get binaries for; those of other machines need cargo-zigbuild (Linux) or mingw-w64 (Windows) and a
+    /// Platforms to build for; platforms other than this machine's need cargo-zigbuild (Linux) or mingw-w64 (Windows) and a
     /// Rust for that platform [default: that of this machine]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     platforms: Vec<Platform>,
@@ -38,7 +38,7 @@ pub(crate) struct Arguments {
     /// [default: `portable` in [workspace.metadata.fmu] of Cargo.toml]
     #[arg(long, overrides_with = "no_portable")]
     portable: bool,
-    /// A binary for the Linux of this machine that needs a glibc as new as its own, without cargo-zigbuild
+    /// Build without cargo-zigbuild; the binary needs a glibc at least as new as this machine's
     #[arg(long)]
     no_portable: bool,
     /// Interfaces of the FMUs: co-simulation, model exchange, or both; a stateful model has co-simulation only
@@ -47,7 +47,7 @@ pub(crate) struct Arguments {
     /// Version of FMI: 2 or 3
     #[arg(long, value_name = "VERSION", default_value_t = 2, value_parser = clap::value_parser!(i32).range(2..=3))]
     fmi: i32,
-    /// Arrays of a model become variables with dimensions, instead of one variable for each element; needs --fmi 3
+    /// Write arrays as variables with dimensions instead of one variable per element; requires --fmi 3
     #[arg(long)]
     arrays: bool,
     /// Folder the FMUs are written to [default: target/fmu, for FMI 3.0 target/fmu3]
