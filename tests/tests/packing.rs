@@ -5,6 +5,7 @@
 
 use fmu_import::archive::{Archive, platform};
 use fmu_import::description::{Causality, Interface};
+use fmu_import::loader::description_options::{CO_SIMULATION, MODEL_EXCHANGE};
 use fmu_import::loader::{Instance, exported_descriptions};
 use object::{Architecture, BinaryFormat};
 use std::collections::BTreeMap;
@@ -127,7 +128,8 @@ fn binaries_are_told_their_guid() {
         let mut archive = Archive::open(&path).unwrap_or_else(|error| panic!("{error}"));
         let description = archive.description().unwrap_or_else(|error| panic!("{error}"));
         let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
-        let descriptions = exported_descriptions(&unpacked.binary, 2, 3).unwrap_or_else(|error| panic!("{error}"));
+        let descriptions = exported_descriptions(&unpacked.binary, 2, CO_SIMULATION | MODEL_EXCHANGE)
+            .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(descriptions, [], "{}", path.display());
     }
 }

@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use fmu_import::loader::description_options;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
@@ -101,8 +102,8 @@ impl Interface {
     /// Number in the sum that a library gets when it describes its model.
     pub(crate) const fn bit(self) -> i32 {
         match self {
-            Self::Cs => 1,
-            Self::Me => 2,
+            Self::Cs => description_options::CO_SIMULATION,
+            Self::Me => description_options::MODEL_EXCHANGE,
         }
     }
 }

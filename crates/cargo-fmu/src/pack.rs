@@ -5,6 +5,7 @@ use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
 use fmu_import::description::{FmiVersion, ModelDescription};
+use fmu_import::loader::{description_options, exported_descriptions};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
@@ -205,10 +206,10 @@ struct Format {
 }
 
 impl Format {
-    /// Number by which a library is asked for a description in this format.
+    /// Sum of the numbers by which a library is asked for a description in this format.
     fn options(&self) -> i32 {
         let interfaces = self.interfaces.iter().fold(0, |sum, interface| sum | interface.bit());
-        interfaces | if self.arrays { 4 } else { 0 }
+        interfaces | if self.arrays { description_options::ARRAYS } else { 0 }
     }
 
     /// True for the format of the committed descriptions.
@@ -216,9 +217,6 @@ impl Format {
         self.version == 2 && [Interface::Cs, Interface::Me].iter().all(|interface| self.interfaces.contains(interface))
     }
 }
-
-/// Number that asks a library for terminalsAndIcons.xml.
-const TERMINALS: i32 = 8;
 
 /// The description of a model.
 struct Description {
@@ -259,13 +257,16 @@ fn describe(
     let mut descriptions = Vec::new();
     for (model, library) in models.iter_mut().zip(libraries) {
         let describe = || -> Result<Description> {
-            let ask = |options| fmu_import::loader::exported_descriptions(&library, format.version, options);
+            let ask = |options| exported_descriptions(&library, format.version, options);
             let mut exported = ask(format.options()).into_diagnostic()?;
             match (exported.pop(), exported.len()) {
                 (Some((name, xml)), 0) => {
                     let parsed = ModelDescription::parse(&xml).into_diagnostic()?;
                     let terminals = match format.version {
-                        3 => ask(format.options() | TERMINALS).into_diagnostic()?.pop().map(|(_, xml)| xml),
+                        3 => ask(format.options() | description_options::TERMINALS)
+                            .into_diagnostic()?
+                            .pop()
+                            .map(|(_, xml)| xml),
                         _ => None,
                     };
                     Ok(Description { model: name, parsed, xml, terminals: terminals.unwrap_or_default() })
