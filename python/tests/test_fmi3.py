@@ -72,6 +72,26 @@ def test_our_own_check_finds_nothing(path: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
+@pytest.fixture(scope="module")
+def with_arrays(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Pack a continuous-time and a discrete-time model with native arrays."""
+    folder = tmp_path_factory.mktemp("arrays")
+    names = ["RescueVehicle", "SuspensionMixer"]
+    done = validators.call("cargo", "fmu", "pack", "--fmi", "3", "--arrays", "--out", str(folder), *names)
+    assert done.returncode == 0, done.stdout
+    return [folder / f"{name}.fmu" for name in names]
+
+
+def test_native_arrays_pass_the_validators(with_arrays: list[Path]) -> None:
+    for path in with_arrays:
+        description = fmpy.read_model_description(str(path))
+        assert any(variable.dimensions for variable in description.modelVariables)
+        test_the_schemas_find_nothing(path, "modelDescription.xml", "fmi3ModelDescription.xsd")
+        test_the_schemas_find_nothing(path, "terminalsAndIcons/terminalsAndIcons.xml", "fmi3TerminalsAndIcons.xsd")
+        test_fmpy_and_the_toolbox_find_nothing(path)
+        test_our_own_check_finds_nothing(path)
+
+
 @both
 @each_fmu
 def test_fmi_sim_runs_it(path: Path, tmp_path: Path, interface: str) -> None:

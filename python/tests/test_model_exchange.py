@@ -172,6 +172,10 @@ KINKED = (
     Run("HydroPneumaticHalfCar", "hydro_pneumatic/plant_lift_off", {}, SPEED_70),
 )
 
+# The runs of these in which relations change their sides. The tires of HydroPneumaticHalfCar lift off by `max`, which
+# is not a relation; its only relation is for a vehicle in the air.
+SWITCHING = KINKED[:3]
+
 
 def co_simulation(fmu: Fmu, run: Run, max_step: float | None = None, part: int = 1) -> Array:
     """Return all outputs at the start of every interval; `part` steps make an interval, each with a row."""
@@ -345,14 +349,16 @@ def test_locked_wheels_leave_the_ground(fmus: dict[str, Fmu]) -> None:
     assert not above(errors(fmu, found, expected), 1e-5)
 
 
-@pytest.mark.parametrize("run", KINKED, ids=str)
+@pytest.mark.parametrize("run", SWITCHING, ids=str)
 def test_relations_change_within_one_step(fmus: dict[str, Fmu], run: Run) -> None:
     """Co-simulation does not report its relations: its states are given to an instance in model exchange.
 
-    Tolerance: the interval of one `max_step` in which co-simulation sees a change contains the event, or the next one.
+    Its states are known at the ends of its steps, so a change is seen at the first end from the event on: up to one
+    `max_step` late. Measured: 0 to 0.995 of it. Tolerance: 1 % of it, because the two solutions differ.
     """
     fmu = fmus[run.fmu]
     _, expected = model_exchange(fmu, run)
+    assert expected
     max_step = float(fmu.variables["max_step"].start)
     part = round(HOLD / max_step)
     outputs = [v.valueReference for v in fmu.of("output")]
@@ -378,7 +384,7 @@ def test_relations_change_within_one_step(fmus: dict[str, Fmu], run: Run) -> Non
     assert {i: len(times) for i, times in found.items()} == {i: len(times) for i, times in expected.items()}
     for i, times in found.items():
         for late, event in zip(times, expected[i], strict=True):
-            assert -max_step < late - event < 2.0 * max_step, (i, late, event)
+            assert -0.01 * max_step < late - event < 1.01 * max_step, (i, late, event)
 
 
 # Random states --------------------------------------------------------------------------------------------------------

@@ -4,7 +4,8 @@
 //! `modelDescription/`. All comparisons are exact.
 
 use fmu_import::archive::{Archive, platform};
-use fmu_import::description::{Causality, Interface};
+use fmu_import::description::{Causality, Interface, Variable};
+use fmu_import::loader::description_options::{CO_SIMULATION, MODEL_EXCHANGE};
 use fmu_import::loader::{Instance, exported_descriptions};
 use object::{Architecture, BinaryFormat};
 use std::collections::BTreeMap;
@@ -127,7 +128,8 @@ fn binaries_are_told_their_guid() {
         let mut archive = Archive::open(&path).unwrap_or_else(|error| panic!("{error}"));
         let description = archive.description().unwrap_or_else(|error| panic!("{error}"));
         let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
-        let descriptions = exported_descriptions(&unpacked.binary, 2, 3).unwrap_or_else(|error| panic!("{error}"));
+        let descriptions = exported_descriptions(&unpacked.binary, 2, CO_SIMULATION | MODEL_EXCHANGE)
+            .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(descriptions, [], "{}", path.display());
     }
 }
@@ -427,6 +429,77 @@ fn packages_from_the_templates_pass_their_tests_and_pack() {
     let bound = 0.1 * (-0.25 * f64::from(steps) * step).exp();
     let position = real(&plant, &mut instance, "x");
     assert!((position - 0.1).abs() <= bound, "position {position}, expected 0.1 within {bound:e}");
+}
+
+/// Functions that belong to one interface only: FMI 2.0.4, tables of the calling sequence in 3.2.3 and 4.2.4.
+const CO_SIMULATION_ONLY: [&str; 9] = [
+    "fmi2CancelStep",
+    "fmi2DoStep",
+    "fmi2GetBooleanStatus",
+    "fmi2GetIntegerStatus",
+    "fmi2GetRealOutputDerivatives",
+    "fmi2GetRealStatus",
+    "fmi2GetStatus",
+    "fmi2GetStringStatus",
+    "fmi2SetRealInputDerivatives",
+];
+const MODEL_EXCHANGE_ONLY: [&str; 10] = [
+    "fmi2CompletedIntegratorStep",
+    "fmi2EnterContinuousTimeMode",
+    "fmi2EnterEventMode",
+    "fmi2GetContinuousStates",
+    "fmi2GetDerivatives",
+    "fmi2GetEventIndicators",
+    "fmi2GetNominalsOfContinuousStates",
+    "fmi2NewDiscreteStates",
+    "fmi2SetContinuousStates",
+    "fmi2SetTime",
+];
+
+/// `--interfaces` decides what the library exports and what the description declares, `--arrays` what the variables are.
+#[test]
+fn formats_have_what_their_options_say() {
+    let cargo_fmu = tests::cargo_fmu();
+    let copy = Copy::new();
+    let pack = |name: &str, options: &[&str]| {
+        let arguments = [&["fmu", "pack", "--no-portable", "--out", "target/formats", name], options].concat();
+        copy.command(&cargo_fmu, &arguments);
+        let path = copy.root.join(format!("target/formats/{name}.fmu"));
+        let output = copy.command(&cargo_fmu, &["fmu", "check", path.to_str().expect("UTF-8")]);
+        let findings = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(findings.contains(": no error, no warning"), "{options:?}: {findings}");
+        path
+    };
+    for (interfaces, has_cs, has_me) in [("cs", true, false), ("me", false, true)] {
+        let contents = Contents::read(&pack("BouncingBall", &["--interfaces", interfaces]));
+        let exported = symbols::exported(contents.file(&binary("BouncingBall")));
+        let xml = contents.text("modelDescription.xml");
+        for (element, functions, is_wanted) in
+            [("<CoSimulation", &CO_SIMULATION_ONLY[..], has_cs), ("<ModelExchange", &MODEL_EXCHANGE_ONLY[..], has_me)]
+        {
+            assert_eq!(xml.matches(element).count(), usize::from(is_wanted), "{interfaces}: {element}");
+            for function in functions {
+                // macOS puts an underscore in front of every name.
+                let is_there = exported.iter().any(|name| name.strip_prefix('_').unwrap_or(name) == *function);
+                assert_eq!(is_there, is_wanted, "{interfaces}: {function} in {exported:?}");
+            }
+        }
+    }
+
+    // The description, and whether there are terminals.
+    let packed = |options: &[&str]| {
+        let path = pack("SuspensionMixer", &[&["--fmi", "3"], options].concat());
+        let contents = Contents::read(&path);
+        let terminals = contents.text("terminalsAndIcons/terminalsAndIcons.xml");
+        (Fmu::open(&path).description.variables, terminals.contains("<Terminal "))
+    };
+    let (arrays, has_terminals) = packed(&["--arrays"]);
+    // A terminal groups whole variables.
+    assert!(arrays.iter().any(Variable::is_array) && !has_terminals);
+    let (scalars, has_terminals) = packed(&[]);
+    assert!(!scalars.iter().any(Variable::is_array) && has_terminals);
+    let elements: usize = arrays.iter().map(|variable| variable.size).sum();
+    assert_eq!(elements, scalars.len(), "the same variables, one for each element");
 }
 
 /// `cargo fmu pack --for SCENARIO`, as `scripts/run` calls it: a package that does not compile is no obstacle for scenarios

@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use fmu_import::loader::description_options;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use serde::Deserialize;
 
@@ -101,8 +102,8 @@ impl Interface {
     /// Number in the sum that a library gets when it describes its model.
     pub(crate) const fn bit(self) -> i32 {
         match self {
-            Self::Cs => 1,
-            Self::Me => 2,
+            Self::Cs => description_options::CO_SIMULATION,
+            Self::Me => description_options::MODEL_EXCHANGE,
         }
     }
 }
@@ -312,7 +313,7 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux,
     if matches!(linux, Linux::Portable(Asked::Option)) && !wanted.iter().any(|platform| platform.is_linux()) {
         return Err(miette!(
             help = "Leave out --portable, or add linux64 or aarch64-linux to --platforms.",
-            "--portable is about binaries for Linux, which is not among the platforms to build for"
+            "--portable applies to Linux binaries, but --platforms lists no Linux platform"
         ));
     }
     if version == 2 {

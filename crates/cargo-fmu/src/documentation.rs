@@ -1,7 +1,9 @@
 //! `documentation/index.html` of an FMU: the README of the model and the tables of its variables.
 
-use fmu_import::description::{Causality, FmiVersion, ModelDescription, Value, Variability, Variable};
+use fmu_import::description::{Causality, FmiVersion, ModelDescription, Variability, Variable};
 use pulldown_cmark::{Options, Parser, html};
+
+use crate::variables::{lengths, start};
 
 const STYLE: &str = include_str!("documentation.css");
 
@@ -27,15 +29,15 @@ pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
     .map(|(causality, title)| table(description, causality, title))
     .collect();
     let guid = escape(&description.guid);
-    let (calls, icon) = match description.fmi {
-        FmiVersion::V2 => (CALLS.to_owned(), "model.png"),
-        FmiVersion::V3 => (CALLS.replace("fmi2", "fmi3"), ICON),
+    let (calls, icon, token) = match description.fmi {
+        FmiVersion::V2 => (CALLS.to_owned(), "model.png", "GUID"),
+        FmiVersion::V3 => (CALLS.replace("fmi2", "fmi3"), ICON, "Instantiation token"),
     };
     let calls = calls.replace("REFERENCE_RUN", REFERENCE_RUN);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{name}</title>\n<style>\n{STYLE}</style>\n\
          </head>\n<body>\n<p class=\"summary\"><img src=\"../{icon}\" alt=\"\">{summary}</p>\n{body}<h2>Variables</h2>\n{tables}\
-         <h2>Calls</h2>\n{calls}<p class=\"guid\">GUID {guid}</p>\n</body>\n</html>\n"
+         <h2>Calls</h2>\n{calls}<p class=\"guid\">{token} {guid}</p>\n</body>\n</html>\n"
     )
 }
 
@@ -67,7 +69,6 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) -> S
 
 fn row(variable: &Variable) -> String {
     let unit = variable.unit.as_deref().unwrap_or_default();
-    let start = variable.start.as_ref().map_or_else(String::new, value);
     let bound = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v}"));
     let (min, max) = (bound(variable.min), bound(variable.max));
     let limits = if min.is_empty() && max.is_empty() { String::new() } else { format!("{min} … {max}") };
@@ -79,20 +80,42 @@ fn row(variable: &Variable) -> String {
         Variability::Constant => "constant",
     };
     format!(
-        "<tr><td><code>{}</code></td><td>{}</td><td>{}</td><td>{limits}</td><td>{kind}</td><td>{}</td></tr>\n",
+        "<tr><td><code>{}</code>{}</td><td>{}</td><td>{}</td><td>{limits}</td><td>{kind}</td><td>{}</td></tr>\n",
         escape(&variable.name),
+        lengths(variable),
         escape(unit),
-        escape(&start),
+        escape(&start(variable)),
         escape(variable.description.as_deref().unwrap_or_default()),
     )
 }
 
-/// A start value.
-fn value(value: &Value) -> String {
-    match value {
-        Value::Real(number) => format!("{number}"),
-        Value::Integer(number) => format!("{number}"),
-        Value::Boolean(switch) => format!("{switch}"),
-        Value::String(text) => text.clone(),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The description with arrays that the importer is tested with.
+    const DECAY: &str = include_str!("../../fmu-import/tests/data/decay3.xml");
+
+    #[test]
+    fn arrays_have_lengths_and_start_values() {
+        let page = page(&ModelDescription::parse(DECAY).unwrap(), "");
+        for row in [
+            "<code>v</code> (3)</td><td></td><td>1 2 3</td>",
+            "<code>bits</code> (2)</td><td></td><td>true false</td>",
+            "<code>k</code></td><td>1/s</td><td>2</td><td>0 … </td>",
+            "<code>label</code></td><td></td><td>&quot;&quot;</td>",
+        ] {
+            assert!(page.contains(row), "{row}: {page}");
+        }
+    }
+
+    #[test]
+    fn the_token_has_the_name_of_the_version() {
+        let token = |xml: &str| {
+            let page = page(&ModelDescription::parse(xml).unwrap(), "");
+            page.split_once("class=\"guid\">").unwrap().1.split_once('<').unwrap().0.to_owned()
+        };
+        assert_eq!(token(DECAY), "Instantiation token {decay}");
+        assert_eq!(token(include_str!("../../fmu-import/tests/data/decay2.xml")), "GUID {decay}");
     }
 }

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use fmu_import::archive::Archive;
-use fmu_import::description::{Causality, FmiVersion, ModelDescription, Value, Variable};
+use fmu_import::description::{Causality, FmiVersion, ModelDescription};
 use fmu_import::terminal::{indented, line};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::output::{outln, write_file};
+use crate::variables;
 use crate::workspace::Workspace;
 
 /// Which FMU.
@@ -144,8 +145,8 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) {
         .filter(|variable| variable.causality == causality)
         .map(|variable| {
             [
-                name(variable),
-                start(variable),
+                format!("{}{}", variable.name, variables::lengths(variable)),
+                variables::start(variable),
                 variable.unit.clone().unwrap_or_default(),
                 variable.description.clone().unwrap_or_default(),
             ]
@@ -160,32 +161,5 @@ fn table(description: &ModelDescription, causality: Causality, title: &str) {
     outln!("\n{title} ({})", rows.len());
     for row in &rows {
         outln!("  {:name$}  {:>start$} {:unit$}  {}", row[0], row[1], row[2], row[3]);
-    }
-}
-
-/// The name, and the lengths of an array.
-fn name(variable: &Variable) -> String {
-    if !variable.is_array() {
-        return variable.name.clone();
-    }
-    let lengths: Vec<String> = variable.lengths.iter().map(usize::to_string).collect();
-    format!("{} ({})", variable.name, lengths.join(" x "))
-}
-
-/// The start value; of an array, the first few.
-fn start(variable: &Variable) -> String {
-    const SHOWN: usize = 3;
-    let mut starts: Vec<String> = variable.start.iter().chain(&variable.starts).take(SHOWN).map(value).collect();
-    if variable.starts.len() > SHOWN {
-        starts.push("...".to_owned());
-    }
-    starts.extend(variable.other_start.clone());
-    starts.join(" ")
-}
-
-fn value(value: &Value) -> String {
-    match value {
-        Value::Real(number) => format!("{number}"),
-        other => other.to_string(),
     }
 }

@@ -17,6 +17,7 @@ mod platform;
 #[cfg(feature = "system")]
 mod system;
 mod toolchain;
+mod variables;
 mod win64;
 mod worker;
 mod workspace;
@@ -39,7 +40,7 @@ enum Cli {
     /// Validates FMUs of any origin: the description by the rules of FMI 2.0 or 3.0, the binary by its behavior
     ///
     /// The binary is loaded and run in a process of its own, so a crash is one more finding: start values, repeated runs, two instances, reset, saved states,
-    /// dependencies, and whatever else the description promises. Model exchange is tried with a solver of the command: states, derivatives, event
+    /// dependencies, and whatever else the description promises. Model exchange is run with a built-in solver: states, derivatives, event
     /// indicators and events. Ends with 1 if there are errors.
     Check(check::Arguments),
     /// Prints A, B, C, D and the modes of a plant at an operating point

@@ -5,6 +5,7 @@ use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
 use fmu_import::description::{FmiVersion, ModelDescription};
+use fmu_import::loader::{description_options, exported_descriptions};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use zip::write::SimpleFileOptions;
@@ -30,7 +31,7 @@ pub(crate) struct Arguments {
     /// The models that this scenario or study needs; tells only what it had to pack
     #[arg(long = "for", value_name = "FILE", conflicts_with_all = ["names", "all"])]
     needed_by: Option<PathBuf>,
-    /// Platforms the FMUs get binaries for; those of other machines need cargo-zigbuild (Linux) or mingw-w64 (Windows) and a
+    /// Platforms to build for; platforms other than this machine's need cargo-zigbuild (Linux) or mingw-w64 (Windows) and a
     /// Rust for that platform [default: that of this machine]
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     platforms: Vec<Platform>,
@@ -38,7 +39,7 @@ pub(crate) struct Arguments {
     /// [default: `portable` in [workspace.metadata.fmu] of Cargo.toml]
     #[arg(long, overrides_with = "no_portable")]
     portable: bool,
-    /// A binary for the Linux of this machine that needs a glibc as new as its own, without cargo-zigbuild
+    /// Build without cargo-zigbuild; the binary needs a glibc at least as new as this machine's
     #[arg(long)]
     no_portable: bool,
     /// Interfaces of the FMUs: co-simulation, model exchange, or both; a stateful model has co-simulation only
@@ -47,7 +48,7 @@ pub(crate) struct Arguments {
     /// Version of FMI: 2 or 3
     #[arg(long, value_name = "VERSION", default_value_t = 2, value_parser = clap::value_parser!(i32).range(2..=3))]
     fmi: i32,
-    /// Arrays of a model become variables with dimensions, instead of one variable for each element; needs --fmi 3
+    /// Write arrays as variables with dimensions instead of one variable per element; requires --fmi 3
     #[arg(long)]
     arrays: bool,
     /// Folder the FMUs are written to [default: target/fmu, for FMI 3.0 target/fmu3]
@@ -205,10 +206,10 @@ struct Format {
 }
 
 impl Format {
-    /// Number by which a library is asked for a description in this format.
+    /// Sum of the numbers by which a library is asked for a description in this format.
     fn options(&self) -> i32 {
         let interfaces = self.interfaces.iter().fold(0, |sum, interface| sum | interface.bit());
-        interfaces | if self.arrays { 4 } else { 0 }
+        interfaces | if self.arrays { description_options::ARRAYS } else { 0 }
     }
 
     /// True for the format of the committed descriptions.
@@ -216,9 +217,6 @@ impl Format {
         self.version == 2 && [Interface::Cs, Interface::Me].iter().all(|interface| self.interfaces.contains(interface))
     }
 }
-
-/// Number that asks a library for terminalsAndIcons.xml.
-const TERMINALS: i32 = 8;
 
 /// The description of a model.
 struct Description {
@@ -259,13 +257,16 @@ fn describe(
     let mut descriptions = Vec::new();
     for (model, library) in models.iter_mut().zip(libraries) {
         let describe = || -> Result<Description> {
-            let ask = |options| fmu_import::loader::exported_descriptions(&library, format.version, options);
+            let ask = |options| exported_descriptions(&library, format.version, options);
             let mut exported = ask(format.options()).into_diagnostic()?;
             match (exported.pop(), exported.len()) {
                 (Some((name, xml)), 0) => {
                     let parsed = ModelDescription::parse(&xml).into_diagnostic()?;
                     let terminals = match format.version {
-                        3 => ask(format.options() | TERMINALS).into_diagnostic()?.pop().map(|(_, xml)| xml),
+                        3 => ask(format.options() | description_options::TERMINALS)
+                            .into_diagnostic()?
+                            .pop()
+                            .map(|(_, xml)| xml),
                         _ => None,
                     };
                     Ok(Description { model: name, parsed, xml, terminals: terminals.unwrap_or_default() })

@@ -4,8 +4,6 @@ use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use miette::{Result, miette};
 
-use crate::win64;
-
 /// An operating system and a processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Platform {
@@ -85,7 +83,8 @@ impl Platform {
     pub(crate) const fn target(self) -> &'static str {
         match self {
             Self::Linux64 => "x86_64-unknown-linux-gnu",
-            Self::Win64 => win64::TARGET,
+            // That of Windows 7: see `win64`.
+            Self::Win64 => "x86_64-win7-windows-gnu",
             Self::Aarch64Linux => "aarch64-unknown-linux-gnu",
             Self::X86_64Darwin => "x86_64-apple-darwin",
             Self::Aarch64Darwin => "aarch64-apple-darwin",

@@ -11,7 +11,7 @@ use crate::platform::Platform;
 use crate::toolchain::{self, PACKAGES, Toolchain};
 
 /// The target of the compiler.
-pub(crate) const TARGET: &str = "x86_64-win7-windows-gnu";
+const TARGET: &str = Platform::Win64.target();
 const LINKER: &str = "x86_64-w64-mingw32-gcc";
 
 /// All that a build for Windows needs.

@@ -212,7 +212,7 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     let error = pack(&["--platforms", "aarch64-darwin,x86_64-darwin"], "");
     contains(&error, "FMI 2.0 has one folder for both, binaries/darwin64");
     let error = pack(&["--platforms", "win64", "--portable"], "");
-    contains(&error, "--portable is about binaries for Linux");
+    contains(&error, "--portable applies to Linux binaries, but --platforms lists no Linux platform");
 }
 
 /// A workspace with a package of this name that becomes an FMU; nothing of it is built.

@@ -8,6 +8,7 @@
 
 mod callbacks;
 pub mod calls;
+pub mod description_options;
 mod error;
 mod functions;
 mod instance;

@@ -80,7 +80,7 @@ fn defects_of_model_exchange_are_found() {
         (
             three,
             "ADJOINT_TWICE",
-            "error: fmi3GetAdjointDerivative: is not the transpose of fmi3GetDirectionalDerivative: d(`der(x)`)/d(`x`) is -4",
+            "error: fmi3GetAdjointDerivative: is not the transpose of fmi3GetDirectionalDerivative: d(`der(x)`)/d(`x`) is -4, the directional derivative is -2",
         ),
         (
             three,
@@ -92,6 +92,38 @@ fn defects_of_model_exchange_are_found() {
     ] {
         let (_, lines) = checked(&Decay { defects: &[defect], ..Decay::new(fmi) });
         assert!(lines.iter().any(|line| line.starts_with(expected)), "{fmi} {defect}: {lines:#?}");
+    }
+}
+
+/// The states of such an FMU have no variables: their derivatives are named instead.
+#[test]
+fn derivatives_without_a_state_of_their_size_are_checked() {
+    let [two, three] = [FmiVersion::V2, FmiVersion::V3];
+    for (fmi, edit, rule, value) in [
+        (
+            two,
+            ("derivative=\"2\"", ""),
+            "error: variable `der(x)`: is listed in Derivatives, but lacks the attribute `derivative`",
+            "error: fmi2GetDerivatives: gives NaN for `der(x)` at the start",
+        ),
+        (
+            three,
+            ("derivative=\"1\"", ""),
+            "error: variable `der(x)`: is listed in ContinuousStateDerivative, but lacks the attribute `derivative`",
+            "error: fmi3GetContinuousStateDerivatives: gives NaN for `der(x)` at the start",
+        ),
+        (
+            three,
+            ("derivative=\"1\"", "derivative=\"18\""),
+            "error: variable `der(x)`: must have as many elements as its state: it has 1, but `v` has 3",
+            "error: fmi3GetContinuousStateDerivatives: gives NaN for `der(x)` at the start",
+        ),
+    ] {
+        let (looked_at, lines) = checked(&Decay { defects: &["NOT_FINITE"], edits: &[edit], ..Decay::new(fmi) });
+        for expected in [rule, value] {
+            assert!(lines.iter().any(|line| line == expected), "{expected}: {lines:#?}");
+        }
+        assert!(looked_at.to_string().contains("derivatives of both interfaces"), "{looked_at:?}");
     }
 }
 

@@ -309,7 +309,8 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
 
 /// Pointer to the model description, for the packer, or to an exclamation mark and what is wrong with the declarations. The
 /// text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a sum of 1 (co-simulation),
-/// 2 (model exchange), 4 (native arrays) and 8 (terminalsAndIcons.xml instead of the model description).
+/// 2 (model exchange), 4 (native arrays) and 8 (terminalsAndIcons.xml instead of the model description), as in
+/// `fmu_import::loader::description_options`.
 pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
         let has = |bit: c_int| options & bit != 0;

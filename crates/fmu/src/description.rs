@@ -81,7 +81,7 @@ impl Description {
         let Format { version, interfaces, .. } = format;
         let interfaces = Interfaces { model_exchange: interfaces.model_exchange && M::MODEL_EXCHANGE, ..interfaces };
         let format = Format { interfaces, ..format };
-        let structure = match contradiction(&M::INFO, &layout) {
+        let structure = match contradiction(&M::INFO, &layout, format) {
             Some(problem) => Err(problem),
             None if interfaces == Interfaces::NONE => {
                 Err("a stateful model has no model exchange; pack it with the interface cs".to_owned())
@@ -137,7 +137,7 @@ fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
 }
 
 /// What is wrong with the declarations, if anything.
-fn contradiction(info: &Info, layout: &Layout) -> Option<String> {
+fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     if !info.name.starts_with(|c: char| c.is_ascii_alphabetic()) || !info.name.chars().all(is_word) {
         return Some("the name is not an identifier of C, as modelIdentifier has to be".to_owned());
@@ -195,7 +195,22 @@ fn contradiction(info: &Info, layout: &Layout) -> Option<String> {
             _ => {}
         }
     }
-    None
+    if format.version == Version::Fmi2 {
+        return None;
+    }
+    // In FMI 3.0 the time and the event indicators are variables, too: `fmi3` writes them under these names.
+    const TIME: [&str; 3] = ["time", "simulation_time", "independent_variable"];
+    if TIME.iter().all(|name| names.contains(&(*name).to_owned())) {
+        return Some(format!("'{}' are all taken, and FMI 3.0 needs one of them for the time", TIME.join("', '")));
+    }
+    let is_index = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_indicator = |name: &&&String| {
+        let index = name.strip_prefix("event_indicator[").and_then(|rest| rest.strip_suffix(']'));
+        format.interfaces.model_exchange && index.is_some_and(is_index)
+    };
+    names.iter().find(is_indicator).map(|name| {
+        format!("'{name}' is the name of an event indicator in FMI 3.0; choose another one for the variable")
+    })
 }
 
 #[cfg(test)]
@@ -234,7 +249,12 @@ mod tests {
     }
 
     fn problem(parameters: Vec<Declaration>) -> String {
-        contradiction(&INFO, &Layout::new(Declarations { parameters, ..Declarations::default() })).unwrap_or_default()
+        problem_in(Format::FMI2, parameters)
+    }
+
+    fn problem_in(format: Format, parameters: Vec<Declaration>) -> String {
+        let layout = Layout::new(Declarations { parameters, ..Declarations::default() });
+        contradiction(&INFO, &layout, format).unwrap_or_default()
     }
 
     #[test]
@@ -274,15 +294,41 @@ mod tests {
         }
     }
 
+    /// FMI 2.0 has no such variables, and without model exchange there are no indicators.
+    #[test]
+    fn names_that_fmi_3_needs_are_rejected() {
+        let all = |names: &[&'static str]| -> Vec<Declaration> {
+            names.iter().flat_map(|name| real(Spec::named(name).unit(unit!("s")), 0.0)).collect()
+        };
+        let taken = ["time", "simulation_time", "independent_variable"];
+        assert_eq!(problem_in(Format::FMI3, all(&taken[..2])), "");
+        assert_eq!(
+            problem_in(Format::FMI3, all(&taken)),
+            "'time', 'simulation_time', 'independent_variable' are all taken, and FMI 3.0 needs one of them for the time"
+        );
+        assert_eq!(problem_in(Format::FMI2, all(&taken)), "");
+        let indicator = || all(&["event_indicator[12]"]);
+        assert_eq!(
+            problem_in(Format::FMI3, indicator()),
+            "'event_indicator[12]' is the name of an event indicator in FMI 3.0; choose another one for the variable"
+        );
+        assert_eq!(problem_in(Format::FMI2, indicator()), "");
+        let co_simulation = Interfaces { model_exchange: false, ..Interfaces::ALL };
+        assert_eq!(problem_in(Format { interfaces: co_simulation, ..Format::FMI3 }, indicator()), "");
+        assert_eq!(problem_in(Format::FMI3, all(&["event_indicator", "event_indicator[]", "event_indicator[a]"])), "");
+    }
+
     #[test]
     fn an_impossible_default_experiment_or_name_is_named() {
         let nothing = Layout::new(Declarations::default());
         for name in ["", "1st", "with-dash", "a b", "\u{e4}"] {
-            assert!(contradiction(&Info { name, ..INFO }, &nothing).unwrap().contains("identifier"), "{name}");
+            let problem = contradiction(&Info { name, ..INFO }, &nothing, Format::FMI2).unwrap();
+            assert!(problem.contains("identifier"), "{name}");
         }
         for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(contradiction(&Info { stop_time: value, ..INFO }, &nothing).unwrap().starts_with("stop_time"));
-            assert!(contradiction(&Info { step_size: value, ..INFO }, &nothing).unwrap().starts_with("step_size"));
+            let problem = |info| contradiction(&info, &nothing, Format::FMI2).unwrap();
+            assert!(problem(Info { stop_time: value, ..INFO }).starts_with("stop_time"));
+            assert!(problem(Info { step_size: value, ..INFO }).starts_with("step_size"));
         }
     }
 

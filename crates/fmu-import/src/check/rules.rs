@@ -362,6 +362,14 @@ fn structure(description: &ModelDescription, findings: &mut Findings<'_>) {
             let message = format!("is listed in {}, but lacks the attribute `derivative`", names[1]);
             findings.push(Finding::error(variable_named(&variable.name), message));
         }
+        let state = variable.derivative_of.map(|of| &variables[of]);
+        if let Some(state) = state.filter(|state| state.size != variable.size) {
+            let message = format!(
+                "must have as many elements as its state: it has {}, but `{}` has {}",
+                variable.size, state.name, state.size
+            );
+            findings.push(Finding::error(variable_named(&variable.name), message));
+        }
     }
     for unknown in &description.event_indicators {
         let variable = &variables[unknown.variable];

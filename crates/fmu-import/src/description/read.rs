@@ -18,6 +18,8 @@ const MAX_NAME: usize = 4096;
 const MAX_INHERITED: usize = 200;
 /// Most display units of a unit: every recorded signal has a copy.
 const MAX_DISPLAY_UNITS: usize = 100;
+/// Most elements of an array, of all arrays, and of the lists of states and event indicators: their values stay in memory.
+const MAX_ELEMENTS: usize = 10_000_000;
 
 /// The variables of a description.
 #[derive(Default)]
@@ -457,11 +459,32 @@ mod tests {
             ("<Dimension start=\"3\"/>", "<Dimension/>", "must have one of the attributes"),
             ("<Dimension start=\"3\"/>", "<Dimension valueReference=\"1\"/>", "is not a structural parameter"),
             ("<Output valueReference=\"1\"", "<Output valueReference=\"x\"", "valueReference=\"x\""),
-            ("dependencies=\"4 9\"", "dependencies=\"4\"", "another number of dependenciesKind"),
+            ("dependencies=\"4 9\"", "dependencies=\"4\"", "must have as many dependenciesKind as dependencies"),
         ] {
             assert!(TANK.contains(from), "{from}");
             let error = ModelDescription::parse(&TANK.replacen(from, to, 1)).expect_err(to).to_string();
             assert!(error.contains(expected), "{to}: {error}");
+            assert!(error.starts_with("line "), "{error}");
+        }
+    }
+
+    /// A list may name an array again and again, so that it has more elements than all arrays.
+    #[test]
+    fn lists_of_many_elements_are_rejected() {
+        let large = TANK.replacen(
+            "valueReference=\"11\"><Dimension valueReference=\"3\"/>",
+            "valueReference=\"11\"><Dimension start=\"3000000\"/>",
+            1,
+        );
+        assert_eq!(ModelDescription::parse(&large).unwrap().number_of_event_indicators, 6_000_000);
+        let once = "<EventIndicator valueReference=\"11\"/>";
+        for tag in ["EventIndicator", "ContinuousStateDerivative"] {
+            let again = format!("{once}{}", format!("<{tag} valueReference=\"11\"/>").repeat(2));
+            let error = ModelDescription::parse(&large.replacen(once, &again, 1)).expect_err(tag).to_string();
+            assert!(
+                error.contains(&format!("<{tag}> has 1")) && error.contains("at most 10000000 are read"),
+                "{error}"
+            );
             assert!(error.starts_with("line "), "{error}");
         }
     }
@@ -472,6 +495,11 @@ mod tests {
         for (from, to, expected) in [
             ("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\"", "FMI version 1.0"),
             ("guid=\"{vehicle}\"", "", "lacks the attribute `guid`"),
+            (
+                "numberOfEventIndicators=\"0\"",
+                "numberOfEventIndicators=\"10000001\"",
+                "numberOfEventIndicators is 10000001, at most 10000000 are read",
+            ),
             ("modelIdentifier=\"Vehicle\"", "modelIdentifier=\"../x\"", "C identifier"),
             ("valueReference=\"2\"", "valueReference=\"-2\"", "valueReference=\"-2\""),
             ("name=\"body.roll_rate\"", "name=\"body.roll\"", "declared twice"),

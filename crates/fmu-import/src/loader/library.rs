@@ -133,15 +133,15 @@ pub fn not_exported(
 }
 
 /// The model descriptions in a library that the exporter of this project made to describe its models, by the name of the
-/// model's type. Empty for other libraries. `version` is that of FMI, 2 or 3; `interfaces` is a sum of 1 (co-simulation) and 2
-/// (model exchange).
+/// model's type. Empty for other libraries. `version` is that of FMI, 2 or 3; `options` is a sum of the numbers in
+/// [`description_options`](super::description_options).
 ///
 /// # Errors
 /// The system cannot load it, or a model has no description because its declarations contradict each other.
 pub fn exported_descriptions(
     path: &std::path::Path,
     version: i32,
-    interfaces: i32,
+    options: i32,
 ) -> Result<Vec<(String, String)>, LoadError> {
     const PREFIX: &str = "fmu_model_description_";
     let failed = |reason: String| LoadError::Library { path: path.to_path_buf(), reason };
@@ -158,7 +158,7 @@ pub fn exported_descriptions(
         // call, or null.
         let description = unsafe {
             let function = library.get::<unsafe extern "C" fn(i32, i32) -> *const c_char>(name.as_bytes());
-            function.map(|function| text(function(version, interfaces)))
+            function.map(|function| text(function(version, options)))
         };
         let description = description.map_err(|error| failed(reason(&error)))?;
         let model = name[PREFIX.len()..].to_owned();

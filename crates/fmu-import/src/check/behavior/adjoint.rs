@@ -75,7 +75,7 @@ pub(super) fn compare(description: &ModelDescription, instance: &mut Instance, h
             let (a, b) = (column[i], adjoint[i][j]);
             if !is_same_derivative(a, b) {
                 let message = format!(
-                    "is not the transpose of fmi3GetDirectionalDerivative: d(`{}`)/d(`{}`) is {b}, there {a}",
+                    "is not the transpose of fmi3GetDirectionalDerivative: d(`{}`)/d(`{}`) is {b}, the directional derivative is {a}",
                     rows[i], columns[j]
                 );
                 return found(tell, Finding::error("fmi3GetAdjointDerivative", message));

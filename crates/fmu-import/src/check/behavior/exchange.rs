@@ -2,7 +2,7 @@
 
 use super::{Answer, Tell, adjoint, found, instantiation, is_same_derivative, words};
 use crate::check::{Checked, Event, Finding, MODEL_EXCHANGE};
-use crate::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value};
+use crate::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value, Variable};
 use crate::loader::{CallError, CallProblem, Instance, Library, Status};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -25,10 +25,11 @@ struct Exchange<'a> {
     /// Time of the start and step of an integration, s.
     start: f64,
     step: f64,
-    /// Value references of the states and their derivatives; they may be arrays.
+    /// Value references of the states and their derivatives; they may be arrays. Without states if the description does not
+    /// give every derivative a state of its size, which its rules find.
     states: Vec<u32>,
     derivatives: Vec<u32>,
-    /// Names of the elements of the states.
+    /// Names of the elements of the states; of the derivatives if there are no such states.
     names: Vec<String>,
     instances: Cell<usize>,
     made: Cell<usize>,
@@ -64,16 +65,22 @@ pub(in crate::check) fn check(
     let (start, step) = super::start_and_step(description);
     let variables = &description.variables;
     let derivatives = description.derivatives.iter().map(|unknown| &variables[unknown.variable]);
-    let states = derivatives.clone().filter_map(|derivative| derivative.derivative_of.map(|state| &variables[state]));
+    let state_of = |derivative: &Variable| {
+        derivative.derivative_of.map(|state| &variables[state]).filter(|state| state.size == derivative.size)
+    };
+    let states = derivatives.clone().map(state_of).collect::<Option<Vec<_>>>();
     let exchange = Exchange {
         library,
         description,
         unit,
         start,
         step,
-        states: states.clone().map(|state| state.reference).collect(),
-        derivatives: derivatives.map(|derivative| derivative.reference).collect(),
-        names: states.flat_map(|state| state.elements()).collect(),
+        derivatives: derivatives.clone().map(|derivative| derivative.reference).collect(),
+        names: match &states {
+            Some(states) => states.iter().flat_map(|state| state.elements()).collect(),
+            None => derivatives.flat_map(Variable::elements).collect(),
+        },
+        states: states.into_iter().flatten().map(|state| state.reference).collect(),
         instances: Cell::new(0),
         made: Cell::new(0),
     };
@@ -223,8 +230,10 @@ impl Exchange<'_> {
 
         // The lists of the C functions are those of the description.
         let mut named = vec![0.0; states.len()];
-        instance.get_real(&self.states, &mut named)?;
-        self.differs(tell, &get_states, "the variable has the value", &states, &named);
+        if !self.states.is_empty() {
+            instance.get_real(&self.states, &mut named)?;
+            self.differs(tell, &get_states, "the variable has the value", &states, &named);
+        }
         instance.get_real(&self.derivatives, &mut named)?;
         self.differs(tell, get_derivatives, "the variable has the value", &derivatives, &named);
 

@@ -1,7 +1,9 @@
 //! Variables and model structure of FMI 2.0.
 
 use super::types::{self, Head, Type, Types};
-use super::{MAX_NAME, Structure, Variables, bounded, causality, children, dependency_kinds, initial, variability};
+use super::{
+    MAX_ELEMENTS, MAX_NAME, Structure, Variables, bounded, causality, children, dependency_kinds, initial, variability,
+};
 use crate::description::{BaseType, DataType, FmiVersion, Unknown, Value, Variability, Variable};
 use crate::xml::{Element, XmlError};
 
@@ -33,12 +35,18 @@ pub(super) fn variables_and_structure(root: &Element) -> Result<(Variables, Stru
             .map(|element| unknown(element, count))
             .collect()
     };
+    let number_of_event_indicators = root.parsed("numberOfEventIndicators", "a whole number from 0")?.unwrap_or(0);
+    if number_of_event_indicators > MAX_ELEMENTS {
+        let message =
+            format!("numberOfEventIndicators is {number_of_event_indicators}, at most {MAX_ELEMENTS} are read");
+        return Err(root.place.error(message));
+    }
     let structure = Structure {
         outputs: list("Outputs")?,
         derivatives: list("Derivatives")?,
         initial_unknowns: list("InitialUnknowns")?,
         event_indicators: Vec::new(),
-        number_of_event_indicators: root.parsed("numberOfEventIndicators", "a whole number from 0")?.unwrap_or(0),
+        number_of_event_indicators,
     };
     Ok((variables, structure))
 }
@@ -116,7 +124,7 @@ fn unknown(element: &Element, variables: usize) -> Result<Unknown, XmlError> {
         .transpose()?;
     let kinds = dependency_kinds(element, FmiVersion::V2)?;
     if !kinds.is_empty() && Some(kinds.len()) != dependencies.as_ref().map(Vec::len) {
-        return Err(element.place.error("<Unknown> has another number of dependenciesKind than of dependencies"));
+        return Err(element.place.error("<Unknown> must have as many dependenciesKind as dependencies"));
     }
     Ok(Unknown { variable: index(number)?, dependencies, kinds })
 }

@@ -2,8 +2,8 @@
 
 use super::types::{self, Head, Type, Types};
 use super::{
-    MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_length, dependency_kinds, initial,
-    variability,
+    MAX_ELEMENTS, MAX_INHERITED, MAX_NAME, Structure, Variables, bounded, causality, check_length, dependency_kinds,
+    initial, variability,
 };
 use crate::c_api::Reference;
 use crate::description::{
@@ -15,8 +15,6 @@ use std::collections::HashMap;
 use std::str::FromStr;
 
 const FMI: FmiVersion = FmiVersion::V3;
-/// Most elements of an array, and of all arrays: their start values and a copy of their values stay in memory.
-const MAX_ELEMENTS: usize = 10_000_000;
 
 /// The type of the elements that a tag such as `Float64` stands for.
 fn data_type(tag: &str) -> Option<DataType> {
@@ -151,7 +149,7 @@ impl<'a> VariableReader<'a> {
                 self.variables.list[i].derivative_of = match self.index(element, reference)? {
                     Place::Variable(of) => Some(of),
                     Place::Opaque => {
-                        return Err(element.place.error(format!("value reference {reference} is that of no number")));
+                        return Err(element.place.error(format!("value reference {reference} is a Binary or a Clock")));
                     }
                 };
             }
@@ -213,14 +211,26 @@ impl<'a> VariableReader<'a> {
             let elements = root.child("ModelStructure").into_iter().flat_map(|structure| &structure.children);
             elements.filter(|child| child.name == tag).filter_map(|child| self.unknown(child).transpose()).collect()
         };
-        let event_indicators = list("EventIndicator")?;
+        let (derivatives, event_indicators) = (list("ContinuousStateDerivative")?, list("EventIndicator")?);
+        self.elements(root, "ContinuousStateDerivative", &derivatives)?;
         Ok(Structure {
             outputs: list("Output")?,
-            derivatives: list("ContinuousStateDerivative")?,
+            derivatives,
             initial_unknowns: list("InitialUnknown")?,
-            number_of_event_indicators: event_indicators.iter().map(|i| self.variables.list[i.variable].size).sum(),
+            number_of_event_indicators: self.elements(root, "EventIndicator", &event_indicators)?,
             event_indicators,
         })
+    }
+
+    /// The number of elements in a list, which may name an array more than once.
+    fn elements(&self, root: &Element, tag: &str, unknowns: &[Unknown]) -> Result<usize, XmlError> {
+        let sizes = unknowns.iter().map(|unknown| self.variables.list[unknown.variable].size);
+        let total = sizes.fold(0_usize, usize::saturating_add);
+        if total > MAX_ELEMENTS {
+            let place = root.child("ModelStructure").map_or(root.place, |structure| structure.place);
+            return Err(place.error(format!("<{tag}> has {total} elements in all, at most {MAX_ELEMENTS} are read")));
+        }
+        Ok(total)
     }
 
     /// An entry of the model structure; `None` if it is that of a Binary or a Clock.
@@ -259,7 +269,7 @@ impl<'a> VariableReader<'a> {
 }
 
 fn other_number(element: &Element) -> XmlError {
-    let message = format!("<{}> has another number of dependenciesKind than of dependencies", element.name);
+    let message = format!("<{}> must have as many dependenciesKind as dependencies", element.name);
     element.place.error(message)
 }
 
