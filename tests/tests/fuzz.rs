@@ -26,7 +26,7 @@ fn answers(output: &Output) -> Vec<String> {
 
 /// Calls FMUs, and checks that every function succeeded now and then: calls that are always rejected would test little.
 fn no_call_breaks(paths: &[PathBuf], functions: usize, never: &[&str], discarded: &[&str]) {
-    // A minute in all, and not less on a fast machine; most FMUs have two interfaces.
+    // 30 s for each interface, and not less on a fast machine.
     let seconds = 30.0 / paths.len() as f64;
     let mut command = Command::new(FUZZ);
     let output = run(command.args(["--calls", "25000", "--seconds", &seconds.to_string()]).args(paths));
