@@ -11,9 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from . import batch, index, metrics, page, plan, plots, results, shell, tables, texts
+from . import batch, figures, index, metrics, page, plan, plots, results, shell, tables, texts
 from .numbers import Numbers, Values
 from .plan import Metric, Plan, Run
 from .results import Recording
@@ -94,46 +92,34 @@ def _value(metric: Metric, scenario: Plan, recording: Recording, baseline: Recor
     return metrics.of_recording(metric, scenario, recording, baseline)
 
 
-def _collect(
-    scenario: Plan, runs: Path, failures: dict[str, str]
-) -> tuple[Values, dict[plots.Key, Recording], plots.Spectra]:
-    """Compute metrics and spectra (means over the seeds) of all runs, and keep the recordings that the figures show."""
+def _collect(scenario: Plan, runs: Path, failures: dict[str, str]) -> tuple[Values, figures.Recordings]:
+    """Compute the metrics of all runs, and keep what the figures show of them."""
     values = {}
-    shown: dict[plots.Key, Recording] = {}
-    spectra: dict[tuple[str, int, str, str | None], list[tuple[plots.Array, plots.Array]]] = {}
+    shown = figures.Recordings(scenario)
     measured = {scenario.columns[c].name for m in scenario.metrics for c in metrics.columns_of(m)}
-    measured |= {scenario.columns[c].name for f in scenario.figures if f.kind == "spectrum" for c in f.columns}
-    drawn = {scenario.columns[c].name for f in scenario.figures for c in plots.columns_of(scenario, f)}
-    first = scenario.seed_values[0]
     for run in scenario.runs:
         if run.id in failures:
             continue
-        wanted = measured | drawn if run.seed == first else measured
-        recording = results.read_csv(runs / f"{run.stem}.csv", sorted(wanted))
+        recording = results.read_csv(runs / f"{run.stem}.csv", sorted(measured | shown.columns))
         baseline = _of_baseline(scenario, run, runs, failures)
         for metric in scenario.metrics:
             value = _value(metric, scenario, recording, baseline)
             if value is not None:
                 values[metric.name, run.case, run.point, run.seed] = value
-        for (figure, column), spectrum in plots.spectra_of(scenario, run, recording).items():
-            spectra.setdefault((figure, column, run.case, run.point), []).append(spectrum)
-        if run.seed == first:
-            kept = {n: v for n, v in recording.values.items() if n in drawn}
-            shown[run.case, run.point] = Recording(recording.times, kept)
-    means = {key: (own[0][0], np.mean([density for _, density in own], axis=0)) for key, own in spectra.items()}
-    return values, shown, means
+        shown.add(run, recording)
+    return values, shown
 
 
 def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> str:
     """Write tables, figures and page of finished runs. Returns table and findings for the terminal."""
-    values, recordings, spectra = _collect(scenario, folder / "runs", failures)
+    values, recordings = _collect(scenario, folder / "runs", failures)
     finished = {r.id for r in scenario.runs} - set(failures)
     numbers = Numbers(scenario, values, finished, is_cut=context.is_cut)
     cells = numbers.table()
     results.write_text(folder / "table.csv", tables.machine(cells))
     results.write_text(folder / "table.md", tables.markdown(scenario, cells))
-    drawn = (plots.draw(scenario, figure, recordings, spectra, cells) for figure in scenario.figures)
-    drawings = [d for d in drawn if d is not None]
+    panels = [(figure, figures.panels(scenario, figure, recordings, cells)) for figure in scenario.figures]
+    drawings = [plots.draw(scenario, figure, found) for figure, found in panels if found]
     for drawing in drawings:
         drawing.write(folder / "figures")
     files = sorted(p for r in scenario.runs for p in (folder / "runs").glob(f"{r.stem}.*") if r.id not in failures)

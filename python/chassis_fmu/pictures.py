@@ -28,7 +28,7 @@ from matplotlib.textpath import text_to_path
 from numpy.typing import NDArray
 from PIL import Image
 
-from . import demos, plots
+from . import demos, figures, plots
 from .plan import Conversion
 from .tables import SUPERSCRIPTS
 
@@ -237,7 +237,7 @@ def _result(canvas: Figure, ax: Axes, result: Result, top: float, height: float,
         )
     )
     for values, color in zip(result.lines.values(), colors, strict=False):
-        times, reduced = plots.decimate(result.times, values)
+        times, reduced = figures.decimate(result.times, values)
         inner.plot(times, reduced, color=color, linewidth=0.7 if plots.is_noisy(values) else 1.2)
     inner.set_xlim(float(result.times[0]), float(result.times[-1]))
     inner.locator_params(axis="y", nbins=4)
@@ -365,7 +365,7 @@ def read(fmu: Path, folder: str) -> Block:
         times, lines = found
         shown = shown_unit(description, next(iter(lines)))
         converted = {name: values * shown.factor + shown.offset for name, values in lines.items()}
-        result = Result(title, plots.axis_unit(shown.unit), times, converted)
+        result = Result(title, figures.axis_unit(shown.unit), times, converted)
     return Block(
         name=description.modelName,
         description=description.description or "",

@@ -1,12 +1,15 @@
-"""Figures: what decimation keeps, and that files repeat."""
+"""Pictures of figures: what they show, and that files repeat."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from chassis_fmu import metrics, plots
-from chassis_fmu.numbers import Numbers
-from chassis_fmu.plan import Plan, Point, Sweep
+from chassis_fmu import figures, metrics, plots
+from chassis_fmu.figures import Key, Recordings
+from chassis_fmu.numbers import Numbers, Row
+from chassis_fmu.plan import Figure, Plan, Point, Sweep
 from chassis_fmu.results import Recording
 
 
@@ -15,7 +18,7 @@ def test_decimation_keeps_ends_and_extremes() -> None:
     values = np.sin(times) + np.random.default_rng(1).normal(0.0, 0.1, len(times))
     values[12345] = 9.0
     values[20009] = -9.0
-    t, v = plots.decimate(times, values, 100)
+    t, v = figures.decimate(times, values, 100)
     assert len(t) <= 2 * 101 + 2
     assert np.all(np.diff(t) > 0.0)
     assert (t[0], t[-1]) == (times[0], times[-1])
@@ -25,7 +28,7 @@ def test_decimation_keeps_ends_and_extremes() -> None:
 
 def test_short_lines_stay_whole() -> None:
     times = np.arange(100) * 0.1
-    t, v = plots.decimate(times, times, 50)
+    t, v = figures.decimate(times, times, 50)
     assert t is times
     assert v is times
 
@@ -37,7 +40,7 @@ def test_noise_is_told_from_motion() -> None:
     assert plots.is_noisy(np.random.default_rng(1).normal(size=2000))
 
 
-def recordings() -> dict[plots.Key, Recording]:
+def recordings() -> dict[Key, Recording]:
     times = np.arange(4) * 0.1
     return {
         ("passive", None): Recording(times, {"body.roll": times, "source.count": times * 10.0}),
@@ -45,23 +48,32 @@ def recordings() -> dict[plots.Key, Recording]:
     }
 
 
+def panels(plan: Plan, figure: Figure, found: dict[Key, Recording], cells: Sequence[Row] = ()) -> list[figures.Panel]:
+    """Return the panels of a figure, of runs of the first seed."""
+    shown = Recordings(plan)
+    shown.first = found
+    return figures.panels(plan, figure, shown, cells)
+
+
+def draw(plan: Plan, figure: Figure, found: dict[Key, Recording], cells: Sequence[Row] = ()) -> plots.Drawing:
+    return plots.draw(plan, figure, panels(plan, figure, found, cells))
+
+
 def test_a_figure_is_a_function_of_the_data(scenario: Plan) -> None:
-    first = plots.draw(scenario, scenario.figures[0], recordings(), {}, [])
-    second = plots.draw(scenario, scenario.figures[0], recordings(), {}, [])
-    assert first is not None
+    first = draw(scenario, scenario.figures[0], recordings())
+    second = draw(scenario, scenario.figures[0], recordings())
     assert first == second
     assert first.png.startswith(b"\x89PNG")
     assert "<dc:date>" not in first.svg
 
 
 def test_a_figure_without_data_is_left_out(scenario: Plan) -> None:
-    assert plots.draw(scenario, scenario.figures[0], {}, {}, []) is None
+    assert not panels(scenario, scenario.figures[0], {})
 
 
 def test_a_window_after_the_end_of_a_run_leaves_a_panel_empty(scenario: Plan) -> None:
     later = replace(scenario.figures[0], window=(5.0, 6.0), levels=())
-    drawing = plots.draw(scenario, later, recordings(), {}, [])
-    assert drawing is not None
+    drawing = draw(scenario, later, recordings())
     assert plots.PALETTE[0] not in drawing.svg
 
 
@@ -71,8 +83,7 @@ def test_states_have_whole_ticks(scenario: Plan) -> None:
     name = scenario.columns[0].name
 
     def labels(states: list[float]) -> list[str]:
-        drawing = plots.draw(scenario, figure, {("passive", None): Recording(times, {name: np.array(states)})}, {}, [])
-        assert drawing is not None
+        drawing = draw(scenario, figure, {("passive", None): Recording(times, {name: np.array(states)})})
         return [t for t in ("1.50", "2.50") if f"<!-- {t} -->" in drawing.svg]
 
     assert labels([1.0, 1.0, 3.0, 3.0]) == []
@@ -90,31 +101,25 @@ def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
     values: dict[tuple[str, str, str | None, int | None], float] = {
         ("roll_rms", c.name, p, s): 1.0 + i for c in swept.cases for i, p in enumerate(("slow", "fast")) for s in (1, 2)
     }
-    drawing = plots.draw(swept, figure, {}, {}, Numbers(swept, values).table())
-    assert drawing is not None
+    drawing = draw(swept, figure, {}, Numbers(swept, values).table())
     assert plots.PALETTE[1] in drawing.svg
 
 
 def test_a_figure_shows_its_cases_and_levels(scenario: Plan) -> None:
     first = scenario.figures[0]
-    both = plots.draw(scenario, first, recordings(), {}, [])
-    one = plots.draw(scenario, replace(first, cases=("active",)), recordings(), {}, [])
-    assert both is not None
-    assert one is not None
+    both = draw(scenario, first, recordings())
+    one = draw(scenario, replace(first, cases=("active",)), recordings())
     assert plots.PALETTE[0] in both.svg
     assert plots.PALETTE[0] not in one.svg
     assert "A &lt;level&gt;" in one.svg
-    bare = plots.draw(scenario, replace(first, levels=()), recordings(), {}, [])
-    assert bare is not None
+    bare = draw(scenario, replace(first, levels=()), recordings())
     assert "A &lt;level&gt;" not in bare.svg
 
 
 def test_separate_cases_have_panels_of_their_own(scenario: Plan) -> None:
     first = scenario.figures[0]
-    overlaid = plots.draw(scenario, first, recordings(), {}, [])
-    separate = plots.draw(scenario, replace(first, separate=True), recordings(), {}, [])
-    assert overlaid is not None
-    assert separate is not None
+    overlaid = draw(scenario, first, recordings())
+    separate = draw(scenario, replace(first, separate=True), recordings())
     # two signals, one of which only one case has
     assert overlaid.svg.count('<g id="axes_') == 2
     assert separate.svg.count('<g id="axes_') == 3
@@ -126,14 +131,12 @@ def test_a_signal_stands_dashed_beside_others(scenario: Plan) -> None:
     bare = replace(scenario.figures[0], columns=(1,), levels=())
     for separate in (False, True):
         figure = replace(bare, separate=separate)
-        plain = plots.draw(scenario, figure, recordings(), {}, [])
-        beside = plots.draw(scenario, replace(figure, against=0), recordings(), {}, [])
-        assert plain is not None
-        assert beside is not None
+        plain = draw(scenario, figure, recordings())
+        beside = draw(scenario, replace(figure, against=0), recordings())
         assert "stroke-dasharray" not in plain.svg
         # one of the two cases has that signal; one line is in the legend
         assert beside.svg.count("stroke-dasharray") == 2
-    assert plots.columns_of(scenario, replace(bare, against=0)) == {0, 1}
+    assert figures.columns_of(scenario, replace(bare, against=0)) == {0, 1}
 
 
 def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
@@ -142,35 +145,35 @@ def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
     times = np.arange(900) * 0.1
     values = np.random.default_rng(1).normal(size=900)
     recording = Recording(times, {"body.roll": values})
-    assert plots.spectra_of(noisy, noisy.runs[0], recording) == {}
-    spectra = plots.spectra_of(noisy, noisy.runs[2], recording)
+    assert figures.spectra_of(noisy, noisy.runs[0], recording) == {}
+    spectra = figures.spectra_of(noisy, noisy.runs[2], recording)
     # in degrees, the unit people read, and only the signal that was recorded
     assert list(spectra) == [("roll", 1)]
     _, densities = metrics.spectrum(times, values)
     assert spectra["roll", 1][1] == pytest.approx(densities * 57.29577951308232**2, rel=1e-12)
-    drawing = plots.draw(noisy, figure, {}, {("roll", 1, "active", None): spectra["roll", 1]}, [])
-    assert drawing is not None
-    assert plots.PALETTE[1] in drawing.svg
-    assert plots.draw(noisy, figure, {}, {}, []) is None
+    shown = Recordings(noisy)
+    assert figures.panels(noisy, figure, shown, []) == []
     # a signal that stays zero has no place on a logarithmic axis
-    still = (times[1:], np.zeros(899))
-    assert plots.draw(noisy, figure, {}, {("roll", 1, "active", None): still}, []) is None
+    still = Recordings(noisy)
+    still.add(noisy.runs[2], Recording(times, {"body.roll": np.zeros(900)}))
+    assert figures.panels(noisy, figure, still, []) == []
+    shown.add(noisy.runs[2], recording)
+    assert plots.PALETTE[1] in plots.draw(noisy, figure, figures.panels(noisy, figure, shown, [])).svg
 
 
 def test_units_of_densities() -> None:
-    assert plots.density_unit("m/s2") == "(m/s²)²/Hz"
-    assert plots.density_unit("deg") == "(deg)²/Hz"
-    assert plots.density_unit("1") == "1/Hz"
+    assert figures.density_unit("m/s2") == "(m/s²)²/Hz"
+    assert figures.density_unit("deg") == "(deg)²/Hz"
+    assert figures.density_unit("1") == "1/Hz"
 
 
 def test_a_metric_is_drawn_over_a_growing_window(scenario: Plan) -> None:
     figure = replace(scenario.figures[0], kind="running", columns=(), metrics=(0,), levels=(), window=None)
-    assert plots.columns_of(scenario, figure) == {1}
-    drawing = plots.draw(scenario, figure, recordings(), {}, [])
-    assert drawing is not None
+    assert figures.columns_of(scenario, figure) == {1}
+    drawing = draw(scenario, figure, recordings())
     assert plots.PALETTE[0] in drawing.svg
     assert plots.PALETTE[1] in drawing.svg
-    assert plots.draw(scenario, figure, {}, {}, []) is None
+    assert not panels(scenario, figure, {})
 
 
 def test_panels_are_titled_in_words(scenario: Plan) -> None:
@@ -178,8 +181,7 @@ def test_panels_are_titled_in_words(scenario: Plan) -> None:
     long = replace(scenario.columns[1], description="Height of the body over its rest " * 6)
     for column in (scenario.columns[1], long):
         named = replace(scenario, columns=(scenario.columns[0], column))
-        drawing = plots.draw(named, figure, recordings(), {}, [])
-        assert drawing is not None
+        drawing = draw(named, figure, recordings())
         # matplotlib leaves the text of a title as a comment before its outlines
         assert "<!-- body.roll -->" not in drawing.svg
         assert f"<!-- {column.description[:6]}" in drawing.svg
