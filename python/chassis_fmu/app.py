@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import batch, figures, index, metrics, page, plan, plots, results, shell, tables, texts
+from . import batch, figures, index, metrics, page, page_data, plan, plots, results, shell, tables, texts
 from .numbers import Numbers, Values
 from .plan import Metric, Plan, Run
 from .results import Recording
@@ -124,7 +124,8 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
         drawing.write(folder / "figures")
     files = sorted(p for r in scenario.runs for p in (folder / "runs").glob(f"{r.stem}.*") if r.id not in failures)
     context = dataclasses.replace(context, files=tuple(p.relative_to(folder).as_posix() for p in files))
-    results.write_text(folder / "index.html", page.render(numbers, drawings, failures, context))
+    data = page_data.of_plan(scenario, panels)
+    results.write_text(folder / "index.html", page.render(numbers, drawings, data, failures, context))
     counts = page.counts(numbers)
     index.note(folder, index.Entry(scenario.title, scenario.reference, {s.value: n for s, n in counts.items()}))
     index.write(folder.parent)

@@ -14,7 +14,7 @@ from pathlib import Path
 import jinja2
 import markupsafe
 
-from . import plots, tables, texts
+from . import page_data, plots, tables, texts
 from .describe import Description, Variable, describe
 from .numbers import Numbers, Row
 from .plan import Component, Plan, Run, Setting
@@ -283,10 +283,11 @@ def legend(cells: Sequence[Row], articles: Sequence[Article]) -> list[tuple[Stat
 def render(
     numbers: Numbers,
     drawings: Sequence[plots.Drawing],
+    data: str,
     failures: Mapping[str, str],
     context: Context,
 ) -> str:
-    """Return the page."""
+    """Return the page. `data` is what the figures show, as JSON (`page_data`)."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -323,6 +324,7 @@ def render(
         components=components(plan),
         failures=failures,
         context=context,
+        interactive=page_data.Interactive.of(data),
         duration=f"{s.stop - s.start:g} s",
         step=f"{s.step * 1e3:g} ms",
     )

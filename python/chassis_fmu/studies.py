@@ -27,7 +27,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from . import index, plots, results, shell, tables
+from . import index, page_data, plots, results, shell, tables
+from .figures import Axis, Line, Panel
+from .plan import Case, Conversion, Level
 from .terminal import escaped
 
 FORMAT = 2
@@ -348,6 +350,35 @@ def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
     return text.getvalue(), image.getvalue()
 
 
+def convergence(study: Study, table: pa.Table) -> tuple[list[Case], Panel] | None:
+    """Return the methods and their curves for the page; None if nothing feasible was found."""
+    cases: list[Case] = []
+    lines: list[Line] = []
+    groups = []
+    for group in study.groups:
+        curves = {m.title: best_so_far(table, m.name) for m in group.methods if m.best is not None}
+        if not curves:
+            continue
+        case = Case(group.title, group.title, None)
+        cases.append(case)
+        groups.append(list(curves.values()))
+        several = len(curves) > 1
+        if several:
+            curve = median(groups[-1])
+            title = f"{group.title}, median of {len(curves)} seeds"
+            lines.append(Line("mean", title, np.arange(1.0, len(curve) + 1), curve, case, steps=True))
+        for title, curve in curves.items():
+            lines.append(Line("run", title, np.arange(1.0, len(curve) + 1), curve, case, steps=True))
+    if not lines:
+        return None
+    levels = [(t, c.objective) for t, c in study.references if c.reason is None]
+    scale = Scale.of(groups, [v for _, v in levels])
+    x = Axis("Evaluations", (Conversion(""),))
+    y = Axis("Objective", (Conversion(""),), log=scale.logarithmic, range=(scale.bottom, scale.top))
+    shown = tuple(Level(value, title) for title, value in levels if value <= scale.reach)
+    return cases, Panel("Best objective so far (no unit)", "", x, y, tuple(lines), shown)
+
+
 def _inline(svg: str) -> markupsafe.Markup:
     """Prepare an SVG for the page: colors that follow the theme, size of the page."""
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
@@ -367,8 +398,8 @@ def _value(value: float | None) -> str:
     return "–" if value is None else tables.scientific(value)
 
 
-def render(study: Study, svg: str | None, command: str) -> str:
-    """Return the page."""
+def render(study: Study, svg: str | None, data: str, command: str) -> str:
+    """Return the page. `data` is what the figure shows, as JSON (`page_data`)."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -389,6 +420,7 @@ def render(study: Study, svg: str | None, command: str) -> str:
         best=min(found, default=math.nan),
         ends=ENDS,
         figure=None if svg is None else _inline(svg),
+        interactive=page_data.Interactive.of(data),
         command=command,
         value=_value,
         breakable=_breakable,
@@ -410,7 +442,10 @@ def report(folder: Path, command: str) -> None:
         results.write_text(folder / "figures" / "convergence.svg", drawing[0])
         with results.replacing(folder / "figures" / "convergence.png") as temporary:
             temporary.write_bytes(drawing[1])
-    results.write_text(folder / "index.html", render(study, None if drawing is None else drawing[0], command))
+    found = convergence(study, table)
+    cases, panels = ([], []) if found is None else (found[0], [found[1]])
+    data = page_data.render(cases, [], [("convergence", panels)])
+    results.write_text(folder / "index.html", render(study, None if drawing is None else drawing[0], data, command))
     index.note(folder, index.Entry(study.raw["title"], study.raw["reference"] or ""))
     index.write(folder.parent)
 

@@ -7,18 +7,20 @@ import pytest
 from lxml import html
 from msgspec.structs import replace
 
-from chassis_fmu import page, plots
+from chassis_fmu import figures, page, page_data, plots
 from chassis_fmu.numbers import Numbers
 from chassis_fmu.plan import Plan, Point
 from chassis_fmu.results import Recording
 
+NO_FIGURES = '{"format":1,"figures":[]}'
 CONTEXT = page.Context("fmpy <1>", "scripts/run scenarios/trial.toml --stop 3", "in & out.csv")
 
 
 @pytest.fixture
 def text(scenario: Plan) -> str:
     times = np.arange(4) * 0.1
-    recordings: dict[plots.Key, Recording] = {
+    recordings = figures.Recordings(scenario)
+    recordings.first = {
         ("passive", None): Recording(times, {"body.roll": times, "source.count": times}),
         ("active", None): Recording(times, {"body.roll": times * 0.5}),
     }
@@ -27,10 +29,13 @@ def text(scenario: Plan) -> str:
     }
     numbers = Numbers(scenario, values)
     cells = numbers.table()
-    figures = [*scenario.figures, replace(scenario.figures[0], name="again")]
-    drawings = [d for f in figures if (d := plots.draw(scenario, f, recordings, {}, cells)) is not None]
-    assert len(drawings) == 2
-    return page.render(numbers, drawings, {"active#2": "component <plant>: fmi2DoStep"}, CONTEXT)
+    wanted = [*scenario.figures, replace(scenario.figures[0], name="again")]
+    found = [(f, panels) for f in wanted if (panels := figures.panels(scenario, f, recordings, cells))]
+    assert len(found) == 2
+    drawings = [plots.draw(scenario, figure, panels) for figure, panels in found]
+    return page.render(
+        numbers, drawings, page_data.of_plan(scenario, found), {"active#2": "component <plant>: fmi2DoStep"}, CONTEXT
+    )
 
 
 def test_everything_is_escaped(text: str) -> None:
@@ -49,7 +54,7 @@ def test_everything_is_escaped(text: str) -> None:
 def test_a_shortened_run_says_so(scenario: Plan, text: str) -> None:
     assert "about the whole scenario" not in text
     short = dataclasses.replace(CONTEXT, shortened="--stop 3 --seeds 1")
-    tree = html.document_fromstring(page.render(Numbers(scenario, {}), [], {}, short))
+    tree = html.document_fromstring(page.render(Numbers(scenario, {}), [], NO_FIGURES, {}, short))
     assert "--stop 3 --seeds 1" in tree.xpath("string(//header)")
 
 
@@ -61,13 +66,15 @@ def test_warnings_and_unread_outputs_are_shown(text: str) -> None:
 
 def test_the_recorded_signals_are_linked(scenario: Plan) -> None:
     context = dataclasses.replace(CONTEXT, files=("runs/a b_1.csv", "runs/a b_1.parquet"))
-    tree = html.document_fromstring(page.render(Numbers(scenario, {}), [], {}, context))
+    tree = html.document_fromstring(page.render(Numbers(scenario, {}), [], NO_FIGURES, {}, context))
     assert tree.xpath("//ul[@class='files']//a/@href") == ["runs/a%20b_1.csv", "runs/a%20b_1.parquet"]
 
 
 def test_nothing_is_requested(text: str) -> None:
     tree = html.document_fromstring(text)
-    assert not tree.xpath("//script | //link | //img | //iframe | //object | //*[@src]")
+    # The code and its data are part of the page.
+    assert {str(v) for v in tree.xpath("//script/@*")} == {"application/json", "page-data"}
+    assert not tree.xpath("//script[@src] | //link | //img | //iframe | //object | //*[@src]")
     # what is linked stands beside the page, or is the index above it
     links = {str(v) for v in tree.xpath("//@href | //@*[name() = 'xlink:href']") if not str(v).startswith("#")}
     assert links == {"table.csv", "table.md", "../index.html"}
@@ -143,7 +150,9 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
         wiring=(),
     )
     bare = replace(bare, runs=(replace(bare.runs[0], seed=None),))
-    tree = html.document_fromstring(page.render(Numbers(bare, {}), [], {}, page.Context("native", "scripts/run")))
+    tree = html.document_fromstring(
+        page.render(Numbers(bare, {}), [], NO_FIGURES, {}, page.Context("native", "scripts/run"))
+    )
     assert [h.text for h in tree.xpath("//h2")] == ["Components in the order of execution", "How it was run"]
 
 

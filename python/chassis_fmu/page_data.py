@@ -1,0 +1,156 @@
+"""The data of a page: what its figures show, as the JSON text that `web/page-data.schema.json` describes."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import markupsafe
+import numpy as np
+from numpy.typing import NDArray
+
+from . import plots
+from .figures import Array, Axis, Line, Panel, decimate
+from .plan import Case, Figure, Plan
+
+FORMAT = 1
+
+# The word of a number that does not exist, and the largest word of one that does.
+MISSING = 65535
+LARGEST = MISSING - 1
+
+# A number is on a grid if it differs from it by at most this part of a step.
+ON_GRID = 1e-6
+
+
+@dataclass(frozen=True)
+class Interactive:
+    """What makes a page interactive: its data, and style and code that are bundled from the sources in `web/`."""
+
+    data: markupsafe.Markup
+    style: markupsafe.Markup
+    code: markupsafe.Markup
+
+    @classmethod
+    def of(cls, data: str) -> Interactive:
+        """Return the parts for a page with this data, of `render`."""
+        folder = Path(__file__).parent / "web"
+        style, code = ((folder / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
+        return cls(markupsafe.Markup(data), markupsafe.Markup(style), markupsafe.Markup(code))
+
+
+class _Block:
+    """Columns of numbers as 16-bit words."""
+
+    def __init__(self) -> None:
+        self._parts: list[NDArray[np.uint16]] = []
+        self._size = 0
+
+    def column(self, values: Array, *, grid: float = 1.0, log: bool = False) -> dict[str, Any]:
+        """Add a column. Values on a grid are exact but for floating-point errors; others are rounded to 16 bits."""
+        known = np.isfinite(values) & ((values > 0.0) | (not log))
+        numbers = np.log10(np.where(known, values, 1.0)) if log else np.where(known, values, 0.0)
+        used = numbers[known]
+        first = float(used.min()) if used.size else 0.0
+        span = float(used.max()) - first if used.size else 0.0
+        steps = (used - first) / grid
+        is_on_grid = not log and span <= grid * LARGEST and bool(np.all(np.abs(steps - np.round(steps)) < ON_GRID))
+        step = grid if is_on_grid else span / LARGEST
+        words = np.round((numbers - first) / step) if step > 0.0 else np.zeros(len(values))
+        words = np.where(known, words, MISSING).astype(np.uint16)
+        at = self._size
+        self._parts.append(np.diff(words, prepend=np.uint16(0)).astype(np.uint16))
+        self._size += len(words)
+        return {"at": at, "count": len(words), "first": first, "step": step, "log": log}
+
+    def text(self) -> str:
+        words = np.concatenate(self._parts) if self._parts else np.zeros(0, np.uint16)
+        return base64.b64encode(zlib.compress(words.astype("<u2").tobytes(), 9)).decode("ascii")
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    return {
+        "title": axis.title,
+        "units": [{"name": u.unit, "factor": u.factor, "offset": u.offset} for u in axis.units],
+        "log": axis.log,
+        "zero": axis.zero,
+        "range": None if axis.range is None else list(axis.range),
+    }
+
+
+def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any]:
+    x, y = (line.x, line.y) if line.marks or line.steps or line.spread is not None else decimate(line.x, line.y)
+    data: dict[str, Any] = {
+        "title": line.title,
+        "kind": line.kind,
+        "case": None if line.case is None else line.case.name,
+        "seed": line.seed,
+        "x": block.column(x, grid=grid, log=panel.x.log),
+        "y": block.column(y, log=panel.y.log),
+    }
+    if line.spread is not None:
+        data["spread"] = block.column(line.spread)
+    if line.marks:
+        data["marks"] = True
+    if line.steps:
+        data["steps"] = True
+    return data
+
+
+def render(
+    cases: Sequence[Case],
+    seeds: Sequence[int],
+    figures: Sequence[tuple[str, Sequence[Panel]]],
+    grid: float = 1.0,
+) -> str:
+    """Return the data of a page with these figures, by name, as JSON that can stand in a script element.
+
+    `grid` is the distance of recorded values on the abscissa: those on it are exact.
+    """
+    block = _Block()
+    drawn = [
+        {
+            "name": name,
+            "panels": [
+                {
+                    "title": panel.title,
+                    "note": panel.note,
+                    "x": _axis(panel.x),
+                    "y": _axis(panel.y),
+                    "lines": [_line(line, panel, block, grid) for line in panel.lines],
+                    "levels": [{"value": level.value, "title": level.title} for level in panel.levels],
+                }
+                for panel in panels
+                if panel.lines
+            ],
+        }
+        for name, panels in figures
+    ]
+    data = {
+        "format": FORMAT,
+        "cases": [
+            {
+                "name": case.name,
+                "title": case.title,
+                "color": i % len(plots.PALETTE),
+                "dash": i // len(plots.PALETTE) % len(plots.DASHES),
+            }
+            for i, case in enumerate(cases)
+        ],
+        "seeds": list(seeds),
+        "figures": [figure for figure in drawn if figure["panels"]],
+        "block": block.text(),
+    }
+    # No text may end the element or begin a comment.
+    return json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def of_plan(plan: Plan, figures: Sequence[tuple[Figure, Sequence[Panel]]]) -> str:
+    """Return the data of the page of a plan."""
+    grid = plan.simulation.step * plan.simulation.every
+    return render(plan.cases, plan.seeds, [(figure.name, panels) for figure, panels in figures], grid)

@@ -1,0 +1,112 @@
+"""The data of a page: it follows the schema of `web/`, and its numbers are those of the recordings."""
+
+import base64
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from chassis_fmu import figures, page_data
+from chassis_fmu.figures import Axis, Line, Panel, Recordings
+from chassis_fmu.numbers import Numbers
+from chassis_fmu.plan import Conversion, Plan
+from chassis_fmu.results import Recording
+
+SCHEMA = Path(__file__).parents[2] / "web" / "page-data.schema.json"
+
+
+def read(text: str) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(text)
+    jsonschema.validate(data, json.loads(SCHEMA.read_text(encoding="utf-8")), jsonschema.Draft202012Validator)
+    return data
+
+
+def numbers(data: dict[str, Any], column: dict[str, Any]) -> NDArray[np.float64]:
+    """Decode a column as the schema says."""
+    words = np.frombuffer(zlib.decompress(base64.b64decode(data["block"])), "<u2")
+    own = np.cumsum(words[column["at"] : column["at"] + column["count"]], dtype=np.uint16)
+    values = column["first"] + column["step"] * own.astype(np.float64)
+    values = 10.0**values if column["log"] else values
+    return np.where(own == page_data.MISSING, np.nan, values)
+
+
+def of_panel(scenario: Plan, *lines: Line, log: bool = False) -> dict[str, Any]:
+    x, y = Axis("Time", (Conversion("s"),)), Axis("", (Conversion("m"),), log=log)
+    return read(page_data.of_plan(scenario, [(scenario.figures[0], [Panel("Height", "", x, y, lines)])]))
+
+
+def first_line(data: dict[str, Any]) -> dict[str, Any]:
+    line: dict[str, Any] = data["figures"][0]["panels"][0]["lines"][0]
+    return line
+
+
+def test_numbers_are_rounded_to_parts_of_their_range(scenario: Plan) -> None:
+    times = np.arange(1000) * 0.1
+    values = np.random.default_rng(1).normal(size=1000)
+    values[7] = np.nan
+    data = of_panel(scenario, Line("run", "A", times, values))
+    line = first_line(data)
+    # Times lie on the grid of the recording, so only the last digits may differ.
+    np.testing.assert_allclose(numbers(data, line["x"]), times, rtol=1e-13)
+    # Half a step, by definition of rounding.
+    half = 0.5 * np.ptp(values[np.isfinite(values)]) / page_data.LARGEST
+    np.testing.assert_allclose(numbers(data, line["y"]), values, atol=half * (1.0 + 1e-9))
+
+
+def test_states_and_switches_are_exact(scenario: Plan) -> None:
+    values = np.array([0.0, 1.0, 1.0, 3.0, -2.0, 60000.0])
+    data = of_panel(scenario, Line("run", "A", np.arange(6) * 0.1, values))
+    np.testing.assert_array_equal(numbers(data, first_line(data)["y"]), values)
+
+
+def test_logarithmic_axes_keep_the_digits_of_small_numbers(scenario: Plan) -> None:
+    values = np.logspace(-12.0, 3.0, 500)
+    data = of_panel(scenario, Line("run", "A", np.arange(500) * 0.1, values), log=True)
+    # 15 decades in 65534 steps: half a step is a factor of 10**(15 / 65534 / 2).
+    limit = 10.0 ** (15.0 / page_data.LARGEST / 2.0) - 1.0
+    np.testing.assert_allclose(numbers(data, first_line(data)["y"]), values, rtol=limit * 1.001)
+
+
+def test_a_constant_and_an_empty_line_have_columns(scenario: Plan) -> None:
+    nothing = np.zeros(0)
+    data = of_panel(scenario, Line("run", "A", np.arange(3) * 0.1, np.full(3, 0.3)), Line("run", "B", nothing, nothing))
+    lines = data["figures"][0]["panels"][0]["lines"]
+    np.testing.assert_allclose(numbers(data, lines[0]["y"]), 0.3, rtol=1e-15)
+    assert lines[1]["x"]["count"] == 0
+
+
+def test_no_text_ends_the_script(scenario: Plan) -> None:
+    text = page_data.of_plan(replace(scenario, cases=(replace(scenario.cases[0], title="</script><!--"),)), [])
+    assert "<" not in text
+    assert read(text)["cases"][0]["title"] == "</script><!--"
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_the_figures_of_a_scenario_follow_the_schema(scenario: Plan, seeds: int) -> None:
+    times = np.arange(4) * 0.1
+    swept = replace(scenario, seeds=tuple(range(1, seeds + 1)))
+    recordings = Recordings(swept)
+    for case in swept.cases:
+        for seed in swept.seeds:
+            run = replace(swept.runs[0], case=case.name, seed=seed)
+            recordings.add(run, Recording(times, {"body.roll": times * seed, "source.count": times}))
+    # The window of the figure leaves out the first row.
+    times = times[1:]
+    cells = Numbers(swept, {}).table()
+    found = [(figure, figures.panels(swept, figure, recordings, cells)) for figure in swept.figures]
+    data = read(page_data.of_plan(swept, found))
+    roll = next(p for f in data["figures"] for p in f["panels"] if p["title"] == "Roll angle")
+    assert [unit["name"] for unit in roll["y"]["units"]] == ["deg", "rad"]
+    means = [line for line in roll["lines"] if line["kind"] == "mean"]
+    assert len(means) == (0 if seeds == 1 else 2)
+    if seeds > 1:
+        # Mean and sample standard deviation of 1, 2 and 3.
+        np.testing.assert_allclose(numbers(data, means[0]["y"]), 2.0 * times, atol=1e-5)
+        np.testing.assert_allclose(numbers(data, means[0]["spread"]), times, atol=1e-5)
+        assert [line["seed"] for line in roll["lines"] if line["case"] == "active"] == [1, None, 2, 3]

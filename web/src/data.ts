@@ -1,0 +1,41 @@
+/** Reads the data of the page. */
+
+import type { Column, PageData } from "./page-data";
+
+/** The word of a number that does not exist. */
+const MISSING = 65535;
+
+/** The data that the page contains; null: it has none, or data of another version. */
+export function read(): PageData | null {
+  const element = document.getElementById("page-data");
+  if (element === null) return null;
+  const data = JSON.parse(element.textContent) as PageData;
+  return data.format === 1 ? data : null;
+}
+
+/** The words of the block, each column as differences. */
+export async function unpack(block: string): Promise<Uint16Array> {
+  const compressed = Uint8Array.from(atob(block), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([compressed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const bytes = new DataView(await new Response(stream).arrayBuffer());
+  return Uint16Array.from({ length: bytes.byteLength / 2 }, (_, i) => bytes.getUint16(2 * i, true));
+}
+
+/** The numbers of a column; null where there is none. */
+export function numbers(words: Uint16Array, column: Column): (number | null)[] {
+  let word = 0;
+  return Array.from(words.subarray(column.at, column.at + column.count), (difference) => {
+    word = (word + difference) & 0xffff;
+    if (word === MISSING) return null;
+    const value = column.first + column.step * word;
+    return column.log ? 10 ** value : value;
+  });
+}
+
+/** Significant digits that the numbers of a column have after they were rounded to words. */
+export function digits(column: Column): number {
+  if (column.step === 0) return 6;
+  if (column.log) return 4;
+  const largest = Math.max(Math.abs(column.first), Math.abs(column.first + column.step * (MISSING - 1)));
+  return Math.max(1, Math.min(6, Math.floor(Math.log10(largest / Math.abs(column.step)))));
+}

@@ -1,0 +1,37 @@
+/** What the switches of the page say. All figures follow them. */
+
+import type { Line, PageData } from "./page-data";
+
+export class State {
+  readonly cases = new Set<string>();
+  readonly seeds = new Set<number>();
+  /** Whether the means over the seeds are shown, with their spread. */
+  mean: boolean;
+  /** Whether numbers are in base units. */
+  base = false;
+  readonly #listeners: (() => void)[] = [];
+
+  constructor(data: PageData) {
+    for (const one of data.cases) this.cases.add(one.name);
+    const first = data.seeds[0];
+    this.mean = first === undefined;
+    if (first !== undefined) this.seeds.add(first);
+  }
+
+  /** Calls a function after every change. */
+  listen(listener: () => void): void {
+    this.#listeners.push(listener);
+  }
+
+  change(what: () => void): void {
+    what();
+    for (const listener of this.#listeners) listener();
+  }
+
+  /** Whether a line is to be seen. */
+  shows(line: Line): boolean {
+    if (line.case !== null && !this.cases.has(line.case)) return false;
+    if (line.kind === "mean") return this.mean;
+    return line.seed === null || this.seeds.has(line.seed);
+  }
+}

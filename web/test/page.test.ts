@@ -1,0 +1,245 @@
+/** The page of a scenario in a browser. References: the recorded signals beside the page, and the rules of accessibility. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { after, before, describe, test } from "node:test";
+import { pathToFileURL } from "node:url";
+import axe from "axe-core";
+import { type Browser, type BrowserContextOptions, type Locator, type Page, chromium } from "playwright-core";
+
+const FOLDER = process.env["CHASSIS_FMU_PAGE"] ?? "../results/rescue_vehicle_step_steer";
+const PAGE = pathToFileURL(`${FOLDER}/index.html`).href;
+const CHROMIUM = process.env["CHROMIUM"] ?? "/usr/bin/chromium";
+
+let browser: Browser;
+
+before(async () => {
+  browser = await chromium.launch({ executablePath: CHROMIUM, args: ["--no-sandbox"] });
+});
+after(() => browser.close());
+
+/** What pages wrote to the console or asked for, which they should not. */
+const faults: string[] = [];
+
+async function open(options: BrowserContextOptions = {}): Promise<Page> {
+  const page = await (await browser.newContext({ viewport: { width: 1400, height: 900 }, ...options })).newPage();
+  page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
+  page.on("pageerror", (error) => faults.push(String(error)));
+  page.on("request", (request) => request.url() === PAGE || faults.push(`request of ${request.url()}`));
+  await page.goto(PAGE);
+  if (options.javaScriptEnabled !== false) await page.waitForSelector(".plot canvas");
+  return page;
+}
+
+/** Puts the cursor in the middle of a plot. */
+async function hover(plot: Locator): Promise<void> {
+  const over = plot.locator(".u-over");
+  await over.scrollIntoViewIfNeeded();
+  await over.hover();
+}
+
+function range(text: string | null): [number, number] {
+  const [min, max] = (text ?? "").split(" ").map(Number);
+  assert.ok(min !== undefined && max !== undefined && min < max, text ?? "no range");
+  return [min, max];
+}
+
+/** The recorded signals of a run. */
+function recording(run: string): { names: string[]; rows: number[][] } {
+  const [head, ...lines] = readFileSync(`${FOLDER}/runs/${run}.csv`, "utf8").trim().split("\n");
+  return { names: head!.split(","), rows: lines.map((line) => line.split(",").map(Number)) };
+}
+
+describe("figures", () => {
+  test("the readout shows the recorded value", async () => {
+    const page = await open();
+    const plot = page.locator("#figure_6a .plot").first();
+    await hover(plot);
+    const entry = plot.locator(".plot-readout span").first();
+    const shown = Number((await entry.locator("b").innerText()).replace("−", "-"));
+    const time = Number(await entry.getAttribute("data-x"));
+    const { names, rows } = recording("individual_1");
+    const column = names.indexOf("body.roll");
+    const row = rows.find((values) => Math.abs(values[0]! - time) < 1e-9);
+    assert.ok(row !== undefined && column > 0, `no row at ${time} s`);
+    const degrees = rows.map((values) => (values[column]! * 180) / Math.PI);
+    const span = Math.max(...degrees) - Math.min(...degrees);
+    // Rounded to 16 bits, then to the digits that this leaves, four at least in the middle of this run.
+    const expected = (row[column]! * 180) / Math.PI;
+    assert.ok(Math.abs(shown - expected) <= span / 65534 + 5e-4 * Math.abs(expected), `${shown} ${expected}`);
+  });
+
+  test("one cursor is in all plots over time", async () => {
+    const page = await open();
+    await hover(page.locator("#figure_6a .plot").first());
+    const texts = await page.locator(".plot-readout").evaluateAll((all) => all.map((one) => one.textContent ?? ""));
+    const inside = texts.filter((text) => /^Time [\d.]+ s/.test(text));
+    assert.ok(inside.length > 3, texts.join("\n"));
+  });
+
+  test("switches hide cases, seeds and units", async () => {
+    const page = await open();
+    const plot = page.locator("#figure_6a .plot").first();
+    const lines = () => plot.locator(".plot-readout span").allInnerTexts();
+    const all = await lines();
+    const first = page.locator('[aria-label="Cases"] button').first();
+    await first.click();
+    assert.equal(await first.getAttribute("aria-pressed"), "false");
+    assert.equal((await lines()).length, all.length - 1);
+    await first.click();
+    assert.deepEqual(await lines(), all);
+    await page.locator('[aria-label="seed 2"]').click();
+    assert.equal((await lines()).length, 2 * all.length);
+    await page.locator('[aria-label^="mean"]').click();
+    assert.ok((await lines()).some((line) => line.includes("mean of")));
+    await page.locator('[aria-label^="SI"]').click();
+    await hover(plot);
+    assert.match((await lines())[0]!, / rad$/);
+  });
+
+  test("buttons and the mouse zoom and pan", async () => {
+    const page = await open();
+    const plot = page.locator("#figure_6a .plot").first();
+    const shown = async () => range(await plot.getAttribute("data-range"));
+    const press = (name: string) => page.locator("#figure_6a").getByRole("button", { name }).click();
+    const all = await shown();
+    await press("Zoom in");
+    const half = await shown();
+    assert.ok(Math.abs(half[1] - half[0] - (all[1] - all[0]) / 2) < 1e-9);
+    await press("Move right");
+    assert.ok((await shown())[0] > half[0]);
+    await press("Show all");
+    assert.deepEqual(await shown(), all);
+    const over = plot.locator(".u-over");
+    await over.scrollIntoViewIfNeeded();
+    const box = (await over.boundingBox())!;
+    await page.mouse.move(box.x + 0.25 * box.width, box.y + 20);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 0.5 * box.width, box.y + 40, { steps: 4 });
+    await page.mouse.up();
+    const dragged = await shown();
+    const expected = [0.25, 0.5].map((share) => all[0] + share * (all[1] - all[0]));
+    // Positions are whole pixels.
+    const pixel = (all[1] - all[0]) / box.width;
+    dragged.forEach((end, i) => assert.ok(Math.abs(end - expected[i]!) <= 2 * pixel, `${dragged} ${expected}`));
+  });
+
+  test("the keyboard moves the cursor and zooms", async () => {
+    const page = await open();
+    const plot = page.locator("#figure_6a .plot").first();
+    await plot.locator(".plot-body").focus();
+    await page.keyboard.press("Home");
+    for (let i = 0; i < 10; i++) await page.keyboard.press("ArrowRight");
+    assert.match((await plot.locator(".plot-readout").textContent()) ?? "", /^Time [\d.]+ s/);
+    const all = range(await plot.getAttribute("data-range"));
+    await page.keyboard.press("+");
+    const half = range(await plot.getAttribute("data-range"));
+    assert.ok(Math.abs(half[1] - half[0] - (all[1] - all[0]) / 2) < 1e-9);
+    await page.keyboard.press("Escape");
+    assert.deepEqual(range(await plot.getAttribute("data-range")), all);
+  });
+
+  test("print and pages without JavaScript show the pictures", async () => {
+    const page = await open();
+    await page.emulateMedia({ media: "print" });
+    assert.ok(await page.locator("#figure_6a > svg").isVisible());
+    assert.ok(!(await page.locator("#figure_6a .plot").first().isVisible()));
+    const plain = await open({ javaScriptEnabled: false });
+    assert.ok(await plain.locator("#figure_6a > svg").isVisible());
+  });
+
+  test("colors follow the theme", async () => {
+    const page = await open();
+    const color = () => page.locator("#figure_6a .plot-key").first().evaluate((key) => getComputedStyle(key).backgroundColor);
+    const light = await color();
+    await page.emulateMedia({ colorScheme: "dark" });
+    await page.waitForFunction((before) => getComputedStyle(document.querySelector("#figure_6a .plot-key")!).backgroundColor !== before, light);
+  });
+});
+
+describe("the table of numbers", () => {
+  test("a click on a title sorts within the groups", async () => {
+    const page = await open();
+    const table = page.locator("table.headline");
+    const groups = await table.locator("tbody").count();
+    await table.getByRole("button", { name: "Ours" }).click();
+    for (let i = 0; i < groups; i++) {
+      const body = table.locator("tbody").nth(i);
+      assert.equal(await body.locator("tr").first().locator("th").count(), 1);
+      const texts = await body.locator("td.strong").allInnerTexts();
+      const values = texts.map((text) => Number.parseFloat(text.replace("−", "-")));
+      assert.deepEqual(values, [...values].sort((a, b) => a - b));
+    }
+    await table.getByRole("button", { name: "Ours" }).click();
+    assert.equal(await table.locator('th[aria-sort="descending"]').count(), 1);
+  });
+
+  test("copies have a row for each row of the table", async () => {
+    const page = await open();
+    await page.evaluate(() => {
+      Object.defineProperty(navigator, "clipboard", {
+        value: { writeText: (text: string) => void (document.documentElement.dataset["copied"] = text) },
+      });
+    });
+    const rows = await page.locator("table.headline tbody tr").count();
+    const copied = async () => (await page.locator("html").getAttribute("data-copied"))!.trim().split("\n");
+    await page.getByRole("button", { name: "Copy the table as CSV" }).click();
+    const csv = await copied();
+    assert.equal(csv.length, rows + 1);
+    assert.match(csv[0]!, /^Metric,Case,/);
+    assert.ok(csv[2]!.startsWith(csv[1]!.split(",Individual")[0]!), csv.slice(0, 3).join("\n"));
+    await page.getByRole("button", { name: "Copy the table as Markdown" }).click();
+    assert.equal((await copied()).length, rows + 2);
+  });
+});
+
+test("a long table can be shown as a matrix of points and cases", async () => {
+  const code = readFileSync("../python/chassis_fmu/web/page.js", "utf8");
+  const style = readFileSync("../python/chassis_fmu/web/page.css", "utf8");
+  const points = Array.from({ length: 21 }, (_, i) => i);
+  const row = (point: number, name: string, first: boolean) =>
+    `<tr>${first && point === 0 ? '<th rowspan="42">Speed</th>' : ""}<td class="point" data-text="${point} km/h">${first ? `${point} km/h` : ""}</td>` +
+    `<td class="case">${name}</td><td class="strong">${(point - 10) * (first ? 1 : 2)}</td></tr>`;
+  const rows = points.map((point) => row(point, "A", true) + row(point, "B", false)).join("");
+  const page = await (await browser.newContext()).newPage();
+  await page.setContent(
+    `<style>${style}</style><table class="headline"><thead><tr><th>Metric</th><th>Point</th><th>Case</th><th>Ours</th></tr></thead>` +
+      `<tbody>${rows}</tbody></table><script>${code}</script>`,
+  );
+  const matrix = page.locator("table.matrix");
+  assert.ok(!(await matrix.isVisible()));
+  await page.getByRole("button", { name: "Matrix of the points and cases" }).click();
+  assert.ok(await matrix.isVisible());
+  assert.ok(!(await page.locator("table.headline").isVisible()));
+  assert.deepEqual(await matrix.locator("thead th").allInnerTexts(), ["", "A", "B"]);
+  assert.deepEqual(await matrix.locator("tbody tr").nth(20).locator("th, td").allInnerTexts(), ["20 km/h", "10", "20"]);
+  const share = (cell: Locator) => cell.evaluate((element) => (element as HTMLElement).style.getPropertyValue("--share"));
+  assert.equal(await share(matrix.locator("tbody tr").nth(0).locator("td").nth(1)), "0%");
+  assert.equal(await share(matrix.locator("tbody tr").nth(20).locator("td").nth(1)), "55%");
+  await page.getByRole("button", { name: "Matrix of the points and cases" }).click();
+  await page.getByRole("button", { name: "Ours" }).click();
+  // A point that repeated the row above is named in its new place.
+  assert.deepEqual(await page.locator("table.headline tbody tr").first().locator("td").allInnerTexts(), ["0 km/h", "B", "-20"]);
+});
+
+for (const width of [400, 1400]) {
+  for (const colorScheme of ["light", "dark"] as const) {
+    test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
+      const page = await open({ viewport: { width, height: 900 }, colorScheme });
+      const [scroll, inner] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+      assert.ok(scroll! <= inner!, `${scroll} px wide`);
+      await page.evaluate(axe.source);
+      const found = await page.evaluate(async () => {
+        const { violations } = await (window as unknown as { axe: typeof axe }).axe.run();
+        return violations
+          .filter((one) => one.impact === "serious" || one.impact === "critical")
+          .map((one) => `${one.id}: ${one.help}: ${one.nodes.map((node) => node.html).slice(0, 3).join(" ")}`);
+      });
+      assert.deepEqual(found, []);
+    });
+  }
+}
+
+test("no page writes an error or asks for anything", () => {
+  assert.deepEqual(faults, []);
+});
