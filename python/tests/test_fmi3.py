@@ -95,7 +95,7 @@ def test_native_arrays_pass_the_validators(with_arrays: list[Path]) -> None:
 @both
 @each_fmu
 def test_fmi_sim_runs_it(path: Path, tmp_path: Path, interface: str) -> None:
-    """Ten steps, without units and nominal values, which fmi-sim 0.7.0 cannot read: neither of variables, nor K and A."""
+    """Ten steps, without units and nominal values: fmi-sim 0.7.0 cannot read them."""
     description = fmpy.read_model_description(str(path))
     if interface == "ModelExchange" and description.modelExchange is None:
         return
