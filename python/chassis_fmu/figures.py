@@ -58,6 +58,9 @@ class Line:
     marks: bool = False
     steps: bool = False
     """Whether a value holds until the next one."""
+    run: str | None = None
+    """The run whose file has all samples, and its column."""
+    signal: str | None = None
 
 
 @dataclass(frozen=True)
@@ -168,7 +171,9 @@ class Recordings:
         mean, spread = samples.mean(axis=0), samples.std(axis=0, ddof=1)
         yield Line("mean", title, seeds.times, mean, case, spread=spread)
         for seed, (times, values) in seeds.lines.items():
-            yield Line("run", f"{case.title}, seed {seed}", times, values, case, seed)
+            stem = self._plan.run(case.name, point, seed).stem
+            name = self._plan.columns[column].name
+            yield Line("run", f"{case.title}, seed {seed}", times, values, case, seed, run=stem, signal=name)
 
 
 def columns_of(plan: Plan, figure: Figure) -> set[int]:
@@ -215,6 +220,21 @@ def _cases(plan: Plan, figure: Figure) -> list[Case]:
     return [c for c in plan.cases if c.name in figure.cases]
 
 
+@dataclass(frozen=True)
+class _Shown:
+    """A run of a case that a figure shows, and the rows of its window."""
+
+    case: Case
+    run: Run
+    recording: Recording
+    rows: slice
+
+    def line(self, kind: LineKind, title: str, column: Column) -> Line:
+        """Return the line of a signal."""
+        times, values = self.recording.times[self.rows], self.recording.values[column.name][self.rows]
+        return Line(kind, title, times, values, self.case, self.run.seed, run=self.run.stem, signal=column.name)
+
+
 def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
     cases = _cases(plan, figure)
     titles: dict[str | None, str] = {None: "", **{p.name: p.title for p in plan.points}}
@@ -234,15 +254,14 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
                         continue
                     found = True
                     rows = metrics.window(recording.times, figure.window, plan.simulation.step)
-                    times = recording.times[rows]
-                    if not len(times):
+                    if rows.start >= rows.stop:
                         # A run stopped before the window.
                         continue
                     title = case.title if len(plan.seeds) < 2 else f"{case.title}, seed {first}"
-                    lines.append(Line("run", title, times, recording.values[column.name][rows], case, first))
+                    shown = _Shown(case, plan.run(case.name, point, first), recording, rows)
+                    lines.append(shown.line("run", title, column))
                     if beside is not None and beside.name in recording.values:
-                        values = recording.values[beside.name][rows]
-                        lines.append(Line("reference", label(beside), times, values, case, first))
+                        lines.append(shown.line("reference", label(beside), beside))
                     lines += recordings.others(figure, index, case, point)
                 if found:
                     note = ", ".join(t for t in (together[0].title if figure.separate else "", titles[point]) if t)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import markupsafe
 import numpy as np
@@ -99,6 +100,9 @@ def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any
         data["marks"] = True
     if line.steps:
         data["steps"] = True
+    if line.run is not None and line.signal is not None:
+        data["file"] = f"runs/{quote(line.run)}.csv"
+        data["signal"] = line.signal
     return data
 
 

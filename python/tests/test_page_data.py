@@ -91,11 +91,11 @@ def test_no_text_ends_the_script(scenario: Plan) -> None:
 def test_the_figures_of_a_scenario_follow_the_schema(scenario: Plan, seeds: int) -> None:
     times = np.arange(4) * 0.1
     swept = replace(scenario, seeds=tuple(range(1, seeds + 1)))
+    runs = [replace(swept.runs[0], id=f"{c.name}#{s}", case=c.name, seed=s) for c in swept.cases for s in swept.seeds]
+    swept = replace(swept, runs=tuple(runs))
     recordings = Recordings(swept)
-    for case in swept.cases:
-        for seed in swept.seeds:
-            run = replace(swept.runs[0], case=case.name, seed=seed)
-            recordings.add(run, Recording(times, {"body.roll": times * seed, "source.count": times}))
+    for run in runs:
+        recordings.add(run, Recording(times, {"body.roll": times * (run.seed or 0), "source.count": times}))
     # The window of the figure leaves out the first row.
     times = times[1:]
     cells = Numbers(swept, {}).table()
@@ -109,4 +109,6 @@ def test_the_figures_of_a_scenario_follow_the_schema(scenario: Plan, seeds: int)
         # Mean and sample standard deviation of 1, 2 and 3.
         np.testing.assert_allclose(numbers(data, means[0]["y"]), 2.0 * times, atol=1e-5)
         np.testing.assert_allclose(numbers(data, means[0]["spread"]), times, atol=1e-5)
+        files = [line["file"] for line in roll["lines"] if line["case"] == "active" and line["kind"] == "run"]
+        assert files == ["runs/active_1.csv", "runs/active_2.csv", "runs/active_3.csv"]
         assert [line["seed"] for line in roll["lines"] if line["case"] == "active"] == [1, None, 2, 3]

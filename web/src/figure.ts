@@ -11,7 +11,6 @@ export function enhance(place: HTMLElement, figure: Figure, data: PageData, stat
   // All panels show the same part of the abscissa.
   const zoom = (range: [number, number] | null) => {
     for (const plot of plots) plot.zoom(range);
-    place.classList.toggle("zoomed", range !== null);
   };
   for (const plot of plots) plot.onZoom = zoom;
   const first = plots[0];

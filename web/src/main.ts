@@ -11,7 +11,8 @@ import { enhanceTable } from "./table";
 async function start(): Promise<void> {
   for (const table of document.querySelectorAll<HTMLTableElement>("table.headline")) enhanceTable(table);
   const data = read();
-  if (data === null || data.figures.length === 0) return;
+  // An old browser keeps the pictures.
+  if (data === null || data.figures.length === 0 || !("DecompressionStream" in window)) return;
   const words = await unpack(data.block);
   const state = new State(data);
   const places = data.figures.flatMap((figure) => {

@@ -4,12 +4,15 @@ import uPlot from "uplot";
 import { digits, numbers } from "./data";
 import { axisTitle, convert, revert, text } from "./format";
 import type { Line, PageData, Panel } from "./page-data";
+import { isReadable, samples } from "./recording";
 import type { State } from "./state";
 
 const DASHES = [[], [8, 4], [2, 4]];
 const HEIGHT = 240;
 const AXIS_WIDTH = 62;
-/** A line with more points than pixels that goes up and down all the time is drawn thin. */
+/** In less than this share of the abscissa, lines are drawn from the recorded signals. */
+const CLOSE = 0.5;
+/** A line whose way up and down is longer than this many times its height is noise and drawn thin. */
 const NOISY = 20;
 
 type Values = (number | null)[];
@@ -21,6 +24,8 @@ interface Drawn {
   spread: Values | null;
   digits: number;
   noisy: boolean;
+  /** Whether all recorded samples are there, or cannot be had. */
+  isFull: boolean;
   /** Number of its series in uPlot. */
   series: number;
 }
@@ -73,6 +78,7 @@ export class Plot {
         spread: line.spread === undefined ? null : numbers(words, line.spread),
         digits: digits(line.y),
         noisy: isNoisy(y),
+        isFull: false,
         series: 0,
       };
     });
@@ -111,6 +117,23 @@ export class Plot {
     this.#plot?.setScale("x", { min, max });
     this.element.dataset["zoomed"] = String(range !== null);
     this.element.dataset["range"] = `${min} ${max}`;
+    if (isReadable && max - min <= CLOSE * (this.#full[1] - this.#full[0])) void this.#refine();
+  }
+
+  /** Replaces the samples of the page by all that were recorded. */
+  async #refine(): Promise<void> {
+    const coarse = this.#lines.filter((drawn) => !drawn.isFull && this.state.shows(drawn.line));
+    const found = coarse.map(async (drawn) => {
+      const { file, signal } = drawn.line;
+      drawn.isFull = true;
+      const all = file === undefined || signal === undefined ? null : await samples(file, signal);
+      if (all === null) return false;
+      [drawn.x, drawn.y, drawn.digits] = [all.times, all.values, 6];
+      return true;
+    });
+    if (!(await Promise.all(found)).includes(true)) return;
+    this.element.dataset["resolution"] = "full";
+    this.#draw();
   }
 
   /** The part of the abscissa that is shown. */

@@ -2,6 +2,8 @@
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
+import { createServer } from "node:http";
+import type { AddressInfo } from "node:net";
 import { after, before, describe, test } from "node:test";
 import { pathToFileURL } from "node:url";
 import axe from "axe-core";
@@ -137,6 +139,36 @@ describe("figures", () => {
     assert.ok(Math.abs(half[1] - half[0] - (all[1] - all[0]) / 2) < 1e-9);
     await page.keyboard.press("Escape");
     assert.deepEqual(range(await plot.getAttribute("data-range")), all);
+  });
+
+  test("on a web server a closer look reads the recorded signals", async () => {
+    const server = createServer((request, response) => {
+      const path = decodeURIComponent((request.url ?? "/").slice(1));
+      response.setHeader("Content-Type", path.endsWith(".html") ? "text/html" : "text/csv");
+      // Browsers also ask for an icon.
+      response.end(path === "favicon.ico" ? "" : readFileSync(`${FOLDER}/${path}`));
+    });
+    await new Promise<void>((done) => server.listen(0, "127.0.0.1", done));
+    const { port } = server.address() as AddressInfo;
+    const page = await (await browser.newContext({ viewport: { width: 1400, height: 900 } })).newPage();
+    await page.goto(`http://127.0.0.1:${port}/index.html`);
+    const figure = page.locator("#figure_6c");
+    for (let i = 0; i < 4; i++) await figure.getByRole("button", { name: "Zoom in" }).click();
+    await figure.locator('.plot[data-resolution="full"]').waitFor();
+    await hover(figure.locator(".plot").first());
+    const entry = figure.locator(".plot-readout span").first();
+    const { names, rows } = recording("individual_1");
+    const time = Number(await entry.getAttribute("data-x"));
+    const row = rows.find((values) => values[0] === time);
+    assert.ok(row !== undefined, `no row at ${time} s`);
+    const shown = Number((await entry.locator("b").innerText()).replace("−", "-"));
+    const factor = /°|deg/.test((await entry.textContent()) ?? "") ? 180 / Math.PI : 1;
+    const expected = row[names.indexOf("body.roll_acceleration")]! * factor;
+    // Six digits.
+    assert.ok(Math.abs(shown - expected) <= 5e-6 * Math.abs(expected), `${shown} ${expected}`);
+    await page.close();
+    server.closeAllConnections();
+    server.close();
   });
 
   test("print and pages without JavaScript show the pictures", async () => {

@@ -1,0 +1,29 @@
+/** Recorded signals in full resolution, from the files beside the page. A page on a web server can read them; one in a folder cannot. */
+
+type Columns = Map<string, number[]>;
+
+const files = new Map<string, Promise<Columns>>();
+
+async function read(file: string): Promise<Columns> {
+  const response = await fetch(file);
+  if (!response.ok) throw new Error(`${file}: ${response.status}`);
+  const [head = "", ...lines] = (await response.text()).trimEnd().split("\n");
+  const rows = lines.map((line) => line.split(","));
+  return new Map(head.split(",").map((name, i) => [name, rows.map((row) => Number(row[i]))]));
+}
+
+/** Whether files can be read. */
+export const isReadable = location.protocol.startsWith("http");
+
+/** Times and values of a signal; null if the file is not there. */
+export async function samples(file: string, signal: string): Promise<{ times: number[]; values: number[] } | null> {
+  let columns = files.get(file);
+  if (columns === undefined) files.set(file, (columns = read(file)));
+  try {
+    const found = await columns;
+    const [times, values] = [found.get("time"), found.get(signal)];
+    return times === undefined || values === undefined ? null : { times, values };
+  } catch {
+    return null;
+  }
+}
