@@ -51,8 +51,8 @@ extern crate self as fmu;
 pub mod abi;
 pub mod calls;
 mod clock;
-#[doc(hidden)]
 mod combinations;
+#[doc(hidden)]
 pub mod comparison;
 #[doc(hidden)]
 pub mod declare;
