@@ -17,7 +17,7 @@ GUIDE = ROOT / "docs" / "guide" / "src"
 PAGES = sorted(
     path
     for path in ROOT.glob("**/*.md")
-    if not {"target", ".venv", ".git", "results"} & set(path.relative_to(ROOT).parts)
+    if not {"target", ".venv", ".git", "results", "node_modules"} & set(path.relative_to(ROOT).parts)
 )
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
