@@ -112,7 +112,7 @@ def render(
     figures: Sequence[tuple[str, Sequence[Panel]]],
     grid: float = 1.0,
 ) -> str:
-    """Return the data of a page with these figures, by name, as JSON that can stand in a script element.
+    """Serialize named figures as JSON that is safe inside a script element.
 
     `grid` is the distance of recorded values on the abscissa: those on it are exact.
     """

@@ -305,7 +305,7 @@ impl Functions {
         ALLOWED[protocol.column()][mode as usize]
     }
 
-    /// Whether a function is among them.
+    /// Returns true if the set contains the function.
     #[inline]
     pub const fn contains(self, function: Function) -> bool {
         self.0 >> function as u32 & 1 != 0

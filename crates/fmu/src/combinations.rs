@@ -1,4 +1,4 @@
-//! Which values of several variables are tried together.
+//! Combinations of the values of several variables.
 
 /// The most values of a variable that are tried.
 pub(crate) const MOST_VALUES: usize = 64;
@@ -32,7 +32,7 @@ pub(crate) fn combinations(sizes: &[usize]) -> Vec<Vec<Option<usize>>> {
     tried
 }
 
-/// Whether all combinations are tried.
+/// Returns true if [`combinations`] contains every combination.
 pub(crate) fn are_few(sizes: &[usize]) -> bool {
     let all = sizes.iter().try_fold(1_usize, |all, &size| all.checked_mul(size));
     all.is_some_and(|all| all <= MOST_COMBINATIONS)

@@ -53,7 +53,7 @@ pub struct Instance<M: Model> {
     description: Arc<Description>,
     resources: PathBuf,
     mode: Mode,
-    /// What may be called in the mode.
+    /// Functions that the mode allows.
     allowed: Functions,
     clock: Clock,
     values: ValueStore,

@@ -1,5 +1,5 @@
-//! What a library of this project's exporter is asked for when it describes its model: a sum of these numbers. The exporter reads
-//! them in `fmu::abi::model_description`.
+//! Options of the description that a library of this exporter returns. They are added up; `fmu::abi::model_description` reads
+//! them.
 
 /// The FMU provides co-simulation.
 pub const CO_SIMULATION: i32 = 1;

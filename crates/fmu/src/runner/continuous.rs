@@ -103,7 +103,7 @@ struct Integration<'a, M: Continuous> {
     stopped: Option<f64>,
 }
 
-/// Whether the model has events at all.
+/// Returns true if the model declares zero crossings or time events.
 const fn has_events<M: Continuous>() -> bool {
     size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS
 }

@@ -40,7 +40,7 @@ fmi3! {
     Types: DiscreteTypes, Format::FMI3;
 }
 
-/// What the macro makes of a model that is packed for co-simulation only.
+/// A model packed for co-simulation only, as the macro expands it.
 struct WithoutExchange;
 
 impl Export for WithoutExchange {
