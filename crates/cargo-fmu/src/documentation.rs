@@ -1,7 +1,7 @@
 //! `documentation/index.html` of an FMU: the README of the model and the tables of its variables.
 
 use fmu_import::description::{Causality, FmiVersion, ModelDescription, Variability, Variable};
-use pulldown_cmark::{Options, Parser, html};
+use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 
 use crate::variables::{lengths, start};
 
@@ -12,10 +12,23 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
+/// Without the links to other files of the repository, which an FMU does not contain. Their text stays.
+fn without_relative_links<'a>(events: impl Iterator<Item = Event<'a>>) -> impl Iterator<Item = Event<'a>> {
+    let mut is_relative = false;
+    events.filter(move |event| match event {
+        Event::Start(Tag::Link { dest_url, .. }) => {
+            is_relative = !["https:", "http:", "mailto:", "#"].iter().any(|start| dest_url.starts_with(start));
+            !is_relative
+        }
+        Event::End(TagEnd::Link) => !is_relative,
+        _ => true,
+    })
+}
+
 /// The page, complete in itself.
 pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
     let mut body = String::new();
-    html::push_html(&mut body, Parser::new_ext(readme, Options::ENABLE_TABLES));
+    html::push_html(&mut body, without_relative_links(Parser::new_ext(readme, Options::ENABLE_TABLES)));
     let name = escape(&description.model_name);
     let summary = escape(description.description.as_deref().unwrap_or_default());
     let tables: String = [
@@ -29,11 +42,11 @@ pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
     .map(|(causality, title)| table(description, causality, title))
     .collect();
     let guid = escape(&description.guid);
-    let (calls, icon, token) = match description.fmi {
-        FmiVersion::V2 => (CALLS.to_owned(), "model.png", "GUID"),
-        FmiVersion::V3 => (CALLS.replace("fmi2", "fmi3"), ICON, "Instantiation token"),
+    let (prefix, icon, token) = match description.fmi {
+        FmiVersion::V2 => ("fmi2", "model.png", "GUID"),
+        FmiVersion::V3 => ("fmi3", ICON, "Instantiation token"),
     };
-    let calls = calls.replace("REFERENCE_RUN", REFERENCE_RUN);
+    let calls = calls(description, prefix);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{name}</title>\n<style>\n{STYLE}</style>\n\
          </head>\n<body>\n<p class=\"summary\"><img src=\"../{icon}\" alt=\"\">{summary}</p>\n{body}<h2>Variables</h2>\n{tables}\
@@ -47,12 +60,32 @@ pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
 /// Entry of the reference run. FMI 2.0 asks for names of folders in `extra` that begin with a reversed domain.
 pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 
-const CALLS: &str = "<p>The communication step may have any length above 0 and may vary; the start time is free. Parameters \
-are set before or in Initialization Mode, tunable ones also between steps. A rejected call returns fmi2Error, changes nothing \
-and says in the log what, where and what was expected. A step whose result is not a finite number restores what was before it \
-and returns fmi2Error. The complete state can be saved, serialized and restored in another process.</p>\n\
-<p><code>REFERENCE_RUN</code>, where it exists, holds a reference run made by an independent implementation: \
-set the inputs of a row, and for a plant read its outputs before the step, for a discrete-time model after it.</p>\n";
+/// What the interfaces of the FMU promise to the tool that calls them.
+fn calls(description: &ModelDescription, prefix: &str) -> String {
+    let mut text = String::from("<p>");
+    if description.co_simulation.is_some() {
+        text += "In co-simulation, the communication step may have any length above 0 and may vary. A step whose result is not a \
+                 finite number restores what was before it and returns PREFIXError. ";
+    }
+    if description.model_exchange.is_some() {
+        text += "In model exchange, a derivative or event indicator that is not a finite number returns PREFIXDiscard, so that the \
+                 solver can try a shorter step. ";
+    }
+    text += "The start time is free. Parameters are set before or in Initialization Mode, tunable ones also between steps and in \
+             Event Mode. Any other rejected call returns PREFIXError, changes nothing and says in the log what, where and what was \
+             expected. ";
+    let is_serializable = description.co_simulation.as_ref().is_some_and(|unit| unit.can_serialize_fmu_state)
+        || description.model_exchange.as_ref().is_some_and(|unit| unit.can_serialize_fmu_state);
+    text += if is_serializable {
+        "The complete state can be saved, serialized and restored in another process."
+    } else {
+        "The complete state can be saved and restored."
+    };
+    text += "</p>\n<p><code>REFERENCE_RUN</code>, where it exists, holds a reference run in co-simulation made by an independent \
+             implementation: set the inputs of a row, and for a plant read its outputs before the step, for a discrete-time model \
+             after it.</p>\n";
+    text.replace("PREFIX", prefix).replace("REFERENCE_RUN", REFERENCE_RUN)
+}
 
 /// The variables of one causality.
 fn table(description: &ModelDescription, causality: Causality, title: &str) -> String {
@@ -75,7 +108,7 @@ fn row(variable: &Variable) -> String {
     let kind = match variable.variability {
         Variability::Tunable => "tunable",
         Variability::Fixed => "fixed",
-        Variability::Discrete => "sampled",
+        Variability::Discrete => "discrete",
         Variability::Continuous => "continuous",
         Variability::Constant => "constant",
     };
@@ -107,6 +140,24 @@ mod tests {
         ] {
             assert!(page.contains(row), "{row}: {page}");
         }
+    }
+
+    #[test]
+    fn links_stay_only_if_they_work_in_the_fmu() {
+        let readme = "[code](src/lib.rs), [site](https://example.org), [above](#tests)";
+        let page = page(&ModelDescription::parse(DECAY).unwrap(), readme);
+        let links = "<p>code, <a href=\"https://example.org\">site</a>, <a href=\"#tests\">above</a></p>";
+        assert!(page.contains(links), "{page}");
+    }
+
+    #[test]
+    fn the_calls_are_those_of_the_interfaces() {
+        let mut description = ModelDescription::parse(DECAY).unwrap();
+        let text = calls(&description, "fmi3");
+        assert!(text.contains("communication step") && text.contains("fmi3Discard"), "{text}");
+        description.co_simulation = None;
+        let text = calls(&description, "fmi3");
+        assert!(!text.contains("communication step") && text.contains("fmi3Discard"), "{text}");
     }
 
     #[test]
