@@ -86,10 +86,10 @@ pub(in crate::check) fn check(
     };
     let parts: [(&str, Part<'_>); 6] = [
         ("the event at the start", Exchange::start_of_event),
-        ("states and derivatives", Exchange::values),
+        ("states with derivatives and event indicators", Exchange::values),
         ("saved states", Exchange::saved_states),
         ("integration", Exchange::integration),
-        ("derivatives", Exchange::directional),
+        ("partial derivatives", Exchange::directional),
         ("the end", Exchange::end),
     ];
     for (name, part) in parts {
@@ -113,7 +113,7 @@ pub(in crate::check) fn check(
         }
     }
     if let Some(other) = co_simulation {
-        let name = format!("{MODEL_EXCHANGE}derivatives of both interfaces");
+        let name = format!("{MODEL_EXCHANGE}state derivatives as in co-simulation");
         tell(Event::Trying(name.clone()));
         // The derivatives need not be readable in co-simulation, and an error of another call was found before.
         if let Ok(Some(finding)) = exchange.agreement(other) {
