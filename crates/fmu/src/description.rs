@@ -219,7 +219,7 @@ mod tests {
     use crate::declare::Spec;
     use crate::enumeration::Item;
     use crate::unit;
-    use crate::variable::{Declaration, Declarations};
+    use crate::variable::{ArrayElement, Declaration, Declarations};
 
     const INFO: Info = Info {
         name: "Name",
@@ -316,6 +316,24 @@ mod tests {
         let co_simulation = Interfaces { model_exchange: false, ..Interfaces::ALL };
         assert_eq!(problem_in(Format { interfaces: co_simulation, ..Format::FMI3 }, indicator()), "");
         assert_eq!(problem_in(Format::FMI3, all(&["event_indicator", "event_indicator[]", "event_indicator[a]"])), "");
+    }
+
+    #[test]
+    fn an_array_whose_name_is_taken_stays_scalars() {
+        let element = |i: usize| {
+            let mut all = real(Spec::named("x").unit(unit!("m")), 0.0);
+            all[0].name = format!("x[{i}]");
+            let (name, description) = ("x".to_owned(), "D".to_owned());
+            all[0].array = Some(ArrayElement { name, description, element: String::new(), dimensions: vec![2] });
+            all
+        };
+        let is_array = |parameters: Vec<Declaration>| {
+            let layout = Layout::new(Declarations { parameters, ..Declarations::default() });
+            layout.array_of(&layout.variables[0]).is_some()
+        };
+        assert!(is_array([element(1), element(2)].concat()));
+        let scalar = real(Spec::named("x").unit(unit!("m")), 0.0);
+        assert!(!is_array([element(1), element(2), scalar].concat()));
     }
 
     #[test]

@@ -285,7 +285,8 @@ impl Layout {
         }
     }
 
-    /// The array that a variable is an element of, if all elements agree in what an array has once: type, unit and limits.
+    /// The array that a variable is an element of, if all elements agree in what an array has once (type, unit and limits) and
+    /// no variable has the name of the array.
     pub(crate) fn array_of(&self, variable: &Variable) -> Option<Array<'_>> {
         let of = variable.declaration.array.as_ref()?;
         let is_element = |other: &&Variable| {
@@ -296,7 +297,8 @@ impl Layout {
         let agree = elements.iter().all(|element| element.declaration.is_like(&first.declaration));
         let is_whole = elements.len() == of.dimensions.iter().product::<usize>();
         let is_connected = elements.iter().enumerate().all(|(i, element)| element.index == first.index + i);
-        (agree && is_whole && is_connected).then(|| Array {
+        let is_free = self.variables.iter().all(|variable| variable.declaration.name != of.name);
+        (agree && is_whole && is_connected && is_free).then(|| Array {
             name: of.name.clone(),
             description: of.description.clone(),
             dimensions: of.dimensions.clone(),
