@@ -6,16 +6,18 @@ import argparse
 import dataclasses
 import importlib.metadata
 import os
+import platform
 import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import batch, figures, index, metrics, page, page_data, plan, plots, results, shell, tables, texts
-from .numbers import Numbers, Values
+from . import batch, figures, index, junit, metrics, page, page_data, plan, plots, results, shell, tables, texts
+from .numbers import Numbers, Values, Verdict
 from .plan import Metric, Plan, Run
 from .results import Recording
 from .terminal import escaped
+from .verdict import Status
 
 PURPOSE = "plan and run scenarios"
 
@@ -58,6 +60,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         metavar="DIR",
         help="folder of FMUs (default: target/fmu); may be given several times, the first that has an FMU wins",
     )
+    parser.add_argument(
+        "--no-fail", action="store_true", help="exit with 0 although a requirement of the scenario is not met"
+    )
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="write the requirements as JUnit XML, too")
     parser.add_argument("--parquet", action="store_true", help="write the recorded signals as Parquet, too")
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--native", action="store_true", help="let `cargo fmu run` do the runs")
@@ -94,7 +100,7 @@ def _value(metric: Metric, scenario: Plan, recording: Recording, baseline: Recor
 
 def _collect(scenario: Plan, runs: Path, failures: dict[str, str]) -> tuple[Values, figures.Recordings]:
     """Compute the metrics of all runs, and keep what the figures show of them."""
-    values = {}
+    values: dict[tuple[str, str, str | None, int | None], float] = {}
     shown = figures.Recordings(scenario)
     measured = {scenario.columns[c].name for m in scenario.metrics for c in metrics.columns_of(m)}
     for run in scenario.runs:
@@ -102,23 +108,47 @@ def _collect(scenario: Plan, runs: Path, failures: dict[str, str]) -> tuple[Valu
             continue
         recording = results.read_csv(runs / f"{run.stem}.csv", sorted(measured | shown.columns))
         baseline = _of_baseline(scenario, run, runs, failures)
+        found: dict[str, float] = {}
         for metric in scenario.metrics:
-            value = _value(metric, scenario, recording, baseline)
+            if metric.value is None:
+                value = _value(metric, scenario, recording, baseline)
+            else:
+                value = metrics.of_metrics(metric, scenario, found)
             if value is not None:
-                values[metric.name, run.case, run.point, run.seed] = value
+                found[metric.name] = value
+        values |= {(name, run.case, run.point, run.seed): value for name, value in found.items()}
         shown.add(run, recording)
     return values, shown
 
 
-def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> str:
-    """Write tables, figures and page of finished runs. Returns table and findings for the terminal."""
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """What was written: table, findings and requirements for the terminal, and the numbers."""
+
+    text: str
+    numbers: Numbers
+
+    @property
+    def failed(self) -> list[Verdict]:
+        """Return the requirements that are not met."""
+        return [item for item in self.numbers.requirements() if item.status is Status.FAILED]
+
+
+def _aligned(rows: Sequence[tuple[str, str]]) -> str:
+    """Return badges with texts beside them."""
+    width = max((len(title) for title, _ in rows), default=0)
+    return "\n".join(f"{title.ljust(width)}  {text}" for title, text in rows)
+
+
+def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> Report:
+    """Write tables, figures and page of finished runs."""
     values, recordings = _collect(scenario, folder / "runs", failures)
     finished = {r.id for r in scenario.runs} - set(failures)
     numbers = Numbers(scenario, values, finished, is_cut=context.is_cut)
     cells = numbers.table()
     results.write_text(folder / "table.csv", tables.machine(cells))
     results.write_text(folder / "table.md", tables.markdown(scenario, cells))
-    panels = [(figure, figures.panels(scenario, figure, recordings, cells)) for figure in scenario.figures]
+    panels = [(figure, figures.panels(scenario, figure, recordings, numbers)) for figure in scenario.figures]
     drawings = [plots.draw(scenario, figure, found) for figure, found in panels if found]
     for drawing in drawings:
         drawing.write(folder / "figures")
@@ -130,9 +160,13 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
     index.note(folder, index.Entry(scenario.title, scenario.reference, {s.value: n for s, n in counts.items()}))
     index.write(folder.parent)
     claims = [(numbers.finding(f).title, texts.fill(f.claim, numbers)) for f in scenario.findings]
-    width = max((len(title) for title, _ in claims), default=0)
-    lines = [f"{title.ljust(width)}  {claim}" for title, claim in claims]
-    return "\n".join(part for part in (tables.console(scenario, cells) if cells else "", "\n".join(lines)) if part)
+    verdicts = [(item.status.title, texts.requirement(item, numbers)) for item in numbers.requirements()]
+    parts = (
+        tables.console(scenario, cells) if cells else "",
+        _aligned(claims) + "\n" if claims else "",
+        f"Requirements\n{_aligned(verdicts)}\n" if verdicts else "",
+    )
+    return Report("\n".join(part for part in parts if part).rstrip("\n"), numbers)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -186,16 +220,27 @@ def _run(options: argparse.Namespace) -> int:
         inputs=None if options.inputs is None else options.inputs.name,
         shortened=" ".join(cut) or None,
         is_cut=options.stop is not None,
+        versions=(
+            ("Chassis FMU", importlib.metadata.version("chassis-fmu")),
+            ("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
+        ),
     )
-    print(escaped(report(scenario, folder, failures, context)))
+    made = report(scenario, folder, failures, context)
+    print(escaped(made.text))
+    if options.junit is not None:
+        results.write_text(options.junit, junit.document(made.numbers, failures))
     if cut:
         print(f"Run with {' '.join(cut)}: the paper's numbers and the findings are about the whole scenario.\n")
     for name, error in failures.items():
         print(f"error: run {name}: {escaped(error)}\n", file=sys.stderr)
     if failures:
         print(f"{len(failures)} of {len(scenario.runs)} runs failed", file=sys.stderr)
+    failed = made.failed
+    if failed:
+        of = len(made.numbers.requirements())
+        print(f"{len(failed)} of {of} {'requirement is' if of == 1 else 'requirements are'} not met", file=sys.stderr)
     print(f"\n{folder / 'index.html'}")
-    return 1 if failures else 0
+    return 1 if failures or (failed and not options.no_fail) else 0
 
 
 def _processors() -> int:

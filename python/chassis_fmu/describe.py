@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,14 @@ def describe(path: Path) -> Description:
         display = str(_first(v, "displayUnit") or "")
         variables[v.name] = Variable(v.start, v.description or "", shown.get((unit, display), Conversion(unit)))
     return Description(model.description or "", variables)
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file in hexadecimal digits; empty for an unreadable file."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
 
 
 def _first(variable: Any, attribute: str) -> object:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import metrics, tables
-from .numbers import Row
-from .plan import Case, Column, Conversion, Figure, Level, Plan, Run
+from .numbers import Numbers, Row
+from .plan import Case, Cell, Column, Conversion, Figure, Level, Metric, Plan, Run
 from .results import Recording
 
 # A line is drawn from at most this many pairs of extremes: finer than the width of a panel in points.
@@ -23,9 +24,15 @@ MOST_SEEDS = 12
 # Pairs of extremes of a run other than that of the first seed, and instants at which its spread is taken.
 FEW_BUCKETS = 200
 
+# Free space above and below lines that share a scale, as a share of its range.
+ROOM = 0.08
+
 Array = NDArray[np.floating[Any]]
 Key = tuple[str, "str | None"]
 """Case and point."""
+
+PanelKind: TypeAlias = Literal["function", "curve", "map"]
+"""One value for each abscissa, a curve that may go back, a curve with the same scale on both axes."""
 
 LineKind: TypeAlias = Literal["run", "mean", "paper", "reference"]
 """A run, the mean over the seeds, numbers of the paper, what the others are compared with."""
@@ -58,6 +65,10 @@ class Line:
     marks: bool = False
     steps: bool = False
     """Whether a value holds until the next one."""
+    apart: bool = False
+    """Whether the points are not joined; they have marks."""
+    right: bool = False
+    """Whether it belongs to the axis on the right."""
     run: str | None = None
     """The run whose file has all samples, and its column."""
     signal: str | None = None
@@ -75,17 +86,25 @@ class Panel:
     levels: tuple[Level, ...] = ()
     ticks: tuple[float, ...] = ()
     """Points of the abscissa that are marked one by one."""
+    kind: PanelKind = "function"
+    right: Axis | None = None
+    """A second vertical axis."""
 
 
 # Frequencies (Hz) and densities by figure, column, case and point.
 Spectra = dict[tuple[str, int, str, "str | None"], tuple[Array, Array]]
 
 
-def decimate(times: Array, values: Array, buckets: int = BUCKETS) -> tuple[Array, Array]:
+def decimate(times: Array, values: Array, buckets: int = BUCKETS, *, is_curve: bool = False) -> tuple[Array, Array]:
     """Reduce a line to the smallest and the largest value of each of `buckets` pieces, and both ends.
 
-    The picture stays the same as long as a piece is narrower than the line, peaks included.
+    Of a curve the extremes of the abscissa stay, too. The picture stays the same as long as a piece is narrower than
+    the line, peaks included.
     """
+    if is_curve:
+        kept = [decimate(np.arange(len(times), dtype=np.float64), of, buckets // 2)[0] for of in (times, values)]
+        rows = np.unique(np.concatenate(kept)).astype(np.intp)
+        return times[rows], values[rows]
     if len(values) <= 2 * buckets + 2:
         return times, values
     size = -(-len(values) // buckets)
@@ -122,6 +141,7 @@ class Recordings:
         self.first: dict[Key, Recording] = {}
         self._seeds: dict[tuple[str, int, str, str | None], _Seeds] = {}
         self._spectra: dict[tuple[str, int, str, str | None], list[tuple[Array, Array]]] = {}
+        self._cross: dict[tuple[str, int, str, str | None], list[Array]] = {}
 
     @property
     def columns(self) -> set[str]:
@@ -138,13 +158,15 @@ class Recordings:
             self.first[run.case, run.point] = Recording(recording.times, kept)
         for (name, column), spectrum in spectra_of(self._plan, run, recording).items():
             self._spectra.setdefault((name, column, run.case, run.point), []).append(spectrum)
+        for (name, column), rows in cross_of(self._plan, run, recording).items():
+            self._cross.setdefault((name, column, run.case, run.point), []).append(rows)
         if run.seed is None or len(self._plan.seeds) < 2:
             return
         for figure in self._plan.figures:
             if figure.kind != "time" or run.case not in figure.cases:
                 continue
-            rows = metrics.window(recording.times, figure.window, self._plan.simulation.step)
-            times = recording.times[rows]
+            of_window = metrics.window(recording.times, figure.window, self._plan.simulation.step)
+            times = recording.times[of_window]
             every = max(1, len(times) // FEW_BUCKETS)
             for index in figure.columns:
                 values = recording.values.get(self._plan.columns[index].name)
@@ -152,14 +174,22 @@ class Recordings:
                     continue
                 seeds = self._seeds.setdefault((figure.name, index, run.case, run.point), _Seeds())
                 if run.seed in self._plan.seeds[1:MOST_SEEDS]:
-                    seeds.lines[run.seed] = decimate(times, values[rows], FEW_BUCKETS)
+                    seeds.lines[run.seed] = decimate(times, values[of_window], FEW_BUCKETS)
                 seeds.times = times[::every]
-                seeds.samples.append(values[rows][::every])
+                seeds.samples.append(values[of_window][::every])
 
     @property
     def spectra(self) -> Spectra:
         """Mean spectra over the seeds."""
         return {key: (own[0][0], np.mean([d for _, d in own], axis=0)) for key, own in self._spectra.items()}
+
+    def transfer(self, key: tuple[str, int, str, str | None]) -> tuple[Array, Array, Array, Array] | None:
+        """Frequencies, gain, phase (rad) and coherence of a figure, column, case and point, averaged over the seeds."""
+        own = self._cross.get(key)
+        if own is None:
+            return None
+        mean = np.mean(own, axis=0)
+        return (mean[0], *metrics.transfer(mean))
 
     def others(self, figure: Figure, column: int, case: Case, point: str | None) -> Iterator[Line]:
         """Lines of a signal besides that of the first seed: the mean with its spread, the other seeds."""
@@ -180,7 +210,9 @@ def columns_of(plan: Plan, figure: Figure) -> set[int]:
     """Return the columns that a figure shows, or computes what it shows from."""
     running = figure.metrics if figure.kind == "running" else ()
     of_metrics = {c for m in running for c in plan.metrics[m].columns}
-    return {*figure.columns, *([] if figure.against is None else [figure.against]), *of_metrics}
+    over = figure.over if figure.kind in ("xy", "transfer") else None
+    beside = (c for c in (figure.against, figure.right, over) if c is not None)
+    return {*figure.columns, *beside, *of_metrics}
 
 
 def label(column: Column) -> str:
@@ -210,7 +242,15 @@ def _shown(column: Column, figure: Figure) -> Conversion:
 
 
 def _units(column: Column, figure: Figure) -> tuple[Conversion, ...]:
-    shown = _shown(column, figure)
+    return _with_base(column, _shown(column, figure))
+
+
+def _own_units(column: Column) -> tuple[Conversion, ...]:
+    """Return the units of a column in a figure whose unit is that of others."""
+    return _with_base(column, column.shown)
+
+
+def _with_base(column: Column, shown: Conversion) -> tuple[Conversion, ...]:
     base = Conversion(column.unit or "")
     units = (shown,) if (shown.factor, shown.offset) == (1.0, 0.0) else (shown, base)
     return tuple(Conversion(axis_unit(u.unit), u.factor, u.offset) for u in units)
@@ -229,17 +269,55 @@ class _Shown:
     recording: Recording
     rows: slice
 
-    def line(self, kind: LineKind, title: str, column: Column) -> Line:
+    def line(self, kind: LineKind, title: str, column: Column, *, right: bool = False) -> Line:
         """Return the line of a signal."""
         times, values = self.recording.times[self.rows], self.recording.values[column.name][self.rows]
-        return Line(kind, title, times, values, self.case, self.run.seed, run=self.run.stem, signal=column.name)
+        stem, name = self.run.stem, column.name
+        return Line(kind, title, times, values, self.case, self.run.seed, run=stem, signal=name, right=right)
+
+
+def _shown_runs(
+    plan: Plan,
+    figure: Figure,
+    recordings: Mapping[Key, Recording],
+    cases: Sequence[Case],
+    point: str | None,
+    *names: str,
+) -> list[_Shown]:
+    """Return the runs of the first seed that have some signals and a row in the window of a figure."""
+    found = []
+    for case in cases:
+        recording = recordings.get((case.name, point))
+        if recording is None or not all(name in recording.values for name in names):
+            continue
+        rows = metrics.window(recording.times, figure.window, plan.simulation.step)
+        if rows.start < rows.stop:
+            found.append(_Shown(case, plan.run(case.name, point, plan.seed_values[0]), recording, rows))
+    return found
+
+
+def _points(plan: Plan) -> dict[str | None, str]:
+    """Return the titles of the points by their names; an empty one without a sweep."""
+    return {None: "", **{p.name: p.title for p in plan.points}}
+
+
+def _title_of(plan: Plan, case: Case) -> str:
+    """Return the title of the run of the first seed."""
+    return case.title if len(plan.seeds) < 2 else f"{case.title}, seed {plan.seed_values[0]}"
 
 
 def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
     cases = _cases(plan, figure)
-    titles: dict[str | None, str] = {None: "", **{p.name: p.title for p in plan.points}}
-    beside = None if figure.against is None else plan.columns[figure.against]
-    first = plan.seed_values[0]
+    titles = _points(plan)
+    beside = [
+        (plan.columns[index], is_right)
+        for index, is_right in ((figure.against, False), (figure.right, True))
+        if index is not None
+    ]
+    right = None
+    if figure.right is not None:
+        column = plan.columns[figure.right]
+        right = Axis(label(column), _own_units(column))
     x = Axis("Time", (Conversion("s"),), range=figure.window or (plan.simulation.start, plan.simulation.stop))
     for index in figure.columns:
         column = plan.columns[index]
@@ -247,31 +325,85 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
         for together in [[c] for c in cases] if figure.separate else [cases]:
             for point in plan.point_names:
                 lines: list[Line] = []
-                found = False
-                for case in together:
-                    recording = recordings.first.get((case.name, point))
-                    if recording is None or column.name not in recording.values:
-                        continue
-                    found = True
-                    rows = metrics.window(recording.times, figure.window, plan.simulation.step)
-                    if rows.start >= rows.stop:
-                        # A run stopped before the window.
-                        continue
-                    title = case.title if len(plan.seeds) < 2 else f"{case.title}, seed {first}"
-                    shown = _Shown(case, plan.run(case.name, point, first), recording, rows)
-                    lines.append(shown.line("run", title, column))
-                    if beside is not None and beside.name in recording.values:
-                        lines.append(shown.line("reference", label(beside), beside))
-                    lines += recordings.others(figure, index, case, point)
-                if found:
+                for shown in _shown_runs(plan, figure, recordings.first, together, point, column.name):
+                    lines.append(shown.line("run", _title_of(plan, shown.case), column))
+                    for other, is_right in beside:
+                        if other.name in shown.recording.values:
+                            lines.append(shown.line("reference", label(other), other, right=is_right))
+                    lines += recordings.others(figure, index, shown.case, point)
+                recorded = (recordings.first.get((case.name, point)) for case in together)
+                # A run that stopped before the window leaves its panel empty.
+                if any(found is not None and column.name in found.values for found in recorded):
                     note = ", ".join(t for t in (together[0].title if figure.separate else "", titles[point]) if t)
                     y = Axis("", _units(column, figure))
-                    yield Panel(label(column), note, x, y, tuple(lines), figure.levels)
+                    yield Panel(label(column), note, x, y, tuple(lines), figure.levels, right=right)
+
+
+def _xy(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
+    if figure.over is None:
+        return
+    titles = _points(plan)
+    over = plan.columns[figure.over]
+    # On equal axes both are in the same unit.
+    x = Axis(label(over), _units(over, figure) if figure.equal_axes else _own_units(over))
+    kind: PanelKind = "map" if figure.equal_axes else "curve"
+    for index in figure.columns:
+        column = plan.columns[index]
+        y = Axis(label(column), _units(column, figure))
+        for point in plan.point_names:
+            lines = []
+            for shown in _shown_runs(plan, figure, recordings, _cases(plan, figure), point, column.name, over.name):
+                across, up = (shown.recording.values[name][shown.rows] for name in (over.name, column.name))
+                lines.append(Line("run", _title_of(plan, shown.case), across, up, shown.case))
+            if lines:
+                title = f"{label(column)} over {_in_sentence(label(over))}"
+                yield Panel(title, titles[point], x, y, tuple(lines), kind=kind)
+
+
+def _in_sentence(title: str) -> str:
+    """Return a title as it stands within a sentence: an abbreviation keeps its capitals."""
+    return title if title[1:2].isupper() else title[:1].lower() + title[1:]
+
+
+def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
+    if figure.over is None:
+        return
+    titles = _points(plan)
+    over = plan.columns[figure.over]
+    for index in figure.columns:
+        column = plan.columns[index]
+        units = (tables.pretty_unit(u.unit) or "1" for u in (_shown(column, figure), over.shown))
+        ratio = "/".join(units)
+        name = f"{label(column)} per {_in_sentence(label(over))}"
+        for point in plan.point_names:
+            found = [(c, recordings.transfer((figure.name, index, c.name, point))) for c in _cases(plan, figure)]
+            estimates = [(case, estimate) for case, estimate in found if estimate is not None]
+            if not estimates:
+                continue
+            frequencies = estimates[0][1][0]
+            band = figure.band or (float(frequencies[0]), float(frequencies[-1]))
+            x = Axis("Frequency", (Conversion("Hz"),), log=True, range=band)
+            parts = (
+                ("gain", Axis("", (Conversion("" if ratio == "1/1" else ratio),), log=True)),
+                ("phase", Axis("", (Conversion("deg"),))),
+                ("coherence", Axis("", (Conversion(""),), range=(0.0, 1.0))),
+            )
+            for part, (word, y) in enumerate(parts):
+                lines = []
+                for case, estimate in estimates:
+                    kept = (estimate[0] >= band[0]) & (estimate[0] <= band[1])
+                    values = np.degrees(estimate[2]) if word == "phase" else estimate[1 + part]
+                    # Where the input has no power there is no transfer function, and a logarithm needs more than 0.
+                    known = np.isfinite(values) & ((values > 0.0) | (not y.log))
+                    lines.append(
+                        Line("run", case.title, estimate[0][kept], np.where(known, values, np.nan)[kept], case)
+                    )
+                yield Panel(f"{name}: {word}", titles[point], x, y, tuple(lines))
 
 
 def _spectrum(plan: Plan, figure: Figure, spectra: Spectra) -> Iterator[Panel]:
-    titles: dict[str | None, str] = {None: "", **{p.name: p.title for p in plan.points}}
-    x = Axis("Frequency", (Conversion("Hz"),), log=True)
+    titles = _points(plan)
+    x = Axis("Frequency", (Conversion("Hz"),), log=True, range=figure.band)
     for index in figure.columns:
         column = plan.columns[index]
         y = Axis("", (Conversion(density_unit(_shown(column, figure).unit)),), log=True)
@@ -306,6 +438,67 @@ def spectra_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, in
     return out
 
 
+def cross_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int], Array]:
+    """Return the cross spectra of a run that the figures show transfer functions of, by figure and column.
+
+    Raises MetricError for a recording too short for a spectrum.
+    """
+    out = {}
+    for figure in plan.figures:
+        if figure.kind != "transfer" or figure.over is None or run.case not in figure.cases:
+            continue
+        rows = metrics.window(recording.times, figure.window, plan.simulation.step)
+        over = plan.columns[figure.over]
+        for index in figure.columns:
+            column = plan.columns[index]
+            if column.name in recording.values and over.name in recording.values:
+                given = recording.values[over.name][rows] * over.shown.factor
+                found = recording.values[column.name][rows] * _shown(column, figure).factor
+                out[figure.name, index] = metrics.cross(recording.times[rows], given, found)
+    return out
+
+
+def _metric_axis(metric: Metric, title: str = "", *, zero: bool = False) -> Axis:
+    return Axis(title, (Conversion(axis_unit(metric.conversion.unit)),), zero=zero)
+
+
+def _distribution(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
+    titles = _points(plan)
+    y = Axis("Share of the runs", (Conversion(""),), range=(0.0, 1.0))
+    for index in figure.metrics:
+        metric = plan.metrics[index]
+        for point in plan.point_names:
+            lines = []
+            for case in _cases(plan, figure):
+                values = np.sort(np.array(list(numbers.by_seed(Cell(index, case.name, point)).values())))
+                if values.size:
+                    share = np.arange(1, values.size + 1) / values.size
+                    lines.append(Line("run", case.title, values, share, case, marks=True, steps=True))
+            if lines:
+                yield Panel(metric.title, titles[point], _metric_axis(metric, metric.title), y, tuple(lines))
+
+
+def _scatter(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
+    if figure.over is None:
+        return
+    over = plan.metrics[figure.over]
+    for index in figure.metrics:
+        metric = plan.metrics[index]
+        lines = []
+        for case in _cases(plan, figure):
+            pairs = sorted(
+                pair
+                for point in plan.point_names
+                for pair in numbers.pairs(Cell(figure.over, case.name, point), Cell(index, case.name, point))
+            )
+            if pairs:
+                across, up = np.array(pairs).T
+                lines.append(Line("run", case.title, across, up, case, marks=True, apart=True))
+        if lines:
+            x, y = _metric_axis(over, over.title), _metric_axis(metric, metric.title)
+            yield Panel(f"{metric.title} over {_in_sentence(over.title)}", "", x, y, tuple(lines))
+
+
 def _sweep(plan: Plan, figure: Figure, cells: Sequence[Row]) -> Iterator[Panel]:
     if plan.sweep is None:
         return
@@ -330,12 +523,12 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[Row]) -> Iterator[Panel]:
             if paper:
                 values, places = np.array([v for _, v in paper]), np.array([value for value, _ in paper])
                 lines.append(Line("paper", f"{case.title}, paper", places, values, case, marks=True))
-        y = Axis("", (Conversion(axis_unit(metric.conversion.unit)),), zero=True)
+        y = _metric_axis(metric, zero=True)
         yield Panel(metric.title, "", x, y, tuple(lines), ticks=tuple(p.value for p in points))
 
 
 def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
-    titles: dict[str | None, str] = {None: "", **{p.name: p.title for p in plan.points}}
+    titles = _points(plan)
     for index in figure.metrics:
         metric = plan.metrics[index]
         for point in plan.point_names:
@@ -347,16 +540,70 @@ def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) ->
                     lines.append(Line("run", case.title, *line, case))
             if lines:
                 x = Axis("Time", (Conversion("s"),), range=(float(lines[0].x[0]), float(lines[0].x[-1])))
-                y = Axis("", (Conversion(axis_unit(metric.conversion.unit)),), zero=True)
+                y = _metric_axis(metric, zero=True)
                 yield Panel(metric.title, titles[point], x, y, tuple(lines))
 
 
-def panels(plan: Plan, figure: Figure, recordings: Recordings, cells: Sequence[Row]) -> list[Panel]:
-    """Return the panels of a figure of the plan; none if there is nothing to draw. `cells` is the table of metrics."""
+def _limits(panel: Panel, *, of_abscissa: bool) -> tuple[float, float]:
+    """Return the least and the greatest value that a panel shows on an axis, in its unit."""
+    unit = (panel.x if of_abscissa else panel.y).units[0]
+    values = [line.x if of_abscissa else line.y for line in panel.lines if not line.right]
+    values += [] if of_abscissa else [np.array([(v.value - unit.offset) / unit.factor for v in panel.levels])]
+    known = np.concatenate(values) * unit.factor + unit.offset
+    known = known[np.isfinite(known) & ((known > 0.0) | (not panel.y.log) | of_abscissa)]
+    return (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+
+
+def _alike(panels: Sequence[Panel], *, abscissa: bool) -> list[Panel]:
+    """Give panels the same scale: of the ordinate, and of the abscissa too."""
+
+    def common(*, of_abscissa: bool) -> tuple[float, float]:
+        ends = [_limits(panel, of_abscissa=of_abscissa) for panel in panels]
+        low, high = min(end[0] for end in ends), max(end[1] for end in ends)
+        if not of_abscissa and panels[0].y.log:
+            return 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
+        room = ROOM * (high - low) or abs(high) or 1.0
+        return low - room, high + room
+
+    y = common(of_abscissa=False)
+    x = common(of_abscissa=True) if abscissa else None
+    return [
+        replace(p, y=replace(p.y, range=y), x=p.x if x is None else replace(p.x, range=x)) if p.lines else p
+        for p in panels
+    ]
+
+
+def _scaled(figure: Figure, found: list[Panel]) -> list[Panel]:
+    """Give those panels the same scale that are there to be compared."""
+    if figure.same_scale:
+        return _alike(found, abscissa=figure.kind == "xy") if any(p.lines for p in found) else found
+    if not figure.separate:
+        return found
+    # Panels of the same signal.
+    by_title: dict[str, list[Panel]] = {}
+    for panel in found:
+        by_title.setdefault(panel.title, []).append(panel)
+    alike = {title: iter(_alike(same, abscissa=False)) for title, same in by_title.items()}
+    return [next(alike[panel.title]) for panel in found]
+
+
+def panels(plan: Plan, figure: Figure, recordings: Recordings, numbers: Numbers) -> list[Panel]:
+    """Return the panels of a figure of the plan; none if there is nothing to draw."""
+    found: Iterator[Panel]
     if figure.kind == "time":
-        return list(_time(plan, figure, recordings))
-    if figure.kind == "spectrum":
-        return list(_spectrum(plan, figure, recordings.spectra))
-    if figure.kind == "running":
-        return list(_running(plan, figure, recordings.first))
-    return list(_sweep(plan, figure, cells))
+        found = _time(plan, figure, recordings)
+    elif figure.kind == "spectrum":
+        found = _spectrum(plan, figure, recordings.spectra)
+    elif figure.kind == "running":
+        found = _running(plan, figure, recordings.first)
+    elif figure.kind == "xy":
+        found = _xy(plan, figure, recordings.first)
+    elif figure.kind == "transfer":
+        found = _transfer(plan, figure, recordings)
+    elif figure.kind == "distribution":
+        found = _distribution(plan, figure, numbers)
+    elif figure.kind == "scatter":
+        found = _scatter(plan, figure, numbers)
+    else:
+        found = _sweep(plan, figure, numbers.table())
+    return _scaled(figure, list(found))

@@ -5,6 +5,8 @@ The definitions are those of the native code, the Rust module `metrics`; this mo
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,18 @@ from ._native import MetricError
 from .plan import Metric, Plan
 from .results import Array, Recording
 
-__all__ = ["MetricError", "columns_of", "of_recording", "running", "spectrum", "window"]
+__all__ = [
+    "MetricError",
+    "columns_of",
+    "cross",
+    "formula",
+    "of_metrics",
+    "of_recording",
+    "running",
+    "spectrum",
+    "transfer",
+    "window",
+]
 
 
 def _native_array(values: Array) -> NDArray[np.float64]:
@@ -50,6 +63,22 @@ def of_recording(metric: Metric, plan: Plan, recording: Recording, baseline: Rec
     )
 
 
+def of_metrics(metric: Metric, plan: Plan, values: Mapping[str, float]) -> float | None:
+    """Compute a metric of other metrics of the same run; `values` has the numbers of those that have one.
+
+    None: a metric that it needs has no number, or the result is not a finite number, as after a division by 0.
+
+    Raises MetricError for a formula that cannot be read.
+    """
+    needed = {plan.metrics[index].name: values.get(plan.metrics[index].name) for index in metric.uses}
+    return _native.evaluate(metric.value or "", needed)
+
+
+def formula(metric: Metric) -> str:
+    """Return in words how the number is computed from the rows of its window; empty for one made of other metrics."""
+    return "" if metric.kind is None else _native.formula(metric.kind)
+
+
 def running(metric: Metric, plan: Plan, recording: Recording) -> tuple[Array, Array] | None:
     """Compute a metric over windows that begin with its own and end at each row of it: times and values.
 
@@ -78,3 +107,19 @@ def spectrum(times: Array, values: Array) -> tuple[Array, Array]:
     Raises MetricError for a signal of fewer than 18 rows.
     """
     return _native.spectrum(_native_array(times), _native_array(values))
+
+
+def cross(times: Array, given: Array, found: Array) -> Array:
+    """Estimate the cross power spectral density of an input and an output, with the segments and windows of `spectrum`.
+
+    Returns rows: frequencies (Hz), densities of the input and the output, real and imaginary part of the cross density.
+    Means of several runs are transfer functions by `transfer`.
+
+    Raises MetricError for signals of fewer than 18 rows.
+    """
+    return np.array(_native.cross(*(_native_array(values) for values in (times, given, found))))
+
+
+def transfer(rows: Array) -> tuple[Array, Array, Array]:
+    """Estimate a transfer function from the rows of `cross`: gain, phase (rad, without jumps), coherence (0 to 1)."""
+    return _native.transfer(*(_native_array(values) for values in rows[1:]))

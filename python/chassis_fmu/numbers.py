@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import statistics
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -65,6 +66,22 @@ class Row:
         return None if self.ours is None or self.paper is None else change(self.ours.mean, self.paper)
 
 
+@dataclass(frozen=True)
+class Verdict:
+    """Whether one metric of one case at one point keeps its limits.
+
+    `worst` is the number that comes closest to a limit or exceeds it most; None: no run has one. `missing` counts runs
+    that took place and have no number.
+    """
+
+    metric: Metric
+    case: str
+    point: str | None
+    status: Status
+    worst: float | None
+    missing: int
+
+
 class Numbers:
     """The numbers of a scenario: those of its metrics in all runs, and those of the paper.
 
@@ -78,7 +95,9 @@ class Numbers:
         self.plan = plan
         self._is_cut = is_cut
         self._values = values
-        self._finished = {(r.case, r.point) for r in plan.runs if finished is None or r.id in finished}
+        runs = [r for r in plan.runs if finished is None or r.id in finished]
+        self._finished = {(r.case, r.point) for r in runs}
+        self._finished_seeds = {(r.case, r.point, r.seed) for r in runs}
 
     def metric(self, cell: Cell) -> Metric:
         """Return the metric of a cell."""
@@ -167,9 +186,11 @@ class Numbers:
             return self.status(Check(cell, None, "paper_value", None))
         return None
 
-    def _is_cut_off(self, cell: Cell) -> bool:
+    def _is_cut_off(self, metric: Metric) -> bool:
         """Tell whether the runs were cut short before the end of what a metric is computed from."""
-        window = self.metric(cell).window
+        if metric.uses:
+            return any(self._is_cut_off(self.plan.metrics[index]) for index in metric.uses)
+        window = metric.window
         return self._is_cut and (window is None or window[1] > self.plan.simulation.stop)
 
     def status(self, check: Check) -> Status:
@@ -178,8 +199,8 @@ class Numbers:
         places = {(cell.case, cell.point), *([] if against is None else [(against.case, against.point)])}
         if (
             not places <= self._finished
-            or self._is_cut_off(cell)
-            or (against is not None and self._is_cut_off(against))
+            or self._is_cut_off(self.metric(cell))
+            or (against is not None and self._is_cut_off(self.metric(against)))
         ):
             return Status.OPEN
         ours = self.statistic(cell)
@@ -228,6 +249,37 @@ class Numbers:
         if not finding.own or status is Status.OPEN:
             return status
         return Status.OWN_RESULT if status is Status.REPRODUCED else Status.REFUTED
+
+    def requirements(self) -> list[Verdict]:
+        """Judge the metrics that have limits, ordered by metric, case, point."""
+        return [
+            self._judged(Cell(index, case, point))
+            for index, metric in enumerate(self.plan.metrics)
+            if metric.requirement is not None
+            for case in metric.requirement.cases
+            for point in self.plan.point_names
+        ]
+
+    def _judged(self, cell: Cell) -> Verdict:
+        metric = self.metric(cell)
+        limits = metric.requirement
+        least = -math.inf if limits is None or limits.min is None else limits.min
+        greatest = math.inf if limits is None or limits.max is None else limits.max
+        found = self.by_seed(cell)
+        done = [seed for seed in self.plan.seed_values if (cell.case, cell.point, seed) in self._finished_seeds]
+        missing = sum(seed not in found for seed in done)
+        # Written so that a NaN is the worst of all.
+        margins = {seed: min(value - least, greatest - value) for seed, value in found.items()}
+        worst = min(margins, key=lambda seed: -math.inf if math.isnan(margins[seed]) else margins[seed], default=None)
+        holds = all(margin >= 0.0 for margin in margins.values()) and not missing
+        if self._is_cut_off(metric):
+            status = Status.OPEN
+        elif not holds:
+            status = Status.FAILED
+        else:
+            status = Status.PASSED if len(done) == len(self.plan.seed_values) else Status.OPEN
+        number = found[worst] if margins else None
+        return Verdict(metric, cell.case, cell.point, status, number, missing)
 
     def table(self) -> list[Row]:
         """Put the numbers of all metrics beside those of the paper, ordered by metric, point, case."""

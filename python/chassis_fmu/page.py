@@ -15,7 +15,7 @@ import jinja2
 import markupsafe
 
 from . import page_data, plots, tables, texts
-from .describe import Description, Variable, describe
+from .describe import Description, Variable, describe, sha256
 from .numbers import Numbers, Row
 from .plan import Component, Plan, Run, Setting
 from .verdict import MEANINGS, TITLES, Status
@@ -34,6 +34,8 @@ class Context:
     """Whether the runs end before the scenario does."""
     files: tuple[str, ...] = ()
     """The recorded signals, as seen from the page."""
+    versions: tuple[tuple[str, str], ...] = ()
+    """Programs that took part, with their versions."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ class ComponentSection:
     name: str
     fmu: str
     guid: str
+    sha256: str
     description: str
     cases: tuple[str, ...]
     parameters: list[ParameterRow] = field(default_factory=list)
@@ -102,6 +105,7 @@ class TableGroup:
     title: str
     unit: str
     source: str
+    definition: str
     rows: list[TableRow]
 
 
@@ -140,7 +144,8 @@ def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
                 )
             )
         source = (metric.paper.table or "") if metric.paper else ""
-        groups.append(TableGroup(metric.title, tables.pretty_unit(metric.conversion.unit), source, rows))
+        unit = tables.pretty_unit(metric.conversion.unit)
+        groups.append(TableGroup(metric.title, unit, source, texts.definition(metric, plan), rows))
     return groups
 
 
@@ -212,6 +217,7 @@ def components(plan: Plan) -> list[ComponentSection]:
             name=name,
             fmu=fmu.stem,
             guid=places[0][1].guid,
+            sha256=sha256(fmu),
             description=text.text,
             cases=() if len(inside) == len(plan.cases) else tuple(c.title for c in plan.cases if c.name in inside),
         )
@@ -269,8 +275,9 @@ def inline_svg(drawing: plots.Drawing) -> markupsafe.Markup:
 
 
 def counts(numbers: Numbers) -> dict[Status, int]:
-    """Count the badges of the findings, best first."""
+    """Count the badges of findings and requirements, best first."""
     found = [numbers.finding(f) for f in numbers.plan.findings]
+    found += [verdict.status for verdict in numbers.requirements()]
     return {status: found.count(status) for status in TITLES if status in found}
 
 
@@ -318,6 +325,7 @@ def render(
         has_status=any(c.status for c in cells),
         negligible=tables.NEGLIGIBLE if any(c.negligible for c in cells) else "",
         counts=counts(numbers),
+        verdicts=[(v.status, texts.requirement(v, numbers)) for v in numbers.requirements()],
         findings=findings,
         legend=legend(cells, findings),
         figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), inline_svg(d)) for d in drawings],

@@ -85,7 +85,8 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 
 def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any]:
-    x, y = (line.x, line.y) if line.marks or line.steps or line.spread is not None else decimate(line.x, line.y)
+    is_whole = line.marks or line.steps or line.spread is not None
+    x, y = (line.x, line.y) if is_whole else decimate(line.x, line.y, is_curve=panel.kind != "function")
     data: dict[str, Any] = {
         "title": line.title,
         "kind": line.kind,
@@ -100,9 +101,28 @@ def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any
         data["marks"] = True
     if line.steps:
         data["steps"] = True
+    if line.apart:
+        data["apart"] = True
+    if line.right:
+        data["right"] = True
     if line.run is not None and line.signal is not None:
         data["file"] = f"runs/{quote(line.run)}.csv"
         data["signal"] = line.signal
+    return data
+
+
+def _panel(panel: Panel, block: _Block, grid: float) -> dict[str, Any]:
+    data: dict[str, Any] = {
+        "kind": panel.kind,
+        "title": panel.title,
+        "note": panel.note,
+        "x": _axis(panel.x),
+        "y": _axis(panel.y),
+        "lines": [_line(line, panel, block, grid) for line in panel.lines],
+        "levels": [{"value": level.value, "title": level.title} for level in panel.levels],
+    }
+    if panel.right is not None:
+        data["right"] = _axis(panel.right)
     return data
 
 
@@ -120,18 +140,7 @@ def render(
     drawn = [
         {
             "name": name,
-            "panels": [
-                {
-                    "title": panel.title,
-                    "note": panel.note,
-                    "x": _axis(panel.x),
-                    "y": _axis(panel.y),
-                    "lines": [_line(line, panel, block, grid) for line in panel.lines],
-                    "levels": [{"value": level.value, "title": level.title} for level in panel.levels],
-                }
-                for panel in panels
-                if panel.lines
-            ],
+            "panels": [_panel(panel, block, grid) for panel in panels if panel.lines],
         }
         for name, panels in figures
     ]

@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
-FORMAT = 4
+FORMAT = 5
 
 Kind = Literal["Real", "Integer", "Boolean", "String"]
 Version = Literal["2.0", "3.0"]
@@ -108,6 +110,11 @@ class Simulation(_Part, frozen=True):
     def rows(self) -> int:
         """Number of recorded rows, the first one at the start time."""
         return self.steps // self.every + 1
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times of the recorded rows, s."""
+        return self.start + self.step * self.every * np.arange(self.rows, dtype=np.float64)
 
 
 class Case(_Part, frozen=True):
@@ -223,29 +230,44 @@ MetricKind: TypeAlias = Literal[
 ]
 
 
-class Metric(_Part, frozen=True):
-    """A number computed from one column, or several combined, less another one; its values are converted before.
+class Requirement(_Part, frozen=True):
+    """Limits that the number of every run of some cases keeps, and what demands it, such as a standard."""
 
-    Its own unit may be another one. With `from_baseline` the same signal of the baseline's run is subtracted before.
+    min: float | None
+    max: float | None
+    cases: tuple[str, ...]
+    source: str | None
+
+
+class Metric(_Part, frozen=True):
+    """A number computed from signals, or from other metrics.
+
+    Signals: one column, or several combined, less another one; its values are converted before. Its own unit may be
+    another one. With `from_baseline` the same signal of the baseline's run is subtracted before.
+
+    Metrics: `value` is a formula of other metrics of the same run, which `uses` lists; the fields of signals are empty.
     """
 
     name: str
     title: str
-    columns: tuple[int, ...]
-    combine: Literal["min", "max", "norm", "squares"] | None
-    weights: tuple[float, ...]
-    kind: MetricKind
-    window: tuple[float, float] | None
-    until: Until | None
-    minus: int | None
-    from_baseline: bool
-    band: tuple[float, float] | None
-    threshold: float | None
-    factor: float
-    offset: float
     unit: str | None
     digits: int | None
     paper: Paper | None
+    requirement: Requirement | None
+    value: str | None = None
+    uses: tuple[int, ...] = ()
+    columns: tuple[int, ...] = ()
+    combine: Literal["min", "max", "norm", "squares"] | None = None
+    weights: tuple[float, ...] = ()
+    kind: MetricKind | None = None
+    window: tuple[float, float] | None = None
+    until: Until | None = None
+    minus: int | None = None
+    from_baseline: bool = False
+    band: tuple[float, float] | None = None
+    threshold: float | None = None
+    factor: float = 1.0
+    offset: float = 0.0
 
     @property
     def conversion(self) -> Conversion:
@@ -290,20 +312,26 @@ Text: TypeAlias = tuple[str | Number, ...]
 
 
 class Figure(_Part, frozen=True):
-    """A plot: columns over time, their spectra, metrics over the points of the sweep or over windows that grow.
+    """A plot: columns over time or over another one, their spectra or transfer functions, or metrics.
 
     `cases` are the names of those shown, `separate` gives each a panel in a plot over time, `columns` and `metrics`
-    are indices into the lists of the plan.
+    are indices into the lists of the plan, as are `against` (drawn beside each column), `right` (drawn over a second
+    axis) and `over` (what is on the abscissa: a column, or a metric in a scatter plot).
     """
 
     name: str
     title: str
-    kind: Literal["time", "spectrum", "sweep", "running"]
+    kind: Literal["time", "spectrum", "sweep", "running", "xy", "transfer", "distribution", "scatter"]
     cases: tuple[str, ...]
     separate: bool
     columns: tuple[int, ...]
     against: int | None
+    right: int | None
+    over: int | None
     metrics: tuple[int, ...]
+    same_scale: bool
+    equal_axes: bool
+    band: tuple[float, float] | None
     window: tuple[float, float] | None
     levels: tuple[Level, ...]
     unit: str | None

@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from . import results, tables
-from .figures import Array, Line, Panel, decimate
+from .figures import Array, Axis, Line, Panel, decimate
 from .plan import Case, Figure, Plan
 
 # Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
@@ -29,6 +29,9 @@ INK = "#1c2733"
 MUTED = "#64717f"
 GRID = "#dde2e8"
 PAPER = "#ffffff"
+
+# A line over the axis on the right.
+RIGHT_DASHES = (0, (1, 1.5))
 
 # Up to this many points of a sweep are marked on the abscissa one by one.
 MOST_TICKS = 8
@@ -178,18 +181,23 @@ class _Key:
         return [self._entries[key] for key in sorted(self._entries, key=lambda key: key[0])]
 
 
-def _draw_line(ax: Axes, plan: Plan, figure: Figure, line: Line, y: Array, *, is_widest: bool, key: _Key) -> None:
-    """Draw a line over an abscissa; `y` is in the unit shown."""
+def _draw_line(
+    ax: Axes, plan: Plan, figure: Figure, line: Line, x: Array, y: Array, *, is_widest: bool, key: _Key
+) -> None:
+    """Draw a line; its values are in the units shown."""
     color = INK if line.case is None else color_of(plan, line.case)
     if line.kind == "reference":
         # In ink where a case has the panel for itself, in its color among others.
-        dashed = (0, (3, 2))
-        ax.plot(*decimate(line.x, y), linewidth=0.9, color=INK if figure.separate else color, linestyle=dashed)
-        key.add(line, line.title, color=INK, linewidth=1.2, linestyle=dashed)
+        dashed = RIGHT_DASHES if line.right else (0, (3, 2))
+        ax.plot(*decimate(x, y), linewidth=0.9, color=INK if figure.separate else color, linestyle=dashed)
+        title = f"{line.title} (right)" if line.right else line.title
+        key.add(line, title, color=INK, linewidth=1.2, linestyle=dashed)
         return
-    x, y = decimate(line.x, y)
+    is_curve = figure.kind == "xy"
+    x, y = decimate(x, y, is_curve=is_curve)
     dashes = "solid" if line.case is None else dashes_of(plan, line.case)
-    width = 1.0 if figure.kind == "spectrum" else 0.6 if is_noisy(y) else 2.0 if is_widest else 1.2
+    has_one_width = figure.kind in ("spectrum", "transfer")
+    width = 1.0 if has_one_width else 0.6 if is_noisy(y) and not is_curve else 2.0 if is_widest else 1.2
     ax.plot(x, y, color=color, linewidth=width, linestyle=dashes, alpha=0.9)
     if not figure.separate:
         title = line.title if line.case is None else line.case.title
@@ -197,8 +205,13 @@ def _draw_line(ax: Axes, plan: Plan, figure: Figure, line: Line, y: Array, *, is
 
 
 def _draw_points(ax: Axes, plan: Plan, line: Line, y: Array, key: _Key) -> None:
-    """Draw the points of a sweep, with their spread."""
+    """Draw points: those of a sweep with their spread, single runs, or the steps of a distribution."""
     color = INK if line.case is None else color_of(plan, line.case)
+    if line.apart or line.steps:
+        joined = {"linestyle": "none"} if line.apart else {"drawstyle": "steps-post", "linewidth": 1.5}
+        ax.plot(line.x, y, color=color, marker="o", markersize=4.5, alpha=0.9, **joined)
+        key.add(line, line.title, color=color, marker="o", linestyle="none" if line.apart else "solid", linewidth=1.5)
+        return
     if line.kind == "paper":
         style = {"color": color, "marker": "s", "markerfacecolor": PAPER, "linestyle": (0, (4, 2)), "linewidth": 1.1}
         ax.plot(line.x, y, markersize=5.0, **style)  # type: ignore[arg-type]
@@ -209,19 +222,22 @@ def _draw_points(ax: Axes, plan: Plan, line: Line, y: Array, key: _Key) -> None:
 
 
 def _draw_panel(ax: Axes, plan: Plan, figure: Figure, panel: Panel, key: _Key) -> None:
-    unit = panel.y.units[0]
+    across, unit = panel.x.units[0], panel.y.units[0]
     shown = _lines(panel)
     runs = [line for line in shown if line.kind == "run"]
+    beside = None if panel.right is None else _right_axis(ax, panel.right)
     # States and switches have no values between.
     whole = figure.kind == "time" and not panel.levels
     for line in shown:
-        y = line.y * unit.factor + unit.offset
+        own = panel.right.units[0] if line.right and panel.right is not None else unit
+        x, y = line.x * across.factor + across.offset, line.y * own.factor + own.offset
         if line.marks:
             _draw_points(ax, plan, line, y, key)
             continue
         # The first line is the widest, so that it shows even where the others lie on it.
         is_widest = figure.kind == "time" and line is runs[0] and len(runs) > 1
-        _draw_line(ax, plan, figure, line, y, is_widest=is_widest, key=key)
+        axes = beside if line.right and beside is not None else ax
+        _draw_line(axes, plan, figure, line, x, y, is_widest=is_widest, key=key)
         whole = whole and (line.kind == "reference" or bool(np.all(y == np.round(y))))
     _levels(ax, panel)
     if whole and (ax.dataLim.y0 != 0.0 or ax.dataLim.y1 != 0.0):
@@ -231,41 +247,54 @@ def _draw_panel(ax: Axes, plan: Plan, figure: Figure, panel: Panel, key: _Key) -
         ax.xaxis.set_major_formatter("{x:g}")
     if panel.y.log:
         ax.set_yscale("log")
-    ax.set_ylabel(unit.unit)
+    ax.set_ylabel(tables.with_unit(panel.y.title, unit.unit) if panel.y.title else unit.unit)
     if panel.x.range is not None:
         ax.set_xlim(panel.x.range)
+    elif figure.kind in ("xy", "distribution", "scatter"):
+        ax.margins(x=0.06)
     if panel.ticks:
         ax.margins(x=0.06)
         if len(panel.ticks) <= MOST_TICKS:
             ax.set_xticks(panel.ticks, [f"{tick:g}" for tick in panel.ticks])
     low, high = min(0.0, ax.dataLim.y0), max(0.0, ax.dataLim.y1)
-    if panel.y.zero and ax.has_data() and low < high:
+    if panel.y.range is not None:
+        # A share of 0 or 1 is to be seen, too.
+        room = 0.03 if panel.y.range == (0.0, 1.0) else 0.0
+        ax.set_ylim(panel.y.range[0] - room, panel.y.range[1] + room)
+    elif panel.y.zero and ax.has_data() and low < high:
         room = 0.08 * (high - low)
         ax.set_ylim(low - room if low < 0.0 else 0.0, high + room if high > 0.0 else 0.0)
+    if panel.kind == "map":
+        ax.set_aspect("equal", adjustable="datalim" if panel.x.range is None else "box")
+
+
+def _right_axis(ax: Axes, axis: Axis) -> Axes:
+    """Return a second vertical axis of a panel."""
+    right = ax.twinx()
+    right.grid(visible=False)
+    right.spines["right"].set_visible(True)
+    right.set_ylabel(tables.with_unit(axis.title, axis.units[0].unit))
+    return right
 
 
 def draw(plan: Plan, figure: Figure, panels: Sequence[Panel]) -> Drawing:
     """Draw a figure of the plan, which has at least one panel."""
-    is_wide = len(figure.metrics) > 1 if figure.kind == "sweep" else len(plan.points) > 1
-    across = 2 if is_wide else 1
-    height = 2.7 if figure.kind == "sweep" else 2.9 if len(panels) == 1 else 1.75 if figure.kind == "time" else 2.2
+    is_of_points = figure.kind in ("sweep", "distribution", "scatter", "xy")
+    is_wide = len(panels) > 1 if is_of_points else len(plan.points) > 1
+    across = 2 if is_wide and figure.kind != "transfer" else 1
+    height = 2.7 if is_of_points else 2.9 if len(panels) == 1 else 1.75 if figure.kind in ("time", "transfer") else 2.2
+    if figure.kind == "xy" and across == 1:
+        height = 4.2
     with mpl.rc_context(STYLE):
         canvas, axes = _canvas(len(panels), across, height)
         key = _Key(plan)
         for i, (ax, panel) in enumerate(zip(axes, panels, strict=True)):
             _draw_panel(ax, plan, figure, panel, key)
             _title(ax, panel, 95 if across == 1 else 48)
-            if figure.kind == "sweep" or i + across >= len(panels):
+            if is_of_points or i + across >= len(panels):
                 ax.set_xlabel(tables.with_unit(panel.x.title, panel.x.units[0].unit))
-            elif figure.kind == "time":
+            elif figure.kind in ("time", "transfer"):
                 ax.tick_params(labelbottom=False)
-        if figure.separate:
-            # Panels of the same signal are there to be compared.
-            for title in {panel.title for panel in panels}:
-                same = [ax for ax, panel in zip(axes, panels, strict=True) if panel.title == title]
-                limits = [ax.get_ylim() for ax in same]
-                for ax in same:
-                    ax.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
         canvas.align_ylabels(axes)
         _legend(canvas, key.entries, least=1 if figure.separate else 2)
         text = io.StringIO()

@@ -237,7 +237,7 @@ def machine(cells: Sequence[Row]) -> str:
             [
                 c.metric.name,
                 c.metric.title,
-                c.metric.kind,
+                c.metric.kind or c.metric.value,
                 c.metric.conversion.unit,
                 c.case,
                 c.point or "",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from . import tables
-from .numbers import Numbers, Statistic
-from .plan import Cell, Check, Number, Text
+from . import metrics, tables
+from .numbers import Numbers, Statistic, Verdict
+from .plan import Cell, Check, Metric, Number, Plan, Requirement, Text
 from .verdict import Status, paired
 
 NONE = "–"
@@ -154,6 +154,75 @@ def check(item: Check, numbers: Numbers) -> str:
     if len(pairs) > 1 and not paired(pairs).is_clear:
         doubt = "; within the scatter of the seeds"
     return f"{head} against {place(item.against, item.cell)}: {found}, {wanted}{doubt}"
+
+
+def definition(metric: Metric, plan: Plan) -> str:
+    """Say how a number is computed: signals, window, formula and how many rows are used."""
+    if metric.value is not None:
+        return f"{metric.value}, of the numbers of the same run"
+    names = ", ".join(plan.columns[index].name for index in metric.columns)
+    combined = {"min": "the smallest", "max": "the largest", "norm": "the root of the sum of the squares"}
+    if metric.combine == "squares":
+        names = (
+            f"the sum of the squares of {names} with the weights {', '.join(map(tables.scientific, metric.weights))}"
+        )
+    elif metric.combine is not None:
+        names = f"{combined[metric.combine]} of {names} at each time"
+    parts = [f"x: {names}"]
+    if metric.minus is not None:
+        parts.append(f"minus {plan.columns[metric.minus].name}")
+    if metric.from_baseline:
+        parts.append("minus the same signal of the baseline's run")
+    unit = tables.pretty_unit(metric.conversion.unit)
+    if (metric.factor, metric.offset) != (1.0, 0.0):
+        shift = f" and plus {tables.scientific(metric.offset)}" if metric.offset else ""
+        parts.append(f"times {tables.scientific(metric.factor)}{shift}")
+    text = f"{metrics.formula(metric)} of {', '.join(parts)}"
+    if metric.threshold is not None:
+        text += f"; threshold {tables.scientific(metric.threshold)}"
+    if metric.band is not None:
+        text += f"; band {_range([tables.scientific(f) for f in metric.band], 'Hz')}"
+    start, stop = metric.window or (plan.simulation.start, plan.simulation.stop)
+    text += f"; rows from {tables.scientific(start)} s to {tables.scientific(min(stop, plan.simulation.stop))} s"
+    if metric.until is not None:
+        side = "above" if metric.until.above else "below"
+        level = tables.scientific(metric.until.level)
+        text += f", up to the first one where {plan.columns[metric.until.column].name} is {side} {level}"
+    rows = metrics.window(plan.simulation.times, metric.window, plan.simulation.step)
+    count = f"{rows.stop - rows.start:,}".replace(",", " ")
+    text += f" ({'at most ' if metric.until else ''}{count} rows)"
+    return text + (f"; in {unit}" if unit else "")
+
+
+def limits(metric: Metric) -> str:
+    """Say what is required of a metric, with what demands it."""
+    required = metric.requirement
+    if required is None:
+        return ""
+    unit = tables.pretty_unit(metric.conversion.unit)
+    words = [f"{word} {tables.scientific(limit)} {unit}".rstrip() for word, limit in _ends(required)]
+    return " and ".join(words) + (f" ({required.source})" if required.source else "")
+
+
+def _ends(required: Requirement) -> list[tuple[str, float]]:
+    ends = (("at least", required.min), ("at most", required.max))
+    return [(word, limit) for word, limit in ends if limit is not None]
+
+
+def requirement(item: Verdict, numbers: Numbers) -> str:
+    """Say what a requirement is about and what was found."""
+    metric = item.metric
+    seeds = len(numbers.plan.seeds)
+    titles = {c.name: c.title for c in numbers.plan.cases}
+    points: dict[str | None, str] = {p.name: p.title for p in numbers.plan.points}
+    place = ", ".join(text for text in (metric.title, titles[item.case], points.get(item.point, "")) if text)
+    unit = tables.pretty_unit(metric.conversion.unit)
+    found = [] if item.worst is None else [f"{tables.number(item.worst, metric.digits)} {unit}".rstrip()]
+    if seeds > 1 and item.worst is not None:
+        found[0] += f" in the worst of {seeds} seeds"
+    if item.missing:
+        found.append("no number" if seeds < 2 else f"no number in {item.missing} of {seeds} seeds")
+    return f"{place}: {'; '.join(found) or NONE}, required {limits(metric)}"
 
 
 def checks(items: Sequence[Check], numbers: Numbers) -> list[tuple[Status, str]]:

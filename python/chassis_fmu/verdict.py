@@ -32,6 +32,8 @@ class Status(enum.Enum):
     OWN_RESULT = "own_result"
     REFUTED = "refuted"
     OPEN = "open"
+    PASSED = "passed"
+    FAILED = "failed"
 
     @property
     def title(self) -> str:
@@ -47,6 +49,8 @@ TITLES = {
     Status.OWN_RESULT: "Own result",
     Status.REFUTED: "Own result, does not hold",
     Status.OPEN: "Not evaluated",
+    Status.PASSED: "Passed",
+    Status.FAILED: "Failed",
 }
 
 MEANINGS = {
@@ -59,6 +63,8 @@ MEANINGS = {
     Status.OWN_RESULT: "no paper makes the claim; the runs confirm it",
     Status.REFUTED: "no paper makes the claim; the runs do not confirm it",
     Status.OPEN: "a run that it needs failed, or was cut short",
+    Status.PASSED: "the number of every run keeps the required limits",
+    Status.FAILED: "a run has a number outside the required limits, or none",
 }
 
 # From the best to the worst of several checks. What was not evaluated decides before everything else.

@@ -2,7 +2,7 @@
 //!
 //! `chassis_fmu/_native.pyi` has the types. `chassis_fmu.metrics` is the interface for users.
 
-use fmu_system::metrics::{self, Columns, Combine, Definition, Kind};
+use fmu_system::metrics::{self, Columns, Combine, Definition, Expression, Kind};
 use numpy::{IntoPyArray as _, PyArray1, PyReadonlyArray1};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
@@ -91,6 +91,22 @@ fn value(
     value.map_err(|error| metric.error(error))
 }
 
+/// The formula of a kind of metric in words.
+#[pyfunction]
+fn formula(kind: &str) -> PyResult<&'static str> {
+    let found: Result<Kind, serde::de::value::Error> = Kind::deserialize(kind.into_deserializer());
+    Ok(found.map_err(|error| MetricError::new_err(error.to_string()))?.formula())
+}
+
+/// The number of an expression for numbers of metrics by their names.
+#[pyfunction]
+fn evaluate(text: &str, values: BTreeMap<String, Option<f64>>) -> PyResult<Option<f64>> {
+    let names: Vec<&str> = values.keys().map(String::as_str).collect();
+    let expression = Expression::parse(text, |name| names.iter().position(|known| *known == name));
+    let expression = expression.map_err(|error| MetricError::new_err(format!("{text}: {}", error.problem)))?;
+    Ok(expression.value(|index| values[names[index]]))
+}
+
 /// First row, row after the last one, and the values between them.
 type Running<'py> = (usize, usize, Bound<'py, PyArray1<f64>>);
 
@@ -117,6 +133,38 @@ fn spectrum<'py>(py: Python<'py>, times: Array<'py>, values: Array<'py>) -> PyRe
     Ok((frequencies.into_pyarray(py), densities.into_pyarray(py)))
 }
 
+/// Frequencies, densities of input and output, real and imaginary part of the cross density.
+type Cross<'py> = [Bound<'py, PyArray1<f64>>; 5];
+
+#[pyfunction]
+fn cross<'py>(py: Python<'py>, times: Array<'py>, given: Array<'py>, found: Array<'py>) -> PyResult<Cross<'py>> {
+    let cross = metrics::cross(times.as_slice()?, given.as_slice()?, found.as_slice()?);
+    let metrics::Cross { frequencies, input, output, real, imaginary } =
+        cross.map_err(|e| MetricError::new_err(e.to_string()))?;
+    Ok([frequencies, input, output, real, imaginary].map(|values| values.into_pyarray(py)))
+}
+
+/// Gain, phase and coherence.
+type Transfer<'py> = [Bound<'py, PyArray1<f64>>; 3];
+
+#[pyfunction]
+fn transfer<'py>(
+    py: Python<'py>,
+    given: Array<'py>,
+    found: Array<'py>,
+    real: Array<'py>,
+    imaginary: Array<'py>,
+) -> PyResult<Transfer<'py>> {
+    let copied = |array: Array<'_>| array.as_slice().map(<[f64]>::to_vec);
+    let (input, output) = (copied(given)?, copied(found)?);
+    let (real, imaginary) = (copied(real)?, copied(imaginary)?);
+    // The frequencies play no part.
+    let frequencies = vec![0.0; input.len()];
+    let metrics::Transfer { gain, phase, coherence } =
+        metrics::Cross { frequencies, input, output, real, imaginary }.transfer();
+    Ok([gain, phase, coherence].map(|values| values.into_pyarray(py)))
+}
+
 #[pyfunction]
 fn window(times: Array<'_>, window: Option<[f64; 2]>, step: f64) -> PyResult<(usize, usize)> {
     let rows = metrics::window(times.as_slice()?, window, step);
@@ -126,5 +174,5 @@ fn window(times: Array<'_>, window: Option<[f64; 2]>, step: f64) -> PyResult<(us
 #[pymodule(gil_used = false)]
 mod _native {
     #[pymodule_export]
-    use super::{MetricError, running, spectrum, value, window};
+    use super::{MetricError, cross, evaluate, formula, running, spectrum, transfer, value, window};
 }

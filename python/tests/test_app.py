@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from chassis_fmu import app, results
+from chassis_fmu import app, plan, results
 from chassis_fmu.plan import Plan
 
 HERE = Path(__file__).parent
@@ -203,3 +203,26 @@ def test_cargo_is_asked_for(
     monkeypatch.setenv("PATH", str(tmp_path))
     assert app.main(["trial.toml"]) == 127
     assert "cargo is not on the PATH" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("cargo")
+def test_a_requirement_that_is_not_met_is_an_error_unless_asked_otherwise(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    junit = tmp_path / "reports" / "trial.xml"
+    options = ["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / "out")]
+    assert app.main([*options, "--junit", str(junit)]) == 0
+    assert "Requirements\nPassed  Roll angle <RMS>, Active <fast>: " in capsys.readouterr().out
+    assert 'failures="0"' in junit.read_text()
+    parse = plan.parse
+
+    def strict(text: str, root: Path) -> Plan:
+        return parse(text.replace('"max": 400.0', '"max": 1.0'), root)
+
+    monkeypatch.setattr(plan, "parse", strict)
+    assert app.main([*options, "--junit", str(junit)]) == 1
+    printed = capsys.readouterr()
+    assert "Failed  Roll angle <RMS>" in printed.out
+    assert "1 of 1 requirement is not met" in printed.err
+    assert 'failures="1"' in junit.read_text()
+    assert app.main([*options, "--no-fail"]) == 0

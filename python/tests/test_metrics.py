@@ -25,7 +25,7 @@ def metric(
 ) -> Metric:
     conversion = unit or Conversion("rad")
     fields = {
-        **dict.fromkeys(("combine", "until", "minus", "band", "digits", "paper")),
+        **dict.fromkeys(("combine", "until", "minus", "band", "digits", "paper", "requirement")),
         "name": "m",
         "title": "M",
         "columns": (0,),
@@ -308,6 +308,48 @@ def test_the_spectrum_is_that_of_scipy(rows: int) -> None:
         inside = (expected[0] >= band[0]) & (expected[0] < band[1])
         power = evaluate(replace(metric("band_power"), band=band), times, values, 0.004)
         assert power == pytest.approx(expected[1][inside].sum() * expected[0][1], rel=1e-11)
+
+
+@pytest.mark.parametrize("rows", [18, 901, 4547])
+def test_transfer_functions_are_those_of_scipy(rows: int) -> None:
+    # The segments are those of the spectrum, and so is the error of a line. A quotient of two lines that are not small
+    # is right to some times that.
+    times = 3.0 + np.arange(rows) * 0.004
+    rng = np.random.default_rng(7)
+    given = rng.normal(size=rows)
+    # A delay of three rows, and noise of the output.
+    found = np.roll(given, 3) + 0.1 * rng.normal(size=rows)
+    size = rows * 2 // 9
+    options = {"fs": 250.0, "window": "hann", "nperseg": size, "noverlap": size - size // 2, "detrend": "constant"}
+    cross = scipy.signal.csd(given, found, **options)[1][1:]
+    power = scipy.signal.welch(given, **options)[1][1:]
+    measured = metrics.cross(times, given, found)
+    gain, phase, coherence = metrics.transfer(measured)
+    assert measured[0] == pytest.approx(scipy.signal.welch(given, **options)[0][1:], rel=1e-12)
+    # The highest frequency of an even segment is its own mirror image in both.
+    np.testing.assert_allclose(gain, np.abs(cross) / power, rtol=1e-9)
+    np.testing.assert_allclose(phase, np.unwrap(np.angle(cross)), atol=1e-9)
+    np.testing.assert_allclose(coherence, scipy.signal.coherence(given, found, **options)[1][1:], atol=1e-9)
+
+
+def test_a_signal_passed_on_has_gain_one_and_full_coherence() -> None:
+    times = np.arange(900) * 0.01
+    given = np.random.default_rng(3).normal(size=900)
+    gain, phase, coherence = metrics.transfer(metrics.cross(times, given, -2.0 * given))
+    np.testing.assert_allclose(gain, 2.0, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(phase), np.pi, rtol=1e-12)
+    np.testing.assert_allclose(coherence, 1.0, rtol=1e-12)
+    with pytest.raises(metrics.MetricError, match="17 rows are too few"):
+        metrics.cross(times[:17], given[:17], given[:17])
+
+
+def test_metrics_of_metrics(scenario: Plan) -> None:
+    ratio = replace(metric("mean"), value="roll_rms / count_final", uses=(0, 1), columns=(), kind=None)
+    assert metrics.of_metrics(ratio, scenario, {"roll_rms": 3.0, "count_final": 4.0}) == 0.75
+    assert metrics.of_metrics(ratio, scenario, {"roll_rms": 3.0, "count_final": 0.0}) is None
+    assert metrics.of_metrics(ratio, scenario, {"roll_rms": 3.0}) is None
+    with pytest.raises(metrics.MetricError, match="unknown metric `other`"):
+        metrics.of_metrics(replace(ratio, value="other"), scenario, {})
 
 
 @pytest.mark.parametrize("combine", ["min", "max", "norm", "squares"])

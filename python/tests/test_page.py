@@ -28,9 +28,8 @@ def text(scenario: Plan) -> str:
         ("roll_rms", c.name, None, s): 2.0 + s for c in scenario.cases for s in (1, 2)
     }
     numbers = Numbers(scenario, values)
-    cells = numbers.table()
     wanted = [*scenario.figures, replace(scenario.figures[0], name="again")]
-    found = [(f, panels) for f in wanted if (panels := figures.panels(scenario, f, recordings, cells))]
+    found = [(f, panels) for f in wanted if (panels := figures.panels(scenario, f, recordings, numbers))]
     assert len(found) == 2
     drawings = [plots.draw(scenario, figure, panels) for figure, panels in found]
     return page.render(
@@ -190,3 +189,16 @@ def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None
     )
     assert swept(same, {"slow": 1.0, "fast": 2.0}) == (("Slow", "2"), ("Fast", "3"))
     assert len(swept({"passive": 1.0, "active": 2.0}, {"slow": 1.0, "fast": 2.0})) == 4
+
+
+def test_requirements_definitions_and_hashes_are_on_the_page(text: str) -> None:
+    tree = html.document_fromstring(text)
+    (requirement,) = tree.xpath("//ul[contains(@class, 'verdicts')]/li")
+    assert requirement.get("class") == "passed"
+    assert "4.00 ° in the worst of 2 seeds, required at most 400 ° (Standard <1>)" in requirement.text_content()
+    definition = tree.xpath("string(//details[@class='definition']/small)")
+    # Four rows from 0 to 0.3 s.
+    expected = (
+        "square root of the mean of the squares of x: body.roll, times 57.2958; rows from 0 s to 0.3 s (4 rows); in °"
+    )
+    assert definition == expected

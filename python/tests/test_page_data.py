@@ -98,8 +98,7 @@ def test_the_figures_of_a_scenario_follow_the_schema(scenario: Plan, seeds: int)
         recordings.add(run, Recording(times, {"body.roll": times * (run.seed or 0), "source.count": times}))
     # The window of the figure leaves out the first row.
     times = times[1:]
-    cells = Numbers(swept, {}).table()
-    found = [(figure, figures.panels(swept, figure, recordings, cells)) for figure in swept.figures]
+    found = [(figure, figures.panels(swept, figure, recordings, Numbers(swept, {}))) for figure in swept.figures]
     data = read(page_data.of_plan(swept, found))
     roll = next(p for f in data["figures"] for p in f["panels"] if p["title"] == "Roll angle")
     assert [unit["name"] for unit in roll["y"]["units"]] == ["deg", "rad"]

@@ -1,14 +1,12 @@
 """Pictures of figures: what they show, and that files repeat."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from chassis_fmu import figures, metrics, plots
 from chassis_fmu.figures import Key, Recordings
-from chassis_fmu.numbers import Numbers, Row
+from chassis_fmu.numbers import Numbers
 from chassis_fmu.plan import Figure, Plan, Point, Sweep
 from chassis_fmu.results import Recording
 
@@ -48,15 +46,17 @@ def recordings() -> dict[Key, Recording]:
     }
 
 
-def panels(plan: Plan, figure: Figure, found: dict[Key, Recording], cells: Sequence[Row] = ()) -> list[figures.Panel]:
+def panels(
+    plan: Plan, figure: Figure, found: dict[Key, Recording], numbers: Numbers | None = None
+) -> list[figures.Panel]:
     """Return the panels of a figure, of runs of the first seed."""
     shown = Recordings(plan)
     shown.first = found
-    return figures.panels(plan, figure, shown, cells)
+    return figures.panels(plan, figure, shown, numbers or Numbers(plan, {}))
 
 
-def draw(plan: Plan, figure: Figure, found: dict[Key, Recording], cells: Sequence[Row] = ()) -> plots.Drawing:
-    return plots.draw(plan, figure, panels(plan, figure, found, cells))
+def draw(plan: Plan, figure: Figure, found: dict[Key, Recording], numbers: Numbers | None = None) -> plots.Drawing:
+    return plots.draw(plan, figure, panels(plan, figure, found, numbers))
 
 
 def test_a_figure_is_a_function_of_the_data(scenario: Plan) -> None:
@@ -101,7 +101,7 @@ def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
     values: dict[tuple[str, str, str | None, int | None], float] = {
         ("roll_rms", c.name, p, s): 1.0 + i for c in swept.cases for i, p in enumerate(("slow", "fast")) for s in (1, 2)
     }
-    drawing = draw(swept, figure, {}, Numbers(swept, values).table())
+    drawing = draw(swept, figure, {}, Numbers(swept, values))
     assert plots.PALETTE[1] in drawing.svg
 
 
@@ -152,13 +152,13 @@ def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
     _, densities = metrics.spectrum(times, values)
     assert spectra["roll", 1][1] == pytest.approx(densities * 57.29577951308232**2, rel=1e-12)
     shown = Recordings(noisy)
-    assert figures.panels(noisy, figure, shown, []) == []
+    assert figures.panels(noisy, figure, shown, Numbers(noisy, {})) == []
     # a signal that stays zero has no place on a logarithmic axis
     still = Recordings(noisy)
     still.add(noisy.runs[2], Recording(times, {"body.roll": np.zeros(900)}))
-    assert figures.panels(noisy, figure, still, []) == []
+    assert figures.panels(noisy, figure, still, Numbers(noisy, {})) == []
     shown.add(noisy.runs[2], recording)
-    assert plots.PALETTE[1] in plots.draw(noisy, figure, figures.panels(noisy, figure, shown, [])).svg
+    assert plots.PALETTE[1] in plots.draw(noisy, figure, figures.panels(noisy, figure, shown, Numbers(noisy, {}))).svg
 
 
 def test_units_of_densities() -> None:
@@ -185,3 +185,85 @@ def test_panels_are_titled_in_words(scenario: Plan) -> None:
         # matplotlib leaves the text of a title as a comment before its outlines
         assert "<!-- body.roll -->" not in drawing.svg
         assert f"<!-- {column.description[:6]}" in drawing.svg
+
+
+def test_signals_over_another_signal(scenario: Plan) -> None:
+    figure = replace(scenario.figures[0], kind="xy", columns=(1,), over=0, levels=(), window=None)
+    (panel,) = panels(scenario, figure, recordings())
+    # The case without the signal of the abscissa has no curve.
+    (line,) = panel.lines
+    assert panel.kind == "curve"
+    np.testing.assert_array_equal(line.x, np.arange(4) * 0.1 * 10.0)
+    np.testing.assert_array_equal(line.y, np.arange(4) * 0.1)
+    (panel,) = panels(scenario, replace(figure, equal_axes=True), recordings())
+    assert panel.kind == "map"
+    assert plots.PALETTE[0] in plots.draw(scenario, figure, [panel]).svg
+
+
+def test_a_curve_keeps_its_extremes_in_both_directions() -> None:
+    angle = np.linspace(0.0, 40.0, 9001)
+    x, y = figures.decimate(np.cos(angle) * angle, np.sin(angle) * angle, 100, is_curve=True)
+    assert len(x) <= 410
+    for kept, all_of in ((x, np.cos(angle) * angle), (y, np.sin(angle) * angle)):
+        assert (kept.min(), kept.max()) == (all_of.min(), all_of.max())
+
+
+def test_transfer_functions_have_gain_phase_and_coherence(scenario: Plan) -> None:
+    figure = replace(
+        scenario.figures[0], kind="transfer", columns=(1,), over=0, levels=(), window=None, band=(0.5, 4.0)
+    )
+    plan = replace(scenario, figures=(figure,))
+    times = np.arange(900) * 0.1
+    given = np.random.default_rng(1).normal(size=900)
+    shown = Recordings(plan)
+    assert figures.columns_of(plan, figure) == {0, 1}
+    for run in plan.runs[:2]:
+        shown.add(run, Recording(times, {"source.count": given, "body.roll": 0.5 * given}))
+    found = figures.panels(plan, figure, shown, Numbers(plan, {}))
+    assert [panel.title.rsplit(": ")[-1] for panel in found] == ["gain", "phase", "coherence"]
+    # Half of it, in degrees.
+    for panel, expected in zip(found, (0.5 * 57.29577951308232, 0.0, 1.0), strict=True):
+        (line,) = panel.lines
+        np.testing.assert_allclose(line.y, expected, rtol=1e-9, atol=1e-9)
+        assert line.x.min() >= 0.5
+        assert line.x.max() <= 4.0
+    assert plots.PALETTE[0] in plots.draw(plan, figure, found).svg
+
+
+def metric_values(plan: Plan) -> Numbers:
+    values: dict[tuple[str, str, str | None, int | None], float] = {}
+    for case in plan.cases:
+        for seed in plan.seeds:
+            values["roll_rms", case.name, None, seed] = 2.0 * seed
+            values["count_final", case.name, None, seed] = 10.0 - seed
+    return Numbers(plan, values)
+
+
+def test_distributions_are_cumulative(scenario: Plan) -> None:
+    figure = replace(scenario.figures[0], kind="distribution", columns=(), metrics=(0,), levels=(), window=None)
+    (panel,) = panels(scenario, figure, {}, metric_values(scenario))
+    for line in panel.lines:
+        assert (line.x.tolist(), line.y.tolist(), line.steps, line.marks) == ([2.0, 4.0], [0.5, 1.0], True, True)
+    assert plots.PALETTE[1] in plots.draw(scenario, figure, [panel]).svg
+    assert panels(scenario, figure, {}) == []
+
+
+def test_scatter_plots_have_a_point_for_each_run(scenario: Plan) -> None:
+    figure = replace(scenario.figures[0], kind="scatter", columns=(), metrics=(0,), over=1, levels=(), window=None)
+    (panel,) = panels(scenario, figure, {}, metric_values(scenario))
+    for line in panel.lines:
+        assert (line.x.tolist(), line.y.tolist(), line.apart) == ([8.0, 9.0], [4.0, 2.0], True)
+    assert plots.PALETTE[1] in plots.draw(scenario, figure, [panel]).svg
+
+
+def test_a_second_axis_and_equal_scales(scenario: Plan) -> None:
+    figure = replace(scenario.figures[0], columns=(1,), right=0, separate=True, same_scale=True, levels=(), window=None)
+    found = panels(scenario, figure, recordings())
+    assert [panel.y.range for panel in found] == [found[0].y.range] * 2
+    low, high = found[0].y.range or (0.0, 0.0)
+    # The larger of the two goes from 0 to 0.3 rad.
+    assert low < 0.0
+    assert 0.3 < high * 0.017453292519943295 < 0.35
+    beside = [line for line in found[0].lines if line.right]
+    assert [line.title for line in beside] == [found[0].right.title if found[0].right else ""]
+    assert plots.draw(scenario, figure, found).png

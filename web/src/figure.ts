@@ -1,15 +1,19 @@
 /** A figure: its panels instead of the static picture, which stays for print. */
 
 import { button } from "./controls";
+import { Curve } from "./curve";
 import type { Figure, PageData } from "./page-data";
-import { Plot, scaled, shifted } from "./plot";
+import { type Range, type View, scaled, shifted } from "./panel";
+import { Plot } from "./plot";
 import type { State } from "./state";
 
 /** Makes a figure interactive. `place` is the element with the static picture. */
 export function enhance(place: HTMLElement, figure: Figure, data: PageData, state: State, words: Uint16Array): void {
-  const plots = figure.panels.map((panel) => new Plot(data, panel, state, words));
+  const view = (panel: Figure["panels"][number]): View =>
+    panel.kind === "curve" || panel.kind === "map" ? new Curve(data, panel, state, words) : new Plot(data, panel, state, words);
+  const plots = figure.panels.map(view);
   // All panels show the same part of the abscissa.
-  const zoom = (range: [number, number] | null) => {
+  const zoom = (range: Range | null) => {
     for (const plot of plots) plot.zoom(range);
   };
   for (const plot of plots) plot.onZoom = zoom;

@@ -44,10 +44,12 @@ pub struct Problems {
     pub problems: Vec<Problem>,
 }
 
-/// Collects mistakes of one file.
+/// Collects mistakes of a file, and of files that it includes.
 #[derive(Debug)]
 pub struct Collector {
     source_code: Arc<NamedSource<String>>,
+    /// Included files: their places begin there.
+    included: Vec<(usize, Arc<NamedSource<String>>)>,
     problems: Vec<Noted>,
     warnings: Vec<Noted>,
     /// The case that is looked at.
@@ -89,7 +91,36 @@ impl Collector {
     #[must_use]
     pub fn new(file: &Path, text: &str, language: &str) -> Self {
         let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language(language);
-        Self { source_code: Arc::new(source), problems: Vec::new(), warnings: Vec::new(), context: None, contexts: 0 }
+        Self {
+            source_code: Arc::new(source),
+            included: Vec::new(),
+            problems: Vec::new(),
+            warnings: Vec::new(),
+            context: None,
+            contexts: 0,
+        }
+    }
+
+    /// Adds the text of an included TOML file. Its places begin at the result.
+    pub(crate) fn add_source(&mut self, file: &Path, text: &str) -> usize {
+        let source = NamedSource::new(file.to_string_lossy(), text.to_string()).with_language("toml");
+        let (from, last) = self.included.last().map_or((0, &self.source_code), |(from, last)| (*from, last));
+        // A place at the end of a file is not one at the start of the next.
+        let from = from + last.inner().len() + 1;
+        self.included.push((from, Arc::new(source)));
+        from
+    }
+
+    /// The file that a place is in, and where it begins.
+    fn source(&self, place: usize) -> (usize, &Arc<NamedSource<String>>) {
+        let of_included = self.included.iter().rev().find(|(from, _)| *from <= place);
+        of_included.map_or((0, &self.source_code), |(from, source)| (*from, source))
+    }
+
+    /// The text from a place to the end of its file; `None` if that is within a character.
+    pub(crate) fn text_from(&self, place: usize) -> Option<&str> {
+        let (from, source) = self.source(place);
+        source.inner().get(place - from..)
     }
 
     /// Sets how many contexts there are.
@@ -125,14 +156,16 @@ impl Collector {
     }
 
     fn problem(&self, spans: &[Range<usize>], message: String, help: Option<String>) -> Problem {
-        let length = self.source_code.inner().len();
+        let first = spans.first().cloned().unwrap_or(0..0);
+        let (from, source) = self.source(first.start);
+        let length = source.inner().len();
         let inside = |span: &Range<usize>| {
-            let start = span.start.min(length);
-            SourceSpan::from(start..span.end.clamp(start, length))
+            let start = (span.start - from).min(length);
+            SourceSpan::from(start..span.end.saturating_sub(from).clamp(start, length))
         };
-        let mut spans = spans.iter().map(inside);
-        let span = spans.next().unwrap_or_else(|| inside(&(0..0)));
-        Problem { message, source_code: Arc::clone(&self.source_code), span, others: spans.collect(), help }
+        // Only places in the same file can be shown together.
+        let others = spans.iter().skip(1).filter(|span| self.source(span.start).0 == from).map(inside).collect();
+        Problem { message, span: inside(&first), others, source_code: Arc::clone(source), help }
     }
 
     /// Name of the file.
@@ -140,10 +173,16 @@ impl Collector {
         self.source_code.name()
     }
 
-    /// Notes why a text does not have the layout of its file. For an unknown key or word, the nearest known one is the hint.
+    /// Notes why the file does not have its layout. For an unknown key or word, the nearest known one is the hint.
     pub fn add_layout(&mut self, error: &toml::de::Error) {
-        let (message, help) = layout::explain(error, self.source_code.inner());
-        self.add_with_help(error.span().unwrap_or(0..0), message, help);
+        let source = Arc::clone(&self.source_code);
+        self.add_layout_of(error, source.inner(), 0);
+    }
+
+    /// As [`Self::add_layout`] for the included file at the place `from`; its text begins with blanks up to there.
+    pub(crate) fn add_layout_of(&mut self, error: &toml::de::Error, text: &str, from: usize) {
+        let (message, help) = layout::explain(error, text);
+        self.add_with_help(error.span().unwrap_or(from..from), message, help);
     }
 
     /// `file:line:column` of a place.
@@ -187,7 +226,11 @@ impl Collector {
 
 /// Adds a problem, or the context to the one that was noted before.
 fn note(noted: &mut Vec<Noted>, problem: Problem, context: Option<&Context>) {
-    let is_same = |n: &&mut Noted| n.problem.span == problem.span && n.problem.message == problem.message;
+    let is_same = |n: &&mut Noted| {
+        let known = &n.problem;
+        let is_same_file = Arc::ptr_eq(&known.source_code, &problem.source_code);
+        is_same_file && known.span == problem.span && known.message == problem.message
+    };
     match noted.iter_mut().find(is_same) {
         Some(known) => known.contexts.extend(context.filter(|c| !known.contexts.contains(c)).cloned()),
         None => noted.push(Noted { problem, contexts: context.into_iter().cloned().collect() }),

@@ -3,7 +3,7 @@
 //! Nothing is computed here. The plan holds references, and whoever has the results fills them in. What executes runs
 //! knows nothing of this module.
 
-use crate::metrics::Definition;
+use crate::metrics::{Definition, Expression};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -15,15 +15,45 @@ pub struct Metric {
     pub name: String,
     /// Title.
     pub title: String,
-    /// How it is computed; its columns are indices into those of the plan.
+    /// How it is computed.
     #[serde(flatten)]
-    pub definition: Definition,
+    pub source: Source,
     /// Unit of measure of the number.
     pub unit: Option<String>,
     /// Decimal places to show.
     pub digits: Option<u8>,
     /// The paper's numbers, in the same unit.
     pub paper: Option<Paper>,
+    /// What the number must be.
+    pub requirement: Option<Requirement>,
+}
+
+/// How a metric is computed.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Source {
+    /// From signals; the columns are indices into those of the plan.
+    Signals(Definition),
+    /// From other metrics of the same run, which stand before it in the plan.
+    Metrics {
+        /// The formula, with the names of the metrics.
+        value: Expression,
+        /// The metrics in it, by their indices.
+        uses: Vec<usize>,
+    },
+}
+
+/// Limits that the number of every run keeps, of all seeds and points.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Requirement {
+    /// Least number, in the unit of the metric.
+    pub min: Option<f64>,
+    /// Greatest number.
+    pub max: Option<f64>,
+    /// Names of the cases that keep it.
+    pub cases: Vec<String>,
+    /// What demands it, such as a standard.
+    pub source: Option<String>,
 }
 
 /// Numbers printed in a paper.
@@ -56,8 +86,19 @@ pub struct Figure {
     pub columns: Vec<usize>,
     /// Index of the column drawn dashed beside each of them, in a time plot.
     pub against: Option<usize>,
-    /// Indices into the metrics of the plan, for sweep plots.
+    /// Index of the column drawn over a second vertical axis in every panel of a time plot.
+    pub right: Option<usize>,
+    /// What is on the abscissa: index of a column for [`FigureKind::Xy`], of the input for [`FigureKind::Transfer`], of a
+    /// metric for [`FigureKind::Scatter`].
+    pub over: Option<usize>,
+    /// Indices into the metrics of the plan, for the kinds that show metrics.
     pub metrics: Vec<usize>,
+    /// All panels have the same scale, of the abscissa and of the ordinate.
+    pub same_scale: bool,
+    /// A unit of length is as long on the abscissa as on the ordinate, in [`FigureKind::Xy`].
+    pub equal_axes: bool,
+    /// Frequencies shown, Hz; `None`: all.
+    pub band: Option<[f64; 2]>,
     /// Times shown or used, s; `None`: all.
     pub window: Option<[f64; 2]>,
     /// Levels marked in every panel of a time plot.
@@ -84,6 +125,38 @@ pub enum FigureKind {
     Sweep,
     /// Metrics over windows that end at each time, cases overlaid.
     Running,
+    /// Signals over another signal, cases overlaid.
+    Xy,
+    /// Transfer functions from a signal to others over frequency: gain, phase and coherence, from spectra averaged over the
+    /// seeds, cases overlaid.
+    Transfer,
+    /// Metrics of all runs as cumulative distributions, cases overlaid.
+    Distribution,
+    /// Metrics of all runs over another metric, a point for each run, cases overlaid.
+    Scatter,
+}
+
+impl FigureKind {
+    /// Name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Spectrum => "spectrum",
+            Self::Sweep => "sweep",
+            Self::Running => "running",
+            Self::Xy => "xy",
+            Self::Transfer => "transfer",
+            Self::Distribution => "distribution",
+            Self::Scatter => "scatter",
+        }
+    }
+
+    /// Whether it shows signals, not metrics.
+    #[must_use]
+    pub fn is_of_signals(self) -> bool {
+        matches!(self, Self::Time | Self::Spectrum | Self::Xy | Self::Transfer)
+    }
 }
 
 /// A level marked in a plot over time.

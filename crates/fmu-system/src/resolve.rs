@@ -88,10 +88,15 @@ pub fn resolve(file: &Path, source: &dyn Descriptions, options: &Options) -> Res
 pub fn fmu_names(file: &Path) -> Result<BTreeSet<String>, ResolveError> {
     let text = read(file, limits::TEXT_FILE)?;
     let mut problems = Collector::new(file, &text, "toml");
-    match scenario::parse(&text, &mut problems) {
+    match scenario::parse(&text, folder(file), &mut problems) {
         Some(scenario) => Ok(scenario.fmus().map(|(name, _)| name.to_string()).collect()),
         None => Err(problems.fail().into()),
     }
+}
+
+/// The folder that paths in a file are relative to.
+fn folder(file: &Path) -> &Path {
+    file.parent().unwrap_or(Path::new(""))
 }
 
 fn read(path: &Path, limit: u64) -> Result<String, ResolveError> {
@@ -109,7 +114,7 @@ pub fn resolve_text(
     options: &Options,
 ) -> Result<Plan, ResolveError> {
     let mut problems = Collector::new(file, text, "toml");
-    let Some(scenario) = scenario::parse(text, &mut problems) else {
+    let Some(scenario) = scenario::parse(text, folder(file), &mut problems) else {
         return Err(problems.fail().into());
     };
     scenario.check(&mut problems);
@@ -135,7 +140,7 @@ pub fn resolve_text(
         sets: HashMap::new(),
     };
     resolver.problems.expect_contexts(scenario.cases.len());
-    resolver.read_parameter_sets(file.parent().unwrap_or(Path::new("")));
+    resolver.read_parameter_sets(folder(file));
     let Some(mut systems) = resolver.systems(source) else {
         return Err(resolver.problems.fail().into());
     };
@@ -144,9 +149,9 @@ pub fn resolve_text(
     }
     let columns = resolver.columns(&systems);
     resolver.check_size(&simulation, columns.len(), options)?;
-    let metrics = resolver.metrics(&systems, &columns, text);
-    let figures = resolver.figures(&systems, &columns, text);
-    let findings = findings::findings(&scenario, text, &mut resolver.problems);
+    let metrics = resolver.metrics(&systems, &columns);
+    let figures = resolver.figures(&systems, &columns);
+    let findings = findings::findings(&scenario, &mut resolver.problems);
     let seeds: Vec<i32> = scenario.seeds.as_ref().map_or(Vec::new(), |seeds| {
         let wanted = options.seeds.unwrap_or(usize::MAX);
         let values = seeds.values.get_ref().iter();

@@ -1,4 +1,4 @@
-//! A scenario file: its layout, and the checks that need no FMU.
+//! A scenario file: its layout, the files it includes, and the checks that need no FMU.
 
 mod check;
 mod layout;
@@ -6,15 +6,126 @@ mod layout;
 pub(crate) use check::{unknown, whole_steps};
 pub(crate) use layout::*;
 
+use crate::limits;
 use crate::problem::Collector;
+use serde_spanned::Spanned;
+use std::path::Path;
 
-/// Parses the text; `None` if it does not have the layout of a scenario.
-pub(crate) fn parse(text: &str, problems: &mut Collector) -> Option<Scenario> {
-    match toml::from_str::<Scenario>(text) {
-        Ok(scenario) => Some(scenario),
+/// Parses the text of a scenario and the files it includes, which are relative to `folder`. `None` if a file cannot be read or
+/// does not have the layout of a scenario.
+///
+/// The included files become sources of `problems`, and their places are behind those of the files before.
+pub(crate) fn parse(text: &str, folder: &Path, problems: &mut Collector) -> Option<Scenario> {
+    let own = written(text, 0, problems)?;
+    let mut files = Vec::new();
+    for include in &own.include {
+        files.push(included(include, folder, problems));
+    }
+    let files = files.into_iter().collect::<Option<Vec<Written>>>()?;
+    assembled(own, files, problems)
+}
+
+/// The part of the text from a place on, which are the places of its mistakes.
+fn written(text: &str, from: usize, problems: &mut Collector) -> Option<Written> {
+    match toml::from_str(text) {
+        Ok(written) => Some(written),
         Err(error) => {
-            problems.add_layout(&error);
+            problems.add_layout_of(&error, text, from);
             None
         }
     }
+}
+
+/// What an included file says.
+fn included(path: &Spanned<String>, folder: &Path, problems: &mut Collector) -> Option<Written> {
+    let file = folder.join(path.get_ref());
+    let text = match limits::read_text(&file, limits::TEXT_FILE) {
+        Ok(text) => text,
+        Err(error) => {
+            problems.add(path.span(), format!("cannot read {}: {error}", file.display()));
+            return None;
+        }
+    };
+    let from = problems.add_source(&file, &text);
+    // Blanks in front move its places to where they are among those of all files.
+    let moved = format!("{}{text}", " ".repeat(from));
+    let part = written(&moved, from, problems)?;
+    let texts = [("title", &part.title), ("description", &part.description), ("reference", &part.reference)];
+    let sets = [("parameter_set", &part.parameter_set)];
+    for (key, value) in texts.into_iter().chain(sets) {
+        if let Some(value) = value {
+            problems.add(value.span(), format!("an included file has no `{key}`; it belongs to the scenario"));
+        }
+    }
+    if let Some(nested) = part.include.first() {
+        problems.add(nested.span(), "an included file cannot include others");
+    }
+    Some(part)
+}
+
+/// Puts the included files and the scenario's own together: lists one behind the other, single tables by the last file that has
+/// one.
+fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Option<Scenario> {
+    let (title, description, reference) = (own.title.clone(), own.description.clone(), own.reference.clone());
+    let parameter_set = own.parameter_set.clone();
+    let mut all = Written::default();
+    let mut signals = Vec::new();
+    let mut every = None;
+    let mut has_record = false;
+    for mut part in files.into_iter().chain([own]) {
+        all.components.append(&mut part.components);
+        all.connections.append(&mut part.connections);
+        all.cases.append(&mut part.cases);
+        all.points.append(&mut part.points);
+        all.metrics.append(&mut part.metrics);
+        all.figures.append(&mut part.figures);
+        all.findings.append(&mut part.findings);
+        all.simulation = part.simulation.or(all.simulation);
+        all.sweep = part.sweep.or(all.sweep);
+        all.seeds = part.seeds.or(all.seeds);
+        if let Some(mut record) = part.record {
+            has_record = true;
+            signals.append(&mut record.signals);
+            every = record.every.or(every);
+        }
+        for (name, values) in part.parameters {
+            match all.components.iter_mut().find(|component| component.name == name) {
+                Some(component) => {
+                    for (parameter, value) in values {
+                        // The place of the name is where the value stands.
+                        component.parameters.remove(&parameter);
+                        component.parameters.insert(parameter, value);
+                    }
+                }
+                None => {
+                    let names = all.components.iter().map(|component| component.name.get_ref().as_str());
+                    unknown("component", name.get_ref(), name.span(), names, problems);
+                }
+            }
+        }
+    }
+    for (key, is_there) in
+        [("title", title.is_some()), ("simulation", all.simulation.is_some()), ("record", has_record)]
+    {
+        if !is_there {
+            problems.add(0..0, format!("missing key `{key}`"));
+        }
+    }
+    Some(Scenario {
+        title: title?.into_inner(),
+        description: description.map_or(String::new(), Spanned::into_inner),
+        reference: reference.map_or(String::new(), Spanned::into_inner),
+        parameter_set,
+        simulation: all.simulation?,
+        components: all.components,
+        connections: all.connections,
+        cases: all.cases,
+        points: all.points,
+        sweep: all.sweep,
+        seeds: all.seeds,
+        record: Record { signals, every },
+        metrics: all.metrics,
+        figures: all.figures,
+        findings: all.findings,
+    })
 }

@@ -2,10 +2,10 @@
 
 use fmu_import::description::{BaseType, Value};
 use fmu_import::description::{BaseUnit, ModelDescription, Unit};
-use fmu_system::metrics::{Combine, Kind};
+use fmu_system::metrics::{Combine, Definition, Kind};
 use fmu_system::parameter_set::{Parameter, ParameterSet};
 use fmu_system::plan::Plan;
-use fmu_system::report::{Cell, Expect, FigureKind, Part};
+use fmu_system::report::{Cell, Expect, FigureKind, Metric, Part, Source};
 use fmu_system::resolve::{Descriptions, Found, Options, ResolveError, resolve_text};
 use fmu_system::run::Order;
 use std::collections::BTreeMap;
@@ -450,12 +450,132 @@ fn options_change_the_plan() {
     assert!(error.contains("are 0.5 steps of 0.001 s, which must be a whole number above 0"), "{error}");
 }
 
+/// How a metric of signals is computed.
+fn definition(metric: &Metric) -> &Definition {
+    match &metric.source {
+        Source::Signals(definition) => definition,
+        Source::Metrics { value, .. } => panic!("{value:?}"),
+    }
+}
+
+/// [`SCENARIO`] with a metric and a figure behind it.
+fn plan_with(metric: &str, figure: &str) -> Result<Plan, ResolveError> {
+    let metric = if metric.is_empty() {
+        String::new()
+    } else {
+        format!("[[metric]]\nname = \"more\"\ntitle = \"More\"\n{metric}\n")
+    };
+    let figure = if figure.is_empty() {
+        String::new()
+    } else {
+        format!("[[figure]]\nname = \"more\"\ntitle = \"More\"\n{figure}\n")
+    };
+    plan_of(&format!("{SCENARIO}\n{metric}{figure}"), &Options::default())
+}
+
+#[test]
+fn metrics_of_metrics_and_requirements() {
+    let plan = plan_with(
+        "value = \"roll_rms / roll_peak\"\nunit = \"1\"\nmax = 0.35\nrequired_of = [\"active\"]\nrequired_by = \"A standard\"",
+        "",
+    )
+    .unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let metric = plan.metrics.last().unwrap();
+    let Source::Metrics { value, uses } = &metric.source else { panic!("{metric:?}") };
+    assert_eq!((&uses[..], metric.unit.as_deref()), (&[0, 1][..], Some("1")));
+    assert_eq!(value.value(|index| [Some(1.0), Some(4.0)][index]), Some(0.25));
+    let json = serde_json::to_value(metric).unwrap();
+    assert_eq!((json["value"].as_str(), json["uses"][1].as_u64()), (Some("roll_rms / roll_peak"), Some(1)));
+    let requirement = metric.requirement.as_ref().unwrap();
+    assert_eq!(
+        (requirement.min, requirement.max, requirement.source.as_deref()),
+        (None, Some(0.35), Some("A standard"))
+    );
+    assert_eq!(requirement.cases, ["active"]);
+    let all =
+        plan_with("value = \"abs(roll_rms)\"\nmin = 0.0\nmax = 1.0", "").unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let requirement = all.metrics.last().unwrap().requirement.as_ref().unwrap();
+    assert_eq!(
+        (requirement.min, &requirement.cases[..]),
+        (Some(0.0), &["passive", "active", "manual"].map(String::from)[..])
+    );
+
+    for (written, expected) in [
+        ("value = \"roll_rms / rol_peak\"", "119:21: unknown metric `rol_peak`"),
+        ("value = \"roll_rms /\"", "expected a number or a metric"),
+        ("value = \"more + 1\"", "a metric cannot be part of its own `value`"),
+        ("value = \"1\"\nsignal = \"body.roll\"", "a metric with a `value` has no `signal`"),
+        ("value = \"1\"\nkind = \"rms\"", "a metric with a `value` has no `kind`"),
+        ("value = \"1\"\nthreshold = 1.0", "a metric with a `value` has no `threshold`"),
+        ("signal = \"body.roll\"", "a metric needs a `kind` and a `signal`, or a `value` made of other metrics"),
+        ("value = \"1\"\nmin = 2.0\nmax = 1.0", "min is 2, above max, 1"),
+        ("value = \"1\"\nmax = nan", "expected a finite number"),
+        ("value = \"1\"\nmax = 1.0\nrequired_of = [\"activ\"]", "unknown case `activ`"),
+        ("value = \"1\"\nmax = 1.0\nrequired_of = []", "expected at least one case"),
+        ("value = \"1\"\nrequired_by = \"A standard\"", "`required_by` belongs to a `min` or a `max`"),
+    ] {
+        let found = lines(&plan_with(written, "").unwrap_err());
+        assert!(found.contains(expected), "{written}: {found}");
+    }
+    let below = SCENARIO.replacen(
+        "signal = \"body.roll\"\nkind = \"rms\"\nunit = \"deg\"\nwindow = [0.5, 2.0]",
+        "value = \"roll_peak\"",
+        1,
+    );
+    let found = lines(&plan_of(&below, &Options::default()).unwrap_err());
+    assert!(found.contains("`roll_peak` stands below"), "{found}");
+}
+
+#[test]
+fn figures_of_every_kind() {
+    let figure = |written: &str| {
+        let plan = plan_with("", written).unwrap_or_else(|e| panic!("{written}: {}", lines(&e)));
+        plan.figures.last().unwrap().clone()
+    };
+    let xy = figure("kind = \"xy\"\nsignals = [\"body.roll\"]\nover = \"steer.front\"\nequal_axes = true");
+    assert_eq!((xy.kind, xy.over.is_some(), xy.equal_axes), (FigureKind::Xy, true, true));
+    let transfer =
+        figure("kind = \"transfer\"\nsignals = [\"body.roll\"]\nover = \"vehicle.speed\"\nband = [0.2, 4.0]");
+    assert_eq!((transfer.kind, transfer.band), (FigureKind::Transfer, Some([0.2, 4.0])));
+    let scatter = figure("kind = \"scatter\"\nmetrics = [\"roll_rms\"]\nover = \"roll_peak\"");
+    assert_eq!((scatter.metrics.as_slice(), scatter.over), (&[0][..], Some(1)));
+    assert_eq!(figure("kind = \"distribution\"\nmetrics = [\"roll_rms\"]").kind, FigureKind::Distribution);
+    let time = figure("kind = \"time\"\nsignals = [\"body.roll\"]\nright = \"vehicle.speed\"\nsame_scale = true");
+    assert!(time.right.is_some() && time.same_scale);
+    for (written, expected) in [
+        ("kind = \"xy\"\nsignals = [\"body.roll\"]", "needs `over`, the signal on the abscissa"),
+        ("kind = \"scatter\"\nmetrics = [\"roll_rms\"]", "needs `over`, the metric on the abscissa"),
+        ("kind = \"scatter\"\nmetrics = [\"roll_rms\"]\nover = \"roll_pek\"", "unknown metric `roll_pek`"),
+        ("kind = \"transfer\"\nmetrics = [\"roll_rms\"]\nover = \"body.roll\"", "has `signals`, no `metrics`"),
+        (
+            "kind = \"time\"\nsignals = [\"body.roll\"]\nover = \"steer.front\"",
+            "only a figure of kind \"xy\" or \"transfer\" or \"scatter\" has `over`",
+        ),
+        (
+            "kind = \"xy\"\nsignals = [\"body.roll\"]\nover = \"vehicle.speed\"\nequal_axes = true",
+            "is in m/s, but `body.roll` is in rad",
+        ),
+        (
+            "kind = \"time\"\nsignals = [\"body.roll\", \"vehicle.speed\"]\nsame_scale = true",
+            "is in m/s, but `body.roll` is in rad",
+        ),
+        ("kind = \"spectrum\"\nsignals = [\"body.roll\"]\nband = [2.0, 1.0]", "expected a band [from, to]"),
+        (
+            "kind = \"distribution\"\nmetrics = [\"roll_rms\"]\nwindow = [0.0, 1.0]",
+            "the `window` of a figure of metrics",
+        ),
+    ] {
+        let found = lines(&plan_with("", written).unwrap_err());
+        assert!(found.contains(expected), "{written}: {found}");
+    }
+}
+
 #[test]
 fn metrics_and_figures() {
     let plan = plan();
     let metric = &plan.metrics[0];
-    assert_eq!((&metric.definition.columns[..], metric.unit.as_deref()), (&[1][..], Some("deg")));
-    assert_eq!(metric.definition.factor, 57.295_779_513_082_32);
+    assert_eq!((&definition(metric).columns[..], metric.unit.as_deref()), (&[1][..], Some("deg")));
+    assert_eq!(definition(metric).factor, 57.295_779_513_082_32);
     assert_eq!(metric.paper.as_ref().unwrap().values["passive@slow"], 1.5);
     assert_eq!(plan.metrics[1].unit.as_deref(), Some("rad"), "the variable's own");
     assert_eq!(plan.figures[0].columns, [1, 0]);
@@ -474,14 +594,14 @@ fn metrics_and_figures() {
         );
     let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let metric = &plan.metrics[0];
-    assert_eq!((metric.definition.threshold, metric.unit.as_deref()), (Some(3.0), Some("s")));
-    assert_eq!(metric.definition.factor, 57.295_779_513_082_32);
-    assert_eq!((plan.metrics[1].definition.threshold, plan.metrics[1].unit.as_deref()), (Some(0.05), Some("1")));
+    assert_eq!((definition(metric).threshold, metric.unit.as_deref()), (Some(3.0), Some("s")));
+    assert_eq!(definition(metric).factor, 57.295_779_513_082_32);
+    assert_eq!((definition(&plan.metrics[1]).threshold, plan.metrics[1].unit.as_deref()), (Some(0.05), Some("1")));
     let magnitude = text.replace("\"crossing\"", "\"magnitude_crossing\"");
     let plan_of_magnitude = plan_of(&magnitude, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let metric = &plan_of_magnitude.metrics[0];
-    assert_eq!((metric.definition.kind, metric.definition.threshold), (Kind::MagnitudeCrossing, Some(3.0)));
-    assert_eq!((metric.unit.as_deref(), metric.definition.factor), (Some("s"), plan.metrics[0].definition.factor));
+    assert_eq!((definition(metric).kind, definition(metric).threshold), (Kind::MagnitudeCrossing, Some(3.0)));
+    assert_eq!((metric.unit.as_deref(), definition(metric).factor), (Some("s"), definition(&plan.metrics[0]).factor));
     assert_eq!((&plan.figures[0].cases[..], plan.figures[0].separate), (&["active".to_string()][..], true));
     assert_eq!((plan.figures[0].levels[0].value, plan.figures[0].levels[0].title.as_str()), (0.1, "L"));
     // Numbers that refer to the last value: a share, and a time.
@@ -490,7 +610,7 @@ fn metrics_and_figures() {
         .replace("kind = \"peak\"", "kind = \"overshoot\"");
     let plan = plan_of(&text_of_last, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     assert_eq!(plan.metrics[0].unit.as_deref(), Some("s"));
-    assert_eq!((plan.metrics[1].definition.threshold, plan.metrics[1].unit.as_deref()), (None, Some("1")));
+    assert_eq!((definition(&plan.metrics[1]).threshold, plan.metrics[1].unit.as_deref()), (None, Some("1")));
     let spectrum = text.replace("kind = \"time\"", "kind = \"spectrum\"");
     let spectrum = spectrum.replace("separate = true\nlevels = [{ value = 0.1, title = \"L\" }]", "");
     let plan = plan_of(&spectrum, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
@@ -552,18 +672,18 @@ fn metrics_of_several_signals_and_units_of_kinds() {
     let both = "signals = [\"body.roll\", \"steer.front\"]\n";
     let metric = of(&format!("{both}combine = \"min\"\nkind = \"share_below\"\nthreshold = 1.0"));
     assert_eq!(
-        (metric.definition.columns.len(), metric.definition.combine, metric.unit.as_deref()),
+        (definition(&metric).columns.len(), definition(&metric).combine, metric.unit.as_deref()),
         (2, Some(Combine::Min), Some("1"))
     );
     let metric = of(&format!("{both}combine = \"squares\"\nweights = [1.0, 2.0]\nkind = \"mean\""));
-    assert_eq!((metric.definition.weights, metric.unit.as_deref()), (vec![1.0, 2.0], Some("1")));
+    assert_eq!((definition(&metric).weights.clone(), metric.unit.as_deref()), (vec![1.0, 2.0], Some("1")));
     for (signal, unit) in [("body.roll", "rad.s"), ("body.roll_rate", "rad"), ("vehicle.speed", "m")] {
         let metric = of(&format!("signal = \"vehicle:{signal}\"\nkind = \"integral\""));
         assert_eq!(metric.unit.as_deref(), Some(unit), "{signal}");
     }
     let metric = of("signal = \"body.roll\"\nkind = \"band_power\"\nband = [1.0, 3.0]\nfrom_baseline = true");
-    assert_eq!((metric.definition.band, metric.unit.as_deref()), (Some([1.0, 3.0]), Some("(rad)2")));
-    assert!(metric.definition.from_baseline);
+    assert_eq!((definition(&metric).band, metric.unit.as_deref()), (Some([1.0, 3.0]), Some("(rad)2")));
+    assert!(definition(&metric).from_baseline);
 }
 
 #[test]
@@ -579,12 +699,12 @@ fn signals_beside_others_and_origins() {
         .replace("kind = \"time\"", "kind = \"time\"\nagainst = \"steer.front\"");
     let plan = plan_of(&text, &Options::default()).unwrap_or_else(|e| panic!("{}", lines(&e)));
     let steer = plan.columns.iter().position(|c| c.name == "steer.front");
-    assert_eq!((plan.metrics[0].definition.minus, plan.metrics[1].definition.minus), (steer, None));
+    assert_eq!((definition(&plan.metrics[0]).minus, definition(&plan.metrics[1]).minus), (steer, None));
     // The level is in the unit of the signal, whatever it was written in.
-    let until = plan.metrics[0].definition.until.unwrap();
+    let until = definition(&plan.metrics[0]).until.unwrap();
     assert!((until.level - 9f64.to_radians()).abs() < 1e-15 && until.above);
     assert_eq!(plan.columns[until.column].name, "body.roll");
-    let until = plan.metrics[1].definition.until.unwrap();
+    let until = definition(&plan.metrics[1]).until.unwrap();
     assert_eq!((until.level, until.above), (-0.5, false));
     assert_eq!(plan.metrics[0].paper.as_ref().unwrap().calibrated, Some(vec!["passive@slow".to_string()]));
     assert_eq!((plan.figures[0].against, plan.figures[1].against), (steer, None));
@@ -593,7 +713,7 @@ fn signals_beside_others_and_origins() {
 #[test]
 fn the_json_has_the_agreed_layout() {
     let json = serde_json::to_value(plan()).unwrap();
-    assert_eq!(json["format"], 4);
+    assert_eq!(json["format"], 5);
     assert_eq!(json["simulation"]["order"], "sequential");
     let run = &json["runs"][0];
     assert_eq!(run["seed"], 3);
@@ -760,7 +880,7 @@ fn mistakes_are_reported_with_their_place() {
             "kind = \"sweep\"\nlevels = [{ value = 1.0, title = \"\" }]",
             "only a figure of kind \"time\" has `levels`",
         ),
-        ("kind = \"sweep\"", "kind = \"spectrum\"", "a figure of kind \"time\" or \"spectrum\" has `signals`"),
+        ("kind = \"sweep\"", "kind = \"spectrum\"", "a figure of kind \"spectrum\" has `signals`"),
         ("expect = \"lower\"", "expect = \"less\"", "`expect`: unknown word `less`"),
         ("expect = \"lower\"", "expect = \"below\"", "need a `level`"),
         ("expect = \"lower\"", "expect = \"lower\", level = 1.0", "only \"below\" and \"above\" have a `level`"),
@@ -1108,4 +1228,64 @@ fn mistakes_in_parameter_sets_are_marked_where_the_file_is_named() {
     let missing = text.replacen("component.ssv", "none.ssv", 1);
     let error = lines(&plan_with_sets(&missing, [&empty, &empty, &empty]).unwrap_err());
     assert!(error.contains("cannot read") && error.contains("none.ssv"), "{error}");
+}
+
+/// Resolves a scenario of several files: their texts by name, the first one includes the others.
+fn plan_of_files(files: &[(&str, String)]) -> Result<Plan, ResolveError> {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+    resolve_text(&folder.path().join(files[0].0), &files[0].1, &fmus(), &Options::default())
+}
+
+/// [`SCENARIO`] in two files: what stands before the metrics, and the rest.
+fn two_files(own: &str) -> [(&'static str, String); 2] {
+    let (head, rest) = SCENARIO.split_at(SCENARIO.find("[[metric]]").unwrap());
+    let system = &head[head.find("[simulation]").unwrap()..];
+    let texts = &head[..head.find("[simulation]").unwrap()];
+    let own = format!("include = [\"parts/system.toml\"]\n{own}{texts}{rest}");
+    [("step.toml", own), ("parts/system.toml", system.to_string())]
+}
+
+#[test]
+fn an_included_file_is_part_of_the_scenario() {
+    let found = plan_of_files(&two_files("")).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let whole = plan();
+    assert_eq!((&found.runs, &found.metrics, &found.figures), (&whole.runs, &whole.metrics, &whole.figures));
+    assert_eq!(found.findings, whole.findings);
+    // Parameters stand on top of those of the components.
+    let found =
+        plan_of_files(&two_files("parameters.driver = { maneuver = 2 }\n")).unwrap_or_else(|e| panic!("{}", lines(&e)));
+    let maneuver = |plan: &Plan| {
+        let driver = plan.runs[0].components.iter().find(|component| component.name == "driver").unwrap();
+        driver.parameters.iter().find(|parameter| parameter.name == "maneuver").map(|parameter| parameter.value.clone())
+    };
+    assert_eq!((maneuver(&whole), maneuver(&found)), (Some(Value::Integer(1)), Some(Value::Integer(2))));
+}
+
+#[test]
+fn mistakes_name_the_included_file() {
+    let broken = |change: fn(&mut [(&'static str, String); 2])| {
+        let mut files = two_files("");
+        change(&mut files);
+        lines(&plan_of_files(&files).unwrap_err())
+    };
+    let found = broken(|files| files[1].1 = files[1].1.replace("step = 0.001", "step = -1.0"));
+    assert!(found.contains("parts/system.toml:3:8: step is -1, expected more than 0"), "{found}");
+    let found = broken(|files| files[1].1 = files[1].1.replace("stop = ", "stopp = "));
+    assert!(found.contains("parts/system.toml:2:1: unknown key `stopp`"), "{found}");
+    let found = broken(|files| files[1].1.insert_str(0, "title = \"Part\"\n"));
+    assert!(found.contains("parts/system.toml:1:9: an included file has no `title`"), "{found}");
+    let found = broken(|files| files[1].1.insert_str(0, "include = [\"other.toml\"]\n"));
+    assert!(found.contains("parts/system.toml:1:12: an included file cannot include others"), "{found}");
+    let found = broken(|files| files[0].1 = files[0].1.replace("parts/system.toml", "parts/sytem.toml"));
+    assert!(found.contains("step.toml:1:12: cannot read ") && found.contains("sytem.toml"), "{found}");
+    let found = lines(&plan_of_files(&two_files("parameters.drivr = { maneuver = 1 }\n")).unwrap_err());
+    assert!(found.contains("step.toml:2:12: unknown component `drivr`"), "{found}");
+    // Two files that have the same case.
+    let found = broken(|files| files[0].1.push_str("\n[[case]]\nname = \"passive\"\ntitle = \"Again\"\n"));
+    assert!(found.contains("step.toml:") && found.contains("the case `passive` is there twice"), "{found}");
 }

@@ -77,6 +77,38 @@ impl Kind {
         )
     }
 
+    /// The formula in words, of the rows x\[i\] of a window.
+    #[must_use]
+    pub fn formula(self) -> &'static str {
+        match self {
+            Self::Rms => "square root of the mean of the squares",
+            Self::MeanSquare => "mean of the squares",
+            Self::Peak => "largest magnitude",
+            Self::Max => "largest value",
+            Self::Min => "smallest value",
+            Self::Mean => "mean",
+            Self::Final => "last value",
+            Self::PeakToPeak => "largest minus smallest value",
+            Self::Deviation => "standard deviation about the mean",
+            Self::Changes => "number of rows whose value differs from that of the row before",
+            Self::Integral => "sum of the rows times their distance in time",
+            Self::BandPower => "integral of the power spectral density over the band",
+            Self::Crossing => "time of the first row above the threshold",
+            Self::MagnitudeCrossing => "time of the first row whose magnitude is above the threshold",
+            Self::Share => "share of the rows above the threshold",
+            Self::ShareBelow => "share of the rows below the threshold",
+            Self::MagnitudeShare => "share of the rows whose magnitude is above the threshold",
+            Self::Overshoot => "largest value as a share of the last one, minus 1",
+            Self::RiseTime => {
+                "time from the first row to the first one that has the share given by the threshold of the last value"
+            }
+            Self::SettlingTime => {
+                "time from the first row to the one from which on the values stay within the share given by the threshold of the \
+                 last value"
+            }
+        }
+    }
+
     /// Whether the number follows from the values alone, without times or settings, and is never undefined.
     #[must_use]
     pub fn needs_only_values(self) -> bool {

@@ -5,13 +5,16 @@
 //!
 //! A metric takes its signal from one column or several that are combined row by row, subtracts another column and the signal
 //! of the baseline's run if it says so, converts the unit and computes the number of its [`Kind`] over the rows of its window.
+//! Other metrics are an [`Expression`] of such numbers.
 
+mod expression;
 mod kind;
 mod spectrum;
 mod sum;
 
+pub use expression::{Expression, ExpressionError, Problem};
 pub use kind::Kind;
-pub use spectrum::{Spectrum, spectrum};
+pub use spectrum::{Cross, Spectrum, Transfer, cross, spectrum};
 pub use sum::Summation;
 
 use serde::{Deserialize, Serialize};
@@ -38,7 +41,7 @@ pub enum MetricError {
     #[error("a single row has no extent in time")]
     SingleRow,
     /// Too few rows for a spectrum.
-    #[error("{0} rows are too few for a spectrum, it takes 18")]
+    #[error("{0} rows are too few for a spectrum, which takes 18")]
     TooShort(usize),
     /// The kind has no running values.
     #[error("this kind has no running values")]

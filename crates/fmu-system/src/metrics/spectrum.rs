@@ -43,32 +43,129 @@ impl Spectrum {
 /// # Errors
 /// A segment would have fewer than 4 rows (18 rows are needed).
 pub fn spectrum(times: &[f64], values: &[f64]) -> Result<Spectrum, MetricError> {
-    let size = (values.len() as f64 * SEGMENT) as usize;
-    if size < MIN_ROWS {
-        return Err(MetricError::TooShort(values.len()));
-    }
-    let interval = interval(times)?;
-    let window: Vec<f64> = (0..size).map(|i| 0.5 - 0.5 * (TAU * i as f64 / size as f64).cos()).collect();
-    let transform = FftPlannerScalar::new().plan_fft_forward(size);
-    let mut scratch = vec![Complex::default(); transform.get_inplace_scratch_len()];
-    let mut sums = vec![0.0; size / 2];
-    let mut count = 0.0;
-    for segment in values.windows(size).step_by(size / 2) {
-        let mean = sum::exact(segment.iter().copied()) / size as f64;
-        let weighted = segment.iter().zip(&window).map(|(value, weight)| (value - mean) * weight);
-        let mut bins: Vec<Complex<f64>> = weighted.map(|value| Complex::new(value, 0.0)).collect();
-        transform.process_with_scratch(&mut bins, &mut scratch);
-        for (sum, bin) in sums.iter_mut().zip(&bins[1..]) {
-            *sum += bin.norm_sqr();
+    let segments = Segments::of(times, [values])?;
+    let densities = segments.mean(|[bin]| bin.norm_sqr());
+    Ok(Spectrum { frequencies: segments.frequencies, densities })
+}
+
+/// What two signals have in common at each frequency, one-sided and without the frequency 0: densities that are averaged
+/// over several runs before [`Cross::transfer`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cross {
+    /// Frequencies, Hz, as in [`Spectrum`].
+    pub frequencies: Vec<f64>,
+    /// Power spectral density Pxx of the input.
+    pub input: Vec<f64>,
+    /// Power spectral density Pyy of the output.
+    pub output: Vec<f64>,
+    /// Real part of the cross power spectral density Pxy, the mean of conj(X) Y.
+    pub real: Vec<f64>,
+    /// Imaginary part of Pxy.
+    pub imaginary: Vec<f64>,
+}
+
+/// A transfer function estimated from two signals.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transfer {
+    /// Gain |Pxy|/Pxx at each frequency: unit of the output per unit of the input. Not a number where the input has no power.
+    pub gain: Vec<f64>,
+    /// Phase of Pxy, rad, without jumps of more than pi from one frequency to the next; between -pi and pi at the first.
+    pub phase: Vec<f64>,
+    /// Coherence |Pxy|^2/(Pxx Pyy), 0 to 1: 1 where the output follows from the input linearly and without noise.
+    pub coherence: Vec<f64>,
+}
+
+/// Estimates the cross power spectral density of two signals, with the segments and windows of [`spectrum`].
+///
+/// # Errors
+/// A segment would have fewer than 4 rows (18 rows are needed).
+pub fn cross(times: &[f64], input: &[f64], output: &[f64]) -> Result<Cross, MetricError> {
+    let segments = Segments::of(times, [input, output])?;
+    Ok(Cross {
+        input: segments.mean(|[x, _]| x.norm_sqr()),
+        output: segments.mean(|[_, y]| y.norm_sqr()),
+        real: segments.mean(|[x, y]| (x.conj() * y).re),
+        imaginary: segments.mean(|[x, y]| (x.conj() * y).im),
+        frequencies: segments.frequencies,
+    })
+}
+
+impl Cross {
+    /// The estimate H1 = Pxy/Pxx of the transfer function (J. S. Bendat, A. G. Piersol: Random Data, 4th ed., section 6.1),
+    /// which noise in the output does not bias.
+    #[must_use]
+    pub fn transfer(&self) -> Transfer {
+        let rows =
+            || (0..self.frequencies.len()).map(|k| (self.input[k], self.output[k], self.real[k], self.imaginary[k]));
+        let mut before = 0.0;
+        let phase = rows().map(|(_, _, re, im)| {
+            let angle = im.atan2(re);
+            before = angle - TAU * ((angle - before) / TAU).round();
+            before
+        });
+        Transfer {
+            gain: rows().map(|(xx, _, re, im)| re.hypot(im) / xx).collect(),
+            phase: phase.collect(),
+            coherence: rows().map(|(xx, yy, re, im)| (re * re + im * im) / (xx * yy)).collect(),
         }
-        count += 1.0;
     }
-    let scale = 2.0 * interval / sum::exact(window.iter().map(|weight| weight * weight));
-    let mut densities: Vec<f64> = sums.iter().map(|sum| sum / count * scale).collect();
-    if size.is_multiple_of(2) {
-        densities[size / 2 - 1] *= 0.5;
+}
+
+/// The transformed segments of some signals.
+struct Segments<const N: usize> {
+    frequencies: Vec<f64>,
+    /// Of each segment and signal, the bins of the frequencies.
+    bins: Vec<[Vec<Complex<f64>>; N]>,
+    /// What a squared bin is multiplied with for a density.
+    scale: f64,
+    /// Whether the last frequency is its own mirror image.
+    is_even: bool,
+}
+
+impl<const N: usize> Segments<N> {
+    fn of(times: &[f64], signals: [&[f64]; N]) -> Result<Self, MetricError> {
+        let size = (times.len() as f64 * SEGMENT) as usize;
+        if size < MIN_ROWS {
+            return Err(MetricError::TooShort(times.len()));
+        }
+        for signal in signals {
+            super::same_length(signal, times)?;
+        }
+        let interval = interval(times)?;
+        let window: Vec<f64> = (0..size).map(|i| 0.5 - 0.5 * (TAU * i as f64 / size as f64).cos()).collect();
+        let transform = FftPlannerScalar::new().plan_fft_forward(size);
+        let mut scratch = vec![Complex::default(); transform.get_inplace_scratch_len()];
+        let mut transformed = |segment: &[f64]| -> Vec<Complex<f64>> {
+            let mean = sum::exact(segment.iter().copied()) / size as f64;
+            let weighted = segment.iter().zip(&window).map(|(value, weight)| (value - mean) * weight);
+            let mut bins: Vec<Complex<f64>> = weighted.map(|value| Complex::new(value, 0.0)).collect();
+            transform.process_with_scratch(&mut bins, &mut scratch);
+            bins[1..=size / 2].to_vec()
+        };
+        let starts = (0..=times.len() - size).step_by(size / 2);
+        let bins = starts.map(|start| signals.map(|signal| transformed(&signal[start..start + size]))).collect();
+        let distance = 1.0 / (size as f64 * interval);
+        Ok(Self {
+            frequencies: (1..=size / 2).map(|k| k as f64 * distance).collect(),
+            bins,
+            scale: 2.0 * interval / sum::exact(window.iter().map(|weight| weight * weight)),
+            is_even: size.is_multiple_of(2),
+        })
     }
-    let distance = 1.0 / (size as f64 * interval);
-    let frequencies = (1..=size / 2).map(|k| k as f64 * distance).collect();
-    Ok(Spectrum { frequencies, densities })
+
+    /// The density that is the mean of a product of bins over the segments.
+    fn mean(&self, product: impl Fn([Complex<f64>; N]) -> f64) -> Vec<f64> {
+        let mut sums = vec![0.0; self.frequencies.len()];
+        for segment in &self.bins {
+            for (k, sum) in sums.iter_mut().enumerate() {
+                *sum += product(segment.each_ref().map(|bins| bins[k]));
+            }
+        }
+        let count = self.bins.len() as f64;
+        let mut densities: Vec<f64> = sums.iter().map(|sum| sum / count * self.scale).collect();
+        if let Some(last) = densities.last_mut().filter(|_| self.is_even) {
+            *last *= 0.5;
+        }
+        densities
+    }
 }

@@ -14,25 +14,24 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Resolves the findings of a scenario whose names have been checked.
-pub(super) fn findings(scenario: &Scenario, source: &str, problems: &mut Collector) -> Vec<Finding> {
-    let mut resolver = Resolver { scenario, source, problems };
+pub(super) fn findings(scenario: &Scenario, problems: &mut Collector) -> Vec<Finding> {
+    let mut resolver = Resolver { scenario, problems };
     scenario.findings.iter().map(|finding| resolver.finding(finding)).collect()
 }
 
 /// Resolves a text outside of a finding.
-pub(super) fn text(written: &Spanned<String>, scenario: &Scenario, source: &str, problems: &mut Collector) -> Text {
-    Resolver { scenario, source, problems }.text(written)
+pub(super) fn text(written: &Spanned<String>, scenario: &Scenario, problems: &mut Collector) -> Text {
+    Resolver { scenario, problems }.text(written)
 }
 
 /// The keys of the changes that a paper gives, each as two complete cells of the metric: "case@point/case@point".
 pub(super) fn paper_changes(
     metric: &scenario::Metric,
     scenario: &Scenario,
-    source: &str,
     problems: &mut Collector,
 ) -> BTreeMap<String, f64> {
     let Some(paper) = &metric.paper else { return BTreeMap::new() };
-    let mut resolver = Resolver { scenario, source, problems };
+    let mut resolver = Resolver { scenario, problems };
     let own = scenario.metrics.iter().position(|m| m.name == metric.name).unwrap_or_default();
     let mut changes = BTreeMap::new();
     for (key, percent) in &paper.changes {
@@ -55,8 +54,6 @@ fn change_key(cell: &Cell, against: &Cell) -> String {
 
 struct Resolver<'a> {
     scenario: &'a Scenario,
-    /// The text of the file, to find numbers in strings.
-    source: &'a str,
     problems: &'a mut Collector,
 }
 
@@ -253,7 +250,9 @@ impl Resolver<'_> {
             rest = behind;
             // Where it stands in the file: escapes and line breaks make the string another one than its text.
             let raw = format!("{{{inside}}}");
-            let within = self.source.get(from..written.span().end).and_then(|text| text.find(&raw));
+            let length = written.span().end - from;
+            let rest = self.problems.text_from(from).and_then(|rest| rest.get(..length));
+            let within = rest.and_then(|text| text.find(&raw));
             let span = match within {
                 Some(at) => {
                     from += at + raw.len();

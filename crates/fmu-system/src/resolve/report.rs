@@ -3,7 +3,8 @@
 use super::findings;
 use super::pattern::split_pattern;
 use super::system::{Column, Resolver, System, near_outputs, outputs};
-use crate::metrics::{self, Combine, Definition};
+use crate::metrics::{self, Combine, Definition, Expression, Problem};
+use crate::report::Source;
 use crate::{plan, report, scenario};
 use fmu_import::names::{any_of, suggestion};
 use serde_spanned::Spanned;
@@ -69,50 +70,23 @@ impl Resolver<'_> {
         found.map(|u| (u.factor, u.offset))
     }
 
-    pub(super) fn metrics(&mut self, systems: &[System<'_>], columns: &[Column], text: &str) -> Vec<report::Metric> {
+    pub(super) fn metrics(&mut self, systems: &[System<'_>], columns: &[Column]) -> Vec<report::Metric> {
         let mut metrics = Vec::new();
-        for metric in &self.scenario.metrics {
-            let indices: Vec<usize> =
-                metric.all_signals().filter_map(|s| self.column_index(s, systems, columns)).collect();
-            let Some(&first) = indices.first().filter(|_| indices.len() == metric.all_signals().count()) else {
-                continue;
+        for (index, metric) in self.scenario.metrics.iter().enumerate() {
+            let found = match &metric.value {
+                Some(value) => self.expression(value, index).map(|source| {
+                    let unit = metric.unit.as_ref().map(|unit| unit.get_ref().clone());
+                    (source, unit)
+                }),
+                None => self.of_signals(metric, systems, columns),
             };
-            let shown = &columns[first].plan;
-            let Some((factor, offset)) = self.conversion(metric.unit.as_ref(), shown) else {
-                continue;
-            };
-            let combine = metric.combine.as_ref().map(|c| *c.get_ref());
-            let is_squares = combine == Some(Combine::Squares);
-            for signal in metric.signals.iter().filter(|_| !is_squares) {
-                self.beside(Some(signal), &indices[..1], systems, columns);
-            }
-            let minus = self.beside(metric.minus.as_ref(), &indices, systems, columns);
-            let until = metric.until.as_ref().and_then(|until| self.until(until.get_ref(), systems, columns));
-            let unit = if is_squares {
-                Some("1".to_string())
-            } else {
-                metric.unit.as_ref().map(|u| u.get_ref().clone()).or_else(|| shown.unit.clone())
-            };
-            let changes = findings::paper_changes(metric, self.scenario, text, &mut self.problems);
+            let Some((source, unit)) = found else { continue };
+            let changes = findings::paper_changes(metric, self.scenario, &mut self.problems);
             metrics.push(report::Metric {
                 name: metric.name.get_ref().clone(),
                 title: metric.title.clone(),
-                definition: Definition {
-                    columns: indices,
-                    combine,
-                    weights: metric.weights.as_ref().map_or(Vec::new(), |w| w.get_ref().clone()),
-                    kind: metric.kind,
-                    window: metric.window.as_ref().map(|w| *w.get_ref()),
-                    until,
-                    minus,
-                    from_baseline: metric.from_baseline,
-                    band: metric.band.as_ref().map(|b| *b.get_ref()),
-                    threshold: metric.threshold.as_ref().map(|t| *t.get_ref()),
-                    factor,
-                    // A difference has none.
-                    offset: if minus.is_some() || metric.from_baseline { 0.0 } else { offset },
-                },
-                unit: metric.kind.unit(unit.as_deref()),
+                source,
+                unit,
                 digits: metric.digits.as_ref().map(|d| *d.get_ref()),
                 paper: metric.paper.as_ref().map(|paper| report::Paper {
                     table: paper.table.clone(),
@@ -123,9 +97,97 @@ impl Resolver<'_> {
                         .as_ref()
                         .map(|keys| keys.iter().map(|key| key.get_ref().clone()).collect()),
                 }),
+                requirement: self.requirement(metric),
             });
         }
         metrics
+    }
+
+    /// How a metric of signals is computed, and its unit.
+    fn of_signals(
+        &mut self,
+        metric: &scenario::Metric,
+        systems: &[System<'_>],
+        columns: &[Column],
+    ) -> Option<(Source, Option<String>)> {
+        let indices: Vec<usize> = metric.all_signals().filter_map(|s| self.column_index(s, systems, columns)).collect();
+        let first = *indices.first().filter(|_| indices.len() == metric.all_signals().count())?;
+        let shown = &columns[first].plan;
+        let (factor, offset) = self.conversion(metric.unit.as_ref(), shown)?;
+        let combine = metric.combine.as_ref().map(|c| *c.get_ref());
+        let is_squares = combine == Some(Combine::Squares);
+        for signal in metric.signals.iter().filter(|_| !is_squares) {
+            self.beside(Some(signal), &indices[..1], systems, columns);
+        }
+        let minus = self.beside(metric.minus.as_ref(), &indices, systems, columns);
+        let until = metric.until.as_ref().and_then(|until| self.until(until.get_ref(), systems, columns));
+        let unit = if is_squares {
+            Some("1".to_string())
+        } else {
+            metric.unit.as_ref().map(|u| u.get_ref().clone()).or_else(|| shown.unit.clone())
+        };
+        // Checked to be there.
+        let kind = metric.kind?;
+        let source = Source::Signals(Definition {
+            columns: indices,
+            combine,
+            weights: metric.weights.as_ref().map_or(Vec::new(), |w| w.get_ref().clone()),
+            kind,
+            window: metric.window.as_ref().map(|w| *w.get_ref()),
+            until,
+            minus,
+            from_baseline: metric.from_baseline,
+            band: metric.band.as_ref().map(|b| *b.get_ref()),
+            threshold: metric.threshold.as_ref().map(|t| *t.get_ref()),
+            factor,
+            // A difference has none.
+            offset: if minus.is_some() || metric.from_baseline { 0.0 } else { offset },
+        });
+        Some((source, kind.unit(unit.as_deref())))
+    }
+
+    /// The formula of the metric with an index, of metrics above it.
+    fn expression(&mut self, written: &Spanned<String>, index: usize) -> Option<Source> {
+        let metrics = &self.scenario.metrics;
+        let above = |name: &str| metrics[..index].iter().position(|metric| metric.name.get_ref() == name);
+        let error = match Expression::parse(written.get_ref(), above) {
+            Ok(value) => return Some(Source::Metrics { uses: value.metrics().collect(), value }),
+            Err(error) => error,
+        };
+        // Behind the quote, if the string stands in the file as it is.
+        let inside = written.span().start + 1;
+        let rest = self.problems.text_from(inside);
+        let is_plain = rest.is_some_and(|rest| rest.starts_with(written.get_ref().as_str()));
+        let place = if is_plain { inside + error.place.start..inside + error.place.end } else { written.span() };
+        let (message, help) = match &error.problem {
+            Problem::Unknown(name) if metrics[index].name.get_ref() == name => {
+                ("a metric cannot be part of its own `value`".to_string(), None)
+            }
+            Problem::Unknown(name) if metrics.iter().any(|metric| metric.name.get_ref() == name) => {
+                (format!("`{name}` stands below; a `value` is made of the metrics above it"), None)
+            }
+            Problem::Unknown(name) => {
+                let above = metrics[..index].iter().map(|metric| metric.name.get_ref().as_str());
+                (error.problem.to_string(), suggestion(name, above))
+            }
+            Problem::Expected(_) | Problem::TooDeep => (error.problem.to_string(), None),
+        };
+        self.problems.add_with_help(place, message, help);
+        None
+    }
+
+    /// The limits that a metric is to keep, and of which cases.
+    fn requirement(&self, metric: &scenario::Metric) -> Option<report::Requirement> {
+        let [min, max] = [&metric.min, &metric.max].map(|limit| limit.as_ref().map(|limit| *limit.get_ref()));
+        let cases = self.scenario.cases.iter().map(|case| &case.name);
+        let named = metric.required_of.as_ref().map(|names| names.get_ref());
+        let is_required = |case: &&Spanned<String>| named.is_none_or(|names| names.iter().any(|name| name == *case));
+        (min.is_some() || max.is_some()).then(|| report::Requirement {
+            min,
+            max,
+            cases: cases.filter(is_required).map(|name| name.get_ref().clone()).collect(),
+            source: metric.required_by.as_ref().map(|text| text.get_ref().clone()),
+        })
     }
 
     /// Column of a signal that is compared with others, which have its unit of measure.
@@ -155,7 +217,7 @@ impl Resolver<'_> {
         Some(metrics::Until { column, above: until.above.is_some(), level: (level - offset) / factor })
     }
 
-    pub(super) fn figures(&mut self, systems: &[System<'_>], columns: &[Column], text: &str) -> Vec<report::Figure> {
+    pub(super) fn figures(&mut self, systems: &[System<'_>], columns: &[Column]) -> Vec<report::Figure> {
         let mut figures = Vec::new();
         for figure in &self.scenario.figures {
             let mut indices = Vec::new();
@@ -169,9 +231,22 @@ impl Resolver<'_> {
                 }
             }
             let against = self.beside(figure.against.as_ref(), &indices, systems, columns);
+            let right = figure.right.as_ref().and_then(|signal| self.column_index(signal, systems, columns));
+            let is_on = |option: &Option<Spanned<bool>>| option.as_ref().is_some_and(|option| *option.get_ref());
+            let (same_scale, equal_axes) = (is_on(&figure.same_scale), is_on(&figure.equal_axes));
+            for signal in figure.signals.iter().filter(|_| same_scale || equal_axes) {
+                // Lengths in other units cannot be compared.
+                self.beside(Some(signal), &indices[..indices.len().min(1)], systems, columns);
+            }
             let metric_index = |name: &Spanned<String>| {
                 let metrics = &self.scenario.metrics;
                 metrics.iter().position(|m| m.name == *name)
+            };
+            let over = match &figure.over {
+                Some(name) if !figure.kind.is_of_signals() => metric_index(name),
+                Some(signal) if equal_axes => self.beside(Some(signal), &indices, systems, columns),
+                Some(signal) => self.column_index(signal, systems, columns),
+                None => None,
             };
             figures.push(report::Figure {
                 name: figure.name.get_ref().clone(),
@@ -181,9 +256,14 @@ impl Resolver<'_> {
                     Some(cases) => cases.get_ref().iter().map(|name| name.get_ref().clone()).collect(),
                     None => self.scenario.cases.iter().map(|case| case.name.get_ref().clone()).collect(),
                 },
-                separate: figure.separate.as_ref().is_some_and(|separate| *separate.get_ref()),
+                separate: is_on(&figure.separate),
                 columns: indices,
                 against,
+                right,
+                over,
+                same_scale,
+                equal_axes,
+                band: figure.band.as_ref().map(|band| *band.get_ref()),
                 metrics: figure.metrics.iter().filter_map(metric_index).collect(),
                 window: figure.window.as_ref().map(|w| *w.get_ref()),
                 unit: figure.unit.as_ref().map(|u| u.get_ref().clone()),
@@ -193,7 +273,7 @@ impl Resolver<'_> {
                 caption: figure
                     .caption
                     .as_ref()
-                    .map(|caption| findings::text(caption, self.scenario, text, &mut self.problems)),
+                    .map(|caption| findings::text(caption, self.scenario, &mut self.problems)),
             });
         }
         figures

@@ -1,6 +1,6 @@
 //! Checks that need no FMU.
 
-use super::layout::{Metric, Scenario, Simulation};
+use super::layout::{Figure, Metric, Scenario, Simulation};
 use crate::limits::{RUNS, STEPS};
 use crate::metrics::{Combine, Kind};
 use crate::problem::Collector;
@@ -112,100 +112,127 @@ impl Scenario {
             problems.add(every.span(), format!("every is {}, expected at least 1", every.get_ref()));
         }
         for metric in &self.metrics {
-            self.check_window(metric.window.as_ref(), problems);
-            metric.check_signals(problems);
-            if let Some(digits) = &metric.digits
-                && *digits.get_ref() > 15
-            {
-                problems.add(digits.span(), "expected at most 15 decimal places");
-            }
-            match &metric.threshold {
-                Some(threshold) if !metric.kind.has_threshold() => {
-                    problems.add(threshold.span(), "a metric of this kind has no `threshold`");
-                }
-                Some(threshold) => {
-                    finite(threshold, problems);
-                }
-                None if metric.kind.has_threshold() => {
-                    problems.add(metric.name.span(), "a metric of this kind needs a `threshold`");
-                }
-                None => (),
-            }
-            if let Some(until) = &metric.until {
-                match (until.get_ref().above, until.get_ref().below) {
-                    (Some(level), None) | (None, Some(level)) if level.is_finite() => (),
-                    (Some(_), None) | (None, Some(_)) => problems.add(until.span(), "expected a finite number"),
-                    _ => problems.add(until.span(), "expected either `above` or `below`"),
-                }
-            }
-            if let Some(paper) = &metric.paper {
-                for key in paper.values.keys() {
-                    self.check_paper_key(key, &cases, problems);
-                }
-                let numbers = paper.values.keys().chain(paper.changes.keys());
-                let numbers: BTreeSet<&str> = numbers.map(|key| key.get_ref().as_str()).collect();
-                for key in paper.calibrated.iter().flatten() {
-                    known("value of the paper", key, &numbers, problems);
-                }
-            }
+            self.check_metric(metric, &cases, problems);
         }
         for figure in &self.figures {
-            self.check_window(figure.window.as_ref(), problems);
-            for name in &figure.metrics {
-                known("metric", name, &metrics, problems);
+            self.check_figure(figure, &metrics, &cases, problems);
+        }
+    }
+
+    fn check_metric(&self, metric: &Metric, cases: &BTreeSet<&str>, problems: &mut Collector) {
+        self.check_window(metric.window.as_ref(), problems);
+        metric.check_source(problems);
+        if let Some(digits) = &metric.digits
+            && *digits.get_ref() > 15
+        {
+            problems.add(digits.span(), "expected at most 15 decimal places");
+        }
+        let has_threshold = metric.kind.is_some_and(Kind::has_threshold);
+        match &metric.threshold {
+            Some(threshold) if !has_threshold => {
+                problems.add(threshold.span(), "a metric of this kind has no `threshold`");
             }
-            if let Some(shown) = &figure.cases {
-                for name in shown.get_ref() {
-                    known("case", name, &cases, problems);
-                }
-                if shown.get_ref().is_empty() {
-                    problems.add(shown.span(), "expected at least one case");
-                }
+            Some(threshold) => {
+                finite(threshold, problems);
             }
-            if let Some(against) = &figure.against
-                && figure.kind != FigureKind::Time
-            {
-                problems.add(against.span(), "only a figure of kind \"time\" has `against`");
+            None if has_threshold => {
+                problems.add(metric.name.span(), "a metric of this kind needs a `threshold`");
             }
-            if let Some(separate) = &figure.separate
-                && figure.kind != FigureKind::Time
-            {
-                problems.add(separate.span(), "only a figure of kind \"time\" has `separate`");
+            None => (),
+        }
+        if let Some(until) = &metric.until {
+            match (until.get_ref().above, until.get_ref().below) {
+                (Some(level), None) | (None, Some(level)) if level.is_finite() => (),
+                (Some(_), None) | (None, Some(_)) => problems.add(until.span(), "expected a finite number"),
+                _ => problems.add(until.span(), "expected either `above` or `below`"),
             }
-            for level in &figure.levels {
-                if figure.kind != FigureKind::Time {
-                    problems.add(level.span(), "only a figure of kind \"time\" has `levels`");
-                } else if !level.get_ref().value.is_finite() {
-                    problems.add(level.span(), "expected a finite number");
-                }
+        }
+        if let Some(paper) = &metric.paper {
+            for key in paper.values.keys() {
+                self.check_paper_key(key, cases, problems);
             }
-            let at = figure.name.span();
-            match figure.kind {
-                FigureKind::Time | FigureKind::Spectrum if figure.signals.is_empty() || !figure.metrics.is_empty() => {
-                    problems.add(at, "a figure of kind \"time\" or \"spectrum\" has `signals`, no `metrics`");
-                }
-                FigureKind::Sweep | FigureKind::Running if figure.metrics.is_empty() || !figure.signals.is_empty() => {
-                    problems.add(at, "a figure of kind \"sweep\" or \"running\" has `metrics`, no `signals`");
-                }
-                FigureKind::Sweep if self.points.is_empty() => {
-                    problems.add(at, "a figure of kind \"sweep\" needs [[point]]s");
-                }
-                FigureKind::Sweep | FigureKind::Running if figure.unit.is_some() || figure.window.is_some() => {
-                    problems.add(at, "`unit` and `window` of a figure of metrics are those of the metrics");
-                }
-                FigureKind::Running => {
-                    for name in &figure.metrics {
-                        let metric = self.metrics.iter().find(|m| m.name == *name);
-                        if let Some(metric) = metric
-                            && (!metric.kind.has_running_values() || metric.until.is_some() || metric.from_baseline)
-                        {
-                            let message =
-                                "only a mean, an RMS or an integral over a plain window can be drawn as it grows";
-                            problems.add(name.span(), message);
-                        }
-                    }
-                }
-                FigureKind::Time | FigureKind::Spectrum | FigureKind::Sweep => (),
+            let numbers = paper.values.keys().chain(paper.changes.keys());
+            let numbers: BTreeSet<&str> = numbers.map(|key| key.get_ref().as_str()).collect();
+            for key in paper.calibrated.iter().flatten() {
+                known("value of the paper", key, &numbers, problems);
+            }
+        }
+        metric.check_requirement(cases, problems);
+    }
+
+    fn check_figure(
+        &self,
+        figure: &Figure,
+        metrics: &BTreeSet<&str>,
+        cases: &BTreeSet<&str>,
+        problems: &mut Collector,
+    ) {
+        use FigureKind::{Running, Scatter, Spectrum, Sweep, Time, Transfer, Xy};
+        self.check_window(figure.window.as_ref(), problems);
+        for name in &figure.metrics {
+            known("metric", name, metrics, problems);
+        }
+        if let Some(shown) = &figure.cases {
+            for name in shown.get_ref() {
+                known("case", name, cases, problems);
+            }
+            if shown.get_ref().is_empty() {
+                problems.add(shown.span(), "expected at least one case");
+            }
+        }
+        let kind = figure.kind;
+        let mut only = |name: &str, span: Option<Range<usize>>, kinds: &[FigureKind]| {
+            if let Some(span) = span.filter(|_| !kinds.contains(&kind)) {
+                let kinds: Vec<String> = kinds.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
+                problems.add(span, format!("only a figure of kind {} has `{name}`", kinds.join(" or ")));
+            }
+        };
+        only("against", figure.against.as_ref().map(Spanned::span), &[Time]);
+        only("separate", figure.separate.as_ref().map(Spanned::span), &[Time]);
+        only("right", figure.right.as_ref().map(Spanned::span), &[Time]);
+        only("levels", figure.levels.first().map(Spanned::span), &[Time]);
+        only("same_scale", figure.same_scale.as_ref().map(Spanned::span), &[Time, Spectrum, Xy]);
+        only("over", figure.over.as_ref().map(Spanned::span), &[Xy, Transfer, Scatter]);
+        only("equal_axes", figure.equal_axes.as_ref().map(Spanned::span), &[Xy]);
+        only("band", figure.band.as_ref().map(Spanned::span), &[Spectrum, Transfer]);
+        only("unit", figure.unit.as_ref().map(Spanned::span), &[Time, Spectrum, Xy, Transfer]);
+        for level in &figure.levels {
+            if !level.get_ref().value.is_finite() {
+                problems.add(level.span(), "expected a finite number");
+            }
+        }
+        if let Some(band) = &figure.band {
+            check_band(band, problems);
+        }
+        let at = figure.name.span();
+        let name = kind.name();
+        if figure.over.is_none() && matches!(kind, Xy | Transfer | Scatter) {
+            let what = if kind == Scatter { "metric" } else { "signal" };
+            problems.add(at.clone(), format!("a figure of kind \"{name}\" needs `over`, the {what} on the abscissa"));
+        }
+        if let Some(over) = figure.over.as_ref().filter(|_| kind == Scatter) {
+            known("metric", over, metrics, problems);
+        }
+        let (no_signals, no_metrics) = (figure.signals.is_empty(), figure.metrics.is_empty());
+        if kind.is_of_signals() && (no_signals || !no_metrics) {
+            problems.add(at, format!("a figure of kind \"{name}\" has `signals`, no `metrics`"));
+        } else if !kind.is_of_signals() && (no_metrics || !no_signals) {
+            problems.add(at, format!("a figure of kind \"{name}\" has `metrics`, no `signals`"));
+        } else if kind == Sweep && self.points.is_empty() {
+            problems.add(at, "a figure of kind \"sweep\" needs [[point]]s");
+        } else if !kind.is_of_signals() && figure.window.is_some() {
+            problems.add(at, "the `window` of a figure of metrics is that of the metrics");
+        }
+        for name in figure.metrics.iter().filter(|_| kind == Running) {
+            let metric = self.metrics.iter().find(|m| m.name == *name);
+            let grows = |metric: &Metric| {
+                metric.kind.is_some_and(Kind::has_running_values) && metric.until.is_none() && !metric.from_baseline
+            };
+            if metric.is_some_and(|metric| !grows(metric)) {
+                problems.add(
+                    name.span(),
+                    "only a mean, an RMS or an integral over a plain window can be drawn as it grows",
+                );
             }
         }
     }
@@ -265,6 +292,65 @@ impl Scenario {
 }
 
 impl Metric {
+    /// Checks what it is computed from: signals, or other metrics.
+    fn check_source(&self, problems: &mut Collector) {
+        let at = self.name.span();
+        if let Some(value) = &self.value {
+            let others = [
+                ("signal", self.signal.as_ref().map(Spanned::span)),
+                ("signals", self.signals.first().map(Spanned::span)),
+                ("kind", self.kind.map(|_| value.span())),
+                ("combine", self.combine.as_ref().map(Spanned::span)),
+                ("weights", self.weights.as_ref().map(Spanned::span)),
+                ("band", self.band.as_ref().map(Spanned::span)),
+                ("threshold", self.threshold.as_ref().map(Spanned::span)),
+                ("window", self.window.as_ref().map(Spanned::span)),
+                ("until", self.until.as_ref().map(Spanned::span)),
+                ("minus", self.minus.as_ref().map(Spanned::span)),
+                ("from_baseline", self.from_baseline.then(|| value.span())),
+            ];
+            for (name, span) in others {
+                if let Some(span) = span {
+                    problems.add(span, format!("a metric with a `value` has no `{name}`: the metrics in it have"));
+                }
+            }
+            return;
+        }
+        if self.kind.is_none() {
+            problems.add(at.clone(), "a metric needs a `kind` and a `signal`, or a `value` made of other metrics");
+        }
+        self.check_signals(problems);
+    }
+
+    /// Checks the limits that it is to keep.
+    fn check_requirement(&self, cases: &BTreeSet<&str>, problems: &mut Collector) {
+        let mut are_finite = true;
+        for limit in self.min.iter().chain(&self.max) {
+            are_finite &= finite(limit, problems);
+        }
+        if let (Some(min), Some(max)) = (&self.min, &self.max)
+            && are_finite
+            && min.get_ref() > max.get_ref()
+        {
+            problems.add(min.span(), format!("min is {}, above max, {}", min.get_ref(), max.get_ref()));
+        }
+        for name in self.required_of.iter().flat_map(|names| names.get_ref()) {
+            known("case", name, cases, problems);
+        }
+        if let Some(names) = &self.required_of
+            && names.get_ref().is_empty()
+        {
+            problems.add(names.span(), "expected at least one case");
+        }
+        if self.min.is_none() && self.max.is_none() {
+            let of = self.required_of.as_ref().map(|names| ("required_of", names.span()));
+            let by = self.required_by.as_ref().map(|text| ("required_by", text.span()));
+            for (name, span) in of.into_iter().chain(by) {
+                problems.add(span, format!("`{name}` belongs to a `min` or a `max`"));
+            }
+        }
+    }
+
     /// Checks which signals it has, and how they are combined.
     fn check_signals(&self, problems: &mut Collector) {
         let at = self.name.span();
@@ -297,18 +383,23 @@ impl Metric {
             );
         }
         match &self.band {
-            Some(band) if self.kind != Kind::BandPower => {
+            Some(band) if self.kind != Some(Kind::BandPower) => {
                 problems.add(band.span(), "only a metric of kind \"band_power\" has a `band`");
             }
-            // Written so that a NaN fails as well.
-            Some(band) if !(band.get_ref()[0] >= 0.0 && band.get_ref()[0] < band.get_ref()[1]) => {
-                problems.add(band.span(), "expected a band [from, to] with 0 <= from < to, Hz");
-            }
-            None if self.kind == Kind::BandPower => {
+            Some(band) => check_band(band, problems),
+            None if self.kind == Some(Kind::BandPower) => {
                 problems.add(at, "a metric of kind \"band_power\" needs a `band`");
             }
-            _ => (),
+            None => (),
         }
+    }
+}
+
+fn check_band(band: &Spanned<[f64; 2]>, problems: &mut Collector) {
+    let [from, to] = *band.get_ref();
+    // Written so that a NaN fails as well.
+    if !(from >= 0.0 && from < to && to.is_finite()) {
+        problems.add(band.span(), "expected a band [from, to] with 0 <= from < to, Hz");
     }
 }
 

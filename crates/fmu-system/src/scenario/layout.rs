@@ -13,30 +13,55 @@ use std::ops::Range;
 /// Variable or pattern -> value as written.
 pub(crate) type Values = BTreeMap<Spanned<String>, Spanned<toml::Value>>;
 /// Component -> values.
-type ValuesByComponent = BTreeMap<Spanned<String>, Values>;
+pub(crate) type ValuesByComponent = BTreeMap<Spanned<String>, Values>;
 
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A scenario: what its file says, and the files that it includes.
+#[derive(Debug)]
 pub(crate) struct Scenario {
     pub(crate) title: String,
-    #[serde(default)]
     pub(crate) description: String,
-    #[serde(default)]
     pub(crate) reference: String,
     /// Path of a parameter set of `component:parameter` names, relative to the scenario.
     pub(crate) parameter_set: Option<Spanned<String>>,
     pub(crate) simulation: Simulation,
-    #[serde(rename = "component")]
+    pub(crate) components: Vec<Component>,
+    pub(crate) connections: Vec<Connection>,
+    pub(crate) cases: Vec<Case>,
+    pub(crate) points: Vec<Point>,
+    pub(crate) sweep: Option<Spanned<Sweep>>,
+    pub(crate) seeds: Option<Seeds>,
+    pub(crate) record: Record,
+    pub(crate) metrics: Vec<Metric>,
+    pub(crate) figures: Vec<Figure>,
+    pub(crate) findings: Vec<WrittenFinding>,
+}
+
+/// What one file says.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Written {
+    /// Paths of files with parts of the scenario, relative to this one.
+    #[serde(default)]
+    pub(crate) include: Vec<Spanned<String>>,
+    pub(crate) title: Option<Spanned<String>>,
+    pub(crate) description: Option<Spanned<String>>,
+    pub(crate) reference: Option<Spanned<String>>,
+    pub(crate) parameter_set: Option<Spanned<String>>,
+    /// Parameters on top of those that the components have.
+    #[serde(default)]
+    pub(crate) parameters: ValuesByComponent,
+    pub(crate) simulation: Option<Simulation>,
+    #[serde(rename = "component", default)]
     pub(crate) components: Vec<Component>,
     #[serde(rename = "connection", default)]
     pub(crate) connections: Vec<Connection>,
-    #[serde(rename = "case")]
+    #[serde(rename = "case", default)]
     pub(crate) cases: Vec<Case>,
     #[serde(rename = "point", default)]
     pub(crate) points: Vec<Point>,
     pub(crate) sweep: Option<Spanned<Sweep>>,
     pub(crate) seeds: Option<Seeds>,
-    pub(crate) record: Record,
+    pub(crate) record: Option<Record>,
     #[serde(rename = "metric", default)]
     pub(crate) metrics: Vec<Metric>,
     #[serde(rename = "figure", default)]
@@ -174,7 +199,9 @@ pub(crate) struct Metric {
     pub(crate) combine: Option<Spanned<Combine>>,
     /// Weights of the signals.
     pub(crate) weights: Option<Spanned<Vec<f64>>>,
-    pub(crate) kind: Kind,
+    pub(crate) kind: Option<Kind>,
+    /// A formula of other metrics, instead of signals and a kind.
+    pub(crate) value: Option<Spanned<String>>,
     /// Level that the kind refers to, in `unit`.
     pub(crate) threshold: Option<Spanned<f64>>,
     /// Frequencies that the kind refers to, Hz.
@@ -190,6 +217,14 @@ pub(crate) struct Metric {
     pub(crate) unit: Option<Spanned<String>>,
     pub(crate) digits: Option<Spanned<u8>>,
     pub(crate) paper: Option<Paper>,
+    /// Least number that is required, in `unit`.
+    pub(crate) min: Option<Spanned<f64>>,
+    /// Greatest number that is required, in `unit`.
+    pub(crate) max: Option<Spanned<f64>>,
+    /// Cases of which it is required; all if absent.
+    pub(crate) required_of: Option<Spanned<Vec<Spanned<String>>>>,
+    /// What requires it.
+    pub(crate) required_by: Option<Spanned<String>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -227,6 +262,14 @@ pub(crate) struct Figure {
     pub(crate) signals: Vec<Spanned<String>>,
     /// Signal drawn dashed beside each of them.
     pub(crate) against: Option<Spanned<String>>,
+    /// Signal drawn over a second vertical axis.
+    pub(crate) right: Option<Spanned<String>>,
+    /// Signal or metric on the abscissa.
+    pub(crate) over: Option<Spanned<String>>,
+    pub(crate) same_scale: Option<Spanned<bool>>,
+    pub(crate) equal_axes: Option<Spanned<bool>>,
+    /// Frequencies shown, Hz.
+    pub(crate) band: Option<Spanned<[f64; 2]>>,
     #[serde(default)]
     pub(crate) metrics: Vec<Spanned<String>>,
     pub(crate) window: Option<Spanned<[f64; 2]>>,

@@ -1,0 +1,349 @@
+//! Metrics of metrics: arithmetic of numbers of the same run.
+
+use serde::Serialize;
+use std::ops::Range;
+
+/// A deeper nesting than this is a mistake, not a formula.
+const DEPTH: usize = 50;
+
+/// An expression. It is written with `+`, `-`, `*`, `/`, parentheses, numbers, names of metrics, and the functions `abs(x)`, `sqrt(x)`,
+/// `min(x, y)` and `max(x, y)`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
+#[serde(transparent)]
+pub struct Expression {
+    /// As it was written.
+    text: String,
+    /// In postfix order: operands, then what is done with them.
+    #[serde(skip)]
+    steps: Vec<Step>,
+}
+
+/// A step of an expression.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Step {
+    /// A number.
+    Number(f64),
+    /// The number of a metric, by its index.
+    Metric(usize),
+    /// Minus of the last operand.
+    Negative,
+    /// Magnitude of the last operand.
+    Abs,
+    /// Square root of the last operand.
+    Sqrt,
+    /// Sum of the last two operands.
+    Plus,
+    /// The operand before the last less the last.
+    Minus,
+    /// Product of the last two operands.
+    Times,
+    /// The operand before the last divided by the last.
+    Over,
+    /// The smaller of the last two operands.
+    Min,
+    /// The larger of the last two operands.
+    Max,
+}
+
+/// What is wrong with an expression, and at which bytes of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ExpressionError {
+    /// What is wrong.
+    pub problem: Problem,
+    /// Where.
+    pub place: Range<usize>,
+}
+
+/// What is wrong with an expression.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Problem {
+    /// A name that is no metric.
+    #[error("unknown metric `{0}`")]
+    Unknown(String),
+    /// Something is missing or out of place.
+    #[error("expected {0}")]
+    Expected(&'static str),
+    /// Nested too deeply.
+    #[error("nested more than {DEPTH} times")]
+    TooDeep,
+}
+
+impl Expression {
+    /// Reads an expression; `index` finds the metric of a name.
+    ///
+    /// # Errors
+    /// The text is no expression, or names a metric that `index` does not find.
+    pub fn parse(text: &str, index: impl Fn(&str) -> Option<usize>) -> Result<Self, ExpressionError> {
+        let mut parser = Parser { text, at: 0, depth: 0, index, steps: Vec::new() };
+        parser.sum()?;
+        parser.skip_blanks();
+        if parser.at < text.len() {
+            parser.expected("an operator or the end")?;
+        }
+        Ok(Self { steps: parser.steps, text: text.to_owned() })
+    }
+
+    /// The metrics that are used, by their indices, in the order of the text.
+    pub fn metrics(&self) -> impl Iterator<Item = usize> {
+        self.steps.iter().filter_map(|step| match step {
+            Step::Metric(index) => Some(*index),
+            _ => None,
+        })
+    }
+
+    /// The number for those of the metrics of a run. `None`: a metric has none, or the result is not a finite number, as
+    /// after a division by 0.
+    #[must_use]
+    pub fn value(&self, metric: impl Fn(usize) -> Option<f64>) -> Option<f64> {
+        let mut stack: Vec<f64> = Vec::new();
+        for step in &self.steps {
+            let value = match step {
+                Step::Number(value) => *value,
+                Step::Metric(index) => metric(*index)?,
+                Step::Negative => -stack.pop()?,
+                Step::Abs => f64::abs(stack.pop()?),
+                Step::Sqrt => f64::sqrt(stack.pop()?),
+                Step::Plus | Step::Minus | Step::Times | Step::Over | Step::Min | Step::Max => {
+                    let (right, left) = (stack.pop()?, stack.pop()?);
+                    match step {
+                        Step::Plus => left + right,
+                        Step::Minus => left - right,
+                        Step::Times => left * right,
+                        Step::Over => left / right,
+                        // Written so that a NaN stays.
+                        Step::Min if right < left || right.is_nan() => right,
+                        Step::Max if right > left || right.is_nan() => right,
+                        _ => left,
+                    }
+                }
+            };
+            stack.push(value);
+        }
+        stack.pop().filter(|value| value.is_finite())
+    }
+}
+
+struct Parser<'a, F> {
+    text: &'a str,
+    /// Bytes that are read.
+    at: usize,
+    depth: usize,
+    index: F,
+    steps: Vec<Step>,
+}
+
+type Parsed = Result<(), ExpressionError>;
+
+impl<F: Fn(&str) -> Option<usize>> Parser<'_, F> {
+    fn skip_blanks(&mut self) {
+        self.at = self.text.len() - self.text[self.at..].trim_start().len();
+    }
+
+    /// Takes a character if it is the next one.
+    fn takes(&mut self, wanted: char) -> bool {
+        self.skip_blanks();
+        let is_there = self.text[self.at..].starts_with(wanted);
+        self.at += if is_there { wanted.len_utf8() } else { 0 };
+        is_there
+    }
+
+    /// The characters from here on that belong together.
+    fn taken(&mut self, belongs: impl Fn(char) -> bool) -> (&str, Range<usize>) {
+        let rest = &self.text[self.at..];
+        let length = rest.find(|c| !belongs(c)).unwrap_or(rest.len());
+        let place = self.at..self.at + length;
+        self.at = place.end;
+        (&self.text[place.clone()], place)
+    }
+
+    fn expected(&mut self, what: &'static str) -> Parsed {
+        self.skip_blanks();
+        let length = self.text[self.at..].chars().next().map_or(0, char::len_utf8);
+        Err(ExpressionError { problem: Problem::Expected(what), place: self.at..self.at + length })
+    }
+
+    fn sum(&mut self) -> Parsed {
+        self.product()?;
+        loop {
+            let step = if self.takes('+') {
+                Step::Plus
+            } else if self.takes('-') {
+                Step::Minus
+            } else {
+                return Ok(());
+            };
+            self.product()?;
+            self.steps.push(step);
+        }
+    }
+
+    fn product(&mut self) -> Parsed {
+        self.factor()?;
+        loop {
+            let step = if self.takes('*') {
+                Step::Times
+            } else if self.takes('/') {
+                Step::Over
+            } else {
+                return Ok(());
+            };
+            self.factor()?;
+            self.steps.push(step);
+        }
+    }
+
+    fn factor(&mut self) -> Parsed {
+        self.depth += 1;
+        if self.depth > DEPTH {
+            return Err(ExpressionError { problem: Problem::TooDeep, place: self.at..self.text.len() });
+        }
+        if self.takes('-') {
+            self.factor()?;
+            self.steps.push(Step::Negative);
+        } else if self.takes('(') {
+            self.sum()?;
+            self.closes()?;
+        } else {
+            self.operand()?;
+        }
+        self.depth -= 1;
+        Ok(())
+    }
+
+    fn closes(&mut self) -> Parsed {
+        if self.takes(')') { Ok(()) } else { self.expected("`)`") }
+    }
+
+    fn operand(&mut self) -> Parsed {
+        self.skip_blanks();
+        let Some(first) = self.text[self.at..].chars().next() else { return self.expected("a number or a metric") };
+        if first.is_ascii_digit() || first == '.' {
+            return self.number();
+        }
+        if !first.is_ascii_alphabetic() {
+            return self.expected("a number or a metric");
+        }
+        let (name, place) = self.taken(|c| c.is_ascii_alphanumeric() || c == '_');
+        let name = name.to_owned();
+        if !self.takes('(') {
+            return match (self.index)(&name) {
+                Some(index) => {
+                    self.steps.push(Step::Metric(index));
+                    Ok(())
+                }
+                None => Err(ExpressionError { problem: Problem::Unknown(name), place }),
+            };
+        }
+        let (step, operands) = match name.as_str() {
+            "abs" => (Step::Abs, 1),
+            "sqrt" => (Step::Sqrt, 1),
+            "min" => (Step::Min, 2),
+            "max" => (Step::Max, 2),
+            _ => {
+                let problem = Problem::Expected("one of the functions abs, sqrt, min and max");
+                return Err(ExpressionError { problem, place });
+            }
+        };
+        self.sum()?;
+        for _ in 1..operands {
+            if !self.takes(',') {
+                return self.expected("`,` and a second number");
+            }
+            self.sum()?;
+        }
+        self.closes()?;
+        self.steps.push(step);
+        Ok(())
+    }
+
+    fn number(&mut self) -> Parsed {
+        let start = self.at;
+        self.taken(|c| c.is_ascii_digit() || c == '.');
+        // An exponent has a sign and digits behind the letter; without digits the letter is not part of the number.
+        let rest = &self.text[self.at..];
+        if let Some(exponent) = rest.strip_prefix(['e', 'E']) {
+            let sign = usize::from(exponent.starts_with(['+', '-']));
+            if exponent[sign..].starts_with(|c: char| c.is_ascii_digit()) {
+                self.at += 1 + sign;
+                self.taken(|c| c.is_ascii_digit());
+            }
+        }
+        match self.text[start..self.at].parse::<f64>() {
+            Ok(value) if value.is_finite() => {
+                self.steps.push(Step::Number(value));
+                Ok(())
+            }
+            _ => Err(ExpressionError { problem: Problem::Expected("a finite number"), place: start..self.at }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Expression, ExpressionError> {
+        let names = ["peak", "final", "e1"];
+        Expression::parse(text, |name| names.iter().position(|known| *known == name))
+    }
+
+    fn value(text: &str) -> Option<f64> {
+        parse(text).unwrap().value(|index| [Some(8.0), Some(2.0), None][index])
+    }
+
+    /// By hand.
+    #[test]
+    fn expressions_follow_the_rules_of_arithmetic() {
+        for (text, expected) in [
+            ("final / peak", 0.25),
+            ("1 + 2 * 3", 7.0),
+            ("(1 + 2) * 3", 9.0),
+            ("10 - 4 - 3", 3.0),
+            ("16 / 4 / 2", 2.0),
+            ("-peak + 2 * -final", -12.0),
+            ("--peak", 8.0),
+            ("100*(peak-final)/peak", 75.0),
+            ("abs(final - peak)", 6.0),
+            ("sqrt(peak * final)", 4.0),
+            ("min(peak, final) + max(1, 2)", 4.0),
+            ("1e3 + 1.5E-1 + .5", 1000.65),
+        ] {
+            assert_eq!(value(text), Some(expected), "{text}");
+        }
+    }
+
+    #[test]
+    fn without_a_number_there_is_none() {
+        for text in ["e1", "0 * e1", "1 / 0", "0 / 0", "sqrt(-1)", "max(0 / 0, 1)", "min(1, 0 / 0)", "1e308 * 10"] {
+            assert_eq!(value(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn mistakes_have_a_place() {
+        let nested = "(".repeat(60);
+        for (text, message, place) in [
+            ("", "expected a number or a metric", 0..0),
+            ("peak / ", "expected a number or a metric", 7..7),
+            ("peak final", "expected an operator or the end", 5..6),
+            ("peak + last", "unknown metric `last`", 7..11),
+            ("(peak", "expected `)`", 5..5),
+            ("min(peak)", "expected `,` and a second number", 8..9),
+            ("sin(peak)", "expected one of the functions abs, sqrt, min and max", 0..3),
+            ("1.2.3", "expected a finite number", 0..5),
+            ("1e999", "expected a finite number", 0..5),
+            ("2e", "expected an operator or the end", 1..2),
+            ("peak × 2", "expected an operator or the end", 5..7),
+            (&nested, "nested more than 50 times", 50..60),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert_eq!((error.problem.to_string().as_str(), error.place), (message, place), "{text}");
+        }
+    }
+
+    #[test]
+    fn metrics_are_listed() {
+        assert_eq!(parse("final / peak - final").unwrap().metrics().collect::<Vec<_>>(), [1, 0, 1]);
+    }
+}

@@ -1,0 +1,217 @@
+/** Curves in the plane: signals over another signal, the top view of a track, points of a plane. */
+
+import uPlot from "uplot";
+import { digits } from "./data";
+import { axisTitle, convert, text } from "./format";
+import type { Line, PageData, Panel } from "./page-data";
+import { type Range, Frame, axisStyle, coordinates, tickTexts } from "./panel";
+import type { State } from "./state";
+
+const HEIGHT = 340;
+/** Free space beside the curves, as a share of their extent. */
+const ROOM = 0.05;
+/** Radius of marks, px. */
+const MARK = 3.5;
+
+interface Drawn {
+  line: Line;
+  /** Points in the units shown. */
+  xs: number[];
+  ys: number[];
+  digits: [number, number];
+}
+
+/** Least and greatest of some numbers. */
+function extent(values: number[]): Range {
+  return [values.reduce((m, v) => Math.min(m, v), Infinity), values.reduce((m, v) => Math.max(m, v), -Infinity)];
+}
+
+function withRoom([low, high]: Range): Range {
+  if (!(low <= high)) return [0, 1];
+  const room = high > low ? ROOM * (high - low) : Math.abs(high) || 1;
+  return [low - room, high + room];
+}
+
+export class Curve extends Frame {
+  readonly #words: Uint16Array;
+  readonly #mark = document.createElement("div");
+  #drawn: Drawn[] = [];
+  /** The point at the cursor: a line and an index. */
+  #at: [Drawn, number] | null = null;
+
+  constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
+    super(data, panel, state);
+    this.#words = words;
+    this.#mark.className = "plot-mark";
+  }
+
+  protected get height(): number {
+    return HEIGHT;
+  }
+
+  /** Points per unit are the same on both axes. */
+  get #isMap(): boolean {
+    return this.panel.kind === "map";
+  }
+
+  protected draw(): void {
+    const width = this.body.clientWidth;
+    if (width === 0) return;
+    const kept = this.chosen;
+    const [across, up] = [this.unitOf(this.panel.x), this.unitOf(this.panel.y)];
+    this.#drawn = this.panel.lines
+      .filter((line) => this.state.shows(line))
+      .map((line) => {
+        const { x, y } = coordinates(this.#words, line);
+        const known = x.map((value, i) => value !== null && y[i] !== null && y[i] !== undefined);
+        return {
+          line,
+          xs: x.filter((_, i) => known[i]).map((value) => convert(value!, across)),
+          ys: y.filter((_, i) => known[i]).map((value) => convert(value!, up)),
+          digits: [digits(line.x), digits(line.y)],
+        };
+      });
+    const fixed = this.panel.x.range;
+    this.full = fixed === null ? withRoom(extent(this.#drawn.flatMap((drawn) => drawn.xs))) : [fixed[0], fixed[1]];
+    this.#at = null;
+    this.plot?.destroy();
+    const axis = axisStyle();
+    const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
+    const series = this.#drawn.map((drawn) => ({ facets, paths: (plot: uPlot) => this.#paint(plot, drawn) }));
+    const options = {
+      mode: 2,
+      width,
+      height: HEIGHT,
+      series: [null, ...series],
+      legend: { show: false },
+      padding: [10, 12, 0, 0],
+      scales: { x: { time: false, auto: false, range: this.full }, y: { auto: false, range: [0, 1] } },
+      axes: [
+        { ...axis, scale: "x", label: axisTitle(this.panel.x, across), labelSize: 20, size: 32, values: tickTexts },
+        { ...axis, scale: "y", label: axisTitle(this.panel.y, up), labelSize: 18, size: 44, values: tickTexts },
+      ],
+      cursor: { ...this.mouse, x: false, y: false, points: { show: false }, dataIdx: () => null },
+      hooks: { setCursor: [(plot: uPlot) => this.#find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },
+    } as unknown as uPlot.Options;
+    this.plot = new uPlot(options, [null, ...this.#drawn.map(({ xs, ys }) => [xs, ys])] as unknown as uPlot.AlignedData, this.body);
+    this.plot.over.append(this.#mark);
+    this.zoom(kept);
+    this.#read();
+  }
+
+  protected override resized(): void {
+    this.zoom(this.chosen);
+  }
+
+  zoom(range: Range | null): void {
+    const plot = this.plot;
+    if (plot === null) return;
+    let [min, max] = range ?? this.full;
+    const inside = this.#drawn.flatMap(({ xs, ys }) => ys.filter((_, i) => xs[i]! >= min && xs[i]! <= max));
+    let [low, high] = this.panel.y.range === null ? withRoom(extent(inside)) : [this.panel.y.range[0], this.panel.y.range[1]];
+    if (this.#isMap) {
+      const shape = plot.bbox.height / plot.bbox.width;
+      const height = (max - min) * shape;
+      // What was chosen stays; all of it gets more room on one of the axes.
+      if (range === null && high - low > height) {
+        const half = (high - low) / shape / 2;
+        [min, max] = [(min + max) / 2 - half, (min + max) / 2 + half];
+      } else {
+        [low, high] = [(low + high - height) / 2, (low + high + height) / 2];
+      }
+    }
+    plot.batch(() => {
+      plot.setScale("x", { min, max });
+      plot.setScale("y", { min: low, max: high });
+    });
+    this.note([min, max], range !== null);
+    this.#place();
+  }
+
+  /** Draws a line. */
+  #paint(plot: uPlot, drawn: Drawn): null {
+    const { ctx, bbox } = plot;
+    const { line, xs, ys } = drawn;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.strokeStyle = ctx.fillStyle = this.stroke(line);
+    ctx.lineWidth = 1.6 * devicePixelRatio;
+    ctx.lineJoin = "round";
+    ctx.setLineDash(this.dash(line).map((length) => length * devicePixelRatio));
+    const at = (i: number): [number, number] => [plot.valToPos(xs[i]!, "x", true), plot.valToPos(ys[i]!, "y", true)];
+    if (line.apart !== true) {
+      ctx.beginPath();
+      xs.forEach((_, i) => ctx.lineTo(...at(i)));
+      ctx.stroke();
+    }
+    if (line.marks === true || line.apart === true) {
+      ctx.setLineDash([]);
+      xs.forEach((_, i) => {
+        ctx.beginPath();
+        ctx.arc(...at(i), MARK * devicePixelRatio, 0, 2 * Math.PI);
+        ctx.fill();
+      });
+    }
+    ctx.restore();
+    return null;
+  }
+
+  /** Finds the point that is nearest to the mouse. */
+  #find(plot: uPlot): void {
+    const { left = -1, top = -1 } = plot.cursor;
+    let [found, least]: [[Drawn, number] | null, number] = [null, Infinity];
+    if (left >= 0 && top >= 0) {
+      for (const drawn of this.#drawn) {
+        drawn.xs.forEach((x, i) => {
+          const distance = Math.hypot(plot.valToPos(x, "x") - left, plot.valToPos(drawn.ys[i]!, "y") - top);
+          if (distance < least) [found, least] = [[drawn, i], distance];
+        });
+      }
+    }
+    this.#at = found;
+    this.#read();
+  }
+
+  protected move(to: -1 | 1 | "start" | "end"): void {
+    const [drawn, index] = this.#at ?? [this.#drawn[0], 0];
+    if (drawn === undefined) return;
+    const last = drawn.xs.length - 1;
+    // Some hundred presses go through a curve.
+    const step = Math.max(1, Math.round(last / 200));
+    const wanted = to === "start" ? 0 : to === "end" ? last : index + step * to;
+    this.#at = [drawn, Math.max(0, Math.min(last, wanted))];
+    this.#read();
+  }
+
+  #place(): void {
+    const plot = this.plot;
+    this.#mark.hidden = this.#at === null || plot === null;
+    if (this.#at === null || plot === null) return;
+    const [drawn, i] = this.#at;
+    this.#mark.style.left = `${plot.valToPos(drawn.xs[i]!, "x")}px`;
+    this.#mark.style.top = `${plot.valToPos(drawn.ys[i]!, "y")}px`;
+    this.#mark.style.background = this.stroke(drawn.line);
+  }
+
+  /** Writes the coordinates at the cursor, or the keys of the lines without one. */
+  #read(): void {
+    this.#place();
+    const entries = this.#drawn.map((drawn) => {
+      const entry = this.entry(drawn.line);
+      if (this.#at === null || this.#at[0] !== drawn) return entry;
+      const i = this.#at[1];
+      const coordinate = (value: number, size: number, unit: { name: string }) => {
+        const number = document.createElement("b");
+        number.textContent = text(value, size);
+        return [" ", number, unit.name === "" ? "" : ` ${unit.name}`];
+      };
+      entry.dataset["x"] = String(drawn.xs[i]);
+      entry.append(...coordinate(drawn.xs[i]!, drawn.digits[0], this.unitOf(this.panel.x)), ",");
+      entry.append(...coordinate(drawn.ys[i]!, drawn.digits[1], this.unitOf(this.panel.y)));
+      return entry;
+    });
+    this.readout.replaceChildren(...entries);
+  }
+}
