@@ -238,7 +238,7 @@ def _run(options: argparse.Namespace) -> int:
     failed = made.failed
     if failed:
         of = len(made.numbers.requirements())
-        print(f"{len(failed)} of {of} {'requirement is' if of == 1 else 'requirements are'} not met", file=sys.stderr)
+        print(f"{len(failed)} of {of} requirements not met", file=sys.stderr)
     print(f"\n{folder / 'index.html'}")
     return 1 if failures or (failed and not options.no_fail) else 0
 

@@ -24,6 +24,9 @@ MOST_SEEDS = 12
 # Pairs of extremes of a run other than that of the first seed, and instants at which its spread is taken.
 FEW_BUCKETS = 200
 
+# Longer titles do not fit beside an axis.
+MOST_LETTERS = 40
+
 # Free space above and below lines that share a scale, as a share of its range.
 ROOM = 0.08
 
@@ -224,6 +227,12 @@ def label(column: Column) -> str:
     return text[:1].upper() + text[1:] if text else column.name
 
 
+def brief(column: Column) -> str:
+    """Return the essence of a description as it fits beside an axis: without the sign convention, or else the name."""
+    text = label(column).split(", positive")[0]
+    return text if len(text) <= MOST_LETTERS else column.name
+
+
 def axis_unit(unit: str) -> str:
     """Return a unit as the label of an axis, where a lone degree sign would be lost."""
     pretty = tables.pretty_unit(unit)
@@ -317,7 +326,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
     right = None
     if figure.right is not None:
         column = plan.columns[figure.right]
-        right = Axis(label(column), _own_units(column))
+        right = Axis(brief(column), _own_units(column))
     x = Axis("Time", (Conversion("s"),), range=figure.window or (plan.simulation.start, plan.simulation.stop))
     for index in figure.columns:
         column = plan.columns[index]
@@ -329,7 +338,11 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
                     lines.append(shown.line("run", _title_of(plan, shown.case), column))
                     for other, is_right in beside:
                         if other.name in shown.recording.values:
-                            lines.append(shown.line("reference", label(other), other, right=is_right))
+                            lines.append(
+                                shown.line(
+                                    "reference", brief(other) if is_right else label(other), other, right=is_right
+                                )
+                            )
                     lines += recordings.others(figure, index, shown.case, point)
                 recorded = (recordings.first.get((case.name, point)) for case in together)
                 # A run that stopped before the window leaves its panel empty.
@@ -345,24 +358,24 @@ def _xy(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iter
     titles = _points(plan)
     over = plan.columns[figure.over]
     # On equal axes both are in the same unit.
-    x = Axis(label(over), _units(over, figure) if figure.equal_axes else _own_units(over))
+    x = Axis(brief(over), _units(over, figure) if figure.equal_axes else _own_units(over))
     kind: PanelKind = "map" if figure.equal_axes else "curve"
     for index in figure.columns:
         column = plan.columns[index]
-        y = Axis(label(column), _units(column, figure))
+        y = Axis(brief(column), _units(column, figure))
         for point in plan.point_names:
             lines = []
             for shown in _shown_runs(plan, figure, recordings, _cases(plan, figure), point, column.name, over.name):
                 across, up = (shown.recording.values[name][shown.rows] for name in (over.name, column.name))
                 lines.append(Line("run", _title_of(plan, shown.case), across, up, shown.case))
             if lines:
-                title = f"{label(column)} over {_in_sentence(label(over))}"
+                title = f"{brief(column)} over {_in_sentence(brief(over))}"
                 yield Panel(title, titles[point], x, y, tuple(lines), kind=kind)
 
 
 def _in_sentence(title: str) -> str:
     """Return a title as it stands within a sentence: an abbreviation keeps its capitals."""
-    return title if title[1:2].isupper() else title[:1].lower() + title[1:]
+    return title if title[1:2].isupper() or "." in title else title[:1].lower() + title[1:]
 
 
 def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]:
@@ -372,9 +385,9 @@ def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
     over = plan.columns[figure.over]
     for index in figure.columns:
         column = plan.columns[index]
-        units = (tables.pretty_unit(u.unit) or "1" for u in (_shown(column, figure), over.shown))
-        ratio = "/".join(units)
-        name = f"{label(column)} per {_in_sentence(label(over))}"
+        per, unit = (tables.pretty_unit(u.unit) or "1" for u in (over.shown, _shown(column, figure)))
+        ratio = f"({unit})/({per})" if "/" in unit + per else f"{unit}/{per}"
+        name = f"{brief(column)} per {_in_sentence(brief(over))}"
         for point in plan.point_names:
             found = [(c, recordings.transfer((figure.name, index, c.name, point))) for c in _cases(plan, figure)]
             estimates = [(case, estimate) for case, estimate in found if estimate is not None]

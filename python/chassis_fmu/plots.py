@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogFormatter, MaxNLocator
 
 from . import results, tables
 from .figures import Array, Axis, Line, Panel, decimate
@@ -245,8 +245,13 @@ def _draw_panel(ax: Axes, plan: Plan, figure: Figure, panel: Panel, key: _Key) -
     if panel.x.log:
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
+        # Where less than a decade is shown, numbers between its ends, too.
+        ax.xaxis.set_minor_formatter(LogFormatter())
     if panel.y.log:
         ax.set_yscale("log")
+        if figure.kind == "transfer":
+            ax.yaxis.set_major_formatter("{x:g}")
+            ax.yaxis.set_minor_formatter(LogFormatter())
     ax.set_ylabel(tables.with_unit(panel.y.title, unit.unit) if panel.y.title else unit.unit)
     if panel.x.range is not None:
         ax.set_xlim(panel.x.range)

@@ -223,6 +223,6 @@ def test_a_requirement_that_is_not_met_is_an_error_unless_asked_otherwise(
     assert app.main([*options, "--junit", str(junit)]) == 1
     printed = capsys.readouterr()
     assert "Failed  Roll angle <RMS>" in printed.out
-    assert "1 of 1 requirement is not met" in printed.err
+    assert "1 of 1 requirements not met" in printed.err
     assert 'failures="1"' in junit.read_text()
     assert app.main([*options, "--no-fail"]) == 0

@@ -125,6 +125,7 @@ export class Curve extends Frame {
       plot.setScale("y", { min: low, max: high });
     });
     this.note([min, max], range !== null);
+    this.element.dataset["vertical"] = `${low} ${high}`;
     this.#place();
   }
 

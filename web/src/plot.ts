@@ -180,7 +180,7 @@ export class Plot extends Frame {
         hooks: {
           setCursor: [() => this.#read()],
           setSelect: [(plot) => this.select(plot)],
-          draw: [(plot) => this.#levels(plot)],
+          draw: [(plot) => this.#drawn(plot)],
         },
       },
       joined,
@@ -225,6 +225,12 @@ export class Plot extends Frame {
     const [low, high] = [min ?? 0, max ?? 1];
     const room = high > low ? 0.06 * (high - low) : Math.abs(high) || 1;
     return [low - room, high + room];
+  }
+
+  #drawn(plot: uPlot): void {
+    this.#levels(plot);
+    const { min, max } = plot.scales["y"]!;
+    this.element.dataset["vertical"] = `${min} ${max}`;
   }
 
   /** Draws the levels with their titles. */

@@ -4,53 +4,13 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { createServer } from "node:http";
 import type { AddressInfo } from "node:net";
-import { after, before, describe, test } from "node:test";
-import { pathToFileURL } from "node:url";
-import axe from "axe-core";
-import { type Browser, type BrowserContextOptions, type Locator, type Page, chromium } from "playwright-core";
+import { describe, test } from "node:test";
+import type { BrowserContextOptions, Locator } from "playwright-core";
+import { Results, assertAccessible, hover, range } from "./browser";
 
-const FOLDER = process.env["CHASSIS_FMU_PAGE"] ?? "../results/rescue_vehicle_step_steer";
-const PAGE = pathToFileURL(`${FOLDER}/index.html`).href;
-const CHROMIUM = process.env["CHROMIUM"] ?? "/usr/bin/chromium";
-
-let browser: Browser;
-
-before(async () => {
-  browser = await chromium.launch({ executablePath: CHROMIUM, args: ["--no-sandbox"] });
-});
-after(() => browser.close());
-
-/** What pages wrote to the console or asked for, which they should not. */
-const faults: string[] = [];
-
-async function open(options: BrowserContextOptions = {}): Promise<Page> {
-  const page = await (await browser.newContext({ viewport: { width: 1400, height: 900 }, ...options })).newPage();
-  page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
-  page.on("pageerror", (error) => faults.push(String(error)));
-  page.on("request", (request) => request.url() === PAGE || faults.push(`request of ${request.url()}`));
-  await page.goto(PAGE);
-  if (options.javaScriptEnabled !== false) await page.waitForSelector(".plot canvas");
-  return page;
-}
-
-/** Puts the cursor in the middle of a plot. */
-async function hover(plot: Locator): Promise<void> {
-  const over = plot.locator(".u-over");
-  await over.scrollIntoViewIfNeeded();
-  await over.hover();
-}
-
-function range(text: string | null): [number, number] {
-  const [min, max] = (text ?? "").split(" ").map(Number);
-  assert.ok(min !== undefined && max !== undefined && min < max, text ?? "no range");
-  return [min, max];
-}
-
-/** The recorded signals of a run. */
-function recording(run: string): { names: string[]; rows: number[][] } {
-  const [head, ...lines] = readFileSync(`${FOLDER}/runs/${run}.csv`, "utf8").trim().split("\n");
-  return { names: head!.split(","), rows: lines.map((line) => line.split(",").map(Number)) };
-}
+const results = new Results(process.env["CHASSIS_FMU_PAGE"] ?? "../results/rescue_vehicle_step_steer");
+const open = (options?: BrowserContextOptions) => results.open(options);
+const recording = (run: string) => results.recording(run);
 
 describe("figures", () => {
   test("the readout shows the recorded value", async () => {
@@ -146,11 +106,11 @@ describe("figures", () => {
       const path = decodeURIComponent((request.url ?? "/").slice(1));
       response.setHeader("Content-Type", path.endsWith(".html") ? "text/html" : "text/csv");
       // Browsers also ask for an icon.
-      response.end(path === "favicon.ico" ? "" : readFileSync(`${FOLDER}/${path}`));
+      response.end(path === "favicon.ico" ? "" : readFileSync(`${results.folder}/${path}`));
     });
     await new Promise<void>((done) => server.listen(0, "127.0.0.1", done));
     const { port } = server.address() as AddressInfo;
-    const page = await (await browser.newContext({ viewport: { width: 1400, height: 900 } })).newPage();
+    const page = await (await results.browser.newContext({ viewport: { width: 1400, height: 900 } })).newPage();
     await page.goto(`http://127.0.0.1:${port}/index.html`);
     const figure = page.locator("#figure_6c");
     for (let i = 0; i < 4; i++) await figure.getByRole("button", { name: "Zoom in" }).click();
@@ -233,7 +193,7 @@ test("a long table can be shown as a matrix of points and cases", async () => {
     `<tr>${first && point === 0 ? '<th rowspan="42">Speed</th>' : ""}<td class="point" data-text="${point} km/h">${first ? `${point} km/h` : ""}</td>` +
     `<td class="case">${name}</td><td class="strong">${(point - 10) * (first ? 1 : 2)}</td></tr>`;
   const rows = points.map((point) => row(point, "A", true) + row(point, "B", false)).join("");
-  const page = await (await browser.newContext()).newPage();
+  const page = await (await results.browser.newContext()).newPage();
   await page.setContent(
     `<style>${style}</style><table class="headline"><thead><tr><th>Metric</th><th>Point</th><th>Case</th><th>Ours</th></tr></thead>` +
       `<tbody>${rows}</tbody></table><script>${code}</script>`,
@@ -258,20 +218,11 @@ for (const width of [400, 1400]) {
   for (const colorScheme of ["light", "dark"] as const) {
     test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
       const page = await open({ viewport: { width, height: 900 }, colorScheme });
-      const [scroll, inner] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
-      assert.ok(scroll! <= inner!, `${scroll} px wide`);
-      await page.evaluate(axe.source);
-      const found = await page.evaluate(async () => {
-        const { violations } = await (window as unknown as { axe: typeof axe }).axe.run();
-        return violations
-          .filter((one) => one.impact === "serious" || one.impact === "critical")
-          .map((one) => `${one.id}: ${one.help}: ${one.nodes.map((node) => node.html).slice(0, 3).join(" ")}`);
-      });
-      assert.deepEqual(found, []);
+      await assertAccessible(page);
     });
   }
 }
 
 test("no page writes an error or asks for anything", () => {
-  assert.deepEqual(faults, []);
+  assert.deepEqual(results.faults, []);
 });

@@ -1,0 +1,153 @@
+/** Figures of every kind in a browser, on the page of figures.toml. References: the recorded signals and the table beside the page. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import type { BrowserContextOptions, Locator } from "playwright-core";
+import { Results, assertAccessible, hover, range } from "./browser";
+
+const results = new Results(process.env["CHASSIS_FMU_FIGURES"] ?? "../results/figures");
+const open = (options?: BrowserContextOptions) => results.open(options);
+
+function number(text: string): number {
+  return Number(text.replace("−", "-"));
+}
+
+/** The cells of a line of CSV; a title may have commas within quotes. */
+function cells(line: string): string[] {
+  return line.split(/,(?=(?:[^"]*"[^"]*")*[^"]*$)/);
+}
+
+/** Coordinates that a readout shows. */
+async function coordinates(plot: Locator): Promise<[number, number]> {
+  const texts = await plot.locator(".plot-readout b").allInnerTexts();
+  assert.equal(texts.length, 2, texts.join(" "));
+  return [number(texts[0]!), number(texts[1]!)];
+}
+
+test("the cursor on a curve is at a recorded point", async () => {
+  const page = await open();
+  const plot = page.locator("#path .plot").first();
+  await hover(plot);
+  const [x, y] = await coordinates(plot);
+  const found = ["slow_1", "fast_1"].some((run) => {
+    const { names, rows } = results.recording(run);
+    const [across, up] = ["vehicle.position_x", "vehicle.position_y"].map((name) => names.indexOf(name));
+    // 16 bits of the range, up to 140 m and 10 m, then four digits at least.
+    return rows.some((row) => Math.abs(row[across!]! - x) < 0.02 && Math.abs(row[up!]! - y) < 2e-3);
+  });
+  assert.ok(found, `${x} ${y}`);
+});
+
+test("the keyboard goes along a curve", async () => {
+  const page = await open();
+  const plot = page.locator("#path .plot").first();
+  await plot.locator(".plot-body").focus();
+  await page.keyboard.press("Home");
+  // The path begins at the origin, as far as 16 bits of 140 m tell.
+  assert.ok(Math.hypot(...(await coordinates(plot))) < 0.01);
+  await page.keyboard.press("End");
+  const [end] = await coordinates(plot);
+  await page.keyboard.press("ArrowLeft");
+  const [before] = await coordinates(plot);
+  assert.ok(before < end, `${before} ${end}`);
+});
+
+test("a map has the same scale on both axes, also when zoomed", async () => {
+  const page = await open();
+  const figure = page.locator("#path");
+  const plot = figure.locator(".plot").first();
+  const scale = async () => {
+    const over = (await plot.locator(".u-over").boundingBox())!;
+    const [min, max] = range(await plot.getAttribute("data-range"));
+    const [low, high] = range(await plot.getAttribute("data-vertical"));
+    return [over.width / (max - min), over.height / (high - low)] as const;
+  };
+  const [across, up] = await scale();
+  assert.ok(Math.abs(across / up - 1) < 0.01, `${across} ${up}`);
+  await figure.getByRole("button", { name: "Zoom in" }).click();
+  const [closer, higher] = await scale();
+  assert.ok(Math.abs(closer / higher - 1) < 0.01 && closer > 1.9 * across, `${closer} ${higher}`);
+});
+
+test("a line over the axis on the right is shown in its unit", async () => {
+  const page = await open();
+  const plot = page.locator("#response .plot").first();
+  await hover(plot);
+  const entries = plot.locator(".plot-readout span");
+  const steer = entries.filter({ hasText: "driver.steer" }).first();
+  const time = Number(await steer.getAttribute("data-x"));
+  const { names, rows } = results.recording("slow_1");
+  const row = rows.find((values) => Math.abs(values[0]! - time) < 1e-9);
+  assert.ok(row !== undefined, `no row at ${time} s`);
+  const expected = (row[names.indexOf("driver.steer")]! * 180) / Math.PI;
+  // An amplitude of 2.3 degrees in 16 bits, four digits.
+  assert.ok(Math.abs(number(await steer.locator("b").innerText()) - expected) < 1e-3);
+  assert.match(await steer.innerText(), / (°|deg)$/);
+});
+
+test("panels on the same scale have the same range, in both units", async () => {
+  const page = await open();
+  const ranges = () => page.locator("#apart .plot").evaluateAll((all) => all.map((one) => (one as HTMLElement).dataset["vertical"]));
+  const [first, second] = await ranges();
+  assert.ok(first !== undefined && first === second, `${first} ${second}`);
+  await page.locator('[aria-label^="SI"]').click();
+  const [radians] = await ranges();
+  const [high, before] = [range(radians!)[1], range(first)[1]];
+  assert.ok(Math.abs((high * 180) / Math.PI / before - 1) < 1e-9, `${high} ${before}`);
+});
+
+test("a transfer function has gain, phase and coherence", async () => {
+  const page = await open();
+  const titles = await page.locator("#frequency_response .plot-title b").allInnerTexts();
+  assert.deepEqual(titles.map((title) => title.split(": ").at(-1)), ["gain", "phase", "coherence"]);
+});
+
+test("scatter plots and distributions show the numbers of the runs", async () => {
+  const page = await open();
+  const [head, ...rows] = readFileSync(`${results.folder}/table.csv`, "utf8").trim().split("\n").map(cells);
+  const mean = (metric: string, name: string) => {
+    const row = rows.find((row) => row[0] === metric && row[4] === name)!;
+    return Number(row[head!.indexOf("ours")]);
+  };
+  for (const [figure, axis] of [["#distribution", "x"], ["#scatter", "y"]] as const) {
+    const plot = page.locator(`${figure} .plot`).first();
+    // Through all four seeds of the first case with the keyboard.
+    await plot.locator(".plot-body").focus();
+    await page.keyboard.press("Home");
+    const seen = new Map<string, number>();
+    for (let i = 0; i < 400; i++) {
+      const entry = plot.locator(".plot-readout span").first();
+      const x = await entry.getAttribute("data-x");
+      if (x !== null) seen.set(x, number(await entry.locator("b").innerText()));
+      await page.keyboard.press("ArrowRight");
+    }
+    const values = axis === "x" ? [...seen.keys()].map(Number) : [...seen.values()];
+    assert.equal(values.length, 4, values.join(" "));
+    const average = values.reduce((sum, value) => sum + value, 0) / 4;
+    // The table has six digits, the page four.
+    assert.ok(Math.abs(average / mean("roll_peak", "slow") - 1) < 1e-3, `${figure} ${average}`);
+  }
+});
+
+test("requirements and definitions are on the page", async () => {
+  const page = await open();
+  const verdicts = await page.locator(".verdicts li").allInnerTexts();
+  assert.deepEqual(verdicts.map((text) => text.split(/\s/)[0]), ["Passed", "Passed", "Failed"]);
+  const definition = page.locator(".definition").first();
+  assert.ok(!(await definition.locator("small").isVisible()));
+  await definition.locator("summary").click();
+  assert.match(await definition.innerText(), /largest magnitude of x: body\.roll.*1 001 rows/s);
+});
+
+for (const width of [400, 1400]) {
+  for (const colorScheme of ["light", "dark"] as const) {
+    test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
+      await assertAccessible(await open({ viewport: { width, height: 900 }, colorScheme }));
+    });
+  }
+}
+
+test("no page writes an error or asks for anything", () => {
+  assert.deepEqual(results.faults, []);
+});
