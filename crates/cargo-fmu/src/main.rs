@@ -45,7 +45,7 @@ enum Cli {
     Check(check::Arguments),
     /// Prints A, B, C, D and the modes of a plant at an operating point
     Linearize(linearize::Arguments),
-    /// Writes a working package of a new model
+    /// Writes a working package of a new model, or a scenario that runs
     New(new::Arguments),
     #[cfg(feature = "system")]
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! `cargo fmu new`: a package that builds, passes its tests and packs, to be changed into a model.
+//! `cargo fmu new`: a package that builds, passes its tests and packs, to be changed into a model; or a scenario that runs.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,19 +8,25 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use crate::build::cargo;
 use crate::output::outln;
 use crate::pack::write_whole;
+#[cfg(feature = "system")]
+use crate::system::starter;
 use crate::workspace::{Workspace, pascal_case};
 
 /// What kind of model, and its name.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Folder of the new package, whose name is in kebab case: `heat-pump`, `models/heat-pump` (the FMU becomes HeatPump)
+    /// Folder of the new package, whose name is in kebab case: `heat-pump`, `models/heat-pump` (the FMU becomes HeatPump); of a
+    /// scenario the file without `.toml`
     path: PathBuf,
-    /// Kind of the model
+    /// Kind of the model, or a scenario
     #[arg(long, value_enum, default_value_t = Kind::Continuous)]
     kind: Kind,
     /// Folder of the crate `fmu`, if it does not come from a registry or the workspace
     #[arg(long, value_name = "DIR")]
     exporter_path: Option<PathBuf>,
+    #[cfg(feature = "system")]
+    #[command(flatten)]
+    scenario: starter::Scenario,
 }
 
 /// Kinds of models.
@@ -32,6 +38,9 @@ pub(crate) enum Kind {
     Discrete,
     /// An existing simulation that advances itself
     Stateful,
+    /// A scenario of a plant, a TOML file
+    #[cfg(feature = "system")]
+    Scenario,
 }
 
 impl Kind {
@@ -40,6 +49,9 @@ impl Kind {
             Self::Continuous => include_str!("../templates/continuous.rs.in"),
             Self::Discrete => include_str!("../templates/discrete.rs.in"),
             Self::Stateful => include_str!("../templates/stateful.rs.in"),
+            // Not a package.
+            #[cfg(feature = "system")]
+            Self::Scenario => "",
         }
     }
 
@@ -49,15 +61,23 @@ impl Kind {
             Self::Continuous => "continuous",
             Self::Discrete => "discrete",
             Self::Stateful => "stateful",
+            #[cfg(feature = "system")]
+            Self::Scenario => "scenario",
         }
     }
 }
 
-/// Writes the package.
+/// Writes the package or the scenario.
 ///
 /// # Errors
 /// On a name that is not in kebab case, a folder that exists already, or when cargo cannot add the package.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    #[cfg(feature = "system")]
+    match arguments.kind {
+        Kind::Scenario => return starter::write(&arguments.path, &arguments.scenario),
+        _ if arguments.scenario.is_given() => return Err(miette!("--plant belongs to --kind scenario")),
+        _ => (),
+    }
     let name = arguments.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let is_word = |word: &str| {
         word.starts_with(|c: char| c.is_ascii_lowercase())

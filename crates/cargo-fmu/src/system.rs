@@ -8,6 +8,7 @@ pub(crate) mod needed;
 mod plan;
 mod run;
 mod selection;
+pub(crate) mod starter;
 mod study;
 
 use miette::Result;

@@ -1,0 +1,263 @@
+//! `cargo fmu new --kind scenario`: a short scenario of a plant that runs, to be changed.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
+use fmu_import::names::{any_of, suggestion};
+use fmu_system::resolve::{Descriptions, FmuFolder, Options, resolve_text};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+
+use super::folders::folders;
+use crate::output::outln;
+use crate::pack::write_whole;
+use crate::workspace::Workspace;
+
+/// The FMU that drives a vehicle, and the one that is under its wheels, if a folder has them.
+const DRIVER: &str = "Driver";
+const ROAD: &str = "Road";
+
+/// Outputs that are recorded at first.
+const RECORDED: usize = 4;
+
+/// Which plant, and what it is to do.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Scenario {
+    /// With `--kind scenario`: name of the plant's FMU
+    #[arg(long, value_name = "FMU", required_if_eq("kind", "scenario"))]
+    plant: Option<String>,
+    /// With `--kind scenario`: maneuver of the FMU `Driver`, such as sine_with_dwell [default: that of the FMU]
+    #[arg(long, value_name = "NAME", requires = "plant")]
+    maneuver: Option<String>,
+    /// With `--kind scenario`: folder with the FMUs; may be given several times, the first that has an FMU wins
+    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    fmus: Vec<PathBuf>,
+}
+
+impl Scenario {
+    /// Whether something is asked for that only scenarios have.
+    pub(crate) fn is_given(&self) -> bool {
+        self.plant.is_some()
+    }
+}
+
+/// Writes the scenario to `path`, with the extension `.toml`.
+///
+/// # Errors
+/// The file exists, an FMU is not there, the driver has no such maneuver, or the file cannot be written.
+pub(crate) fn write(path: &Path, arguments: &Scenario) -> Result<()> {
+    let name = path.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+    if name.is_empty() {
+        return Err(miette!("{} is no name of a file, expected one such as my-test", path.display()));
+    }
+    let file = place(path).with_extension("toml");
+    if file.exists() {
+        return Err(miette!("{} exists already; nothing was written", file.display()));
+    }
+    let fmus = folders(&arguments.fmus);
+    // Clap demands it.
+    let plant = arguments.plant.as_deref().unwrap_or_default();
+    let text = text(plant, arguments.maneuver.as_deref(), &fmus)?;
+    resolve_text(&file, &text, &fmus, &Options::default())
+        .wrap_err_with(|| format!("a scenario of {plant} cannot be made without more settings"))?;
+    if let Some(parent) = file.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        std::fs::create_dir_all(parent).into_diagnostic().wrap_err_with(|| format!("making {}", parent.display()))?;
+    }
+    write_whole(&file, text.as_bytes())?;
+    let inside = std::env::current_dir().ok().and_then(|here| file.strip_prefix(here).ok());
+    let shown = inside.unwrap_or(&file).display().to_string();
+    outln!("{shown} is ready. Next:\n  cargo fmu plan {shown}\n  cargo fmu run {shown}");
+    Ok(())
+}
+
+/// A plain name belongs in the folder that the workspace sets for scenarios.
+fn place(path: &Path) -> PathBuf {
+    let is_plain = path.components().count() == 1;
+    let workspace = Workspace::find().ok().filter(|_| is_plain);
+    let folder = workspace.and_then(|found| found.settings.new.get("scenario").map(|folder| found.root.join(folder)));
+    folder.map_or_else(|| path.to_owned(), |folder| folder.join(path))
+}
+
+/// An FMU that must be there.
+fn needed(name: &str, fmus: &FmuFolder) -> Result<std::sync::Arc<ModelDescription>> {
+    match fmus.find(name).map_err(|message| miette!("{name}.fmu: {message}"))? {
+        Some(found) => Ok(found.description),
+        None if fmus.buildable().iter().any(|known| known == name) => {
+            Err(miette!("{name}.fmu is not in {}; run `cargo fmu pack {name}`", fmus.place()))
+        }
+        None => {
+            let known: BTreeSet<String> = fmus.names().into_iter().chain(fmus.buildable()).collect();
+            let hint = suggestion(name, known.iter().map(String::as_str));
+            let hint = hint.map_or_else(String::new, |hint| format!("; {hint}"));
+            Err(miette!("there is no FMU named `{name}` in {}{hint}", fmus.place()))
+        }
+    }
+}
+
+fn of(description: &ModelDescription, causality: Causality) -> impl Iterator<Item = &Variable> {
+    description.variables.iter().filter(move |variable| variable.causality == causality)
+}
+
+/// The scenario.
+fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String> {
+    let description = needed(plant, fmus)?;
+    let inputs: Vec<&Variable> = of(&description, Causality::Input).collect();
+    let has_input = |output: &Variable| inputs.iter().any(|input| input.name == output.name);
+    let found = |name: &str| fmus.find(name).ok().flatten().map(|found| found.description);
+    let driver = if maneuver.is_some() { Some(needed(DRIVER, fmus)?) } else { found(DRIVER) };
+    // The angle goes to the first axle; the plants call the others middle and rear.
+    let steering = driver.as_ref().and_then(|driver| {
+        let angle = of(driver, Causality::Output).find(|output| output.name.ends_with(".steer"))?;
+        let is_angle = |input: &&&Variable| input.name.starts_with("steer") && input.unit == angle.unit;
+        Some((angle.name.clone(), inputs.iter().find(is_angle)?.name.clone()))
+    });
+    let serves = |fmu: &ModelDescription| of(fmu, Causality::Output).any(has_input);
+    let driver = driver.filter(|driver| maneuver.is_some() || steering.is_some() || serves(driver));
+    if let (Some(name), Some(driver)) = (maneuver, &driver) {
+        check_maneuver(name, driver)?;
+    }
+    let road = found(ROAD).filter(|road| serves(road));
+
+    let written: BTreeSet<&str> = [&driver, &road]
+        .into_iter()
+        .flatten()
+        .flat_map(|fmu| of(fmu, Causality::Output))
+        .map(|output| output.name.as_str())
+        .chain(steering.as_ref().map(|(_, to)| to.as_str()))
+        .collect();
+    let is_free = |input: &&Variable| !written.contains(input.name.as_str());
+    let (free, others): (Vec<&Variable>, Vec<&Variable>) = inputs.iter().copied().partition(is_free);
+    let parameters = maneuver.map_or_else(String::new, |name| format!(", parameters = {{ maneuver = \"{name}\" }}"));
+    let constants = constants(&free, &others).join(", ");
+    let held = if constants.is_empty() { String::new() } else { format!(", inputs = {{ {constants} }}") };
+    let experiment = description.default_experiment;
+    let step = experiment.step_size.unwrap_or(0.001);
+    let stop = experiment.stop_time.map_or(10.0, |stop| (stop / step).round().max(1.0) * step);
+    let recorded = recorded(&description);
+    let signals: Vec<String> = recorded.iter().map(|output| format!("\"plant:{}\"", output.name)).collect();
+    let title =
+        maneuver.map_or_else(|| plant.to_owned(), |maneuver| format!("{plant}: {}", maneuver.replace('_', " ")));
+
+    let mut lines = vec![
+        format!("title = \"{title}\""),
+        format!("simulation = {{ stop = {stop:?}, step = {step:?} }}"),
+        format!("record = {{ signals = [{}] }}", signals.join(", ")),
+        "case = [{ name = \"open_loop\", title = \"Without control\" }]".to_owned(),
+        "component = [".to_owned(),
+    ];
+    if driver.is_some() {
+        lines.push(format!("    {{ name = \"driver\", fmu = \"{DRIVER}\"{parameters} }},"));
+    }
+    if road.is_some() {
+        lines.push(format!("    {{ name = \"road\", fmu = \"{ROAD}\" }},"));
+    }
+    lines.push("    # Controllers go here: what they write is no constant of the plant's inputs.".to_owned());
+    lines.push(format!("    {{ name = \"plant\", fmu = \"{plant}\"{held} }},"));
+    lines.push("]".to_owned());
+    if let Some((from, to)) = &steering {
+        lines.push(format!("connection = [{{ from = \"driver:{from}\", to = \"plant:{to}\" }}]"));
+    }
+    if let Some(output) = recorded.last() {
+        let words = output.name.replace(['.', '_'], " ");
+        let name = &output.name;
+        lines.push(format!(
+            "\n[[metric]]\nname = \"peak\"\ntitle = \"Peak of {words}\"\nsignal = \"plant:{name}\"\nkind = \"peak\""
+        ));
+        lines.push(format!(
+            "\n[[figure]]\nname = \"response\"\ntitle = \"Response\"\nkind = \"time\"\nsignals = [{}]",
+            signals.join(", ")
+        ));
+    }
+    Ok(lines.join("\n") + "\n")
+}
+
+fn check_maneuver(name: &str, driver: &ModelDescription) -> Result<()> {
+    let parameter = of(driver, Causality::Parameter).find(|parameter| parameter.name == "maneuver");
+    let names: Vec<&str> =
+        parameter.map_or(Vec::new(), |p| p.named_values().into_iter().map(|(_, name)| name).collect());
+    if names.contains(&name) {
+        return Ok(());
+    }
+    let hint = suggestion(name, names.iter().copied()).map_or_else(String::new, |hint| format!("; {hint}"));
+    Err(miette!("{DRIVER} has no maneuver `{name}`, expected {}{hint}", any_of(&names)))
+}
+
+/// Constants for inputs that nothing writes, with their start values. Inputs of one prefix that have the same value share a
+/// pattern, unless it fits one of the `others`.
+fn constants(inputs: &[&Variable], others: &[&Variable]) -> Vec<String> {
+    let mut groups: Vec<(&str, Vec<&Variable>)> = Vec::new();
+    for input in inputs {
+        let prefix = input.name.rsplit_once('.').map_or("", |(prefix, _)| prefix);
+        match groups.iter_mut().find(|(known, _)| *known == prefix && !prefix.is_empty()) {
+            Some((_, members)) => members.push(input),
+            None => groups.push((prefix, vec![input])),
+        }
+    }
+    let mut all = Vec::new();
+    for (prefix, members) in groups {
+        let values: Vec<String> = members.iter().map(|input| constant(input)).collect();
+        let start = format!("{prefix}.");
+        let is_shared = others.iter().any(|other| other.name.starts_with(&start));
+        if members.len() > 1 && !is_shared && values.iter().all(|value| *value == values[0]) {
+            all.push(format!("\"{prefix}.*\" = {}", values[0]));
+        } else {
+            all.extend(members.iter().zip(&values).map(|(input, value)| format!("\"{}\" = {value}", input.name)));
+        }
+    }
+    all
+}
+
+/// The start value as TOML.
+fn constant(input: &Variable) -> String {
+    match &input.start {
+        Some(Value::Real(value)) => format!("{value:?}"),
+        Some(Value::Integer(value)) => value.to_string(),
+        Some(Value::Boolean(value)) => value.to_string(),
+        Some(Value::String(value)) => format!("{value:?}"),
+        None if input.base_type == BaseType::Boolean => "false".to_owned(),
+        None => "0.0".to_owned(),
+    }
+}
+
+/// The first outputs of a plant that are no elements of a group such as wheels.
+fn recorded(description: &ModelDescription) -> Vec<&Variable> {
+    let is_scalar = |output: &&Variable| output.size == 1 && output.base_type == BaseType::Real;
+    let is_element = |output: &&Variable| {
+        let last = output.name.rsplit_once('.').map_or("", |(_, last)| last);
+        output.name.ends_with(']') || (1..=2).contains(&last.len())
+    };
+    let whole = || of(description, Causality::Output).filter(is_scalar);
+    let found: Vec<&Variable> = whole().filter(|output| !is_element(output)).take(RECORDED).collect();
+    if found.is_empty() { whole().take(RECORDED).collect() } else { found }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn constants_of_one_value_share_a_pattern() {
+        let decay = ModelDescription::parse(include_str!("../../../fmu-import/tests/data/decay2.xml")).unwrap();
+        let of = |name: &str, start: Value| {
+            let template = decay.variables.iter().find(|variable| variable.base_type == BaseType::Real).unwrap();
+            Variable { name: name.to_owned(), start: Some(start), ..template.clone() }
+        };
+        let force = [of("force.l", Value::Real(0.0)), of("force.r", Value::Real(0.0))];
+        let steer = [of("steer.rear", Value::Real(0.0)), of("steer.middle", Value::Real(0.0))];
+        let mode =
+            [of("mode", Value::Integer(2)), of("friction.l", Value::Real(1.0)), of("friction.r", Value::Real(0.5))];
+        let front = of("steer.front", Value::Real(0.0));
+        let free: Vec<&Variable> = force.iter().chain(&steer).chain(&mode).collect();
+        assert_eq!(
+            constants(&free, &[&front]),
+            [
+                "\"force.*\" = 0.0",
+                "\"steer.rear\" = 0.0",
+                "\"steer.middle\" = 0.0",
+                "\"mode\" = 2",
+                "\"friction.l\" = 1.0",
+                "\"friction.r\" = 0.5"
+            ]
+        );
+    }
+}
