@@ -1,5 +1,5 @@
 //! What the vehicles and controllers of the library share: the catalogue of [`signals`] and [`parameters`], the
-//! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), and
+//! [`positions`] of wheels and axles, [`tire`] and [`suspension`] laws, loads at rest ([`statics`]), [`random`] numbers, and
 //! the data of the vehicles.
 //!
 //! Axes and signs follow ISO 8855: x forward, y left, z up, SI units, angles in radians. Roll is positive about x (the
@@ -9,6 +9,7 @@
 pub mod data;
 pub mod parameters;
 pub mod positions;
+pub mod random;
 pub mod road;
 pub mod signals;
 pub mod statics;

@@ -22,7 +22,8 @@
 //! farther back stands on the oldest height kept.
 
 use chassis_vehicle::positions::{RearAxles, Sides, SixWheels, axle_of};
-use chassis_vehicle::road::{AllPass, Harmonics, Mixture, Normals, ShapedNoise, bump, class_coefficient, trapezoid};
+use chassis_vehicle::random::Normals;
+use chassis_vehicle::road::{AllPass, Harmonics, Mixture, ShapedNoise, bump, class_coefficient, trapezoid};
 use chassis_vehicle::table::Table;
 use fmu::model::slack;
 
