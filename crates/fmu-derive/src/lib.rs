@@ -9,7 +9,7 @@
 //!
 //! | key | in | meaning |
 //! |---|---|---|
-//! | `unit = "m/s"` | real variables | unit of measure; without it the doc comment ends with the unit in parentheses: `/// Height of the road (m)`, `(1)` for none. An array takes one unit, or one per element. |
+//! | `unit = "m/s"` | real variables | unit of measure; without it the doc comment ends with the unit in parentheses: `/// Height of the road (m)`, `(1)` for a plain number. An array takes one unit, or one per element. `unit = Unit::NONE` declares none, for a signal of any unit. |
 //! | `start = 1.0` | all | start value; one for all elements of an array, or an array. Parameters must have one. |
 //! | `min = 0.0`, `max = 1.0` | real and Integer parameters | limits |
 //! | `positive` | real parameters | at least `fmu::definition::LEAST_POSITIVE` |

@@ -47,8 +47,8 @@ impl Unit {
         display: &[DisplayUnit { name: "ms", factor: 1e3, offset: 0.0 }],
         ..Self::NONE
     };
-    /// For a variable whose unit follows from another one, such as a distance or a time by choice: the description
-    /// declares no unit.
+    /// For a variable whose unit is open: it follows from another variable, such as a distance or a time by choice, or from the
+    /// signal that is connected. The description declares no unit.
     pub const NONE: Self = Self { name: "", exponents: [0; 8], factor: 1.0, offset: 0.0, display: &[], rate: None };
 
     /// Whether the description declares it.

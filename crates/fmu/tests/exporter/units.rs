@@ -1,6 +1,9 @@
 //! Units in the model description. References: FMI 2.0.4, section 2.2.2 (unit definitions), SI brochure (9th edition, 2019).
 
+use std::path::Path;
+
 use fmu::abi::Export;
+use fmu::description::{Description, Format};
 use fmu::prelude::*;
 
 /// An old unit of length; its rate has a name of its own.
@@ -119,4 +122,66 @@ fn derivatives_have_the_unit_of_the_rate() {
         })
         .collect();
     assert_eq!(rates, ["K/s", "deg/s", "N.m/(rad.s)", "furlong/s", "L/(min.s)"]);
+}
+
+#[derive(Parameters)]
+struct Follower {
+    /// Time constant (s)
+    #[var(start = 0.1, positive)]
+    time_constant: f64,
+    /// Offset
+    #[var(unit = Unit::NONE, start = 0.5, min = -1.0)]
+    offset: f64,
+}
+
+#[derive(Inputs)]
+struct FollowerInputs<T> {
+    /// Command
+    #[var(unit = Unit::NONE)]
+    command: T,
+}
+
+#[derive(State)]
+struct FollowerState<T> {
+    /// Value
+    #[var(unit = Unit::NONE, nominal = 10.0)]
+    value: T,
+}
+
+#[derive(Outputs)]
+struct FollowerOutputs<T> {
+    /// Errors
+    #[var(unit = Unit::NONE)]
+    error: [T; 2],
+}
+
+/// Follows a command of any unit
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Follower {
+    type State<T: Scalar> = FollowerState<T>;
+    type Inputs<T: Scalar> = FollowerInputs<T>;
+    type Outputs<T: Scalar> = FollowerOutputs<T>;
+    fn evaluate<T: Scalar>(&self, at: At<T, Self>) -> (FollowerState<T>, FollowerOutputs<T>) {
+        let error = at.inputs.command + self.offset - at.state.value;
+        (FollowerState { value: error / self.time_constant }, FollowerOutputs { error: [error, -error] })
+    }
+}
+
+#[test]
+fn a_variable_can_leave_its_unit_open() {
+    for format in [Format::FMI2, Format::FMI3, Format { arrays: true, ..Format::FMI3 }] {
+        let xml = Description::of::<<Follower as Export>::Model>(format, Path::new("")).xml;
+        let written = |name: &str| {
+            let (_, rest) = xml.split_once(&format!(" name=\"{name}\"")).unwrap_or_else(|| panic!("no {name}"));
+            // Up to the next variable, or the end of all.
+            rest.split(" name=\"").next().and_then(|text| text.split("</ModelVariables>").next()).unwrap().to_owned()
+        };
+        let error = if format.arrays { "error" } else { "error[1]" };
+        for name in ["offset", "command", "value", "der(value)", error] {
+            assert!(!written(name).contains("unit="), "{name}: {}", written(name));
+        }
+        assert!(written("offset").contains("min=\"-1.0\"") && written("offset").contains("start=\"0.5\""));
+        assert!(written("time_constant").contains("unit=\"s\""));
+        assert!(!xml.contains("name=\"\""), "no unit without a name is defined");
+    }
 }
