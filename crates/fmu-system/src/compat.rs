@@ -1,8 +1,9 @@
 //! Which FMUs fit which plants by their signals.
 //!
 //! A *plant* is an FMU with continuous states (the model structure lists derivatives) that writes no input of an FMU with
-//! more states; one that does is an actuator of the larger one. All FMUs that are no plants are *components*: controllers,
-//! sources, actuators.
+//! more states; one that does is an actuator of the larger one. A *block* such as `Actuator` is not a plant either: its
+//! inputs and outputs have no unit of measure, and no other FMU has a signal of their names, so only explicit connections join
+//! it to others. All FMUs that are no plants are *components*: controllers, sources, actuators, blocks.
 //!
 //! A signal goes from an output to an input of the same name, if base types and units of measure agree
 //! ([`Variable::mismatch`]). A component *fits* a plant if
@@ -108,7 +109,17 @@ pub fn systems(fmus: &Descriptions) -> Systems {
 fn is_plant(fmus: &Descriptions, name: &str) -> bool {
     let states = |name: &str| fmus[name].derivatives.len();
     let is_actuator_of = |other: &String| states(other) > states(name) && writes(&fmus[name], &fmus[other]);
-    states(name) > 0 && !fmus.keys().any(is_actuator_of)
+    states(name) > 0 && !is_block(fmus, name) && !fmus.keys().any(is_actuator_of)
+}
+
+/// Whether the inputs and outputs of an FMU have no units, and no other FMU has one of them.
+fn is_block(fmus: &Descriptions, name: &str) -> bool {
+    let is_signal = |variable: &&Variable| matches!(variable.causality, Causality::Input | Causality::Output);
+    let is_elsewhere = |signal: &Variable| {
+        let others = fmus.iter().filter(|(other, _)| other.as_str() != name);
+        others.flat_map(|(_, other)| &other.variables).filter(is_signal).any(|other| other.name == signal.name)
+    };
+    fmus[name].variables.iter().filter(is_signal).all(|signal| signal.unit.is_none() && !is_elsewhere(signal))
 }
 
 fn variables(description: &ModelDescription, causality: Causality) -> impl Iterator<Item = &Variable> {
@@ -201,13 +212,17 @@ fn missing_input(fmus: &Descriptions, input: &Variable, plant: &str, plants: &[&
 mod tests {
     use super::*;
 
-    /// A description with inputs and outputs `name unit`; the first outputs are states.
+    /// A description with inputs and outputs `name unit`, `-` for no unit; the first outputs are states.
     fn fmu(inputs: &[&str], outputs: &[&str], states: usize) -> Arc<ModelDescription> {
         let mut variables = String::new();
         let roles = inputs.iter().map(|text| (text, "input")).chain(outputs.iter().map(|text| (text, "output")));
         for (i, (text, causality)) in roles.enumerate() {
             let (name, unit) = text.split_once(' ').unwrap();
-            let typed = if unit == "bool" { "<Boolean/>".to_string() } else { format!("<Real unit=\"{unit}\"/>") };
+            let typed = match unit {
+                "bool" => "<Boolean/>".to_string(),
+                "-" => "<Real/>".to_string(),
+                unit => format!("<Real unit=\"{unit}\"/>"),
+            };
             variables += &format!(
                 "<ScalarVariable name=\"{name}\" valueReference=\"{i}\" causality=\"{causality}\">{typed}</ScalarVariable>"
             );
@@ -313,6 +328,19 @@ mod tests {
         ]);
         assert_eq!(systems.plants, ["Car"]);
         assert_eq!(systems.fits, [[Fit::Fits], [Fit::Fits]]);
+    }
+
+    #[test]
+    fn a_block_without_units_and_shared_signals_is_no_plant() {
+        let bare = |input: &str, output: &str| fmu(&[&format!("{input} -")], &[&format!("{output} -")], 1);
+        let systems = toys([
+            ("Car", car()),
+            ("Actuator", bare("command", "value")),
+            // Without units, too, but made for the steering.
+            ("Bike", bare("steer", "lean")),
+        ]);
+        assert_eq!(systems.plants, ["Bike", "Car"]);
+        assert_eq!(reasons(fit(&systems, "Actuator", "Car")), ["command: no FMU has it"]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use fmu_import::description::{BaseType, Value};
 use fmu_import::description::{BaseUnit, ModelDescription, Unit};
 use fmu_system::metrics::{Combine, Definition, Kind};
 use fmu_system::parameter_set::{Parameter, ParameterSet};
-use fmu_system::plan::Plan;
+use fmu_system::plan::{Origin, Plan, Signal};
 use fmu_system::report::{Cell, Expect, FigureKind, Metric, Part, Source};
 use fmu_system::resolve::{Descriptions, Found, Options, ResolveError, resolve_text};
 use fmu_system::run::Order;
@@ -83,6 +83,62 @@ fn an_fmu_without_units_takes_the_place_of_one_with_units() {
         let column = plan.columns.iter().find(|c| c.name == "steer.front").unwrap();
         assert_eq!(column.unit.as_deref(), Some("rad"), "bare in {case}");
     }
+}
+
+/// A block that declares units elsewhere, but none for its input and output.
+const FOLLOWER: &str = "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"Follower\" guid=\"{follower}\">\
+    <CoSimulation modelIdentifier=\"Follower\"/>\
+    <UnitDefinitions><Unit name=\"s\"><BaseUnit s=\"1\"/></Unit></UnitDefinitions><ModelVariables>\
+    <ScalarVariable name=\"delay\" valueReference=\"0\" causality=\"parameter\" variability=\"fixed\"><Real unit=\"s\" start=\"0\"/></ScalarVariable>\
+    <ScalarVariable name=\"bias\" valueReference=\"1\" causality=\"parameter\" variability=\"fixed\"><Real start=\"0\"/></ScalarVariable>\
+    <ScalarVariable name=\"command\" valueReference=\"2\" causality=\"input\"><Real start=\"0\"/></ScalarVariable>\
+    <ScalarVariable name=\"value\" valueReference=\"3\" causality=\"output\"><Real/></ScalarVariable>\
+    </ModelVariables><ModelStructure><Outputs><Unknown index=\"4\"/></Outputs></ModelStructure></fmiModelDescription>";
+
+/// Driver and vehicle, with a connection from the one to the other or through the follower.
+fn through_the_follower(connections: &[[&str; 2]], inputs: &str, bias: &str) -> Result<Plan, String> {
+    let follower = match connections.len() {
+        1 => String::new(),
+        _ => format!("[[component]]\nname = \"follower\"\nfmu = \"Follower\"\nparameters = {{ bias = {bias} }}\n"),
+    };
+    let connections: String =
+        connections.iter().map(|[from, to]| format!("[[connection]]\nfrom = \"{from}\"\nto = \"{to}\"\n")).collect();
+    let text = format!(
+        "title = \"Follower\"\nreference = \"made up\"\n[simulation]\nstop = 2.0\nstep = 0.001\n\
+         [[component]]\nname = \"driver\"\nfmu = \"Driver\"\n{follower}\
+         [[component]]\nname = \"vehicle\"\nfmu = \"Vehicle\"\ninputs = {{ \"road_friction.*\" = 1.0{inputs} }}\n{connections}\
+         [[case]]\nname = \"only\"\ntitle = \"Only\"\n[record]\nsignals = [\"vehicle:body.roll\"]\n"
+    );
+    let mut fmus = fmus();
+    fmus.insert("Follower".to_string(), Arc::new(ModelDescription::parse(FOLLOWER).unwrap()));
+    resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, &Options::default()).map_err(|error| lines(&error))
+}
+
+/// A variable without a unit fits every unit, also in an FMU that declares units for others.
+#[test]
+fn a_variable_without_a_unit_passes_signals_of_every_unit() {
+    let [from, to] = ["follower:command", "follower:value"];
+    // An angle in rad, a speed in m/s.
+    let steer = [["driver:driver.steer", from], [to, "vehicle:steer.front"]];
+    let speed = [["driver:driver.speed", from], [to, "vehicle:driver.speed"]];
+    for (connections, inputs) in [(steer, ""), (speed, ", \"steer.front\" = 0.0")] {
+        let plan = through_the_follower(&connections, inputs, "0.1").unwrap_or_else(|error| panic!("{error}"));
+        let written = |[from, to]: [&str; 2]| {
+            let signal = |name: &str| {
+                let (component, variable) = name.split_once(':').unwrap();
+                Signal { component: component.to_string(), variable: variable.to_string() }
+            };
+            let wire = plan.wiring[0].inputs.iter().find(|wire| wire.input == signal(to)).unwrap();
+            assert_eq!(wire.source, Origin::Output(signal(from)), "{to}");
+        };
+        connections.into_iter().for_each(written);
+    }
+    // Without it, the speed is no angle.
+    let error = through_the_follower(&[["driver:driver.speed", "vehicle:steer.front"]], "", "").unwrap_err();
+    assert!(error.contains("is in m/s, but its target `vehicle:steer.front` is in rad"), "{error}");
+    // Nobody knows in which unit a value of its parameters would be.
+    let error = through_the_follower(&steer, "", "{ value = 1.0, unit = \"deg\" }").unwrap_err();
+    assert!(error.contains("`bias` has no unit of measure"), "{error}");
 }
 
 #[test]
