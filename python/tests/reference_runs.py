@@ -1,13 +1,13 @@
-"""Driver, Road and SuspensionMixer, written anew from their equations: reference data made without Rust.
+"""Driver, Road, Sensor, Actuator and SuspensionMixer, written anew from their equations: data made without Rust.
 
-Nothing here comes from the Rust code: the formulas and the definition of the random numbers are those of the two
-README files. Whole signals are computed at once with numpy; the all-pass is integrated by a series, the cosines are
+Nothing here comes from the Rust code: the formulas and the definition of the random numbers are those of the README
+files. Whole signals are computed at once with numpy; the all-pass is integrated by a series, the cosines are
 summed one by one, and the generator ChaCha8 is written from its definition (Bernstein, "ChaCha, a variant of Salsa20",
 2008; as in RFC 8439, but with 8 rounds, and 64 bits each for the counter and the stream).
 
     .venv/bin/python python/tests/reference_runs.py
 
-writes `tests/references/sources` and the `reference.csv` of the three packages; test_reference_data.py compares them
+writes `tests/references/sources` and the `reference.csv` of the five packages; test_reference_data.py compares them
 with a new computation.
 """
 
@@ -31,6 +31,9 @@ STEP = 0.001
 
 # Rows between two rows with outputs.
 THINNED = 7
+
+# Inputs of the FMUs whose runs are written here; they come right after the time.
+INPUTS = ("vehicle.speed", "sensor.true_value", "actuator.command")
 
 # Digits of a number: rounding costs 5e-10 of the value.
 DIGITS = 10
@@ -417,7 +420,90 @@ ROAD: dict[str, Callable[[], Signals]] = {
     "road_trapezoid_in_time": trapezoid_in_time,
 }
 
-RUNS = DRIVER | ROAD
+# Sensor -------------------------------------------------------------------------------------------------------------
+
+
+def signal(t: Array) -> Array:
+    """Return what the sensor measures and the actuator follows: two sines and three steps."""
+    steps = 1.5 * (t >= 0.4) - 2.5 * (t >= 0.9) + 1.2 * (t >= 1.5)
+    result: Array = 0.6 * np.sin(9.0 * t) + 0.1 * np.sin(70.0 * t) + steps
+    return result
+
+
+def as_printed(values: Array) -> Array:
+    """Return the values as the file gives them."""
+    return np.array([float(f"{v:.{DIGITS}g}") for v in values])
+
+
+def sensor(delay: int, bias: float, noise: float, seed: int, resolution: float) -> Signals:
+    """Return the signal and its measured value: delay in samples, bias, noise, resolution."""
+    t = np.arange(2000) * STEP
+    u = as_printed(signal(t))
+    y = u[np.maximum(np.arange(len(t)) - delay, 0)] + bias + noise * normals(seed, 2, len(t))
+    if resolution > 0.0:
+        # The nearest multiple; of two the one away from zero.
+        y = np.copysign(np.floor(np.abs(y) / resolution + 0.5) * resolution, y)
+    return {"time": t, "sensor.true_value": u, "sensor.measured_value": y}
+
+
+def sensor_imperfect() -> Signals:
+    """Return a sensor with a delay of 25 ms, a bias of 0.03, noise of 0.08 and a resolution of 0.02."""
+    return sensor(25, 0.03, 0.08, 11, 0.02)
+
+
+def sensor_noisy() -> Signals:
+    """Return a sensor with the longest delay and noise alone."""
+    return sensor(1000, 0.0, 0.5, 3, 0.0)
+
+
+def sensor_default() -> Signals:
+    """Return a sensor with the start values."""
+    return sensor(0, 0.0, 0.0, 1, 0.0)
+
+
+SENSOR: dict[str, Callable[[], Signals]] = {"sensor_imperfect": sensor_imperfect, "sensor_noisy": sensor_noisy}
+
+
+# Actuator -----------------------------------------------------------------------------------------------------------
+
+
+def actuator(time_constant: float, rate: float, least: float, greatest: float, start: float) -> Signals:
+    """Return a command, and the value before each step: the differential equation by the classical Runge-Kutta method.
+
+    200 parts of a step: where the rate becomes limited, inside of a part of 5 us, it errs by less than 1e-9.
+    """
+    t = np.arange(2000) * STEP
+    u = as_printed(signal(t))
+    parts = 200
+    h = STEP / parts
+    x, values = start, []
+    for command in u.tolist():
+        values.append(x)
+        target = min(max(command, least), greatest)
+
+        def slope(x: float, target: float = target) -> float:
+            return min(max((target - x) / time_constant, -rate), rate)
+
+        for _ in range(parts):
+            k1 = slope(x)
+            k2 = slope(x + 0.5 * h * k1)
+            k3 = slope(x + 0.5 * h * k2)
+            k4 = slope(x + h * k3)
+            x += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return {"time": t, "actuator.command": u, "actuator.value": np.array(values)}
+
+
+def actuator_limited() -> Signals:
+    """Return an actuator whose rate and range limits act."""
+    return actuator(0.04, 8.0, -0.9, 1.3, 0.25)
+
+
+def actuator_default() -> Signals:
+    """Return an actuator with the start values."""
+    return actuator(0.01, 1e9, -1e9, 1e9, 0.0)
+
+
+ACTUATOR: dict[str, Callable[[], Signals]] = {"actuator_limited": actuator_limited}
 
 
 # SuspensionMixer ----------------------------------------------------------------------------------------------------
@@ -440,17 +526,19 @@ def mixer() -> str:
     return text(signals, 1)
 
 
+RUNS = DRIVER | ROAD | SENSOR | ACTUATOR
+
+
 # Files --------------------------------------------------------------------------------------------------------------
 
 
 def text(signals: Mapping[str, Array], thinned: int = THINNED) -> str:
     """Return a table; outputs have numbers in every seventh row only, inputs in all."""
-    names = [name for name in signals if name not in ("time", "vehicle.speed")]
+    inputs = [name for name in signals if name in INPUTS]
+    names = [name for name in signals if name not in ("time", *INPUTS)]
     lines = [",".join(signals)]
     for k in range(len(signals["time"])):
-        cells = [f"{signals['time'][k]:.10g}"]
-        if "vehicle.speed" in signals:
-            cells.append(f"{signals['vehicle.speed'][k]:.{DIGITS}g}")
+        cells = [f"{signals['time'][k]:.10g}", *(f"{signals[name][k]:.{DIGITS}g}" for name in inputs)]
         cells += [f"{signals[name][k]:.{DIGITS}g}" if k % thinned == 0 else "" for name in names]
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
@@ -480,6 +568,8 @@ def files() -> dict[str, str]:
     result[f"{folder}/road_table_file.csv"] = csv(HEIGHTS)
     result["fmu-plant/driver/reference.csv"] = beginning(text(RUNS["driver_ramp_step"]()))
     result["fmu-plant/road/reference.csv"] = beginning(text(RUNS["road_default"]()))
+    result["fmu-plant/sensor/reference.csv"] = beginning(text(sensor_default(), 1))
+    result["fmu-plant/actuator/reference.csv"] = beginning(text(actuator_default(), 1))
     result["fmu-controllers/suspension-mixer/reference.csv"] = mixer()
     return result
 

@@ -1,4 +1,4 @@
-"""The reference data of Driver, Road and SuspensionMixer are those that `reference_runs.py` computes.
+"""The reference data of Driver, Road, Sensor, Actuator and SuspensionMixer are those that `reference_runs.py` computes.
 
 Its random numbers and cosines are compared with published numbers, so that the data stand on more than themselves.
 """

@@ -22,7 +22,7 @@ fn fit<'a>(systems: &'a Systems, component: &str, plant: &str) -> &'a Fit {
 
 #[test]
 fn plants_are_the_vehicles() {
-    // BrakeAndDriveActuators has states, too, but belongs to the car.
+    // BrakeAndDriveActuators has states, too, but belongs to the car; Actuator, but no signal of another FMU.
     assert_eq!(library().plants, ["EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]);
 }
 
@@ -91,4 +91,16 @@ fn what_does_not_fit_is_named() {
         assert_eq!(force.reason, Reason::Unsupplied(vec![law.to_string()]));
     }
     assert_eq!(missing.len(), 5);
+}
+
+/// They go around any signal, by explicit connections.
+#[test]
+fn sensor_and_actuator_fit_no_plant_by_name() {
+    let systems = library();
+    for (component, input) in [("Sensor", "sensor.true_value"), ("Actuator", "actuator.command")] {
+        for plant in &systems.plants {
+            let missing = Missing { input: input.to_string(), unit: None, reason: Reason::Unknown };
+            assert_eq!(*fit(&systems, component, plant), Fit::Lacks(vec![missing]), "{component}, {plant}");
+        }
+    }
 }

@@ -109,8 +109,30 @@ fn descriptions_are_complete() {
     }
 }
 
-/// Parameters in m or, by choice, in s: they declare no unit, least of all "1".
-const DISTANCE_OR_TIME: [&str; 2] = ["obstacle.start", "obstacle.length"];
+/// Variables whose unit is open, because they are in m or, by choice, in s, or in that of a signal of any kind. They declare no
+/// unit, least of all "1".
+const WITHOUT_UNIT: [&str; 13] = [
+    "obstacle.start",
+    "obstacle.length",
+    "sensor.true_value",
+    "sensor.measured_value",
+    "sensor.bias",
+    "sensor.noise",
+    "sensor.resolution",
+    "actuator.command",
+    "actuator.value",
+    "actuator.rate_limit",
+    "actuator.minimum",
+    "actuator.maximum",
+    "actuator.initial_value",
+];
+
+/// Whether the unit of a variable, or of the one whose derivative it is, is open.
+fn is_without_unit(variable: &Variable) -> bool {
+    let name = variable.name.as_str();
+    let name = name.strip_prefix("der(").and_then(|name| name.strip_suffix(')')).unwrap_or(name);
+    WITHOUT_UNIT.contains(&name)
+}
 
 /// A name of the convention `structured` as this project uses it: words and places in lower case, joined by points.
 fn is_plain_name(name: &str) -> bool {
@@ -126,7 +148,7 @@ fn check_variable(fmu: &Fmu, variable: &Variable) {
     assert!(is_plain_name(&variable.name), "{place}: the name");
     let text = variable.description.as_deref().unwrap_or_default();
     assert!(text.len() > 3 && text == text.trim(), "{place}: the description '{text}'");
-    if variable.base_type == BaseType::Real && !DISTANCE_OR_TIME.contains(&variable.name.as_str()) {
+    if variable.base_type == BaseType::Real && !is_without_unit(variable) {
         let unit = variable.unit.as_deref().unwrap_or_else(|| panic!("{place} has no unit"));
         let unit = fmu.description.unit(unit).unwrap_or_else(|| panic!("{place}: unit {unit} is not defined"));
         if let Some(display) = &variable.display_unit {
@@ -134,7 +156,7 @@ fn check_variable(fmu: &Fmu, variable: &Variable) {
             assert!(is_known, "{place}: display unit {display} is not defined");
         }
     }
-    if DISTANCE_OR_TIME.contains(&variable.name.as_str()) {
+    if is_without_unit(variable) {
         assert_eq!(variable.unit, None, "{place}: a unit");
     }
     // Every input, parameter and exact value has a start value, nothing calculated has one, inputs have no `initial`.

@@ -18,6 +18,7 @@ fn main() {
     bench::compare::<suspension_mixer::SuspensionMixer>();
     bench::compare::<suspension_switch::SuspensionSwitch>();
     bench::compare::<yaw_rate_reference::YawRateReference>();
+    bench::compare::<actuator::Actuator>();
     bench::compare::<brake_and_drive_actuators::BrakeAndDriveActuators>();
     bench::compare::<driver::Driver>();
     bench::compare::<esp_car::EspCar>();
@@ -25,4 +26,5 @@ fn main() {
     bench::compare::<hydro_pneumatic_half_car::HydroPneumaticHalfCar>();
     bench::compare::<rescue_vehicle::RescueVehicle>();
     bench::compare::<road::Road>();
+    bench::compare::<sensor::Sensor>();
 }

@@ -75,10 +75,18 @@ fn nominal_values_are_of_the_magnitude_of_the_reference_data() {
         }
     }
     assert!(wrong.is_empty(), "nominal values are not within a factor {FACTOR}:\n{}", wrong.join("\n"));
-    // Without reference data: a road's distance, and states that are no signals.
+    // Without reference data: a road's distance, states that are no signals, and signals of any magnitude.
     let missing: BTreeSet<_> =
         nominal.keys().map(|name| family(name)).filter(|signal| !compared.contains(*signal)).collect();
-    assert_eq!(missing, BTreeSet::from(["road.distance", "road_friction"]));
+    let expected = [
+        "actuator.command",
+        "actuator.value",
+        "road.distance",
+        "road_friction",
+        "sensor.measured_value",
+        "sensor.true_value",
+    ];
+    assert_eq!(missing, BTreeSet::from(expected));
 }
 
 /// A nominal value is 1, 2 or 5 times a power of ten: it states a magnitude, not a measurement.

@@ -1,6 +1,6 @@
-//! `Driver` and `Road`: maneuvers, profiles and tracks.
+//! `Driver` and `Road`: maneuvers, profiles and tracks. `Sensor` and `Actuator`: what they make of a signal.
 
-use crate::Call::Run;
+use crate::Call::{Read, Run, Set, Step};
 use crate::{Case, Limit, NOTHING, Rule, compare, within};
 
 // Printed with 10 digits; the formulas are the same, in other words.
@@ -283,4 +283,61 @@ fn road_with_a_trapezoid_in_time() {
             ]
         },
     );
+}
+
+const SENSOR: Case = Case {
+    inputs: &["sensor.true_value"],
+    program: &[Run("Sensor")],
+    // Printed with 10 digits. No value is so near to the middle of two multiples that they decide.
+    limits: &[within(1e-9)],
+    ..NOTHING
+};
+
+fn sensor(file: &'static str, parameters: &'static [(&'static str, &'static str, f64)]) {
+    compare(&Case { file, parameters, ..SENSOR });
+}
+
+const ACTUATOR: Case = Case {
+    inputs: &["actuator.command"],
+    program: &[Read("Actuator"), Set("Actuator"), Step("Actuator")],
+    // Runge-Kutta steps of 5 us over the kinks of the rate limit: 1.6e-10 from the exact solution.
+    limits: &[within(1e-9)],
+    ..NOTHING
+};
+
+#[test]
+fn sensor_with_all_effects() {
+    sensor(
+        "sources/sensor_imperfect",
+        &[
+            ("Sensor", "sensor.delay", 0.025),
+            ("Sensor", "sensor.bias", 0.03),
+            ("Sensor", "sensor.noise", 0.08),
+            ("Sensor", "seed", 11.0),
+            ("Sensor", "sensor.resolution", 0.02),
+        ],
+    );
+}
+
+#[test]
+fn sensor_with_the_longest_delay() {
+    sensor(
+        "sources/sensor_noisy",
+        &[("Sensor", "sensor.delay", 1.0), ("Sensor", "sensor.noise", 0.5), ("Sensor", "seed", 3.0)],
+    );
+}
+
+#[test]
+fn actuator_with_all_limits() {
+    compare(&Case {
+        file: "sources/actuator_limited",
+        parameters: &[
+            ("Actuator", "actuator.time_constant", 0.04),
+            ("Actuator", "actuator.rate_limit", 8.0),
+            ("Actuator", "actuator.minimum", -0.9),
+            ("Actuator", "actuator.maximum", 1.3),
+            ("Actuator", "actuator.initial_value", 0.25),
+        ],
+        ..ACTUATOR
+    });
 }

@@ -1,0 +1,64 @@
+//! `Actuator`: follows any command with a lag, at a limited rate and within a range. The README has the equations.
+
+mod equations;
+#[cfg(test)]
+mod tests;
+
+use fmu::prelude::*;
+
+/// Symbols as in the README.
+#[derive(Parameters, Clone, Debug)]
+pub struct Actuator {
+    /// T: time constant of the lag
+    #[var("actuator.time_constant", unit = "s", start = 0.01, positive, display = "ms")]
+    t: f64,
+    /// r: greatest rate, in the unit of the command per second
+    #[var("actuator.rate_limit", unit = Unit::NONE, start = 1e9, positive, tunable)]
+    r: f64,
+    /// x_min: least value, in the unit of the command
+    #[var("actuator.minimum", unit = Unit::NONE, start = -1e9)]
+    x_min: f64,
+    /// x_max: greatest value, in the unit of the command
+    #[var("actuator.maximum", unit = Unit::NONE, start = 1e9)]
+    x_max: f64,
+    /// x_0: value at the start, in the unit of the command
+    #[var("actuator.initial_value", unit = Unit::NONE, start = 0.0)]
+    x_0: f64,
+}
+
+/// The command.
+#[derive(Inputs, Clone, Debug)]
+pub struct U<T> {
+    /// Command to follow
+    #[var("actuator.command", unit = Unit::NONE)]
+    u: T,
+}
+
+/// State and output.
+#[derive(State, Clone, Debug)]
+pub struct X<T> {
+    /// Value of the actuator, in the unit of the command
+    #[var("actuator.value", unit = Unit::NONE, nominal = 1.0, calculated)]
+    x: T,
+}
+
+/// Follows any command with a lag, at a limited rate and within a range
+#[fmu::model(stop_time = 2.0, step_size = 0.001)]
+impl Continuous for Actuator {
+    type State<T: Scalar> = X<T>;
+    type Inputs<T: Scalar> = U<T>;
+    type Derived = ();
+
+    fn derived(&self) -> Result<(), String> {
+        equations::check(self)
+    }
+    fn initialize(&self, (): &(), state: &mut X<f64>) {
+        state.x = equations::within(self, self.x_0);
+    }
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        X { x: equations::rate(self, at.state.x, at.inputs.u) }
+    }
+    fn advance(&self, at: At<f64, Self>, step: f64) -> X<f64> {
+        X { x: equations::advance(self, at.state.x, at.inputs.u, step) }
+    }
+}
