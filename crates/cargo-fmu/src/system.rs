@@ -36,6 +36,7 @@ pub(crate) enum Command {
     /// Shows which FMUs fit which plants by their signals
     ///
     /// A plant is an FMU with continuous states, unless it writes inputs of one with more states: then it is an actuator.
+    /// A block whose signals have no units, and names that no other FMU has, is not a plant either.
     /// An output connects to the input of the same name, type and unit of measure. An FMU that is not a plant fits a plant
     /// under two conditions: the plant or other fitting FMUs write all of its inputs, and it writes an input of the plant or
     /// of an FMU that acts on the plant. `idle` marks an FMU whose inputs are written but that acts on nothing. `lacks 3`

@@ -34,7 +34,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let systems = systems(&descriptions(&arguments.fmus)?);
     if systems.plants.is_empty() {
-        return Err(miette!("there is no plant: none of the FMUs has continuous states"));
+        return Err(miette!("there is no plant: none of the FMUs has continuous states, blocks for any signal aside"));
     }
     for name in &arguments.names {
         let mut known = systems.plants.iter().chain(&systems.components);
