@@ -673,6 +673,25 @@ fn table_4_on_eight_roads() {
     }
 }
 
+/// A sensor with its start values is as good as none: the same bits in a closed loop. Noise and delay of another case show.
+#[test]
+fn a_sensor_with_its_start_values_changes_no_bit() {
+    let file = workspace().join("scenarios/rescue_vehicle_sensor_actuator.toml");
+    let options = Options { stop: Some(7.0), seeds: Some(1), ..Options::default() };
+    let results =
+        Results::of(resolve(&file, &FmuFolder::new([folder()]), &options).unwrap_or_else(|error| fail(error)));
+    for signal in ["vehicle.yaw_rate", "vehicle.sideslip", "steer.rear"] {
+        let [ideal, sensor, real] =
+            ["ideal#1", "start_values#1", "sensor#1"].map(|run| bits(results.column(run, signal)));
+        assert_eq!(sensor, ideal, "{signal}");
+        assert_ne!(real, ideal, "{signal}");
+    }
+    // The sensor shows the yaw rate at the start of the step, the plant that at its end.
+    let measured = results.column("start_values#1", "sensor.measured_value");
+    let yaw_rate = results.column("start_values#1", "vehicle.yaw_rate");
+    assert_eq!(bits(&measured[1..]), bits(&yaw_rate[..yaw_rate.len() - 1]));
+}
+
 #[test]
 fn every_scenario_resolves() {
     let entries = std::fs::read_dir(workspace().join("scenarios")).expect("the folder is there");
