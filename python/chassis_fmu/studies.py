@@ -284,29 +284,62 @@ def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
     return out
 
 
-def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
-    """Draw the convergence of the methods as SVG and PNG; None if nothing feasible was found."""
-    groups = [(g.title, [best_so_far(table, m.name) for m in g.methods if m.best is not None]) for g in study.groups]
-    curves = [c for _, group in groups for c in group]
-    if not curves:
+@dataclass(frozen=True)
+class Convergence:
+    """The curves of the methods, each a case, with the axis of the objective and the levels of the references."""
+
+    cases: list[Case]
+    panel: Panel
+    scale: Scale
+    levels: list[tuple[str, float]]
+
+
+def convergence(study: Study, table: pa.Table) -> Convergence | None:
+    """Return the curves of the methods; None if nothing feasible was found."""
+    cases: list[Case] = []
+    lines: list[Line] = []
+    groups = []
+    for group in study.groups:
+        curves = {m.title: best_so_far(table, m.name) for m in group.methods if m.best is not None}
+        if not curves:
+            continue
+        case = Case(group.title, group.title, None)
+        cases.append(case)
+        groups.append(list(curves.values()))
+        if len(curves) > 1:
+            curve = median(groups[-1])
+            title = f"{group.title}, median of {len(curves)} seeds"
+            lines.append(Line("mean", title, np.arange(1.0, len(curve) + 1), curve, case, steps=True))
+        for title, curve in curves.items():
+            lines.append(Line("run", title, np.arange(1.0, len(curve) + 1), curve, case, steps=True))
+    if not lines:
         return None
     levels = [(t, c.objective) for t, c in study.references if c.reason is None]
-    scale = Scale.of([group for _, group in groups if group], [v for _, v in levels])
+    scale = Scale.of(groups, [v for _, v in levels])
+    x = Axis("Evaluations", (Conversion(""),))
+    y = Axis("Objective", (Conversion(""),), log=scale.logarithmic, range=(scale.bottom, scale.top))
+    shown = tuple(Level(value, title) for title, value in levels if value <= scale.reach)
+    return Convergence(cases, Panel("Best objective so far (no unit)", "", x, y, tuple(lines), shown), scale, levels)
+
+
+def draw(found: Convergence) -> tuple[str, bytes]:
+    """Draw the convergence of the methods as SVG and PNG."""
+    scale = found.scale
+    lines = found.panel.lines
     with mpl.rc_context(plots.STYLE):
         canvas = Figure(figsize=(8.4, 4.2), layout="constrained")
         ax = canvas.subplots()
-        for i, (title, group) in enumerate(groups):
-            color = plots.PALETTE[i % len(plots.PALETTE)]
-            if not group:
-                continue
-            several = len(group) > 1
-            for curve in group if several else []:
-                ax.step(np.arange(1, len(curve) + 1), curve, where="post", color=color, linewidth=0.7, alpha=0.45)
-            curve = median(group)
-            label = f"{title}, median of {len(group)} seeds" if several else title
-            ax.step(np.arange(1, len(curve) + 1), curve, where="post", color=color, linewidth=1.9, label=label)
+        for line in lines:
+            case = found.cases[0] if line.case is None else line.case
+            color = plots.PALETTE[found.cases.index(case) % len(plots.PALETTE)]
+            has_median = any(other.kind == "mean" and other.case == line.case for other in lines)
+            if has_median and line.kind == "run":
+                ax.step(line.x, line.y, where="post", color=color, linewidth=0.7, alpha=0.45)
+            else:
+                label = line.title if has_median else case.title
+                ax.step(line.x, line.y, where="post", color=color, linewidth=1.9, label=label, zorder=2.5)
         # Beside the plot, from the top down.
-        levels.sort(key=lambda level: -level[1])
+        levels = sorted(found.levels, key=lambda level: -level[1])
         arrows = ["" if v <= scale.reach else "\N{NO-BREAK SPACE}\N{UPWARDS ARROW}" for _, v in levels]
         labels = [
             textwrap.fill(f"{t}: {_short(v)}{arrow}", LABEL) for (t, v), arrow in zip(levels, arrows, strict=True)
@@ -339,44 +372,15 @@ def draw(study: Study, table: pa.Table) -> tuple[str, bytes] | None:
             ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
             ax.yaxis.set_minor_locator(NullLocator())
         ax.set_ylim(scale.bottom, scale.top)
-        ax.set_xlim(1, max(len(c) for c in curves))
+        ax.set_xlim(1, max(len(line.x) for line in lines))
         ax.set_xlabel("Evaluations")
         ax.set_ylabel("Best objective so far (no unit)")
-        if len(groups) > 1 or len(curves) > 1:
+        if len(lines) > 1:
             canvas.legend(loc="outside upper left", ncols=4, handlelength=1.6, columnspacing=1.6)
         text, image = io.StringIO(), io.BytesIO()
         canvas.savefig(text, format="svg", metadata={"Date": None, "Title": "Convergence"})
         canvas.savefig(image, format="png", dpi=150)
     return text.getvalue(), image.getvalue()
-
-
-def convergence(study: Study, table: pa.Table) -> tuple[list[Case], Panel] | None:
-    """Return the methods and their curves for the page; None if nothing feasible was found."""
-    cases: list[Case] = []
-    lines: list[Line] = []
-    groups = []
-    for group in study.groups:
-        curves = {m.title: best_so_far(table, m.name) for m in group.methods if m.best is not None}
-        if not curves:
-            continue
-        case = Case(group.title, group.title, None)
-        cases.append(case)
-        groups.append(list(curves.values()))
-        several = len(curves) > 1
-        if several:
-            curve = median(groups[-1])
-            title = f"{group.title}, median of {len(curves)} seeds"
-            lines.append(Line("mean", title, np.arange(1.0, len(curve) + 1), curve, case, steps=True))
-        for title, curve in curves.items():
-            lines.append(Line("run", title, np.arange(1.0, len(curve) + 1), curve, case, steps=True))
-    if not lines:
-        return None
-    levels = [(t, c.objective) for t, c in study.references if c.reason is None]
-    scale = Scale.of(groups, [v for _, v in levels])
-    x = Axis("Evaluations", (Conversion(""),))
-    y = Axis("Objective", (Conversion(""),), log=scale.logarithmic, range=(scale.bottom, scale.top))
-    shown = tuple(Level(value, title) for title, value in levels if value <= scale.reach)
-    return cases, Panel("Best objective so far (no unit)", "", x, y, tuple(lines), shown)
 
 
 def _inline(svg: str) -> markupsafe.Markup:
@@ -437,13 +441,13 @@ def report(folder: Path, command: str) -> None:
         raise StudyError(f"{path}: {error}") from error
     table = read_history(study, folder)
     write_history(study, table, folder / "history.parquet")
-    drawing = draw(study, table)
+    found = convergence(study, table)
+    drawing = None if found is None else draw(found)
     if drawing is not None:
         results.write_text(folder / "figures" / "convergence.svg", drawing[0])
         with results.replacing(folder / "figures" / "convergence.png") as temporary:
             temporary.write_bytes(drawing[1])
-    found = convergence(study, table)
-    cases, panels = ([], []) if found is None else (found[0], [found[1]])
+    cases, panels = ([], []) if found is None else (found.cases, [found.panel])
     data = page_data.render(cases, [], [("convergence", panels)])
     results.write_text(folder / "index.html", render(study, None if drawing is None else drawing[0], data, command))
     index.note(folder, index.Entry(study.raw["title"], study.raw["reference"] or ""))

@@ -161,7 +161,9 @@ def test_values_to_compare_with_are_drawn_or_named(
     raw = summary()
     raw["comparisons"] = [{"title": t, "values": {}, "objective": v, "reason": None} for t, v in objectives.items()]
     study = studies.parse(json.dumps(raw))
-    assert studies.draw(study, studies.read_history(study, folder)) is not None
+    found = studies.convergence(study, studies.read_history(study, folder))
+    assert found is not None
+    studies.draw(found)
     (ax,) = canvas.axes
     texts = [text.get_text() for text in ax.texts]
     assert [t for t in texts if not t.startswith("As in the scenario")] == labels
@@ -173,7 +175,9 @@ def test_names_of_levels_do_not_overlap(folder: Path, canvas: Figure) -> None:
     levels = {"Passive": 3.3, "Table 5, PACSA": 3.31, "A name that takes more than one line": 3.32, "Far": 90.0}
     raw["comparisons"] = [{"title": t, "values": {}, "objective": v, "reason": None} for t, v in levels.items()]
     study = studies.parse(json.dumps(raw))
-    assert studies.draw(study, studies.read_history(study, folder)) is not None
+    found = studies.convergence(study, studies.read_history(study, folder))
+    assert found is not None
+    studies.draw(found)
     canvas.draw_without_rendering()
     boxes = [Text.get_window_extent(text) for text in canvas.axes[0].texts]
     assert len(boxes) == 5
