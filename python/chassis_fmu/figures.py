@@ -65,6 +65,8 @@ class Line:
     seed: int | None = None
     spread: Array | None = None
     """Standard deviation over the seeds."""
+    t: Array | None = None
+    """Times of the points of a curve, s."""
     marks: bool = False
     steps: bool = False
     """Whether a value holds until the next one."""
@@ -105,8 +107,7 @@ def decimate(times: Array, values: Array, buckets: int = BUCKETS, *, is_curve: b
     the line, peaks included.
     """
     if is_curve:
-        kept = [decimate(np.arange(len(times), dtype=np.float64), of, buckets // 2)[0] for of in (times, values)]
-        rows = np.unique(np.concatenate(kept)).astype(np.intp)
+        rows = rows_of_curve(times, values, buckets)
         return times[rows], values[rows]
     if len(values) <= 2 * buckets + 2:
         return times, values
@@ -124,6 +125,14 @@ def decimate(times: Array, values: Array, buckets: int = BUCKETS, *, is_curve: b
     )
     keep = np.unique(keep)
     return times[keep], values[keep]
+
+
+def rows_of_curve(across: Array, up: Array, buckets: int = BUCKETS) -> NDArray[np.intp]:
+    """Return the rows of a curve that keep its picture: the extremes of both coordinates in each piece, and the ends."""
+    numbers = np.arange(len(across), dtype=np.float64)
+    kept = [decimate(numbers, of, buckets // 2)[0] for of in (across, up)]
+    rows: NDArray[np.intp] = np.unique(np.concatenate(kept)).astype(np.intp)
+    return rows
 
 
 @dataclass
@@ -367,7 +376,8 @@ def _xy(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iter
             lines = []
             for shown in _shown_runs(plan, figure, recordings, _cases(plan, figure), point, column.name, over.name):
                 across, up = (shown.recording.values[name][shown.rows] for name in (over.name, column.name))
-                lines.append(Line("run", _title_of(plan, shown.case), across, up, shown.case))
+                times = shown.recording.times[shown.rows]
+                lines.append(Line("run", _title_of(plan, shown.case), across, up, shown.case, t=times))
             if lines:
                 title = f"{brief(column)} over {_in_sentence(brief(over))}"
                 yield Panel(title, titles[point], x, y, tuple(lines), kind=kind)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import plots
-from .figures import Array, Axis, Line, Panel, decimate
+from .figures import Array, Axis, Line, Panel, decimate, rows_of_curve
 from .plan import Case, Figure, Plan
 
 FORMAT = 1
@@ -85,8 +85,14 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 
 def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any]:
-    is_whole = line.marks or line.steps or line.spread is not None
-    x, y = (line.x, line.y) if is_whole else decimate(line.x, line.y, is_curve=panel.kind != "function")
+    times = line.t
+    if panel.kind != "function":
+        rows = rows_of_curve(line.x, line.y)
+        x, y, times = line.x[rows], line.y[rows], None if times is None else times[rows]
+    elif line.marks or line.steps or line.spread is not None:
+        x, y = line.x, line.y
+    else:
+        x, y = decimate(line.x, line.y)
     data: dict[str, Any] = {
         "title": line.title,
         "kind": line.kind,
@@ -95,6 +101,8 @@ def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any
         "x": block.column(x, grid=grid, log=panel.x.log),
         "y": block.column(y, log=panel.y.log),
     }
+    if times is not None:
+        data["t"] = block.column(times, grid=grid)
     if line.spread is not None:
         data["spread"] = block.column(line.spread)
     if line.marks:

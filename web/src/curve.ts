@@ -1,12 +1,14 @@
 /** Curves in the plane: signals over another signal, the top view of a track, points of a plane. */
 
 import uPlot from "uplot";
-import { digits } from "./data";
+import { digits, numbers } from "./data";
 import { axisTitle, convert, text } from "./format";
 import type { Line, PageData, Panel } from "./page-data";
 import { type Range, Frame, axisStyle, coordinates, tickTexts } from "./panel";
 import type { State } from "./state";
 
+/** The cursor that plots over time share. */
+const TIME = "Time (s)";
 const HEIGHT = 340;
 /** Free space beside the curves, as a share of their extent. */
 const ROOM = 0.05;
@@ -18,6 +20,8 @@ interface Drawn {
   /** Points in the units shown. */
   xs: number[];
   ys: number[];
+  /** Times of the points, s; empty if they have none. */
+  times: number[];
   digits: [number, number];
 }
 
@@ -34,15 +38,18 @@ function withRoom([low, high]: Range): Range {
 
 export class Curve extends Frame {
   readonly #words: Uint16Array;
-  readonly #mark = document.createElement("div");
   #drawn: Drawn[] = [];
-  /** The point at the cursor: a line and an index. */
-  #at: [Drawn, number] | null = null;
+  /** The points at the cursor: of each line an index. */
+  #at = new Map<Drawn, number>();
+  /** The mark of each line. */
+  #marks = new Map<Drawn, HTMLElement>();
 
   constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
     super(data, panel, state);
     this.#words = words;
-    this.#mark.className = "plot-mark";
+    // The cursor of plots over time; uPlot calls its members by this function.
+    const follower = { pub: (_: string, plot: uPlot, x: number) => this.#follow(x < 0 ? null : plot.posToVal(x, "x")) };
+    uPlot.sync(TIME).sub(follower as unknown as uPlot);
   }
 
   protected get height(): number {
@@ -64,8 +71,10 @@ export class Curve extends Frame {
       .map((line) => {
         const { x, y } = coordinates(this.#words, line);
         const known = x.map((value, i) => value !== null && y[i] !== null && y[i] !== undefined);
+        const times = line.t === undefined ? [] : numbers(this.#words, line.t);
         return {
           line,
+          times: times.filter((_, i) => known[i]).map((time) => time ?? NaN),
           xs: x.filter((_, i) => known[i]).map((value) => convert(value!, across)),
           ys: y.filter((_, i) => known[i]).map((value) => convert(value!, up)),
           digits: [digits(line.x), digits(line.y)],
@@ -73,7 +82,7 @@ export class Curve extends Frame {
       });
     const fixed = this.panel.x.range;
     this.full = fixed === null ? withRoom(extent(this.#drawn.flatMap((drawn) => drawn.xs))) : [fixed[0], fixed[1]];
-    this.#at = null;
+    this.#at.clear();
     this.plot?.destroy();
     const axis = axisStyle();
     const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
@@ -94,7 +103,15 @@ export class Curve extends Frame {
       hooks: { setCursor: [(plot: uPlot) => this.#find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },
     } as unknown as uPlot.Options;
     this.plot = new uPlot(options, [null, ...this.#drawn.map(({ xs, ys }) => [xs, ys])] as unknown as uPlot.AlignedData, this.body);
-    this.plot.over.append(this.#mark);
+    const over = this.plot.over;
+    this.#marks = new Map(
+      this.#drawn.map((drawn) => {
+        const mark = document.createElement("div");
+        mark.className = "plot-mark";
+        over.append(mark);
+        return [drawn, mark];
+      }),
+    );
     this.zoom(kept);
     this.#read();
   }
@@ -171,29 +188,45 @@ export class Curve extends Frame {
         });
       }
     }
-    this.#at = found;
+    this.#at = new Map(found === null ? [] : [found]);
+    this.#read();
+  }
+
+  /** Goes to the points of a time, s; null: to none. */
+  #follow(time: number | null): void {
+    this.#at.clear();
+    for (const drawn of time === null ? [] : this.#drawn) {
+      let nearest = -1;
+      drawn.times.forEach((at, i) => {
+        if (nearest < 0 || Math.abs(at - time!) < Math.abs(drawn.times[nearest]! - time!)) nearest = i;
+      });
+      if (nearest >= 0) this.#at.set(drawn, nearest);
+    }
     this.#read();
   }
 
   protected move(to: -1 | 1 | "start" | "end"): void {
-    const [drawn, index] = this.#at ?? [this.#drawn[0], 0];
+    const [drawn, index] = [...this.#at][0] ?? [this.#drawn[0], 0];
     if (drawn === undefined) return;
     const last = drawn.xs.length - 1;
     // Some hundred presses go through a curve.
     const step = Math.max(1, Math.round(last / 200));
     const wanted = to === "start" ? 0 : to === "end" ? last : index + step * to;
-    this.#at = [drawn, Math.max(0, Math.min(last, wanted))];
+    this.#at = new Map([[drawn, Math.max(0, Math.min(last, wanted))]]);
     this.#read();
   }
 
   #place(): void {
     const plot = this.plot;
-    this.#mark.hidden = this.#at === null || plot === null;
-    if (this.#at === null || plot === null) return;
-    const [drawn, i] = this.#at;
-    this.#mark.style.left = `${plot.valToPos(drawn.xs[i]!, "x")}px`;
-    this.#mark.style.top = `${plot.valToPos(drawn.ys[i]!, "y")}px`;
-    this.#mark.style.background = this.stroke(drawn.line);
+    if (plot === null) return;
+    for (const [drawn, mark] of this.#marks) {
+      const i = this.#at.get(drawn);
+      mark.hidden = i === undefined;
+      if (i === undefined) continue;
+      mark.style.left = `${plot.valToPos(drawn.xs[i]!, "x")}px`;
+      mark.style.top = `${plot.valToPos(drawn.ys[i]!, "y")}px`;
+      mark.style.background = this.stroke(drawn.line);
+    }
   }
 
   /** Writes the coordinates at the cursor, or the keys of the lines without one. */
@@ -201,8 +234,8 @@ export class Curve extends Frame {
     this.#place();
     const entries = this.#drawn.map((drawn) => {
       const entry = this.entry(drawn.line);
-      if (this.#at === null || this.#at[0] !== drawn) return entry;
-      const i = this.#at[1];
+      const i = this.#at.get(drawn);
+      if (i === undefined) return entry;
       const coordinate = (value: number, size: number, unit: { name: string }) => {
         const number = document.createElement("b");
         number.textContent = text(value, size);

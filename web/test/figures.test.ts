@@ -39,6 +39,21 @@ test("the cursor on a curve is at a recorded point", async () => {
   assert.ok(found, `${x} ${y}`);
 });
 
+test("the cursor in plots over time is on curves, too", async () => {
+  const page = await open();
+  await hover(page.locator("#response .plot").first());
+  const time = Number(await page.locator("#response .plot-readout span").first().getAttribute("data-x"));
+  const readout = page.locator("#path .plot-readout span");
+  for (const [i, run] of ["slow_1", "fast_1"].entries()) {
+    const { names, rows } = results.recording(run);
+    // The page has every other sample or so: 2 cm of a path at up to 14 m/s are a sample.
+    const row = rows.find((values) => Math.abs(values[0]! - time) < 1e-9)!;
+    const x = Number(await readout.nth(i).getAttribute("data-x"));
+    assert.ok(Math.abs(x - row[names.indexOf("vehicle.position_x")]!) < 0.3, `${run} ${x}`);
+  }
+  assert.equal(await page.locator("#path .plot-mark:visible").count(), 2);
+});
+
 test("the keyboard goes along a curve", async () => {
   const page = await open();
   const plot = page.locator("#path .plot").first();
