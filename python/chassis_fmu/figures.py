@@ -128,7 +128,7 @@ def decimate(times: Array, values: Array, buckets: int = BUCKETS, *, is_curve: b
 
 
 def rows_of_curve(across: Array, up: Array, buckets: int = BUCKETS) -> NDArray[np.intp]:
-    """Return the rows that keep the picture of a curve: the extremes of both coordinates in each piece, and the ends."""
+    """Return the rows that keep the picture of a curve: extremes of both coordinates in each piece, and the ends."""
     numbers = np.arange(len(across), dtype=np.float64)
     kept = [decimate(numbers, of, buckets // 2)[0] for of in (across, up)]
     rows: NDArray[np.intp] = np.unique(np.concatenate(kept)).astype(np.intp)

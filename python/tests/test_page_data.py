@@ -9,10 +9,12 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+import scipy.signal
+from lxml import html
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from chassis_fmu import figures, page_data
+from chassis_fmu import figures, page_data, shell
 from chassis_fmu.figures import Axis, Line, Panel, Recordings
 from chassis_fmu.numbers import Numbers
 from chassis_fmu.plan import Conversion, Plan
@@ -111,3 +113,26 @@ def test_the_figures_of_a_scenario_follow_the_schema(scenario: Plan, seeds: int)
         files = [line["file"] for line in roll["lines"] if line["case"] == "active" and line["kind"] == "run"]
         assert files == ["runs/active_1.csv", "runs/active_2.csv", "runs/active_3.csv"]
         assert [line["seed"] for line in roll["lines"] if line["case"] == "active"] == [1, None, 2, 3]
+
+
+def test_the_page_of_a_linear_model_has_the_bode_plot_of_scipy(tmp_path: Path) -> None:
+    source, target = "steer.front", "vehicle.yaw_rate"
+    fmu = str(SCHEMA.parents[1] / "target/fmu/EspCar.fmu")
+    outputs = [argument for name in ("json", "html") for argument in ("--out", f"{tmp_path}/car.{name}")]
+    code, _ = shell.cargo_fmu(["linearize", fmu, "--bode", f"{source}:{target}", *outputs], "test", capture=True)
+    assert code == 0
+    tree = html.document_fromstring((tmp_path / "car.html").read_text(encoding="utf-8"))
+    (text,) = tree.xpath("//script[@id='page-data']/text()")
+    data = read(text)
+    assert [figure["name"] for figure in data["figures"]] == ["poles", "bode_1"]
+    gain, phase = (panel["lines"][0] for panel in data["figures"][1]["panels"])
+    frequencies = numbers(data, gain["x"])
+    linear = json.loads((tmp_path / "car.json").read_text(encoding="utf-8"))
+    i, o = linear["inputs"].index(source), linear["outputs"].index(target)
+    a, b, c, d = (np.array(linear[name]) for name in "ABCD")
+    system = scipy.signal.StateSpace(a, b[:, [i]], c[[o]], d[[o], [i]].reshape(1, 1))
+    _, response = scipy.signal.freqresp(system, 2.0 * np.pi * frequencies)
+    # The logarithm of the gain has 16 bits of some decades, the phase 16 bits of some hundred degrees. The rest is what
+    # 16 bits of the frequency change.
+    np.testing.assert_allclose(numbers(data, gain["y"]), np.abs(response), rtol=2e-3)
+    np.testing.assert_allclose(numbers(data, phase["y"]), np.degrees(np.unwrap(np.angle(response))), atol=0.1)

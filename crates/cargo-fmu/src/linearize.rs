@@ -1,11 +1,21 @@
 //! `cargo fmu linearize`: A, B, C, D of a plant at an operating point, and its modes.
 
-use miette::{Result, miette};
+mod files;
+mod model;
+mod page;
+mod page_data;
+mod picture;
+
+use std::path::{Path, PathBuf};
+
+use fmu_import::archive::read_description;
+use miette::{IntoDiagnostic, Result, miette};
 use nalgebra::DMatrix;
 
-use crate::eigenvalues::eigenvalues;
+use self::model::{LinearModel, Mode, Signal};
 use crate::inspect::locate;
 use crate::output::outln;
+use crate::pack::write_whole;
 use crate::worker;
 
 /// Which plant, where.
@@ -17,50 +27,91 @@ pub(crate) struct Arguments {
     /// enumeration takes its names; may be repeated
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
-    /// Prints the matrices and modes as JSON
+    /// Writes a file, too: .json has everything, .csv one matrix [A B; C D] with names, .mat is for MATLAB, Octave and SciPy,
+    /// .html is a page with poles and Bode plots; may be repeated
+    #[arg(long, value_name = "FILE")]
+    out: Vec<PathBuf>,
+    /// With `--out FILE.html`: a Bode plot from an input to an output [default: the first three pairs that are connected]; may be
+    /// repeated
+    #[arg(long, value_name = "INPUT:OUTPUT", requires = "out")]
+    bode: Vec<String>,
+    /// Prints the elements of A, B, C and D that are not 0, too
+    #[arg(long)]
+    matrices: bool,
+    /// Prints JSON instead of the table
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     workers: worker::Options,
 }
 
-/// Prints the linear model and its modes.
+impl Arguments {
+    /// The command that makes the same page again.
+    fn command(&self) -> String {
+        let settings = self.set.iter().map(|setting| format!(" --set {setting}"));
+        let pairs = self.bode.iter().map(|pair| format!(" --bode {pair}"));
+        let files = self.out.iter().map(|file| format!(" --out {}", file.display()));
+        let options: String = settings.chain(pairs).chain(files).collect();
+        format!("cargo fmu linearize {}{options}", self.fmu)
+    }
+}
+
+/// Formats of files.
+#[derive(Clone, Copy)]
+enum Format {
+    Json,
+    Csv,
+    Mat,
+    Html,
+}
+
+/// The format of a file by its extension.
+fn format(path: &Path) -> Result<Format> {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("json") => Ok(Format::Json),
+        Some("csv") => Ok(Format::Csv),
+        Some("mat") => Ok(Format::Mat),
+        Some("html") => Ok(Format::Html),
+        _ => Err(miette!("--out {}: expected a name that ends in .json, .csv, .mat or .html", path.display())),
+    }
+}
+
+/// Prints the modes of the linear model, and writes files.
 ///
 /// # Errors
-/// When the FMU has no states or directional derivatives, or a value cannot be set.
+/// When the FMU has no states or directional derivatives, a value cannot be set, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
+    let formats = arguments.out.iter().map(|path| format(path)).collect::<Result<Vec<_>>>()?;
     let workers = arguments.workers.settings(worker::printed())?;
     let linear = fmu_import::worker::linearize(&workers, &path, &settings).map_err(|message| miette!("{message}"))?;
-    let (n, m, p) = (linear.states.len(), linear.inputs.len(), linear.outputs.len());
-    let jacobian = DMatrix::from_column_slice(n + p, n + m, &linear.jacobian);
-    let part = |at: (usize, usize), size: (usize, usize)| jacobian.view(at, size).into_owned();
-    let (a, b) = (part((0, 0), (n, n)), part((0, n), (n, m)));
-    let (c, d) = (part((n, 0), (p, n)), part((n, n), (p, m)));
-    let poles = eigenvalues(&a).ok_or_else(|| miette!("the eigenvalues of A do not converge"))?;
+    let description = read_description(&path).into_diagnostic()?;
+    let model = LinearModel::new(&description, &settings, linear)
+        .ok_or_else(|| miette!("the eigenvalues of A do not converge"))?;
+    let pairs = page::pairs(&model, &arguments.bode)?;
+    for (path, format) in arguments.out.iter().zip(formats) {
+        let bytes = match format {
+            Format::Json => format!("{:#}\n", files::json(&model)).into_bytes(),
+            Format::Csv => files::csv(&model).into_bytes(),
+            Format::Mat => files::mat(&model),
+            Format::Html => page::page(&model, &pairs, &arguments.command())?.into_bytes(),
+        };
+        write_whole(path, &bytes)?;
+    }
     if arguments.json {
-        let rows =
-            |m: &DMatrix<f64>| -> Vec<Vec<f64>> { m.row_iter().map(|row| row.iter().copied().collect()).collect() };
-        let poles: Vec<_> = poles.iter().map(|pole| [pole.re, pole.im]).collect();
-        let json = serde_json::json!({
-            "states": linear.states, "inputs": linear.inputs, "outputs": linear.outputs,
-            "A": rows(&a), "B": rows(&b), "C": rows(&c), "D": rows(&d), "poles": poles,
-        });
-        outln!("{json:#}");
+        outln!("{:#}", files::json(&model));
         return Ok(());
     }
-    outln!("Poles of A (1/s), frequency (Hz), damping ratio");
-    for pole in poles.iter().filter(|pole| pole.im >= 0.0) {
-        let size = f64::hypot(pole.re, pole.im);
-        let damping = if size > 0.0 { -pole.re / size } else { 1.0 };
-        let imaginary = if pole.im > 0.0 { format!(" ± {:.6}i", pole.im) } else { String::new() };
-        outln!("  {:>12.6}{imaginary:<16} {:>10.5} {damping:>9.4}", pole.re, size / std::f64::consts::TAU);
+    print_modes(&model);
+    if arguments.matrices {
+        print_matrix("A", "derivative of", &model.a, &model.states, &model.states);
+        print_matrix("B", "derivative of", &model.b, &model.states, &model.inputs);
+        print_matrix("C", "", &model.c, &model.outputs, &model.states);
+        print_matrix("D", "", &model.d, &model.outputs, &model.inputs);
+    } else if arguments.out.is_empty() {
+        outln!("\n--matrices prints A, B, C and D; --out FILE writes them as .json, .csv or .mat, or a page as .html.");
     }
-    print_matrix("A", &a, &linear.states, &linear.states);
-    print_matrix("B", &b, &linear.states, &linear.inputs);
-    print_matrix("C", &c, &linear.outputs, &linear.states);
-    print_matrix("D", &d, &linear.outputs, &linear.inputs);
     Ok(())
 }
 
@@ -71,18 +122,33 @@ fn parse(setting: &str) -> Result<(String, String)> {
     Ok((name.trim().to_owned(), value.trim().to_owned()))
 }
 
-/// Only nonzero elements, by name: the matrices are large and sparse.
-fn print_matrix(title: &str, matrix: &DMatrix<f64>, rows: &[String], columns: &[String]) {
-    outln!("\n{title} ({} x {}), elements that are not 0", matrix.nrows(), matrix.ncols());
+fn print_modes(model: &LinearModel) {
+    let settings: Vec<String> = model.settings.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+    let point = if settings.is_empty() { "its start values".to_owned() } else { settings.join(", ") };
+    outln!("{} at {point}", model.fmu);
+    outln!("{} states, {} inputs, {} outputs", model.states.len(), model.inputs.len(), model.outputs.len());
+    outln!("Stability: {}\n", model.stability());
+    outln!("{:>26}  {:>14}  {:>8}  {:>13}", "Pole (1/s)", "Frequency (Hz)", "Damping", "Time const. (s)");
+    for Mode { real, imaginary, frequency, damping, time_constant } in model.modes() {
+        let pole = if imaginary > 0.0 { format!("{real:.5} ± {imaginary:.5}i") } else { format!("{real:.5}") };
+        let text = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.5}"));
+        outln!("{pole:>26}  {frequency:>14.5}  {:>8}  {:>15}", text(damping), text(time_constant));
+    }
+}
+
+/// The elements that are not 0, by name: the matrices are large and sparse.
+fn print_matrix(title: &str, of: &str, matrix: &DMatrix<f64>, rows: &[Signal], columns: &[Signal]) {
+    outln!("\n{title} ({} x {})", matrix.nrows(), matrix.ncols());
     for (i, row) in rows.iter().enumerate() {
-        let elements: Vec<_> = columns
-            .iter()
-            .enumerate()
-            .filter(|&(j, _)| matrix[(i, j)] != 0.0)
-            .map(|(j, column)| format!("{:.8e} {column}", matrix[(i, j)]))
-            .collect();
-        if !elements.is_empty() {
-            outln!("  {row}: {}", elements.join(", "));
+        let elements: Vec<(usize, f64)> =
+            (0..columns.len()).map(|j| (j, matrix[(i, j)])).filter(|(_, value)| *value != 0.0).collect();
+        if elements.is_empty() {
+            continue;
+        }
+        let head = format!("{of} {}", row.name);
+        outln!("  {}", head.trim_start());
+        for (j, value) in elements {
+            outln!("    {value:>15.8e}  {}", columns[j].name);
         }
     }
 }

@@ -43,7 +43,7 @@ enum Cli {
     /// dependencies, and whatever else the description promises. Model exchange is run with a built-in solver: states, derivatives, event
     /// indicators and events. Ends with 1 if there are errors.
     Check(check::Arguments),
-    /// Prints A, B, C, D and the modes of a plant at an operating point
+    /// Linearizes a plant at an operating point: modes, A, B, C, D, Bode plots
     Linearize(linearize::Arguments),
     /// Writes a working package of a new model, or a scenario that runs
     New(new::Arguments),

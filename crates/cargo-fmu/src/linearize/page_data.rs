@@ -1,0 +1,179 @@
+//! The data of an interactive page, by the schema `web/page-data.schema.json`.
+
+use std::io::Write as _;
+
+use serde::Serialize;
+
+/// Largest word of a number.
+const LARGEST: f64 = 65534.0;
+/// The word of a number that does not exist.
+const MISSING: u16 = 65535;
+
+#[derive(Serialize)]
+struct PageData<'a> {
+    format: u32,
+    cases: [Case; 1],
+    seeds: [i32; 0],
+    figures: &'a [Figure],
+    block: String,
+}
+
+#[derive(Serialize)]
+struct Case {
+    name: &'static str,
+    title: &'static str,
+    color: u32,
+    dash: u32,
+}
+
+/// A figure: the identifier of its element, and its panels.
+#[derive(Serialize)]
+pub(super) struct Figure {
+    pub(super) name: String,
+    pub(super) panels: Vec<Panel>,
+}
+
+/// One pair of axes.
+#[derive(Serialize)]
+pub(super) struct Panel {
+    pub(super) kind: &'static str,
+    pub(super) title: String,
+    pub(super) note: &'static str,
+    pub(super) x: Axis,
+    pub(super) y: Axis,
+    pub(super) lines: [Line; 1],
+    pub(super) levels: [(); 0],
+}
+
+#[derive(Serialize)]
+pub(super) struct Axis {
+    pub(super) title: String,
+    pub(super) units: [Unit; 1],
+    pub(super) log: bool,
+    pub(super) zero: bool,
+    pub(super) range: Option<[f64; 2]>,
+}
+
+#[derive(Serialize)]
+pub(super) struct Unit {
+    pub(super) name: String,
+    pub(super) factor: f64,
+    pub(super) offset: f64,
+}
+
+#[derive(Serialize)]
+pub(super) struct Line {
+    pub(super) title: String,
+    pub(super) kind: &'static str,
+    pub(super) case: &'static str,
+    pub(super) seed: Option<i32>,
+    pub(super) x: Column,
+    pub(super) y: Column,
+    /// Points that are not joined.
+    pub(super) apart: bool,
+}
+
+#[derive(Serialize)]
+pub(super) struct Column {
+    at: usize,
+    count: usize,
+    first: f64,
+    step: f64,
+    log: bool,
+}
+
+impl Axis {
+    pub(super) fn new(title: &str, unit: &str, log: bool) -> Self {
+        let units = [Unit { name: unit.to_owned(), factor: 1.0, offset: 0.0 }];
+        Self { title: title.to_owned(), units, log, zero: false, range: None }
+    }
+}
+
+/// Columns of numbers as 16-bit words.
+#[derive(Default)]
+pub(super) struct Block {
+    words: Vec<u16>,
+}
+
+impl Block {
+    /// Adds numbers, of a logarithmic axis as logarithms.
+    pub(super) fn column(&mut self, values: &[f64], log: bool) -> Column {
+        let numbers: Vec<f64> = values.iter().map(|value| if log { value.log10() } else { *value }).collect();
+        let known = || numbers.iter().copied().filter(|value| value.is_finite());
+        let (least, greatest) = (known().fold(f64::INFINITY, f64::min), known().fold(f64::NEG_INFINITY, f64::max));
+        let (first, span) = if least <= greatest { (least, greatest - least) } else { (0.0, 0.0) };
+        let step = span / LARGEST;
+        let at = self.words.len();
+        let mut before = 0;
+        for value in numbers {
+            // Between 0 and 65534 after rounding.
+            let word = match value.is_finite() {
+                true if step > 0.0 => ((value - first) / step).round() as u16,
+                true => 0,
+                false => MISSING,
+            };
+            self.words.push(word.wrapping_sub(before));
+            before = word;
+        }
+        Column { at, count: values.len(), first, step, log }
+    }
+
+    /// The data of a page with these figures, as text that is safe inside a script element.
+    ///
+    /// # Errors
+    /// Never: writing to memory.
+    pub(super) fn page(self, figures: &[Figure]) -> std::io::Result<String> {
+        let bytes: Vec<u8> = self.words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+        encoder.write_all(&bytes)?;
+        let case = Case { name: CASE, title: "Linear model", color: 0, dash: 0 };
+        let block = base64(&encoder.finish()?);
+        let data = PageData { format: 1, cases: [case], seeds: [], figures, block };
+        // No text may end the element or begin a comment.
+        Ok(serde_json::to_string(&data)?.replace('<', "\\u003c"))
+    }
+}
+
+/// Name of the only case.
+pub(super) const CASE: &str = "linear";
+
+/// Base64 with the alphabet of RFC 4648 and padding.
+fn base64(bytes: &[u8]) -> String {
+    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let at = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
+        let group = at(0) << 16 | at(1) << 8 | at(2);
+        for i in 0..4 {
+            let index = group >> (18 - 6 * i) & 63;
+            text.push(if i <= chunk.len() { char::from(ALPHABET[index as usize]) } else { '=' });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RFC 4648, section 10.
+    #[test]
+    fn base64_follows_its_rfc() {
+        for (bytes, text) in
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("foobar", "Zm9vYmFy")]
+        {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
+
+    #[test]
+    fn columns_are_differences_of_words() {
+        let mut block = Block::default();
+        let column = block.column(&[1.0, 3.0, f64::NAN, 2.0], false);
+        assert_eq!((column.at, column.count, column.first, column.step), (0, 4, 1.0, 2.0 / LARGEST));
+        assert_eq!(block.words, [0, 65534, 1, 32767_u16.wrapping_sub(65535)]);
+        let column = block.column(&[0.0, 10.0, 1000.0], true);
+        assert_eq!((column.at, column.first), (4, 1.0));
+        assert_eq!(block.words[4..], [65535, 1, 65534]);
+    }
+}
