@@ -211,7 +211,9 @@ def _run(options: argparse.Namespace) -> int:
         batch.convert(scenario, runs, failures)
         repeat.append("--parquet")
     if len(failures) == len(scenario.runs) and code != 0:
-        # The page of an earlier run, if there is one, is better than one without numbers.
+        # The page of an earlier run, if there is one, is better than one without numbers. A report of tests is not.
+        if options.junit is not None:
+            results.write_text(options.junit, junit.document(Numbers(scenario, {}, ()), failures))
         raise AppError("all runs failed, see above; no page was made", code)
     cut = [f"--{name} {getattr(options, name):g}" for name in ("stop", "seeds") if getattr(options, name) is not None]
     context = page.Context(

@@ -169,8 +169,10 @@ def test_a_page_is_not_replaced_when_all_runs_fail(cargo: Path, recorded: Path, 
             path.unlink()
     (recorded / "other.csv").touch()
     (tmp_path / "failing").touch()
-    assert app.main(options) == 1
+    assert app.main([*options, "--junit", str(tmp_path / "trial.xml")]) == 1
     assert (tmp_path / "out" / "trial" / "index.html").read_bytes() == page
+    # The report of tests is of this call: four runs failed, and nothing is known about the requirement.
+    assert 'tests="5" failures="0" errors="4" skipped="1"' in (tmp_path / "trial.xml").read_text(encoding="utf-8")
     assert cargo.exists()
 
 
