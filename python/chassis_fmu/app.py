@@ -6,7 +6,6 @@ import argparse
 import dataclasses
 import importlib.metadata
 import os
-import platform
 import shlex
 import sys
 from collections.abc import Sequence
@@ -222,10 +221,7 @@ def _run(options: argparse.Namespace) -> int:
         inputs=None if options.inputs is None else options.inputs.name,
         shortened=" ".join(cut) or None,
         is_cut=options.stop is not None,
-        versions=(
-            ("Chassis FMU", importlib.metadata.version("chassis-fmu")),
-            ("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
-        ),
+        versions=shell.versions(),
     )
     made = report(scenario, folder, failures, context)
     print(escaped(made.text))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import importlib.metadata
 import math
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -95,3 +97,9 @@ def cargo_fmu(arguments: Sequence[str], purpose: str, capture: bool = False) -> 
         check=False,
     )
     return done.returncode, done.stdout.decode() if capture else ""
+
+
+def versions() -> tuple[tuple[str, str], ...]:
+    """Return the programs that make a page, with their versions."""
+    python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    return (("Chassis FMU", importlib.metadata.version("chassis-fmu")), ("Python", python))

@@ -28,11 +28,12 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from . import index, page_data, plots, results, shell, tables
+from .describe import sha256
 from .figures import Axis, Line, Panel
 from .plan import Case, Conversion, Level
 from .terminal import escaped
 
-FORMAT = 2
+FORMAT = 3
 
 ENDS = {"generations": "all generations", "budget": "budget spent", "target": "target reached"}
 
@@ -426,6 +427,8 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
         figure=None if svg is None else _inline(svg),
         interactive=page_data.Interactive.of(data),
         command=command,
+        hashes={path.stem: sha256(path) for path in (shell.ROOT / name for name in study.raw["fmus"])},
+        versions=shell.versions(),
         value=_value,
         breakable=_breakable,
         unit=tables.pretty_unit,

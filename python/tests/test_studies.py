@@ -31,7 +31,8 @@ def summary() -> dict[str, Any]:
     method = {"seed": 1, "settings": {"population": 2, "step_size": None}, "end": "budget", "generations": 2}
     best = {"evaluation": 4, "generation": 1, "values": [0.4, 4.0], "objective": 3.0}
     return {
-        "format": 2,
+        "format": 3,
+        "fmus": ["nowhere/Plant.fmu"],
         "name": "trial",
         "title": "Trial <1>",
         "description": "One.\n\nTwo.",
@@ -266,8 +267,8 @@ def test_without_anything_feasible_there_is_a_page_but_no_plot(folder: Path) -> 
     ("file", "content", "message"),
     [
         ("summary.json", "{", "not a summary of a study"),
-        ("summary.json", '{"format": 1}', "summary of format 1, this version reads 2: --resume"),
-        ("summary.json", '{"format": 2}', "not a summary of a study: KeyError"),
+        ("summary.json", '{"format": 1}', "summary of format 1, this version reads 3: --resume"),
+        ("summary.json", '{"format": 3}', "not a summary of a study: KeyError"),
         ("pacsa/history.csv", HISTORY.replace("0.2,", "a,"), "cannot read the history"),
     ],
 )

@@ -22,12 +22,12 @@ use fmu_system::parameter_set::{self, ParameterSet};
 use fmu_system::run::Run;
 use serde::Serialize;
 use std::cell::Cell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Version of the layout of the summary.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 /// Version of the history and its state. An older summary does not matter, it is made anew from the history.
 const HISTORY_FORMAT: u32 = 1;
 
@@ -110,6 +110,8 @@ pub struct Summary {
     pub reference: String,
     /// Path of the scenario.
     pub scenario: String,
+    /// Paths of its FMUs.
+    pub fmus: BTreeSet<String>,
     /// Ids of the runs whose mean is the objective.
     pub runs: Vec<String>,
     /// Simulated time of a run, s.
@@ -347,6 +349,7 @@ fn summary(study: &Study) -> Summary {
         description: study.description.clone(),
         reference: study.reference.clone(),
         scenario: study.scenario.to_string_lossy().into_owned(),
+        fmus: simulation.runs.iter().flat_map(|run| &run.components).map(|component| component.fmu.clone()).collect(),
         runs: simulation.runs.iter().map(|run| run.id.clone()).collect(),
         duration: simulation.times.stop - simulation.times.start,
         budget: study.evaluations,
