@@ -87,7 +87,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let workers = arguments.workers.settings(worker::printed())?;
     let linear = fmu_import::worker::linearize(&workers, &path, &settings).map_err(|message| miette!("{message}"))?;
     let description = read_description(&path).into_diagnostic()?;
-    let model = LinearModel::new(&description, &settings, linear)
+    let file = std::fs::read(&path).into_diagnostic()?;
+    let model = LinearModel::new(&description, &file, &settings, linear)
         .ok_or_else(|| miette!("the eigenvalues of A do not converge"))?;
     let pairs = page::pairs(&model, &arguments.bode)?;
     for (path, format) in arguments.out.iter().zip(formats) {

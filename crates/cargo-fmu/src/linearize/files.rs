@@ -12,7 +12,7 @@ pub(crate) fn json(model: &LinearModel) -> serde_json::Value {
     let settings: Vec<_> = model.settings.iter().map(|(name, value)| [name, value]).collect();
     let poles: Vec<_> = model.poles.iter().map(|pole| [pole.re, pole.im]).collect();
     serde_json::json!({
-        "fmu": model.fmu, "guid": model.guid, "settings": settings,
+        "fmu": model.fmu, "guid": model.guid, "sha256": model.sha256, "settings": settings,
         "states": names(&model.states), "inputs": names(&model.inputs), "outputs": names(&model.outputs),
         "units": {"states": units(&model.states), "inputs": units(&model.inputs), "outputs": units(&model.outputs)},
         "A": rows(&model.a), "B": rows(&model.b), "C": rows(&model.c), "D": rows(&model.d),

@@ -6,6 +6,7 @@ use fmu_import::description::ModelDescription;
 use fmu_import::linearize::Linear;
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
+use sha2::{Digest as _, Sha256};
 
 use crate::eigenvalues::eigenvalues;
 
@@ -47,6 +48,8 @@ pub(crate) struct LinearModel {
     /// Name of the FMU.
     pub(crate) fmu: String,
     pub(crate) guid: String,
+    /// SHA-256 of the file, in hexadecimal digits.
+    pub(crate) sha256: String,
     /// Values that differ from the start values, as given.
     pub(crate) settings: Vec<(String, String)>,
     pub(crate) states: Vec<Signal>,
@@ -61,8 +64,13 @@ pub(crate) struct LinearModel {
 }
 
 impl LinearModel {
-    /// The model of an FMU; `None` if the eigenvalues of A do not converge.
-    pub(crate) fn new(description: &ModelDescription, settings: &[(String, String)], linear: Linear) -> Option<Self> {
+    /// The model of an FMU in a file of these bytes; `None` if the eigenvalues of A do not converge.
+    pub(crate) fn new(
+        description: &ModelDescription,
+        file: &[u8],
+        settings: &[(String, String)],
+        linear: Linear,
+    ) -> Option<Self> {
         let signals = |names: Vec<String>| names.into_iter().map(|name| signal(description, name)).collect::<Vec<_>>();
         let (states, inputs, outputs) = (signals(linear.states), signals(linear.inputs), signals(linear.outputs));
         let (n, m, p) = (states.len(), inputs.len(), outputs.len());
@@ -72,6 +80,7 @@ impl LinearModel {
         Some(Self {
             fmu: description.model_name.clone(),
             guid: description.guid.clone(),
+            sha256: Sha256::digest(file).iter().map(|byte| format!("{byte:02x}")).collect(),
             settings: settings.to_vec(),
             states,
             inputs,
@@ -191,7 +200,7 @@ pub(crate) mod tests {
         let jacobian = (0..4).flat_map(|column| rows.iter().map(move |row| row[column])).collect();
         let linear =
             Linear { states: names(&["s", "v", "integral"]), inputs: names(&["f"]), outputs: names(&["y"]), jacobian };
-        LinearModel::new(&description, &[("k".to_owned(), "200".to_owned())], linear).unwrap()
+        LinearModel::new(&description, b"abc", &[("k".to_owned(), "200".to_owned())], linear).unwrap()
     }
 
     /// Reference: the closed form of the damped oscillator; eigenvalues of a 3 x 3 matrix are right to some rounding errors.
@@ -206,6 +215,13 @@ pub(crate) mod tests {
         assert!((oscillation.time_constant.unwrap() - 1.0).abs() < 1e-12);
         assert!((oscillation.imaginary - 99.0_f64.sqrt()).abs() < 1e-12);
         assert_eq!(oscillator().stability(), "1 pole at 0");
+    }
+
+    /// FIPS 180-2, appendix B.1.
+    #[test]
+    fn the_hash_is_that_of_the_standard() {
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(oscillator().sha256, expected);
     }
 
     #[test]

@@ -163,7 +163,7 @@ pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result
          that of the decay.</p>\n</section>\n\
          <section>\n<h2>Poles and frequency response</h2>\n{html}<p class=\"note\">{choose}</p>\n</section>\n\
          <section>\n<h2>How it was made</h2>\n<dl>\n<dt>Command</dt><dd><code>{}</code></dd>\n\
-         <dt>FMU</dt><dd>{name}, <code>{}</code></dd>\n<dt>cargo-fmu</dt><dd>{}</dd>\n</dl>\n</section>\n</main>\n\
+         <dt>FMU</dt><dd>{name}, <code>{}</code>, SHA-256 of the file <code>{}</code></dd>\n<dt>cargo-fmu</dt><dd>{}</dd>\n</dl>\n</section>\n</main>\n\
          <script type=\"application/json\" id=\"page-data\">{data}</script>\n<script>\n{CODE}\n</script>\n</body>\n</html>\n",
         model.states.len(),
         model.inputs.len(),
@@ -172,6 +172,7 @@ pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result
         modes(model),
         escape(command),
         escape(&model.guid),
+        model.sha256,
         env!("CARGO_PKG_VERSION"),
         point = escape(&point),
     ))
