@@ -39,11 +39,16 @@ fn descriptions() -> Descriptions {
     all
 }
 
-fn scenarios() -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(workspace().join("scenarios")).expect("the folder is there");
+fn toml_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("the folder is there");
     let mut files: Vec<_> = entries.map(|entry| entry.expect("the folder can be read").path()).collect();
     files.retain(|file| file.extension().is_some_and(|extension| extension == "toml"));
     files.sort();
+    files
+}
+
+fn scenarios() -> Vec<PathBuf> {
+    let files = toml_files(&workspace().join("scenarios"));
     assert!(files.len() > 20, "the scenarios of all papers");
     files
 }
@@ -62,12 +67,58 @@ fn plan(file: &Path, text: &str, source: &Descriptions) -> Plan {
     resolve_text(file, text, source, &Options::default()).unwrap_or_else(fail)
 }
 
-/// The text with a line after the name of a case.
-fn with_line(text: &str, case: &str, line: &str) -> String {
-    let (before, cases) = text.split_at(text.find("[[case]]").expect("there are cases"));
+/// The part of a text that defines a case.
+fn case_of<'a>(text: &'a str, case: &str) -> Option<&'a str> {
     let name = format!("name = \"{case}\"\n");
-    assert!(cases.contains(&name), "{case}");
-    format!("{before}{}", cases.replacen(&name, &format!("{name}{line}\n"), 1))
+    text.split("[[").find(|part| part.starts_with("case]]") && part.contains(&name))
+}
+
+/// A scenario in a folder of its own, with all files that scenarios refer to.
+struct Copied {
+    folder: tempfile::TempDir,
+    file: PathBuf,
+}
+
+impl Copied {
+    fn new(file: &Path) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for used in ["scenarios/systems", "modelDescription/parameters"] {
+            let copy = folder.path().join(used);
+            std::fs::create_dir_all(&copy).expect("a new folder");
+            for entry in std::fs::read_dir(workspace().join(used)).expect("the folder is there") {
+                let entry = entry.expect("the folder can be read");
+                std::fs::copy(entry.path(), copy.join(entry.file_name())).expect("a copy");
+            }
+        }
+        let copy = folder.path().join("scenarios").join(file.file_name().expect("a file"));
+        std::fs::copy(file, &copy).expect("a copy");
+        Self { folder, file: copy }
+    }
+
+    /// The file that defines a case, the scenario or one that it includes, and its text.
+    fn file_of(&self, case: &str) -> (PathBuf, String) {
+        let read = |file: &Path| std::fs::read_to_string(file).expect("the file can be read");
+        let scenario = read(&self.file);
+        let included = toml_files(&self.folder.path().join("scenarios/systems")).into_iter().filter(|file| {
+            scenario.contains(&format!("\"systems/{}\"", file.file_name().expect("a file").to_string_lossy()))
+        });
+        let mut files = std::iter::once(self.file.clone()).chain(included).map(|file| (read(&file), file));
+        let (text, file) = files.find(|(text, _)| case_of(text, case).is_some()).expect("a file defines the case");
+        (file, text)
+    }
+
+    /// The plan with a line more in the definition of a case.
+    fn with_line(&self, case: &str, line: &str, source: &Descriptions) -> Plan {
+        let (file, text) = self.file_of(case);
+        let defined = case_of(&text, case).expect("the file defines the case");
+        let name = format!("name = \"{case}\"\n");
+        let changed = text.replacen(defined, &defined.replacen(&name, &format!("{name}{line}\n"), 1), 1);
+        std::fs::write(&file, changed).expect("the copy can be written");
+        let scenario = std::fs::read_to_string(&self.file).expect("the scenario can be read");
+        let plan = plan(&self.file, &scenario, source);
+        std::fs::write(&file, text).expect("the copy can be written");
+        plan
+    }
 }
 
 /// Warnings of the descriptions only: trial runs need the FMUs.
@@ -89,6 +140,7 @@ fn every_component_is_replaced_by_one_line() {
     for file in scenarios() {
         let text = std::fs::read_to_string(&file).expect("the scenario can be read");
         let whole = plan(&file, &text, &source);
+        let copied = Copied::new(&file);
         for case in &whole.cases {
             let run = whole.runs.iter().find(|run| run.case == case.name).expect("every case is run");
             for component in &run.components {
@@ -96,10 +148,10 @@ fn every_component_is_replaced_by_one_line() {
                 for suffix in ["Copy", "Other"] {
                     let line = format!("fmu.{} = \"{fmu}{suffix}\"", component.name);
                     // A case may set parameters of the component itself, which another one does not have.
-                    if suffix == "Other" && case_sets(&text, &case.name, &component.name) {
+                    if suffix == "Other" && case_sets(&copied.file_of(&case.name).1, &case.name, &component.name) {
                         continue;
                     }
-                    let swapped = plan(&file, &with_line(&text, &case.name, &line), &source);
+                    let swapped = copied.with_line(&case.name, &line, &source);
                     let run = swapped.runs.iter().find(|run| run.case == case.name).expect("the case is still there");
                     let other =
                         run.components.iter().find(|u| u.name == component.name).expect("the component is still there");
@@ -116,8 +168,7 @@ fn every_component_is_replaced_by_one_line() {
 
 /// Whether a case has values for parameters of a component, in its own table or in a parameter set.
 fn case_sets(text: &str, case: &str, component: &str) -> bool {
-    let name = format!("name = \"{case}\"\n");
-    let of_case = text.split("[[").find(|part| part.starts_with("case]]") && part.contains(&name)).expect("the case");
+    let of_case = case_of(text, case).expect("the file defines the case");
     of_case.contains(&format!("parameters.{component} ")) || of_case.contains("parameter_set")
 }
 
@@ -129,11 +180,12 @@ fn kept_parameters_are_those_of_the_component() {
         let file = workspace().join(format!("scenarios/{name}.toml"));
         let text = std::fs::read_to_string(&file).expect("the scenario can be read");
         let whole = plan(&file, &text, &source);
+        let copied = Copied::new(&file);
         let case = &whole.cases[0].name;
         for component in &whole.runs[0].components {
             let fmu = component.fmu.strip_suffix(".fmu").expect("an FMU");
             let line = format!("fmu.{} = {{ fmu = \"{fmu}Copy\", keep_parameters = true }}", component.name);
-            let swapped = plan(&file, &with_line(&text, case, &line), &source);
+            let swapped = copied.with_line(case, &line, &source);
             let other = swapped.runs[0]
                 .components
                 .iter()
@@ -190,7 +242,7 @@ fn a_trial_run_finds_parameters_without_effect() {
         let found: Vec<String> = warnings(place, &format!("{place}\"speed.initial\" = {speed}, "));
         assert_eq!(
             found,
-            ["16:40: `speed.initial` of `driver` has no effect: it changes `driver.speed` only, which nothing reads"]
+            ["10:47: `speed.initial` of `driver` has no effect: it changes `driver.speed` only, which nothing reads"]
         );
     }
     // In a slalom between cones the same parameter decides how fast the driver steers.
