@@ -1,4 +1,4 @@
-"""Studies: `cargo fmu study` does the work; here its history becomes Parquet, a plot of the convergence and a page."""
+"""Tuning studies: `cargo fmu study` does the work; here its history becomes Parquet, a plot of the convergence and a page."""
 
 from __future__ import annotations
 
@@ -415,7 +415,7 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
     found = [m.best.objective for m in study.methods if m.best is not None]
     columns: list[tuple[str, Candidate | None, int | None]] = [(g.title, g.best, i) for i, g in enumerate(study.groups)]
     columns += [(title, candidate, None) for title, candidate in study.references]
-    return environment.get_template("study.html.j2").render(
+    return environment.get_template("tuning.html.j2").render(
         study=study.raw,
         paragraphs=[" ".join(p.split()) for p in re.split(r"\n\s*\n", study.raw["description"]) if p.strip()],
         groups=study.groups,

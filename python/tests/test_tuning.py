@@ -1,4 +1,4 @@
-"""Reports of studies: histories to Parquet, the plot, the page, the command with a stand-in for cargo."""
+"""Reports of tuning studies: histories to Parquet, the plot, the page, the command with a stand-in for cargo."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from chassis_fmu import shell, studies
+from chassis_fmu import shell, tuning
 
 HISTORY = """evaluation,generation,a:x,"b:y, z",objective,feasible,reason
 1,0,0.1,1e-300,1000000.0,false,"constraint one, or so"
@@ -93,7 +93,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_histories_become_one_table(folder: Path) -> None:
-    studies.report(folder, "scripts/study trial.toml")
+    tuning.report(folder, "scripts/study trial.toml")
     table = pyarrow.parquet.read_table(folder / "history.parquet")
     # what lies beyond the budget is left out
     assert table["method"].to_pylist() == ["pacsa"] * 4 + ["lost"]
@@ -105,19 +105,19 @@ def test_the_histories_become_one_table(folder: Path) -> None:
 
 
 def test_the_best_so_far_ignores_what_is_not_feasible(folder: Path) -> None:
-    study = studies.parse((folder / "summary.json").read_text())
-    table = studies.read_history(study, folder)
-    np.testing.assert_array_equal(studies.best_so_far(table, "pacsa"), [np.nan, 4.0, 4.0, 3.0])
-    np.testing.assert_array_equal(studies.best_so_far(table, "lost"), [np.nan])
+    study = tuning.parse((folder / "summary.json").read_text())
+    table = tuning.read_history(study, folder)
+    np.testing.assert_array_equal(tuning.best_so_far(table, "pacsa"), [np.nan, 4.0, 4.0, 3.0])
+    np.testing.assert_array_equal(tuning.best_so_far(table, "lost"), [np.nan])
 
 
 def test_the_median_of_seeds() -> None:
     nan = np.nan
-    np.testing.assert_array_equal(studies.median([np.array([nan, 3.0, 2.0])]), [nan, 3.0, 2.0])
+    np.testing.assert_array_equal(tuning.median([np.array([nan, 3.0, 2.0])]), [nan, 3.0, 2.0])
     # one that has ended stays where it is, one that has nothing yet is the worst
     curves = [np.array([nan, 9.0, 1.0]), np.array([4.0]), np.array([6.0, 5.0, 5.0])]
-    np.testing.assert_array_equal(studies.median(curves), [6.0, 5.0, 4.0])
-    np.testing.assert_array_equal(studies.median(curves[:2]), [nan, 6.5, 2.5])
+    np.testing.assert_array_equal(tuning.median(curves), [6.0, 5.0, 4.0])
+    np.testing.assert_array_equal(tuning.median(curves[:2]), [nan, 6.5, 2.5])
 
 
 def test_seeds_of_a_method_stand_together(folder: Path) -> None:
@@ -128,12 +128,12 @@ def test_seeds_of_a_method_stand_together(folder: Path) -> None:
     (folder / "summary.json").write_text(json.dumps(raw))
     (folder / "pacsa_2").mkdir()
     (folder / "pacsa_2" / "history.csv").write_text(HISTORY.replace("9.0,true", "2.0,true"))
-    study = studies.parse((folder / "summary.json").read_text())
+    study = tuning.parse((folder / "summary.json").read_text())
     assert [(g.title, len(g.methods)) for g in study.groups] == [("PACSA", 2), ("Lost", 1)]
     assert study.groups[0].objectives == [2.0, 3.0]
     assert study.groups[0].best == study.methods[2].best
     assert study.groups[1].best is None
-    studies.report(folder, "c")
+    tuning.report(folder, "c")
     assert f'href="{folder.name}/index.html"' in (folder.parent / "index.html").read_text()
     page = (folder / "index.html").read_text()
     for text in ("thick lines: their median", "PACSA, best to worst", "Of several seeds the best one."):
@@ -144,7 +144,7 @@ def test_seeds_of_a_method_stand_together(folder: Path) -> None:
 def canvas(monkeypatch: pytest.MonkeyPatch) -> Figure:
     """Keep the figure that is drawn on."""
     canvas = Figure(figsize=(8.4, 4.2), layout="constrained")
-    monkeypatch.setattr(studies, "Figure", lambda **_: canvas)
+    monkeypatch.setattr(tuning, "Figure", lambda **_: canvas)
     return canvas
 
 
@@ -161,10 +161,10 @@ def test_values_to_compare_with_are_drawn_or_named(
 ) -> None:
     raw = summary()
     raw["comparisons"] = [{"title": t, "values": {}, "objective": v, "reason": None} for t, v in objectives.items()]
-    study = studies.parse(json.dumps(raw))
-    found = studies.convergence(study, studies.read_history(study, folder))
+    study = tuning.parse(json.dumps(raw))
+    found = tuning.convergence(study, tuning.read_history(study, folder))
     assert found is not None
-    studies.draw(found)
+    tuning.draw(found)
     (ax,) = canvas.axes
     texts = [text.get_text() for text in ax.texts]
     assert [t for t in texts if not t.startswith("As in the scenario")] == labels
@@ -175,10 +175,10 @@ def test_names_of_levels_do_not_overlap(folder: Path, canvas: Figure) -> None:
     raw = summary()
     levels = {"Passive": 3.3, "Table 5, PACSA": 3.31, "A name that takes more than one line": 3.32, "Far": 90.0}
     raw["comparisons"] = [{"title": t, "values": {}, "objective": v, "reason": None} for t, v in levels.items()]
-    study = studies.parse(json.dumps(raw))
-    found = studies.convergence(study, studies.read_history(study, folder))
+    study = tuning.parse(json.dumps(raw))
+    found = tuning.convergence(study, tuning.read_history(study, folder))
     assert found is not None
-    studies.draw(found)
+    tuning.draw(found)
     canvas.draw_without_rendering()
     boxes = [Text.get_window_extent(text) for text in canvas.axes[0].texts]
     assert len(boxes) == 5
@@ -187,44 +187,44 @@ def test_names_of_levels_do_not_overlap(folder: Path, canvas: Figure) -> None:
 
 
 def test_labels_are_moved_as_little_as_needed() -> None:
-    np.testing.assert_allclose(studies.spread([0.9, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.9, 0.5, 0.1])
-    np.testing.assert_allclose(studies.spread([0.5, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.55, 0.45, 0.1])
+    np.testing.assert_allclose(tuning.spread([0.9, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.9, 0.5, 0.1])
+    np.testing.assert_allclose(tuning.spread([0.5, 0.5, 0.1], [0.1, 0.1, 0.1]), [0.55, 0.45, 0.1])
     # a block that grows meets the next one
-    np.testing.assert_allclose(studies.spread([0.5, 0.5, 0.41], [0.1, 0.1, 0.1]), [0.57, 0.47, 0.37])
+    np.testing.assert_allclose(tuning.spread([0.5, 0.5, 0.41], [0.1, 0.1, 0.1]), [0.57, 0.47, 0.37])
     # at the ends they stay in the plot
-    line = studies.LINE
-    np.testing.assert_allclose(studies.spread([1.0, 1.0], [line, line]), [1.0, 1.0 - line])
-    np.testing.assert_allclose(studies.spread([0.0, 0.0], [line, line]), [line, 0.0], atol=1e-15)
+    line = tuning.LINE
+    np.testing.assert_allclose(tuning.spread([1.0, 1.0], [line, line]), [1.0, 1.0 - line])
+    np.testing.assert_allclose(tuning.spread([0.0, 0.0], [line, line]), [line, 0.0], atol=1e-15)
 
 
 def test_the_axis_shows_where_the_methods_differ() -> None:
     # the first evaluations are chance, and a level far above is none of the axis
     curve = np.array([np.nan, 50.0, *[2.0] * 28, 1.0])
-    scale = studies.Scale.of([[curve]], [1.2, 40.0])
+    scale = tuning.Scale.of([[curve]], [1.2, 40.0])
     assert not scale.logarithmic
     np.testing.assert_allclose([scale.bottom, scale.top, scale.reach], [0.94, 2.06, 2.5])
     # decades: the same in logarithms
     curve = np.repeat([100.0, 1.0], 40)
-    scale = studies.Scale.of([[curve]], [0.0, 0.1])
+    scale = tuning.Scale.of([[curve]], [0.0, 0.1])
     assert scale.logarithmic
     np.testing.assert_allclose([scale.bottom, scale.top], [0.1 * 10**-0.18, 10**2.18])
     np.testing.assert_allclose([scale.share(0.0), scale.share(scale.bottom), scale.share(scale.top)], [0.0, 0.0, 1.0])
     # a method that never moves still has an axis
-    scale = studies.Scale.of([[np.array([0.0])]], [])
+    scale = tuning.Scale.of([[np.array([0.0])]], [])
     assert scale.bottom < 0.0 < scale.top
 
 
 def test_the_page_says_if_nothing_improved(folder: Path) -> None:
     sentence = "No method improved on the scenario's own values."
-    studies.report(folder, "c")
+    tuning.report(folder, "c")
     assert sentence not in (folder / "index.html").read_text()
     (folder / "summary.json").write_text(json.dumps({**summary(), "improved": False}))
-    studies.report(folder, "c")
+    tuning.report(folder, "c")
     assert sentence in (folder / "index.html").read_text()
 
 
 def test_the_page_says_what_was_found(folder: Path) -> None:
-    studies.report(folder, "scripts/study trial.toml")
+    tuning.report(folder, "scripts/study trial.toml")
     page = (folder / "index.html").read_text()
     for text in (
         "Trial &lt;1&gt;",
@@ -246,7 +246,7 @@ def test_the_page_says_what_was_found(folder: Path) -> None:
 
 def test_reports_repeat_to_the_byte(folder: Path) -> None:
     def contents() -> dict[str, bytes]:
-        studies.report(folder, "c")
+        tuning.report(folder, "c")
         return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
     first = contents()
@@ -258,7 +258,7 @@ def test_without_anything_feasible_there_is_a_page_but_no_plot(folder: Path) -> 
     raw = summary()
     raw["methods"] = raw["methods"][1:]
     (folder / "summary.json").write_text(json.dumps(raw))
-    studies.report(folder, "c")
+    tuning.report(folder, "c")
     assert not (folder / "figures").exists()
     assert "<svg" not in (folder / "index.html").read_text()
 
@@ -274,8 +274,8 @@ def test_without_anything_feasible_there_is_a_page_but_no_plot(folder: Path) -> 
 )
 def test_damaged_results_are_clear_errors(folder: Path, file: str, content: str, message: str) -> None:
     (folder / file).write_text(content)
-    with pytest.raises(studies.StudyError, match=message):
-        studies.report(folder, "c")
+    with pytest.raises(tuning.StudyError, match=message):
+        tuning.report(folder, "c")
 
 
 @pytest.fixture
@@ -292,7 +292,7 @@ def cargo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_command_tunes_and_reports(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study, out = shell.ROOT / "studies" / "trial.toml", folder.parent
-    assert studies.main([str(study), "--out", str(out), "--jobs", "2", "--budget", "9", "--resume"]) == 0
+    assert tuning.main([str(study), "--out", str(out), "--jobs", "2", "--budget", "9", "--resume"]) == 0
     expected = f"fmu study studies/trial.toml --out {out} --jobs 2 --budget 9 --resume --timeout 60"
     assert cargo.read_text().partition(" --libpython")[0].strip() == expected
     assert capsys.readouterr().out.strip() == str(folder / "index.html")
@@ -302,9 +302,9 @@ def test_the_command_tunes_and_reports(folder: Path, cargo: Path, capsys: pytest
 
 def test_failures_keep_their_exit_code(folder: Path, cargo: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = ["--out", str(folder.parent)]
-    assert studies.main(["broken.toml", *out]) == 3
-    assert studies.main(["nothing.toml", *out]) == 1
+    assert tuning.main(["broken.toml", *out]) == 3
+    assert tuning.main(["nothing.toml", *out]) == 1
     assert "summary.json" in capsys.readouterr().err
     assert cargo.read_text().count("\n") == 2
-    assert studies.main(["trial.toml", *out, "--report-only"]) == 0
+    assert tuning.main(["trial.toml", *out, "--report-only"]) == 0
     assert cargo.read_text().count("\n") == 2, "cargo is not called"
