@@ -344,6 +344,7 @@ fn a_portable_binary_is_a_setting_that_needs_a_linker() {
 
 const STUDY: &str = r#"title = "Ramp"
 scenario = "ramp.toml"
+method = "optimize"
 cases = ["steep"]
 [budget]
 evaluations = 120
@@ -359,9 +360,9 @@ max = 1.0
 signal = "x"
 kind = "rms"
 weight = 1.0
-[[method]]
+[[search]]
 kind = "pacsa"
-[[method]]
+[[search]]
 kind = "cmaes"
 "#;
 

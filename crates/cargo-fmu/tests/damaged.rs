@@ -16,6 +16,7 @@ const SCENARIO: &str = include_str!("data/ramp.toml");
 
 const STUDY: &str = r#"title = "Ramp"
 scenario = "ramp.toml"
+method = "optimize"
 [budget]
 evaluations = 10
 [[parameter]]
@@ -26,7 +27,7 @@ max = 8.0
 signal = "x"
 kind = "rms"
 weight = 1.0
-[[method]]
+[[search]]
 kind = "ga"
 settings = { population = 5 }
 "#;

@@ -53,6 +53,7 @@ signals = ["x", "y", "velocity:count"]
 
 const STUDY: &str = r#"title = "Ring"
 scenario = "ring.toml"
+method = "optimize"
 cases = ["free", "inverted"]
 stop = 0.8
 seed = 3
@@ -97,14 +98,14 @@ kind = "mean_square"
 weight = 3.0
 reference = 2.0
 
-[[method]]
+[[search]]
 kind = "pacsa"
 
-[[method]]
+[[search]]
 kind = "ga"
 settings = { population = 10, elite = 2 }
 
-[[method]]
+[[search]]
 kind = "cmaes"
 name = "yardstick"
 title = "CMA-ES, other seed"
@@ -534,7 +535,7 @@ fn mistakes_are_reported_with_their_place() {
     for (what, expected) in [
         ("[[parameter]]", "a study needs at least one [[parameter]]"),
         ("[[objective.term]]", "missing key `objective`"),
-        ("[[method]]", "a study needs at least one [[method]]"),
+        ("[[search]]", "a study needs at least one [[search]]"),
     ] {
         // Without all tables of that name.
         let without: String = STUDY

@@ -231,6 +231,7 @@ fn results_do_not_depend_on_the_number_of_processes() {
 
 const STUDY: &str = r#"title = "Ramp"
 scenario = "ramp.toml"
+method = "optimize"
 cases = ["steep"]
 [budget]
 evaluations = 40
@@ -242,7 +243,7 @@ max = 9.0
 signal = "x"
 kind = "rms"
 weight = 1.0
-[[method]]
+[[search]]
 kind = "ga"
 settings = { population = 10 }
 "#;

@@ -26,6 +26,7 @@ use fmu_system::resolve::{Descriptions, Options, ResolveError, resolve};
 use fmu_system::run::Run;
 use fmu_system::worker::Pool;
 use miette::Diagnostic;
+use serde::Deserialize;
 use serde_spanned::Spanned;
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
@@ -107,14 +108,34 @@ pub fn is_study(path: &Path) -> bool {
     table.is_some_and(|table| table.contains_key("scenario"))
 }
 
-/// Path of the scenario that a study names.
+/// What any study needs, also one that another program carries out.
+#[derive(Debug, Deserialize)]
+struct Needs {
+    scenario: String,
+    #[serde(rename = "vary", default)]
+    factors: Vec<Factor>,
+}
+
+/// What varies, as far as it is the FMU of a component.
+#[derive(Debug, Deserialize)]
+struct Factor {
+    fmu: Option<String>,
+    #[serde(default)]
+    values: Vec<toml::Value>,
+}
+
+/// Path of the scenario that a study names, and names of the FMUs that it puts in the place of those of the scenario.
 ///
 /// # Errors
 /// The file cannot be read or does not have the layout of a study.
-pub fn scenario(path: &Path) -> Result<PathBuf, StudyError> {
+pub fn needs(path: &Path) -> Result<(PathBuf, BTreeSet<String>), StudyError> {
     let text = text(path)?;
-    match toml::from_str::<File>(&text) {
-        Ok(file) => Ok(path.parent().unwrap_or(Path::new("")).join(file.scenario.get_ref())),
+    match toml::from_str::<Needs>(&text) {
+        Ok(Needs { scenario, factors }) => {
+            let values = factors.iter().filter(|factor| factor.fmu.is_some()).flat_map(|factor| &factor.values);
+            let fmus = values.filter_map(|value| value.as_str().map(str::to_owned)).collect();
+            Ok((path.parent().unwrap_or(Path::new("")).join(scenario), fmus))
+        }
         Err(error) => {
             let mut problems = Collector::new(path, &text, "toml");
             problems.add_layout(&error);
@@ -135,6 +156,11 @@ fn text(path: &Path) -> Result<String, StudyError> {
 pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<Study, StudyError> {
     let text = text(path)?;
     let mut problems = Collector::new(path, &text, "toml");
+    if let Some(method) = other_method(&text) {
+        let message = format!("a study of method {method} needs Python: `scripts/study {}`", path.display());
+        problems.add(0..0, message);
+        return Err(problems.fail().into());
+    }
     let file: File = match toml::from_str(&text) {
         Ok(file) => file,
         Err(error) => {
@@ -143,6 +169,9 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
         }
     };
     // What needs no scenario.
+    if file.method.get_ref() != "optimize" {
+        problems.add(file.method.span(), format!("unknown method `{}`, expected optimize", file.method.get_ref()));
+    }
     let symbols = check_parameters(&file, &mut problems);
     let judged = weights(&file, &mut problems);
     let methods = methods::methods(&file, &mut problems);
@@ -236,6 +265,14 @@ pub fn read(path: &Path, source: &dyn Descriptions, workers: Workers) -> Result<
             penalty,
         },
     })
+}
+
+/// The method of a study that something else varies in than `[[parameter]]`.
+fn other_method(text: &str) -> Option<String> {
+    let table = text.parse::<toml::Table>().ok()?;
+    let method = table.get("method")?.as_str()?;
+    (table.contains_key("vary") || ["sweep", "sample", "sensitivity", "worst_case"].contains(&method))
+        .then(|| method.to_owned())
 }
 
 /// A run that records only what is needed.

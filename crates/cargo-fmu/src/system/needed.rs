@@ -11,7 +11,9 @@ use miette::Result;
 /// The file cannot be read or does not have the layout of either.
 pub(crate) fn fmus(file: &Path) -> Result<BTreeSet<String>> {
     Ok(if fmu_study::study::is_study(file) {
-        fmu_system::resolve::fmu_names(&fmu_study::study::scenario(file)?)?
+        let (scenario, mut fmus) = fmu_study::study::needs(file)?;
+        fmus.append(&mut fmu_system::resolve::fmu_names(&scenario)?);
+        fmus
     } else {
         fmu_system::resolve::fmu_names(file)?
     })

@@ -14,6 +14,7 @@ pub(super) struct File {
     #[serde(default)]
     pub(super) reference: String,
     pub(super) scenario: Spanned<String>,
+    pub(super) method: Spanned<String>,
     pub(super) cases: Option<Vec<Spanned<String>>>,
     pub(super) stop: Option<Spanned<f64>>,
     pub(super) seeds: Option<Spanned<i64>>,
@@ -29,7 +30,7 @@ pub(super) struct File {
     #[serde(rename = "limit", default)]
     pub(super) limits: Vec<LimitEntry>,
     pub(super) objective: Spanned<ObjectiveEntry>,
-    #[serde(rename = "method", default)]
+    #[serde(rename = "search", default)]
     pub(super) methods: Vec<MethodEntry>,
     #[serde(rename = "compare", default)]
     pub(super) comparisons: Vec<CompareEntry>,

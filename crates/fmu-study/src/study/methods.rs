@@ -17,7 +17,7 @@ pub struct Method {
     pub name: String,
     /// Title.
     pub title: String,
-    /// Title without the seed, shared by the runs of a `[[method]]` with several seeds.
+    /// Title without the seed, shared by the runs of a `[[search]]` with several seeds.
     pub group: String,
     /// Seed of its random numbers.
     pub seed: u64,
@@ -40,7 +40,7 @@ pub enum Search {
 
 pub(super) fn methods(file: &File, problems: &mut Collector) -> Vec<Method> {
     if file.methods.is_empty() {
-        problems.add(0..0, "a study needs at least one [[method]]");
+        problems.add(0..0, "a study needs at least one [[search]]");
     }
     let seed_of = |seed: &Spanned<i64>, problems: &mut Collector| {
         u64::try_from(*seed.get_ref()).unwrap_or_else(|_| {
