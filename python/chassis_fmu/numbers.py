@@ -271,7 +271,8 @@ class Numbers:
         # Written so that a NaN is the worst of all.
         margins = {seed: min(value - least, greatest - value) for seed, value in found.items()}
         worst = min(margins, key=lambda seed: -math.inf if math.isnan(margins[seed]) else margins[seed], default=None)
-        holds = all(margin >= 0.0 for margin in margins.values()) and not missing
+        kept = sum(margin >= 0.0 for margin in margins.values())
+        holds = kept >= (1.0 if limits is None else limits.share) * len(done)
         if self._is_cut_off(metric):
             status = Status.OPEN
         elif not holds:

@@ -231,11 +231,12 @@ MetricKind: TypeAlias = Literal[
 
 
 class Requirement(_Part, frozen=True):
-    """Limits that the number of every run of some cases keeps, and what demands it, such as a standard."""
+    """Limits that the numbers of a share of the runs of some cases keep, and what demands it, such as a standard."""
 
     min: float | None
     max: float | None
     cases: tuple[str, ...]
+    share: float
     source: str | None
 
 

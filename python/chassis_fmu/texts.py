@@ -201,7 +201,8 @@ def limits(metric: Metric) -> str:
         return ""
     unit = tables.pretty_unit(metric.conversion.unit)
     words = [f"{word} {tables.scientific(limit)} {unit}".rstrip() for word, limit in _ends(required)]
-    return " and ".join(words) + (f" ({required.source})" if required.source else "")
+    share = "" if required.share == 1.0 else f" in {100.0 * required.share:g} % of the runs"
+    return " and ".join(words) + share + (f" ({required.source})" if required.source else "")
 
 
 def _ends(required: Requirement) -> list[tuple[str, float]]:

@@ -242,7 +242,7 @@ def test_a_run_that_was_cut_short_decides_only_on_what_it_covers(scenario: Plan)
 
 def limited(scenario: Plan, least: float | None, greatest: float | None) -> Plan:
     """Return the plan with limits of its first metric, in the case `active`."""
-    limits = Requirement(least, greatest, ("active",), None)
+    limits = Requirement(least, greatest, ("active",), 1.0, None)
     return replace(scenario, metrics=(replace(scenario.metrics[0], requirement=limits), *scenario.metrics[1:]))
 
 

@@ -43,7 +43,7 @@ pub enum Source {
     },
 }
 
-/// Limits that the number of every run keeps, of all seeds and points.
+/// Limits that the numbers of the runs keep, of all seeds and points.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Requirement {
     /// Least number, in the unit of the metric.
@@ -52,6 +52,8 @@ pub struct Requirement {
     pub max: Option<f64>,
     /// Names of the cases that keep it.
     pub cases: Vec<String>,
+    /// Share of their runs that have to keep it, above 0 and up to 1.
+    pub share: f64,
     /// What demands it, such as a standard.
     pub source: Option<String>,
 }

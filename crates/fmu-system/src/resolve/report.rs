@@ -186,6 +186,7 @@ impl Resolver<'_> {
             min,
             max,
             cases: cases.filter(is_required).map(|name| name.get_ref().clone()).collect(),
+            share: metric.share.as_ref().map_or(1.0, |share| *share.get_ref()),
             source: metric.required_by.as_ref().map(|text| text.get_ref().clone()),
         })
     }

@@ -334,6 +334,9 @@ impl Metric {
         {
             problems.add(min.span(), format!("min is {}, above max, {}", min.get_ref(), max.get_ref()));
         }
+        if let Some(share) = self.share.as_ref().filter(|share| !(0.0 < *share.get_ref() && *share.get_ref() <= 1.0)) {
+            problems.add(share.span(), format!("share is {}, expected above 0, up to 1", share.get_ref()));
+        }
         for name in self.required_of.iter().flat_map(|names| names.get_ref()) {
             known("case", name, cases, problems);
         }
@@ -345,7 +348,8 @@ impl Metric {
         if self.min.is_none() && self.max.is_none() {
             let of = self.required_of.as_ref().map(|names| ("required_of", names.span()));
             let by = self.required_by.as_ref().map(|text| ("required_by", text.span()));
-            for (name, span) in of.into_iter().chain(by) {
+            let share = self.share.as_ref().map(|share| ("share", share.span()));
+            for (name, span) in of.into_iter().chain(by).chain(share) {
                 problems.add(span, format!("`{name}` belongs to a `min` or a `max`"));
             }
         }

@@ -223,6 +223,8 @@ pub(crate) struct Metric {
     pub(crate) max: Option<Spanned<f64>>,
     /// Cases of which it is required; all if absent.
     pub(crate) required_of: Option<Spanned<Vec<Spanned<String>>>>,
+    /// Share of the runs that have to keep it, above 0 and up to 1; all if absent.
+    pub(crate) share: Option<Spanned<f64>>,
     /// What requires it.
     pub(crate) required_by: Option<Spanned<String>>,
 }
