@@ -1,7 +1,8 @@
 """Types of the native code (python/src/lib.rs). Arrays are contiguous."""
 
-from collections.abc import Mapping
-from typing import TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,3 +26,35 @@ def spectrum(times: _Array, values: _Array) -> tuple[_Array, _Array]: ...
 def cross(times: _Array, given: _Array, found: _Array) -> tuple[_Array, _Array, _Array, _Array, _Array]: ...
 def transfer(given: _Array, found: _Array, real: _Array, imaginary: _Array) -> tuple[_Array, _Array, _Array]: ...
 def window(times: _Array, window: tuple[float, float] | None, step: float) -> tuple[int, int]: ...
+
+class ScenarioError(Exception):
+    """A scenario or a value that cannot be used."""
+
+_Value: TypeAlias = float | int | bool | str
+_Change: TypeAlias = tuple[str, str, _Value]
+_Status: TypeAlias = Literal["ok", "rejected", "diverged", "crashed", "timed_out"]
+_Row: TypeAlias = tuple[int, int, tuple[float | None, ...], _Status, float | None, str | None, float]
+
+class System:
+    """A resolved scenario with its FMUs."""
+
+    def __init__(
+        self,
+        file: Path,
+        folders: Sequence[Path],
+        stop: float | None = None,
+        seeds: int | None = None,
+        fmus: Mapping[str, tuple[str, bool]] = ...,
+    ) -> None: ...
+    def plan(self) -> str: ...
+    def variable(
+        self, component: str, name: str
+    ) -> tuple[
+        str, str | None, list[tuple[str, float, float]], float | None, float | None, _Value | None, str | None
+    ]: ...
+    def start(self, program: Path, jobs: int, timeout: float, libpython: Path | None) -> None: ...
+    def execute(
+        self, samples: Sequence[tuple[Sequence[_Change], Sequence[int]]], take: Callable[[_Row], bool]
+    ) -> None: ...
+    def execute_here(self, changes: Sequence[_Change], runs: Sequence[int]) -> list[_Row]: ...
+    def simulate(self, changes: Sequence[_Change], run: int) -> tuple[_Array, list[_Array | None]]: ...

@@ -9,7 +9,7 @@ use fmu_system::master::Recording;
 use fmu_system::metrics::{self, Kind, Summation};
 use fmu_system::run;
 use fmu_system::run::Run;
-use fmu_system::worker::{Failure, Pool, Task};
+use fmu_system::worker::{Failure, FailureKind, Pool, Task};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A term of the objective: factor * |kind(signal)|. The magnitude counts, because an objective is not negative.
@@ -114,7 +114,12 @@ impl Simulation {
             for (parameter, value) in &sets[set] {
                 let (component, name) = self.parameters[*parameter].component_and_name();
                 let changed = run.set_parameter(&self.fmus, component, name, Value::Real(*value));
-                changed.map_err(|e| Failure { run: run.id.clone(), time: None, message: e.to_string() })?;
+                changed.map_err(|e| Failure {
+                    run: run.id.clone(),
+                    time: None,
+                    message: e.to_string(),
+                    kind: FailureKind::Error,
+                })?;
             }
             Ok(Task { run, csv: None })
         };

@@ -5,6 +5,7 @@
 //!   [`problem`] shows mistakes with their place,
 //! - [`mod@run`] is what a [`master`] executes in this process, [`worker`] in others, which may crash; [`fmus`] are the FMUs
 //!   of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect,
+//! - [`batch`] reduces many runs with other values to the numbers of their metrics,
 //! - [`report`] is what the results are to show; nothing that executes runs knows of it; [`metrics`] computes the numbers,
 //! - [`export`] writes a run for other masters, [`compat`] tells which FMUs fit which plants by their signals.
 //!
@@ -28,42 +29,24 @@
 //! # Ok(())
 //! # }
 //! ```
-//!
-//! Without the feature `fmus`, the crate has only the [`metrics`].
 
-#[cfg(feature = "fmus")]
+pub mod batch;
 pub mod compat;
-#[cfg(feature = "fmus")]
 pub mod export;
-#[cfg(feature = "fmus")]
 pub mod fmus;
-#[cfg(feature = "fmus")]
 pub mod limits;
-#[cfg(feature = "fmus")]
 pub mod master;
 pub mod metrics;
-#[cfg(feature = "fmus")]
 pub mod parameter;
-#[cfg(feature = "fmus")]
 pub mod parameter_set;
-#[cfg(feature = "fmus")]
 pub mod plan;
-#[cfg(feature = "fmus")]
 pub mod problem;
-#[cfg(feature = "fmus")]
 pub mod report;
-#[cfg(feature = "fmus")]
 pub mod resolve;
-#[cfg(feature = "fmus")]
 pub mod results;
-#[cfg(feature = "fmus")]
 pub mod run;
-#[cfg(feature = "fmus")]
 pub mod trial;
-#[cfg(feature = "fmus")]
 pub mod worker;
 
-#[cfg(feature = "fmus")]
 mod input_file;
-#[cfg(feature = "fmus")]
 mod scenario;

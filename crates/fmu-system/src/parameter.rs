@@ -1,8 +1,8 @@
 //! Values of parameters: which an FMU takes, and setting them in a run.
 
 use crate::fmus::{Fmus, FmusError};
-use crate::run::{Run, Setting};
-use fmu_import::description::{Causality, ModelDescription, Value, Variability, Variable};
+use crate::run::{Component, Run, Setting};
+use fmu_import::description::{Causality, Initial, ModelDescription, Value, Variability, Variable};
 use fmu_import::named_values::listed;
 use fmu_import::names::suggestion;
 
@@ -47,13 +47,66 @@ impl Run {
         let description = fmus.get(&target.fmu)?.description();
         let variable = parameter(description, name).map_err(|e| rejected(e.message))?;
         check(variable, &value).map_err(rejected)?;
-        let setting =
-            Setting { name: name.to_string(), base_type: variable.base_type, reference: variable.reference, value };
-        match target.parameters.binary_search_by(|p| p.name.as_str().cmp(name)) {
-            Ok(at) => target.parameters[at] = setting,
-            Err(at) => target.parameters.insert(at, setting),
+        target.set_before_initialization(variable, value);
+        Ok(())
+    }
+
+    /// Sets a parameter, the start value of a state or another variable, or an input that keeps one value, on top of what the
+    /// scenario says.
+    ///
+    /// # Errors
+    /// The run has no such component, its FMU no such variable, nothing can be set there, or the value has another type or lies
+    /// outside its limits.
+    pub fn set_value(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), ParameterError> {
+        let target = self
+            .components
+            .iter_mut()
+            .find(|u| u.name == component)
+            .ok_or_else(|| ParameterError::Component(component.to_string()))?;
+        let rejected = |reason| ParameterError::Rejected { component: component.to_string(), reason };
+        let description = fmus.get(&target.fmu)?.description();
+        let variable = settable(description, name).map_err(rejected)?;
+        check(variable, &value).map_err(rejected)?;
+        if variable.causality != Causality::Input {
+            target.set_before_initialization(variable, value);
+            return Ok(());
+        }
+        match target.constants.iter_mut().find(|constant| constant.name == name) {
+            Some(constant) => constant.value = value,
+            None => {
+                return Err(rejected(format!("the input `{name}` does not keep one value, another signal writes it")));
+            }
         }
         Ok(())
+    }
+}
+
+impl Component {
+    fn set_before_initialization(&mut self, variable: &Variable, value: Value) {
+        let name = &variable.name;
+        let setting =
+            Setting { name: name.clone(), base_type: variable.base_type, reference: variable.reference, value };
+        match self.parameters.binary_search_by(|p| p.name.as_str().cmp(name)) {
+            Ok(at) => self.parameters[at] = setting,
+            Err(at) => self.parameters.insert(at, setting),
+        }
+    }
+}
+
+/// The parameter, variable with a start value of its own, or input of that name.
+///
+/// # Errors
+/// There is none; the text says so and proposes another name.
+pub fn settable<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, String> {
+    let starts = |v: &&Variable| {
+        v.variability != Variability::Constant && matches!(v.initial, Some(Initial::Exact | Initial::Approx))
+    };
+    match description.variable(name) {
+        Some(variable) if variable.causality == Causality::Input || starts(&variable) => Ok(variable),
+        _ => parameter(description, name).map_err(|error| match error.help {
+            Some(help) => format!("{}; {help}", error.message),
+            None => error.message,
+        }),
     }
 }
 

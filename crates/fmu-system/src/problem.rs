@@ -32,6 +32,12 @@ impl Problem {
         let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
         format!("{}:{line}:{column}: {}", self.source_code.name(), self.message)
     }
+
+    /// [`Self::line`], and what helps.
+    #[must_use]
+    pub fn explained(&self) -> String {
+        self.help.as_ref().map_or_else(|| self.line(), |help| format!("{}; {help}", self.line()))
+    }
 }
 
 /// All mistakes found in a file.

@@ -43,6 +43,19 @@ pub struct Options {
     /// CSV file with a column `time` and columns named `signal` or `component:signal`, which write these
     /// signals instead of the components; components that nothing needs any more are dropped.
     pub inputs: Option<PathBuf>,
+    /// Use another FMU for a component, in all cases.
+    pub fmus: Vec<OtherFmu>,
+}
+
+/// Another FMU for a component.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OtherFmu {
+    /// Name of the component.
+    pub component: String,
+    /// Name of the FMU.
+    pub fmu: String,
+    /// Whether the component's own parameters apply to it, where it has the same.
+    pub keep_parameters: bool,
 }
 
 /// Why a scenario has no plan.
@@ -94,6 +107,19 @@ pub fn fmu_names(file: &Path) -> Result<BTreeSet<String>, ResolveError> {
     }
 }
 
+/// Names another FMU for a component in all cases, as if each said so.
+fn replace(scenario: &mut Scenario, other: &OtherFmu) -> Result<(), ResolveError> {
+    let OtherFmu { component, fmu, keep_parameters } = other;
+    let Some(own) = scenario.components.iter().find(|own| own.name.get_ref() == component) else {
+        return Err(ResolveError::Option(format!("the scenario has no component `{component}`")));
+    };
+    for case in scenario.cases.iter_mut().filter(|case| !case.leaves_out(component)) {
+        let replacement = scenario::Replacement { fmu: fmu.clone(), keep_parameters: *keep_parameters };
+        case.fmu.insert(own.name.clone(), Spanned::new(own.fmu.span(), replacement));
+    }
+    Ok(())
+}
+
 /// The folder that paths in a file are relative to.
 fn folder(file: &Path) -> &Path {
     file.parent().unwrap_or(Path::new(""))
@@ -114,9 +140,12 @@ pub fn resolve_text(
     options: &Options,
 ) -> Result<Plan, ResolveError> {
     let mut problems = Collector::new(file, text, "toml");
-    let Some(scenario) = scenario::parse(text, folder(file), &mut problems) else {
+    let Some(mut scenario) = scenario::parse(text, folder(file), &mut problems) else {
         return Err(problems.fail().into());
     };
+    for other in &options.fmus {
+        replace(&mut scenario, other)?;
+    }
     scenario.check(&mut problems);
     if !problems.is_empty() {
         return Err(problems.fail().into());

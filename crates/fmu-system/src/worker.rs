@@ -7,7 +7,7 @@ mod pool;
 mod protocol;
 mod serve;
 
-pub use pool::{Failure, Finish, Pool, Task};
+pub use pool::{Failure, FailureKind, Finish, Pool, Task};
 pub use serve::serve;
 
 use crate::run::{Simulation, Trial};

@@ -495,7 +495,8 @@ fn what_nothing_reads_warns() {
 
 #[test]
 fn options_change_the_plan() {
-    let options = Options { stop: Some(0.5), order: Some(Order::Jacobi), seeds: Some(1), inputs: None };
+    let options =
+        Options { stop: Some(0.5), order: Some(Order::Jacobi), seeds: Some(1), inputs: None, fmus: Vec::new() };
     let plan = plan_of(SCENARIO, &options).unwrap();
     assert_eq!(plan.simulation.steps, 500);
     assert_eq!(plan.simulation.order, Order::Jacobi);
@@ -569,6 +570,8 @@ fn metrics_of_metrics_and_requirements() {
         ("value = \"1\"\nmax = 1.0\nrequired_of = [\"activ\"]", "unknown case `activ`"),
         ("value = \"1\"\nmax = 1.0\nrequired_of = []", "expected at least one case"),
         ("value = \"1\"\nrequired_by = \"A standard\"", "`required_by` belongs to a `min` or a `max`"),
+        ("value = \"1\"\nshare = 0.5", "`share` belongs to a `min` or a `max`"),
+        ("value = \"1\"\nmax = 2.0\nshare = 0.0", "share is 0, expected above 0, up to 1"),
     ] {
         let found = lines(&plan_with(written, "").unwrap_err());
         assert!(found.contains(expected), "{written}: {found}");

@@ -6,6 +6,7 @@ mod support;
 
 use fmu_import::description::Value;
 use fmu_import::loader::Status;
+use fmu_system::batch::{Batch, Change, End, Sample};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::{self, Recording};
 use fmu_system::plan::Plan;
@@ -164,6 +165,73 @@ fn parameters_can_be_changed_between_runs() {
     assert!(error.ends_with("`gain` is 11.0, expected at most 10"), "{error}");
     let recording = master::execute(&plan.simulation, &changed, &fmus).unwrap();
     assert_eq!(recording.columns, run(&plan, &fmus, "stiff").columns);
+}
+
+/// The cases that the scenario itself has are the reference: what they set, a sample sets.
+#[test]
+fn samples_are_what_the_scenario_would_say() {
+    let folder = ring();
+    let text = RING.replace("title = \"Stiff\"", "title = \"Stiff\"\nbaseline = \"free\"");
+    let metrics = "[[metric]]\nname = \"y\"\ntitle = \"y\"\nsignal = \"y\"\nkind = \"final\"\n\
+                   [[metric]]\nname = \"change\"\ntitle = \"change\"\nsignal = \"y\"\nkind = \"final\"\nfrom_baseline = true\n\
+                   [[metric]]\nname = \"half\"\ntitle = \"half\"\nvalue = \"y / 2\"\n";
+    let plan = plan(&folder, &(text + metrics), &Options::default());
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let last = |id: &str| *run(&plan, &fmus, id).columns[1].as_ref().unwrap().last().unwrap();
+    let index = |id: &str| plan.runs.iter().position(|run| run.id == id).unwrap();
+    let batch = Batch::new(plan.clone(), fmus.clone());
+    let change = |component: &str, variable: &str, value| Change {
+        component: component.to_owned(),
+        variable: variable.to_owned(),
+        value: Value::Real(value),
+    };
+    let execute = |changes: Vec<Change>, id: &str| {
+        let rows = batch.execute_here(7, &Sample { changes, runs: vec![index(id)] });
+        assert_eq!((rows.len(), rows[0].sample, rows[0].run), (1, 7, index(id)));
+        rows.into_iter().next().unwrap()
+    };
+    let stiff = execute(Vec::new(), "stiff");
+    let (y, free) = (last("stiff"), last("free"));
+    assert_eq!((stiff.end, &stiff.numbers[..]), (End::Ok, &[Some(y), Some(y - free), Some(y / 2.0)][..]));
+    // A parameter of a case; the case without a baseline has no change from it.
+    let row = execute(vec![change("velocity", "gain", -4.0)], "free");
+    assert_eq!(row.numbers, [Some(y), None, Some(y / 2.0)]);
+    // The change reaches the run of the baseline, too.
+    let row = execute(vec![change("velocity", "gain", -1.0)], "stiff");
+    assert_eq!(row.numbers, [Some(free), Some(0.0), Some(free / 2.0)]);
+    // An input that keeps its value: x = 1 + 2 y over a second. What the case leaves out is not missed.
+    let row = execute(vec![change("position", "y", 4.0), change("velocity", "gain", 3.0)], "alone");
+    assert_eq!(row.numbers, [None, None, None]);
+    let changed = batch.changed(index("alone"), &[change("position", "y", 4.0)]).unwrap();
+    assert_eq!(changed.components[0].constants[0].value, Value::Real(4.0));
+
+    for (wrong, expected) in [
+        (change("position", "y", 1.0), "`position`: the input `y` does not keep one value, another signal writes it"),
+        (change("velocity", "gian", 1.0), "`velocity`: Velocity has no parameter `gian`"),
+        (change("velocity", "gain", 11.0), "`velocity`: `gain` is 11.0, expected at most 10"),
+    ] {
+        let End::Rejected { message } = execute(vec![wrong], "free").end else { panic!("{expected}") };
+        assert!(message.starts_with(expected), "{message}");
+    }
+}
+
+#[test]
+fn a_signal_that_is_not_finite_is_a_row_without_numbers() {
+    let folder = ring();
+    let metric = "[[metric]]\nname = \"y\"\ntitle = \"y\"\nsignal = \"y\"\nkind = \"final\"\n";
+    // A gain of 10 on 1e307 overflows in the first step.
+    let plan = plan(&folder, &format!("{RING}{metric}"), &Options::default());
+    let batch = Batch::new(plan.clone(), Fmus::load(&plan.runs).unwrap());
+    let change = |component: &str, variable: &str, value| Change {
+        component: component.to_owned(),
+        variable: variable.to_owned(),
+        value: Value::Real(value),
+    };
+    let changes = vec![change("position", "start", f64::MAX), change("velocity", "gain", 10.0)];
+    let rows = batch.execute_here(0, &Sample { changes, runs: vec![0] });
+    let End::Diverged { time, message } = &rows[0].end else { panic!("{:?}", rows[0].end) };
+    assert!(*time > 0.0 && message.starts_with("`y` is "), "{time}: {message}");
+    assert!(rows[0].numbers.is_empty());
 }
 
 #[test]

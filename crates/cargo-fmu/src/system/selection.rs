@@ -65,6 +65,7 @@ impl Selection {
             }),
             seeds: self.seeds.and_then(|n| usize::try_from(n).ok()),
             inputs: self.inputs.clone(),
+            fmus: Vec::new(),
         };
         Ok(resolve(&self.scenario, &folders(&self.fmus), &options)?)
     }

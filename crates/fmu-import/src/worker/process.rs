@@ -70,6 +70,8 @@ pub struct Ended {
     pub component: Option<usize>,
     /// How it ended and in which call.
     pub message: String,
+    /// Whether it was ended because it took too long.
+    pub is_timeout: bool,
 }
 
 /// How long something has taken.
@@ -157,7 +159,8 @@ impl Process {
                     if watch.is_over(snapshot.pulse) {
                         self.kill();
                         let limit = watch.timeout.as_secs_f64();
-                        return Err(self.ended(&format!("not done after {limit} s (--timeout), stopped")));
+                        let ended = self.ended(&format!("not done after {limit} s (--timeout), stopped"));
+                        return Err(Ended { is_timeout: true, ..ended });
                     }
                     // A program that it has started may hold the connection open.
                     if let Ok(Some(status)) = self.child.try_wait() {
@@ -197,7 +200,8 @@ impl Process {
             Some((_, function)) => format!("{how} during {function}"),
             None => format!("{how} outside of the FMUs"),
         };
-        Ended { time: snapshot.and_then(|snapshot| snapshot.time), component: call.map(|(index, _)| index), message }
+        let time = snapshot.and_then(|snapshot| snapshot.time);
+        Ended { time, component: call.map(|(index, _)| index), message, is_timeout: false }
     }
 
     /// The status of a worker whose connection is closed; `None` if it goes on and had to be ended.

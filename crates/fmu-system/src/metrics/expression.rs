@@ -1,5 +1,6 @@
 //! Metrics of metrics: arithmetic of numbers of the same run.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -8,8 +9,7 @@ const DEPTH: usize = 50;
 
 /// An expression. It is written with `+`, `-`, `*`, `/`, parentheses, numbers, names of metrics, and the functions `abs(x)`, `sqrt(x)`,
 /// `min(x, y)` and `max(x, y)`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Expression {
     /// As it was written.

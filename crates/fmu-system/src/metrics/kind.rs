@@ -2,6 +2,7 @@
 
 use super::spectrum::spectrum;
 use super::{MetricError, Summation, interval, sum};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How a metric is computed from the n rows x\[0\] … x\[n-1\] of its window, at the times t\[0\] … t\[n-1\].
@@ -10,8 +11,7 @@ use serde::{Deserialize, Serialize};
 /// is not a number, or count as neither above nor below a threshold. Sums are rounded once ([`Summation::Exact`]).
 ///
 /// The unit of the number is that of the signal unless an entry says otherwise, see [`Kind::unit`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// Root mean square: sqrt(sum(x\[i\]^2)/n).

@@ -17,6 +17,7 @@ pub use kind::Kind;
 pub use spectrum::{Cross, Spectrum, Transfer, cross, spectrum};
 pub use sum::Summation;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -60,8 +61,7 @@ pub enum MetricError {
 pub type Columns<'a> = BTreeMap<usize, &'a [f64]>;
 
 /// What is computed: x = factor * signal + offset over the rows of a window.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Definition {
     /// Indices of the columns; several are combined row by row.
     pub columns: Vec<usize>,
@@ -99,8 +99,7 @@ pub struct Running {
 }
 
 /// How several signals become one, row by row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Combine {
     /// The smallest.
@@ -115,8 +114,7 @@ pub enum Combine {
 
 /// The end of a window: the rows from the first one on where a signal is above or below a level do not count. Without such a
 /// row in the window there is no number.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[cfg_attr(feature = "fmus", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Until {
     /// Index of the column.
     pub column: usize,

@@ -43,6 +43,19 @@ pub struct Failure {
     pub time: Option<f64>,
     /// Component, call, and what happened.
     pub message: String,
+    /// What kind of failure it is.
+    pub kind: FailureKind,
+}
+
+/// How a run failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FailureKind {
+    /// It could not be begun, a call returned an error, or its file could not be written.
+    Error,
+    /// Its process ended.
+    Crashed,
+    /// A step took too long.
+    TimedOut,
 }
 
 /// Takes the index of a task and its outcome. The recording has no rows if they were written to a file.
@@ -60,7 +73,9 @@ impl Written {
     fn publish(self, finish: Finish<'_>) {
         let outcome = match self.part.publish() {
             Ok(()) => Ok(self.recording),
-            Err(error) => Err(Failure { run: self.run, time: None, message: error.to_string() }),
+            Err(error) => {
+                Err(Failure { run: self.run, time: None, message: error.to_string(), kind: FailureKind::Error })
+            }
         };
         finish(self.index, outcome);
     }
@@ -175,7 +190,7 @@ impl Pool {
         steps: &mut dyn FnMut(u64),
     ) -> Result<Recording, Failure> {
         let id = run.id.clone();
-        let failed = |time, message| Failure { run: id.clone(), time, message };
+        let failed = |time, message| Failure { run: id.clone(), time, message, kind: FailureKind::Error };
         let part = csv.as_ref().map(|(_, part)| part.clone());
         let components: Vec<(String, String)> =
             run.components.iter().map(|Component { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
@@ -185,12 +200,13 @@ impl Pool {
         drop(body);
         let response = match worker.receive(&mut Watch::new(self.settings.timeout), steps) {
             Ok(answer) => answer,
-            Err(Ended { time, component, message }) => {
+            Err(Ended { time, component, message, is_timeout }) => {
                 *slot = None;
                 part.iter().for_each(Part::remove);
                 let component = component.and_then(|index| components.get(index));
                 let component = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
-                return Err(failed(time, component + &message));
+                let kind = if is_timeout { FailureKind::TimedOut } else { FailureKind::Crashed };
+                return Err(Failure { kind, ..failed(time, component + &message) });
             }
         };
         let unexpected = |slot: &mut Option<Process>| {

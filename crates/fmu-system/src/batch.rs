@@ -1,0 +1,316 @@
+//! Many runs of a plan with other values, reduced to the numbers of its metrics.
+//!
+//! A [`Sample`] is a set of values and the runs of the plan that it is tried in. Its runs are executed one behind the other in
+//! the list of all; nothing but its own values decides about a [`Row`], so a batch has the same rows whatever their order, the
+//! number of processes, and what else is in it.
+
+use crate::fmus::Fmus;
+use crate::master::{self, Recording};
+use crate::metrics::{Columns, Definition};
+use crate::parameter::ParameterError;
+use crate::plan::Plan;
+use crate::report::Source;
+use crate::run::Run;
+use crate::worker::{Failure, FailureKind, Pool, Task};
+use fmu_import::description::Value;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
+/// Values for variables of components, and the runs they are tried in.
+#[derive(Debug, Clone)]
+pub struct Sample {
+    /// The values. Those of a component that a run does not have do not concern it.
+    pub changes: Vec<Change>,
+    /// Indices of runs of the plan, rising.
+    pub runs: Vec<usize>,
+}
+
+/// A value for a variable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// Name of the component.
+    pub component: String,
+    /// Name of the variable.
+    pub variable: String,
+    /// The value, in the unit of the variable.
+    pub value: Value,
+}
+
+/// What came of a run with the values of a sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Index of the sample.
+    pub sample: usize,
+    /// Index of the run in the plan.
+    pub run: usize,
+    /// Numbers of the metrics of the plan; `None` if undefined. Empty if the run failed.
+    pub numbers: Vec<Option<f64>>,
+    /// How it ended.
+    pub end: End,
+    /// Time that the run took, s; 0 if it failed.
+    pub seconds: f64,
+}
+
+/// How a run of a sample ended.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum End {
+    /// All went well.
+    Ok,
+    /// An FMU did not accept the values, or could not be used at all.
+    Rejected {
+        /// Why.
+        message: String,
+    },
+    /// A step failed, or a recorded signal is not finite.
+    Diverged {
+        /// Start of the step, or time of the row, s.
+        time: f64,
+        /// Component and call, or the signal.
+        message: String,
+    },
+    /// The process that executed it ended.
+    Crashed {
+        /// Start of the step, s; `None` before the first one.
+        time: Option<f64>,
+        /// Component and call.
+        message: String,
+    },
+    /// A step took too long.
+    TimedOut {
+        /// Start of the step, s; `None` before the first one.
+        time: Option<f64>,
+        /// Component and call.
+        message: String,
+    },
+}
+
+impl From<Failure> for End {
+    fn from(failure: Failure) -> Self {
+        let Failure { time, message, kind, .. } = failure;
+        match (kind, time) {
+            (FailureKind::Crashed, time) => Self::Crashed { time, message },
+            (FailureKind::TimedOut, time) => Self::TimedOut { time, message },
+            (FailureKind::Error, Some(time)) => Self::Diverged { time, message },
+            (FailureKind::Error, None) => Self::Rejected { message },
+        }
+    }
+}
+
+/// The runs of a plan, prepared for many samples: they record what the metrics need, and nothing else.
+#[derive(Debug, Clone)]
+pub struct Batch {
+    plan: Plan,
+    fmus: Fmus,
+    /// For each run, the run of the baseline of its case, if a metric needs it.
+    baselines: Vec<Option<usize>>,
+}
+
+/// Takes a row when it is done, in no order. The runs that are not begun yet are left out after it has returned false.
+pub type Take<'a> = &'a (dyn Fn(Row) -> bool + Sync);
+
+impl Batch {
+    /// Prepares the runs of a plan; the FMUs are those of its runs.
+    #[must_use]
+    pub fn new(mut plan: Plan, fmus: Fmus) -> Self {
+        let needed: BTreeSet<usize> = definitions(&plan).flat_map(needed_columns).collect();
+        for (index, slot) in plan.runs.iter_mut().flat_map(|run| run.columns.iter_mut().enumerate()) {
+            if !needed.contains(&index) {
+                *slot = None;
+            }
+        }
+        let compared = definitions(&plan).any(|definition| definition.from_baseline);
+        let baseline = |run: &Run| {
+            let case = plan.cases.iter().find(|case| case.name == run.case)?;
+            let name = case.baseline.as_ref().filter(|_| compared)?;
+            plan.runs.iter().position(|other| other.case == *name && other.point == run.point && other.seed == run.seed)
+        };
+        let baselines = plan.runs.iter().map(baseline).collect();
+        Self { plan, fmus, baselines }
+    }
+
+    /// The plan, whose runs record what the metrics need.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The FMUs.
+    #[must_use]
+    pub fn fmus(&self) -> &Fmus {
+        &self.fmus
+    }
+
+    /// A run of the plan with other values.
+    ///
+    /// # Errors
+    /// A value does not fit.
+    ///
+    /// # Panics
+    /// If the plan has no such run.
+    pub fn changed(&self, run: usize, changes: &[Change]) -> Result<Run, ParameterError> {
+        let mut run = self.plan.runs[run].clone();
+        for Change { component, variable, value } in changes {
+            if run.components.iter().any(|other| other.name == *component) {
+                run.set_value(&self.fmus, component, variable, value.clone())?;
+            }
+        }
+        Ok(run)
+    }
+
+    /// Executes all runs of some samples in worker processes.
+    pub fn execute(&self, pool: &Pool, samples: &[Sample], take: Take<'_>) {
+        let tasks: Vec<(usize, usize)> = samples
+            .iter()
+            .enumerate()
+            .flat_map(|(index, sample)| self.executed(sample).into_iter().map(move |run| (index, run)))
+            .collect();
+        let states: Vec<Mutex<Collected>> =
+            samples.iter().map(|sample| Mutex::new(Collected::new(self.executed(sample)))).collect();
+        let stopped = std::sync::atomic::AtomicBool::new(false);
+        let order = std::sync::atomic::Ordering::Relaxed;
+        let task = |index: usize| {
+            let (sample, run) = tasks[index];
+            let failed = |message: String| Failure {
+                run: self.plan.runs[run].id.clone(),
+                time: None,
+                message,
+                kind: FailureKind::Error,
+            };
+            if stopped.load(order) {
+                return Err(failed("stopped".to_owned()));
+            }
+            let run = self.changed(run, &samples[sample].changes).map_err(|error| failed(error.to_string()))?;
+            Ok(Task { run, csv: None })
+        };
+        let finish = |index: usize, outcome: Result<Recording, Failure>| {
+            if stopped.load(order) {
+                return;
+            }
+            let (sample, run) = tasks[index];
+            let done = states[sample].lock().unwrap_or_else(PoisonError::into_inner).add(run, outcome);
+            for row in done.map_or(Vec::new(), |outcomes| self.rows(sample, &samples[sample], &outcomes)) {
+                if !take(row) {
+                    stopped.store(true, order);
+                }
+            }
+        };
+        pool.execute(&self.plan.simulation, tasks.len(), &task, &|_| (), &finish);
+    }
+
+    /// Executes the runs of a sample in this process: the FMUs have to be loaded, and one that crashes ends it.
+    #[must_use]
+    pub fn execute_here(&self, index: usize, sample: &Sample) -> Vec<Row> {
+        let outcome = |run: &usize| {
+            let failed = |time, message| Failure {
+                run: self.plan.runs[*run].id.clone(),
+                time,
+                message,
+                kind: FailureKind::Error,
+            };
+            let changed = self.changed(*run, &sample.changes).map_err(|error| failed(None, error.to_string()))?;
+            master::execute(&self.plan.simulation, &changed, &self.fmus)
+                .map_err(|error| failed(error.time, error.cause.to_string()))
+        };
+        let outcomes: Vec<_> = self.executed(sample).iter().map(|run| (*run, outcome(run))).collect();
+        self.rows(index, sample, &outcomes)
+    }
+
+    /// The runs that the rows of a sample need: its own and those of baselines.
+    fn executed(&self, sample: &Sample) -> Vec<usize> {
+        let own = sample.runs.iter().copied();
+        let all: BTreeSet<usize> = own.clone().chain(own.filter_map(|run| self.baselines[run])).collect();
+        all.into_iter().collect()
+    }
+
+    fn rows(&self, index: usize, sample: &Sample, outcomes: &[(usize, Result<Recording, Failure>)]) -> Vec<Row> {
+        let of = |run: usize| outcomes.iter().find(|(of, _)| *of == run).map(|(_, outcome)| outcome);
+        let row = |run: usize| {
+            let outcome = of(run)?;
+            let (numbers, end, seconds) = match outcome {
+                Err(failure) => (Vec::new(), failure.clone().into(), 0.0),
+                Ok(recording) => {
+                    let baseline = self.baselines[run].and_then(of).and_then(|outcome| outcome.as_ref().ok());
+                    match self.numbers(recording, baseline) {
+                        Ok(numbers) => (numbers, End::Ok, recording.seconds),
+                        Err(end) => (Vec::new(), end, 0.0),
+                    }
+                }
+            };
+            Some(Row { sample: index, run, numbers, end, seconds })
+        };
+        sample.runs.iter().filter_map(|run| row(*run)).collect()
+    }
+
+    /// The numbers of the metrics of a run.
+    fn numbers(&self, recording: &Recording, baseline: Option<&Recording>) -> Result<Vec<Option<f64>>, End> {
+        let columns = columns(recording);
+        // The first row decides, then the first column.
+        let not_finite = columns
+            .iter()
+            .filter_map(|(index, values)| values.iter().position(|value| !value.is_finite()).map(|row| (row, *index)));
+        if let Some((row, column)) = not_finite.min() {
+            let message = format!("`{}` is {}", self.plan.columns[column].name, columns[&column][row]);
+            return Err(End::Diverged { time: recording.time[row], message });
+        }
+        let of_baseline = baseline.map(self::columns);
+        let simulation = &self.plan.simulation;
+        let mut numbers: Vec<Option<f64>> = Vec::new();
+        for metric in &self.plan.metrics {
+            let number = match &metric.source {
+                // The runs were cut short.
+                Source::Signals(Definition { window: Some([from, _]), .. }) if *from >= simulation.stop => None,
+                Source::Signals(definition) => definition
+                    .value(&recording.time, &columns, of_baseline.as_ref(), simulation.step)
+                    .map_err(|error| End::Rejected { message: format!("metric {}: {error}", metric.name) })?,
+                Source::Metrics { value, .. } => value.value(|index| numbers.get(index).copied().flatten()),
+            };
+            numbers.push(number);
+        }
+        Ok(numbers)
+    }
+}
+
+/// Outcomes of the runs of a sample, until it has all.
+struct Collected {
+    outcomes: Vec<(usize, Option<Result<Recording, Failure>>)>,
+}
+
+impl Collected {
+    fn new(runs: Vec<usize>) -> Self {
+        Self { outcomes: runs.into_iter().map(|run| (run, None)).collect() }
+    }
+
+    /// All outcomes, if this is the last one.
+    fn add(
+        &mut self,
+        run: usize,
+        outcome: Result<Recording, Failure>,
+    ) -> Option<Vec<(usize, Result<Recording, Failure>)>> {
+        if let Some((_, slot)) = self.outcomes.iter_mut().find(|(of, _)| *of == run) {
+            *slot = Some(outcome);
+        }
+        if self.outcomes.iter().any(|(_, outcome)| outcome.is_none()) {
+            return None;
+        }
+        Some(self.outcomes.drain(..).filter_map(|(run, outcome)| Some((run, outcome?))).collect())
+    }
+}
+
+fn definitions(plan: &Plan) -> impl Iterator<Item = &Definition> {
+    plan.metrics.iter().filter_map(|metric| match &metric.source {
+        Source::Signals(definition) => Some(definition),
+        Source::Metrics { .. } => None,
+    })
+}
+
+fn needed_columns(definition: &Definition) -> impl Iterator<Item = usize> {
+    let until = definition.until.as_ref().map(|until| until.column);
+    definition.columns.iter().copied().chain(definition.minus).chain(until)
+}
+
+fn columns(recording: &Recording) -> Columns<'_> {
+    let values = recording.columns.iter().enumerate();
+    values.filter_map(|(index, column)| Some((index, column.as_deref()?))).collect()
+}

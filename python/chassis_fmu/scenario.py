@@ -1,0 +1,293 @@
+"""Scenarios as objects: run them with other values, at native speed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from . import _native, libpython, plan
+
+Value: TypeAlias = "float | int | bool | str"
+Values: TypeAlias = Mapping[str, Value]
+"""Values by `component:variable`, in the units of the variables; modes by their names or numbers."""
+
+Status = Literal["ok", "rejected", "diverged", "crashed", "timed_out"]
+
+ScenarioError = _native.ScenarioError
+
+PACKAGE = Path(__file__).resolve().parent
+ROOT = PACKAGE.parents[1]
+
+
+class RunError(Exception):
+    """A run that failed: its status, the time of the failure (s) and what happened."""
+
+    def __init__(self, status: Status, time: float | None, message: str) -> None:
+        at = "" if time is None else f" at {time:g} s"
+        super().__init__(f"{status.replace('_', ' ')}{at}: {message}")
+        self.status = status
+        self.time = time
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable that can be set, with its value in the scenario."""
+
+    name: str
+    base_type: str
+    unit: str | None
+    units: tuple[plan.Conversion, ...]
+    min: float | None
+    max: float | None
+    value: Value | None
+    description: str
+
+    def from_unit(self, value: float, unit: str) -> float:
+        """Convert a value to the unit of the variable."""
+        if unit == self.unit:
+            return value
+        for known in self.units:
+            if known.unit == unit:
+                return (value - known.offset) / known.factor
+        names = ", ".join(f"`{u}`" for u in dict.fromkeys([self.unit or "no unit", *(u.unit for u in self.units)]))
+        raise ScenarioError(f"`{self.name}` cannot be given in `{unit}`, expected {names}")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Values, and the indices of the runs of the plan that they are tried in."""
+
+    values: tuple[tuple[str, Value], ...]
+    runs: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a run with the values of a sample."""
+
+    sample: int
+    run: int
+    numbers: tuple[float | None, ...]
+    """Of the metrics of the plan; empty if the run failed."""
+    status: Status
+    time: float | None
+    message: str | None
+    seconds: float
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def fmus() -> dict[str, Path]:
+    """Return the FMUs of this package by name, or those of the repository it is installed from."""
+    for folder in (PACKAGE / "fmus", ROOT / "target" / "fmu"):
+        found = {path.stem: path for path in sorted(folder.glob("*.fmu"))}
+        if found:
+            return found
+    return {}
+
+
+def worker_program() -> Path:
+    """Return the program that executes FMUs in processes of its own."""
+    name = "cargo-fmu.exe" if sys.platform == "win32" else "cargo-fmu"
+    places = [PACKAGE / "bin" / name, ROOT / "target" / "release" / name]
+    found = next((p for p in places if p.is_file()), None) or shutil.which(name)
+    if found is None:
+        raise ScenarioError(f"there is no program {name}: `scripts/build` makes it")
+    return Path(found)
+
+
+def _split(name: str) -> tuple[str, str]:
+    component, colon, variable = name.partition(":")
+    if not colon or not component or not variable:
+        raise ScenarioError(f'"{name}", expected "component:variable"')
+    return component, variable
+
+
+class Scenario:
+    """A scenario file with its FMUs.
+
+    `fmus` are the folders of FMUs (default: those of `fmus()`), `stop` ends the runs earlier (s), `replace` names
+    other FMUs for components. Raises `ScenarioError` if the file or an FMU cannot be used; the text has file, line and
+    column.
+    """
+
+    def __init__(
+        self,
+        file: str | Path,
+        *,
+        fmus: Sequence[str | Path] | None = None,
+        stop: float | None = None,
+        replace: Mapping[str, str] | None = None,
+        keep_parameters: bool = False,
+    ) -> None:
+        self.file = Path(file).resolve()
+        self._folders = [Path(f).resolve() for f in (fmus if fmus is not None else default_folders())]
+        self._stop = stop
+        self._replace = dict(replace or {})
+        self._keep_parameters = keep_parameters
+        self._connect()
+
+    def _connect(self) -> None:
+        replaced = {component: (fmu, self._keep_parameters) for component, fmu in self._replace.items()}
+        self._native = _native.System(self.file, self._folders, self._stop, None, replaced)
+        self.plan = plan.parse(self._native.plan(), Path())
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in vars(self).items() if key not in ("_native", "plan")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._connect()
+
+    def __repr__(self) -> str:
+        return f"Scenario({str(self.file)!r})"
+
+    def json(self) -> str:
+        """Return the plan as JSON."""
+        return self._native.plan()
+
+    @property
+    def cases(self) -> tuple[str, ...]:
+        """Names of the cases."""
+        return tuple(case.name for case in self.plan.cases)
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """Names of the metrics."""
+        return tuple(metric.name for metric in self.plan.metrics)
+
+    def variable(self, name: str) -> Variable:
+        """Return what is known of `component:variable`; raises `ScenarioError` if it cannot be set."""
+        base, unit, units, least, greatest, value, description = self._native.variable(*_split(name))
+        conversions = tuple(plan.Conversion(*u) for u in units)
+        return Variable(name, base, unit, conversions, least, greatest, value, description or "")
+
+    def index(self, case: str | None = None, point: str | None = None, seed: int | None = None) -> int:
+        """Return the index of the run of a case, point and seed; by default of the first of each."""
+        case = self.cases[0] if case is None else case
+        point = self.plan.point_names[0] if point is None else point
+        seed = self.plan.seed_values[0] if seed is None else seed
+        for known, given, what in (
+            (self.cases, case, "case"),
+            (self.plan.point_names, point, "point"),
+            (self.plan.seed_values, seed, "seed"),
+        ):
+            if given not in known:
+                raise ScenarioError(f"unknown {what} {given!r}, expected one of {', '.join(map(repr, known))}")
+        return next(i for i, r in enumerate(self.plan.runs) if (r.case, r.point, r.seed) == (case, point, seed))
+
+    def run(
+        self,
+        values: Values | None = None,
+        *,
+        case: str | None = None,
+        point: str | None = None,
+        seed: int | None = None,
+    ) -> dict[str, float | None]:
+        """Run a case with other values and return its metrics.
+
+        The run takes place in this process, without the interpreter's lock: an FMU that crashes takes the process with
+        it; `run_many` with `workers` protects from that. Raises `RunError` if the run fails.
+        """
+        outcome = self.run_many([values or {}], case=case, point=point, seed=seed)[0]
+        return self.numbers(outcome)
+
+    def numbers(self, outcome: Outcome) -> dict[str, float | None]:
+        """Return the metrics of a run by name; raises `RunError` if it failed."""
+        if outcome.status != "ok":
+            raise RunError(outcome.status, outcome.time, outcome.message or "")
+        return dict(zip(self.metrics, outcome.numbers, strict=True))
+
+    def run_many(
+        self,
+        values: Sequence[Values],
+        *,
+        case: str | None = None,
+        point: str | None = None,
+        seed: int | None = None,
+        workers: int | None = None,
+        timeout: float = 60.0,
+        progress: Callable[[int], object] | None = None,
+    ) -> list[Outcome]:
+        """Run a case with each of several sets of values; a run that fails is an outcome, too.
+
+        `workers` is the number of processes that execute the FMUs; without it the runs take place in this one.
+        `timeout` is the longest time for a step (s). `progress` gets the number of finished runs.
+        """
+        index = self.index(case, point, seed)
+        samples = [Sample(tuple(v.items()), (index,)) for v in values]
+        found: list[Outcome] = []
+
+        def take(outcome: Outcome) -> bool:
+            found.append(outcome)
+            if progress is not None:
+                progress(len(found))
+            return True
+
+        if workers is None:
+            for number, sample in enumerate(samples):
+                rows = self._native.execute_here(_changes(sample), list(sample.runs))
+                take(Outcome(number, *rows[0][1:]))
+        else:
+            self.start(workers, timeout)
+            self.execute(samples, take)
+        return sorted(found, key=lambda o: o.sample)
+
+    def start(self, jobs: int, timeout: float = 60.0) -> None:
+        """Prepare processes for `execute`; they start when they are needed first."""
+        self._native.start(worker_program(), jobs, timeout, libpython.find())
+
+    def execute(self, samples: Sequence[Sample], take: Callable[[Outcome], bool]) -> None:
+        """Execute samples in the processes of `start`; `take` gets outcomes in no order and says whether to go on."""
+        self._native.execute([(_changes(s), list(s.runs)) for s in samples], lambda row: take(Outcome(*row)))
+
+    def simulate(
+        self,
+        values: Values | None = None,
+        *,
+        case: str | None = None,
+        point: str | None = None,
+        seed: int | None = None,
+    ) -> pa.Table:
+        """Run a case with other values in this process and return its recorded signals with the column `time` (s).
+
+        Units are in the metadata of the fields; `to_pandas()` makes a data frame. The arrays are not copied.
+        """
+        index = self.index(case, point, seed)
+        times, columns = self.record(tuple((values or {}).items()), index)
+        names, arrays, units = ["time"], [times], ["s"]
+        for column, array in zip(self.plan.columns, columns, strict=True):
+            if array is not None:
+                names.append(column.name)
+                arrays.append(array)
+                units.append(column.unit or "1")
+        fields = [pa.field(n, pa.float64(), metadata={"unit": u}) for n, u in zip(names, units, strict=True)]
+        return pa.table(arrays, schema=pa.schema(fields))
+
+    def record(
+        self, values: tuple[tuple[str, Value], ...], run: int
+    ) -> tuple[NDArray[np.float64], list[NDArray[np.float64] | None]]:
+        """Return times and the columns of the plan of a run with other values, executed in this process."""
+        return self._native.simulate(_changes(Sample(values, (run,))), run)
+
+
+def default_folders() -> list[Path]:
+    """Return the folders in which FMUs are looked for."""
+    found = fmus()
+    return [next(iter(found.values())).parent] if found else [ROOT / "target" / "fmu"]
+
+
+def _changes(sample: Sample) -> list[tuple[str, str, Value]]:
+    return [(*_split(name), value) for name, value in sample.values]

@@ -1,0 +1,267 @@
+//! Runs of a scenario with other values: in this process, or in worker processes.
+
+use fmu_import::description::{BaseType, Value, Variable};
+use fmu_import::worker::{Launch, Settings};
+use fmu_system::batch::{Batch, Change, End, Row, Sample};
+use fmu_system::fmus::{Fmus, FmusError};
+use fmu_system::master::{self, RunError};
+use fmu_system::parameter;
+use fmu_system::plan::Plan;
+use fmu_system::resolve::{FmuFolder, Options, OtherFmu, ResolveError, resolve};
+use fmu_system::worker::Pool;
+use numpy::{IntoPyArray as _, PyArray1};
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::Duration;
+
+create_exception!(chassis_fmu._native, ScenarioError, PyException, "A scenario or a value that cannot be used.");
+
+fn error(error: impl std::fmt::Display) -> PyErr {
+    ScenarioError::new_err(error.to_string())
+}
+
+/// All mistakes, one per line.
+fn mistakes(problem: ResolveError) -> PyErr {
+    match problem {
+        ResolveError::Problems(problems) => {
+            error(problems.problems.iter().map(fmu_system::problem::Problem::explained).collect::<Vec<_>>().join("\n"))
+        }
+        other => error(other),
+    }
+}
+
+/// A value as Python has it; `bool` before `int`, of which it is a subclass.
+#[derive(FromPyObject)]
+enum Given {
+    Boolean(bool),
+    Integer(i32),
+    Real(f64),
+    Text(String),
+}
+
+impl Given {
+    /// As a value of a variable: whole numbers are Reals, too, and names of modes are Integers.
+    fn of(self, variable: &Variable) -> Result<Value, String> {
+        let value = match (self, variable.base_type) {
+            (Self::Integer(value), BaseType::Real) => Value::Real(f64::from(value)),
+            (Self::Integer(value), _) => Value::Integer(value),
+            (Self::Real(value), BaseType::Integer) if value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX) => {
+                Value::Integer(value as i32)
+            }
+            (Self::Real(value), _) => Value::Real(value),
+            (Self::Boolean(value), _) => Value::Boolean(value),
+            (Self::Text(name), BaseType::Integer) => {
+                let known = variable.named_values();
+                let Some((value, _)) = known.iter().find(|(_, known)| *known == name) else {
+                    let names: Vec<String> = known.iter().map(|(_, name)| format!("`{name}`")).collect();
+                    return Err(format!("`{}` is \"{name}\", expected one of {}", variable.name, names.join(", ")));
+                };
+                Value::Integer(*value)
+            }
+            (Self::Text(value), _) => Value::String(value),
+        };
+        Ok(value)
+    }
+}
+
+/// A value as Python gets it.
+fn given<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
+    Ok(match value {
+        Value::Real(value) => value.into_pyobject(py)?.into_any(),
+        Value::Integer(value) => value.into_pyobject(py)?.into_any(),
+        Value::Boolean(value) => value.into_pyobject(py)?.to_owned().into_any(),
+        Value::String(value) => value.into_pyobject(py)?.into_any(),
+    })
+}
+
+/// Component, variable, value.
+type Changed = (String, String, Given);
+
+/// A run that is done: sample, run, numbers, status, time, message, seconds.
+type Done = (usize, usize, Vec<Option<f64>>, &'static str, Option<f64>, Option<String>, f64);
+
+fn done(row: Row) -> Done {
+    let Row { sample, run, numbers, end, seconds } = row;
+    let (status, time, message) = match end {
+        End::Ok => ("ok", None, None),
+        End::Rejected { message } => ("rejected", None, Some(message)),
+        End::Diverged { time, message } => ("diverged", Some(time), Some(message)),
+        End::Crashed { time, message } => ("crashed", time, Some(message)),
+        End::TimedOut { time, message } => ("timed_out", time, Some(message)),
+    };
+    (sample, run, numbers, status, time, message, seconds)
+}
+
+/// A resolved scenario with its FMUs.
+#[pyclass(frozen, module = "chassis_fmu._native")]
+pub(crate) struct System {
+    /// As it records what the scenario says.
+    plan: Plan,
+    batch: Batch,
+    /// The FMUs loaded in this process.
+    loaded: OnceLock<Batch>,
+    pool: Mutex<Option<Arc<Pool>>>,
+}
+
+#[pymethods]
+impl System {
+    #[new]
+    #[pyo3(signature = (file, folders, stop=None, seeds=None, fmus=BTreeMap::new()))]
+    fn new(
+        py: Python<'_>,
+        file: PathBuf,
+        folders: Vec<PathBuf>,
+        stop: Option<f64>,
+        seeds: Option<usize>,
+        fmus: BTreeMap<String, (String, bool)>,
+    ) -> PyResult<Self> {
+        let fmus =
+            fmus.into_iter().map(|(component, (fmu, keep_parameters))| OtherFmu { component, fmu, keep_parameters });
+        let options = Options { stop, seeds, fmus: fmus.collect(), ..Options::default() };
+        py.detach(|| {
+            let plan = resolve(&file, &FmuFolder::new(folders), &options).map_err(mistakes)?;
+            let fmus = Fmus::unpack(&plan.runs).map_err(error)?;
+            let batch = Batch::new(plan.clone(), fmus);
+            Ok(Self { plan, batch, loaded: OnceLock::new(), pool: Mutex::default() })
+        })
+    }
+
+    /// The plan as JSON.
+    fn plan(&self) -> PyResult<String> {
+        serde_json::to_string(&self.plan).map_err(error)
+    }
+
+    /// What is known of a variable that can be set, in the first run that has it: base type, unit, units with factor and offset,
+    /// limits, value.
+    fn variable<'py>(&self, py: Python<'py>, component: &str, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let of = |run: &fmu_system::run::Run| run.components.iter().find(|other| other.name == component).cloned();
+        let mut first = None;
+        for found in self.plan.runs.iter().filter_map(of) {
+            let fmu = self.batch.fmus().get(&found.fmu).map_err(error)?;
+            match parameter::settable(fmu.description(), name) {
+                Err(message) if first.is_none() => first = Some(format!("`{component}`: {message}")),
+                Err(_) => (),
+                Ok(variable) => {
+                    let set = found.parameters.iter().chain(&found.constants).find(|setting| setting.name == name);
+                    let value = set.map(|setting| &setting.value).or(variable.start.as_ref());
+                    let units: Vec<(String, f64, f64)> = fmu
+                        .description()
+                        .display_units(variable)
+                        .into_iter()
+                        .map(|unit| (unit.name, unit.factor, unit.offset))
+                        .collect();
+                    let base = variable.base_type.to_string();
+                    let value = value.map(|value| given(py, value)).transpose()?;
+                    let description = variable.description.clone();
+                    let known = (base, variable.unit.clone(), units, variable.min, variable.max, value, description);
+                    return Ok(known.into_pyobject(py)?.into_any());
+                }
+            }
+        }
+        let components: Vec<&str> =
+            self.plan.runs.iter().flat_map(|run| &run.components).map(|other| other.name.as_str()).collect();
+        Err(error(first.unwrap_or_else(|| {
+            let hint = fmu_import::names::suggestion(component, components).unwrap_or_default();
+            format!("unknown component `{component}`; {hint}")
+        })))
+    }
+
+    /// Prepares worker processes, which start when they are needed first.
+    fn start(&self, program: PathBuf, jobs: NonZeroUsize, timeout: f64, libpython: Option<PathBuf>) -> PyResult<()> {
+        let settings = Settings {
+            launch: Launch { program, arguments: vec![OsString::from("worker")] },
+            timeout: Duration::try_from_secs_f64(timeout).map_err(error)?,
+            libpython,
+            printed: Arc::new(|line| eprintln!("FMU prints: {line}")),
+        };
+        let pool = Pool::new(settings, jobs, self.batch.fmus());
+        *self.pool.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(pool));
+        Ok(())
+    }
+
+    /// Executes samples, each a list of changes and the runs of the plan, in worker processes. `take` gets each row when it is
+    /// done and returns whether to go on.
+    fn execute(&self, py: Python<'_>, samples: Vec<(Vec<Changed>, Vec<usize>)>, take: Py<PyAny>) -> PyResult<()> {
+        let samples = self.samples(samples)?;
+        let pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some(pool) = pool else { return Err(error("no worker processes were prepared")) };
+        let failed = Mutex::new(None);
+        py.detach(|| {
+            self.batch.execute(&pool, &samples, &|row| {
+                let more = Python::attach(|py| take.call1(py, (done(row),)).and_then(|more| more.extract::<bool>(py)));
+                more.unwrap_or_else(|error| {
+                    *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                    false
+                })
+            });
+        });
+        failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
+    }
+
+    /// Executes the runs of a sample in this process.
+    fn execute_here(&self, py: Python<'_>, changes: Vec<Changed>, runs: Vec<usize>) -> PyResult<Vec<Done>> {
+        let samples = self.samples(vec![(changes, runs)])?;
+        let batch = self.here()?;
+        Ok(py.detach(|| batch.execute_here(0, &samples[0])).into_iter().map(done).collect())
+    }
+
+    /// Executes a run in this process and returns its times and columns.
+    #[expect(clippy::type_complexity, reason = "a tuple for Python")]
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        changes: Vec<Changed>,
+        run: usize,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Vec<Option<Bound<'py, PyArray1<f64>>>>)> {
+        let samples = self.samples(vec![(changes, vec![run])])?;
+        let batch = self.here()?;
+        let mut changed = batch.changed(run, &samples[0].changes).map_err(error)?;
+        changed.columns.clone_from(&self.plan.runs[run].columns);
+        let recorded = py.detach(|| master::execute(&self.plan.simulation, &changed, batch.fmus()));
+        let recording = recorded.map_err(|e: RunError| error(e))?;
+        let columns = recording.columns.into_iter().map(|column| column.map(|values| values.into_pyarray(py)));
+        Ok((recording.time.into_pyarray(py), columns.collect()))
+    }
+}
+
+impl System {
+    fn here(&self) -> PyResult<&Batch> {
+        if let Some(batch) = self.loaded.get() {
+            return Ok(batch);
+        }
+        let fmus = Fmus::load(&self.plan.runs).map_err(|e: FmusError| error(e))?;
+        Ok(self.loaded.get_or_init(|| Batch::new(self.plan.clone(), fmus)))
+    }
+
+    fn samples(&self, samples: Vec<(Vec<Changed>, Vec<usize>)>) -> PyResult<Vec<Sample>> {
+        samples
+            .into_iter()
+            .map(|(changes, runs)| {
+                if let Some(run) = runs.iter().find(|run| **run >= self.plan.runs.len()) {
+                    return Err(error(format!("the plan has no run {run}")));
+                }
+                let changes = changes.into_iter().map(|change| self.change(change)).collect::<PyResult<_>>()?;
+                Ok(Sample { changes, runs })
+            })
+            .collect()
+    }
+
+    /// A change with the type that the variable has in the first run that has it.
+    fn change(&self, (component, name, value): Changed) -> PyResult<Change> {
+        let components = self.plan.runs.iter().flat_map(|run| &run.components);
+        for found in components.filter(|other| other.name == component) {
+            let fmu = self.batch.fmus().get(&found.fmu).map_err(error)?;
+            if let Some(variable) = fmu.description().variable(&name) {
+                let value = value.of(variable).map_err(|message| error(format!("`{component}`: {message}")))?;
+                return Ok(Change { component, variable: name, value });
+            }
+        }
+        Err(error(format!("no component `{component}` has a variable `{name}`")))
+    }
+}
