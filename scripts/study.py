@@ -2,7 +2,7 @@
 
 import sys
 
-from chassis_fmu.tuning import main
+from chassis_fmu.study.app import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -199,7 +199,7 @@ def markdown(plan: Plan, cells: Sequence[Row]) -> str:
     """Return the table as Markdown."""
     header, rows, left = _text_rows(plan, cells)
     escaped = [[cell.replace("|", "\\|") for cell in row] for row in rows]
-    return f"# {plan.title}\n\n" + _text(header, escaped, left, "pipe") + _notes(cells)
+    return f"# {plan.title}\n\n" + text(header, escaped, left, "pipe") + _notes(cells)
 
 
 def console(plan: Plan, cells: Sequence[Row]) -> str:
@@ -209,10 +209,10 @@ def console(plan: Plan, cells: Sequence[Row]) -> str:
     for i in range(len(shown) - 1, 0, -1):
         if rows[i][0] == rows[i - 1][0]:
             shown[i][0] = ""
-    return _text(header, shown, left, "simple") + _notes(cells)
+    return text(header, shown, left, "simple") + _notes(cells)
 
 
-def _text(header: Sequence[str], rows: Sequence[Sequence[str]], left: int, style: str) -> str:
+def text(header: Sequence[str], rows: Sequence[Sequence[str]], left: int, style: str) -> str:
     """Return the table in a style of tabulate, its first columns aligned to the left."""
     align = ["left" if i < left else "right" for i in range(len(header))]
     # The cells are formatted already: tabulate must not parse them as numbers.

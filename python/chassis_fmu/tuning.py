@@ -1,4 +1,4 @@
-"""Tuning studies: `cargo fmu study` does the work; here its history becomes Parquet, a plot of the convergence and a page."""
+"""Tuning studies: `cargo fmu study` does the work; here its history becomes Parquet, a plot and a page."""
 
 from __future__ import annotations
 

@@ -1,0 +1,214 @@
+"""The command: `scripts/study STUDY`, and `scripts/study merge STUDY` for the shards of one."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from tqdm import tqdm
+
+from .. import results, scenario, shell, tuning
+from ..scenario import RunError, ScenarioError
+from ..terminal import escaped
+from . import design, execute, file, report
+from .charts import History, Recorded
+from .engines import Engine, Local
+from .execute import WHOLE, Folder, Result, Shard
+from .file import StudyError
+from .job import Done, Job
+from .statistics import Numbers
+
+# What a call means that could not do its work; 1 is a requirement that is not met.
+UNABLE = 2
+
+
+def _shard(text: str) -> Shard:
+    try:
+        return Shard.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def arguments(argv: Sequence[str]) -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        prog="study.py",
+        description=(
+            "Carries out a study: many runs of a scenario with values that vary, and a page of what they tell. "
+            "`study.py merge STUDY` puts the shards of a study together. "
+            "Exit code: 0 if all requirements are met, 1 if one is not, 2 if the study could not run."
+        ),
+    )
+    parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
+    parser.add_argument("--runs", type=shell.positive, metavar="N", help="samples per case instead of the study's")
+    parser.add_argument(
+        "--engine",
+        choices=("local", "dask"),
+        default="local",
+        help="processes of this machine, or Dask (default: local)",
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://HOST:8786 (default: one of this machine)"
+    )
+    parser.add_argument(
+        "--jobs", type=shell.positive, metavar="N", help="number of processes (default: all processors)"
+    )
+    shell.add_timeout(parser)
+    shell.add_out(parser)
+    parser.add_argument(
+        "--fmus",
+        type=Path,
+        action="append",
+        metavar="DIR",
+        help="folder of FMUs (default: target/fmu); may be given several times, the first that has an FMU wins",
+    )
+    parser.add_argument("--shard", type=_shard, metavar="I/N", help="only the I-th of N parts of the samples")
+    parser.add_argument("--no-fail", action="store_true", help="exit with 0 although a requirement is not met")
+    existing = parser.add_mutually_exclusive_group()
+    existing.add_argument("--resume", action="store_true", help="go on with the results that are there")
+    existing.add_argument("--overwrite", action="store_true", help="begin anew")
+    existing.add_argument("--report-only", action="store_true", help="only make the tables and the page anew")
+    options = parser.parse_args(argv)
+    if options.scheduler is not None and options.engine != "dask":
+        parser.error("--scheduler belongs to --engine dask")
+    return options
+
+
+def _job(options: argparse.Namespace) -> Job:
+    study = file.read(options.study)
+    if options.runs is not None:
+        if study.method == "sweep":
+            raise StudyError(f"{options.study}: a sweep has as many samples as its values make, it takes no --runs")
+        import msgspec
+
+        study = msgspec.structs.replace(study, runs=options.runs)
+    folders = [f.resolve() for f in options.fmus] if options.fmus else scenario.default_folders()
+    return Job(study, options.study.resolve(), folders)
+
+
+def _engine(options: argparse.Namespace, job: Job) -> tuple[Engine, str]:
+    jobs = options.jobs or scenario.processors()
+    if options.engine == "local":
+        return Local(job, jobs, options.timeout), f"local, {jobs} {'process' if jobs == 1 else 'processes'}"
+    from .cluster import Dask
+
+    where = "of this machine" if options.scheduler is None else f"at {options.scheduler}"
+    return Dask(job, options.scheduler, jobs, options.timeout), f"Dask, scheduler {where}"
+
+
+def _total(job: Job, shard: Shard) -> int:
+    if job.study.is_adaptive:
+        count = job.study.runs or file.SAMPLES
+    else:
+        numbers = range(len(design.shares(job.study)))
+        count = len(numbers[shard.number - 1 :: shard.of])
+    return count * len(job.cells)
+
+
+def _execute(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard) -> tuple[Result, str]:
+    folder.prepare(shard, resume=options.resume or options.report_only, overwrite=options.overwrite)
+    engine, name = _engine(options, job)
+    total = _total(job, shard)
+    with execute.closing(engine), tqdm(total=total, unit="run", disable=None, smoothing=0.05) as bar:
+        failed = 0
+
+        def progress(done: Done) -> None:
+            nonlocal failed
+            if done.status != "ok":
+                failed += 1
+                bar.set_postfix(failed=failed, refresh=False)
+            bar.update()
+
+        return execute.run(job, folder, engine, shard, progress, resume=options.resume or options.report_only), name
+
+
+def _series(job: Job, numbers: Numbers, folder: Path) -> tuple[Recorded, list[str]]:
+    """Record the runs that `[series]` asks for, as Parquet files."""
+    series = job.study.series
+    if series is None:
+        return {}, []
+    names = [m.name for m in job.plan.metrics]
+    metric = names.index(series.metric) if series.metric is not None else report.shown_metrics(numbers)[0]
+    recorded: dict[tuple[int, int], History] = {}
+    files = []
+    target = folder / "series"
+    for old in target.glob("*.parquet"):
+        old.unlink()
+    for cell, run in enumerate(job.cells):
+        order = report.worst_first(numbers, metric, cell)
+        chosen = order[: series.worst]
+        rest = np.array(sorted(set(order) - set(chosen)), np.int64)
+        drawn = np.random.default_rng(job.study.seed).permutation(rest)[: series.random]
+        for number in sorted({*chosen, *(int(n) for n in drawn)}):
+            values = dict(zip((f.name for f in job.study.vary), (c[number] for c in numbers.values), strict=True))
+            task = job.task(number, values)
+            source = job.scenarios[task.variant]
+            times, columns = source.record(task.sample.values, task.sample.runs[cell])
+            recorded[number, cell] = (times, columns)
+            point = "" if run.point is None else f"_{run.point}"
+            path = target / f"{number}_{run.case}{point}.parquet"
+            known = [(c, v) for c, v in zip(job.plan.columns, columns, strict=True) if v is not None]
+            results.write_parquet(
+                path,
+                [c.name for c, _ in known],
+                [c.unit or "1" for c, _ in known],
+                times,
+                np.stack([v for _, v in known], axis=1),
+            )
+            files.append(path.relative_to(folder).as_posix())
+    return recorded, files
+
+
+def _run(options: argparse.Namespace, *, merging: bool) -> int:
+    job = _job(options)
+    folder = Folder(options.out.resolve() / job.name)
+    shard = options.shard or WHOLE
+    if shard != WHOLE and job.study.is_adaptive:
+        raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
+    if merging:
+        result, engine = execute.merge(job, folder), f"{len(folder.journals())} shards"
+    else:
+        result, engine = _execute(options, job, folder, shard)
+    if shard != WHOLE:
+        print(
+            f"{folder.journal(shard)}\n`scripts/study merge {options.study}` makes the tables when all parts are there"
+        )
+        return 0
+    execute.write(job, folder, result)
+    numbers = Numbers(job, result.values, result.rows)
+    recorded, files = _series(job, numbers, folder.path)
+    given = shell.from_root([str(options.study.resolve())])
+    given += shell.set_options(options, ("runs",))
+    for path in options.fmus or ():
+        given += shell.from_root(["--fmus", str(path.resolve())])
+    context = report.Context(shlex.join(["scripts/study", *given]), engine, shell.versions(), files)
+    report.write(numbers, recorded, context, folder.path)
+    print(escaped(report.console(numbers)))
+    print(f"\n{folder.path / 'index.html'}")
+    failed = [share for share in numbers.shares() if not share.holds]
+    if not any(done.status == "ok" for done in result.rows.values()):
+        raise StudyError("all runs failed, the page says how")
+    return 1 if failed and not options.no_fail else 0
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    merging = given[:1] == ["merge"]
+    given = given[1:] if merging else given
+    path = next((Path(a) for a in given if not a.startswith("-")), None)
+    if path is not None and path.is_file() and file.is_tuning(path):
+        return tuning.main(given)
+    try:
+        return _run(arguments(given), merging=merging)
+    except (StudyError, ScenarioError, RunError, results.ResultsError, OSError, pa.ArrowException) as error:
+        print(f"error: {escaped(error)}", file=sys.stderr)
+        return UNABLE
+    except KeyboardInterrupt:
+        print("interrupted; --resume goes on", file=sys.stderr)
+        return 130

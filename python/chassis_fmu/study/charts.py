@@ -1,0 +1,264 @@
+"""The figures of a study: distributions, factors, trade-offs, time histories."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import tables
+from ..figures import Axis, Line, Panel
+from ..plan import Case, Conversion, Figure, Metric, Run
+from . import statistics
+from .statistics import Numbers
+
+Array = NDArray[np.floating[Any]]
+
+# Points of a scatter plot and steps of a distribution that a page contains; more would only lie on each other.
+MOST_POINTS = 1500
+MOST_STEPS = 800
+BINS = 30
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A figure with what one sees."""
+
+    figure: Figure
+    caption: str
+    panels: list[Panel]
+
+
+def figure(name: str, title: str, kind: str, cases: Sequence[Case]) -> Figure:
+    """Return the plan's notion of a figure, for those who draw it."""
+    return Figure(
+        name=name,
+        title=title,
+        kind=kind,  # type: ignore[arg-type]
+        cases=tuple(c.name for c in cases),
+        separate=False,
+        columns=(),
+        against=None,
+        right=None,
+        over=None,
+        metrics=(),
+        same_scale=False,
+        equal_axes=False,
+        band=None,
+        window=None,
+        levels=(),
+        unit=None,
+        factor=1.0,
+        offset=0.0,
+        caption=None,
+    )
+
+
+def _axis(metric: Metric, *, title: str | None = None) -> Axis:
+    return Axis(metric.title if title is None else title, (Conversion(tables.pretty_unit(metric.conversion.unit)),))
+
+
+def _case(numbers: Numbers, run: Run) -> Case:
+    return next(c for c in numbers.job.plan.cases if c.name == run.case)
+
+
+def _note(numbers: Numbers, run: Run) -> str:
+    return next((p.title for p in numbers.job.plan.points if p.name == run.point), "")
+
+
+def _points(numbers: Numbers) -> list[str | None]:
+    return list(dict.fromkeys(run.point for run in numbers.job.cells))
+
+
+def distributions(numbers: Numbers, index: int) -> list[Panel]:
+    """Return the cumulative distribution and histogram of a metric, at each point, with the limits it has to keep."""
+    job = numbers.job
+    metric = job.plan.metrics[index]
+    limits = [limit for r in job.requirements if r.metric == index for limit in (r.min, r.max) if limit is not None]
+    found = []
+    for point in _points(numbers):
+        cells = [(i, run) for i, run in enumerate(job.cells) if run.point == point]
+        values = {i: numbers.of(index, i) for i, _ in cells}
+        known = {i: np.sort(v[np.isfinite(v)]) for i, v in values.items()}
+        if not any(v.size for v in known.values()):
+            continue
+        note = _note(numbers, cells[0][1])
+        everything = np.concatenate(list(known.values()))
+        edges = _edges(everything)
+        cumulative, histogram = [], []
+        for i, run in cells:
+            v = known[i]
+            if not v.size:
+                continue
+            case = _case(numbers, run)
+            # Runs that failed have no number: the curve ends below 1.
+            cumulative.append(Line("run", case.title, *_steps(v, values[i].size), case))
+            histogram.append(Line("run", case.title, *_outline(v, edges), case))
+        top = max(float(line.y.max()) for line in histogram)
+        for name, panel_lines, height in (("cumulative", cumulative, 1.0), ("histogram", histogram, top)):
+            marked = [
+                Line(
+                    "reference", f"limit {tables.scientific(limit)}", np.array([limit, limit]), np.array([0.0, height])
+                )
+                for limit in dict.fromkeys(limits)
+            ]
+            y = Axis("Share of the runs", (Conversion(""),), range=(0.0, 1.0) if name == "cumulative" else None)
+            title = f"{metric.title}: {'share of the runs up to a value' if name == 'cumulative' else 'histogram'}"
+            found.append(Panel(title, note, _axis(metric), y, (*panel_lines, *marked), kind="curve"))
+    return found
+
+
+def _edges(values: Array) -> Array:
+    low, high = float(values.min()), float(values.max())
+    if low == high:
+        low, high = low - 0.5, high + 0.5
+    bins = max(5, min(BINS, round(math.sqrt(values.size))))
+    return np.linspace(low, high, bins + 1)
+
+
+def _steps(values: Array, count: int) -> tuple[Array, Array]:
+    """Return the steps of a cumulative distribution."""
+    shares = np.arange(1, values.size + 1) / count
+    if values.size > MOST_STEPS:
+        rows = np.unique(np.linspace(0, values.size - 1, MOST_STEPS).astype(np.intp))
+        values, shares = values[rows], shares[rows]
+    x = np.repeat(values, 2)
+    y = np.concatenate([[0.0], np.repeat(shares, 2)[:-1]])
+    return x, y
+
+
+def _outline(values: Array, edges: Array) -> tuple[Array, Array]:
+    """Return the outline of a histogram."""
+    counts, _ = np.histogram(values, edges)
+    shares = counts / max(1, values.size)
+    x = np.repeat(edges, 2)
+    y = np.concatenate([[0.0], np.repeat(shares, 2), [0.0]])
+    return x, y
+
+
+def over_factors(numbers: Numbers, index: int) -> list[Panel]:
+    """Return a metric over each factor: a point for each sample, or means where the factor has levels."""
+    job = numbers.job
+    metric = job.plan.metrics[index]
+    found = []
+    for factor, values in zip(job.study.vary, numbers.values, strict=True):
+        if factor.distribution == "seed" or isinstance(values[0], str | bool):
+            continue
+        unit = "times its own value" if factor.relative else factor.unit or ""
+        x = Axis(factor.name, (Conversion(unit),))
+        of = np.array(values, np.float64)
+        for point in _points(numbers):
+            lines = []
+            for i, run in enumerate(job.cells):
+                if run.point != point:
+                    continue
+                case = _case(numbers, run)
+                line = _means(numbers, index, i, factor.name, case) if factor.levels else None
+                line = line or _cloud(of, numbers.of(index, i), case)
+                if line is not None:
+                    lines.append(line)
+            if lines:
+                note = next((p.title for p in job.plan.points if p.name == point), "")
+                kind = "function" if factor.levels else "curve"
+                title = f"{metric.title} over {factor.name}"
+                found.append(Panel(title, note, x, _axis(metric), tuple(lines), kind=kind))  # type: ignore[arg-type]
+    return found
+
+
+def _cloud(x: Array, y: Array, case: Case) -> Line | None:
+    known = np.flatnonzero(np.isfinite(y))
+    if not known.size:
+        return None
+    rows = known[:: -(-known.size // MOST_POINTS)]
+    rows = rows[np.argsort(x[rows], kind="stable")]
+    return Line("run", case.title, x[rows], y[rows], case, marks=True, apart=True)
+
+
+def _means(numbers: Numbers, index: int, cell: int, name: str, case: Case) -> Line | None:
+    levels = statistics.main_effects(numbers, index, cell).get(name, ())
+    rows = sorted((float(level), mean) for level, mean, _ in levels)
+    if not rows:
+        return None
+    x, y = np.array(rows).T
+    return Line("run", case.title, x, y, case, marks=True)
+
+
+def trade_off(numbers: Numbers, first: int, second: int) -> list[Panel]:
+    """Return one metric over another, with the Pareto front of all samples: none is better in both."""
+    job = numbers.job
+    across, up = (job.plan.metrics[i] for i in (first, second))
+    signs = [_better(numbers, i) for i in (first, second)]
+    found = []
+    for point in _points(numbers):
+        lines, everything = [], []
+        for i, run in enumerate(job.cells):
+            if run.point != point:
+                continue
+            x, y = numbers.of(first, i), numbers.of(second, i)
+            known = np.isfinite(x) & np.isfinite(y)
+            if known.any():
+                everything.append(np.stack([x[known], y[known]], axis=1))
+                line = _cloud(x[known], y[known], _case(numbers, run))
+                if line is not None:
+                    lines.append(line)
+        if not lines:
+            continue
+        front = pareto(np.concatenate(everything), signs)
+        lines.append(Line("reference", "Pareto front", front[:, 0], front[:, 1]))
+        note = next((p.title for p in job.plan.points if p.name == point), "")
+        title = f"{up.title} over {across.title}"
+        found.append(Panel(title, note, _axis(across), _axis(up), tuple(lines), kind="curve"))
+    return found
+
+
+def _better(numbers: Numbers, index: int) -> float:
+    """Return -1 if a metric is better the larger it is, as its requirement says, else 1."""
+    limits = next((r for r in numbers.job.requirements if r.metric == index), None)
+    return -1.0 if limits is not None and limits.max is None else 1.0
+
+
+def pareto(points: Array, signs: Sequence[float]) -> Array:
+    """Return those of some points (rows) than which none is better in both coordinates, by the first one.
+
+    `signs` are 1 where less is better, -1 where more is.
+    """
+    costs = points * np.array(signs)
+    order = np.lexsort((costs[:, 1], costs[:, 0]))
+    best = math.inf
+    rows = []
+    for row in order:
+        if costs[row, 1] < best:
+            best = float(costs[row, 1])
+            rows.append(row)
+    return points[rows]
+
+
+History: TypeAlias = tuple[Array, Sequence[Array | None]]
+"""Times and columns of a run."""
+
+Recorded: TypeAlias = Mapping[tuple[int, int], History]
+"""Runs by number of the sample and index of the cell."""
+
+
+def histories(numbers: Numbers, columns: Sequence[int], recorded: Recorded) -> Iterator[Panel]:
+    """Return the signals of some runs over time."""
+    plan = numbers.job.plan
+    for index in columns:
+        column = plan.columns[index]
+        lines = []
+        for (number, cell), (times, values) in sorted(recorded.items(), key=lambda item: (item[0][1], item[0][0])):
+            signal = values[index]
+            if signal is not None:
+                run = numbers.job.cells[cell]
+                case = _case(numbers, run)
+                lines.append(Line("run", f"{case.title}, sample {number}", times, signal, case))
+        if lines:
+            shown = column.shown
+            title = column.description or column.name
+            y = Axis("", (shown,))
+            x = Axis("Time", (Conversion("s"),), range=(float(lines[0].x[0]), float(lines[0].x[-1])))
+            yield Panel(f"{title} ({column.name})", "", x, y, tuple(lines))

@@ -1,0 +1,153 @@
+"""Designs: the values of all samples of a study, chosen before the first run.
+
+A design is a table with a row for each sample and a column for each factor. It depends on the study alone, to the bit:
+on its seed and number of samples, not on machine, engine or order.
+"""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import scipy.stats
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from .. import results
+from ..scenario import Value
+from .file import SAMPLES, Study, StudyError
+
+Array = NDArray[np.float64]
+
+
+def shares(study: Study) -> Array:
+    """Return the shares of the distributions, a row for each sample and a column for each factor."""
+    count = study.runs or SAMPLES
+    factors = len(study.vary)
+    if study.method == "sensitivity":
+        return sensitivity(study)
+    design = study.chosen_design
+    if design == "random":
+        # Neither 0 nor 1: a normal value would be infinite.
+        return np.maximum(np.random.default_rng(study.seed).random((count, factors)), 2.0**-54)
+    if design == "latin_hypercube":
+        sampler: Any = qmc.LatinHypercube(factors, rng=np.random.default_rng(study.seed))
+        return np.asarray(sampler.random(count))
+    if design == "sobol":
+        sampler = qmc.Sobol(factors, rng=np.random.default_rng(study.seed))
+        # All points of the next power of two, of which the first ones are taken.
+        return np.asarray(sampler.random_base2(max(0, (count - 1).bit_length()))[:count])
+    return by_levels(study)
+
+
+def by_levels(study: Study) -> Array:
+    """Return the shares of a design that takes every factor at its levels."""
+    levels = [factor.levels or [] for factor in study.vary]
+    middles = []
+    for factor, values in zip(study.vary, levels, strict=True):
+        weights = np.ones(len(values)) if factor.weights is None else np.array(factor.weights)
+        ends = np.cumsum(weights / weights.sum())
+        middles.append(0.5 * (ends + np.concatenate([[0.0], ends[:-1]])))
+    if study.chosen_design == "full_factorial":
+        return np.array(list(itertools.product(*middles)), np.float64)
+    if study.chosen_design == "list":
+        return np.array(list(zip(*middles, strict=True)), np.float64)
+    # One at a time: all at their middle level, then each at all of its others.
+    center = [values[len(values) // 2] for values in middles]
+    rows = [center]
+    for at, values in enumerate(middles):
+        rows += [[*center[:at], value, *center[at + 1 :]] for value in values if value != center[at]]
+    return np.array(rows, np.float64)
+
+
+def problem(study: Study) -> dict[str, Any]:
+    """Return what SALib calls a problem: names and ranges of the shares."""
+    count = len(study.vary)
+    return {"num_vars": count, "names": [f.name for f in study.vary], "bounds": [[0.0, 1.0]] * count}
+
+
+def sensitivity(study: Study) -> Array:
+    """Return the shares of a study of sensitivities."""
+    import SALib.sample.morris
+    import SALib.sample.sobol
+
+    count = study.runs or SAMPLES
+    if study.analysis == "morris":
+        found = SALib.sample.morris.sample(problem(study), count, num_levels=4, seed=study.seed)
+    else:
+        if count & (count - 1):
+            raise StudyError(f"runs is {count}, expected a power of two: Sobol indices need one")
+        found = SALib.sample.sobol.sample(problem(study), count, calc_second_order=False, seed=study.seed)
+    # The ends of an unlimited distribution are infinite.
+    return np.clip(np.asarray(found, np.float64), 1e-6, 1.0 - 1e-6)
+
+
+def values(study: Study, of: Array) -> list[list[Any]]:
+    """Return the values of each factor, correlated as the study says."""
+    if study.correlation:
+        of = _correlated(study, of)
+    return [factor.column(of[:, i]) for i, factor in enumerate(study.vary)]
+
+
+def _correlated(study: Study, of: Array) -> Array:
+    """Give the shares of the normal factors their correlation, by the Cholesky factor of its matrix."""
+    names = [factor.name for factor in study.vary]
+    matrix = np.eye(len(names))
+    for correlation in study.correlation:
+        i, j = (names.index(n) for n in correlation.between)
+        matrix[i, j] = matrix[j, i] = correlation.coefficient
+    used = sorted({names.index(n) for c in study.correlation for n in c.between})
+    factor = np.linalg.cholesky(matrix[np.ix_(used, used)])
+    normal = scipy.stats.norm.ppf(of[:, used])
+    # Row by row and term by term, so that no library of linear algebra decides about the last bit.
+    mixed = np.zeros_like(normal)
+    for row in range(len(used)):
+        for column in range(row + 1):
+            mixed[:, row] += factor[row, column] * normal[:, column]
+    out = of.copy()
+    out[:, used] = scipy.stats.norm.cdf(mixed)
+    return out
+
+
+def column(study: Study, name: str, of: list[Any]) -> tuple[pa.Field, pa.Array]:
+    """Return a column of a table with the values of a factor."""
+    factor = study.factor(name)
+    first = of[0] if of else 0.0
+    if isinstance(first, str):
+        kind: pa.DataType = pa.string()
+    elif isinstance(first, bool):
+        kind = pa.bool_()
+    elif factor.distribution == "seed":
+        kind = pa.int64()
+    else:
+        kind, of = pa.float64(), [float(v) for v in of]
+    unit = "1" if factor.unit is None else factor.unit
+    metadata = {} if kind in (pa.string(), pa.bool_()) else {"unit": unit}
+    return pa.field(name, kind, metadata=metadata), pa.array(of, kind)
+
+
+def table(study: Study, columns: list[list[Any]]) -> pa.Table:
+    """Return the design as a table: `sample`, then a column for each factor."""
+    count = len(columns[0])
+    fields, arrays = [pa.field("sample", pa.int64())], [pa.array(range(count), pa.int64())]
+    for factor, of in zip(study.vary, columns, strict=True):
+        field, array = column(study, factor.name, of)
+        fields.append(field)
+        arrays.append(array)
+    return pa.table(arrays, schema=pa.schema(fields))
+
+
+def write(found: pa.Table, path: Path) -> None:
+    """Write a table as Parquet: the same bytes for the same values."""
+    with results.replacing(path) as temporary:
+        pyarrow.parquet.write_table(found, temporary, compression="zstd")
+
+
+def rows(found: pa.Table) -> list[dict[str, Value]]:
+    """Return the values of each sample by factor."""
+    rows: list[dict[str, Value]] = found.drop_columns(["sample"]).to_pylist()
+    return rows

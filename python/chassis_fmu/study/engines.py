@@ -1,0 +1,99 @@
+"""What executes the tasks of a study: processes of this machine, or a Dask cluster.
+
+Both let the worker program of this package execute the FMUs, so a row has the same bits wherever it comes from. An FMU
+that crashes costs its run.
+"""
+
+from __future__ import annotations
+
+import functools
+import queue
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
+
+from ..scenario import Outcome
+from .job import Done, Job, Task
+
+Take = Callable[[Done], None]
+
+
+class Engine(Protocol):
+    """Executes tasks."""
+
+    def execute(self, tasks: Sequence[Task], take: Take) -> None:
+        """Execute tasks; `take` gets every row once, in no order, in the thread of the caller."""
+
+    def close(self) -> None:
+        """End all processes."""
+
+
+class Local:
+    """Processes of this machine."""
+
+    def __init__(self, job: Job, jobs: int, timeout: float) -> None:
+        self._job = job
+        self._jobs = jobs
+        self._timeout = timeout
+        self._started: set[int] = set()
+
+    def execute(self, tasks: Sequence[Task], take: Take) -> None:
+        """Execute the tasks, one variant behind the other."""
+        for variant in sorted({task.variant for task in tasks}):
+            chosen = [task for task in tasks if task.variant == variant]
+            scenario = self._job.scenarios[variant]
+            if variant not in self._started:
+                scenario.start(self._jobs, self._timeout)
+                self._started.add(variant)
+            samples = [task.sample for task in chosen]
+            for outcome in stream(functools.partial(scenario.execute, samples)):
+                take(self._job.done(chosen[outcome.sample], outcome))
+
+    def close(self) -> None:
+        """End all processes."""
+        self._started.clear()
+
+
+class _End:
+    """What ends a stream, with the error if there was one."""
+
+    def __init__(self, error: BaseException | None = None) -> None:
+        self.error = error
+
+
+def stream(execute: Callable[[Callable[[Outcome], bool]], None]) -> Iterator[Outcome]:
+    """Give the outcomes of `execute` as they come, in this thread, which an interrupt can end at any time.
+
+    `execute` works in a thread of its own and is told to stop when this one ends early.
+    """
+    outcomes: queue.SimpleQueue[Outcome | _End] = queue.SimpleQueue()
+    stopped = threading.Event()
+
+    def put(outcome: Outcome) -> bool:
+        outcomes.put(outcome)
+        return not stopped.is_set()
+
+    def work() -> None:
+        try:
+            execute(put)
+        except BaseException as error:  # The other thread raises it.
+            outcomes.put(_End(error))
+        else:
+            outcomes.put(_End())
+
+    worker = threading.Thread(target=work, daemon=True)
+    worker.start()
+    try:
+        while True:
+            # With a limit, so that an interrupt is noticed on all systems.
+            try:
+                found = outcomes.get(timeout=0.5)
+            except queue.Empty:
+                continue
+            if isinstance(found, _End):
+                if found.error is not None:
+                    raise found.error
+                return
+            yield found
+    finally:
+        stopped.set()

@@ -1,0 +1,180 @@
+"""Carries out a study: design, runs, tables."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from ..scenario import Value
+from . import design, search, table
+from .engines import Engine
+from .file import StudyError
+from .job import Done, Job, Task
+from .journal import Journal, parse
+
+Progress = Callable[[Done], None]
+
+
+@dataclass(frozen=True)
+class Shard:
+    """A part of the samples: every `of`-th one, from `number` - 1 on."""
+
+    number: int
+    of: int
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """Read `3/20`."""
+        number, slash, of = text.partition("/")
+        try:
+            shard = cls(int(number), int(of))
+        except ValueError:
+            shard = cls(0, 0)
+        if not slash or not 1 <= shard.number <= shard.of:
+            raise ValueError(f"{text} is no part of a study, expected for example 3/20")
+        return shard
+
+    @property
+    def journal(self) -> str:
+        """Return the name of the journal."""
+        return f"rows-{self.number}-of-{self.of}.jsonl"
+
+
+WHOLE = Shard(1, 1)
+
+
+class Folder:
+    """The folder of a study's results."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.design = path / "design.parquet"
+        self.runs = path / "runs.parquet"
+        self.timing = path / "timing.parquet"
+
+    def journal(self, shard: Shard) -> Path:
+        """Return the path of a journal."""
+        return self.path / ("rows.jsonl" if shard == WHOLE else shard.journal)
+
+    def journals(self) -> list[Path]:
+        """Return the journals of shards."""
+        return sorted(self.path.glob("rows-*-of-*.jsonl"))
+
+    def clear(self, shard: Shard) -> None:
+        """Remove results."""
+        for path in (self.journal(shard), self.runs, self.timing):
+            path.unlink(missing_ok=True)
+
+    def prepare(self, shard: Shard, *, resume: bool, overwrite: bool) -> None:
+        """Make room for results; raises StudyError if there are some that nobody said what to do with."""
+        if overwrite:
+            self.clear(shard)
+        elif not resume and self.journal(shard).exists():
+            raise StudyError(f"{self.journal(shard)} is there: --resume goes on with it, --overwrite begins anew")
+
+
+@dataclass
+class Result:
+    """Values of all samples by factor, and the rows that are done."""
+
+    values: list[list[Any]]
+    rows: dict[tuple[int, int], Done]
+
+
+def planned(job: Job) -> list[list[Any]]:
+    """Return the values of a study whose samples are known before."""
+    return design.values(job.study, design.shares(job.study))
+
+
+def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progress, *, resume: bool) -> Result:
+    """Execute all runs that are not done yet. What is done when an exception ends it stays in the journal."""
+    cells = len(job.cells)
+
+    def wanted(journal: Journal, tasks: Sequence[Task]) -> list[Task]:
+        return [t for t in tasks if any((t.number, cell) not in journal.rows for cell in range(cells))]
+
+    with Journal(folder.journal(shard), job.fingerprint(), resume=resume) as journal:
+
+        def take(done: Done) -> None:
+            is_new = (done.number, done.cell) not in journal.rows
+            journal.add(done)
+            if is_new:
+                progress(done)
+
+        if job.study.is_adaptive:
+
+            def evaluate(first: int, values: Sequence[dict[str, Value]]) -> list[list[Done]]:
+                tasks = [job.task(first + i, v) for i, v in enumerate(values)]
+                engine.execute(wanted(journal, tasks), take)
+                return [[journal.rows[t.number, cell] for cell in range(cells)] for t in tasks]
+
+            values = search.run(job.study, job, evaluate)
+            design.write(design.table(job.study, values), folder.design)
+            return Result(values, dict(journal.rows))
+        values = planned(job)
+        found = design.table(job.study, values)
+        design.write(found, folder.design)
+        names = [f.name for f in job.study.vary]
+        rows = [dict(zip(names, row, strict=True)) for row in zip(*values, strict=True)]
+        tasks = [job.task(number, row) for number, row in enumerate(rows) if number % shard.of == shard.number - 1]
+        engine.execute(wanted(journal, tasks), take)
+        return Result(values, dict(journal.rows))
+
+
+def merge(job: Job, folder: Folder) -> Result:
+    """Put the shards of a study together."""
+    if job.study.is_adaptive:
+        raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
+    journals = folder.journals()
+    if not journals:
+        raise StudyError(f"{folder.path} has no shards: `--shard 1/20` makes the first of twenty")
+    rows: dict[tuple[int, int], Done] = {}
+    for path in journals:
+        header, *lines = path.read_bytes().decode("utf-8").rpartition("\n")[0].splitlines() or [""]
+        if job.fingerprint() not in header:
+            raise StudyError(f"{path} belongs to another version of the study, its scenario or its FMUs")
+        rows |= {(done.number, done.cell): done for done in parse(lines)}
+    values = planned(job)
+    count, cells = len(values[0]), len(job.cells)
+    missing = sorted({n for n in range(count) if any((n, cell) not in rows for cell in range(cells))})
+    if missing:
+        some = ", ".join(map(str, missing[:5])) + (", …" if len(missing) > 5 else "")
+        raise StudyError(
+            f"{len(missing)} of {count} samples are missing ({some}): run the shards they belong to, "
+            f"or `--resume` those that were interrupted"
+        )
+    design.write(design.table(job.study, values), folder.design)
+    return Result(values, rows)
+
+
+def write(job: Job, folder: Folder, result: Result) -> None:
+    """Write the tables."""
+    design.write(table.runs(job, result.values, result.rows), folder.runs)
+    design.write(table.timing(job, result.rows), folder.timing)
+
+
+def read_design(folder: Folder) -> pa.Table:
+    """Read the design that was written."""
+    try:
+        return pyarrow.parquet.read_table(folder.design)
+    except (OSError, pa.ArrowException) as error:
+        raise StudyError(f"cannot read {folder.design}: {error}") from error
+
+
+@contextlib.contextmanager
+def closing(engine: Engine) -> Any:
+    """End an engine however the block ends."""
+    try:
+        yield engine
+    finally:
+        try:
+            engine.close()
+        except Exception as error:  # What happens after the last row must not hide it.
+            print(f"warning: ending the engine: {error}", file=sys.stderr)

@@ -1,0 +1,79 @@
+"""Every row of a study as it comes, on disk: an interrupted study goes on with them.
+
+A line of JSON for each run; numbers are written so that they read back as the same doubles. A line that was cut off is
+ignored.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import IO
+
+from .file import StudyError
+from .job import Done
+
+FORMAT = 1
+
+
+class Journal:
+    """The rows of a study or of a shard of it."""
+
+    def __init__(self, path: Path, fingerprint: str, *, resume: bool) -> None:
+        """Open a journal; without `resume` there must be none."""
+        self.path = path
+        self.rows: dict[tuple[int, int], Done] = {}
+        header = json.dumps({"format": FORMAT, "study": fingerprint})
+        kept = 0
+        if path.exists() and resume:
+            kept = self._read(header)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file: IO[str] = path.open("r+" if kept else "w", encoding="utf-8", newline="\n")
+        if kept:
+            # Behind the last line that is whole.
+            self._file.truncate(kept)
+            self._file.seek(kept)
+        else:
+            self._file.write(header + "\n")
+            self._file.flush()
+
+    def _read(self, header: str) -> int:
+        content = self.path.read_bytes()
+        end = content.rfind(b"\n") + 1
+        lines = content[:end].decode("utf-8").splitlines()
+        if not lines:
+            return 0
+        if lines[0] != header:
+            raise StudyError(
+                f"{self.path} belongs to another version of the study, its scenario or its FMUs: "
+                "--overwrite begins anew, another folder (--out) keeps both"
+            )
+        for done in parse(lines[1:]):
+            self.rows[done.number, done.cell] = done
+        return end
+
+    def add(self, done: Done) -> None:
+        """Write a row; one that is there already is left out."""
+        if (done.number, done.cell) in self.rows:
+            return
+        self.rows[done.number, done.cell] = done
+        row = [done.number, done.cell, done.numbers, done.status, done.time, done.message, done.seconds]
+        self._file.write(json.dumps(row) + "\n")
+        self._file.flush()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+
+def parse(lines: list[str]) -> Iterator[Done]:
+    """Read the rows of a journal."""
+    for line in lines:
+        number, cell, numbers, status, time, message, seconds = json.loads(line)
+        yield Done(number, cell, tuple(numbers), status, time, message, seconds)

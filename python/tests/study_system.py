@@ -1,0 +1,90 @@
+"""A system of one small FMU from C, for tests of studies: y = f(a, b, c) after a step."""
+
+from __future__ import annotations
+
+import subprocess
+import zipfile
+from pathlib import Path
+
+import fmpy
+
+SOURCE = Path(__file__).parents[2] / "crates" / "fmu-import" / "tests" / "data" / "stranger.c"
+
+DESCRIPTION = """<?xml version="1.0"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Function" guid="Function">
+<CoSimulation modelIdentifier="Function" canHandleVariableCommunicationStepSize="true"/>
+<UnitDefinitions><Unit name="m"><BaseUnit m="1"/><DisplayUnit name="cm" factor="100"/></Unit></UnitDefinitions>
+<ModelVariables>
+<ScalarVariable name="a" valueReference="0" causality="parameter" variability="fixed" initial="exact">
+<Real start="0" unit="m" min="-10" max="10"/></ScalarVariable>
+<ScalarVariable name="b" valueReference="2" causality="parameter" variability="fixed" initial="exact">
+<Real start="1"/></ScalarVariable>
+<ScalarVariable name="c" valueReference="3" causality="parameter" variability="fixed" initial="exact">
+<Real start="0"/></ScalarVariable>
+<ScalarVariable name="seed" valueReference="0" causality="parameter" variability="fixed" initial="exact">
+<Integer start="0"/></ScalarVariable>
+<ScalarVariable name="y" valueReference="1" causality="output"><Real/></ScalarVariable>
+</ModelVariables>
+<ModelStructure><Outputs><Unknown index="5"/></Outputs></ModelStructure>
+</fmiModelDescription>
+"""
+
+SCENARIO = """title = "A function"
+[simulation]
+stop = 0.2
+step = 0.1
+[[component]]
+name = "f"
+fmu = "Function"
+parameters = { a = 1.0, b = 2.0, c = 3.0 }
+[[case]]
+name = "plain"
+title = "Plain"
+[[case]]
+name = "shifted"
+title = "Shifted"
+baseline = "plain"
+parameters.f = { b = 3.0 }
+[record]
+signals = ["f:y"]
+[[metric]]
+name = "y"
+title = "Value"
+signal = "f:y"
+kind = "final"
+[[metric]]
+name = "twice"
+title = "Twice the value"
+value = "2 * y"
+"""
+
+# What the C function calls a, b, c.
+NAMES = "double a = i->v.real[0], b = i->v.real[2], c = i->v.real[3]; int seed = i->v.integer[0]; (void)seed;"
+
+
+def build(folder: Path, value: str = "a + 10 * b + 100 * c", before: str = "", name: str = "Function") -> Path:
+    """Build the FMU whose output is an expression in C, after a statement; returns its folder."""
+    fmus = folder / "fmus"
+    fmus.mkdir(exist_ok=True)
+    library, source = folder / f"{name}.so", folder / f"{name}.c"
+    source.write_text(f"#include <math.h>\n{SOURCE.read_text()}")
+    step = f"do {{ {NAMES} {before}; i->v.real[1] = {value}; return 0; }} while (0)"
+    options = ["-shared", "-fPIC", "-DSTATES", '-DVERSION="2.0"', f'-DGUID="{name}"', f"-DSTEP={step}"]
+    subprocess.run(["cc", *options, "-o", str(library), str(source), "-lm"], check=True)
+    with zipfile.ZipFile(fmus / f"{name}.fmu", "w") as file:
+        file.writestr("modelDescription.xml", DESCRIPTION.replace("Function", name))
+        file.write(library, f"binaries/{fmpy.platform}/{name}.so")
+    return fmus
+
+
+def write(folder: Path, study: str, scenario: str = SCENARIO) -> Path:
+    """Write scenario and study; returns the path of the study."""
+    (folder / "function.toml").write_text(scenario)
+    path = folder / "study.toml"
+    path.write_text(f'title = "A study"\nscenario = "function.toml"\n{study}')
+    return path
+
+
+def vary(name: str, variable: str, distribution: str) -> str:
+    """Return a factor."""
+    return f'[[vary]]\nname = "{name}"\nvariable = "{variable}"\n{distribution}\n'

@@ -1,0 +1,338 @@
+"""Studies with a small FMU from C whose output is a known function of its parameters."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from chassis_fmu.study import app
+from chassis_fmu.study.engines import Local
+from chassis_fmu.study.job import Done
+from tests.study_system import SCENARIO, build, vary, write
+
+UNIFORM = 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'
+SAMPLE = 'method = "sample"\nruns = 20\n'
+TWO = vary("p", "f:a", UNIFORM) + vary("q", "f:c", 'distribution = "normal"\nmean = 3.0\ndeviation = 0.1')
+
+
+def run(folder: Path, study: Path, *options: str) -> int:
+    """Carry out a study with the FMUs of a folder."""
+    return app.main([str(study), "--fmus", str(folder / "fmus"), "--out", str(folder / "out"), *options])
+
+
+def rows(folder: Path, name: str = "runs") -> list[dict[str, object]]:
+    found: list[dict[str, object]] = pyarrow.parquet.read_table(
+        folder / "out" / "study" / f"{name}.parquet"
+    ).to_pylist()
+    return found
+
+
+def table(folder: Path, out: str = "out") -> bytes:
+    return (folder / out / "study" / "runs.parquet").read_bytes()
+
+
+def test_every_run_is_a_row_with_its_values_and_metrics(tmp_path: Path) -> None:
+    build(tmp_path)
+    assert run(tmp_path, write(tmp_path, SAMPLE + TWO)) == 0
+    found = rows(tmp_path)
+    assert [(r["sample"], r["case"]) for r in found] == [(n, c) for n in range(20) for c in ("plain", "shifted")]
+    for row in found:
+        p, q = row["p"], row["q"]
+        assert isinstance(p, float)
+        assert isinstance(q, float)
+        # The sum in the order of the C expression: the same bits.
+        y = p + 10.0 * (2.0 if row["case"] == "plain" else 3.0) + 100.0 * q
+        assert (row["y"], row["twice"], row["status"], row["time"]) == (y, 2.0 * y, "ok", None)
+    designed = rows(tmp_path, "design")
+    assert [(r["sample"], r["p"], r["q"]) for r in designed] == [(r["sample"], r["p"], r["q"]) for r in found[::2]]
+    schema = pyarrow.parquet.read_schema(tmp_path / "out" / "study" / "timing.parquet")
+    assert schema.names == ["sample", "case", "point", "seconds"]
+    page = (tmp_path / "out" / "study" / "index.html").read_text()
+    assert "A study" in page
+    assert "20</b> samples" in page
+    # A run that gives metrics only writes no series.
+    assert not list((tmp_path / "out").rglob("*.csv"))
+    assert not (tmp_path / "out" / "study" / "series").exists()
+
+
+def test_units_and_multiples_reach_the_variable(tmp_path: Path) -> None:
+    build(tmp_path)
+    study = 'method = "sweep"\ndesign = "list"\ncases = ["plain"]\n'
+    study += vary("a", "f:a", 'values = [50.0, 100.0]\nunit = "cm"') + vary(
+        "c", "f:c", "values = [1.0, 2.0]\nrelative = true"
+    )
+    assert run(tmp_path, write(tmp_path, study)) == 0
+    assert [r["y"] for r in rows(tmp_path)] == [0.5 + 20.0 + 300.0, 1.0 + 20.0 + 600.0]
+
+
+def test_fmus_are_factors(tmp_path: Path) -> None:
+    build(tmp_path)
+    build(tmp_path, "-a", name="Other")
+    study = 'method = "sweep"\ncases = ["plain"]\n[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["Function", "Other"]\n'
+    study += vary("p", "f:a", "values = [1.0, 4.0]")
+    assert run(tmp_path, write(tmp_path, study)) == 0
+    assert [(r["law"], r["p"], r["y"]) for r in rows(tmp_path)] == [
+        ("Function", 1.0, 321.0),
+        ("Function", 4.0, 324.0),
+        ("Other", 1.0, -1.0),
+        ("Other", 4.0, -4.0),
+    ]
+
+
+def test_one_process_or_several_the_rows_are_the_same(tmp_path: Path) -> None:
+    build(tmp_path)
+    study = write(tmp_path, SAMPLE + TWO)
+    for out, jobs in (("one", "1"), ("three", "3")):
+        options = ["--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / out), "--jobs", jobs]
+        assert app.main([str(study), *options]) == 0
+    assert table(tmp_path, "one") == table(tmp_path, "three")
+
+
+def test_an_interrupted_study_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    build(tmp_path)
+    study = write(tmp_path, SAMPLE + TWO)
+    assert run(tmp_path, study) == 0
+    whole = table(tmp_path)
+    assert run(tmp_path, study) == 2
+    assert "--resume goes on with it, --overwrite begins anew" in capsys.readouterr().err
+
+    execute = Local.execute
+
+    def interrupted(self: Local, tasks: object, take: object) -> None:
+        count = 0
+
+        def few(done: Done) -> None:
+            nonlocal count
+            count += 1
+            if count > 7:
+                raise KeyboardInterrupt
+            take(done)  # type: ignore[operator]
+
+        execute(self, tasks, few)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Local, "execute", interrupted)
+        assert run(tmp_path, study, "--overwrite") == 130
+    journal = tmp_path / "out" / "study" / "rows.jsonl"
+    lines = journal.read_text().splitlines()
+    assert len(lines) == 8
+    assert not (tmp_path / "out" / "study" / "runs.parquet").exists()
+    # A kill may cut a line off.
+    journal.write_text("\n".join(lines) + "\n[12, 0, [3.")
+    assert run(tmp_path, study, "--resume") == 0
+    assert table(tmp_path) == whole
+    assert len(journal.read_text().splitlines()) == 41
+
+    study.write_text(study.read_text().replace("max = 1.0", "max = 2.0"))
+    assert run(tmp_path, study, "--resume") == 2
+    assert "belongs to another version of the study" in capsys.readouterr().err
+
+
+def test_shards_make_the_same_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path)
+    study = write(tmp_path, SAMPLE + TWO)
+    assert run(tmp_path, study) == 0
+    whole = table(tmp_path)
+    (tmp_path / "out" / "study" / "runs.parquet").unlink()
+    merge = ["merge", str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]
+    assert app.main(merge) == 2
+    assert run(tmp_path, study, "--shard", "1/3") == 0
+    assert run(tmp_path, study, "--shard", "3/3") == 0
+    capsys.readouterr()
+    assert app.main(merge) == 2
+    assert "7 of 20 samples are missing (1, 4, 7, 10, 13, …)" in capsys.readouterr().err
+    assert run(tmp_path, study, "--shard", "2/3") == 0
+    assert app.main(merge) == 0
+    assert table(tmp_path) == whole
+
+
+@pytest.mark.parametrize(
+    ("statement", "status", "time", "message"),
+    [
+        ("if (a > 0.5) abort()", "crashed", 0.1, "the process ended (signal 6, SIGABRT) during fmi2DoStep"),
+        ("if (a > 0.5) for (;;) sleep(1)", "timed_out", 0.1, "not done after 1 s (--timeout), stopped"),
+        ("if (a > 0.5) return 3", "diverged", 0.1, "fmi2DoStep"),
+        ("if (a > 0.5) { i->v.real[1] = 0.0 / 0.0; break; }", "diverged", 0.2, "`y` is NaN"),
+    ],
+)
+def test_a_run_that_fails_is_a_row(tmp_path: Path, statement: str, status: str, time: float, message: str) -> None:
+    build(tmp_path, before=f"if (t > 0.05) {{ {statement}; }}".replace("{ if", "{if"))
+    study = 'method = "sweep"\ncases = ["plain"]\n' + vary("p", "f:a", "values = [0.0, 1.0, 0.25]")
+    study += '[[requirement]]\nmetric = "y"\nmax = 1000.0\nshare = 0.6\n'
+    # Two of three runs keep it: enough.
+    assert run(tmp_path, write(tmp_path, study), "--timeout", "1") == 0
+    found = rows(tmp_path)
+    assert [r["status"] for r in found] == ["ok", status, "ok"]
+    assert [r["meets:y"] for r in found] == [True, False, True]
+    assert found[1]["y"] is None
+    assert found[1]["time"] == pytest.approx(time)
+    assert message in str(found[1]["message"])
+    assert "1 of 3 runs failed" in (tmp_path / "out" / "study" / "index.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("limits", "code"),
+    [
+        ("max = 325.0\nshare = 0.75", 0),
+        ("max = 325.0\nshare = 0.76", 1),
+        ("max = 325.0", 1),
+        ("min = 321.0\nmax = 330.0", 0),
+        ("min = 321.1\nmax = 330.0", 1),
+    ],
+)
+def test_a_requirement_decides_about_the_exit_code(tmp_path: Path, limits: str, code: int) -> None:
+    build(tmp_path)
+    study = 'method = "sweep"\ncases = ["plain"]\n' + vary("p", "f:a", "values = [1.0, 2.0, 5.0, 6.0]")
+    path = write(tmp_path, f'{study}[[requirement]]\nmetric = "y"\n{limits}\n')
+    assert run(tmp_path, path) == code
+    assert run(tmp_path, path, "--overwrite", "--no-fail") == 0
+
+
+def test_requirements_of_the_scenario_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path)
+    scenario = SCENARIO.replace('kind = "final"', 'kind = "final"\nmax = 325.0\nshare = 0.5\nrequired_of = ["plain"]')
+    study = 'method = "sweep"\n' + vary("p", "f:a", "values = [5.0, 6.0]")
+    assert run(tmp_path, write(tmp_path, study, scenario)) == 0
+    assert "Passed  Value, Plain: at most 325 in 50.0 % of the runs" in capsys.readouterr().out
+    assert [r["meets:y"] for r in rows(tmp_path)] == [True, None, False, None]
+
+
+@pytest.mark.parametrize(
+    ("study", "expected"),
+    [
+        (SAMPLE + vary("p", "g:a", UNIFORM), "unknown component `g`"),
+        (SAMPLE + vary("p", "f:aa", UNIFORM), "Function has no parameter `aa`"),
+        (SAMPLE + vary("p", "fa", UNIFORM), 'expected "component:variable"'),
+        (SAMPLE + vary("p", "f:y", UNIFORM), "`y` of Function is not a parameter but an output"),
+        (SAMPLE + vary("p", "f:a", UNIFORM + '\nunit = "kg"'), "cannot be given in `kg`, expected `m`, `cm`"),
+        (SAMPLE + vary("p", "f:a", UNIFORM.replace("1.0", "11.0")), "`f:a` would be 11 m, expected at most 10"),
+        (SAMPLE + vary("p", "f:seed", UNIFORM), "`f:seed` is Integer, expected values"),
+        (SAMPLE + vary("p", "f:a", 'distribution = "seed"'), "`f:a` is Real, a seed is an Integer"),
+        (SAMPLE + vary("y", "f:a", UNIFORM), "the scenario has a metric of that name"),
+        (SAMPLE + 'cases = ["plan"]\n' + TWO, "unknown case `plan`, expected one of `plain`, `shifted`"),
+        (SAMPLE + 'metrics = ["z"]\n' + TWO, "unknown metric `z`"),
+        (SAMPLE + TWO + '[[requirement]]\nmetric = "z"\nmax = 1.0\n', "requirement: unknown metric `z`"),
+        ('method = "sweep"\n[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["None"]\n', "there is no None.fmu"),
+        ('method = "sweep"\n[[vary]]\nname = "law"\nfmu = "g"\nvalues = ["Function"]\n', "no component `g`"),
+    ],
+)
+def test_a_study_that_does_not_fit_its_scenario_is_explained(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], study: str, expected: str
+) -> None:
+    build(tmp_path)
+    assert run(tmp_path, write(tmp_path, study)) == 2
+    assert expected in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_series_are_those_of_the_worst_and_of_some_others(tmp_path: Path) -> None:
+    build(tmp_path)
+    study = SAMPLE + 'cases = ["plain"]\n' + TWO + '[series]\nmetric = "y"\nworst = 2\nrandom = 1\n'
+    assert run(tmp_path, write(tmp_path, study)) == 0
+    order = sorted(rows(tmp_path), key=lambda r: -float(str(r["y"])))
+    files = sorted((tmp_path / "out" / "study" / "series").glob("*.parquet"))
+    assert len(files) == 3
+    for row in order[:2]:
+        series = pyarrow.parquet.read_table(tmp_path / "out" / "study" / "series" / f"{row['sample']}_plain.parquet")
+        assert series["time"].to_pylist() == [0.0, 0.1, 0.2]
+        assert series["y"].to_pylist()[-1] == row["y"]
+
+
+def ishigami(runs: int, analysis: str) -> str:
+    angle = f'distribution = "uniform"\nmin = {-np.pi}\nmax = {np.pi}'
+    study = f'method = "sensitivity"\nanalysis = "{analysis}"\nruns = {runs}\ncases = ["plain"]\nmetrics = ["y"]\n'
+    return study + "".join(vary(f"x{i}", f"f:{name}", angle) for i, name in enumerate("abc", 1))
+
+
+def test_sobol_indices_of_the_ishigami_function(tmp_path: Path) -> None:
+    """T. Ishigami, T. Homma (1990): the indices in closed form for a = 7, b = 0.1, inside the intervals found."""
+    build(tmp_path, "sin(a) + 7 * sin(b) * sin(b) + 0.1 * pow(c, 4) * sin(a)")
+    assert run(tmp_path, write(tmp_path, ishigami(1024, "sobol"))) == 0
+    a, b = 7.0, 0.1
+    whole = a**2 / 8 + b * np.pi**4 / 5 + b**2 * np.pi**8 / 18 + 0.5
+    first = [0.5 * (1 + b * np.pi**4 / 5) ** 2 / whole, a**2 / 8 / whole, 0.0]
+    joint = b**2 * np.pi**8 * (1 / 18 - 1 / 50) / whole
+    total = [first[0] + joint, first[1], joint]
+
+    from chassis_fmu.study import design, file, statistics
+
+    study = file.read(tmp_path / "study.toml")
+    y = np.array([float(str(r["y"])) for r in rows(tmp_path)])
+    assert len(y) == 1024 * 5
+    effects = statistics.sensitivities(study, design.shares(study), y)
+    assert effects is not None
+    found = {e.factor: e for e in effects}
+    for i, name in enumerate(("x1", "x2", "x3")):
+        effect = found[name]
+        assert effect.interval is not None
+        assert effect.total_interval is not None
+        assert effect.interval[0] <= first[i] <= effect.interval[1], name
+        assert effect.total_interval[0] <= total[i] <= effect.total_interval[1], name
+
+
+def test_morris_finds_the_effects_of_a_linear_function(tmp_path: Path) -> None:
+    # y = a + 10 b + 100 c over ranges of 2 pi: every elementary effect is the slope times the range, exactly but for
+    # rounding and the clipped ends of the shares (1e-6).
+    build(tmp_path)
+    assert run(tmp_path, write(tmp_path, ishigami(8, "morris"))) == 0
+
+    from chassis_fmu.study import design, file, statistics
+
+    study = file.read(tmp_path / "study.toml")
+    y = np.array([float(str(r["y"])) for r in rows(tmp_path)])
+    effects = statistics.sensitivities(study, design.shares(study), y)
+    assert effects is not None
+    assert {e.factor: e.value for e in effects} == pytest.approx(
+        {"x1": 2 * np.pi, "x2": 20 * np.pi, "x3": 200 * np.pi}, rel=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("method", "direction", "expected"), [("worst_case", "maximize", 0.0), ("optimize", "minimize", 1.0)]
+)
+def test_a_search_finds_the_extreme(tmp_path: Path, method: str, direction: str, expected: float) -> None:
+    # -(a - 0.3)^2 is largest at 0.3; (…)^2 least there.
+    sign = "-" if direction == "maximize" else ""
+    build(tmp_path, f"{sign}(a - 0.3) * (a - 0.3)")
+    study = f'method = "{method}"\nruns = 60\ncases = ["plain"]\n' + vary("p", "f:a", UNIFORM)
+    study += f'[search]\nmetric = "y"\ndirection = "{direction}"\n'
+    path = write(tmp_path, study)
+    assert run(tmp_path, path, "--jobs", "1") == 0
+    found = rows(tmp_path)
+    assert len(found) == 60
+    best = (max if direction == "maximize" else min)(found, key=lambda r: float(str(r["y"])))
+    # A tenth of what sixty samples at even distances would reach is no proof, but a search that learned nothing
+    # fails: the chance that the best of 60 random samples is as near is 11 % for each of two searches.
+    assert abs(float(str(best["p"])) - 0.3) < 0.02
+    first = table(tmp_path)
+    assert run(tmp_path, path, "--overwrite", "--jobs", "3") == 0
+    assert table(tmp_path) == first
+    journal = tmp_path / "out" / "study" / "rows.jsonl"
+    journal.write_text("".join(journal.read_text().splitlines(keepends=True)[:30]))
+    assert run(tmp_path, path, "--resume") == 0
+    assert table(tmp_path) == first
+    assert expected >= 0.0
+
+
+def test_an_unknown_sampler_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path)
+    study = 'method = "optimize"\ncases = ["plain"]\n' + vary("p", "f:a", UNIFORM)
+    study += '[search]\nmetric = "y"\ndirection = "minimize"\nsampler = "Magic"\n'
+    assert run(tmp_path, write(tmp_path, study)) == 2
+    assert "unknown sampler `Magic`, expected one of" in capsys.readouterr().err
+
+
+def test_a_journal_reads_back_the_same_numbers(tmp_path: Path) -> None:
+    build(tmp_path, "1.0 / 3.0 * a")
+    assert run(tmp_path, write(tmp_path, SAMPLE + vary("p", "f:a", UNIFORM))) == 0
+    first = table(tmp_path)
+    lines = (tmp_path / "out" / "study" / "rows.jsonl").read_text().splitlines()
+    assert len(json.loads(lines[0])["study"]) == 64
+    assert run(tmp_path, tmp_path / "study.toml", "--report-only") == 0
+    assert table(tmp_path) == first

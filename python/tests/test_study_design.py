@@ -1,0 +1,195 @@
+"""Designs and distributions of studies, against theory."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from chassis_fmu.study import design, file
+from chassis_fmu.study.factors import Factor, FactorError
+from chassis_fmu.study.file import Study, StudyError
+from chassis_fmu.study.statistics import wilson
+
+N = 4096
+
+
+def study(*factors: Factor, **keys: object) -> Study:
+    """Return a study of method sample with factors."""
+    given = {"title": "", "scenario": "", "method": "sample", "vary": list(factors), **keys}
+    return Study(**given)  # type: ignore[arg-type]
+
+
+FACTORS = [
+    (Factor(name="x", variable="f:a", distribution="uniform", min=2.0, max=6.0), 4.0, 16.0 / 12.0),
+    (
+        Factor(name="x", variable="f:a", distribution="log_uniform", min=1.0, max=math.e),
+        math.e - 1.0,
+        (math.e**2 - 1.0) / 2.0 - (math.e - 1.0) ** 2,
+    ),
+    (Factor(name="x", variable="f:a", distribution="normal", mean=5.0, deviation=2.0), 5.0, 4.0),
+    (
+        Factor(name="x", variable="f:a", distribution="lognormal", median=3.0, deviation=0.5),
+        3.0 * math.exp(0.125),
+        9.0 * math.exp(0.25) * (math.exp(0.25) - 1.0),
+    ),
+    (
+        Factor(name="x", variable="f:a", distribution="triangular", min=0.0, mode=1.0, max=5.0),
+        2.0,
+        (25.0 + 1.0 - 5.0) / 18.0,
+    ),
+    (Factor(name="x", variable="f:a", values=[1.0, 3.0], weights=[1.0, 3.0]), 2.5, 0.75),
+    # Both sides equally far: the mean stays; the variance of a normal one cut off at its deviation (Johnson, Kotz:
+    # Continuous univariate distributions, section 13.10.1).
+    (
+        Factor(name="x", variable="f:a", distribution="normal", mean=5.0, deviation=2.0, min=3.0, max=7.0),
+        5.0,
+        4.0 * (1.0 - 2.0 * scipy.stats.norm.pdf(1.0) / (2.0 * scipy.stats.norm.cdf(1.0) - 1.0)),
+    ),
+]
+
+
+@pytest.mark.parametrize("chosen", ["random", "latin_hypercube", "sobol"])
+@pytest.mark.parametrize(("factor", "mean", "variance"), FACTORS)
+def test_moments_are_those_of_the_distribution(factor: Factor, mean: float, variance: float, chosen: str) -> None:
+    of = study(factor, runs=N, design=chosen)
+    (values,) = design.values(of, design.shares(of))
+    # Five standard errors of random samples; those of the other designs lie closer.
+    fourth = float(np.mean((np.array(values) - mean) ** 4))
+    assert abs(np.mean(values) - mean) < 5.0 * math.sqrt(variance / N)
+    assert abs(np.var(values) - variance) < 5.0 * math.sqrt(max(fourth - variance**2, 1e-9) / N)
+
+
+def test_a_stratified_design_has_one_sample_in_each_stratum() -> None:
+    factors = [Factor(name=n, variable=f"f:{n}", distribution="uniform", min=0.0, max=1.0) for n in "abc"]
+    shares = design.shares(study(*factors, runs=100))
+    assert np.array_equal(np.sort(np.floor(100 * shares), axis=0), np.tile(np.arange(100.0)[:, None], 3))
+
+
+def test_correlations_are_those_of_the_study() -> None:
+    factors = [
+        Factor(name=n, variable=f"f:{n}", distribution="normal", mean=1.0, deviation=d)
+        for n, d in zip("abc", (1.0, 2.0, 3.0), strict=True)
+    ]
+    wanted = [
+        file.Correlation(between=("a", "c"), coefficient=0.8),
+        file.Correlation(between=("b", "c"), coefficient=-0.3),
+    ]
+    of = study(*factors, runs=N, correlation=wanted, design="random")
+    found = np.corrcoef(design.values(of, design.shares(of)))
+    # Five standard errors of a coefficient of correlation, (1 - r^2)/sqrt(n).
+    for (i, j), r in {(0, 2): 0.8, (1, 2): -0.3, (0, 1): 0.0}.items():
+        assert abs(found[i, j] - r) < 5.0 * (1.0 - r * r) / math.sqrt(N)
+
+
+@pytest.mark.parametrize("chosen", ["random", "latin_hypercube", "sobol"])
+def test_a_seed_decides_about_a_design(chosen: str) -> None:
+    factors = [Factor(name=n, variable=f"f:{n}", distribution="uniform", min=0.0, max=1.0) for n in "ab"]
+    first, again, other = (design.shares(study(*factors, runs=33, seed=s, design=chosen)) for s in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.any(first == other)
+    assert np.all((first > 0.0) & (first < 1.0))
+
+
+def test_the_first_samples_of_a_sobol_sequence_stay_when_more_are_taken() -> None:
+    factors = [Factor(name=n, variable=f"f:{n}", distribution="uniform", min=0.0, max=1.0) for n in "ab"]
+    few, many = (design.shares(study(*factors, runs=n, design="sobol")) for n in (10, 64))
+    assert np.array_equal(few, many[:10])
+
+
+def test_sweeps_take_the_levels() -> None:
+    factors = [
+        Factor(name="a", variable="f:a", values=[1.0, 2.0, 4.0]),
+        Factor(name="b", variable="f:b", distribution="grid", min=1.0, max=100.0, count=3, scale="log"),
+    ]
+    whole = study(*factors, method="sweep")
+    a, b = design.values(whole, design.shares(whole))
+    assert list(zip(a, b, strict=True)) == [(x, y) for x in (1.0, 2.0, 4.0) for y in (1.0, 10.0, 100.0)]
+    pairs = study(*factors, method="sweep", design="list")
+    assert design.values(pairs, design.shares(pairs)) == [[1.0, 2.0, 4.0], [1.0, 10.0, 100.0]]
+    single = study(*factors, method="sweep", design="one_at_a_time")
+    assert design.values(single, design.shares(single)) == [[2.0, 1.0, 4.0, 2.0, 2.0], [10.0, 10.0, 10.0, 1.0, 100.0]]
+
+
+def test_seeds_are_whole_numbers() -> None:
+    of = study(Factor(name="s", variable="f:seed", distribution="seed"), runs=50)
+    (values,) = design.values(of, design.shares(of))
+    assert all(isinstance(v, int) and 1 <= v < 2**31 for v in values)
+    assert len(set(values)) == 50
+
+
+@pytest.mark.parametrize(("met", "of"), [(0, 10), (3, 10), (10, 10), (950, 1000)])
+def test_the_interval_is_that_of_scipy(met: int, of: int) -> None:
+    expected = scipy.stats.binomtest(met, of).proportion_ci(0.95, "wilson")
+    assert wilson(met, of) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({"distribution": "uniform", "min": 1.0}, "missing key max, which distribution uniform needs"),
+        ({"distribution": "uniform", "min": 2.0, "max": 1.0}, "min is 2, expected less than max, 1"),
+        ({"distribution": "normal", "mean": 1.0, "deviation": 0.0}, "deviation is 0, expected more than 0"),
+        ({"distribution": "uniform", "min": 1.0, "max": 2.0, "mode": 1.0}, "distribution uniform has no key mode"),
+        ({"distribution": "log_uniform", "min": 0.0, "max": 1.0}, "min has to be above 0 for a logarithmic scale"),
+        ({"distribution": "triangular", "min": 0.0, "mode": 3.0, "max": 2.0}, "mode is 3, expected 0 to 2"),
+        ({"distribution": "grid", "min": 0.0, "max": 3.0, "count": 1}, "count is 1, expected at least 2"),
+        ({"values": []}, "values is empty"),
+        ({"values": [1.0, 1.0]}, "a value stands twice"),
+        ({"values": [1.0, "x"]}, "values has numbers and others"),
+        ({"values": [1.0, 2.0], "weights": [1.0]}, "expected 2 weights"),
+        ({"values": [1.0, 2.0], "min": 1.0}, "a list of values has no key min"),
+        ({"values": [1.0], "relative": True, "unit": "m"}, "relative values are multiples"),
+        ({}, "expected either values or a distribution"),
+    ],
+)
+def test_a_wrong_factor_is_explained(keys: dict[str, object], expected: str) -> None:
+    factor = Factor(name="x", variable="f:a", **keys)  # type: ignore[arg-type]
+    with pytest.raises(FactorError, match=expected):
+        factor.check()
+
+
+UNIFORM = '[[vary]]\nname = "x"\nvariable = "f:a"\ndistribution = "uniform"\nmin = 0.0\nmax = 1.0\n'
+NORMAL = '[[vary]]\nname = "{}"\nvariable = "f:a"\ndistribution = "normal"\nmean = 0.0\ndeviation = 1.0\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('method = "sample"', "missing required field `vary`"),
+        ('method = "sample"\nvary = []', "nothing varies"),
+        ('method = "guess"\n' + UNIFORM, "method"),
+        ('method = "sample"\nrans = 3\n' + UNIFORM, "unknown field `rans`"),
+        ('method = "sample"\nruns = 0\n' + UNIFORM, "runs is 0, expected at least 1"),
+        ('method = "sample"\ndesign = "list"\n' + UNIFORM, "expected one of latin_hypercube, random, sobol"),
+        ('method = "sweep"\n' + UNIFORM, "a sweep needs values or distribution grid"),
+        ('method = "sample"\n' + UNIFORM + UNIFORM, "the name stands twice"),
+        ('method = "sample"\n' + UNIFORM.replace('"x"', '"case"'), "the tables have a column of that name"),
+        ('method = "sensitivity"\n' + UNIFORM, "expected analysis"),
+        ('method = "worst_case"\n' + UNIFORM, r"expected a table \[search\]"),
+        ('method = "sample"\n' + UNIFORM + '[[requirement]]\nmetric = "y"', "expected min, max or both"),
+        ('method = "sample"\n' + UNIFORM + '[[requirement]]\nmetric = "y"\nmax = 1.0\nshare = 95.0', "share is 95"),
+        (
+            'method = "sample"\n' + UNIFORM + '[[correlation]]\nbetween = ["x", "z"]\ncoefficient = 0.5',
+            "expected the names of two factors",
+        ),
+        (
+            'method = "sample"\n'
+            + "".join(NORMAL.format(n) for n in "pqr")
+            + "".join(
+                f'[[correlation]]\nbetween = ["{a}", "{b}"]\ncoefficient = {r}\n'
+                for a, b, r in (("p", "q", 0.9), ("q", "r", 0.9), ("p", "r", -0.9))
+            ),
+            "the correlations contradict each other",
+        ),
+        ("title", "study.toml: "),
+    ],
+)
+def test_a_wrong_study_is_explained(tmp_path: Path, text: str, expected: str) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(f'title = "T"\nscenario = "s.toml"\n{text}\n')
+    with pytest.raises(StudyError, match=expected):
+        file.read(path)
