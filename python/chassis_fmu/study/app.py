@@ -132,8 +132,7 @@ def _series(job: Job, numbers: Numbers, folder: Path) -> tuple[Recorded, list[st
     series = job.study.series
     if series is None:
         return {}, []
-    names = [m.name for m in job.plan.metrics]
-    metric = names.index(series.metric) if series.metric is not None else report.shown_metrics(numbers)[0]
+    metric = report.series_metric(numbers)
     recorded: dict[tuple[int, int], History] = {}
     files = []
     target = folder / "series"

@@ -19,8 +19,8 @@ from .statistics import Numbers
 Array = NDArray[np.floating[Any]]
 
 # Points of a scatter plot and steps of a distribution that a page contains; more would only lie on each other.
-MOST_POINTS = 1500
-MOST_STEPS = 800
+MOST_POINTS = 400
+MOST_STEPS = 400
 BINS = 30
 
 
@@ -78,7 +78,13 @@ def distributions(numbers: Numbers, index: int) -> list[Panel]:
     """Return the cumulative distribution and histogram of a metric, at each point, with the limits it has to keep."""
     job = numbers.job
     metric = job.plan.metrics[index]
-    limits = [limit for r in job.requirements if r.metric == index for limit in (r.min, r.max) if limit is not None]
+    limits = [
+        limit
+        for r in job.requirements
+        if r.metric == index and not r.of_change
+        for limit in (r.min, r.max)
+        if limit is not None
+    ]
     found = []
     for point in _points(numbers):
         cells = [(i, run) for i, run in enumerate(job.cells) if run.point == point]

@@ -43,9 +43,13 @@ class Correlation(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fiel
 
 
 class Requirement(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
-    """`[[requirement]]`: limits of a metric, instead of those of the scenario, and how many runs keep them."""
+    """`[[requirement]]`: limits of a metric, instead of those of the scenario, and how many runs keep them.
+
+    With `of_change` the limits are those of its change against the baseline of the case, in percent.
+    """
 
     metric: str
+    of_change: bool = False
     min: float | None = None
     max: float | None = None
     cases: list[str] | None = None

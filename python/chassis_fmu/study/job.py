@@ -61,7 +61,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Limits:
-    """A requirement of a metric, in its unit."""
+    """A requirement of a metric, in its unit, or of its change against the baseline, in percent."""
 
     metric: int
     min: float | None
@@ -69,6 +69,7 @@ class Limits:
     cases: tuple[str, ...]
     share: float
     source: str | None = None
+    of_change: bool = False
 
     def holds(self, value: float | None) -> bool:
         """Tell whether a number keeps the limits; one that is not there does not."""
@@ -177,13 +178,19 @@ class Job:
                     problems.append(
                         f"requirement of `{written.metric}`: unknown case `{case}`, expected {_any_of(cases)}"
                     )
-            found.append(self._limits(written, names.index(written.metric), cases))
+            known = [c.name for c in self.plan.cases if c.baseline in cases]
+            compared = tuple(c for c in cases if c in known)
+            if written.of_change and not set(written.cases or compared) <= set(compared):
+                problems.append(f"requirement of `{written.metric}`: a case has no baseline that is run")
+            if written.of_change and not compared:
+                problems.append(f"requirement of `{written.metric}`: no case has a baseline that is run")
+            found.append(self._limits(written, names.index(written.metric), compared if written.of_change else cases))
         return found
 
     @staticmethod
     def _limits(written: Requirement, metric: int, cases: tuple[str, ...]) -> Limits:
         of = cases if written.cases is None else tuple(written.cases)
-        return Limits(metric, written.min, written.max, of, written.share)
+        return Limits(metric, written.min, written.max, of, written.share, of_change=written.of_change)
 
     def _variables_of(self, factor: Factor, problems: list[str]) -> list[Variable]:
         """Return the variables of a factor, of the first choice of FMUs that has them."""
@@ -211,6 +218,25 @@ class Job:
             for f in self.study.vary
             if f.name in metrics
         ]
+
+    def baseline(self, cell: int) -> int | None:
+        """Return the cell of the baseline of a case, at the same point; None if it is not run."""
+        run = self.cells[cell]
+        name = next(c.baseline for c in self.plan.cases if c.name == run.case)
+        return next((i for i, r in enumerate(self.cells) if name and (r.case, r.point) == (name, run.point)), None)
+
+    def judged(self, limits: Limits, rows: Mapping[tuple[int, int], Done], number: int, cell: int) -> float | None:
+        """Return the number of a run that a requirement is about; None if there is none."""
+        value = self._number(rows, limits.metric, number, cell)
+        if not limits.of_change:
+            return value
+        baseline = self.baseline(cell)
+        base = None if baseline is None else self._number(rows, limits.metric, number, baseline)
+        return None if value is None or not base else 100.0 * (value - base) / abs(base)
+
+    def _number(self, rows: Mapping[tuple[int, int], Done], metric: int, number: int, cell: int) -> float | None:
+        row = rows.get((number, cell))
+        return row.numbers[self.metrics.index(metric)] if row is not None and row.numbers else None
 
     def task(self, number: int, values: Mapping[str, Value]) -> Task:
         """Return the task of a sample: its values as changes of the scenario."""

@@ -67,6 +67,11 @@ class Section:
     effects: Sequence[EffectTable]
     drawings: Sequence[tuple[Chart, Any]]
 
+    @property
+    def has_gaps(self) -> bool:
+        """Tell whether a run has no number."""
+        return any(found is None or found.count < done for _, found, done in self.rows)
+
 
 def shown_metrics(numbers: Numbers) -> list[int]:
     """Return the metrics that have figures."""
@@ -113,7 +118,7 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
         found.append(
             Chart(
                 charts.figure(f"{name}_distribution", f"{title}: distribution", "xy", cases),
-                "How large it is in how many runs. A run that failed has no number: its curve ends below 1.",
+                "How large it is in how many runs. A curve that ends below 1: the other runs have no number.",
                 charts.distributions(numbers, metric),
             )
         )
@@ -225,6 +230,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         limit=tables.scientific,
         unit=tables.pretty_unit,
         percent=percent,
+        index=lambda value: f"{value:.3g}".replace("-", "−"),
         effect_title=EFFECTS.get,
         is_search=job.study.is_adaptive,
     )
@@ -254,12 +260,17 @@ def percent(share: float) -> str:
     return f"{text} %"
 
 
+def series_metric(numbers: Numbers) -> int:
+    """Return the metric whose worst runs are recorded."""
+    series = numbers.job.study.series
+    names = [m.name for m in numbers.job.plan.metrics]
+    named = None if series is None or series.metric is None else names.index(series.metric)
+    return shown_metrics(numbers)[0] if named is None else named
+
+
 def history_columns(numbers: Numbers) -> list[int]:
-    """Return the columns of the plan that the metrics shown are made of."""
-    columns: list[int] = []
-    for metric in shown_metrics(numbers):
-        columns += _columns(numbers.job.plan.metrics, metric)
-    return list(dict.fromkeys(columns))
+    """Return the columns of the plan that this metric is made of."""
+    return list(dict.fromkeys(_columns(numbers.job.plan.metrics, series_metric(numbers))))
 
 
 def _columns(metrics: Sequence[Metric], at: int) -> list[int]:
@@ -351,8 +362,9 @@ def console(numbers: Numbers) -> str:
 def _verdict(numbers: Numbers, share: Share) -> str:
     metric = numbers.job.plan.metrics[share.limits.metric]
     ends = [("at least", share.limits.min), ("at most", share.limits.max)]
-    unit = tables.pretty_unit(metric.conversion.unit)
+    unit = "%" if share.limits.of_change else tables.pretty_unit(metric.conversion.unit)
     limits = " and ".join(f"{word} {tables.scientific(v)} {unit}".rstrip() for word, v in ends if v is not None)
+    limits = f"a change of {limits}" if share.limits.of_change else limits
     low, high = share.interval
     place = f"{metric.title}, {_titles(numbers, share.case, share.point)}"
     return (

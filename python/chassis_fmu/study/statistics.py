@@ -88,10 +88,9 @@ class Numbers:
             for cell, run in enumerate(self.job.cells):
                 if run.case not in limits.cases:
                     continue
-                at = self.job.metrics.index(limits.metric)
-                rows = [self.rows[number, cell] for number in range(self.count) if (number, cell) in self.rows]
-                met = sum(limits.holds(row.numbers[at] if row.numbers else None) for row in rows)
-                found.append(Share(limits, run.case, run.point, met, len(rows)))
+                done = [number for number in range(self.count) if (number, cell) in self.rows]
+                met = sum(limits.holds(self.job.judged(limits, self.rows, number, cell)) for number in done)
+                found.append(Share(limits, run.case, run.point, met, len(done)))
         return found
 
     def statuses(self) -> dict[str, int]:
@@ -148,9 +147,8 @@ def compared(numbers: Numbers, metric: int) -> list[Compared]:
     found = []
     cells = numbers.job.cells
     for cell, run in enumerate(cells):
-        case = next(c for c in numbers.job.plan.cases if c.name == run.case)
-        at = next((i for i, r in enumerate(cells) if r.case == case.baseline and r.point == run.point), None)
-        if at is None or case.baseline is None:
+        at = numbers.job.baseline(cell)
+        if at is None:
             continue
         difference = numbers.of(metric, cell) - numbers.of(metric, at)
         difference = difference[np.isfinite(difference)]
@@ -164,7 +162,7 @@ def compared(numbers: Numbers, metric: int) -> list[Compared]:
         )
         lower = int((difference < 0.0).sum())
         found.append(
-            Compared(run.case, case.baseline, run.point, difference.size, mean, (mean - half, mean + half), lower)
+            Compared(run.case, cells[at].case, run.point, difference.size, mean, (mean - half, mean + half), lower)
         )
     return found
 

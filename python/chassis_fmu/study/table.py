@@ -34,12 +34,12 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
         fields.append(pa.field(metric.name, pa.float64(), metadata={"unit": metric.unit or "1"}))
         arrays.append(pa.array([row.numbers[at] if row.numbers else None for row in done], pa.float64()))
     for limits in job.requirements:
-        at = job.metrics.index(limits.metric)
         held = [
-            limits.holds(row.numbers[at] if row.numbers else None) if cell.case in limits.cases else None
-            for row, cell in zip(done, cells, strict=True)
+            limits.holds(job.judged(limits, rows, *key)) if cell.case in limits.cases else None
+            for key, cell in zip(keys, cells, strict=True)
         ]
-        fields.append(pa.field(f"meets:{job.plan.metrics[limits.metric].name}", pa.bool_()))
+        name = job.plan.metrics[limits.metric].name
+        fields.append(pa.field(f"meets:{name}:change" if limits.of_change else f"meets:{name}", pa.bool_()))
         arrays.append(pa.array(held, pa.bool_()))
     fields += [pa.field("status", pa.string()), pa.field("time", pa.float64(), metadata={"unit": "s"})]
     fields.append(pa.field("message", pa.string()))
