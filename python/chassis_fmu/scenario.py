@@ -239,7 +239,7 @@ class Scenario:
         if workers is None:
             for number, sample in enumerate(samples):
                 rows = self._native.execute_here(_changes(sample), list(sample.runs))
-                take(Outcome(number, *rows[0][1:]))
+                take(self._outcome((number, *rows[0][1:])))
         else:
             self.start(workers, timeout)
             self.execute(samples, take)
@@ -251,7 +251,15 @@ class Scenario:
 
     def execute(self, samples: Sequence[Sample], take: Callable[[Outcome], bool]) -> None:
         """Execute samples in the processes of `start`; `take` gets outcomes in no order and says whether to go on."""
-        self._native.execute([(_changes(s), list(s.runs)) for s in samples], lambda row: take(Outcome(*row)))
+        self._native.execute([(_changes(s), list(s.runs)) for s in samples], lambda row: take(self._outcome(row)))
+
+    def _outcome(self, row: _native.Row) -> Outcome:
+        """Return a row as an outcome; its message is the same wherever the FMUs lie."""
+        sample, run, numbers, status, time, message, seconds = row
+        if message is not None:
+            for component in self.plan.runs[run].components:
+                message = message.replace(str(component.fmu), component.fmu.name)
+        return Outcome(sample, run, tuple(numbers), status, time, message, seconds)
 
     def simulate(
         self,

@@ -150,7 +150,7 @@ class Dask:
                 self._cluster = self._distributed.LocalCluster(
                     n_workers=jobs, threads_per_worker=1, dashboard_address=None
                 )
-            self._client: Any = self._distributed.Client(self._cluster or address, timeout="20s")
+            self._client: Any = self._distributed.Client(self._cluster or address, timeout="10s")
         except (OSError, ValueError) as error:
             raise StudyError(f"no Dask scheduler at {address}: {error}") from error
 
