@@ -23,6 +23,7 @@ pages! {
     scenarios = "src/scenarios.md",
     swapping = "src/swapping.md",
     optimal_control = "src/optimal-control.md",
+    studies = "src/studies.md",
     attributes = "src/attributes.md",
     coming_from = "src/coming-from.md",
 }

@@ -1,0 +1,45 @@
+/** The page of a study in a browser. Reference: the tables on the page, which Python makes without the code of the plots. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import type { BrowserContextOptions } from "playwright-core";
+import { Results, assertAccessible, hover } from "./browser";
+
+const results = new Results(process.env["CHASSIS_FMU_STUDY"] ?? "../results/robust_rescue_vehicle");
+const open = (options?: BrowserContextOptions) => results.open(options);
+
+test("a distribution ends at the largest number of the table", async () => {
+  const page = await open();
+  const section = page.locator("section", { has: page.locator("#roll_rms_distribution") });
+  const rows = section.locator("table").first().locator("tbody tr");
+  const largest = (await rows.locator("td:last-child").allInnerTexts()).map(Number);
+  assert.equal(largest.length, 2);
+  const plot = page.locator("#roll_rms_distribution .plot").first();
+  await hover(plot);
+  await plot.locator(".plot-body").focus();
+  await page.keyboard.press("End");
+  const shown = Number((await plot.locator(".plot-readout b").first().innerText()).replace("−", "-"));
+  // Four decimals in the table, 16 bits of the range and four digits in the readout.
+  assert.ok(largest.some((value) => Math.abs(shown - value) < 1e-4), `${shown} ${largest.join(" ")}`);
+});
+
+test("verdicts, effects and time histories are on the page", async () => {
+  const page = await open();
+  const verdicts = await page.locator("section", { hasText: "Requirements" }).first().locator("tbody .badge").allInnerTexts();
+  assert.equal(verdicts.length, 2);
+  for (const verdict of verdicts) assert.match(verdict, /Passed|Failed/);
+  assert.ok((await page.locator(".effect").count()) > 0);
+  assert.ok((await page.locator("#histories .plot").count()) > 0);
+});
+
+for (const width of [400, 1400]) {
+  for (const colorScheme of ["light", "dark"] as const) {
+    test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
+      await assertAccessible(await open({ viewport: { width, height: 900 }, colorScheme }));
+    });
+  }
+}
+
+test("no page writes an error or asks for anything", () => {
+  assert.deepEqual(results.faults, []);
+});
