@@ -1,4 +1,4 @@
-"""Studies on a Dask cluster of real processes that are killed: the tables are those of the local engine, to the byte."""
+"""Studies on a Dask cluster of real processes that are killed: the tables are those of the local engine."""
 
 from __future__ import annotations
 
