@@ -122,6 +122,9 @@ def test_an_interrupted_study_goes_on(
     journal = tmp_path / "out" / "study" / "rows.jsonl"
     lines = journal.read_text().splitlines()
     assert len(lines) == 8
+    capsys.readouterr()
+    assert run(tmp_path, study, "--report-only") == 2
+    assert "samples are missing: --resume runs them" in capsys.readouterr().err
     assert not (tmp_path / "out" / "study" / "runs.parquet").exists()
     # A kill may cut a line off.
     journal.write_text("\n".join(lines) + "\n[12, 0, [3.")

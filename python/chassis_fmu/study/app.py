@@ -17,7 +17,7 @@ from ..scenario import RunError, ScenarioError
 from ..terminal import escaped
 from . import design, execute, file, report
 from .charts import History, Recorded
-from .engines import Engine, Local
+from .engines import Engine, Local, Nothing
 from .execute import WHOLE, Folder, Result, Shard
 from .file import StudyError
 from .job import Done, Job
@@ -92,6 +92,8 @@ def _job(options: argparse.Namespace) -> Job:
 
 
 def _engine(options: argparse.Namespace, job: Job) -> tuple[Engine, str]:
+    if options.report_only:
+        return Nothing(), "rows of an earlier call"
     jobs = options.jobs or scenario.processors()
     if options.engine == "local":
         return Local(job, jobs, options.timeout), f"local, {jobs} {'process' if jobs == 1 else 'processes'}"

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 from ..scenario import Outcome
+from .file import StudyError
 from .job import Done, Job, Task
 
 Take = Callable[[Done], None]
@@ -52,6 +53,18 @@ class Local:
     def close(self) -> None:
         """End all processes."""
         self._started.clear()
+
+
+class Nothing:
+    """Executes nothing: for a report of the rows that are there."""
+
+    def execute(self, tasks: Sequence[Task], take: Take) -> None:
+        """Raise StudyError if there is something to do."""
+        if tasks:
+            raise StudyError(f"{len(tasks)} samples are missing: --resume runs them")
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 class _End:
