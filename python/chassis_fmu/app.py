@@ -52,13 +52,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--stop", type=float, metavar="T", help="stop at this time (s)")
     parser.add_argument("--seeds", type=shell.positive, metavar="N", help="the first N seeds only")
     parser.add_argument("--order", choices=("sequential", "jacobi"), help="order of execution")
-    parser.add_argument(
-        "--fmus",
-        type=Path,
-        action="append",
-        metavar="DIR",
-        help="folder of FMUs (default: target/fmu); may be given several times, the first that has an FMU wins",
-    )
+    shell.add_fmus(parser)
     parser.add_argument(
         "--no-fail", action="store_true", help="exit with 0 although a requirement of the scenario is not met"
     )

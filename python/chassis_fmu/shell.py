@@ -62,6 +62,17 @@ def add_out(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_fmus(parser: argparse.ArgumentParser) -> None:
+    """Add the folders of FMUs."""
+    parser.add_argument(
+        "--fmus",
+        type=Path,
+        action="append",
+        metavar="DIR",
+        help="folder of FMUs (default: target/fmu); may be given several times, the first that has an FMU wins",
+    )
+
+
 def set_options(options: argparse.Namespace, names: Sequence[str]) -> list[str]:
     """Return those of the options that were given, as arguments."""
     given = [(name, getattr(options, name)) for name in names]

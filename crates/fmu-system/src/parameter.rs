@@ -38,17 +38,7 @@ impl Run {
         name: &str,
         value: Value,
     ) -> Result<(), ParameterError> {
-        let target = self
-            .components
-            .iter_mut()
-            .find(|u| u.name == component)
-            .ok_or_else(|| ParameterError::Component(component.to_string()))?;
-        let rejected = |reason| ParameterError::Rejected { component: component.to_string(), reason };
-        let description = fmus.get(&target.fmu)?.description();
-        let variable = parameter(description, name).map_err(|e| rejected(e.message))?;
-        check(variable, &value).map_err(rejected)?;
-        target.set_before_initialization(variable, value);
-        Ok(())
+        self.set(fmus, component, value, |description| parameter(description, name).map_err(|error| error.message))
     }
 
     /// Sets a parameter, the start value of a state or another variable, or an input that keeps one value, on top of what the
@@ -58,38 +48,47 @@ impl Run {
     /// The run has no such component, its FMU no such variable, nothing can be set there, or the value has another type or lies
     /// outside its limits.
     pub fn set_value(&mut self, fmus: &Fmus, component: &str, name: &str, value: Value) -> Result<(), ParameterError> {
+        self.set(fmus, component, value, |description| settable(description, name))
+    }
+
+    fn set(
+        &mut self,
+        fmus: &Fmus,
+        component: &str,
+        value: Value,
+        of: impl for<'d> Fn(&'d ModelDescription) -> Result<&'d Variable, String>,
+    ) -> Result<(), ParameterError> {
         let target = self
             .components
             .iter_mut()
             .find(|u| u.name == component)
             .ok_or_else(|| ParameterError::Component(component.to_string()))?;
-        let rejected = |reason| ParameterError::Rejected { component: component.to_string(), reason };
         let description = fmus.get(&target.fmu)?.description();
-        let variable = settable(description, name).map_err(rejected)?;
-        check(variable, &value).map_err(rejected)?;
-        if variable.causality != Causality::Input {
-            target.set_before_initialization(variable, value);
-            return Ok(());
-        }
-        match target.constants.iter_mut().find(|constant| constant.name == name) {
-            Some(constant) => constant.value = value,
-            None => {
-                return Err(rejected(format!("the input `{name}` does not keep one value, another signal writes it")));
-            }
-        }
-        Ok(())
+        let set = of(description).and_then(|variable| {
+            check(variable, &value)?;
+            target.set(variable, value)
+        });
+        set.map_err(|reason| ParameterError::Rejected { component: component.to_string(), reason })
     }
 }
 
 impl Component {
-    fn set_before_initialization(&mut self, variable: &Variable, value: Value) {
+    /// Sets a variable before initialization, or an input for all of the run.
+    fn set(&mut self, variable: &Variable, value: Value) -> Result<(), String> {
         let name = &variable.name;
+        if variable.causality == Causality::Input {
+            let constant = self.constants.iter_mut().find(|constant| constant.name == *name);
+            let written = || format!("the input `{name}` does not keep one value, another signal writes it");
+            constant.ok_or_else(written)?.value = value;
+            return Ok(());
+        }
         let setting =
             Setting { name: name.clone(), base_type: variable.base_type, reference: variable.reference, value };
         match self.parameters.binary_search_by(|p| p.name.as_str().cmp(name)) {
             Ok(at) => self.parameters[at] = setting,
             Err(at) => self.parameters.insert(at, setting),
         }
+        Ok(())
     }
 }
 

@@ -60,13 +60,7 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     )
     shell.add_timeout(parser)
     shell.add_out(parser)
-    parser.add_argument(
-        "--fmus",
-        type=Path,
-        action="append",
-        metavar="DIR",
-        help="folder of FMUs (default: target/fmu); may be given several times, the first that has an FMU wins",
-    )
+    shell.add_fmus(parser)
     parser.add_argument("--shard", type=_shard, metavar="I/N", help="only the I-th of N parts of the samples")
     parser.add_argument("--no-fail", action="store_true", help="exit with 0 although a requirement is not met")
     existing = parser.add_mutually_exclusive_group()

@@ -58,7 +58,7 @@ class Local:
 class Nothing:
     """Executes nothing: for a report of the rows that are there."""
 
-    def execute(self, tasks: Sequence[Task], take: Take) -> None:
+    def execute(self, tasks: Sequence[Task], take: Take) -> None:  # noqa: ARG002, a method of the protocol
         """Raise StudyError if there is something to do."""
         if tasks:
             raise StudyError(f"{len(tasks)} samples are missing: --resume runs them")
