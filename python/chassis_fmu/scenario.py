@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -36,6 +37,20 @@ class RunError(Exception):
         super().__init__(f"{status.replace('_', ' ')}{at}: {message}")
         self.status = status
         self.time = time
+        self.message = message
+
+    def __reduce__(self) -> tuple[type[RunError], tuple[Status, float | None, str]]:
+        return type(self), (self.status, self.time, self.message)
+
+
+@contextmanager
+def run_error() -> Iterator[None]:
+    """Raise `RunError` for a run that fails in this process."""
+    try:
+        yield
+    except _native.RunFailedError as failure:
+        time, message = failure.args
+        raise RunError("rejected" if time is None else "diverged", time, message) from None
 
 
 @dataclass(frozen=True)
@@ -271,7 +286,8 @@ class Scenario:
     ) -> pa.Table:
         """Run a case with other values in this process and return its recorded signals with the column `time` (s).
 
-        Units are in the metadata of the fields; `to_pandas()` makes a data frame. The arrays are not copied.
+        Units are in the metadata of the fields; `to_pandas()` makes a data frame. The arrays are not copied. Raises
+        `RunError` if the run fails.
         """
         index = self.index(case, point, seed)
         times, columns = self.record(tuple((values or {}).items()), index)
@@ -288,7 +304,20 @@ class Scenario:
         self, values: tuple[tuple[str, Value], ...], run: int
     ) -> tuple[NDArray[np.float64], list[NDArray[np.float64] | None]]:
         """Return times and the columns of the plan of a run with other values, executed in this process."""
-        return self._native.simulate(_changes(Sample(values, (run,))), run)
+        with run_error():
+            return self._native.simulate(_changes(Sample(values, (run,))), run)
+
+    def session(
+        self, values: Values | None = None, *, run: int = 0, inputs: Sequence[str] = (), columns: Sequence[int] = ()
+    ) -> _native.Session:
+        """Instantiate and initialize a run of the plan in this process, to advance it step by step.
+
+        `inputs` are overwritten by its `step`, each as `component:input`; `columns` are the indices of the columns of
+        the plan that its `read` returns. Raises `RunError` if the run cannot be initialized.
+        """
+        changes = _changes(Sample(tuple((values or {}).items()), (run,)))
+        with run_error():
+            return _native.Session(self._native, run, changes, [_split(name) for name in inputs], columns)
 
 
 def default_folders() -> list[Path]:

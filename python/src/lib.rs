@@ -3,6 +3,7 @@
 //! `chassis_fmu/_native.pyi` has the types.
 
 mod metrics;
+mod session;
 mod system;
 
 use pyo3::pymodule;
@@ -12,5 +13,7 @@ mod _native {
     #[pymodule_export]
     use super::metrics::{MetricError, cross, evaluate, formula, running, spectrum, transfer, value, window};
     #[pymodule_export]
-    use super::system::{ScenarioError, System};
+    use super::session::Session;
+    #[pymodule_export]
+    use super::system::{RunFailedError, ScenarioError, System};
 }

@@ -8,6 +8,7 @@ use fmu_system::master::{self, RunError};
 use fmu_system::parameter;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, OtherFmu, ResolveError, resolve};
+use fmu_system::run::{Run, Simulation};
 use fmu_system::worker::Pool;
 use numpy::{IntoPyArray as _, PyArray1};
 use pyo3::create_exception;
@@ -21,9 +22,19 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 create_exception!(chassis_fmu._native, ScenarioError, PyException, "A scenario or a value that cannot be used.");
+create_exception!(
+    chassis_fmu._native,
+    RunFailedError,
+    PyException,
+    "A run that failed: time in s or None, and a message."
+);
 
-fn error(error: impl std::fmt::Display) -> PyErr {
+pub(crate) fn error(error: impl std::fmt::Display) -> PyErr {
     ScenarioError::new_err(error.to_string())
+}
+
+pub(crate) fn run_failure(failed: RunError) -> PyErr {
+    RunFailedError::new_err((failed.time, failed.cause.to_string()))
 }
 
 /// All mistakes, one per line.
@@ -38,7 +49,7 @@ fn mistakes(problem: ResolveError) -> PyErr {
 
 /// A value as Python has it; `bool` before `int`, of which it is a subclass.
 #[derive(FromPyObject)]
-enum Given {
+pub(crate) enum Given {
     Boolean(bool),
     Integer(i32),
     Real(f64),
@@ -81,7 +92,7 @@ fn given<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
 }
 
 /// Component, variable, value.
-type Changed = (String, String, Given);
+pub(crate) type Changed = (String, String, Given);
 
 /// A run that is done: sample, run, numbers, status, time, message, seconds.
 type Done = (usize, usize, Vec<Option<f64>>, &'static str, Option<f64>, Option<String>, f64);
@@ -219,18 +230,33 @@ impl System {
         changes: Vec<Changed>,
         run: usize,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Vec<Option<Bound<'py, PyArray1<f64>>>>)> {
-        let samples = self.samples(vec![(changes, vec![run])])?;
-        let batch = self.here()?;
-        let mut changed = batch.changed(run, &samples[0].changes).map_err(error)?;
-        changed.columns.clone_from(&self.plan.runs[run].columns);
-        let recorded = py.detach(|| master::execute(&self.plan.simulation, &changed, batch.fmus()));
-        let recording = recorded.map_err(|e: RunError| error(e))?;
+        let changed = self.changed(changes, run)?;
+        let fmus = self.fmus_here()?;
+        let recorded = py.detach(|| master::execute(&self.plan.simulation, &changed, fmus));
+        let recording = recorded.map_err(run_failure)?;
         let columns = recording.columns.into_iter().map(|column| column.map(|values| values.into_pyarray(py)));
         Ok((recording.time.into_pyarray(py), columns.collect()))
     }
 }
 
 impl System {
+    pub(crate) fn simulation(&self) -> &Simulation {
+        &self.plan.simulation
+    }
+
+    /// The FMUs, loaded in this process.
+    pub(crate) fn fmus_here(&self) -> PyResult<&Fmus> {
+        Ok(self.here()?.fmus())
+    }
+
+    /// A run of the plan with other values, which records what the scenario says.
+    pub(crate) fn changed(&self, changes: Vec<Changed>, run: usize) -> PyResult<Run> {
+        let samples = self.samples(vec![(changes, vec![run])])?;
+        let mut changed = self.here()?.changed(run, &samples[0].changes).map_err(error)?;
+        changed.columns.clone_from(&self.plan.runs[run].columns);
+        Ok(changed)
+    }
+
     fn here(&self) -> PyResult<&Batch> {
         if let Some(batch) = self.loaded.get() {
             return Ok(batch);

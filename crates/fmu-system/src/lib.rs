@@ -3,8 +3,8 @@
 //! - [`resolve`](mod@resolve) turns a scenario file (TOML) into a [`plan`]: every run with every parameter, wire
 //!   and recorded column settled, nothing left to look up; [`parameter_set`] reads and writes values beside it,
 //!   [`problem`] shows mistakes with their place,
-//! - [`mod@run`] is what a [`master`] executes in this process, [`worker`] in others, which may crash; [`fmus`] are the FMUs
-//!   of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect,
+//! - [`mod@run`] is what a [`master`] executes in this process, a [`session`] step by step, [`worker`] in others, which
+//!   may crash; [`fmus`] are the FMUs of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect,
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
 //! - [`report`] is what the results are to show; nothing that executes runs knows of it; [`metrics`] computes the numbers,
 //! - [`export`] writes a run for other masters, [`compat`] tells which FMUs fit which plants by their signals.
@@ -45,6 +45,7 @@ pub mod report;
 pub mod resolve;
 pub mod results;
 pub mod run;
+pub mod session;
 pub mod trial;
 pub mod worker;
 

@@ -45,6 +45,10 @@ pub struct Instance {
     library: Arc<Library>,
 }
 
+// SAFETY: the pointers to component, states, log and callbacks belong to this instance alone, and every call needs it
+// exclusively. FMI asks that the calls of an instance follow each other, not that one thread makes them.
+unsafe impl Send for Instance {}
+
 impl Instance {
     /// `fmi2Instantiate`, `fmi3InstantiateCoSimulation` or `fmi3InstantiateModelExchange`, for the interface that the library
     /// was unpacked for. The instance is invisible; one of FMI 3.0 uses neither Event Mode in co-simulation nor early return.

@@ -1,0 +1,484 @@
+//! A simulation that is advanced step by step. [`master`](crate::master) makes all steps of a run with it.
+//!
+//! Components are stepped with a fixed communication step, either one after the other (Gauss-Seidel) or
+//! all from the outputs of the step before (Jacobi); see [`Order`]. The sequence of calls is part of
+//! the plan's meaning: another master that makes the same calls gets the same bits.
+//!
+//! The functions below are those of FMI 2.0. A component of FMI 3.0 gets the calls that do the same, in the same places:
+//! `fmi3EnterInitializationMode` has the times of `fmi2SetupExperiment`, and Event Mode and early return are not used.
+//!
+//! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
+//! 2. Set the parameters, `fmi2EnterInitializationMode` on all.
+//! 3. Bus at 0; input series of the start time; read the outputs of all components; then component by component: set
+//!    constants, set inputs from the bus, read outputs. `fmi2ExitInitializationMode` on all; read
+//!    the outputs of all.
+//! 4. Step k goes from start + k*step: input series of that time; sequential: component by component set
+//!    inputs, `fmi2DoStep`, read outputs; Jacobi: set the inputs of all, step all, read all.
+//! 5. `fmi2Terminate`, `fmi2FreeInstance`.
+//!
+//! An input that the caller overwrites ([`Session::overwrite`]) gets its value right after the inputs of its component are set
+//! from the bus.
+//!
+//! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean. The bus holds
+//! doubles. A Boolean output is 0 or 1 there, and a Boolean input is true where its slot is above 0.5. That is also how a
+//! connection converts between Real and Boolean.
+
+use crate::fmus::{FmusError, Instances};
+use crate::parameter::{self, ParameterError};
+use crate::run::{InputSeries, Order, Run, Setting, Simulation, Wire};
+use fmu_import::c_api::Reference;
+use fmu_import::description::{BaseType, Causality, Value, Variable};
+use fmu_import::loader::calls::{self, Board};
+use fmu_import::loader::{CallError, Instance, Message, SavedState};
+
+/// A run that failed. It has no results.
+#[derive(Debug, thiserror::Error)]
+#[error("run {run}{}: {cause}", time.map_or(String::new(), |t| format!(", step from {t} s")))]
+pub struct RunError {
+    /// Id of the run.
+    pub run: String,
+    /// Start of the step that failed, s; `None` before the first step.
+    pub time: Option<f64>,
+    /// Component, function, status and what the component logged.
+    pub cause: Box<FmusError>,
+}
+
+/// Variables of one base type, set or read by one call.
+struct Group<T> {
+    references: Vec<Reference>,
+    slots: Vec<usize>,
+    values: Vec<T>,
+}
+
+impl<T: Copy + Default> Group<T> {
+    fn new(wires: &[Wire], base_type: BaseType) -> Self {
+        let of_type = || wires.iter().filter(|w| w.base_type == base_type);
+        Self {
+            references: of_type().map(|w| w.reference).collect(),
+            slots: of_type().map(|w| w.slot).collect(),
+            values: vec![T::default(); of_type().count()],
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.slots.is_empty()
+    }
+
+    fn load(&mut self, bus: &[f64], convert: impl Fn(f64) -> T) {
+        for (value, slot) in self.values.iter_mut().zip(&self.slots) {
+            *value = convert(bus[*slot]);
+        }
+    }
+
+    fn store(&self, bus: &mut [f64], convert: impl Fn(T) -> f64) {
+        for (value, slot) in self.values.iter().zip(&self.slots) {
+            bus[*slot] = convert(*value);
+        }
+    }
+}
+
+/// The wires of a component in one direction.
+struct Port {
+    reals: Group<f64>,
+    integers: Group<i32>,
+    booleans: Group<i32>,
+}
+
+impl Port {
+    fn new(wires: &[Wire]) -> Self {
+        Self {
+            reals: Group::new(wires, BaseType::Real),
+            integers: Group::new(wires, BaseType::Integer),
+            booleans: Group::new(wires, BaseType::Boolean),
+        }
+    }
+}
+
+/// An instance with its wires.
+struct Member {
+    instance: Instance,
+    inputs: Port,
+    outputs: Port,
+}
+
+impl Member {
+    fn set(&mut self, setting: &Setting) -> Result<(), CallError> {
+        let references = [setting.reference];
+        match &setting.value {
+            Value::Real(v) => self.instance.set_real(&references, &[*v]),
+            Value::Integer(v) => self.instance.set_integer(&references, &[*v]),
+            Value::Boolean(v) => self.instance.set_boolean(&references, &[i32::from(*v)]),
+            Value::String(v) => self.instance.set_string(&references, &[v]),
+        }
+    }
+
+    fn set_inputs(&mut self, bus: &[f64]) -> Result<(), CallError> {
+        let Self { instance, inputs, .. } = self;
+        if !inputs.reals.is_empty() {
+            inputs.reals.load(bus, |v| v);
+            instance.set_real(&inputs.reals.references, &inputs.reals.values)?;
+        }
+        if !inputs.integers.is_empty() {
+            // Exact: the bus holds what an integer output or a checked input series put there.
+            inputs.integers.load(bus, |v| v as i32);
+            instance.set_integer(&inputs.integers.references, &inputs.integers.values)?;
+        }
+        if !inputs.booleans.is_empty() {
+            inputs.booleans.load(bus, |v| i32::from(v > 0.5));
+            instance.set_boolean(&inputs.booleans.references, &inputs.booleans.values)?;
+        }
+        Ok(())
+    }
+
+    /// Sets the inputs of this component, which has that index, whose values come from the caller.
+    fn set_overwritten(&mut self, index: usize, inputs: &[Overwritten]) -> Result<(), CallError> {
+        for input in inputs.iter().filter(|input| input.member == index) {
+            let (references, Some(value)) = ([input.reference], input.value) else { continue };
+            match input.base_type {
+                BaseType::Real => self.instance.set_real(&references, &[value])?,
+                BaseType::Integer => self.instance.set_integer(&references, &[value as i32])?,
+                BaseType::Boolean => self.instance.set_boolean(&references, &[i32::from(value > 0.5)])?,
+                BaseType::String => (),
+            }
+        }
+        Ok(())
+    }
+
+    fn read_outputs(&mut self, bus: &mut [f64]) -> Result<(), CallError> {
+        let Self { instance, outputs, .. } = self;
+        if !outputs.reals.is_empty() {
+            instance.get_real(&outputs.reals.references, &mut outputs.reals.values)?;
+            outputs.reals.store(bus, |v| v);
+        }
+        if !outputs.integers.is_empty() {
+            instance.get_integer(&outputs.integers.references, &mut outputs.integers.values)?;
+            outputs.integers.store(bus, f64::from);
+        }
+        if !outputs.booleans.is_empty() {
+            instance.get_boolean(&outputs.booleans.references, &mut outputs.booleans.values)?;
+            outputs.booleans.store(bus, |v| f64::from(u8::from(v != 0)));
+        }
+        Ok(())
+    }
+}
+
+/// Signals from a file and the row each is at.
+struct Feeder {
+    series: Vec<(InputSeries, usize)>,
+    slack: f64,
+}
+
+impl Feeder {
+    /// Puts the values of a time onto the bus. Times must rise from call to call.
+    fn feed(&mut self, time: f64, bus: &mut [f64]) {
+        for (feed, row) in &mut self.series {
+            while feed.times.get(*row + 1).is_some_and(|next| *next <= time + self.slack) {
+                *row += 1;
+            }
+            if let Some(value) = feed.values.get(*row) {
+                bus[feed.slot] = *value;
+            }
+        }
+    }
+}
+
+/// An input whose value comes from the caller.
+struct Overwritten {
+    /// Index of the component.
+    member: usize,
+    reference: Reference,
+    base_type: BaseType,
+    /// As on the bus; `None` until the caller gives one.
+    value: Option<f64>,
+}
+
+/// An input that the caller overwrites: see [`Session::overwrite`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Overwrite(usize);
+
+/// A state of a whole session; valid for the session that made it.
+#[derive(Debug)]
+pub struct Saved {
+    states: Vec<SavedState>,
+    bus: Vec<f64>,
+    rows: Vec<usize>,
+    step: u64,
+    overwritten: Vec<Option<f64>>,
+}
+
+/// A run between two steps.
+pub struct Session {
+    run: String,
+    simulation: Simulation,
+    columns: Vec<Option<usize>>,
+    members: Vec<Member>,
+    bus: Vec<f64>,
+    feeder: Feeder,
+    overwritten: Vec<Overwritten>,
+    /// Steps that are done.
+    step: u64,
+    board: Option<&'static Board>,
+}
+
+impl Session {
+    /// Instantiates and initializes a run.
+    ///
+    /// # Errors
+    /// An FMU cannot be loaded or instantiated, or a call returns more than `fmi2Warning`.
+    pub fn new(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, RunError> {
+        let failed = |cause: FmusError| RunError { run: run.id.clone(), time: None, cause: Box::new(cause) };
+        let board = calls::board();
+        if let Some(board) = board {
+            board.begin();
+        }
+        let mut session = Self {
+            run: run.id.clone(),
+            simulation: *simulation,
+            columns: run.columns.clone(),
+            members: instantiate(run, fmus).map_err(failed)?,
+            bus: vec![0.0; run.slots],
+            feeder: Feeder {
+                series: run.series.iter().map(|feed| (feed.clone(), 0)).collect(),
+                slack: 1e-9 * simulation.step,
+            },
+            overwritten: Vec::new(),
+            step: 0,
+            board,
+        };
+        session.initialize(run).map_err(|error| failed(error.into()))?;
+        Ok(session)
+    }
+
+    /// Number of steps that are done.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.step
+    }
+
+    /// Time, s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        // Product, then sum: no error piles up, and every master gets the same bits.
+        self.simulation.start + self.step as f64 * self.simulation.step
+    }
+
+    /// Whether all steps are done.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.step >= self.simulation.steps
+    }
+
+    /// The signals at this time.
+    #[must_use]
+    pub fn bus(&self) -> &[f64] {
+        &self.bus
+    }
+
+    /// Value of a column of the plan; `None` if the run does not record it.
+    #[must_use]
+    pub fn column(&self, index: usize) -> Option<f64> {
+        let slot = self.columns.get(index).copied().flatten()?;
+        self.bus.get(slot).copied()
+    }
+
+    /// Lets the caller give the values of an input. Its connection, series or constant counts until the first
+    /// [`Self::set`].
+    ///
+    /// # Errors
+    /// The run has no such component, or the variable is not a scalar Real, Integer or Boolean input.
+    pub fn overwrite(&mut self, component: &str, variable: &Variable) -> Result<Overwrite, ParameterError> {
+        let Some(member) = self.members.iter().position(|member| member.instance.name() == component) else {
+            return Err(ParameterError::Component(component.to_owned()));
+        };
+        let name = &variable.name;
+        let reason = if variable.causality != Causality::Input {
+            format!("`{name}` is {}; only inputs can be overwritten", parameter::role(variable))
+        } else if variable.is_array() {
+            format!("`{name}` is an array of {} elements; only scalars can be overwritten", variable.size)
+        } else if variable.base_type == BaseType::String {
+            format!("`{name}` is a String; only Real, Integer and Boolean inputs can be overwritten")
+        } else {
+            let Variable { reference, base_type, .. } = *variable;
+            self.overwritten.push(Overwritten { member, reference, base_type, value: None });
+            return Ok(Overwrite(self.overwritten.len() - 1));
+        };
+        Err(ParameterError::Rejected { component: component.to_owned(), reason })
+    }
+
+    /// Sets the value of an input from the next step on. As on the bus, a Boolean is true above 0.5, and an Integer is rounded
+    /// toward zero.
+    pub fn set(&mut self, input: Overwrite, value: f64) {
+        if let Some(overwritten) = self.overwritten.get_mut(input.0) {
+            overwritten.value = Some(value);
+        }
+    }
+
+    /// Makes a step. Nothing is allocated unless it fails. A session that has failed can be restored.
+    ///
+    /// # Errors
+    /// A call returns more than `fmi2Warning`.
+    pub fn step(&mut self) -> Result<(), RunError> {
+        let time = self.time();
+        if let Some(board) = self.board {
+            board.step(time, self.step);
+        }
+        self.feeder.feed(time, &mut self.bus);
+        self.step_all(time).map_err(|error| self.failed(Some(time), error))?;
+        self.step += 1;
+        Ok(())
+    }
+
+    /// Saves the FMU states of all components, the signals and the overwritten inputs.
+    ///
+    /// # Errors
+    /// An FMU returns an error or cannot save its state.
+    pub fn save(&mut self) -> Result<Saved, RunError> {
+        let states: Result<_, CallError> = self.members.iter_mut().map(|member| member.instance.save_state()).collect();
+        Ok(Saved {
+            states: states.map_err(|error| self.failed(Some(self.time()), error))?,
+            bus: self.bus.clone(),
+            rows: self.feeder.series.iter().map(|(_, row)| *row).collect(),
+            step: self.step,
+            overwritten: self.overwritten.iter().map(|input| input.value).collect(),
+        })
+    }
+
+    /// Goes back, or forward, to a state. An input that the caller overwrites since then counts as before.
+    ///
+    /// # Errors
+    /// The state is of another session, or an FMU returns an error.
+    pub fn restore(&mut self, saved: &Saved) -> Result<(), RunError> {
+        let restored: Result<(), CallError> = self
+            .members
+            .iter_mut()
+            .zip(&saved.states)
+            .try_for_each(|(member, state)| member.instance.restore_state(state));
+        restored.map_err(|error| self.failed(Some(self.time()), error))?;
+        self.bus.copy_from_slice(&saved.bus);
+        for ((_, row), before) in self.feeder.series.iter_mut().zip(&saved.rows) {
+            *row = *before;
+        }
+        let values = saved.overwritten.iter().copied().chain(std::iter::repeat(None));
+        for (input, value) in self.overwritten.iter_mut().zip(values) {
+            input.value = value;
+        }
+        self.step = saved.step;
+        Ok(())
+    }
+
+    /// Frees a state.
+    ///
+    /// # Errors
+    /// The state is of another session, or an FMU returns an error.
+    pub fn free(&mut self, saved: Saved) -> Result<(), RunError> {
+        let freed: Result<(), CallError> =
+            self.members.iter_mut().zip(saved.states).try_for_each(|(member, state)| member.instance.free_state(state));
+        freed.map_err(|error| self.failed(Some(self.time()), error))
+    }
+
+    /// Ends the run. Returns what the components logged although all went well, with the name of the component: warnings.
+    ///
+    /// # Errors
+    /// A call returns more than `fmi2Warning`.
+    pub fn terminate(mut self) -> Result<Vec<(String, Message)>, RunError> {
+        let time = if self.is_over() { self.simulation.stop } else { self.time() };
+        if let Some(board) = self.board {
+            board.step(time, self.step);
+        }
+        let mut logged = Vec::new();
+        for member in &mut self.members {
+            member.instance.terminate().map_err(|error| RunError {
+                run: self.run.clone(),
+                time: Some(time),
+                cause: Box::new(error.into()),
+            })?;
+            let messages = member.instance.take_messages();
+            let component = member.instance.name();
+            logged.extend(messages.into_iter().map(|message| (component.to_owned(), message)));
+        }
+        Ok(logged)
+    }
+
+    #[cold]
+    fn failed(&self, time: Option<f64>, error: CallError) -> RunError {
+        RunError { run: self.run.clone(), time, cause: Box::new(error.into()) }
+    }
+
+    /// From instantiation to the end of initialization; see the top of this file.
+    fn initialize(&mut self, run: &Run) -> Result<(), CallError> {
+        let Self { simulation, members, bus, feeder, .. } = self;
+        for member in members.iter_mut() {
+            member.instance.setup_experiment(simulation.start, Some(simulation.stop))?;
+        }
+        for (member, component) in members.iter_mut().zip(&run.components) {
+            for parameter in &component.parameters {
+                member.set(parameter)?;
+            }
+        }
+        for member in members.iter_mut() {
+            member.instance.enter_initialization_mode()?;
+        }
+        feeder.feed(simulation.start, bus);
+        for member in members.iter_mut() {
+            member.read_outputs(bus)?;
+        }
+        for (member, component) in members.iter_mut().zip(&run.components) {
+            for constant in &component.constants {
+                member.set(constant)?;
+            }
+            member.set_inputs(bus)?;
+            member.read_outputs(bus)?;
+        }
+        for member in members.iter_mut() {
+            member.instance.exit_initialization_mode()?;
+        }
+        for member in members.iter_mut() {
+            member.read_outputs(bus)?;
+        }
+        Ok(())
+    }
+
+    fn step_all(&mut self, time: f64) -> Result<(), CallError> {
+        let Self { simulation, members, bus, overwritten, .. } = self;
+        match simulation.order {
+            Order::Sequential => {
+                for (index, member) in members.iter_mut().enumerate() {
+                    member.set_inputs(bus)?;
+                    member.set_overwritten(index, overwritten)?;
+                    member.instance.do_step(time, simulation.step)?;
+                    member.read_outputs(bus)?;
+                }
+            }
+            Order::Jacobi => {
+                for (index, member) in members.iter_mut().enumerate() {
+                    member.set_inputs(bus)?;
+                    member.set_overwritten(index, overwritten)?;
+                }
+                for member in members.iter_mut() {
+                    member.instance.do_step(time, simulation.step)?;
+                }
+                for member in members.iter_mut() {
+                    member.read_outputs(bus)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Member>, FmusError> {
+    run.components
+        .iter()
+        .enumerate()
+        .map(|(index, component)| {
+            if let Some(board) = calls::board() {
+                board.component(index);
+            }
+            Ok(Member {
+                instance: fmus.of(component)?,
+                inputs: Port::new(&component.inputs),
+                outputs: Port::new(&component.outputs),
+            })
+        })
+        .collect()
+}
