@@ -1,1 +1,37 @@
-"""Runs the scenarios of this repository with fmpy and reports the results beside the papers' numbers."""
+"""Vehicles and chassis controllers as FMUs: run scenarios natively, vary them, control them, linearize their FMUs.
+
+    import chassis_fmu as cf
+
+    loop = cf.Scenario("scenarios/esp_car_braking.toml")
+    loop.run({"actuators:brake.rate": 2e7}, case="individual")
+
+The names are loaded when they are used first: the processes that execute FMUs load none of them, `Env` needs
+gymnasium, and `linearize` needs control.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .env import Env
+    from .linear import linearize
+    from .scenario import Outcome, RunError, Scenario, ScenarioError, fmus
+
+__all__ = ["Env", "Outcome", "RunError", "Scenario", "ScenarioError", "fmus", "linearize"]
+
+_MODULES = {"Env": "env", "linearize": "linear"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f".{_MODULES.get(name, 'scenario')}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
