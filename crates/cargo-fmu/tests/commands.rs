@@ -425,7 +425,7 @@ fn a_study_is_carried_out() {
     std::fs::write(folder.path().join("study.toml"), STUDY.replace("pacsa", "pasca")).unwrap();
     let output = command(folder.path(), &["study", "study.toml", "--resume"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("study.toml:19:8"), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("study.toml:20:8"), "{}", text(&output.stderr));
 }
 
 /// Killed, without a chance to tidy up, once there are so many evaluations; gone on with by another number of threads.

@@ -53,11 +53,10 @@ signals = ["x", "y", "velocity:count"]
 
 const STUDY: &str = r#"title = "Ring"
 scenario = "ring.toml"
-method = "optimize"
 cases = ["free", "inverted"]
 stop = 0.8
 seed = 3
-
+method = "optimize"
 [budget]
 evaluations = 60
 
@@ -448,6 +447,8 @@ fn mistakes_are_reported_with_their_place() {
     let cases: &[(&str, &str, &str)] = &[
         ("title = ", "titel = ", "1:1: unknown key `titel`"),
         ("scenario = \"ring.toml\"", "scenario = \"rong.toml\"", "2:12: there is no file"),
+        ("method = \"optimize\"", "method = \"sample\"", "a study of method sample needs Python: `scripts/study "),
+        ("method = \"optimize\"", "method = \"guess\"", "6:10: unknown method `guess`, expected optimize"),
         ("\"free\", \"inverted\"", "\"fre\"", "3:10: unknown case `fre`"),
         ("cases = [\"free\", \"inverted\"]", "cases = []", "cases is empty"),
         (
