@@ -3,7 +3,7 @@
     import chassis_fmu as cf
 
     loop = cf.Scenario("scenarios/esp_car_braking.toml")
-    loop.run({"actuators:brake.rate": 2e7}, case="individual")
+    loop.run({"antilock:pressure.rise_rate": 30.0}, case="individual")
 
 The names are loaded when they are used first: the processes that execute FMUs load none of them, `Env` needs
 gymnasium, and `linearize` needs control.

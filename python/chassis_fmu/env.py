@@ -15,7 +15,7 @@ from .scenario import RunError, Scenario, ScenarioError, Values, run_error
 try:
     import gymnasium
 except ImportError as error:
-    raise ImportError("Env needs gymnasium; install it with `pip install chassis-fmu[gymnasium]`") from error
+    raise ImportError("Env needs gymnasium; install it with `pip install gymnasium`") from error
 
 Array: TypeAlias = NDArray[np.float64]
 Signals: TypeAlias = Mapping[str, float]

@@ -31,9 +31,7 @@ def linearize(
     try:
         import control
     except ImportError as error:
-        raise ImportError(
-            "linearize needs python-control; install it with `pip install chassis-fmu[control]`"
-        ) from error
+        raise ImportError("linearize needs python-control; install it with `pip install control`") from error
 
     found = _find(fmu)
     command: list[str | Path] = [worker_program(), "linearize", found, "--json", "--timeout", repr(timeout)]

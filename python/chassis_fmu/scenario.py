@@ -119,7 +119,10 @@ def worker_program() -> Path:
     places = [PACKAGE / "bin" / name, ROOT / "target" / "release" / name]
     found = next((p for p in places if p.is_file()), None) or shutil.which(name)
     if found is None:
-        raise ScenarioError(f"there is no program {name}: `scripts/build` makes it")
+        raise ScenarioError(
+            f"there is no program {name}, which executes FMUs in processes of their own; the wheel contains it, "
+            "`scripts/build` makes it in the repository, and it may be on the PATH"
+        )
     return Path(found)
 
 
