@@ -79,9 +79,9 @@ class Env(gymnasium.Env[Array, Array]):
         columns = [_column(loop.plan, index, name) for name in read]
         self._session = loop.session(values, run=index, inputs=self.acted, columns=columns)
         limits = [_limits(loop, name, act[name] if isinstance(act, Mapping) else None) for name in self.acted]
-        low, high = np.array(limits, dtype=np.float64).T
+        self._low, self._high = np.array(limits, dtype=np.float64).T.copy()
         shape = (len(self.observed),)
-        self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
+        self.action_space = gymnasium.spaces.Box(self._low, self._high, dtype=np.float64)
         self.observation_space = gymnasium.spaces.Box(-math.inf, math.inf, shape, dtype=np.float64)
         try:
             self._start = self._session.save()
@@ -112,11 +112,12 @@ class Env(gymnasium.Env[Array, Array]):
         if self._before is None or self._session.is_over:
             raise gymnasium.error.ResetNeeded("the episode has ended or not begun: call `reset` before `step`")
         given = np.asarray(action, dtype=np.float64)
-        if given.shape != self.action_space.shape or np.isnan(given).any():
+        if given.shape != self._low.shape or any(map(math.isnan, given)):
             raise ValueError(f"the action is {action}; give {len(self.acted)} numbers, one for each of {self.acted}")
         before, self._before = self._before, None
         with run_error():
-            self._session.step(self._count, self._clip(given))
+            # Faster than numpy.clip for few numbers.
+            self._session.step(self._count, np.minimum(np.maximum(given, self._low), self._high))
         after = self._before = self._read()
         signals = self._signals(after)
         if callable(self._reward):
@@ -129,16 +130,10 @@ class Env(gymnasium.Env[Array, Array]):
     def close(self) -> None:
         """Do nothing: the FMUs are freed with the environment."""
 
-    def _clip(self, action: Array) -> Array:
-        space = self.action_space
-        assert isinstance(space, gymnasium.spaces.Box)
-        clipped: Array = np.clip(action, space.low, space.high)
-        return clipped
-
     def _read(self) -> Array:
         values = self._session.read()
-        if not np.isfinite(values).all():
-            bad = int(np.flatnonzero(~np.isfinite(values))[0])
+        bad = next((index for index, value in enumerate(values.tolist()) if not math.isfinite(value)), None)
+        if bad is not None:
             raise RunError("diverged", self._session.time, f"`{self._names[bad]}` is {values[bad]}")
         return values
 
