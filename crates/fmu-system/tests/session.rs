@@ -37,8 +37,8 @@ signals = ["x"]
 
 fn ring(defects: &[&str]) -> TempDir {
     let folder = TempDir::new().unwrap();
-    Build { states: true, defects, ..Build::new("Position", "y", "x") }.pack(folder.path());
-    Build { states: true, ..Build::new("Velocity", "x", "y") }.pack(folder.path());
+    Build { defects, ..Build::new("Position", "y", "x") }.pack(folder.path());
+    Build::new("Velocity", "x", "y").pack(folder.path());
     folder
 }
 
