@@ -52,6 +52,8 @@ class Env(gymnasium.Env[Array, Array]):
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as gymnasium declares it
+    action_space: gymnasium.spaces.Box[np.float64]
+    observation_space: gymnasium.spaces.Box[np.float64]
 
     def __init__(
         self,

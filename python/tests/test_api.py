@@ -197,6 +197,17 @@ def test_actions_are_clipped_to_the_limits(steer: cf.Scenario) -> None:
     np.testing.assert_array_equal(play(env, np.full((300, 1), np.inf)), clipped)
 
 
+def test_a_boolean_input_is_true_above_one_half() -> None:
+    """In the case `individual` the yaw control is always on."""
+    loop = cf.Scenario(ROOT / "scenarios/esp_car_step_steer.toml", stop=0.3)
+    plain = loop.simulate(STEERING, case="individual")["vehicle.yaw_rate"].to_numpy()
+    options: dict[str, Any] = {"act": ["yaw_control:enable.yaw_control"], "observe": ["vehicle.yaw_rate"]}
+    env = environment(loop, **options, reward="vehicle.yaw_rate", case="individual")
+    assert (env.action_space.low.item(), env.action_space.high.item()) == (0.0, 1.0)
+    np.testing.assert_array_equal(play(env, np.full((300, 1), 0.6))[:, 0], plain)
+    assert not np.array_equal(play(env, np.full((300, 1), 0.5))[:, 0], plain)
+
+
 def test_rewards_and_ends_are_those_asked_for(steer: cf.Scenario, plain: dict[str, Array]) -> None:
     actions = wired(plain)
     env = environment(steer)
