@@ -111,6 +111,9 @@ pub fn is_study(path: &Path) -> bool {
 /// What any study needs, also one that another program carries out.
 #[derive(Debug, Deserialize)]
 struct Needs {
+    /// Not used, but a study without one is told before anything is built.
+    #[serde(rename = "title")]
+    _title: String,
     scenario: String,
     #[serde(rename = "vary", default)]
     factors: Vec<Factor>,
@@ -131,7 +134,7 @@ struct Factor {
 pub fn needs(path: &Path) -> Result<(PathBuf, BTreeSet<String>), StudyError> {
     let text = text(path)?;
     match toml::from_str::<Needs>(&text) {
-        Ok(Needs { scenario, factors }) => {
+        Ok(Needs { scenario, factors, .. }) => {
             let values = factors.iter().filter(|factor| factor.fmu.is_some()).flat_map(|factor| &factor.values);
             let fmus = values.filter_map(|value| value.as_str().map(str::to_owned)).collect();
             Ok((path.parent().unwrap_or(Path::new("")).join(scenario), fmus))
