@@ -111,6 +111,9 @@ class Job:
         self.cells = self._cells(problems)
         self.metrics = self._metrics(problems)
         self.requirements = self._requirements(problems)
+        # Indices of the cells in the plan of each variant.
+        known = [{run.id: index for index, run in enumerate(s.plan.runs)} for s in self.scenarios]
+        self._runs = [tuple(of[run.id] for run in self.cells) for of in known]
         self._variables = {f.name: self._variables_of(f, problems) for f in study.vary if f.fmu is None}
         self._check_names(problems)
         if problems:
@@ -248,8 +251,7 @@ class Job:
                 continue
             for variable in self._variables[factor.name]:
                 changes.append((variable.name, _in_unit(factor, variable, values[factor.name])))
-        known = {run.id: index for index, run in enumerate(self.scenarios[variant].plan.runs)}
-        return Task(number, variant, Sample(tuple(changes), tuple(known[run.id] for run in self.cells)))
+        return Task(number, variant, Sample(tuple(changes), self._runs[variant]))
 
     def done(self, task: Task, outcome: Outcome) -> Done:
         """Return the row of an outcome: with the metrics that the study reports."""

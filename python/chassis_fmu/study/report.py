@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -134,14 +135,10 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
     return [chart for chart in found if chart.panels]
 
 
-def _trade_off(numbers: Numbers, shown: Sequence[int]) -> Chart | None:
-    if len(shown) < 2:
-        return None
-    first, second = shown[:2]
-    panels = charts.trade_off(numbers, first, second)
-    titles = [numbers.job.plan.metrics[i].title for i in (first, second)]
-    figure = charts.figure("trade_off", f"{titles[1]} over {titles[0]}", "scatter", numbers.job.plan.cases)
-    caption = "Dashed: the Pareto front, the runs of all cases than which none is better in both."
+def _scatter_matrix(numbers: Numbers, shown: Sequence[int]) -> Chart | None:
+    panels = [p for first, second in itertools.combinations(shown, 2) for p in charts.trade_off(numbers, first, second)]
+    figure = charts.figure("scatter_matrix", "Metrics over each other", "scatter", numbers.job.plan.cases)
+    caption = "A point for each run. Dashed: the Pareto front, the runs of all cases than which none is better in both."
     return Chart(figure, caption, panels) if panels else None
 
 
@@ -188,7 +185,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
                 [drawing(c) for c in _charts(numbers, metric)] if is_shown else (),
             )
         )
-    trade = _trade_off(numbers, shown)
+    matrix = _scatter_matrix(numbers, shown)
     history = None
     if recorded:
         columns = history_columns(numbers)
@@ -202,7 +199,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    trade_drawing = None if trade is None else drawing(trade)
+    matrix_drawing = None if matrix is None else drawing(matrix)
     history_drawing = None if history is None or not history.panels else drawing(history)
     return environment.get_template("study.html.j2").render(
         study=job.study,
@@ -217,7 +214,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         shares=numbers.shares(),
         factors=[(f, f.text) for f in job.study.vary],
         sections=sections,
-        trade_off=trade_drawing,
+        scatter_matrix=matrix_drawing,
         history=history_drawing,
         best=best(numbers),
         percentiles=statistics.PERCENTILES,
