@@ -1,0 +1,124 @@
+"""Times environments of gymnasium: `scripts/bench env`. `chassis_fmu.Env` and fmugym step the same FMU in turn.
+
+fmugym steps one FMU of the folder, without a master around it; the scenario here is that FMU alone, too.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import chassis_fmu as cf
+from chassis_fmu.shell import ROOT
+
+OBSERVED = ["vehicle.yaw_rate", "vehicle.sideslip"]
+STEER = np.array([0.01])
+FOLDER = ROOT / "target" / "bench"
+ROUNDS = 5
+
+SCENARIO = """
+title = "The car alone"
+[simulation]
+stop = 5.0
+step = 0.001
+[[component]]
+name = "plant"
+fmu = "EspCar"
+{inputs}
+[[case]]
+name = "alone"
+title = "Alone"
+[record]
+signals = ["plant:vehicle.yaw_rate", "plant:vehicle.sideslip"]
+"""
+
+
+def scenario(fmu: Path) -> Path:
+    """Write a scenario of the FMU alone, with all inputs at their start values."""
+    import fmpy
+
+    inputs = [v for v in fmpy.read_model_description(fmu).modelVariables if v.causality == "input"]
+    values = ", ".join(f'"{v.name}" = {v.start if v.type == "Real" else v.start.lower()}' for v in inputs)
+    path = FOLDER / "car.toml"
+    path.write_text(SCENARIO.format(inputs=f"inputs = {{ {values} }}"), encoding="utf-8")
+    return path
+
+
+def ours(fmu: Path, period: float) -> Any:
+    """Return the environment of this library."""
+    return cf.Env(
+        cf.Scenario(scenario(fmu)),
+        act={"plant:steer.front": (-0.3, 0.3)},
+        observe=OBSERVED,
+        reward=OBSERVED[0],
+        period=period,
+    )
+
+
+def theirs(fmu: Path, period: float) -> Any:
+    """Return that of fmugym."""
+    from fmugym.fmugym import FMUGym  # type: ignore[import-not-found]
+    from fmugym.fmugym_config import FMUGymConfig, VarSpace  # type: ignore[import-not-found]
+
+    class Car(FMUGym):  # type: ignore[misc]
+        def _noisy_init(self) -> dict[str, float]:
+            return {}
+
+        def compute_reward(self, obs: Any, _info: Any) -> float:
+            return float(obs[0])
+
+    act, observe, random = VarSpace("act"), VarSpace("observe"), VarSpace("random")
+    act.add_var_box("steer.front", -0.3, 0.3)
+    for name in OBSERVED:
+        observe.add_var_box(name, -10.0, 10.0)
+    return Car(FMUGymConfig(str(fmu), 0.0, 5.0, 0.001, period, inputs=act, outputs=observe, random_vars=random))
+
+
+def steps(env: Any, count: int) -> float:
+    """Return steps per second of an episode."""
+    env.reset()
+    begin = time.perf_counter()
+    for _ in range(count):
+        env.step(STEER)
+    return count / (time.perf_counter() - begin)
+
+
+def resets(env: Any, count: int) -> float:
+    """Return the time of a reset, s."""
+    begin = time.perf_counter()
+    for _ in range(count):
+        env.reset()
+    return (time.perf_counter() - begin) / count
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    given = sys.argv[1:] if argv is None else argv
+    if given:
+        print("usage: scripts/bench env", file=sys.stderr)
+        return 2
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    fmu = ROOT / "target" / "fmu" / "EspCar.fmu"
+    print(f"gymnasium {gymnasium.__version__}; the fastest of {ROUNDS} episodes each, in turn")
+    print("| period, s | chassis_fmu, steps/s | fmugym, steps/s | ratio | reset, ms | fmugym, ms |")
+    print("|---|---|---|---|---|---|")
+    for period in (0.001, 0.01):
+        environments = [make(fmu, period) for make in (ours, theirs)]
+        count = round(4.9 / period)
+        rates = [
+            max(rate) for rate in zip(*([steps(e, count) for e in environments] for _ in range(ROUNDS)), strict=True)
+        ]
+        times = [1e3 * resets(env, 20) for env in environments]
+        ratio = rates[0] / rates[1]
+        print(f"| {period} | {rates[0]:.0f} | {rates[1]:.0f} | {ratio:.2f} | {times[0]:.3f} | {times[1]:.1f} |")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
