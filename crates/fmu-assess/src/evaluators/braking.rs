@@ -1,0 +1,239 @@
+//! Braking straight ahead: deceleration, distance, and what happens to the direction.
+
+use super::steering_wheel::{RATIO, steering_wheel};
+use super::{Column, Evaluator};
+use crate::metric::{Definition, Reason, Results};
+use crate::numerics::{Rows, at, largest_magnitude};
+use crate::options::Options;
+use fmu_math::{hypot, sin_cos};
+
+/// Shares of the initial speed between which the deceleration is the mean fully developed one.
+const FROM: f64 = 0.8;
+const TO: f64 = 0.1;
+/// Speed of a standstill, m/s.
+const STOP: f64 = 0.2;
+
+pub(super) const EVALUATOR: Evaluator = Evaluator {
+    name: "braking",
+    title: "Straight-line braking",
+    source: "UN R13-H, also on split friction",
+    columns: &[
+        Column::needed("driver.brake", "1"),
+        Column::needed("vehicle.position_x", "m"),
+        Column::needed("vehicle.position_y", "m"),
+        Column::optional("vehicle.yaw", "rad"),
+        Column::optional("vehicle.yaw_rate", "rad/s"),
+        Column::optional("driver.steering_wheel", "rad"),
+        Column::optional("driver.steer", "rad"),
+    ],
+    options: &[RATIO],
+    metrics: &[
+        Definition::new(
+            "initial_speed",
+            "Initial speed",
+            "m/s",
+            "Speed over ground in the row before the first with `driver.brake` above 0. The speed over ground of a row is the distance of its position \
+             from that of the row before, times the sampling rate.",
+        ),
+        Definition::new(
+            "mfdd",
+            "Mean fully developed deceleration",
+            "m/s2",
+            "((0.8 v)^2 - (0.1 v)^2) over twice the distance between these speeds; v is the initial speed.",
+        ),
+        Definition::new("distance", "Braking distance", "m", "Distance from the row of the initial speed until the speed falls to 0.2 m/s.").down(),
+        Definition::new("time", "Braking time", "s", "Time between both."),
+        Definition::new(
+            "lateral_peak",
+            "Largest lateral offset",
+            "m",
+            "Largest distance, until the stop, from the line through the initial position in the direction of the initial yaw angle.",
+        )
+        .down(),
+        Definition::new("yaw_peak", "Largest change of the yaw angle", "rad", "Largest magnitude until the stop."),
+        Definition::new("yaw_rate_peak_1s", "Largest yaw rate", "rad/s", "Largest magnitude in the first second."),
+        Definition::new("steering_wheel_peak", "Largest steering wheel angle", "rad", "Largest magnitude until the stop."),
+        Definition::new("steering_wheel_peak_2s", "Largest steering wheel angle in 2 s", "rad", "Largest magnitude in the first two seconds."),
+    ],
+    compute,
+};
+
+fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<(), Reason> {
+    let first = before_braking(rows)?;
+    let ground = Ground::new(rows)?;
+    let initial = ground.speed[first];
+    results.set("initial_speed", initial);
+    if initial <= STOP {
+        return Err(Reason::new(format!("the vehicle is not faster than {STOP} m/s when it begins to brake")));
+    }
+    let fall = |level: f64| {
+        ground.falls_to(rows, level, first).ok_or_else(|| {
+            Reason::new(format!("the speed over ground does not fall to {level:.3} m/s after braking begins"))
+        })
+    };
+    let mfdd = fall(FROM * initial).and_then(|begin| {
+        let (high, low) = (FROM * initial, TO * initial);
+        Ok((high * high - low * low) / (2.0 * (fall(low)?.way - begin.way)))
+    });
+    results.set("mfdd", mfdd);
+    let stop = fall(STOP);
+    results.set("distance", stop.clone().map(|stop| stop.way - ground.way[first]));
+    results.set("time", stop.clone().map(|stop| stop.time - rows.times[first]));
+
+    let until_stop = |x: Result<Vec<f64>, Reason>| {
+        let (x, stop) = (x?, stop.clone()?);
+        largest_magnitude(&x[first..stop.row]).ok_or_else(|| Reason::new("the vehicle stops at once"))
+    };
+    let yaw = rows.column("vehicle.yaw");
+    let offset = yaw.clone().and_then(|yaw| {
+        let [x, y] = ["vehicle.position_x", "vehicle.position_y"].map(|column| rows.column(column));
+        let (x, y, (sin, cos)) = (x?, y?, sin_cos(yaw[first]));
+        Ok(x.iter().zip(y).map(|(px, py)| (py - y[first]) * cos - (px - x[first]) * sin).collect())
+    });
+    results.set("lateral_peak", until_stop(offset));
+    results.set("yaw_peak", until_stop(yaw.map(|yaw| yaw.iter().map(|angle| angle - yaw[first]).collect())));
+    let wheel = steering_wheel(rows, options);
+    results.set("steering_wheel_peak", until_stop(wheel.clone().map(|angle| angle.into_owned())));
+
+    let has_stopped = stop.is_ok();
+    let peak_within = |x: &[f64], span: f64| {
+        let end = end_of_span(rows, first, span, has_stopped)?;
+        largest_magnitude(&x[first..end]).ok_or_else(|| Reason::new("the recording has no row"))
+    };
+    results.set("yaw_rate_peak_1s", rows.column("vehicle.yaw_rate").and_then(|rate| peak_within(rate, 1.0)));
+    results.set("steering_wheel_peak_2s", wheel.and_then(|angle| peak_within(&angle, 2.0)));
+    Ok(())
+}
+
+/// The row before the first with a brake pedal above 0.
+pub(super) fn before_braking(rows: &Rows<'_>) -> Result<usize, Reason> {
+    match rows.column("driver.brake")?.iter().position(|pedal| *pedal > 0.0) {
+        None => Err(Reason::new("`driver.brake` is never above 0")),
+        Some(0) => {
+            Err(Reason::new("`driver.brake` is above 0 in the first row, so the begin of braking is not recorded"))
+        }
+        Some(row) => Ok(row - 1),
+    }
+}
+
+/// The row after the last of a span, s, from a row on. The recording may end before only if nothing happens any more.
+pub(super) fn end_of_span(rows: &Rows<'_>, first: usize, span: f64, is_over: bool) -> Result<usize, Reason> {
+    let limit = rows.times[first] + span;
+    let end = rows.times.partition_point(|time| rows.is_until(*time, limit));
+    let ends_early = end == rows.times.len() && !rows.is_until(limit, rows.times[end - 1]);
+    if ends_early && !is_over {
+        return Err(Reason::new(format!("the recording ends before {span} s after braking begins")));
+    }
+    Ok(end)
+}
+
+/// Motion over ground.
+struct Ground {
+    /// Distance travelled, m.
+    way: Vec<f64>,
+    /// Speed, m/s.
+    speed: Vec<f64>,
+}
+
+/// Where the speed falls to a level.
+#[derive(Clone, Copy)]
+struct Fall {
+    /// The first row at or below it.
+    row: usize,
+    time: f64,
+    way: f64,
+}
+
+impl Ground {
+    fn new(rows: &Rows<'_>) -> Result<Self, Reason> {
+        let [x, y] = ["vehicle.position_x", "vehicle.position_y"].map(|column| rows.column(column));
+        let (x, y) = (x?, y?);
+        let mut way = vec![0.0; x.len()];
+        let mut speed = vec![0.0; x.len()];
+        for row in 1..x.len() {
+            way[row] = way[row - 1] + hypot(x[row] - x[row - 1], y[row] - y[row - 1]);
+            speed[row] = (way[row] - way[row - 1]) * rows.rate;
+        }
+        speed[0] = speed[1];
+        Ok(Self { way, speed })
+    }
+
+    /// The first fall to a level after a row, interpolated.
+    fn falls_to(&self, rows: &Rows<'_>, level: f64, after: usize) -> Option<Fall> {
+        let speed = &self.speed;
+        let row = (after + 1..speed.len()).find(|row| speed[row - 1] > level && speed[*row] <= level)?;
+        let share = (speed[row - 1] - level) / (speed[row - 1] - speed[row]);
+        let time = rows.times[row - 1] + share * (rows.times[row] - rows.times[row - 1]);
+        Some(Fall { row, time, way: at(rows.times, &self.way, time)? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metric::Value;
+    use crate::trace::Trace;
+    use serde_json::json;
+
+    const STEP: f64 = 0.001;
+
+    /// A vehicle that decelerates constantly from 0.5 s on, in a direction, rad.
+    fn evaluate(speed: f64, deceleration: f64, course: f64) -> super::super::Evaluation {
+        let times: Vec<f64> = (1..=6_000).map(|k| f64::from(k) * STEP).collect();
+        let way = |time: f64| {
+            let braking = (time - 0.5).clamp(0.0, speed / deceleration);
+            speed * time.min(0.5) + speed * braking - 0.5 * deceleration * braking * braking
+        };
+        let (sin, cos) = sin_cos(course);
+        let column = |of: &dyn Fn(f64) -> f64| times.iter().map(|time| of(*time)).collect::<Vec<_>>();
+        // The pedal of a row was held during the step before it.
+        let trace = Trace::new(times.clone()).with("driver.brake", column(&|t| f64::from(t > 0.5005))).unwrap();
+        let trace = trace.with("vehicle.position_x", column(&|t| way(t) * cos)).unwrap();
+        let trace = trace.with("vehicle.position_y", column(&|t| way(t) * sin)).unwrap();
+        let trace = trace.with("vehicle.yaw", vec![course; 6_000]).unwrap();
+        EVALUATOR.evaluate(&trace, &json!({})).unwrap()
+    }
+
+    fn number(evaluation: &super::super::Evaluation, name: &str) -> f64 {
+        match evaluation.value(name) {
+            Some(Value::Number(number)) => *number,
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+
+    /// Check number of the test bench: 8.00256 for 8 m/s2 from 27.8 m/s, because the speed of a row belongs to the middle of a step; the
+    /// tolerance is half of its last digit.
+    #[test]
+    fn a_constant_deceleration() {
+        for course in [0.0, 2.0, -0.7] {
+            let evaluation = evaluate(27.8, 8.0, course);
+            let mfdd = number(&evaluation, "mfdd");
+            assert!((mfdd - 8.002_56).abs() < 5e-6, "{mfdd}");
+            assert!((number(&evaluation, "initial_speed") - 27.8).abs() < 1e-9);
+            // Closed form; 0.2 m/s is reached half a step late.
+            assert!((number(&evaluation, "distance") - (27.8 * 27.8 - 0.04) / 16.0).abs() < 2e-4);
+            assert!((number(&evaluation, "time") - (27.8 - 0.2) / 8.0 - 0.0005).abs() < 1e-6);
+            assert!(number(&evaluation, "lateral_peak") < 1e-12);
+        }
+    }
+
+    #[test]
+    fn without_a_stop_there_is_no_distance() {
+        let evaluation = evaluate(27.8, 4.0, 0.0);
+        assert!((number(&evaluation, "initial_speed") - 27.8).abs() < 1e-9);
+        for name in ["mfdd", "distance", "time", "lateral_peak", "yaw_peak"] {
+            let Some(Value::Null(reason)) = evaluation.value(name) else { panic!("{name}") };
+            assert!(reason.to_string().starts_with("the speed over ground does not fall to "), "{name}: {reason}");
+        }
+    }
+
+    #[test]
+    fn the_begin_of_braking_is_recorded() {
+        for (pedal, expected) in [(1.0, "is above 0 in the first row"), (0.0, "is never above 0")] {
+            let trace = Trace::new(vec![0.0, 0.1]).with("driver.brake", vec![pedal; 2]).unwrap();
+            let evaluation = EVALUATOR.evaluate(&trace, &json!({})).unwrap();
+            let Some(Value::Null(reason)) = evaluation.value("mfdd") else { panic!() };
+            assert!(reason.to_string().contains(expected), "{reason}");
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! Coned tracks: margins to the edges of the sections.
+
+use super::steering_wheel::{RATIO, steering_wheel};
+use super::{Column, Evaluator, peak};
+use crate::metric::{Definition, Reason, Results};
+use crate::numerics::{Rows, at, largest_magnitude, up};
+use crate::options::{Fallback, Form, Lane, OptionRule, Options};
+use fmu_math::sin_cos;
+
+pub(super) const EVALUATOR: Evaluator = Evaluator {
+    name: "cones",
+    title: "Coned track",
+    source: "ISO 3888-1, ISO 3888-2; the edges of a section are solid, which is stricter than single cones",
+    columns: &[
+        Column::needed("vehicle.position_x", "m"),
+        Column::needed("vehicle.position_y", "m"),
+        Column::needed("vehicle.yaw", "rad"),
+        Column::optional("vehicle.speed", "m/s"),
+        Column::optional("vehicle.lateral_acceleration", "m/s2"),
+        Column::optional("vehicle.sideslip", "rad"),
+        Column::optional("body.roll", "rad"),
+        Column::optional("vehicle.yaw_rate", "rad/s"),
+        Column::optional("driver.steering_wheel", "rad"),
+        Column::optional("driver.steer", "rad"),
+        Column::optional("vehicle.load_transfer_ratio", "1"),
+    ],
+    options: &[
+        OptionRule {
+            name: "vehicle.width",
+            unit: "m",
+            form: Form::Positive,
+            default: Fallback::Required,
+            meaning: "width of the vehicle's footprint, which also sets the widths of the sections",
+        },
+        OptionRule {
+            name: "footprint.front",
+            unit: "m",
+            form: Form::NotNegative,
+            default: Fallback::Required,
+            meaning: "distance from the reference point to the front end of the vehicle",
+        },
+        OptionRule {
+            name: "footprint.rear",
+            unit: "m",
+            form: Form::NotNegative,
+            default: Fallback::Required,
+            meaning: "distance from the reference point to the rear end",
+        },
+        OptionRule {
+            name: "maneuver",
+            unit: "1",
+            form: Form::Integer(&[2, 3]),
+            default: Fallback::Number(2.0),
+            meaning: "track: 2 is ISO 3888-1, 3 is ISO 3888-2",
+        },
+        OptionRule {
+            name: "path.start",
+            unit: "m",
+            form: Form::Number,
+            default: Fallback::Number(50.0),
+            meaning: "x of the first cones",
+        },
+        OptionRule {
+            name: "path.mirror",
+            unit: "1",
+            form: Form::Integer(&[0, 1]),
+            default: Fallback::Number(0.0),
+            meaning: "1 mirrors the track: the first lane change is to the right",
+        },
+        OptionRule {
+            name: "lanes",
+            unit: "m",
+            form: Form::Lanes,
+            default: Fallback::Absent,
+            meaning: "another track, as a list of sections [x begin, x end, right edge, left edge]; `maneuver`, `path.start` and `path.mirror` then have no effect",
+        },
+        RATIO,
+    ],
+    metrics: &[
+        Definition::new(
+            "margins",
+            "Margins",
+            "m",
+            "For each section, the smallest distance of the part of the footprint inside the section from both edges, over all rows; negative beyond an edge. \
+             Null where the footprint is never inside.",
+        ),
+        Definition::new(
+            "entry_speed",
+            "Entry speed",
+            "m/s",
+            "Speed when the reference point passes the begin of the first section.",
+        )
+        .up(),
+        Definition::new(
+            "exit_speed",
+            "Exit speed",
+            "m/s",
+            "Speed when the reference point passes the end of the last section.",
+        ),
+        Definition::new("time", "Time", "s", "Time between both."),
+        Definition::new(
+            "passed",
+            "Passed",
+            "1",
+            "Whether no margin is negative and the reference point passes the end of the last section.",
+        ),
+        Definition::new(
+            "first_hit",
+            "First hit",
+            "s, 1",
+            "Time of the first negative margin, and the number of its section, from 1. Null without one.",
+        ),
+        Definition::new(
+            "lateral_acceleration_peak",
+            "Peak of the lateral acceleration",
+            "m/s2",
+            "Largest magnitude of the run.",
+        ),
+        Definition::new("sideslip_peak", "Peak of the sideslip angle", "rad", "Largest magnitude of the run.").down(),
+        Definition::new("roll_peak", "Peak of the roll angle", "rad", "Largest magnitude of the run.").down(),
+        Definition::new("yaw_rate_peak", "Peak of the yaw rate", "rad/s", "Largest magnitude of the run."),
+        Definition::new(
+            "steering_wheel_peak",
+            "Peak of the steering wheel angle",
+            "rad",
+            "Largest magnitude of the run.",
+        ),
+        Definition::new("load_transfer_peak", "Peak of the load transfer ratio", "1", "Largest magnitude of the run.")
+            .down(),
+    ],
+    compute,
+};
+
+fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<(), Reason> {
+    for (name, column) in [
+        ("lateral_acceleration_peak", "vehicle.lateral_acceleration"),
+        ("sideslip_peak", "vehicle.sideslip"),
+        ("roll_peak", "body.roll"),
+        ("yaw_rate_peak", "vehicle.yaw_rate"),
+        ("load_transfer_peak", "vehicle.load_transfer_ratio"),
+    ] {
+        results.set(name, peak(rows, column));
+    }
+    let wheel = steering_wheel(rows, options)
+        .and_then(|angle| largest_magnitude(&angle).ok_or_else(|| Reason::new("the recording has no row")));
+    results.set("steering_wheel_peak", wheel);
+
+    let [x, y, yaw] = ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"].map(|column| rows.column(column));
+    let (x, y, yaw) = (x?, y?, yaw?);
+    let lanes = lanes(options);
+    let (Some(first), Some(last)) = (lanes.first(), lanes.last()) else {
+        return Err(Reason::new("the track has no section"));
+    };
+    let passes = |level: f64, what: &str| {
+        let crossing = up(rows.times, x, level, 0).map(|crossing| crossing.time);
+        crossing.ok_or_else(|| Reason::new(format!("the reference point does not pass {what} at {level} m")))
+    };
+    let (entry, exit) =
+        (passes(first.begin, "the begin of the first section"), passes(last.end, "the end of the last section"));
+    let speed = |time: &Result<f64, Reason>| {
+        let (time, speed) = (time.clone()?, rows.column("vehicle.speed")?);
+        at(rows.times, speed, time).ok_or_else(|| Reason::new("the recording ends before"))
+    };
+    results.set("entry_speed", speed(&entry));
+    results.set("exit_speed", speed(&exit));
+    results.set("time", entry.and_then(|entry| Ok(exit? - entry)));
+
+    let footprint = Footprint {
+        half_width: 0.5 * options.number("vehicle.width"),
+        front: options.number("footprint.front"),
+        rear: options.number("footprint.rear"),
+    };
+    let mut margins = vec![None; lanes.len()];
+    let mut hit = None;
+    for row in 0..rows.times.len() {
+        let corners = footprint.corners(x[row], y[row], yaw[row]);
+        for (index, lane) in lanes.iter().enumerate() {
+            let Some(margin) = margin(&corners, lane) else { continue };
+            if margin < 0.0 && hit.is_none() {
+                hit = Some((rows.times[row], index + 1));
+            }
+            let smallest: &mut Option<f64> = &mut margins[index];
+            *smallest = Some(smallest.map_or(margin, |smallest| smallest.min(margin)));
+        }
+    }
+    let is_finished = x.iter().any(|x| *x >= last.end);
+    let passed = if !is_finished || hit.is_some() {
+        Ok(false)
+    } else if margins.contains(&None) {
+        Err(Reason::new("no row is inside of one of the sections"))
+    } else {
+        Ok(true)
+    };
+    results.set("passed", passed);
+    let hit = hit.map(|(time, section)| vec![time, section as f64]);
+    results.set("first_hit", hit.ok_or_else(|| Reason::new("no margin is negative")));
+    results.set("margins", margins);
+    Ok(())
+}
+
+/// The coned sections.
+fn lanes(options: &Options) -> Vec<Lane> {
+    if let Some(lanes) = options.lanes("lanes") {
+        return lanes.to_vec();
+    }
+    let (start, width) = (options.number("path.start"), options.number("vehicle.width"));
+    let is_mirrored = options.number("path.mirror") == 1.0;
+    let track = if options.number("maneuver") == 3.0 { severe(width) } else { moderate(width) };
+    let lane = |[begin, end, right, left]: [f64; 4]| {
+        let (right, left) = if is_mirrored { (-left, -right) } else { (right, left) };
+        Lane { begin: start + begin, end: start + end, right, left }
+    };
+    track.map(lane).to_vec()
+}
+
+/// ISO 3888-1 for a vehicle of a width, m: begin and end of each section after the start, right and left edge. The right edges of the
+/// first and last section are in one line.
+fn moderate(width: f64) -> [[f64; 4]; 3] {
+    let half = 0.5 * (1.1 * width + 0.25);
+    [
+        [0.0, 15.0, -half, half],
+        [45.0, 70.0, -half + 3.5, -half + 3.5 + 1.2 * width + 0.25],
+        [95.0, 125.0, -half, -half + 1.3 * width + 0.25],
+    ]
+}
+
+/// ISO 3888-2. The left edges of the first and last section are in one line.
+fn severe(width: f64) -> [[f64; 4]; 3] {
+    let half = 0.5 * (1.1 * width + 0.25);
+    [
+        [0.0, 12.0, -half, half],
+        [25.5, 36.5, half + 1.0, half + 1.0 + width + 1.0],
+        [49.0, 61.0, half - (1.3 * width + 0.25).max(3.0), half],
+    ]
+}
+
+/// The rectangle of the vehicle on the road, m.
+struct Footprint {
+    half_width: f64,
+    front: f64,
+    rear: f64,
+}
+
+impl Footprint {
+    /// Corners in the order around the rectangle.
+    fn corners(&self, x: f64, y: f64, yaw: f64) -> [[f64; 2]; 4] {
+        let (sin, cos) = sin_cos(yaw);
+        let (front, rear, side) = (self.front, -self.rear, self.half_width);
+        [[front, side], [front, -side], [rear, -side], [rear, side]]
+            .map(|[ahead, left]| [x + ahead * cos - left * sin, y + ahead * sin + left * cos])
+    }
+}
+
+/// Smallest distance of the part of a rectangle inside a section from its edges; `None` if no part is inside.
+fn margin(corners: &[[f64; 2]; 4], lane: &Lane) -> Option<f64> {
+    let inside = corners.iter().filter(|[x, _]| (lane.begin..=lane.end).contains(x)).map(|[_, y]| *y);
+    let cut = (0..corners.len()).flat_map(|index| {
+        let ([ax, ay], [bx, by]) = (corners[index], corners[(index + 1) % corners.len()]);
+        [lane.begin, lane.end].map(|x| {
+            let crosses = (ax < x && x < bx) || (bx < x && x < ax);
+            crosses.then(|| ay + (x - ax) / (bx - ax) * (by - ay))
+        })
+    });
+    let distances = inside.chain(cut.flatten()).map(|y| (lane.left - y).min(y - lane.right));
+    distances.reduce(f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn assert_edges(track: [[f64; 4]; 3], expected: [[f64; 2]; 3]) {
+        for ([_, _, right, left], [expected_right, expected_left]) in track.into_iter().zip(expected) {
+            assert!((right - expected_right).abs() < 1e-12 && (left - expected_left).abs() < 1e-12, "{right} {left}");
+        }
+    }
+
+    /// Check numbers of the test bench for a width of 1.61 m.
+    #[test]
+    fn sections_of_both_tracks() {
+        assert_edges(moderate(1.61), [[-1.0105, 1.0105], [2.4895, 4.6715], [-1.0105, 1.3325]]);
+        assert_edges(severe(1.61), [[-1.0105, 1.0105], [2.0105, 4.6205], [-1.9895, 1.0105]]);
+    }
+
+    /// By hand: a rectangle of 4 m by 2 m in a lane 3 m wide.
+    #[test]
+    fn margins_of_a_rectangle() {
+        let lane = Lane { begin: 0.0, end: 10.0, right: -1.5, left: 1.5 };
+        let footprint = Footprint { half_width: 1.0, front: 2.0, rear: 2.0 };
+        let margin = |x, y, yaw| margin(&footprint.corners(x, y, yaw), &lane);
+        assert_eq!(margin(5.0, 0.0, 0.0), Some(0.5));
+        assert_eq!(margin(5.0, 0.25, 0.0), Some(0.25));
+        assert_eq!(margin(5.0, -0.75, 0.0), Some(-0.25));
+        // Half of it is inside; outside it may be anywhere.
+        assert_eq!(margin(0.0, 0.25, 0.0), Some(0.25));
+        assert_eq!(margin(-2.5, 0.0, 0.0), None);
+        assert_eq!(margin(12.5, 0.0, 0.0), None);
+        // Across the lane: the front end is half a meter beyond the left edge.
+        let across = margin(5.0, 0.0, std::f64::consts::FRAC_PI_2).unwrap();
+        assert!((across + 0.5).abs() < 1e-15);
+        // Around the whole section.
+        let short = Lane { begin: 4.9, end: 5.1, ..lane };
+        assert_eq!(super::margin(&footprint.corners(5.0, 0.25, 0.0), &short), Some(0.25));
+    }
+}

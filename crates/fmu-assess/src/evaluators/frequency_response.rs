@@ -1,0 +1,200 @@
+//! Frequency response: gain and phase at the lines of a multisine.
+
+use super::{Column, Evaluator};
+use crate::metric::{Definition, Reason, Results};
+use crate::numerics::Rows;
+use crate::options::Options;
+use fmu_math::{atan2, exp, hypot, ln, sin_cos};
+use rustfft::num_complex::Complex;
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, TAU};
+
+/// Lines of the multisine, Hz.
+const FREQUENCIES: [f64; 20] =
+    [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.3, 2.6, 3.0, 3.5, 4.0];
+/// The lines of the reference gain, 0.2 Hz, and of the delay, 1 Hz.
+const REFERENCE: usize = 1;
+const DELAY: usize = 9;
+/// Span at the end of the recording that is transformed, s: two periods.
+const SPAN: f64 = 20.0;
+/// A line of the steering angle needs this share of the sum of its magnitudes. The multisine has a tenth at every line.
+const MIN_SHARE: f64 = 1e-6;
+
+/// The signals that are evaluated: name of the group of metrics, column.
+const RESPONSES: [(&str, &str); 2] =
+    [("yaw_rate", "vehicle.yaw_rate"), ("lateral_acceleration", "vehicle.lateral_acceleration")];
+
+/// The table of metrics: the frequencies, and the same eight of each response.
+macro_rules! metrics {
+    ($first:expr, [$($group:literal $title:literal $unit:literal)*]) => {
+        &[
+            $first,
+            $(
+                Definition::new(concat!($group, ".gain"), concat!($title, ", gain"), $unit, "Magnitude of the response at each frequency, per road-wheel angle."),
+                Definition::new(
+                    concat!($group, ".phase"),
+                    concat!($title, ", phase"),
+                    "rad",
+                    "Phase of the response at each frequency, without jumps from one to the next.",
+                ),
+                Definition::new(concat!($group, ".reference_gain"), concat!($title, ", reference gain"), $unit, "Gain at 0.2 Hz."),
+                Definition::new(
+                    concat!($group, ".bandwidth"),
+                    concat!($title, ", bandwidth"),
+                    "Hz",
+                    "First frequency above 0.2 Hz where the gain falls below the reference gain over sqrt(2); the gain is linear over the logarithm of the frequency between the lines.",
+                ),
+                Definition::new(
+                    concat!($group, ".phase_45_frequency"),
+                    concat!($title, ", frequency of -45 deg"),
+                    "Hz",
+                    "First frequency above 0.2 Hz where the phase falls below -45 deg, found in the same way.",
+                ),
+                Definition::new(concat!($group, ".peak_ratio"), concat!($title, ", peak ratio"), "1", "Largest gain over the reference gain."),
+                Definition::new(concat!($group, ".peak_frequency"), concat!($title, ", peak frequency"), "Hz", "Frequency of the largest gain."),
+                Definition::new(concat!($group, ".delay_1hz"), concat!($title, ", delay at 1 Hz"), "s", "Minus the phase at 1 Hz over 2 pi."),
+            )*
+        ]
+    };
+}
+
+pub(super) const EVALUATOR: Evaluator = Evaluator {
+    name: "frequency_response",
+    title: "Frequency response",
+    source: "ISO 7401 (random input), as a multisine",
+    columns: &[
+        Column::needed("driver.steer", "rad"),
+        Column::optional("vehicle.yaw_rate", "rad/s"),
+        Column::optional("vehicle.lateral_acceleration", "m/s2"),
+    ],
+    options: &[],
+    metrics: metrics!(
+        Definition::new(
+            "frequency",
+            "Frequencies",
+            "Hz",
+            "The lines of the multisine, of which the last 20 s are transformed. The steering angle of a row was held during the step before it, which the response takes into account."
+        ),
+        ["yaw_rate" "Yaw rate" "1/s" "lateral_acceleration" "Lateral acceleration" "m/(s2.rad)"]
+    ),
+    compute,
+};
+
+fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Reason> {
+    results.set("frequency", FREQUENCIES.to_vec());
+    let input = lines(rows, "driver.steer")?;
+    for (group, column) in RESPONSES {
+        let response = lines(rows, column).map(|output| Response::new(&input, &output, 1.0 / rows.rate));
+        let mut set = |name: &str, value: Result<f64, Reason>| results.set(&format!("{group}.{name}"), value);
+        let get = |of: fn(&Response) -> f64| response.as_ref().map(of).map_err(Clone::clone);
+        set("reference_gain", get(|response| response.gain[REFERENCE]));
+        set("bandwidth", response.as_ref().map_err(Clone::clone).and_then(Response::bandwidth));
+        set("phase_45_frequency", response.as_ref().map_err(Clone::clone).and_then(Response::phase_frequency));
+        set("peak_ratio", get(|response| response.gain[response.peak()] / response.gain[REFERENCE]));
+        set("peak_frequency", get(|response| FREQUENCIES[response.peak()]));
+        set("delay_1hz", get(|response| -response.phase[DELAY] / TAU));
+        let (gain, phase) = match response {
+            Ok(response) => (Ok(response.gain.to_vec()), Ok(response.phase.to_vec())),
+            Err(reason) => (Err(reason.clone()), Err(reason)),
+        };
+        results.set(&format!("{group}.gain"), gain);
+        results.set(&format!("{group}.phase"), phase);
+    }
+    Ok(())
+}
+
+/// The Fourier sums of the last 20 s of a column at the lines. Steering has to have a share of each.
+fn lines(rows: &Rows<'_>, column: &str) -> Result<[Complex<f64>; 20], Reason> {
+    let values = rows.column(column)?;
+    let Some(begin) = values.len().checked_sub(rows.count(SPAN)) else {
+        return Err(Reason::new(format!("the recording is shorter than {SPAN} s")));
+    };
+    let values = &values[begin..];
+    let highest = FREQUENCIES[FREQUENCIES.len() - 1];
+    if rows.rate < 2.0 * highest {
+        return Err(Reason::new(format!("a sampling rate of {} Hz is too low for a line at {highest} Hz", rows.rate)));
+    }
+    let lines = FREQUENCIES.map(|frequency| {
+        let mut sum = Complex::new(0.0, 0.0);
+        for (k, value) in values.iter().enumerate() {
+            let turns = frequency * k as f64 / rows.rate;
+            let (sin, cos) = sin_cos(TAU * (turns - turns.floor()));
+            sum += Complex::new(value * cos, -value * sin);
+        }
+        sum
+    });
+    let total: f64 = values.iter().map(|value| value.abs()).sum();
+    let has_no_share = |line: &Complex<f64>| hypot(line.re, line.im) <= MIN_SHARE * total;
+    match lines.iter().position(has_no_share) {
+        Some(line) if column == "driver.steer" => {
+            Err(Reason::new(format!("`driver.steer` does not excite {} Hz", FREQUENCIES[line])))
+        }
+        _ => Ok(lines),
+    }
+}
+
+struct Response {
+    gain: [f64; 20],
+    phase: [f64; 20],
+}
+
+impl Response {
+    /// From the lines of input and output, with the step of the rows, s.
+    fn new(input: &[Complex<f64>; 20], output: &[Complex<f64>; 20], step: f64) -> Self {
+        let (mut gain, mut phase) = ([0.0; 20], [0.0; 20]);
+        let mut before = 0.0;
+        for (line, frequency) in FREQUENCIES.iter().enumerate() {
+            // Spectrum of an input that is held during the step before each row.
+            let angle = TAU * frequency * step;
+            let (sin, cos) = sin_cos(angle);
+            let hold = Complex::new(cos - 1.0, sin) / Complex::new(0.0, angle);
+            let response = output[line] / (input[line] * hold);
+            gain[line] = hypot(response.re, response.im);
+            let argument = atan2(response.im, response.re);
+            before = argument - TAU * ((argument - before) / TAU).round();
+            phase[line] = before;
+        }
+        Self { gain, phase }
+    }
+
+    /// The first line of the largest gain.
+    fn peak(&self) -> usize {
+        (0..self.gain.len())
+            .reduce(|best, line| if self.gain[line] > self.gain[best] { line } else { best })
+            .unwrap_or(0)
+    }
+
+    fn bandwidth(&self) -> Result<f64, Reason> {
+        falls_below(&self.gain, FRAC_1_SQRT_2 * self.gain[REFERENCE])
+            .ok_or_else(|| Reason::new("the gain does not fall below the reference gain over sqrt(2) up to 4 Hz"))
+    }
+
+    fn phase_frequency(&self) -> Result<f64, Reason> {
+        falls_below(&self.phase, -FRAC_PI_4)
+            .ok_or_else(|| Reason::new("the phase does not fall below -45 deg between 0.2 and 4 Hz"))
+    }
+}
+
+/// The first frequency above 0.2 Hz where the values of the lines fall below a level. They are linear over the logarithm of the frequency.
+fn falls_below(values: &[f64; 20], level: f64) -> Option<f64> {
+    let after = (REFERENCE + 1..values.len()).find(|line| values[line - 1] >= level && values[*line] < level)?;
+    let share = (values[after - 1] - level) / (values[after - 1] - values[after]);
+    let [low, high] = [after - 1, after].map(|line| ln(FREQUENCIES[line]));
+    Some(exp(low + share * (high - low)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: halfway between 1 and 1.2 Hz in the logarithm is sqrt(1.2) Hz.
+    #[test]
+    fn values_are_linear_over_the_logarithm() {
+        let mut values = [1.0; 20];
+        values[10..].fill(0.0);
+        assert!((falls_below(&values, 0.5).unwrap() - 1.2_f64.sqrt()).abs() < 1e-15);
+        assert_eq!(falls_below(&values, -0.5), None);
+        assert_eq!(falls_below(&[0.0; 20], 0.5), None);
+        values[..2].fill(0.0);
+        assert!((falls_below(&values, 0.5).unwrap() - 1.2_f64.sqrt()).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,111 @@
+//! Ride comfort: weighted vibrations, suspension travel and dynamic tire loads.
+
+use super::weighting::Weighting;
+use super::{Column, Evaluator};
+use crate::metric::{Definition, Reason, Results};
+use crate::numerics::{Rows, largest, mean, smallest, standard_deviation};
+use crate::options::{Fallback, Form, OptionRule, Options};
+
+/// A direction of vibration: prefix of its metrics, column, weighting, factor.
+const VIBRATIONS: [(&str, &str, Weighting, f64); 3] = [
+    ("heave", "body.heave_acceleration", Weighting::Vertical, 1.0),
+    ("roll", "body.roll_acceleration", Weighting::Angular, 0.63),
+    ("pitch", "body.pitch_acceleration", Weighting::Angular, 0.4),
+];
+
+pub(super) const EVALUATOR: Evaluator = Evaluator {
+    name: "ride",
+    title: "Ride comfort",
+    source: "ISO 2631-1, at the center of mass and without a seat",
+    columns: &[
+        Column::optional("body.heave_acceleration", "m/s2"),
+        Column::optional("body.roll_acceleration", "rad/s2"),
+        Column::optional("body.pitch_acceleration", "rad/s2"),
+        Column::optional("suspension_deflection.*", "m"),
+        Column::optional("tire_load.*", "N"),
+    ],
+    options: &[OptionRule {
+        name: "begin",
+        unit: "s",
+        form: Form::NotNegative,
+        default: Fallback::Number(2.0),
+        meaning: "time from which the rows count",
+    }],
+    metrics: &[
+        Definition::new("heave_rms", "Heave acceleration", "m/s2", "Standard deviation of the heave acceleration."),
+        Definition::new(
+            "heave_weighted",
+            "Heave acceleration, weighted",
+            "m/s2",
+            "Root mean square of the lines of the Fourier transform of the heave acceleration about its mean, weighted by W_k.",
+        )
+        .down(),
+        Definition::new("roll_rms", "Roll acceleration", "rad/s2", "Standard deviation of the roll acceleration."),
+        Definition::new("roll_weighted", "Roll acceleration, weighted", "m/s2", "As `heave_weighted`, weighted by W_e, times 0.63 m/rad.").down(),
+        Definition::new("pitch_rms", "Pitch acceleration", "rad/s2", "Standard deviation of the pitch acceleration."),
+        Definition::new("pitch_weighted", "Pitch acceleration, weighted", "m/s2", "As `heave_weighted`, weighted by W_e, times 0.4 m/rad.").down(),
+        Definition::new("vibration_total", "Vibration total", "m/s2", "Root of the sum of the squares of the three weighted values.").down(),
+        Definition::new("suspension_travel_rms", "Suspension travel", "m", "Standard deviation of the deflection of each strut.").each("suspension_deflection"),
+        Definition::new("suspension_travel_range", "Range of the suspension travel", "m", "Largest less smallest deflection of each strut.")
+            .each("suspension_deflection"),
+        Definition::new("dynamic_load_coefficient", "Dynamic load coefficient", "1", "Standard deviation of the load of each tire over its mean.")
+            .each("tire_load")
+            .down(),
+        Definition::new("load_minimum_share", "Smallest load", "1", "Smallest load of each tire over its mean.").each("tire_load"),
+        Definition::new("lift_share", "Time without load", "1", "Share of the rows in which a tire has no load.").each("tire_load"),
+    ],
+    compute,
+};
+
+fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<(), Reason> {
+    let begin = options.number("begin");
+    let first = rows.first_from(begin);
+    let late = || Reason::new(format!("the recording ends before {begin} s, where the evaluation begins"));
+    let column = |name: &str| rows.column(name).map(|values| &values[first..]);
+    let mut total = Ok(0.0);
+    for (name, signal, weighting, factor) in VIBRATIONS {
+        let rms = |weighting: Weighting| weighting.rms(column(signal)?, rows.rate).ok_or_else(late);
+        let weighted = rms(weighting).map(|rms| factor * rms);
+        results.set(&format!("{name}_rms"), rms(Weighting::None));
+        results.set(&format!("{name}_weighted"), weighted.clone());
+        total = total.and_then(|total| weighted.map(|weighted| total + weighted * weighted));
+    }
+    results.set("vibration_total", total.map(f64::sqrt));
+    for (name, of) in [
+        ("suspension_travel_rms", standard_deviation as fn(&[f64]) -> Option<f64>),
+        ("suspension_travel_range", |travel| Some(largest(travel)? - smallest(travel)?)),
+    ] {
+        each(rows, "suspension_deflection", results, name, |name| of(column(name)?).ok_or_else(late));
+    }
+    for (name, of) in [
+        (
+            "dynamic_load_coefficient",
+            (|load| Some(standard_deviation(load)? / mean(load)?)) as fn(&[f64]) -> Option<f64>,
+        ),
+        ("load_minimum_share", |load| Some(smallest(load)? / mean(load)?)),
+        ("lift_share", |load| {
+            let lifted = load.iter().filter(|load| **load <= 0.0).count();
+            (!load.is_empty()).then(|| lifted as f64 / load.len() as f64)
+        }),
+    ] {
+        each(rows, "tire_load", results, name, |name| of(column(name)?).ok_or_else(late));
+    }
+    Ok(())
+}
+
+/// Sets a metric for each column of a group.
+fn each(
+    rows: &Rows<'_>,
+    group: &str,
+    results: &mut Results,
+    metric: &str,
+    value: impl Fn(&str) -> Result<f64, Reason>,
+) {
+    let places = rows.places(group);
+    for (place, name) in &places {
+        results.set_at(metric, place, value(name));
+    }
+    if places.is_empty() {
+        results.set(metric, Err::<f64, _>(Reason::new(format!("the recording has no column `{group}.*`"))));
+    }
+}

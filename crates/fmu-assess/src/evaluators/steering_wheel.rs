@@ -1,0 +1,26 @@
+//! The angle at the steering wheel.
+
+use crate::metric::Reason;
+use crate::numerics::Rows;
+use crate::options::{Fallback, Form, OptionRule, Options};
+use std::borrow::Cow;
+
+/// The option for recordings without the column.
+pub(super) const RATIO: OptionRule = OptionRule {
+    name: "steer.ratio",
+    unit: "1",
+    form: Form::Positive,
+    default: Fallback::Absent,
+    meaning: "angle of the steering wheel over that of the road wheel; makes the steering wheel angle from `driver.steer` if the recording has no column `driver.steering_wheel`",
+};
+
+/// Angle at the steering wheel, rad: the column, or the road-wheel angle times the ratio if that is given.
+pub(super) fn steering_wheel<'a>(rows: &Rows<'a>, options: &Options) -> Result<Cow<'a, [f64]>, Reason> {
+    let column = rows.column("driver.steering_wheel");
+    match (column, options.given(RATIO.name)) {
+        (Err(_), Some(ratio)) if rows.column("driver.steer").is_ok() => {
+            Ok(rows.column("driver.steer")?.iter().map(|angle| ratio * angle).collect())
+        }
+        (column, _) => column.map(Cow::Borrowed),
+    }
+}

@@ -1,0 +1,182 @@
+//! Step steer: gains, response times and overshoot.
+
+use super::{Column, Evaluator};
+use crate::metric::{Definition, Reason, Results};
+use crate::numerics::{Rows, first_largest, mean, sign, up};
+use crate::options::Options;
+
+/// Span of the steady values at the end of the recording, s.
+const STEADY: f64 = 1.0;
+/// Share of the steady value that ends the response time.
+const RESPONSE: f64 = 0.9;
+
+/// The signals whose response is evaluated: name of the group of metrics, column.
+const RESPONSES: [(&str, &str); 3] =
+    [("yaw_rate", "vehicle.yaw_rate"), ("lateral_acceleration", "vehicle.lateral_acceleration"), ("roll", "body.roll")];
+
+/// The table of metrics: those of the maneuver, and the same six of each response.
+macro_rules! metrics {
+    ($first:expr, $second:expr, [$($group:literal $title:literal $unit:literal $gain:literal)*], $($last:expr),*) => {
+        &[
+            $first,
+            $second,
+            $(
+                Definition::new(
+                    concat!($group, ".steady"),
+                    concat!($title, ", steady"),
+                    $unit,
+                    "Mean of the last second, positive in the direction of the steering angle.",
+                ),
+                Definition::new(concat!($group, ".gain"), concat!($title, ", gain"), $gain, "Steady value over the steady steering angle."),
+                Definition::new(concat!($group, ".peak"), concat!($title, ", peak"), $unit, "Largest sample from the step on."),
+                Definition::new(
+                    concat!($group, ".response_time"),
+                    concat!($title, ", response time"),
+                    "s",
+                    "Time from t0 until the signal rises to 90 % of its steady value.",
+                ),
+                Definition::new(
+                    concat!($group, ".peak_response_time"),
+                    concat!($title, ", peak response time"),
+                    "s",
+                    "Time from t0 to the first row of the peak.",
+                ),
+                Definition::new(
+                    concat!($group, ".overshoot"),
+                    concat!($title, ", overshoot"),
+                    "1",
+                    "Peak less steady value, over the steady value.",
+                ).down(),
+            )*
+            $($last),*
+        ]
+    };
+}
+
+pub(super) const EVALUATOR: Evaluator = Evaluator {
+    name: "step_steer",
+    title: "Step steer",
+    source: "ISO 7401",
+    columns: &[
+        Column::needed("driver.steer", "rad"),
+        Column::optional("vehicle.yaw_rate", "rad/s"),
+        Column::optional("vehicle.lateral_acceleration", "m/s2"),
+        Column::optional("body.roll", "rad"),
+        Column::optional("vehicle.sideslip", "rad"),
+    ],
+    options: &[],
+    metrics: metrics!(
+        Definition::new(
+            "t0",
+            "Time of the step",
+            "s",
+            "Time when the steering angle rises to half of its steady magnitude, interpolated. Signals are not filtered."
+        ),
+        Definition::new("steer", "Steering angle", "rad", "Magnitude of the mean steering angle of the last second."),
+        [
+            "yaw_rate" "Yaw rate" "rad/s" "1/s"
+            "lateral_acceleration" "Lateral acceleration" "m/s2" "m/(s2.rad)"
+            "roll" "Roll angle" "rad" "1"
+        ],
+        Definition::new(
+            "sideslip",
+            "Sideslip angle, steady",
+            "rad",
+            "Mean of the last second, positive in the direction of the steering angle."
+        ),
+        Definition::new("tb_factor", "TB factor", "rad.s", "Peak response time of the yaw rate times the magnitude of the steady sideslip angle.").down()
+    ),
+    compute,
+};
+
+fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Reason> {
+    let steer = rows.column("driver.steer")?;
+    let steady = steady(rows, steer)?;
+    let sign = sign(steady);
+    if sign == 0.0 {
+        return Err(Reason::new("the mean of `driver.steer` in the last second is 0: there is no step"));
+    }
+    let magnitude = sign * steady;
+    results.set("steer", magnitude);
+    let turned = |column| -> Result<Vec<f64>, Reason> { Ok(rows.column(column)?.iter().map(|x| sign * x).collect()) };
+    let step = up(rows.times, &turned("driver.steer")?, 0.5 * magnitude, 0)
+        .ok_or_else(|| Reason::new("`driver.steer` does not rise to half of its steady value"));
+    let step = step.map(|crossing| (crossing.time, crossing.row));
+    results.set("t0", step.clone().map(|(time, _)| time));
+    let mut peak_time = Err(Reason::new("the yaw rate has no peak response time"));
+    for (group, column) in RESPONSES {
+        let response = turned(column).and_then(|x| Response::new(rows, &x, magnitude, &step));
+        let mut set = |name: &str, value: Result<f64, Reason>| results.set(&format!("{group}.{name}"), value);
+        match &response {
+            Ok(response) => {
+                set("steady", Ok(response.steady));
+                set("gain", Ok(response.gain));
+                set("peak", response.peak.clone().map(|peak| peak.value));
+                set("response_time", response.time.clone());
+                set("peak_response_time", response.peak.clone().map(|peak| peak.time));
+                set("overshoot", response.peak.clone().map(|peak| peak.overshoot));
+            }
+            Err(reason) => {
+                for name in ["steady", "gain", "peak", "response_time", "peak_response_time", "overshoot"] {
+                    set(name, Err(reason.clone()));
+                }
+            }
+        }
+        if group == "yaw_rate" {
+            peak_time = response.and_then(|response| response.peak).map(|peak| peak.time);
+        }
+    }
+    let sideslip = turned("vehicle.sideslip").and_then(|sideslip| self::steady(rows, &sideslip));
+    results.set("sideslip", sideslip.clone());
+    results.set("tb_factor", peak_time.and_then(|time| Ok(time * sideslip?.abs())));
+    Ok(())
+}
+
+/// How a signal follows the steering angle.
+struct Response {
+    steady: f64,
+    gain: f64,
+    peak: Result<Peak, Reason>,
+    time: Result<f64, Reason>,
+}
+
+#[derive(Clone)]
+struct Peak {
+    value: f64,
+    /// After the step, s.
+    time: f64,
+    overshoot: f64,
+}
+
+impl Response {
+    /// Of a signal that is positive in the direction of the steering angle.
+    fn new(rows: &Rows<'_>, x: &[f64], steer: f64, step: &Result<(f64, usize), Reason>) -> Result<Self, Reason> {
+        let steady = steady(rows, x)?;
+        let after = step.clone().and_then(|step| {
+            if steady > 0.0 {
+                Ok(step)
+            } else {
+                Err(Reason::new("the steady value is not in the direction of the steering angle"))
+            }
+        });
+        let peak = after.clone().map(|(begin, row)| {
+            let from = row.saturating_sub(1);
+            let peak = from + first_largest(&x[from..]).unwrap_or(0);
+            Peak { value: x[peak], time: rows.times[peak] - begin, overshoot: (x[peak] - steady) / steady }
+        });
+        let time = after.and_then(|(begin, row)| {
+            let reached = up(rows.times, x, RESPONSE * steady, row.saturating_sub(2));
+            let reached = reached
+                .ok_or_else(|| Reason::new("the signal does not rise to 90 % of its steady value after the step"));
+            Ok(reached?.time - begin)
+        });
+        Ok(Self { steady, gain: steady / steer, peak, time })
+    }
+}
+
+/// Mean of the last second.
+fn steady(rows: &Rows<'_>, x: &[f64]) -> Result<f64, Reason> {
+    let begin = x.len().checked_sub(rows.count(STEADY));
+    let last = begin.and_then(|begin| mean(&x[begin..]));
+    last.ok_or_else(|| Reason::new("the recording is shorter than the second of the steady values"))
+}

@@ -1,0 +1,205 @@
+//! Metrics: definitions and values.
+
+use std::fmt;
+
+/// What a metric is. Each is defined in one place, the table of its evaluator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Definition {
+    /// Name. A dot separates a group from its member: `yaw_rate.gain`.
+    pub name: &'static str,
+    /// Title for tables and plots.
+    pub title: &'static str,
+    /// Unit of measure; `1` if it has none.
+    pub unit: &'static str,
+    /// How it is computed.
+    pub definition: &'static str,
+    /// Which values are better.
+    pub direction: Direction,
+    /// First part of the columns of which each has its own metric: `tire_load` makes `name.fl`, `name.fr` and so on.
+    pub places: Option<&'static str>,
+}
+
+impl Definition {
+    /// A metric of which no direction is better.
+    pub(crate) const fn new(
+        name: &'static str,
+        title: &'static str,
+        unit: &'static str,
+        definition: &'static str,
+    ) -> Self {
+        Self { name, title, unit, definition, direction: Direction::None, places: None }
+    }
+
+    /// Lower values are better.
+    pub(crate) const fn down(self) -> Self {
+        Self { direction: Direction::Down, ..self }
+    }
+
+    /// Higher values are better.
+    pub(crate) const fn up(self) -> Self {
+        Self { direction: Direction::Up, ..self }
+    }
+
+    /// One metric for each column `places.*`.
+    pub(crate) const fn each(self, places: &'static str) -> Self {
+        Self { places: Some(places), ..self }
+    }
+}
+
+/// Which values of a metric are better.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// Higher values.
+    Up,
+    /// Lower values.
+    Down,
+    /// Neither: the metric describes the vehicle.
+    None,
+}
+
+/// Value of a metric.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// A finite number, in the unit of the definition.
+    Number(f64),
+    /// Yes or no.
+    Boolean(bool),
+    /// Several numbers. `None` has no value; the definition says when.
+    Numbers(Vec<Option<f64>>),
+    /// The value cannot be computed.
+    Null(Reason),
+}
+
+/// Why a value cannot be computed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reason(String);
+
+impl Reason {
+    pub(crate) fn new(text: impl Into<String>) -> Self {
+        Self(text.into())
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// A metric of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Metric {
+    /// Name. That of the definition, and the place if there is one metric for each: `dynamic_load_coefficient.fl`.
+    pub name: String,
+    /// What it is.
+    pub definition: &'static Definition,
+    /// Its value.
+    pub value: Value,
+}
+
+impl From<f64> for Value {
+    fn from(number: f64) -> Self {
+        if number.is_finite() {
+            Self::Number(number)
+        } else {
+            Self::Null(Reason::new("the result is not a finite number"))
+        }
+    }
+}
+
+impl From<bool> for Value {
+    fn from(boolean: bool) -> Self {
+        Self::Boolean(boolean)
+    }
+}
+
+impl From<Vec<f64>> for Value {
+    fn from(numbers: Vec<f64>) -> Self {
+        numbers.into_iter().map(Some).collect::<Vec<_>>().into()
+    }
+}
+
+impl From<Vec<Option<f64>>> for Value {
+    fn from(numbers: Vec<Option<f64>>) -> Self {
+        Self::Numbers(numbers.into_iter().map(|number| number.filter(|number| number.is_finite())).collect())
+    }
+}
+
+impl<T: Into<Self>> From<Result<T, Reason>> for Value {
+    fn from(result: Result<T, Reason>) -> Self {
+        result.map_or_else(Self::Null, Into::into)
+    }
+}
+
+/// The values that an evaluator has computed, in the order of its table.
+pub(crate) struct Results {
+    table: &'static [Definition],
+    /// For each definition, its values with their places.
+    values: Vec<Vec<(Option<String>, Value)>>,
+}
+
+impl Results {
+    pub(crate) fn new(table: &'static [Definition]) -> Self {
+        Self { table, values: vec![Vec::new(); table.len()] }
+    }
+
+    /// Sets a metric.
+    pub(crate) fn set(&mut self, name: &str, value: impl Into<Value>) {
+        self.insert(name, None, value.into());
+    }
+
+    /// Sets the metric of a place.
+    pub(crate) fn set_at(&mut self, name: &str, place: &str, value: impl Into<Value>) {
+        self.insert(name, Some(place.to_owned()), value.into());
+    }
+
+    fn insert(&mut self, name: &str, place: Option<String>, value: Value) {
+        let index = self.table.iter().position(|definition| definition.name == name);
+        debug_assert!(index.is_some(), "`{name}` is not in the table of the evaluator");
+        if let Some(index) = index {
+            self.values[index].push((place, value));
+        }
+    }
+
+    /// All metrics. Those that were not set have a reason.
+    pub(crate) fn finish(self, reason: &Reason) -> Vec<Metric> {
+        let metrics = self.table.iter().zip(self.values).flat_map(|(definition, mut values)| {
+            if values.is_empty() {
+                values.push((None, Value::Null(reason.clone())));
+            }
+            values.into_iter().map(move |(place, value)| Metric {
+                name: place.map_or_else(|| definition.name.to_owned(), |place| format!("{}.{place}", definition.name)),
+                definition,
+                value,
+            })
+        });
+        metrics.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    static TABLE: [Definition; 3] = [
+        Definition::new("a", "A", "1", "Something."),
+        Definition::new("b", "B", "1", "Something of each wheel.").each("tire_load").down(),
+        Definition::new("c", "C", "1", "Something else."),
+    ];
+
+    #[test]
+    fn metrics_are_in_the_order_of_the_table() {
+        let mut results = Results::new(&TABLE);
+        results.set("c", true);
+        results.set_at("b", "fr", 2.0);
+        results.set_at("b", "fl", f64::NAN);
+        let metrics = results.finish(&Reason::new("not set"));
+        let names: Vec<&str> = metrics.iter().map(|metric| &*metric.name).collect();
+        assert_eq!(names, ["a", "b.fr", "b.fl", "c"]);
+        assert_eq!(metrics[0].value, Value::Null(Reason::new("not set")));
+        assert_eq!(metrics[1].value, Value::Number(2.0));
+        assert_eq!(metrics[2].value, Value::Null(Reason::new("the result is not a finite number")));
+        assert_eq!(metrics[3].value, Value::Boolean(true));
+        assert_eq!(metrics[2].definition.direction, Direction::Down);
+    }
+}

@@ -1,0 +1,18 @@
+//! What the evaluators share: definitions of section 4.1 of the test bench.
+
+mod crossing;
+mod line;
+mod lowpass;
+mod rows;
+mod statistics;
+
+pub(crate) use crossing::{at, up};
+pub(crate) use line::Line;
+pub(crate) use lowpass::lowpass;
+pub(crate) use rows::Rows;
+pub(crate) use statistics::{
+    derivative, first_largest, largest, largest_magnitude, mean, sign, smallest, standard_deviation,
+};
+
+/// Acceleration of gravity that the limits of the maneuvers refer to, m/s2.
+pub(crate) const GRAVITY: f64 = 9.81;

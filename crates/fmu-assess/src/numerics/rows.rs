@@ -1,0 +1,137 @@
+//! The rows of a trace.
+
+use crate::metric::Reason;
+use crate::trace::Trace;
+
+/// A row may be this share of the step away from its place in an even grid. Times that are rounded, and clocks that jitter, pass.
+const UNEVENNESS: f64 = 0.5;
+
+/// A time may be this share of a step beyond a limit and still count: times are rounded.
+const SLACK: f64 = 1e-6;
+
+/// A trace whose times are finite, rise and are evenly spaced.
+pub(crate) struct Rows<'a> {
+    trace: &'a Trace<'a>,
+    /// Times, s.
+    pub(crate) times: &'a [f64],
+    /// Mean distance of the rows h, s.
+    pub(crate) step: f64,
+    /// Sampling rate 1/h, rounded to 0.001 Hz.
+    pub(crate) rate: f64,
+}
+
+impl<'a> Rows<'a> {
+    /// Checks the times.
+    pub(crate) fn new(trace: &'a Trace<'a>) -> Result<Self, Reason> {
+        let times = trace.times();
+        let &[first, .., last] = times else {
+            let count = if times.is_empty() { "no row" } else { "one row" };
+            return Err(Reason::new(format!("the recording has {count}, at least two are needed")));
+        };
+        if let Some(row) = times.iter().position(|time| !time.is_finite()) {
+            return Err(Reason::new(format!("the time of row {} is not a finite number", row + 1)));
+        }
+        if let Some(row) = times.windows(2).position(|pair| pair[0] >= pair[1]) {
+            let (before, after) = (times[row], times[row + 1]);
+            return Err(Reason::new(format!(
+                "the times do not rise: row {} is at {after} s, the row before at {before} s",
+                row + 2
+            )));
+        }
+        let step = (last - first) / (times.len() - 1) as f64;
+        let grid = |row: usize| first + row as f64 * step;
+        if let Some(row) = (0..times.len()).find(|row| (times[*row] - grid(*row)).abs() > UNEVENNESS * step) {
+            return Err(Reason::new(format!(
+                "the rows are not evenly spaced: row {} is at {} s, but would be at {:.6} s",
+                row + 1,
+                times[row],
+                grid(row)
+            )));
+        }
+        let rate = (1000.0 / step + 0.5).floor() / 1000.0;
+        if rate <= 0.0 || !rate.is_finite() {
+            return Err(Reason::new(format!("a distance of {step} s between the rows has no sampling rate")));
+        }
+        Ok(Self { trace, times, step, rate })
+    }
+
+    /// A column of finite numbers.
+    pub(crate) fn column(&self, name: &str) -> Result<&'a [f64], Reason> {
+        let column = self.trace.column(name);
+        let column = column.ok_or_else(|| Reason::new(format!("the recording has no column `{name}`")))?;
+        match column.iter().position(|value| !value.is_finite()) {
+            Some(row) => Err(Reason::new(format!("`{name}` is not a finite number at {} s", self.times[row]))),
+            None => Ok(column),
+        }
+    }
+
+    /// The columns `group.*`, as place and name.
+    pub(crate) fn places(&self, group: &str) -> Vec<(&'a str, &'a str)> {
+        let place = |name: &'a str| Some((name.strip_prefix(group)?.strip_prefix('.')?, name));
+        self.trace.names().filter_map(place).collect()
+    }
+
+    /// Rows of a span of time, s: the nearest whole number.
+    pub(crate) fn count(&self, span: f64) -> usize {
+        (span * self.rate + 0.5).floor() as usize
+    }
+
+    /// Whether a time is at or before a limit, but for rounding.
+    pub(crate) fn is_until(&self, time: f64, limit: f64) -> bool {
+        time <= limit + SLACK * self.step
+    }
+
+    /// The first row at or after a time, but for rounding; the number of rows if there is none.
+    pub(crate) fn first_from(&self, begin: f64) -> usize {
+        self.times.partition_point(|time| *time < begin - SLACK * self.step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reason(times: &[f64]) -> String {
+        Rows::new(&Trace::new(times)).err().map(|reason| reason.to_string()).unwrap_or_default()
+    }
+
+    #[test]
+    fn the_rate_is_rounded() {
+        let times: Vec<f64> = (1..=1000).map(|k| f64::from(k) / 333.333_4).collect();
+        let trace = Trace::new(times);
+        let rows = Rows::new(&trace).unwrap();
+        assert_eq!(rows.rate, 333.333);
+        assert_eq!(rows.count(0.2), 67);
+        assert_eq!(rows.first_from(1.0), 333);
+    }
+
+    #[test]
+    fn times_that_cannot_be_used_have_a_reason() {
+        assert_eq!(reason(&[0.0, 0.1, 0.2]), "");
+        // A clock that jitters by a third of a step.
+        assert_eq!(reason(&[0.0, 0.13, 0.17, 0.3]), "");
+        for (times, expected) in [
+            (&[][..], "the recording has no row, at least two are needed"),
+            (&[1.0], "the recording has one row, at least two are needed"),
+            (&[0.0, f64::NAN], "the time of row 2 is not a finite number"),
+            (&[0.0, 0.1, 0.1], "the times do not rise: row 3 is at 0.1 s, the row before at 0.1 s"),
+            (&[0.0, 0.1, 0.2, 1.0], "the rows are not evenly spaced: row 2 is at 0.1 s, but would be at 0.333333 s"),
+            (&[0.0, 1e4], "a distance of 10000 s between the rows has no sampling rate"),
+        ] {
+            assert_eq!(reason(times), expected);
+        }
+    }
+
+    #[test]
+    fn columns_are_finite() {
+        let trace = Trace::new(vec![0.0, 0.1]).with("tire_load.fl", vec![1.0, f64::INFINITY]).unwrap();
+        let rows = Rows::new(&trace).unwrap();
+        assert_eq!(rows.column("a").unwrap_err().to_string(), "the recording has no column `a`");
+        assert_eq!(
+            rows.column("tire_load.fl").unwrap_err().to_string(),
+            "`tire_load.fl` is not a finite number at 0.1 s"
+        );
+        assert_eq!(rows.places("tire_load"), [("fl", "tire_load.fl")]);
+        assert!(rows.places("tire").is_empty());
+    }
+}

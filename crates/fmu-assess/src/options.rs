@@ -1,0 +1,299 @@
+//! Options of evaluators.
+
+use serde_json::{Map, Value};
+use std::collections::BTreeMap;
+
+/// Keys that describe how a recording was made. Every evaluator accepts them and does not use them.
+pub(crate) const DESCRIPTIVE: [&str; 6] =
+    ["driver_parameters", "parameters", "plant", "plant_parameters", "step", "vehicle.speed"];
+
+/// An option of an evaluator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OptionRule {
+    /// Name.
+    pub name: &'static str,
+    /// Unit of measure; `1` if it has none.
+    pub unit: &'static str,
+    /// What it may be.
+    pub form: Form,
+    /// What it is if it is not given.
+    pub default: Fallback,
+    /// What it means.
+    pub meaning: &'static str,
+}
+
+/// What an option may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Form {
+    /// A number above 0.
+    Positive,
+    /// A number of at least 0.
+    NotNegative,
+    /// Any finite number.
+    Number,
+    /// One of some whole numbers.
+    Integer(&'static [u8]),
+    /// One of some words.
+    Word(&'static [&'static str]),
+    /// Coned sections, each as [x begin, x end, right edge, left edge], m.
+    Lanes,
+}
+
+/// What an option is if it is not given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fallback {
+    /// The option has to be given.
+    Required,
+    /// The option may be left out; its meaning says what happens then.
+    Absent,
+    /// A number.
+    Number(f64),
+    /// A word.
+    Word(&'static str),
+}
+
+/// Options that an evaluator does not accept.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum OptionError {
+    /// They are not an object of JSON.
+    #[error("the options must be an object such as {{\"steer.ratio\": 16}}, got {0}")]
+    NotAnObject(String),
+    /// The evaluator has no such option.
+    #[error("`{evaluator}` has no option `{name}`")]
+    Unknown {
+        /// Name of the evaluator.
+        evaluator: &'static str,
+        /// What was given.
+        name: String,
+        /// The options that it has.
+        known: Vec<&'static str>,
+    },
+    /// A required option is missing.
+    #[error("`{evaluator}` needs the option `{name}`: {meaning}")]
+    Missing {
+        /// Name of the evaluator.
+        evaluator: &'static str,
+        /// Name of the option.
+        name: &'static str,
+        /// What it means.
+        meaning: &'static str,
+    },
+    /// A value is not allowed.
+    #[error("the option `{name}` of `{evaluator}` must be {rule}, got {given}")]
+    Invalid {
+        /// Name of the evaluator.
+        evaluator: &'static str,
+        /// Name of the option.
+        name: &'static str,
+        /// What is allowed.
+        rule: String,
+        /// What was given.
+        given: String,
+    },
+}
+
+impl OptionError {
+    /// What to do.
+    #[must_use]
+    pub fn help(&self) -> String {
+        match self {
+            Self::NotAnObject(_) => "Write the options as JSON: names in double quotes, in braces.".to_owned(),
+            Self::Unknown { known, .. } if known.is_empty() => "It has no options: leave it out.".to_owned(),
+            Self::Unknown { known, .. } => format!("Use one of `{}`, or leave it out.", known.join("`, `")),
+            Self::Missing { name, .. } => format!("Add it to the options: {{\"{name}\": VALUE}}."),
+            Self::Invalid { .. } => "Change the value, or leave the option out if it has a default.".to_owned(),
+        }
+    }
+}
+
+/// A coned section of a track.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lane {
+    /// Begin and end, m.
+    pub(crate) begin: f64,
+    pub(crate) end: f64,
+    /// Edges, m, the left one the larger.
+    pub(crate) right: f64,
+    pub(crate) left: f64,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Given {
+    Number(f64),
+    Word(String),
+    Lanes(Vec<Lane>),
+}
+
+/// Options that have been checked.
+#[derive(Debug)]
+pub(crate) struct Options(BTreeMap<&'static str, Given>);
+
+impl Options {
+    /// Checks options by the rules of an evaluator.
+    pub(crate) fn new(
+        evaluator: &'static str,
+        rules: &'static [OptionRule],
+        given: &Value,
+    ) -> Result<Self, OptionError> {
+        let Value::Object(given) = given else { return Err(OptionError::NotAnObject(given.to_string())) };
+        let is_known =
+            |name: &String| rules.iter().any(|rule| rule.name == name) || DESCRIPTIVE.contains(&name.as_str());
+        if let Some(name) = given.keys().find(|name| !is_known(name)) {
+            let known = rules.iter().map(|rule| rule.name).collect();
+            return Err(OptionError::Unknown { evaluator, name: name.clone(), known });
+        }
+        let mut options = BTreeMap::new();
+        for rule in rules {
+            if let Some(value) = rule.value(evaluator, given)? {
+                options.insert(rule.name, value);
+            }
+        }
+        Ok(Self(options))
+    }
+
+    /// A number; `None` if the option was left out and has no default.
+    pub(crate) fn given(&self, name: &str) -> Option<f64> {
+        match self.0.get(name) {
+            Some(Given::Number(number)) => Some(*number),
+            _ => None,
+        }
+    }
+
+    /// A number that is required or has a default.
+    pub(crate) fn number(&self, name: &str) -> f64 {
+        debug_assert!(self.given(name).is_some(), "`{name}` is not a number with a default");
+        self.given(name).unwrap_or(f64::NAN)
+    }
+
+    /// A word that is required or has a default.
+    pub(crate) fn word(&self, name: &str) -> &str {
+        match self.0.get(name) {
+            Some(Given::Word(word)) => word,
+            _ => "",
+        }
+    }
+
+    /// Coned sections.
+    pub(crate) fn lanes(&self, name: &str) -> Option<&[Lane]> {
+        match self.0.get(name) {
+            Some(Given::Lanes(lanes)) => Some(lanes),
+            _ => None,
+        }
+    }
+}
+
+impl OptionRule {
+    fn value(&self, evaluator: &'static str, given: &Map<String, Value>) -> Result<Option<Given>, OptionError> {
+        let Some(value) = given.get(self.name) else {
+            return match self.default {
+                Fallback::Required => Err(OptionError::Missing { evaluator, name: self.name, meaning: self.meaning }),
+                Fallback::Absent => Ok(None),
+                Fallback::Number(number) => Ok(Some(Given::Number(number))),
+                Fallback::Word(word) => Ok(Some(Given::Word(word.to_owned()))),
+            };
+        };
+        let number = value.as_f64().filter(|number| number.is_finite());
+        let read = match self.form {
+            Form::Positive => number.filter(|number| *number > 0.0).map(Given::Number),
+            Form::NotNegative => number.filter(|number| *number >= 0.0).map(Given::Number),
+            Form::Number => number.map(Given::Number),
+            Form::Integer(allowed) => {
+                number.filter(|number| allowed.iter().any(|one| f64::from(*one) == *number)).map(Given::Number)
+            }
+            Form::Word(allowed) => {
+                value.as_str().filter(|word| allowed.contains(word)).map(|word| Given::Word(word.to_owned()))
+            }
+            Form::Lanes => lanes(value).map(Given::Lanes),
+        };
+        read.map(Some).ok_or_else(|| OptionError::Invalid {
+            evaluator,
+            name: self.name,
+            rule: self.form.rule(),
+            given: value.to_string(),
+        })
+    }
+}
+
+impl Form {
+    /// What is allowed, as the end of "must be".
+    #[must_use]
+    pub fn rule(self) -> String {
+        match self {
+            Self::Positive => "a positive number".to_owned(),
+            Self::NotNegative => "a number of at least 0".to_owned(),
+            Self::Number => "a number".to_owned(),
+            Self::Integer(allowed) => allowed.iter().map(u8::to_string).collect::<Vec<_>>().join(" or "),
+            Self::Word(allowed) => allowed.iter().map(|word| format!("\"{word}\"")).collect::<Vec<_>>().join(" or "),
+            Self::Lanes => {
+                "a list of sections [x begin, x end, right edge, left edge] with begin < end and right < left"
+                    .to_owned()
+            }
+        }
+    }
+}
+
+fn lanes(value: &Value) -> Option<Vec<Lane>> {
+    let sections = value.as_array().filter(|sections| !sections.is_empty())?;
+    let lane = |section: &Value| {
+        let numbers: Vec<f64> = section.as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?;
+        let &[begin, end, right, left] = &numbers[..] else { return None };
+        (begin < end && right < left).then_some(Lane { begin, end, right, left })
+    };
+    sections.iter().map(lane).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    static RULES: [OptionRule; 4] = [
+        OptionRule { name: "ratio", unit: "1", form: Form::Positive, default: Fallback::Required, meaning: "a ratio" },
+        OptionRule {
+            name: "class",
+            unit: "1",
+            form: Form::Word(&["car", "truck"]),
+            default: Fallback::Word("car"),
+            meaning: "a class",
+        },
+        OptionRule {
+            name: "track",
+            unit: "1",
+            form: Form::Integer(&[2, 3]),
+            default: Fallback::Number(2.0),
+            meaning: "a track",
+        },
+        OptionRule { name: "lanes", unit: "m", form: Form::Lanes, default: Fallback::Absent, meaning: "lanes" },
+    ];
+
+    #[test]
+    fn options_have_defaults() {
+        let options = Options::new("e", &RULES, &json!({"ratio": 16, "step": 0.001, "plant": "EspCar"})).unwrap();
+        assert_eq!((options.number("ratio"), options.number("track")), (16.0, 2.0));
+        assert_eq!(options.word("class"), "car");
+        assert_eq!(options.lanes("lanes"), None);
+        let options = Options::new("e", &RULES, &json!({"ratio": 1, "lanes": [[0, 1, -1.5, 2]]})).unwrap();
+        assert_eq!(options.lanes("lanes"), Some(&[Lane { begin: 0.0, end: 1.0, right: -1.5, left: 2.0 }][..]));
+    }
+
+    #[test]
+    fn mistakes_name_the_option_and_the_rule() {
+        for (given, expected) in [
+            (json!([1]), "the options must be an object such as {\"steer.ratio\": 16}, got [1]"),
+            (json!({}), "`e` needs the option `ratio`: a ratio"),
+            (json!({"ratio": 0}), "the option `ratio` of `e` must be a positive number, got 0"),
+            (json!({"ratio": "16"}), "the option `ratio` of `e` must be a positive number, got \"16\""),
+            (json!({"ratio": null}), "the option `ratio` of `e` must be a positive number, got null"),
+            (json!({"ratio": 1, "class": "bus"}), "must be \"car\" or \"truck\", got \"bus\""),
+            (json!({"ratio": 1, "track": 4}), "the option `track` of `e` must be 2 or 3, got 4"),
+            (json!({"ratio": 1, "lanes": []}), "must be a list of sections"),
+            (json!({"ratio": 1, "lanes": [[0, 1, 2]]}), "must be a list of sections"),
+            (json!({"ratio": 1, "lanes": [[0, 1, 2, -2]]}), "right < left, got [[0,1,2,-2]]"),
+            (json!({"ratios": 1}), "`e` has no option `ratios`"),
+        ] {
+            let error = Options::new("e", &RULES, &given).unwrap_err();
+            assert!(error.to_string().contains(expected), "{error}");
+            assert!(!error.help().is_empty());
+        }
+    }
+}
