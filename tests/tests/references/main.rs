@@ -1,5 +1,6 @@
 //! Runs against reference data: an independent implementation of the same equations made it (`references/`, README).
 
+mod assessment;
 mod esp_car;
 mod heavy_vehicle;
 mod hydro_pneumatic;
