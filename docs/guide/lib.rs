@@ -24,6 +24,7 @@ pages! {
     swapping = "src/swapping.md",
     optimal_control = "src/optimal-control.md",
     studies = "src/studies.md",
+    assess = "src/assess.md",
     attributes = "src/attributes.md",
     coming_from = "src/coming-from.md",
 }

@@ -1,6 +1,7 @@
 //! Commands about systems of FMUs.
 
 mod compat;
+mod evaluate;
 mod export;
 mod folders;
 mod jobs;
@@ -45,6 +46,12 @@ pub(crate) enum Command {
     /// Matching signals are not enough: a controller may contain parameters of another vehicle, and an output that nothing
     /// reads has no effect.
     Compat(compat::Arguments),
+    /// Computes the metrics of a standard maneuver from recorded signals, and prints them as JSON
+    ///
+    /// The recording is a CSV file, plain or compressed with gzip, of a simulation, a measurement or another simulator. Line 1 has the
+    /// names of the columns: `time` (s), and signals by the names and SI units of the library. A metric that cannot be computed is
+    /// null; the reasons go to the standard error.
+    Evaluate(evaluate::Arguments),
 }
 
 /// Carries out a command.
@@ -56,5 +63,6 @@ pub(crate) fn run(command: &Command) -> Result<()> {
         Command::Export(arguments) => export::run(arguments),
         Command::Study(arguments) => study::run(arguments),
         Command::Compat(arguments) => compat::run(arguments),
+        Command::Evaluate(arguments) => evaluate::run(arguments),
     }
 }

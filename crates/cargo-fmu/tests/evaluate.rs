@@ -1,0 +1,153 @@
+//! `cargo fmu evaluate` as a user calls it: output, messages, exit codes.
+#![cfg(feature = "system")]
+
+use serde_json::Value;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn reference(name: &str) -> PathBuf {
+    workspace().join("tests/references/assessment").join(name)
+}
+
+fn evaluate(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_cargo-fmu"))
+        .args(["fmu", "evaluate"])
+        .args(arguments)
+        .env("NO_COLOR", "1")
+        .env("COLUMNS", "200")
+        .output()
+        .unwrap()
+}
+
+/// A message without the line breaks that a narrow terminal needs.
+fn message(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    text.split([' ', '\n', '│']).filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+/// The document that is all of the standard output.
+#[track_caller]
+fn document(output: &Output) -> Value {
+    assert_eq!(output.status.code(), Some(0), "{}", message(output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A folder with a recording.
+fn recording(text: &str) -> (TempDir, String) {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("run.csv");
+    std::fs::write(&path, text).unwrap();
+    (folder, path.to_str().unwrap().to_owned())
+}
+
+/// Expected: `tests/references/assessment`, computed by an independent implementation.
+#[test]
+fn metrics_are_printed_as_one_document() {
+    let path = reference("step_steer.csv.gz");
+    let output = evaluate(&["step_steer", path.to_str().unwrap()]);
+    let found = document(&output);
+    assert!(output.stderr.is_empty());
+    assert_eq!(found["t0"], 1.051);
+    assert_eq!(found["yaw_rate"]["overshoot"], 0.092_686_772_5);
+
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(&*std::fs::read(path).unwrap()).read_to_string(&mut text).unwrap();
+    let (_folder, plain) = recording(&text);
+    assert_eq!(evaluate(&["step_steer", &plain]).stdout, output.stdout);
+    // From a spreadsheet: a byte order mark, and ends of lines of Windows.
+    let (_folder, windows) = recording(&format!("\u{feff}{}", text.replace('\n', "\r\n")));
+    assert_eq!(evaluate(&["step_steer", &windows]).stdout, output.stdout);
+}
+
+/// All options of the reference data are accepted, those that describe a recording, too.
+#[test]
+fn every_evaluator_reads_its_recording() {
+    let text = std::fs::read_to_string(reference("evaluators.json")).unwrap();
+    let entries: serde_json::Map<String, Value> = serde_json::from_str(&text).unwrap();
+    for (name, entry) in &entries {
+        let path = reference(&format!("{name}.csv.gz"));
+        let options = entry["options"].to_string();
+        let evaluator = entry["evaluator"].as_str().unwrap();
+        let found = document(&evaluate(&[evaluator, path.to_str().unwrap(), "--options", &options]));
+        // Theory beside the expected metrics.
+        let expected = entry["expected"].as_object().unwrap().iter().filter(|(metric, _)| *metric != "closed_form");
+        for (metric, expected) in expected {
+            let found = found.get(metric).unwrap_or_else(|| panic!("{name}: {metric} is missing"));
+            assert_eq!(found.is_null(), expected.is_null(), "{name}: {metric}");
+            assert_eq!(found.is_object(), expected.is_object(), "{name}: {metric}");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_computed_is_null_with_a_reason() {
+    let (_folder, path) = recording("time,driver.steer\n");
+    let output = evaluate(&["step_steer", &path]);
+    let found = document(&output);
+    assert_eq!(found["t0"], Value::Null);
+    assert_eq!(found["yaw_rate"]["gain"], Value::Null);
+    let message = message(&output);
+    assert!(message.contains("note: yaw_rate.gain is null: the recording has no row"), "{message}");
+}
+
+#[test]
+fn mistakes_name_the_place_and_what_to_do() {
+    let (_folder, path) = recording("time,driver.steer\n0,0\n0.1,fast\n");
+    let (_other, semicolons) = recording("time;driver.steer\n0;0\n");
+    for (arguments, expected) in [
+        (&["step_steer", &path][..], "run.csv: line 3, column `driver.steer`: \"fast\" is not a number"),
+        (&["step_steer", &semicolons], "line 1 has no column `time`"),
+        (&["step_steer", "missing.csv"], "missing.csv"),
+        (&["step_steer", &path, "--options", "{"], "--options: EOF while parsing"),
+    ] {
+        let output = evaluate(arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(output.stdout.is_empty());
+        let message = message(&output);
+        assert!(message.contains(expected), "{message}");
+    }
+    let (_folder, path) = recording("time,driver.steer\n");
+    for (options, expected) in [
+        ("{}", "--options: `sine_with_dwell` needs the option `steer.ratio`"),
+        ("{\"steer.ratio\": -16}", "must be a positive number, got -16"),
+        ("{\"ratio\": 16}", "`sine_with_dwell` has no option `ratio`"),
+        ("[]", "the options must be an object"),
+    ] {
+        let output = evaluate(&["sine_with_dwell", &path, "--options", options]);
+        assert_eq!(output.status.code(), Some(1), "{options}");
+        assert!(output.stdout.is_empty());
+        let message = message(&output);
+        assert!(message.contains(expected), "{message}");
+        assert!(message.contains("cargo fmu evaluate sine_with_dwell --list"), "{message}");
+    }
+}
+
+#[test]
+fn wrong_usage_ends_with_2() {
+    for arguments in [&["step_stear", "run.csv"][..], &["step_steer"], &[]] {
+        let output = evaluate(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(output.stdout.is_empty());
+    }
+}
+
+/// The page of the guide contains what `--list` prints, which comes from the tables of the evaluators.
+#[test]
+fn the_guide_has_the_reference_of_all_evaluators() {
+    let output = evaluate(&["--list"]);
+    assert_eq!(output.status.code(), Some(0));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let page = std::fs::read_to_string(workspace().join("docs/guide/src/assess.md")).unwrap();
+    assert!(
+        page.ends_with(&printed),
+        "docs/guide/src/assess.md has to end with what `cargo fmu evaluate --list` prints"
+    );
+    let one = String::from_utf8(evaluate(&["cones", "--list"]).stdout).unwrap();
+    assert!(one.starts_with("### `cones`") && printed.contains(&one));
+}
