@@ -103,7 +103,7 @@ fn mistakes_name_the_place_and_what_to_do() {
     for (arguments, expected) in [
         (&["step_steer", &path][..], "run.csv: line 3, column `driver.steer`: \"fast\" is not a number"),
         (&["step_steer", &semicolons], "line 1 has no column `time`"),
-        (&["step_steer", "missing.csv"], "missing.csv"),
+        (&["step_steer", "missing.csv"], "missing.csv cannot be read"),
         (&["step_steer", &path, "--options", "{"], "--options: EOF while parsing"),
     ] {
         let output = evaluate(arguments);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
 use fmu_assess::evaluators::{self, EVALUATORS, reference};
 use fmu_assess::{Evaluator, Trace, Value};
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{Result, miette};
 
 use crate::output::{errln, out, outln};
 
@@ -66,7 +66,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         )
     })?;
     let place = || path.display().to_string();
-    let bytes = std::fs::read(path).into_diagnostic().wrap_err_with(place)?;
+    let bytes = std::fs::read(path).map_err(|error| {
+        miette!(
+            help = "Give the path of a CSV file, plain or compressed with gzip.",
+            "{} cannot be read: {error}",
+            place()
+        )
+    })?;
     let trace = Trace::read(&bytes).map_err(|error| miette!(help = error.help(), "{}: {error}", place()))?;
     let evaluation = evaluator.evaluate(&trace, &options).map_err(|error| {
         let list = format!("`cargo fmu evaluate {} --list` shows all options.", evaluator.name);

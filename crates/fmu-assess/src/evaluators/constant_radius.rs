@@ -113,3 +113,50 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     cornering.set_gradients(&window, options.number("geometry.wheelbase"), results);
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metric::Value;
+    use crate::trace::Trace;
+    use serde_json::json;
+
+    /// Closed form: a vehicle whose understeer gradient is 0.002 up to 1.8 m/s2 and 0.005 above, on a circle to the left and to the right.
+    /// Tolerance: the low-pass filter rounds the corner.
+    #[test]
+    fn a_truck_is_evaluated_up_to_less() {
+        let times: Vec<f64> = (1..=6_000).map(|k| f64::from(k) * 0.01).collect();
+        for sign in [1.0, -1.0] {
+            let column = |of: &dyn Fn(f64) -> f64| times.iter().map(|time| sign * of(0.07 * time)).collect::<Vec<_>>();
+            let steer = |a: f64| 4.0 * a / 400.0 + 0.002 * a + 0.003 * (a - 1.8).max(0.0);
+            let trace = Trace::new(times.clone())
+                .with("driver.steer", column(&steer))
+                .and_then(|trace| trace.with("vehicle.lateral_acceleration", column(&|a| a)))
+                .and_then(|trace| trace.with("vehicle.yaw_rate", column(&|a| a / 20.0)))
+                .and_then(|trace| trace.with("body.roll", column(&|a| 0.01 * a)))
+                .and_then(|trace| trace.with("vehicle.speed", vec![20.0; 6_000]))
+                .and_then(|trace| trace.with("path.distance", times.iter().map(|t| 20.0 * t).collect::<Vec<_>>()))
+                .unwrap();
+            let number = |options: serde_json::Value, name: &str| {
+                let evaluation = EVALUATOR.evaluate(&trace, &options).unwrap();
+                let Some(Value::Number(number)) = evaluation.value(name) else { panic!("{name}") };
+                *number
+            };
+            let truck = json!({"geometry.wheelbase": 4.0, "vehicle.class": "truck"});
+            assert!((number(truck.clone(), "understeer_gradient") - 0.002).abs() < 1e-5);
+            assert!((number(truck, "roll_gradient") - 0.01).abs() < 1e-6);
+            // Least squares of the corner between 1 and 3 m/s2: the slope of max(a - c, 0) is (1 - p)^2 (1 + 2 p), p = 0.4.
+            let car = number(json!({"geometry.wheelbase": 4.0}), "understeer_gradient");
+            assert!((car - (0.002 + 0.003 * 0.36 * 1.8)).abs() < 1e-5, "{car}");
+        }
+    }
+
+    #[test]
+    fn a_path_that_is_too_short_is_named() {
+        let trace = Trace::new(vec![0.0, 0.1]).with("path.distance", vec![0.0, 59.0]).unwrap();
+        let trace = trace.with("vehicle.yaw_rate", vec![1.0; 2]).unwrap();
+        let evaluation = EVALUATOR.evaluate(&trace, &json!({"geometry.wheelbase": 2.7})).unwrap();
+        let Some(Value::Null(reason)) = evaluation.value("roll_gradient") else { panic!() };
+        assert_eq!(reason.to_string(), "`path.distance` does not reach 60 m");
+    }
+}
