@@ -67,7 +67,7 @@ pub struct Column {
     pub name: &'static str,
     /// Unit of measure.
     pub unit: &'static str,
-    /// Whether the evaluator computes no metric without it.
+    /// Without a needed column the evaluator computes no metric.
     pub is_needed: bool,
 }
 
@@ -223,7 +223,7 @@ mod tests {
         }
     }
 
-    /// Constant, noisy and huge signals: no panic, and either a number or a reason. The noise is a linear congruential generator with
+    /// Constant, noisy and huge signals, also at an extreme sampling rate: no panic, and either a number or a reason. The noise is a linear congruential generator with
     /// the multiplier of Knuth's MMIX.
     #[test]
     fn any_signal_is_evaluated() {
@@ -244,10 +244,13 @@ mod tests {
             &|index, row| f64::from(row > 100) + 0.1 * noise(index, row),
         ];
         for evaluator in &EVALUATORS {
-            for (rows, signal) in
-                [2, 3, 15, 150, 2_500].into_iter().flat_map(|rows| signals.map(|signal| (rows, signal)))
+            let steps =
+                [(2, 1.0), (3, 1.0), (15, 1.0), (150, 1.0), (2_500, 1.0), (150, 1e-300), (150, 1e4), (150, 1e305)];
+            for ((rows, scale), signal) in
+                steps.into_iter().flat_map(|(rows, scale)| signals.map(|signal| ((rows, scale), signal)))
             {
-                let evaluation = evaluated(evaluator, &trace(evaluator, grid(rows), signal));
+                let times = grid(rows).into_iter().map(|time| scale * time).collect();
+                let evaluation = evaluated(evaluator, &trace(evaluator, times, signal));
                 assert_complete(evaluator, &evaluation);
                 for metric in &evaluation.metrics {
                     assert!(!matches!(metric.value, Value::Number(number) if !number.is_finite()), "{metric:?}");

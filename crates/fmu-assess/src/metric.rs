@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// What a metric is. Each is defined in one place, the table of its evaluator.
+/// Definition of a metric. It is in one place, the table of its evaluator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Definition {
     /// Name. A dot separates a group from its member: `yaw_rate.gain`.
@@ -11,9 +11,9 @@ pub struct Definition {
     pub title: &'static str,
     /// Unit of measure; `1` if it has none.
     pub unit: &'static str,
-    /// How it is computed.
+    /// Computation, in words.
     pub definition: &'static str,
-    /// Which values are better.
+    /// The better direction.
     pub direction: Direction,
     /// First part of the columns of which each has its own metric: `tire_load` makes `name.fl`, `name.fr` and so on.
     pub places: Option<&'static str>,
@@ -46,7 +46,7 @@ impl Definition {
     }
 }
 
-/// Which values of a metric are better.
+/// The better direction of a metric.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// Higher values.
@@ -91,7 +91,7 @@ impl fmt::Display for Reason {
 pub struct Metric {
     /// Name. That of the definition, and the place if there is one metric for each: `dynamic_load_coefficient.fl`.
     pub name: String,
-    /// What it is.
+    /// Definition.
     pub definition: &'static Definition,
     /// Its value.
     pub value: Value,

@@ -1,4 +1,4 @@
-//! What the evaluators share: definitions of section 4.1 of the test bench.
+//! Numerics that the evaluators share: filter, crossings, lines, statistics.
 
 mod crossing;
 mod line;

@@ -14,15 +14,15 @@ pub struct OptionRule {
     pub name: &'static str,
     /// Unit of measure; `1` if it has none.
     pub unit: &'static str,
-    /// What it may be.
+    /// Allowed values.
     pub form: Form,
-    /// What it is if it is not given.
+    /// Value if it is not given.
     pub default: Fallback,
-    /// What it means.
+    /// Meaning.
     pub meaning: &'static str,
 }
 
-/// What an option may be.
+/// Allowed values of an option.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Form {
     /// A number above 0.
@@ -39,7 +39,7 @@ pub enum Form {
     Lanes,
 }
 
-/// What an option is if it is not given.
+/// Value of an option that is not given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fallback {
     /// The option has to be given.
@@ -63,7 +63,7 @@ pub enum OptionError {
     Unknown {
         /// Name of the evaluator.
         evaluator: &'static str,
-        /// What was given.
+        /// The given text.
         name: String,
         /// The options that it has.
         known: Vec<&'static str>,
@@ -75,7 +75,7 @@ pub enum OptionError {
         evaluator: &'static str,
         /// Name of the option.
         name: &'static str,
-        /// What it means.
+        /// Its meaning.
         meaning: &'static str,
     },
     /// A value is not allowed.
@@ -85,15 +85,15 @@ pub enum OptionError {
         evaluator: &'static str,
         /// Name of the option.
         name: &'static str,
-        /// What is allowed.
+        /// The allowed values.
         rule: String,
-        /// What was given.
+        /// The given text.
         given: String,
     },
 }
 
 impl OptionError {
-    /// What to do.
+    /// Advice for the user.
     #[must_use]
     pub fn help(&self) -> String {
         match self {
@@ -215,7 +215,7 @@ impl OptionRule {
 }
 
 impl Form {
-    /// What is allowed, as the end of "must be".
+    /// The allowed values, as the end of "must be".
     #[must_use]
     pub fn rule(self) -> String {
         match self {

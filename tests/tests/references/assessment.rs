@@ -131,3 +131,24 @@ fn a_mirrored_recording_has_the_same_metrics() {
         compare(name, &entry["expected"], &found, TOLERANCE);
     }
 }
+
+/// A run may end at any row: no panic, and all metrics are there.
+#[test]
+fn a_recording_may_end_anywhere() {
+    for (name, entry) in &expected() {
+        let table = Table::read(&format!("assessment/{name}"));
+        let evaluator = evaluators::find(entry["evaluator"].as_str().expect("a name")).expect("an evaluator");
+        let columns: Vec<(String, Vec<f64>)> =
+            table.names.iter().map(|column| (column.clone(), table.column(column))).collect();
+        let times = table.column("time");
+        let whole = times.len();
+        for rows in (0..whole).step_by(whole / 40).chain([1, 2, 3, whole - 1]) {
+            let signals = columns.iter().filter(|(column, _)| column != "time");
+            let trace = signals.fold(Trace::new(&times[..rows]), |trace, (column, values)| {
+                trace.with(column.as_str(), &values[..rows]).expect("columns are of the same length")
+            });
+            let evaluation = evaluator.evaluate(&trace, &entry["options"]).expect("the options are allowed");
+            assert!(evaluation.metrics.len() >= evaluator.metrics.len(), "{name}, {rows} rows");
+        }
+    }
+}

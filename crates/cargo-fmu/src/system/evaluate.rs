@@ -9,14 +9,14 @@ use miette::{Result, miette};
 
 use crate::output::{errln, out, outln};
 
-/// What clap does not wrap.
+/// Shown below the options.
 const EXAMPLES: &str = "\
 Examples:
   cargo fmu evaluate step_steer run.csv
   cargo fmu evaluate sine_with_dwell measured.csv.gz --options '{\"steer.ratio\": 16}'
   cargo fmu evaluate cones --list";
 
-/// Which evaluator, on what.
+/// Arguments of `cargo fmu evaluate`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Arguments {

@@ -135,7 +135,7 @@ struct Ground {
     speed: Vec<f64>,
 }
 
-/// Where the speed falls to a level.
+/// The point where the speed falls to a level.
 #[derive(Clone, Copy)]
 struct Fall {
     /// The first row at or below it.

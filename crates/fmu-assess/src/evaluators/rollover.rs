@@ -81,7 +81,7 @@ fn loads<'a>(rows: &Rows<'a>, side: char) -> Result<Vec<&'a [f64]>, Reason> {
     Ok(loads)
 }
 
-/// How a side lifts off, in rows.
+/// Rows in which a side is off.
 struct Lift {
     /// The row that completes the first lift.
     completed: Option<usize>,

@@ -105,7 +105,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
     compute,
 };
 
-/// Whether a vehicle of a mass, kg, is responsive with a lateral displacement, m: 1.83 m up to 3500 kg, 1.52 m above. The limit is for
+/// Responsiveness of a vehicle of a mass, kg, by its lateral displacement, m: at least 1.83 m up to 3500 kg, 1.52 m above. The limit is for
 /// amplitudes of at least five times A.
 #[must_use]
 pub fn is_responsive(displacement: f64, mass: f64) -> bool {
@@ -163,7 +163,7 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     Ok(())
 }
 
-/// Whether all ratios keep their limits. One that does not is enough to know.
+/// True if all ratios keep their limits. A single ratio beyond its limit decides.
 fn is_stable(ratios: [(Result<f64, Reason>, f64); 2]) -> Result<bool, Reason> {
     let exceeds = |(ratio, limit): &(Result<f64, Reason>, f64)| ratio.as_ref().is_ok_and(|ratio| ratio.abs() > *limit);
     if ratios.iter().any(exceeds) {
@@ -173,7 +173,7 @@ fn is_stable(ratios: [(Result<f64, Reason>, f64); 2]) -> Result<bool, Reason> {
     Ok(true)
 }
 
-/// Where the maneuver begins, which rows before it have the offsets, and to which side the first steering is.
+/// Begin of the maneuver, offsets of the rows before it, and direction of the first steering.
 struct Zeroing {
     row: usize,
     /// Rows whose mean is the offset.
@@ -211,7 +211,7 @@ impl Zeroing {
 /// Mean over the rows k - half … k + half that exist.
 fn smoothed(x: &[f64], half: usize) -> Vec<f64> {
     let mean = |row: usize| {
-        let span = &x[row.saturating_sub(half)..row.saturating_add(half + 1).min(x.len())];
+        let span = &x[row.saturating_sub(half)..row.saturating_add(half).saturating_add(1).min(x.len())];
         span.iter().sum::<f64>() / span.len() as f64
     };
     (0..x.len()).map(mean).collect()

@@ -132,7 +132,7 @@ fn compute(rows: &Rows<'_>, _: &Options, results: &mut Results) -> Result<(), Re
     Ok(())
 }
 
-/// How a signal follows the steering angle.
+/// Response of a signal to the steering angle.
 struct Response {
     steady: f64,
     gain: f64,

@@ -1,6 +1,6 @@
 //! Values between rows.
 
-/// Where a signal reaches a level.
+/// The point where a signal reaches a level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Crossing {
     /// Interpolated time, s.

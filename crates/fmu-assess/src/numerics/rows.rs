@@ -76,7 +76,7 @@ impl<'a> Rows<'a> {
         (span * self.rate + 0.5).floor() as usize
     }
 
-    /// Whether a time is at or before a limit, but for rounding.
+    /// True for a time at or before a limit, but for rounding.
     pub(crate) fn is_until(&self, time: f64, limit: f64) -> bool {
         time <= limit + SLACK * self.step
     }

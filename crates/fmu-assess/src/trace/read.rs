@@ -47,7 +47,7 @@ pub enum ReadError {
 }
 
 impl ReadError {
-    /// What to do.
+    /// Advice for the user.
     #[must_use]
     pub fn help(&self) -> &'static str {
         match self {
