@@ -1,5 +1,6 @@
 //! Commands about systems of FMUs.
 
+mod assess;
 mod compat;
 mod evaluate;
 mod export;
@@ -34,6 +35,13 @@ pub(crate) enum Command {
     Export(export::Arguments),
     /// Searches parameters of a scenario as a study describes
     Study(study::Arguments),
+    /// Drives a plant through standard maneuvers, without and with controllers, and compares
+    ///
+    /// `cargo fmu assess EspCar --with DirectYawControl --with AntilockBraking`. Signals are wired by name; what a plant does not have
+    /// leaves out the maneuvers and numbers that need it. Writes OUT/assessment.json and the signals of runs to OUT/runs. Ends with
+    /// 1 if a limit of a regulation or of --require is not kept, with 2 if nothing could be run. The bench follows the procedures of
+    /// standards; it certifies nothing.
+    Assess(assess::Arguments),
     /// Shows which FMUs fit which plants by their signals
     ///
     /// A plant is an FMU with continuous states, unless it writes inputs of one with more states: then it is an actuator.
@@ -62,6 +70,7 @@ pub(crate) fn run(command: &Command) -> Result<()> {
         Command::Run(arguments) => run::run(arguments),
         Command::Export(arguments) => export::run(arguments),
         Command::Study(arguments) => study::run(arguments),
+        Command::Assess(arguments) => assess::run(arguments),
         Command::Compat(arguments) => compat::run(arguments),
         Command::Evaluate(arguments) => evaluate::run(arguments),
     }

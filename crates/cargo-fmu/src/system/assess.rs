@@ -1,0 +1,319 @@
+//! `cargo fmu assess`: standard maneuvers for a plant, without and with controllers.
+
+use clap::{Args, ValueEnum};
+use fmu_assess::assess::{Options, Shown, assess};
+use fmu_assess::report::{Assessment, Judgment, Row, Suite, Verdict};
+use fmu_assess::vehicle::VehicleFile;
+use fmu_assess::{SetupError, Subject};
+use fmu_system::resolve::FmuFolder;
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::{IntoDiagnostic, WrapErr, miette};
+use std::fmt::Write as _;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::folders::folders;
+use super::jobs::jobs;
+use crate::output::{errln, outln};
+use crate::pack::write_whole;
+use crate::worker;
+
+/// Which vehicle, and what is asked of it.
+#[derive(Debug, Args)]
+pub(crate) struct Arguments {
+    /// Plant: name of an FMU in the folder, or an .fmu file
+    plant: String,
+
+    /// Controller that is compared with the plant without it; may be given several times
+    #[arg(long, value_name = "NAME")]
+    with: Vec<String>,
+
+    /// Unit that belongs to the vehicle, such as its brakes; may be given several times [default: BrakeAndDriveActuators for a
+    /// plant with brake and drive torques]
+    #[arg(long, value_name = "NAME")]
+    base: Vec<String>,
+
+    /// Group of maneuvers; may be given several times [default: all that the plant can do]
+    #[arg(long, value_name = "SUITE")]
+    suite: Vec<SuiteName>,
+
+    /// Folder with the FMUs; may be given several times, the first that has an FMU wins
+    #[arg(long, value_name = "DIR", default_value = "target/fmu")]
+    fmus: Vec<PathBuf>,
+
+    /// Value of a parameter: esp_car:body.mass=1300; the component is the name of the FMU in small letters, driver or road
+    #[arg(long, value_name = "COMPONENT:PARAMETER=VALUE", value_parser = setting)]
+    set: Vec<(String, String, String)>,
+
+    /// File with data of the vehicle ([vehicle]) and its names of signals ([signals])
+    #[arg(long, value_name = "FILE")]
+    vehicle: Option<PathBuf>,
+
+    /// Speed of handling maneuvers and ride, km/h [default: 80 for cars, 60 for trucks]
+    #[arg(long, value_name = "SPEED", value_parser = speed)]
+    speed: Option<f64>,
+
+    /// Ends the series of sine with dwell after the first unstable runs
+    #[arg(long)]
+    quick: bool,
+
+    /// Lets the driver know each of the two systems, not only the one without controllers
+    #[arg(long)]
+    adapt: bool,
+
+    /// Limit of a metric, at least or at most by which is better: iso3888_2.max_entry_speed=50
+    #[arg(long, value_name = "METRIC=VALUE", value_parser = requirement)]
+    require: Vec<(String, f64)>,
+
+    /// Folder for results [default: results/assess_PLANT]
+    #[arg(long, value_name = "OUT")]
+    out: Option<PathBuf>,
+
+    /// Writes the assessment as JSON here, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Writes the verdicts as JUnit here
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+
+    /// Number of processes [default: that of the processors]
+    #[arg(long, short, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+
+    #[command(flatten)]
+    workers: worker::Options,
+}
+
+/// A group of maneuvers.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum SuiteName {
+    /// Steady state and response to steering
+    Handling,
+    /// Sine with dwell and double lane changes
+    Stability,
+    /// Fishhook and J-turn
+    Rollover,
+    /// Straight, on split friction, in a turn
+    Braking,
+    /// On rough roads
+    Ride,
+}
+
+impl From<SuiteName> for Suite {
+    fn from(name: SuiteName) -> Self {
+        match name {
+            SuiteName::Handling => Self::Handling,
+            SuiteName::Stability => Self::Stability,
+            SuiteName::Rollover => Self::Rollover,
+            SuiteName::Braking => Self::Braking,
+            SuiteName::Ride => Self::Ride,
+        }
+    }
+}
+
+fn setting(text: &str) -> Result<(String, String, String), String> {
+    let parts = text.split_once(':').and_then(|(component, rest)| {
+        let (name, value) = rest.split_once('=')?;
+        Some((component.to_owned(), name.to_owned(), value.to_owned()))
+    });
+    parts.ok_or_else(|| "expected COMPONENT:PARAMETER=VALUE, such as esp_car:body.mass=1300".to_owned())
+}
+
+fn requirement(text: &str) -> Result<(String, f64), String> {
+    let parts = text.split_once('=').and_then(|(name, value)| Some((name.to_owned(), value.parse::<f64>().ok()?)));
+    parts.ok_or_else(|| "expected METRIC=VALUE, such as iso3888_2.max_entry_speed=50".to_owned())
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().ok().filter(|speed: &f64| (1.0..=300.0).contains(speed));
+    speed.ok_or_else(|| "expected a speed from 1 to 300 km/h".to_owned())
+}
+
+/// Name of an FMU; its folder goes to the front of the folders if it is a file.
+fn named(name: &str, folders: &mut Vec<PathBuf>) -> String {
+    let path = Path::new(name);
+    if path.extension().is_none_or(|extension| extension != "fmu") {
+        return name.to_owned();
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folders.iter().any(|known| known == folder) {
+        folders.insert(0, folder.to_path_buf());
+    }
+    path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// Assesses the plant. The exit code is 1 if a limit is not kept or a run broke down, 2 if nothing could be run.
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
+    let code = match carried_out(arguments) {
+        Ok(assessment) if assessment.is_passed() => return Ok(()),
+        Ok(_) => 1,
+        Err(error) => {
+            errln!("{error:?}");
+            2
+        }
+    };
+    std::process::exit(code)
+}
+
+fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
+    let mut places = arguments.fmus.clone();
+    let mut all = |names: &[String]| names.iter().map(|name| named(name, &mut places)).collect::<Vec<_>>();
+    let with = all(&arguments.with);
+    let base = all(&arguments.base);
+    let plant = named(&arguments.plant, &mut places);
+    let vehicle = match &arguments.vehicle {
+        None => VehicleFile::of_library(&plant),
+        Some(path) => {
+            let text = std::fs::read_to_string(path).into_diagnostic();
+            let text = text.wrap_err_with(|| format!("cannot read {}", path.display()))?;
+            VehicleFile::parse(&text).map_err(|error| miette!("{}: {error}", path.display()))?
+        }
+    };
+    let out = arguments.out.clone().unwrap_or_else(|| Path::new("results").join(format!("assess_{plant}")));
+    let subject = Subject { plant, base, with, set: arguments.set.clone(), vehicle };
+    let options = Options {
+        suites: arguments.suite.iter().map(|suite| (*suite).into()).collect(),
+        speed: arguments.speed.map(|speed| speed / 3.6),
+        is_quick: arguments.quick,
+        adapts: arguments.adapt,
+        required: arguments.require.clone(),
+        jobs: jobs(arguments.jobs),
+    };
+    let style = ProgressStyle::with_template("{msg} [{bar:40}] {pos}/{len} maneuvers {elapsed}").into_diagnostic()?;
+    let bar = ProgressBar::no_length().with_style(style.progress_chars("=> "));
+    bar.set_message(subject.plant.clone());
+    bar.enable_steady_tick(Duration::from_millis(200));
+    let printing = bar.clone();
+    let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
+    let settings = arguments.workers.settings(printed)?;
+    let progress = |done: usize, total: usize, runs: usize| {
+        bar.set_length(total as u64);
+        bar.set_position(done as u64);
+        bar.set_message(format!("{} ({runs} runs)", subject.plant));
+    };
+    let source: FmuFolder = folders(&places);
+    let result = assess(&subject, &source, &options, &settings, &progress);
+    bar.finish_and_clear();
+    let (assessment, shown) = result.map_err(|error: SetupError| match error.help.clone() {
+        Some(help) => miette!(help = help, "{error}"),
+        None => miette!("{error}"),
+    })?;
+    write(&assessment, &shown, &out, arguments)?;
+    print(&assessment);
+    outln!("{}", out.join("assessment.json").display());
+    Ok(assessment)
+}
+
+/// Least time between two rows of the signals that are written, s: figures need no more.
+const SPACING: f64 = 0.01;
+
+fn write(assessment: &Assessment, shown: &Shown, out: &Path, arguments: &Arguments) -> miette::Result<()> {
+    let json = assessment.to_json();
+    write_whole(&out.join("assessment.json"), json.as_bytes())?;
+    if let Some(path) = &arguments.json {
+        write_whole(path, json.as_bytes())?;
+    }
+    if let Some(path) = &arguments.junit {
+        write_whole(path, assessment.to_junit().as_bytes())?;
+    }
+    let runs = out.join("runs");
+    if runs.exists() {
+        std::fs::remove_dir_all(&runs).into_diagnostic().wrap_err_with(|| format!("removing {}", runs.display()))?;
+    }
+    for (system, run, trace) in shown {
+        let names: Vec<&str> = trace.names().collect();
+        let columns: Vec<&[f64]> = names.iter().filter_map(|name| trace.column(name)).collect();
+        let times = trace.times();
+        let spacing = times.first().zip(times.get(1)).map_or(SPACING, |(first, second)| second - first);
+        let every = (SPACING / spacing).round().max(1.0) as usize;
+        let mut text = format!("time,{}\n", names.join(","));
+        for row in (0..times.len()).step_by(every) {
+            let _ = write!(text, "{:.6}", times[row]);
+            for column in &columns {
+                let _ = write!(text, ",{:.6e}", column[row]);
+            }
+            text.push('\n');
+        }
+        write_whole(&runs.join(system).join(format!("{run}.csv")), text.as_bytes())?;
+    }
+    Ok(())
+}
+
+fn print(assessment: &Assessment) {
+    let has_both = assessment.systems.len() > 1;
+    for suite in Suite::ALL {
+        let rows: Vec<&Row> = assessment.metrics.iter().filter(|row| row.suite == suite).collect();
+        if rows.is_empty() {
+            continue;
+        }
+        let width = rows.iter().map(|row| row.title.chars().count()).max().unwrap_or(0);
+        let mut maneuver = "";
+        for row in rows {
+            let of_row = row.id.split('.').next().unwrap_or_default();
+            if of_row != maneuver {
+                maneuver = of_row;
+                outln!("{}", maneuver.replace('_', " "));
+            }
+            let unit = if row.unit == "1" { "" } else { row.unit.as_str() };
+            let value = |value: &serde_json::Value| match value {
+                serde_json::Value::Bool(true) => "yes".to_owned(),
+                serde_json::Value::Bool(false) => "no".to_owned(),
+                serde_json::Value::Null => "–".to_owned(),
+                number => number.as_f64().map_or_else(|| number.to_string(), |number| shown(number)),
+            };
+            let mut line = format!("  {:width$}  {:>10}", row.title, value(&row.without));
+            if has_both {
+                let change = row.change.as_f64().map_or(String::new(), |change| match change {
+                    change if change > 1000.0 => "> 1000 %".to_owned(),
+                    change => format!("{change:+.1} %"),
+                });
+                let _ = write!(line, "  {:>10}  {change:>10}", value(&row.with));
+            }
+            let _ = write!(line, " {unit:<10}");
+            let judged = match row.judgment {
+                Some(Judgment::Better) => "better",
+                Some(Judgment::Worse) => "worse",
+                Some(Judgment::Same) => "same",
+                None => "",
+            };
+            let verdict = match row.verdict {
+                Verdict::Pass => "passed",
+                Verdict::Fail => "FAILED",
+                Verdict::Error => "ERROR",
+                Verdict::Comparison => "no limit applies",
+                Verdict::Info | Verdict::Dropped => "",
+            };
+            let _ = write!(line, " {judged:<7} {verdict}");
+            outln!("{}", line.trim_end());
+        }
+    }
+    for dropped in &assessment.dropped {
+        outln!("left out: {} ({})", dropped.run, dropped.reason);
+    }
+    let broken: Vec<_> = assessment.runs.iter().filter(|run| run.error.is_some()).collect();
+    for run in broken.iter().take(5) {
+        outln!("broke down: {} {}: {}", run.system, run.id, run.error.as_deref().unwrap_or_default());
+    }
+    if broken.len() > 5 {
+        outln!("and {} other runs", broken.len() - 5);
+    }
+    for unit in &assessment.idle {
+        errln!("warning: {unit} has no effect: nothing reads what it writes");
+    }
+}
+
+/// A number with four significant digits.
+fn shown(number: f64) -> String {
+    if number == 0.0 {
+        return "0".to_owned();
+    }
+    let digits = 3 - number.abs().log10().floor() as i32;
+    if (0..=8).contains(&digits) {
+        format!("{number:.*}", digits.unsigned_abs() as usize)
+    } else {
+        format!("{number:.3e}")
+    }
+}

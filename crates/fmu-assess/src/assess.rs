@@ -1,0 +1,250 @@
+//! Carries out an assessment: all maneuvers of both systems, each in a thread of its own that waits for its runs.
+
+use crate::Trace;
+use crate::bench::Bench;
+use crate::course::{Course, drive};
+use crate::executor::Executor;
+use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver, Results};
+use crate::metric::Direction;
+use crate::report::{Assessment, Limit, Measured, Row, SCHEMA, Suite, row};
+use crate::vehicle::{Datum, Vehicle};
+use crate::wiring::{Driving, STEP, SetupError, Subject, System, Systems, Unit};
+use fmu_import::temporary::Folder;
+use fmu_import::worker::Settings;
+use fmu_system::fmus::Fmus;
+use fmu_system::resolve::Descriptions;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How an assessment is carried out.
+#[derive(Debug)]
+pub struct Options {
+    /// Groups of maneuvers; none means all.
+    pub suites: Vec<Suite>,
+    /// Speed of handling maneuvers and ride instead of the usual one, m/s.
+    pub speed: Option<f64>,
+    /// Ends the series of sine with dwell after the first unstable runs.
+    pub is_quick: bool,
+    /// The driver knows each of the systems, instead of the one without controllers only.
+    pub adapts: bool,
+    /// Limits of one's own: name of a metric and limit, which is at least or at most that by the metric's direction.
+    pub required: Vec<(String, f64)>,
+    /// Number of processes.
+    pub jobs: NonZeroUsize,
+}
+
+/// How far an assessment is: maneuvers that are done, all of them, and runs.
+pub type Progress<'a> = &'a (dyn Fn(usize, usize, usize) + Sync);
+
+/// Signals of runs for figures: system, run, trace.
+pub type Shown = Vec<(&'static str, String, Trace<'static>)>;
+
+/// Assesses a plant.
+///
+/// # Errors
+/// An FMU is missing or cannot be driven, or a value or a requirement does not fit. What happens in a run is no error.
+pub fn assess(
+    subject: &Subject,
+    source: &dyn Descriptions,
+    options: &Options,
+    settings: &Settings,
+    progress: Progress<'_>,
+) -> Result<(Assessment, Shown), SetupError> {
+    let systems = Systems::new(subject, source)?;
+    let runs: Vec<_> = systems.systems.iter().flat_map(System::plans).flat_map(|plan| plan.runs.clone()).collect();
+    let fmus = Fmus::unpack(&runs).map_err(|error| SetupError::new(error.to_string()))?;
+    let folder = Folder::new().map_err(|error| SetupError::new(format!("cannot make a temporary folder: {error}")))?;
+    let (done, finished) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let chosen: Vec<&Maneuver> = MANEUVERS.iter().filter(|maneuver| options.wants(maneuver.suite)).collect();
+    let total = (chosen.len() + 1) * systems.systems.len();
+    let tell = || progress(finished.load(Ordering::Relaxed), total, done.load(Ordering::Relaxed));
+    let count = || {
+        done.fetch_add(1, Ordering::Relaxed);
+        tell();
+    };
+    let (vehicle, driver, found) = Executor::scope(settings, options.jobs, &fmus, &count, |executor| {
+        let place = Place { executor, fmus: &fmus, systems: &systems, folder: folder.path(), options };
+        let mut vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, None);
+        if vehicle.mass.is_none() {
+            let mass = place.bench(&systems.systems[0], &vehicle, None).weighed();
+            vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, mass);
+        }
+        let increasing = in_threads(systems.systems.iter().collect(), |system| {
+            let result = maneuvers::slowly_increasing_steer(&place.bench(system, &vehicle, None));
+            finished.fetch_add(1, Ordering::Relaxed);
+            tell();
+            result
+        });
+        if vehicle.understeer_gradient.is_none() {
+            let measured = increasing.first().and_then(|(_, found)| found.understeer_gradient);
+            let source = "slowly increasing steer".to_owned();
+            vehicle.understeer_gradient = measured.map(|value| Datum { value, source });
+        }
+        // The driver is the same in both systems, so that the difference is the controllers'.
+        let of_system = |index: usize| if options.adapts { index } else { 0 };
+        let tasks: Vec<(usize, &Maneuver)> = (0..systems.systems.len())
+            .flat_map(|index| chosen.iter().map(move |maneuver| (index, *maneuver)))
+            .collect();
+        let mut found: Vec<Results> = in_threads(tasks, |(index, maneuver)| {
+            let known = increasing.get(of_system(index)).map(|(_, known)| *known);
+            let result = maneuvers::carry_out(maneuver, &place.bench(&systems.systems[index], &vehicle, known));
+            finished.fetch_add(1, Ordering::Relaxed);
+            tell();
+            result
+        });
+        let amplitude = increasing.first().and_then(|(_, known)| known.amplitude);
+        let driver = json!({
+            "amplitude": amplitude,
+            "understeer_gradient": vehicle.understeer_gradient.as_ref().map(|datum| datum.value),
+        });
+        if options.wants(Suite::Handling) || options.wants(Suite::Stability) {
+            found.splice(0..0, increasing.into_iter().map(|(results, _)| results));
+        }
+        (vehicle, driver, found)
+    });
+    let shown = found
+        .iter()
+        .flat_map(|results| results.shown.iter().map(|(run, trace)| (results.system, run.clone(), trace.clone())))
+        .collect();
+    let assessment = assembled(&systems, vehicle, driver, found, options)?;
+    Ok((assessment, shown))
+}
+
+impl Options {
+    fn wants(&self, suite: Suite) -> bool {
+        self.suites.is_empty() || self.suites.contains(&suite)
+    }
+}
+
+/// What all benches share.
+struct Place<'a> {
+    executor: &'a Executor,
+    fmus: &'a Fmus,
+    systems: &'a Systems,
+    folder: &'a std::path::Path,
+    options: &'a Options,
+}
+
+impl<'a> Place<'a> {
+    fn bench(&self, system: &'a System, vehicle: &'a Vehicle, known: Option<Increasing>) -> Bench<'a> {
+        let given = vehicle.understeer_gradient.as_ref().map(|datum| datum.value);
+        let own = known.filter(|_| self.options.adapts).and_then(|known| known.understeer_gradient);
+        Bench {
+            executor: self.executor,
+            fmus: self.fmus,
+            plant: &self.systems.plant,
+            system,
+            vehicle,
+            understeer_gradient: own.or(given).unwrap_or(0.0),
+            amplitude: known.and_then(|known| known.amplitude),
+            other_speed: self.options.speed,
+            is_quick: self.options.is_quick,
+            folder: self.folder,
+        }
+    }
+}
+
+impl Bench<'_> {
+    /// Mass by the tire loads of the first row, kg.
+    fn weighed(&self) -> Option<f64> {
+        let course = Course::new("weighing", Driving::OpenLoop, self.speed(), STEP);
+        let run = drive(self, vec![course]).pop()?;
+        let names = run.trace.names().filter(|name| name.starts_with("tire_load."));
+        let loads: Vec<f64> = names.filter_map(|name| run.trace.column(name)?.first().copied()).collect();
+        (!loads.is_empty()).then(|| loads.iter().sum::<f64>() / maneuvers::G)
+    }
+}
+
+/// Does something for each item in a thread of its own; the results have the order of the items.
+fn in_threads<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
+    std::thread::scope(|scope| {
+        let work = &work;
+        let threads: Vec<_> = items.into_iter().map(|item| scope.spawn(move || work(item))).collect();
+        threads
+            .into_iter()
+            .map(|thread| match thread.join() {
+                Ok(result) => result,
+                Err(panic) => std::panic::resume_unwind(panic),
+            })
+            .collect()
+    })
+}
+
+fn assembled(
+    systems: &Systems,
+    vehicle: Vehicle,
+    driver: Value,
+    found: Vec<Results>,
+    options: &Options,
+) -> Result<Assessment, SetupError> {
+    let mut found = found;
+    for (name, limit) in &options.required {
+        require(&mut found, name, *limit)?;
+    }
+    let of = |system: &str| -> Vec<&Measured> {
+        found.iter().filter(|results| results.system == system).flat_map(|results| &results.metrics).collect()
+    };
+    let (without, with) = (of("without"), of("with"));
+    let mut rows: Vec<Row> = Vec::new();
+    for metric in &without {
+        rows.push(row(metric, with.iter().find(|other| other.id == metric.id).copied()));
+    }
+    let mut dropped: Vec<_> = found.iter().filter_map(|results| results.dropped.clone()).collect();
+    dropped.dedup();
+    let unit = |unit: &Unit| {
+        let description = &unit.found.description;
+        json!({ "fmu": unit.fmu, "guid": description.guid, "version": description.version })
+    };
+    let unwritten = |system: &System| (system.name, system.unwritten.iter().cloned().collect::<BTreeMap<_, _>>());
+    let decisive = systems.systems.last();
+    let runs = found.iter().flat_map(|results| results.runs.clone()).collect();
+    Ok(Assessment {
+        schema: SCHEMA,
+        plant: unit(&systems.plant.unit),
+        base: systems.base.iter().map(unit).collect(),
+        with: systems.with.iter().map(unit).collect(),
+        vehicle,
+        driver,
+        systems: systems.systems.iter().map(|system| system.name).collect(),
+        unwritten: systems.systems.iter().map(unwritten).collect(),
+        idle: decisive.map_or(Vec::new(), |system| system.idle.clone()),
+        runs,
+        metrics: rows,
+        dropped: unique(dropped),
+    })
+}
+
+/// Each once, in the order of the first.
+fn unique<T: PartialEq>(items: Vec<T>) -> Vec<T> {
+    items.into_iter().fold(Vec::new(), |mut found, item| {
+        if !found.contains(&item) {
+            found.push(item);
+        }
+        found
+    })
+}
+
+/// Sets a limit of the caller.
+fn require(found: &mut [Results], name: &str, limit: f64) -> Result<(), SetupError> {
+    let mut is_found = false;
+    for metric in found.iter_mut().flat_map(|results| &mut results.metrics).filter(|metric| metric.id == name) {
+        is_found = true;
+        metric.limit = Some(match metric.direction {
+            Direction::Up => Limit::at_least(limit, "--require"),
+            Direction::Down => Limit::at_most(limit, "--require"),
+            Direction::None => {
+                return Err(SetupError::new(format!(
+                    "`{name}` cannot be required: neither more nor less of it is better"
+                )));
+            }
+        });
+    }
+    if is_found {
+        return Ok(());
+    }
+    let names = found.iter().flat_map(|results| &results.metrics).map(|metric| metric.id.as_str());
+    let help = fmu_import::names::suggestion(name, names);
+    Err(SetupError { message: format!("there is no metric `{name}` to require"), help })
+}

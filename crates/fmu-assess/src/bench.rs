@@ -1,0 +1,111 @@
+//! One of the two systems on the bench: it makes runs out of the courses of maneuvers.
+
+use crate::course::{Course, Setting};
+use crate::executor::Executor;
+use crate::vehicle::{Class, Vehicle};
+use crate::wiring::{Driving, Plant, STEP, Speed, System};
+use fmu_import::description::{BaseType, Value};
+use fmu_system::fmus::Fmus;
+use fmu_system::run::{Run, Simulation};
+
+/// A system on the bench, and what all its maneuvers need to know.
+pub(crate) struct Bench<'a> {
+    pub(crate) executor: &'a Executor,
+    pub(crate) fmus: &'a Fmus,
+    pub(crate) plant: &'a Plant,
+    pub(crate) system: &'a System,
+    pub(crate) vehicle: &'a Vehicle,
+    /// Understeer gradient that the driver knows, rad/(m/s2).
+    pub(crate) understeer_gradient: f64,
+    /// A of the slowly increasing steer, deg at the steering wheel; `None` until it is known.
+    pub(crate) amplitude: Option<f64>,
+    /// Speed of handling maneuvers instead of the usual one, m/s.
+    pub(crate) other_speed: Option<f64>,
+    /// Ends the series of sine with dwell after the first unstable runs.
+    pub(crate) is_quick: bool,
+    /// Folder for tables that drivers read.
+    pub(crate) folder: &'a std::path::Path,
+}
+
+impl Bench<'_> {
+    /// Steering wheel angle over angle of the front wheels.
+    pub(crate) fn ratio(&self) -> f64 {
+        self.vehicle.steer_ratio.value
+    }
+
+    pub(crate) fn is_car(&self) -> bool {
+        self.vehicle.class == Class::Car
+    }
+
+    /// Whether it has pedals.
+    pub(crate) fn has_pedals(&self) -> bool {
+        self.system.speed == Speed::Pedals
+    }
+
+    /// Speed of maneuvers that have no other, m/s.
+    pub(crate) fn speed(&self) -> f64 {
+        self.other_speed.unwrap_or(if self.is_car() { 80.0 } else { 60.0 } / 3.6)
+    }
+
+    /// Whether the plant has these outputs.
+    pub(crate) fn has_output(&self, name: &str) -> bool {
+        self.plant.has_output(name)
+    }
+
+    /// Outputs and inputs of the plant that begin with this, by the names of the bench.
+    pub(crate) fn inputs(&self, start: &str) -> Vec<String> {
+        self.plant.inputs().into_iter().filter(|name| name.starts_with(start)).collect()
+    }
+
+    /// The run of a course up to a time.
+    ///
+    /// # Errors
+    /// A value does not fit.
+    pub(crate) fn run(&self, course: &Course, stop: f64) -> Result<(Simulation, Run), String> {
+        let plan = self.system.plan(course.driving).ok_or("the plant cannot follow a path: it has no position")?;
+        let steps = (stop / STEP).round();
+        let simulation = Simulation { stop: steps * STEP, steps: steps as u64, ..plan.simulation };
+        let mut run = plan.runs.first().ok_or("the system has no run")?.clone();
+        run.id.clone_from(&course.id);
+        let mut set = |component: &str, name: &str, setting: &Setting, is_optional: bool| -> Result<(), String> {
+            let name = if component == "plant" { self.plant.variable(name) } else { name };
+            let found = run.components.iter().find(|other| other.name == component);
+            let found = found.and_then(|other| self.fmus.get(&other.fmu).ok()).map(|fmu| fmu.description());
+            let Some(variable) = found.and_then(|description| description.variable(name)) else {
+                return if is_optional { Ok(()) } else { Err(format!("`{component}` has no `{name}`")) };
+            };
+            let value = match (setting, variable.base_type) {
+                (Setting::Text(text), _) => Value::String(text.clone()),
+                (Setting::Number(number), BaseType::Integer) => Value::Integer(*number as i32),
+                (Setting::Number(number), BaseType::Boolean) => Value::Boolean(*number > 0.5),
+                (Setting::Number(number), _) => Value::Real(*number),
+            };
+            run.set_value(self.fmus, component, name, value).map_err(|error| error.to_string())
+        };
+        let number = Setting::Number;
+        set("plant", "vehicle.initial_speed", &number(course.speed), true)?;
+        set("driver", "speed.initial", &number(course.speed), false)?;
+        if course.driving != Driving::OpenLoop {
+            set("driver", "geometry.wheelbase", &number(self.wheelbase()?), false)?;
+            set("driver", "vehicle.understeer_gradient", &number(self.understeer_gradient), false)?;
+            set("driver", "steer.ratio", &number(self.ratio()), false)?;
+            if let Some(width) = &self.vehicle.width {
+                set("driver", "path.vehicle_width", &number(width.value), false)?;
+            }
+        }
+        for (component, name, setting) in &course.values {
+            set(component, name, setting, false)?;
+        }
+        Ok((simulation, run))
+    }
+
+    /// Wheelbase, m.
+    pub(crate) fn wheelbase(&self) -> Result<f64, String> {
+        let found = self.vehicle.wheelbase.as_ref().map(|datum| datum.value);
+        found.ok_or_else(|| "the wheelbase is not known; give it in the vehicle data (--vehicle)".to_owned())
+    }
+    /// The same for evaluators; without a wheelbase there are no runs that they could be asked about.
+    pub(crate) fn wheelbase_or_one(&self) -> f64 {
+        self.wheelbase().unwrap_or(1.0)
+    }
+}

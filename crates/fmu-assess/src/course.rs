@@ -1,0 +1,272 @@
+//! A run of a maneuver: what is simulated, where it ends, and what is left of it.
+
+use crate::Trace;
+use crate::bench::Bench;
+use crate::wiring::{Driving, STEP};
+use fmu_system::master::Recording;
+use fmu_system::worker::{Failure, FailureKind};
+use std::collections::BTreeMap;
+
+/// Yaw rate beyond which a simulation has diverged, rad/s.
+const DIVERGED: f64 = 50.0;
+/// Roll angle from which a vehicle has rolled over, rad.
+const ROLLED_OVER: f64 = 0.8;
+/// Sideslip angle, rad, at a speed over ground, m/s, that a vehicle has only when it spins.
+const SPUN: (f64, f64) = (0.7, 3.0);
+
+/// A value for a variable of any base type.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Setting {
+    Number(f64),
+    Text(String),
+}
+
+/// A run to be made.
+#[derive(Debug, Clone)]
+pub(crate) struct Course {
+    /// Name, unique in a system.
+    pub(crate) id: String,
+    pub(crate) driving: Driving,
+    /// Speed at the start, m/s.
+    pub(crate) speed: f64,
+    /// Values: component (`driver`, `road`, `plant`), variable, value.
+    pub(crate) values: Vec<(&'static str, String, Setting)>,
+    /// Longest time, s.
+    pub(crate) stop: f64,
+    pub(crate) ends: Vec<EndAt>,
+    /// Whether the driver has a path to the end of which it should get.
+    pub(crate) has_end: bool,
+    /// What the report says of it.
+    pub(crate) shown: BTreeMap<String, f64>,
+}
+
+impl Course {
+    pub(crate) fn new(id: impl Into<String>, driving: Driving, speed: f64, stop: f64) -> Self {
+        let shown = BTreeMap::from([("speed".to_owned(), speed)]);
+        Self { id: id.into(), driving, speed, values: Vec::new(), stop, ends: Vec::new(), has_end: false, shown }
+    }
+
+    /// Sets a variable of the driver.
+    pub(crate) fn driver(self, name: &str, value: f64) -> Self {
+        self.value("driver", name, value)
+    }
+
+    /// Sets variables of the driver.
+    pub(crate) fn drivers(self, values: &[(&str, f64)]) -> Self {
+        values.iter().fold(self, |course, (name, value)| course.driver(name, *value))
+    }
+
+    /// Sets a variable.
+    pub(crate) fn value(mut self, component: &'static str, name: &str, value: f64) -> Self {
+        self.values.push((component, name.to_owned(), Setting::Number(value)));
+        self
+    }
+
+    /// Sets a String variable of the driver.
+    pub(crate) fn text(mut self, name: &str, value: &str) -> Self {
+        self.values.push(("driver", name.to_owned(), Setting::Text(value.to_owned())));
+        self
+    }
+
+    /// Ends the run early.
+    pub(crate) fn end(mut self, end: EndAt) -> Self {
+        self.ends.push(end);
+        self
+    }
+
+    /// The driver should get to the end of its path.
+    pub(crate) fn with_end(mut self) -> Self {
+        self.has_end = true;
+        self
+    }
+
+    /// Shows a number in the report.
+    pub(crate) fn show(mut self, name: &str, value: f64) -> Self {
+        self.shown.insert(name.to_owned(), value);
+        self
+    }
+}
+
+/// What ends a run before its longest time. The row in which it is so is the last one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum EndAt {
+    /// Magnitude of the lateral acceleration above this, m/s2.
+    LateralAcceleration(f64),
+    /// So long after the end of the path, s.
+    Finished(f64),
+    /// The driver has lost the path.
+    Lost,
+    /// Place along x beyond this, m.
+    Position(f64),
+    /// Speed below this, m/s.
+    Speed(f64),
+    /// Speed over ground below this, m/s.
+    GroundSpeed(f64),
+}
+
+/// What is left of a run.
+#[derive(Debug)]
+pub(crate) struct Ended {
+    pub(crate) course: Course,
+    pub(crate) trace: Trace<'static>,
+    /// `spun`, `rolled_over`, `lost`, `not_finished`, `diverged`.
+    pub(crate) flags: Vec<&'static str>,
+    /// Why it ended there.
+    pub(crate) stop_reason: String,
+    /// What went wrong, if something did: time and signal or call.
+    pub(crate) error: Option<String>,
+}
+
+impl Ended {
+    pub(crate) fn has(&self, flag: &str) -> bool {
+        self.flags.contains(&flag)
+    }
+}
+
+/// Executes runs of a system. A run that fails is repeated up to the failure, so that what was before is known.
+pub(crate) fn drive(bench: &Bench<'_>, courses: Vec<Course>) -> Vec<Ended> {
+    let requests = courses.iter().map(|course| bench.run(course, course.stop)).collect::<Vec<_>>();
+    let mut wanted = Vec::new();
+    for request in requests.iter().flatten() {
+        wanted.push(request.clone());
+    }
+    let mut outcomes = bench.executor.execute(wanted).into_iter();
+    courses
+        .into_iter()
+        .zip(requests)
+        .map(|(course, request)| match request {
+            Err(message) => failed(course, message),
+            Ok(_) => match outcomes.next() {
+                Some(Ok(recording)) => ended(bench, course, &recording, None),
+                Some(Err(failure)) => shortened(bench, course, &failure),
+                None => failed(course, "there is no outcome".to_owned()),
+            },
+        })
+        .collect()
+}
+
+fn failed(course: Course, message: String) -> Ended {
+    let stop_reason = "failed".to_owned();
+    Ended { course, trace: Trace::default(), flags: vec!["diverged"], stop_reason, error: Some(message) }
+}
+
+/// The rows before a failure.
+fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
+    let message = failure.to_string();
+    let steps = failure.time.map_or(0.0, |time| (time / STEP).round());
+    if failure.kind == FailureKind::Error && steps >= 1.0 {
+        let again = bench.run(&course, steps * STEP).map(|request| bench.executor.execute(vec![request]));
+        if let Ok(Some(Ok(recording))) = again.map(|mut outcomes| outcomes.pop()) {
+            return ended(bench, course, &recording, Some(message));
+        }
+    }
+    failed(course, message)
+}
+
+/// Cuts a recording where the run ends. `failure` is what came after its last row.
+fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
+    let names = bench.system.columns(course.driving);
+    // No row at the start: what a row says of the driver was held during the step before it.
+    let of = |name: &str| {
+        let index = names.iter().position(|column| column == name)?;
+        recording.column(index)?.get(1..)
+    };
+    let time = recording.time.get(1..).unwrap_or_default();
+    let ground = ground_speed(of("vehicle.position_x"), of("vehicle.position_y"));
+    let at = |column: Option<&[f64]>, row: usize| column.map_or(f64::NAN, |values| values[row]);
+    let (yaw_rate, roll, sideslip) = (of("vehicle.yaw_rate"), of("body.roll"), of("vehicle.sideslip"));
+    let (forward, lateral, x) = (of("vehicle.speed"), of("vehicle.lateral_acceleration"), of("vehicle.position_x"));
+    let (finished, lost) = (of("path.finished"), of("path.lost"));
+    let mut flags = Vec::new();
+    let mut error = failure;
+    let mut stop_reason = if error.is_some() { "failed".to_owned() } else { "time".to_owned() };
+    let mut rows = time.len();
+    let mut finished_at = None;
+    let recorded: Vec<(&String, &[f64])> =
+        names.iter().enumerate().filter_map(|(index, name)| Some((name, recording.column(index)?.get(1..)?))).collect();
+    for row in 0..time.len() {
+        if let Some((name, _)) = recorded.iter().find(|(_, values)| !values[row].is_finite()) {
+            (rows, stop_reason) = (row, "diverged".to_owned());
+            error = Some(format!("`{name}` is not finite at {} s", shown_time(time[row])));
+            break;
+        }
+        if at(yaw_rate, row).abs() > DIVERGED {
+            (rows, stop_reason) = (row, "diverged".to_owned());
+            error = Some(format!("`vehicle.yaw_rate` is above {DIVERGED} rad/s at {} s", shown_time(time[row])));
+            break;
+        }
+        let speed = ground.as_ref().map_or_else(|| at(forward, row), |values| values[row]);
+        if at(sideslip, row).abs() > SPUN.0 && speed > SPUN.1 && !flags.contains(&"spun") {
+            flags.push("spun");
+        }
+        if finished_at.is_none() && at(finished, row) > 0.5 {
+            finished_at = Some(time[row]);
+        }
+        let reason = if at(roll, row).abs() > ROLLED_OVER {
+            flags.push("rolled_over");
+            Some("rolled over")
+        } else {
+            course.ends.iter().find_map(|end| {
+                let (holds, reason) = match *end {
+                    EndAt::LateralAcceleration(limit) => (at(lateral, row).abs() > limit, "lateral acceleration"),
+                    EndAt::Finished(after) => {
+                        (finished_at.is_some_and(|from| time[row] >= from + after - 0.5 * STEP), "finished")
+                    }
+                    EndAt::Lost => (at(lost, row) > 0.5, "lost"),
+                    EndAt::Position(limit) => (at(x, row) > limit, "finished"),
+                    EndAt::Speed(limit) => (at(forward, row) < limit, "speed"),
+                    EndAt::GroundSpeed(limit) => (speed < limit, "stopped"),
+                };
+                holds.then_some(reason)
+            })
+        };
+        if let Some(reason) = reason {
+            (rows, stop_reason) = (row + 1, reason.to_owned());
+            // What fails later does not concern this run.
+            error = None;
+            break;
+        }
+    }
+    if at_last(lost, rows) > 0.5 {
+        flags.push("lost");
+    }
+    let is_finished = at_last(finished, rows) > 0.5;
+    if course.has_end && !is_finished {
+        flags.push("not_finished");
+    }
+    if error.is_some() {
+        flags.push("diverged");
+    }
+    let ratio = bench.ratio();
+    let mut trace = Trace::new(time[..rows].to_vec());
+    for (name, values) in recorded {
+        let values = &values[..rows];
+        if name == "driver.steer" {
+            let angles: Vec<f64> = values.iter().map(|steer| ratio * steer).collect();
+            trace = trace.with("driver.steering_wheel", angles).expect("a column of the recording has its rows");
+        }
+        trace = trace.with(name.clone(), values.to_vec()).expect("a column of the recording has its rows");
+    }
+    Ended { course, trace, flags, stop_reason, error }
+}
+
+fn at_last(column: Option<&[f64]>, rows: usize) -> f64 {
+    column.zip(rows.checked_sub(1)).map_or(f64::NAN, |(values, row)| values[row])
+}
+
+/// Speed over ground, also of a car that slides sideways; the first row has that of the second.
+fn ground_speed(x: Option<&[f64]>, y: Option<&[f64]>) -> Option<Vec<f64>> {
+    let (x, y) = x.zip(y)?;
+    let ways =
+        x.windows(2).zip(y.windows(2)).map(|(x, y)| ((x[1] - x[0]).powi(2) + (y[1] - y[0]).powi(2)).sqrt() / STEP);
+    let mut speeds: Vec<f64> = std::iter::once(0.0).chain(ways).collect();
+    if speeds.len() > 1 {
+        speeds[0] = speeds[1];
+    }
+    Some(speeds)
+}
+
+/// A time without the rounding of its steps.
+fn shown_time(time: f64) -> f64 {
+    (time / STEP).round() * STEP
+}

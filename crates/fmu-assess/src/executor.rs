@@ -1,0 +1,89 @@
+//! Executes runs in worker processes, for several callers at once. What a caller gets depends on its runs alone.
+
+use fmu_import::worker::Settings;
+use fmu_system::fmus::Fmus;
+use fmu_system::master::Recording;
+use fmu_system::run::{Run, Simulation};
+use fmu_system::worker::{Failure, FailureKind, Pool, Task};
+use std::num::NonZeroUsize;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Mutex, PoisonError};
+
+/// A run, and who waits for it.
+struct Work {
+    index: usize,
+    simulation: Simulation,
+    run: Run,
+    reply: Sender<(usize, Result<Recording, Failure>)>,
+}
+
+/// Takes runs of any thread.
+#[derive(Debug)]
+pub(crate) struct Executor {
+    queue: Mutex<Sender<Work>>,
+}
+
+impl Executor {
+    /// Starts as many workers as `jobs` says, and ends them after `body`. `done` is called after each run.
+    pub(crate) fn scope<T>(
+        settings: &Settings,
+        jobs: NonZeroUsize,
+        fmus: &Fmus,
+        done: &(dyn Fn() + Sync),
+        body: impl FnOnce(&Self) -> T,
+    ) -> T {
+        let (sender, receiver) = channel::<Work>();
+        let receiver = Mutex::new(receiver);
+        std::thread::scope(|scope| {
+            for _ in 0..jobs.get() {
+                let receiver = &receiver;
+                scope.spawn(move || {
+                    let pool = Pool::new(settings.clone(), NonZeroUsize::MIN, fmus);
+                    work(receiver, &pool, done);
+                });
+            }
+            // The workers end when nobody can send any more.
+            let executor = Self { queue: Mutex::new(sender) };
+            body(&executor)
+        })
+    }
+
+    /// Executes runs; returns their outcomes in the same order.
+    pub(crate) fn execute(&self, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
+        let (reply, outcomes) = channel();
+        let count = runs.len();
+        let names: Vec<String> = runs.iter().map(|(_, run)| run.id.clone()).collect();
+        {
+            let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
+            for (index, (simulation, run)) in runs.into_iter().enumerate() {
+                // Workers are there as long as this is.
+                let _ = queue.send(Work { index, simulation, run, reply: reply.clone() });
+            }
+        }
+        drop(reply);
+        let mut found: Vec<Option<Result<Recording, Failure>>> = (0..count).map(|_| None).collect();
+        for (index, outcome) in outcomes {
+            found[index] = Some(outcome);
+        }
+        let lost = |name: String| Failure {
+            run: name,
+            time: None,
+            message: "no process could execute it".to_owned(),
+            kind: FailureKind::Error,
+        };
+        found.into_iter().zip(names).map(|(outcome, name)| outcome.unwrap_or_else(|| Err(lost(name)))).collect()
+    }
+}
+
+fn work(receiver: &Mutex<Receiver<Work>>, pool: &Pool, done: &(dyn Fn() + Sync)) {
+    loop {
+        let next = receiver.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let Ok(Work { index, simulation, run, reply }) = next else { return };
+        let task = |_| Ok(Task { run: run.clone(), csv: None });
+        let finish = |_: usize, outcome| {
+            let _ = reply.send((index, outcome));
+        };
+        pool.execute(&simulation, 1, &task, &|_| (), &finish);
+        done();
+    }
+}

@@ -1,0 +1,292 @@
+//! The maneuvers: which runs they make, and which numbers come of them.
+
+mod braking;
+mod double_lane_change;
+mod frequency_response;
+mod lane_change;
+mod ride;
+mod rollover;
+mod sine_with_dwell;
+mod steady_state;
+mod step_steer;
+
+pub(crate) use steady_state::{Increasing, slowly_increasing_steer};
+
+use crate::Trace;
+use crate::bench::Bench;
+use crate::course::Ended;
+use crate::evaluators::{self, Evaluation};
+use crate::metric::{self, Direction};
+use crate::report::{Dropped, Measured, RunRecord, Suite};
+use crate::wiring::Speed;
+use serde_json::{Value, json};
+
+/// Standard acceleration of gravity, m/s2.
+pub(crate) const G: f64 = 9.81;
+
+/// A maneuver of the bench.
+pub(crate) struct Maneuver {
+    /// Name, also the beginning of the names of its metrics.
+    pub(crate) name: &'static str,
+    pub(crate) suite: Suite,
+    /// Outputs that the plant needs for it.
+    pub(crate) outputs: &'static [&'static str],
+    /// Why a plant that has them cannot be driven like this; `None` if it can.
+    pub(crate) hindrance: fn(&Bench<'_>) -> Option<String>,
+    pub(crate) carry_out: fn(&Bench<'_>, &mut Results),
+}
+
+const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
+
+/// All maneuvers but the slowly increasing steer, which the others need.
+pub(crate) const MANEUVERS: [Maneuver; 12] = [
+    Maneuver {
+        name: "constant_radius",
+        suite: Suite::Handling,
+        outputs: POSITION,
+        hindrance: needs_speed,
+        carry_out: steady_state::constant_radius,
+    },
+    Maneuver {
+        name: "step_steer",
+        suite: Suite::Handling,
+        outputs: &[],
+        hindrance: |_| None,
+        carry_out: step_steer::carry_out,
+    },
+    Maneuver {
+        name: "single_lane_change",
+        suite: Suite::Handling,
+        outputs: POSITION,
+        hindrance: needs_speed,
+        carry_out: lane_change::carry_out,
+    },
+    Maneuver {
+        name: "sine_with_dwell",
+        suite: Suite::Stability,
+        outputs: &[],
+        hindrance: needs_amplitude,
+        carry_out: sine_with_dwell::carry_out,
+    },
+    Maneuver {
+        name: "iso3888_1",
+        suite: Suite::Stability,
+        outputs: POSITION,
+        hindrance: needs_footprint,
+        carry_out: |bench, results| double_lane_change::carry_out(bench, double_lane_change::Part::One, results),
+    },
+    Maneuver {
+        name: "iso3888_2",
+        suite: Suite::Stability,
+        outputs: POSITION,
+        hindrance: needs_footprint,
+        carry_out: |bench, results| double_lane_change::carry_out(bench, double_lane_change::Part::Two, results),
+    },
+    Maneuver {
+        name: "fishhook",
+        suite: Suite::Rollover,
+        outputs: ROLLOVER,
+        hindrance: needs_amplitude,
+        carry_out: rollover::fishhook,
+    },
+    Maneuver {
+        name: "j_turn",
+        suite: Suite::Rollover,
+        outputs: ROLLOVER,
+        hindrance: needs_amplitude,
+        carry_out: rollover::j_turn,
+    },
+    Maneuver {
+        name: "braking",
+        suite: Suite::Braking,
+        outputs: POSITION,
+        hindrance: needs_pedals,
+        carry_out: braking::straight,
+    },
+    Maneuver {
+        name: "split_friction",
+        suite: Suite::Braking,
+        outputs: POSITION,
+        hindrance: |bench| {
+            let has_sides = !bench.inputs("road_friction.").is_empty();
+            needs_pedals(bench).or_else(|| (!has_sides).then(|| "the plant has no input `road_friction.*`".to_owned()))
+        },
+        carry_out: braking::split_friction,
+    },
+    Maneuver {
+        name: "brake_in_turn",
+        suite: Suite::Braking,
+        outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
+        hindrance: needs_pedals,
+        carry_out: braking::in_a_turn,
+    },
+    Maneuver {
+        name: "ride",
+        suite: Suite::Ride,
+        outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
+        hindrance: |bench| {
+            let has_road = !bench.inputs("road_height.").is_empty();
+            needs_speed(bench).or_else(|| (!has_road).then(|| "the plant has no input `road_height.*`".to_owned()))
+        },
+        carry_out: ride::carry_out,
+    },
+];
+
+const ROLLOVER: &[&str] = &["vehicle.load_transfer_ratio", "tire_load."];
+
+fn needs_speed(bench: &Bench<'_>) -> Option<String> {
+    (bench.system.speed == Speed::Own).then(|| "nothing holds the speed: neither `driver.speed` nor pedals".to_owned())
+}
+
+fn needs_pedals(bench: &Bench<'_>) -> Option<String> {
+    (!bench.has_pedals()).then(|| "the plant has no pedals".to_owned())
+}
+
+fn needs_amplitude(bench: &Bench<'_>) -> Option<String> {
+    bench.amplitude.is_none().then(|| "the slowly increasing steer gave no amplitude".to_owned())
+}
+
+fn needs_footprint(bench: &Bench<'_>) -> Option<String> {
+    let vehicle = bench.vehicle;
+    let is_known = vehicle.width.is_some() && vehicle.front.is_some() && vehicle.rear.is_some();
+    needs_speed(bench).or_else(|| {
+        (!is_known).then(|| "width, front or rear of the vehicle is not known; give it in the vehicle data".to_owned())
+    })
+}
+
+/// Carries out a maneuver, or says why not.
+pub(crate) fn carry_out(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
+    let mut results = Results::new(maneuver.name, maneuver.suite, bench.system.name);
+    let missing: Vec<String> = (maneuver.outputs.iter())
+        .filter(|name| {
+            let is_group = name.ends_with('.');
+            !(bench.has_output(name) || is_group && bench.plant.outputs().iter().any(|o| o.starts_with(*name)))
+        })
+        .map(|name| if name.ends_with('.') { format!("{name}*") } else { (*name).to_owned() })
+        .collect();
+    let reason = if missing.is_empty() {
+        (maneuver.hindrance)(bench)
+    } else {
+        Some(format!("the plant has no output `{}`", missing.join("`, `")))
+    };
+    match reason {
+        Some(reason) => results.dropped = Some(Dropped { run: maneuver.name.to_owned(), missing, reason }),
+        None => (maneuver.carry_out)(bench, &mut results),
+    }
+    results
+}
+
+/// What comes of a maneuver of a system.
+#[derive(Debug)]
+pub(crate) struct Results {
+    pub(crate) maneuver: &'static str,
+    pub(crate) suite: Suite,
+    pub(crate) system: &'static str,
+    pub(crate) metrics: Vec<Measured>,
+    pub(crate) runs: Vec<RunRecord>,
+    pub(crate) dropped: Option<Dropped>,
+    /// Runs whose signals the report shows.
+    pub(crate) shown: Vec<(String, Trace<'static>)>,
+}
+
+impl Results {
+    pub(crate) fn new(maneuver: &'static str, suite: Suite, system: &'static str) -> Self {
+        let (metrics, runs, shown) = (Vec::new(), Vec::new(), Vec::new());
+        Self { maneuver, suite, system, metrics, runs, dropped: None, shown }
+    }
+
+    /// Notes a run with the metrics of its evaluator.
+    pub(crate) fn note(&mut self, ended: &Ended, metrics: &Evaluation) {
+        self.runs.push(RunRecord {
+            id: ended.course.id.clone(),
+            suite: self.suite,
+            system: self.system,
+            parameters: ended.course.shown.clone(),
+            flags: ended.flags.clone(),
+            stop_reason: ended.stop_reason.clone(),
+            rows: ended.trace.times().len(),
+            error: ended.error.clone(),
+            metrics: serde_json::from_str(&metrics.to_json()).unwrap_or_default(),
+        });
+    }
+
+    /// Keeps the signals of a run for figures.
+    pub(crate) fn show(&mut self, ended: &Ended) {
+        self.shown.push((ended.course.id.clone(), ended.trace.clone()));
+    }
+
+    /// Adds a metric of the maneuver.
+    pub(crate) fn metric(&mut self, name: &str, title: &str, unit: &'static str, direction: Direction, value: Value) {
+        self.metrics.push(Measured {
+            id: format!("{}.{name}", self.maneuver),
+            title: title.to_owned(),
+            definition: String::new(),
+            unit,
+            suite: self.suite,
+            value,
+            direction,
+            reason: None,
+            limit: None,
+        });
+    }
+
+    /// Adds a metric that has no number, and why.
+    pub(crate) fn without(
+        &mut self,
+        name: &str,
+        title: &str,
+        unit: &'static str,
+        direction: Direction,
+        reason: String,
+    ) {
+        self.metric(name, title, unit, direction, Value::Null);
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.reason = Some(reason);
+        }
+    }
+
+    /// Adds metrics of an evaluator, as it defines them.
+    pub(crate) fn take(&mut self, metrics: &Evaluation, wanted: &[&str]) {
+        for name in wanted {
+            let Some(found) = metrics.metrics.iter().find(|metric| metric.name == *name) else { continue };
+            let metric::Definition { title, unit, direction, definition, .. } = *found.definition;
+            match &found.value {
+                metric::Value::Number(number) => self.metric(name, title, unit, direction, json!(number)),
+                metric::Value::Boolean(value) => self.metric(name, title, unit, direction, json!(value)),
+                metric::Value::Numbers(_) => continue,
+                metric::Value::Null(reason) => self.without(name, title, unit, direction, reason.to_string()),
+            }
+            self.defined(definition);
+        }
+    }
+}
+
+/// The metrics of an evaluator.
+pub(crate) fn evaluated(name: &str, ended: &Ended, options: &Value) -> Evaluation {
+    let evaluator = evaluators::find(name).expect("the bench names an evaluator");
+    evaluator.evaluate(&ended.trace, options).expect("the bench gives the options of the evaluator")
+}
+
+/// A number of an evaluator.
+pub(crate) fn number(metrics: &Evaluation, name: &str) -> Option<f64> {
+    match metrics.value(name) {
+        Some(metric::Value::Number(number)) => Some(*number),
+        _ => None,
+    }
+}
+
+/// A truth value of an evaluator.
+pub(crate) fn truth(metrics: &Evaluation, name: &str) -> Option<bool> {
+    match metrics.value(name) {
+        Some(metric::Value::Boolean(value)) => Some(*value),
+        _ => None,
+    }
+}
+
+/// A value as JSON; null if it is none.
+pub(crate) fn or_null(value: Option<f64>) -> Value {
+    value.filter(|value| value.is_finite()).map_or(Value::Null, |value| json!(value))
+}
+
+/// Both directions of a maneuver: name and sign.
+pub(crate) const SIDES: [(&str, f64); 2] = [("left", 1.0), ("right", -1.0)];

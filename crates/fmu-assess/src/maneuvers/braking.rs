@@ -1,0 +1,125 @@
+//! Braking: straight ahead and with other friction on one side (UN R13-H), and in a turn (ISO 7975).
+
+use super::{Results, evaluated, number, or_null};
+use crate::bench::Bench;
+use crate::course::{Course, EndAt, drive};
+use crate::metric::Direction;
+use crate::report::Limit;
+use crate::wiring::Driving;
+use serde_json::{Value, json};
+
+/// Least mean fully developed deceleration of UN R13-H, m/s2.
+const MFDD: f64 = 6.43;
+/// Largest steering wheel angles on split friction, deg: in the first two seconds, and in all.
+const STEERING: (f64, f64) = (120.0, 240.0);
+/// Friction of the slippery side.
+const SLIPPERY: f64 = 0.5;
+
+fn course(id: String, speed: f64) -> Course {
+    Course::new(id, Driving::Path, speed, 20.0)
+        .drivers(&[
+            ("maneuver", 0.0),
+            ("speed.control", 1.0),
+            ("path.start", 400.0),
+            ("path.lost_distance", 50.0),
+            ("brake.amplitude", 1.0),
+            ("brake.start", 1.0),
+            ("brake.rise_time", 0.15),
+        ])
+        .end(EndAt::GroundSpeed(0.15))
+}
+
+pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
+    let Some(run) = drive(bench, vec![course("braking".to_owned(), 100.0 / 3.6)]).pop() else { return };
+    let metrics = evaluated("braking", &run, &json!({}));
+    results.note(&run, &metrics);
+    results.show(&run);
+    let applies = (!bench.is_car()).then_some("the limit is that of cars");
+    results.take(&metrics, &["mfdd"]);
+    results.limit(Limit::at_least(MFDD, "UN R13-H, type 0"), applies);
+    results.take(&metrics, &["distance"]);
+    if let Some(v) = number(&metrics, "initial_speed").map(|speed| 3.6 * speed) {
+        results.limit(Limit::at_most(0.1 * v + 0.006 * v * v, "UN R13-H, type 0"), applies);
+    }
+    results.take(&metrics, &["lateral_peak", "yaw_peak"]);
+}
+
+pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
+    let is_left = |name: &str| name.rsplit('.').next().is_some_and(|place| place.ends_with('l'));
+    let inputs = bench.inputs("road_friction.");
+    let courses = [("left", true), ("right", false)].map(|(side, slippery_left)| {
+        let mut course = course(format!("split_friction.{side}"), 50.0 / 3.6);
+        for input in &inputs {
+            let friction = if is_left(input) == slippery_left { SLIPPERY } else { 1.0 };
+            course = course.value("plant", input, friction);
+        }
+        course
+    });
+    let mut spun = false;
+    let mut is_finished = true;
+    let mut worst: [Option<f64>; 4] = [None; 4];
+    const NAMES: [&str; 4] = ["steering_wheel_peak_2s", "steering_wheel_peak", "lateral_peak", "yaw_peak"];
+    for run in drive(bench, courses.into()) {
+        let metrics = evaluated("braking", &run, &json!({}));
+        results.note(&run, &metrics);
+        results.show(&run);
+        spun |= run.has("spun");
+        is_finished &= run.stop_reason == "stopped";
+        for (worst, name) in worst.iter_mut().zip(NAMES) {
+            let value = number(&metrics, name);
+            *worst = match (*worst, value) {
+                (Some(old), Some(new)) => Some(old.max(new)),
+                (old, new) => old.or(new),
+            };
+        }
+    }
+    let applies = (!bench.is_car()).then_some("the limit is that of cars");
+    let held = Value::Bool(!spun && is_finished);
+    results.metric("held", "Stops without spinning", "", Direction::Up, held);
+    results.defined("Whether the car stops on both sides and its sideslip angle stays below 0.7 rad above 3 m/s.");
+    results.limit(Limit::holds("UN R13-H, annex on antilock braking"), applies);
+    let degrees = |value: Option<f64>| or_null(value.map(f64::to_degrees));
+    results.metric(
+        NAMES[0],
+        "Largest steering wheel angle in the first 2 s",
+        "deg",
+        Direction::Down,
+        degrees(worst[0]),
+    );
+    results.defined("Largest magnitude of the steering wheel angle in the first 2 s of braking, of both sides.");
+    results.limit(Limit::at_most(STEERING.0, "UN R13-H, annex on antilock braking"), applies);
+    results.metric(NAMES[1], "Largest steering wheel angle", "deg", Direction::Down, degrees(worst[1]));
+    results.defined("Largest magnitude of the steering wheel angle until the car stops, of both sides.");
+    results.limit(Limit::at_most(STEERING.1, "UN R13-H, annex on antilock braking"), applies);
+    results.metric(NAMES[2], "Largest lateral offset", "m", Direction::Down, or_null(worst[2]));
+    results.defined("Largest distance from the line on which braking begins, of both sides.");
+    results.metric(NAMES[3], "Largest change of the yaw angle", "rad", Direction::Down, or_null(worst[3]));
+    results.defined("Largest change of the yaw angle from the begin of braking, of both sides.");
+}
+
+pub(crate) fn in_a_turn(bench: &Bench<'_>, results: &mut Results) {
+    const RADIUS: f64 = 100.0;
+    let speed = (5.0 * RADIUS).sqrt();
+    let course = Course::new("brake_in_turn", Driving::Path, speed, 20.0)
+        .drivers(&[
+            ("maneuver", 1.0),
+            ("path.radius", RADIUS),
+            ("path.turn_in", 60.0),
+            ("path.arc", 900.0),
+            ("lateral.integral_gain", 0.3),
+            ("speed.control", 1.0),
+            ("brake.start", 16.0),
+            ("steer.hold_start", 16.0),
+            ("brake.amplitude", 0.45),
+        ])
+        .end(EndAt::Speed(1.0))
+        .show("radius", RADIUS);
+    let Some(run) = drive(bench, vec![course]).pop() else { return };
+    let metrics = evaluated("brake_in_turn", &run, &json!({}));
+    results.note(&run, &metrics);
+    results.show(&run);
+    results.take(
+        &metrics,
+        &["deceleration_1s", "yaw_rate_ratio_1s", "yaw_rate_ratio_max", "sideslip_change", "radius_deviation_1s"],
+    );
+}

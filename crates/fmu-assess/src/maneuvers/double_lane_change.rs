@@ -1,0 +1,141 @@
+//! Double lane changes of ISO 3888-1 and ISO 3888-2: the largest speed at which no cone is touched.
+
+use super::{Results, evaluated, or_null, truth};
+use crate::bench::Bench;
+use crate::course::{Course, EndAt, Ended, drive};
+use crate::evaluators::Evaluation;
+use crate::metric::Direction;
+use crate::wiring::Driving;
+use serde_json::json;
+
+/// Begin of the cones, m.
+const START: f64 = 50.0;
+/// Steps of the speed, and how near the bisection comes, km/h.
+const STEP: f64 = 5.0;
+const NEAR: f64 = 0.5;
+
+/// Parts of the standard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    One,
+    Two,
+}
+
+impl Part {
+    fn name(self) -> &'static str {
+        match self {
+            Self::One => "iso3888_1",
+            Self::Two => "iso3888_2",
+        }
+    }
+
+    fn maneuver(self) -> f64 {
+        match self {
+            Self::One => 2.0,
+            Self::Two => 3.0,
+        }
+    }
+
+    /// End of the cones, m.
+    fn end(self) -> f64 {
+        match self {
+            Self::One => START + 125.0,
+            Self::Two => START + 61.0,
+        }
+    }
+}
+
+fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluation, bool)> {
+    let (front, rear) = (bench.vehicle.front.as_ref()?.value, bench.vehicle.rear.as_ref()?.value);
+    let width = bench.vehicle.width.as_ref()?.value;
+    let end = part.end() + rear + 1.0;
+    let v = speed / 3.6;
+    let id = format!("{}.{speed:.4}", part.name());
+    let mut course = Course::new(id, Driving::Path, v, 1.6 * end / v + 2.0)
+        .drivers(&[
+            ("maneuver", part.maneuver()),
+            ("path.start", START),
+            ("path.overlap", if part == Part::One { 6.0 } else { 2.5 }),
+            ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
+        ])
+        .end(EndAt::Position(end))
+        .end(EndAt::Lost)
+        .end(EndAt::Speed(1.0))
+        .with_end();
+    if part == Part::Two && bench.has_pedals() {
+        course = course.driver("release.distance", START + 2.0);
+    }
+    let run = drive(bench, vec![course]).pop()?;
+    let options = json!({
+        "maneuver": part.maneuver(),
+        "path.start": START,
+        "vehicle.width": width,
+        "footprint.front": front,
+        "footprint.rear": rear,
+    });
+    let metrics = evaluated("cones", &run, &options);
+    let passed =
+        truth(&metrics, "passed") == Some(true) && !run.has("lost") && !run.has("rolled_over") && run.error.is_none();
+    Some((run, metrics, passed))
+}
+
+pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
+    let (mut speed, limit) = if bench.is_car() { (30.0, 150.0) } else { (20.0, 100.0) };
+    let mut passed: Option<(f64, Ended, Evaluation)> = None;
+    let mut failed: Option<(f64, Ended)> = None;
+    let mut attempts = |speed: f64, results: &mut Results| {
+        let (run, metrics, has_passed) = attempt(bench, part, speed)?;
+        results.note(&run, &metrics);
+        if has_passed {
+            passed = Some((speed, run, metrics));
+        } else {
+            failed = Some((speed, run));
+        }
+        Some(has_passed)
+    };
+    let mut last_passed = None;
+    let mut first_failed = None;
+    while speed <= limit {
+        match attempts(speed, results) {
+            Some(true) => last_passed = Some(speed),
+            Some(false) => {
+                first_failed = Some(speed);
+                break;
+            }
+            None => return,
+        }
+        speed += STEP;
+    }
+    if let (Some(mut low), Some(mut high)) = (last_passed, first_failed) {
+        while high - low > NEAR {
+            let middle = 0.5 * (low + high);
+            match attempts(middle, results) {
+                Some(true) => low = middle,
+                Some(false) => high = middle,
+                None => return,
+            }
+        }
+        last_passed = Some(low);
+        first_failed = Some(high);
+    }
+    let title = "Largest entry speed";
+    match (last_passed, first_failed) {
+        (Some(speed), Some(_)) => results.metric("max_entry_speed", title, "km/h", Direction::Up, or_null(Some(speed))),
+        (None, _) => {
+            let slowest = if bench.is_car() { 30 } else { 20 };
+            results.without("max_entry_speed", title, "km/h", Direction::Up, format!("it fails at {slowest} km/h"));
+        }
+        (Some(_), None) => {
+            results.without("max_entry_speed", title, "km/h", Direction::Up, format!("it passes up to {limit} km/h"));
+        }
+    }
+    results
+        .defined("Largest speed found by steps of 5 km/h, then by bisection to 0.5 km/h, at which no cone is touched.");
+    if let Some((_, run, metrics)) = &passed {
+        results.show(run);
+        results.take(metrics, &["exit_speed", "sideslip_peak", "roll_peak", "load_transfer_peak"]);
+    }
+    if let Some((_, run)) = &failed {
+        results.show(run);
+    }
+}

@@ -1,0 +1,94 @@
+//! Frequency response (random input of ISO 7401) with a sum of sines that repeats after ten seconds.
+
+use super::{Results, evaluated};
+use crate::bench::Bench;
+use crate::course::{Course, drive};
+use crate::metric::Direction;
+use crate::wiring::{Driving, STEP};
+use fmu_math::sin;
+use serde_json::json;
+use std::f64::consts::PI;
+use std::fmt::Write as _;
+
+/// Frequencies, Hz.
+const LINES: [f64; 20] =
+    [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.3, 2.6, 3.0, 3.5, 4.0];
+/// Period, s, start of the steering, s, and end of the run, s.
+const PERIOD: f64 = 10.0;
+const START: f64 = 1.0;
+const STOP: f64 = 32.0;
+
+/// The sum of sines with the phases of Schroeder (1970), before it is scaled.
+fn sum(time: f64) -> f64 {
+    let line = |(index, frequency): (usize, &f64)| {
+        let i = (index + 1) as f64;
+        sin(2.0 * PI * frequency * time - PI * i * (i - 1.0) / LINES.len() as f64)
+    };
+    LINES.iter().enumerate().map(line).sum()
+}
+
+/// The steering as a table for the driver.
+fn table(peak: f64) -> String {
+    let rows = (PERIOD / STEP).round() as usize;
+    let largest = (0..rows).map(|row| sum(row as f64 * STEP).abs()).fold(0.0, f64::max);
+    let mut text = String::from("time,driver.steer\n");
+    let _ = writeln!(text, "0,0");
+    let count = ((STOP - START) / STEP).round() as usize;
+    for row in 0..=count {
+        let time = START + row as f64 * STEP;
+        let _ = writeln!(text, "{time:?},{:?}", peak / largest * sum(row as f64 * STEP));
+    }
+    text
+}
+
+/// Steers with all frequencies; `steer` is that of the step, rad.
+pub(crate) fn carry_out(bench: &Bench<'_>, steer: Option<f64>, results: &mut Results) {
+    let wanted = [
+        "yaw_rate.bandwidth",
+        "yaw_rate.phase_45_frequency",
+        "yaw_rate.peak_ratio",
+        "yaw_rate.delay_1hz",
+        "lateral_acceleration.bandwidth",
+        "lateral_acceleration.delay_1hz",
+    ];
+    let maneuver = results.maneuver;
+    results.maneuver = "frequency_response";
+    let Some(steer) = steer else {
+        let reason = "there is no step steer to take the amplitude from".to_owned();
+        results.without("yaw_rate.bandwidth", "Bandwidth of the yaw rate", "Hz", Direction::None, reason);
+        results.maneuver = maneuver;
+        return;
+    };
+    let path = bench.folder.join(format!("frequency_response_{}.csv", bench.system.name));
+    let written = std::fs::write(&path, table(0.5 * steer));
+    let course = Course::new("frequency_response", Driving::OpenLoop, bench.speed(), STOP)
+        .driver("maneuver", 7.0)
+        .text("table.file", &path.to_string_lossy())
+        .show("steer", 0.5 * steer);
+    if let (Ok(()), Some(run)) = (written, drive(bench, vec![course]).pop()) {
+        let metrics = evaluated("frequency_response", &run, &json!({}));
+        results.note(&run, &metrics);
+        results.show(&run);
+        results.take(&metrics, &wanted);
+    }
+    results.maneuver = maneuver;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reference: the definition. The table repeats after its period and has the wanted peak.
+    #[test]
+    fn the_steering_repeats_and_has_its_peak() {
+        let text = table(0.02);
+        let rows: Vec<f64> =
+            text.lines().skip(2).map(|line| line.split_once(',').unwrap().1.parse().unwrap()).collect();
+        let period = 10_000;
+        let peak = rows[..period].iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
+        assert!((peak - 0.02).abs() < 1e-15);
+        // Rounding of the arguments, up to 2 pi 4 Hz 30 s, times their number.
+        assert!(rows.iter().zip(&rows[period..]).all(|(first, second)| (first - second).abs() < 1e-12));
+        assert_eq!(rows.len(), 31_001);
+    }
+}

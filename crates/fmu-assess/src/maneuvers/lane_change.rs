@@ -1,0 +1,46 @@
+//! Single lane change (ISO 14791, SAE J2179): one period of a sine of lateral acceleration.
+
+use super::{Results, evaluated};
+use crate::bench::Bench;
+use crate::course::{Course, EndAt, drive};
+use crate::wiring::Driving;
+use serde_json::json;
+
+const START: f64 = 50.0;
+/// Sine of lateral acceleration: frequency, Hz, and what it moves the vehicle to the side, m.
+const FREQUENCY: f64 = 0.4;
+const OFFSET: f64 = 1.4637;
+/// Way behind the lane change, m.
+const BEHIND: f64 = 60.0;
+
+pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
+    let speed = bench.other_speed.unwrap_or(if bench.is_car() { 88.0 } else { 80.0 } / 3.6);
+    let distance = speed / FREQUENCY;
+    let end = START + distance + BEHIND;
+    let course = Course::new("single_lane_change", Driving::Path, speed, 1.6 * end / speed + 2.0)
+        .drivers(&[
+            ("maneuver", 4.0),
+            ("path.start", START),
+            ("path.offset", OFFSET),
+            ("path.change_distance", distance),
+            ("path.run_out", 100.0),
+            ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
+        ])
+        .end(EndAt::Position(end))
+        .end(EndAt::Lost)
+        .with_end();
+    let Some(run) = drive(bench, vec![course]).pop() else { return };
+    let metrics = evaluated("single_lane_change", &run, &json!({}));
+    results.note(&run, &metrics);
+    results.show(&run);
+    let wanted = [
+        "lateral_acceleration_peak",
+        "deviation_peak",
+        "overshoot",
+        "yaw_rate_peak",
+        "sideslip_peak",
+        "roll_peak",
+        "load_transfer_peak",
+    ];
+    results.take(&metrics, &wanted);
+}

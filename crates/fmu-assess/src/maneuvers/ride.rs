@@ -1,0 +1,94 @@
+//! Ride on random roads of ISO 8608, weighted by ISO 2631-1.
+
+use super::{Results, evaluated, number, or_null};
+use crate::bench::Bench;
+use crate::course::{Course, drive};
+use crate::evaluators::Evaluation;
+use crate::metric::{Direction, Value};
+use crate::wiring::Driving;
+use serde_json::json;
+
+/// Roughness classes, and seeds of each.
+const CLASSES: [(&str, f64); 4] = [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)];
+const SEEDS: [f64; 3] = [1.0, 2.0, 3.0];
+/// Begin of what is evaluated, and end, s.
+const BEGIN: f64 = 2.0;
+const STOP: f64 = 22.0;
+
+fn course(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) -> Course {
+    let id = format!("ride.{class}.{seed}");
+    let mut course = Course::new(id, Driving::Ride, bench.speed(), STOP)
+        .drivers(&[
+            ("maneuver", 0.0),
+            ("path.start", 2000.0),
+            ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
+        ])
+        .value("road", "profile", 1.0)
+        .value("road", "tracks", 1.0)
+        .value("road", "roughness.start", 2.0)
+        .value("road", "roughness.class", roughness)
+        .value("road", "seed", seed)
+        .show("seed", seed)
+        .show("class", roughness);
+    let offsets = &bench.vehicle.axle_offsets;
+    if let Some(rear) = offsets.last() {
+        course = course.value("road", "geometry.axle_offset.rear", *rear);
+    }
+    if let [middle, _] = offsets[..] {
+        course = course.value("road", "geometry.axle_offset.middle", middle);
+    }
+    course
+}
+
+/// Mean of a metric over the seeds.
+fn mean(found: &[Evaluation], name: &str) -> Option<f64> {
+    let values: Vec<f64> = found.iter().map(|metrics| number(metrics, name)).collect::<Option<_>>()?;
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// The metric of the wheel or strut where it is largest, in the mean over the seeds.
+fn largest(found: &[Evaluation], name: &str) -> Option<f64> {
+    let of_run = |metrics: &Evaluation| {
+        let values = metrics.metrics.iter().filter(|metric| metric.definition.name == name);
+        values
+            .filter_map(|metric| if let Value::Number(number) = metric.value { Some(number) } else { None })
+            .reduce(f64::max)
+    };
+    let values: Vec<f64> = found.iter().map(of_run).collect::<Option<_>>()?;
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
+    for (class, roughness) in CLASSES {
+        let courses = SEEDS.map(|seed| course(bench, class, roughness, seed));
+        let mut found = Vec::new();
+        for (index, run) in drive(bench, courses.into()).into_iter().enumerate() {
+            let metrics = evaluated("ride", &run, &json!({ "begin": BEGIN }));
+            results.note(&run, &metrics);
+            if index == 0 && class == "c" {
+                results.show(&run);
+            }
+            if run.error.is_none() {
+                found.push(metrics);
+            }
+        }
+        let of_class = class.to_uppercase();
+        let mut add = |name: &str, title: &str, unit: &'static str, definition: &str, value: Option<f64>| {
+            let (name, title) = (format!("{class}.{name}"), format!("{title}, class {of_class}"));
+            results.metric(&name, &title, unit, Direction::Down, or_null(value));
+            results.defined(definition);
+        };
+        let of_all = "Root of the sum of the squares of the weighted heave, roll and pitch accelerations (ISO 2631-1), mean of three roads.";
+        add("vibration_total", "Weighted acceleration", "m/s2", of_all, mean(&found, "vibration_total"));
+        let of_heave = "RMS of the heave acceleration weighted by W_k (ISO 2631-1), mean of three roads.";
+        add("heave_weighted", "Weighted heave acceleration", "m/s2", of_heave, mean(&found, "heave_weighted"));
+        let of_load =
+            "Standard deviation of the tire load over its mean, of the wheel where it is largest, mean of three roads.";
+        let load = largest(&found, "dynamic_load_coefficient");
+        add("dynamic_load_coefficient", "Largest dynamic load coefficient", "1", of_load, load);
+        let of_travel =
+            "RMS of the suspension deflection about its mean, of the strut where it is largest, mean of three roads.";
+        let travel = largest(&found, "suspension_travel_rms");
+        add("suspension_travel_rms", "Largest suspension travel, RMS", "m", of_travel, travel);
+    }
+}

@@ -1,0 +1,106 @@
+//! Fishhook with roll-rate feedback and J-turn (NHTSA): from which speed on two wheels lift.
+
+use super::{Results, SIDES, evaluated, number, or_null, truth};
+use crate::bench::Bench;
+use crate::course::{Course, drive};
+use crate::metric::Direction;
+use crate::report::Limit;
+use crate::wiring::Driving;
+use serde_json::json;
+
+/// One mile per hour, m/s.
+const MPH: f64 = 0.447_04;
+
+/// The run of a maneuver at a speed, m/s, to a side.
+type MakeCourse<'a> = &'a dyn Fn(&str, f64, f64, f64) -> Course;
+
+fn series(bench: &Bench<'_>, speeds: &[f64], course: MakeCourse<'_>, results: &mut Results) {
+    let mut lifted = None;
+    let mut load_transfer: Option<f64> = None;
+    let mut roll: Option<f64> = None;
+    let mut is_known = false;
+    for mph in speeds {
+        let courses = SIDES.map(|(side, sign)| course(side, sign, *mph, mph * MPH));
+        for run in drive(bench, courses.into()) {
+            let metrics = evaluated("rollover", &run, &json!({}));
+            results.note(&run, &metrics);
+            results.show(&run);
+            let larger = |old: Option<f64>, name: &str| match (old, number(&metrics, name)) {
+                (Some(old), Some(new)) => Some(old.max(new)),
+                (old, new) => old.or(new),
+            };
+            load_transfer = larger(load_transfer, "load_transfer_peak");
+            roll = larger(roll, "roll_peak");
+            let lift = truth(&metrics, "two_wheel_lift");
+            is_known |= lift.is_some() || run.has("rolled_over");
+            if lift == Some(true) || run.has("rolled_over") {
+                lifted = lifted.or(Some(*mph));
+            }
+        }
+        if lifted.is_some() {
+            break;
+        }
+    }
+    let applies = (!bench.is_car()).then_some("the programme is for cars");
+    if is_known {
+        results.metric(
+            "no_lift",
+            "No two-wheel lift up to the highest speed",
+            "",
+            Direction::Up,
+            json!(lifted.is_none()),
+        );
+        results.limit(Limit::holds("NHTSA, 49 CFR 575.106"), applies);
+    } else {
+        let reason = "the tire loads are not known".to_owned();
+        results.without("no_lift", "No two-wheel lift up to the highest speed", "", Direction::Up, reason);
+    }
+    results.defined("Whether the tires of one side never lose the road for 20 ms, at any speed of the series.");
+    results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, or_null(lifted));
+    if lifted.is_none() {
+        results.because("no wheels lift");
+    }
+    results.defined("First speed of the series at which two wheels of a side lift, or the vehicle rolls over.");
+    results.metric("load_transfer_peak", "Largest load transfer ratio", "1", Direction::Down, or_null(load_transfer));
+    results.defined("Largest magnitude of the load transfer ratio, of all runs.");
+    results.metric("roll_peak", "Largest roll angle", "rad", Direction::Down, or_null(roll));
+    results.defined("Largest magnitude of the roll angle, of all runs.");
+}
+
+/// Steers to one side, waits until the roll rate is back at zero, and steers to the other side.
+pub(crate) fn fishhook(bench: &Bench<'_>, results: &mut Results) {
+    let Some(a) = bench.amplitude else { return };
+    let has_roll_rate = bench.has_output("body.roll_rate");
+    let course = |side: &str, sign: f64, mph: f64, speed: f64| {
+        let wheel = 6.5 * a;
+        let mut course = Course::new(format!("fishhook.{side}.{mph}"), Driving::Path, speed, 9.0)
+            .drivers(&[
+                ("maneuver", 7.0),
+                ("steer.wheel_amplitude", sign * wheel.to_radians()),
+                ("steer.wheel_rate", 720.0_f64.to_radians()),
+            ])
+            .show("amplitude", wheel);
+        if !has_roll_rate {
+            course = course.drivers(&[("steer.maximum_dwell", 0.25), ("roll_rate.threshold", -1.0)]);
+        }
+        course
+    };
+    series(bench, &[35.0, 40.0, 45.0, 47.5, 50.0], &course, results);
+}
+
+/// Steers to one side and holds.
+pub(crate) fn j_turn(bench: &Bench<'_>, results: &mut Results) {
+    let Some(a) = bench.amplitude else { return };
+    let course = |side: &str, sign: f64, mph: f64, speed: f64| {
+        let wheel = 8.0 * a;
+        Course::new(format!("j_turn.{side}.{mph}"), Driving::OpenLoop, speed, 6.0)
+            .drivers(&[
+                ("maneuver", 1.0),
+                ("steer.amplitude", sign * wheel.to_radians() / bench.ratio()),
+                ("steer.start", 1.0),
+                ("steer.rise_time", wheel / 1000.0),
+            ])
+            .show("amplitude", wheel)
+    };
+    series(bench, &[35.0, 40.0, 45.0, 50.0, 55.0, 60.0], &course, results);
+}

@@ -1,0 +1,96 @@
+//! Slowly increasing steer (FMVSS 126 S7.6, ISO 4138 at constant speed) and constant radius (ISO 4138).
+
+use super::{G, Results, SIDES, evaluated, number, or_null};
+use crate::bench::Bench;
+use crate::course::{Course, EndAt, Ended, drive};
+use crate::metric::Direction;
+use crate::report::Suite;
+use crate::wiring::{Driving, Speed};
+use serde_json::{Value, json};
+
+/// Largest lateral acceleration of the slowly increasing steer, m/s2.
+const HIGHEST: f64 = 0.55 * G;
+
+/// What the slowly increasing steer says for the other maneuvers.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Increasing {
+    /// A: steering wheel angle at 0.3 g, deg.
+    pub(crate) amplitude: Option<f64>,
+    /// Understeer gradient, rad/(m/s2).
+    pub(crate) understeer_gradient: Option<f64>,
+}
+
+/// Steers slowly to both sides.
+pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>) -> (Results, Increasing) {
+    let mut results = Results::new("slowly_increasing_steer", Suite::Handling, bench.system.name);
+    let holds_speed = if bench.system.speed == Speed::Pedals { 1.0 } else { 0.0 };
+    let courses = SIDES.map(|(side, sign)| {
+        Course::new(format!("slowly_increasing_steer.{side}"), Driving::Path, bench.speed(), 40.0)
+            .drivers(&[
+                ("maneuver", 6.0),
+                ("speed.control", holds_speed),
+                ("steer.wheel_rate", 13.5_f64.to_radians()),
+                ("steer.wheel_amplitude", sign * 400.0_f64.to_radians()),
+            ])
+            .end(EndAt::LateralAcceleration(HIGHEST))
+            .end(EndAt::Finished(1.0))
+    });
+    let ended = drive(bench, courses.into());
+    let options = json!({ "steer.ratio": bench.ratio(), "geometry.wheelbase": bench.wheelbase_or_one() });
+    let found: Vec<_> = ended.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
+    for (run, metrics) in ended.iter().zip(&found) {
+        results.note(run, metrics);
+        results.show(run);
+    }
+    // The mean of what both sides give, if both do.
+    let mean = |name: &str| {
+        let values: Option<Vec<f64>> = found.iter().map(|metrics| number(metrics, name)).collect();
+        values.map(|values| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    let amplitude = mean("A").map(|mean| (10.0 * mean + 0.5).floor() / 10.0);
+    results.metric("A", "Steering wheel angle at 0.3 g", "deg", Direction::None, or_null(amplitude));
+    results.defined("A: mean of the magnitudes that both directions give, rounded to 0.1 deg.");
+    for (name, title, unit) in [
+        ("understeer_gradient", "Understeer gradient", "rad/(m/s2)"),
+        ("sideslip_gradient", "Sideslip gradient", "rad/(m/s2)"),
+        ("roll_gradient", "Roll gradient", "rad/(m/s2)"),
+        ("load_transfer_gradient", "Load transfer gradient", "1/(m/s2)"),
+    ] {
+        let value = mean(name);
+        results.metric(name, title, unit, Direction::None, or_null(value));
+        results.defined("Mean over both directions of the slope over the lateral acceleration, from 1 to 3 m/s2.");
+    }
+    (results, Increasing { amplitude, understeer_gradient: mean("understeer_gradient") })
+}
+
+/// Drives on a circle with rising speed.
+pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
+    const RADIUS: f64 = 100.0;
+    const BEGIN: f64 = 60.0;
+    let highest: f64 = if bench.is_car() { 4.0 } else { 2.0 };
+    let course = Course::new("constant_radius", Driving::Path, 5.0, 72.0)
+        .drivers(&[
+            ("maneuver", 1.0),
+            ("path.radius", RADIUS),
+            ("path.start", 20.0),
+            ("path.arc", 2000.0),
+            ("lateral.integral_gain", 0.3),
+            ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
+            ("speed.final", (highest * RADIUS).sqrt()),
+            ("speed.start", 12.0),
+            ("speed.rise_time", 60.0),
+        ])
+        .end(EndAt::Lost)
+        .show("radius", RADIUS);
+    let ended: Vec<Ended> = drive(bench, vec![course]);
+    let Some(run) = ended.first() else { return };
+    let class = if bench.is_car() { "car" } else { "truck" };
+    let options = json!({ "geometry.wheelbase": bench.wheelbase_or_one(), "begin": BEGIN, "vehicle.class": class });
+    let metrics = evaluated("constant_radius", run, &options);
+    results.note(run, &metrics);
+    results.show(run);
+    results.take(&metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
+    if run.error.is_some() {
+        results.metric("completed", "Circle driven to the end", "", Direction::None, Value::Bool(false));
+    }
+}

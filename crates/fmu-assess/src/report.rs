@@ -1,0 +1,468 @@
+//! What an assessment says: metrics of both systems side by side with their verdicts, as JSON, JUnit and text.
+
+use crate::metric::Direction;
+use crate::vehicle::Vehicle;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+/// Name and version of the layout of the JSON file.
+pub const SCHEMA: &str = "chassis-fmu-assessment/1";
+
+/// A group of maneuvers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Suite {
+    /// Steady state and response to steering.
+    Handling,
+    /// Sine with dwell and double lane changes.
+    Stability,
+    /// Fishhook and J-turn.
+    Rollover,
+    /// Straight, on split friction, in a turn.
+    Braking,
+    /// On rough roads.
+    Ride,
+}
+
+impl Suite {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Handling, Self::Stability, Self::Rollover, Self::Braking, Self::Ride];
+
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Handling => "handling",
+            Self::Stability => "stability",
+            Self::Rollover => "rollover",
+            Self::Braking => "braking",
+            Self::Ride => "ride",
+        }
+    }
+}
+
+/// A limit of a regulation or of the caller.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Limit {
+    kind: Kind,
+    source: String,
+    /// Why it does not apply.
+    foreign: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Holds,
+    AtLeast(f64),
+    AtMost(f64),
+}
+
+impl Limit {
+    fn new(kind: Kind, source: &str) -> Self {
+        Self { kind, source: source.to_owned(), foreign: None }
+    }
+
+    /// A truth value has to be true.
+    pub(crate) fn holds(source: &str) -> Self {
+        Self::new(Kind::Holds, source)
+    }
+
+    pub(crate) fn at_least(limit: f64, source: &str) -> Self {
+        Self::new(Kind::AtLeast(limit), source)
+    }
+
+    pub(crate) fn at_most(limit: f64, source: &str) -> Self {
+        Self::new(Kind::AtMost(limit), source)
+    }
+
+    fn is_kept(&self, value: &Value) -> Option<bool> {
+        match (self.kind, value) {
+            (Kind::Holds, Value::Bool(value)) => Some(*value),
+            (Kind::AtLeast(limit), value) => value.as_f64().map(|value| value >= limit),
+            (Kind::AtMost(limit), value) => value.as_f64().map(|value| value <= limit),
+            (Kind::Holds, _) => None,
+        }
+    }
+
+    fn to_json(&self) -> Value {
+        match self.kind {
+            Kind::Holds => json!({ "is": true, "source": self.source }),
+            Kind::AtLeast(limit) => json!({ "min": rounded(limit), "source": self.source }),
+            Kind::AtMost(limit) => json!({ "max": rounded(limit), "source": self.source }),
+        }
+    }
+}
+
+/// A metric of one system.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Measured {
+    pub(crate) id: String,
+    pub(crate) title: String,
+    /// How it is computed.
+    pub(crate) definition: String,
+    pub(crate) unit: &'static str,
+    pub(crate) suite: Suite,
+    pub(crate) value: Value,
+    pub(crate) direction: Direction,
+    /// Why there is no value.
+    pub(crate) reason: Option<String>,
+    pub(crate) limit: Option<Limit>,
+}
+
+impl crate::maneuvers::Results {
+    /// Gives the last metric a limit; `foreign` says why it does not apply, if it does not.
+    pub(crate) fn limit(&mut self, limit: Limit, foreign: Option<&str>) {
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.limit = Some(Limit { foreign: foreign.map(str::to_owned), ..limit });
+        }
+    }
+
+    /// Says how the last metric is computed.
+    pub(crate) fn defined(&mut self, definition: &str) {
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.definition = definition.to_owned();
+        }
+    }
+
+    /// Says why the last metric has no value.
+    pub(crate) fn because(&mut self, reason: &str) {
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.reason = Some(reason.to_owned());
+        }
+    }
+}
+
+/// A run that was made.
+#[derive(Debug, Clone, Serialize)]
+pub struct RunRecord {
+    /// Name.
+    pub id: String,
+    /// Group of maneuvers.
+    pub suite: Suite,
+    /// `without` or `with`.
+    pub system: &'static str,
+    /// What it was driven with, SI; amplitudes in degrees at the steering wheel.
+    pub parameters: BTreeMap<String, f64>,
+    /// `spun`, `rolled_over`, `lost`, `not_finished`, `diverged`.
+    pub flags: Vec<&'static str>,
+    /// Why it ended.
+    pub stop_reason: String,
+    /// Number of rows.
+    pub rows: usize,
+    /// What went wrong, if something did.
+    pub error: Option<String>,
+    /// Numbers of its evaluator.
+    pub metrics: Value,
+}
+
+/// A maneuver that was left out.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Dropped {
+    /// Name of the maneuver.
+    pub run: String,
+    /// Outputs that are missing.
+    pub missing: Vec<String>,
+    /// Why.
+    pub reason: String,
+}
+
+/// Verdict on a metric.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The limit is kept.
+    Pass,
+    /// It is not.
+    Fail,
+    /// A number without a limit.
+    Info,
+    /// There is a limit that does not apply.
+    Comparison,
+    /// A signal is missing.
+    Dropped,
+    /// A run could not be carried out.
+    Error,
+}
+
+/// How a metric changes with the controllers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Judgment {
+    /// By at least one percent in the good direction.
+    Better,
+    /// By less than one percent.
+    Same,
+    /// By at least one percent in the bad direction.
+    Worse,
+}
+
+/// A metric of both systems.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// Name: maneuver and metric.
+    pub id: String,
+    /// Title.
+    pub title: String,
+    /// How it is computed.
+    pub definition: String,
+    /// Unit of measure.
+    pub unit: String,
+    /// Group of maneuvers.
+    pub suite: Suite,
+    /// Without the controllers.
+    pub without: Value,
+    /// With them; null if there are none.
+    pub with: Value,
+    /// Change, percent; null if there is no direction or no number.
+    pub change: Value,
+    /// Which change is better.
+    #[serde(serialize_with = "direction")]
+    pub direction: Direction,
+    /// Whether it is better.
+    pub judgment: Option<Judgment>,
+    /// Verdict on the system with the controllers, or on the only one.
+    pub verdict: Verdict,
+    /// Verdict on the system without the controllers.
+    pub verdict_without: Verdict,
+    /// Limit, if there is one.
+    pub limit: Value,
+    /// Why there is no number, or why the limit does not apply.
+    pub reason: Option<String>,
+}
+
+fn direction<S: serde::Serializer>(direction: &Direction, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(match direction {
+        Direction::Up => "up",
+        Direction::Down => "down",
+        Direction::None => "none",
+    })
+}
+
+/// An assessment.
+#[derive(Debug, Serialize)]
+pub struct Assessment {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Name of the plant's FMU.
+    pub plant: Value,
+    /// FMUs that belong to the vehicle.
+    pub base: Vec<Value>,
+    /// Controllers.
+    pub with: Vec<Value>,
+    /// Data of the vehicle and where each comes from.
+    pub vehicle: Vehicle,
+    /// What the driver knows: understeer gradient, rad/(m/s2), and amplitude A, deg.
+    pub driver: Value,
+    /// Names of the systems.
+    pub systems: Vec<&'static str>,
+    /// Inputs of each system that nothing writes, and what they get.
+    pub unwritten: BTreeMap<&'static str, BTreeMap<String, String>>,
+    /// Units without an effect.
+    pub idle: Vec<String>,
+    /// All runs.
+    pub runs: Vec<RunRecord>,
+    /// All metrics.
+    pub metrics: Vec<Row>,
+    /// What was left out.
+    pub dropped: Vec<Dropped>,
+}
+
+/// Least change that counts, percent.
+const COUNTS: f64 = 1.0;
+
+/// A number with nine significant digits, which is what the JSON file holds.
+fn rounded(value: f64) -> Value {
+    if !value.is_finite() {
+        return Value::Null;
+    }
+    format!("{value:.8e}").parse::<f64>().map_or(Value::Null, |value| json!(value))
+}
+
+/// All numbers with nine significant digits.
+fn all_rounded(value: &Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => number.as_f64().map_or(Value::Null, rounded),
+        Value::Array(values) => values.iter().map(all_rounded).collect(),
+        Value::Object(table) => table.iter().map(|(name, value)| (name.clone(), all_rounded(value))).collect(),
+        other => other.clone(),
+    }
+}
+
+/// A metric of one system or of two.
+pub(crate) fn row(without: &Measured, with: Option<&Measured>) -> Row {
+    let decisive = with.unwrap_or(without);
+    let pair = with.and_then(|with| without.value.as_f64().zip(with.value.as_f64()));
+    let change = pair.filter(|(old, _)| *old != 0.0).map(|(old, new)| 100.0 * (new - old) / old.abs());
+    let judgment = change.filter(|_| decisive.direction != Direction::None).map(|change| {
+        if change.abs() < COUNTS {
+            Judgment::Same
+        } else if (change > 0.0) == (decisive.direction == Direction::Up) {
+            Judgment::Better
+        } else {
+            Judgment::Worse
+        }
+    });
+    let foreign = decisive.limit.as_ref().and_then(|limit| limit.foreign.clone());
+    Row {
+        id: decisive.id.clone(),
+        title: decisive.title.clone(),
+        definition: decisive.definition.clone(),
+        unit: decisive.unit.to_owned(),
+        suite: decisive.suite,
+        without: without.value.clone(),
+        with: with.map_or(Value::Null, |with| with.value.clone()),
+        change: change.map_or(Value::Null, |change| json!(change)),
+        direction: decisive.direction,
+        judgment,
+        verdict: verdict(decisive),
+        verdict_without: verdict(without),
+        limit: decisive.limit.as_ref().map_or(Value::Null, Limit::to_json),
+        reason: decisive.reason.clone().or(foreign),
+    }
+}
+
+fn verdict(metric: &Measured) -> Verdict {
+    // The words of a trace whose column is missing.
+    let is_missing = metric.reason.as_ref().is_some_and(|reason| reason.contains("has no column"));
+    match &metric.limit {
+        _ if metric.value.is_null() && is_missing => Verdict::Dropped,
+        None => Verdict::Info,
+        Some(limit) if limit.foreign.is_some() => Verdict::Comparison,
+        Some(limit) => match limit.is_kept(&metric.value) {
+            Some(true) => Verdict::Pass,
+            Some(false) => Verdict::Fail,
+            None => Verdict::Error,
+        },
+    }
+}
+
+impl Assessment {
+    /// The JSON file: keys sorted, numbers with nine significant digits; the same inputs give the same bytes.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        let value = serde_json::to_value(self).map_or(Value::Null, |value| all_rounded(&value));
+        let mut text = serde_json::to_string_pretty(&value).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+
+    /// Whether no metric of the system with the controllers, or of the only one, fails, and no run of it broke down.
+    #[must_use]
+    pub fn is_passed(&self) -> bool {
+        let decisive = self.systems.last().copied().unwrap_or("without");
+        let is_bad = |row: &Row| matches!(row.verdict, Verdict::Fail | Verdict::Error);
+        !self.metrics.iter().any(is_bad) && !self.runs.iter().any(|run| run.system == decisive && run.error.is_some())
+    }
+
+    /// The verdicts as JUnit writes them: a test suite for each suite and system, a test case for each metric.
+    #[must_use]
+    pub fn to_junit(&self) -> String {
+        let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
+        for suite in Suite::ALL {
+            for system in &self.systems {
+                self.junit_suite(suite, system, &mut text);
+            }
+        }
+        text.push_str("</testsuites>\n");
+        text
+    }
+
+    fn junit_suite(&self, suite: Suite, system: &str, text: &mut String) {
+        let is_with = system == "with";
+        let rows: Vec<&Row> = self.metrics.iter().filter(|row| row.suite == suite).collect();
+        let broken: Vec<&RunRecord> =
+            self.runs.iter().filter(|run| run.suite == suite && run.system == system && run.error.is_some()).collect();
+        if rows.is_empty() && broken.is_empty() {
+            return;
+        }
+        let of = |row: &Row| if is_with || self.systems.len() == 1 { row.verdict } else { row.verdict_without };
+        let count = |wanted: Verdict| rows.iter().filter(|row| of(row) == wanted).count();
+        let _ = writeln!(
+            text,
+            "  <testsuite name=\"{}.{system}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"{}\">",
+            suite.name(),
+            rows.len() + broken.len(),
+            count(Verdict::Fail),
+            count(Verdict::Error) + broken.len(),
+            count(Verdict::Dropped),
+        );
+        for row in rows {
+            let value = if is_with { &row.with } else { &row.without };
+            let said = format!("{value} {}", row.unit);
+            let limit = if row.limit.is_null() { String::new() } else { format!(", limit {}", row.limit) };
+            let reason = row.reason.as_deref().unwrap_or_default();
+            let (class, name) = (escaped(&row.id), escaped(&row.title));
+            let _ = write!(text, "    <testcase classname=\"{class}\" name=\"{name}\">");
+            let _ = match of(row) {
+                Verdict::Fail => write!(text, "<failure message=\"{}\"/>", escaped(&(said + &limit))),
+                Verdict::Error => write!(text, "<error message=\"{}\"/>", escaped(reason)),
+                Verdict::Dropped => write!(text, "<skipped message=\"{}\"/>", escaped(reason)),
+                Verdict::Pass | Verdict::Info | Verdict::Comparison => {
+                    write!(text, "<system-out>{}</system-out>", escaped(&(said + &limit)))
+                }
+            };
+            text.push_str("</testcase>\n");
+        }
+        for run in broken {
+            let message = escaped(run.error.as_deref().unwrap_or_default());
+            let _ = writeln!(
+                text,
+                "    <testcase classname=\"run\" name=\"{}\"><error message=\"{message}\"/></testcase>",
+                escaped(&run.id)
+            );
+        }
+        text.push_str("  </testsuite>\n");
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;").replace('\n', " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measured(value: Value, direction: Direction, limit: Option<Limit>) -> Measured {
+        let (id, title) = ("braking.mfdd".to_owned(), "Deceleration".to_owned());
+        let definition = String::new();
+        Measured { id, title, definition, unit: "m/s2", suite: Suite::Braking, value, direction, reason: None, limit }
+    }
+
+    #[test]
+    fn changes_are_judged_by_the_direction() {
+        let of = |old: f64, new: f64, direction| {
+            row(&measured(json!(old), direction, None), Some(&measured(json!(new), direction, None))).judgment
+        };
+        assert_eq!(of(5.0, 6.0, Direction::Up), Some(Judgment::Better));
+        assert_eq!(of(5.0, 6.0, Direction::Down), Some(Judgment::Worse));
+        assert_eq!(of(5.0, 5.04, Direction::Down), Some(Judgment::Same));
+        assert_eq!(of(-5.0, -4.0, Direction::Up), Some(Judgment::Better));
+        assert_eq!(of(0.0, 6.0, Direction::Up), None);
+        assert_eq!(of(5.0, 6.0, Direction::None), None);
+    }
+
+    #[test]
+    fn limits_decide_the_verdict() {
+        let of = |value: Value, limit: Limit| verdict(&measured(value, Direction::Up, Some(limit)));
+        assert_eq!(of(json!(6.43), Limit::at_least(6.43, "R13-H")), Verdict::Pass);
+        assert_eq!(of(json!(6.42), Limit::at_least(6.43, "R13-H")), Verdict::Fail);
+        assert_eq!(of(json!(70.0), Limit::at_most(70.0, "R13-H")), Verdict::Pass);
+        assert_eq!(of(json!(false), Limit::holds("R140")), Verdict::Fail);
+        assert_eq!(of(Value::Null, Limit::holds("R140")), Verdict::Error);
+        let foreign = Limit { foreign: Some("a truck".to_owned()), ..Limit::holds("R140") };
+        assert_eq!(of(json!(false), foreign), Verdict::Comparison);
+    }
+
+    #[test]
+    fn numbers_have_nine_digits() {
+        assert_eq!(rounded(1.0 / 3.0), json!(0.333333333));
+        assert_eq!(rounded(f64::NAN), Value::Null);
+        assert_eq!(
+            all_rounded(&json!({ "b": [1.0 / 3.0, true, null], "a": 3 })),
+            json!({ "a": 3, "b": [0.333333333, true, null] })
+        );
+    }
+}

@@ -1,0 +1,262 @@
+//! What the bench has to know of a vehicle: its size, class and how it steers. It comes from the parameters of the plant, or
+//! from a file.
+
+use crate::wiring::Plant;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A file about a vehicle: data that its FMU does not have, and names of signals that are others than the bench's.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VehicleFile {
+    /// Data.
+    pub vehicle: Given,
+    /// Name of a signal of the bench -> name of the FMU's variable.
+    pub signals: BTreeMap<String, String>,
+}
+
+/// Data of a vehicle as a file gives them; what is absent comes from the plant.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Given {
+    /// Which limits apply.
+    pub class: Option<Class>,
+    /// Mass, kg.
+    pub mass: Option<f64>,
+    /// Largest width, m.
+    pub width: Option<f64>,
+    /// From the reference point to the front bumper, m.
+    pub front: Option<f64>,
+    /// From the reference point to the rear bumper, m.
+    pub rear: Option<f64>,
+    /// Wheelbase, of more than two axles the equivalent one, m.
+    pub wheelbase: Option<f64>,
+    /// Steering wheel angle over angle of the front wheels.
+    pub steer_ratio: Option<f64>,
+    /// Understeer gradient that the driver knows, rad/(m/s2).
+    pub understeer_gradient: Option<f64>,
+}
+
+/// Class of a vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Class {
+    /// Up to 3,500 kg.
+    Car,
+    /// Above.
+    Truck,
+}
+
+/// Heaviest car, kg.
+const HEAVIEST_CAR: f64 = 3500.0;
+/// What a vehicle is wider than its track, m, and longer than its axles at each end, m.
+const BESIDE: f64 = 0.25;
+const OVERHANG: f64 = 0.85;
+/// Cornering stiffness of the axles behind over that of the front axle, where nothing is known of it.
+const STIFFNESS_RATIO: f64 = 3.0;
+
+/// A number and where it comes from.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Datum {
+    /// The number, SI.
+    pub value: f64,
+    /// Where it comes from.
+    pub source: String,
+}
+
+/// Data of a vehicle.
+#[derive(Debug, Clone, Serialize)]
+pub struct Vehicle {
+    /// Which limits apply.
+    pub class: Class,
+    /// Mass, kg; `None` if neither a parameter nor tire loads tell.
+    pub mass: Option<Datum>,
+    /// Largest width, m.
+    pub width: Option<Datum>,
+    /// From the reference point to the front bumper, m.
+    pub front: Option<Datum>,
+    /// From the reference point to the rear bumper, m.
+    pub rear: Option<Datum>,
+    /// Wheelbase, of more than two axles the equivalent one (Winkler), m.
+    pub wheelbase: Option<Datum>,
+    /// Steering wheel angle over angle of the front wheels.
+    pub steer_ratio: Datum,
+    /// Understeer gradient that the driver knows, rad/(m/s2); `None` until it is measured.
+    pub understeer_gradient: Option<Datum>,
+    /// Places of the axles behind the front axle, m.
+    #[serde(skip)]
+    pub axle_offsets: Vec<f64>,
+}
+
+/// Vehicles of the library, by the name of their FMU.
+const KNOWN: [(&str, &str); 4] = [
+    ("EspCar", include_str!("vehicles/EspCar.toml")),
+    ("RescueVehicle", include_str!("vehicles/RescueVehicle.toml")),
+    ("HeavyVehicle", include_str!("vehicles/HeavyVehicle.toml")),
+    ("HydroPneumaticHalfCar", include_str!("vehicles/HydroPneumaticHalfCar.toml")),
+];
+
+impl VehicleFile {
+    /// Reads a file about a vehicle.
+    ///
+    /// # Errors
+    /// The text is no such file; the message says where.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let file: Self = toml::from_str(text).map_err(|error| error.to_string())?;
+        let Given { mass, width, front, rear, wheelbase, steer_ratio, .. } = &file.vehicle;
+        for (name, value) in [
+            ("mass", mass),
+            ("width", width),
+            ("front", front),
+            ("rear", rear),
+            ("wheelbase", wheelbase),
+            ("steer_ratio", steer_ratio),
+        ] {
+            if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
+                return Err(format!("vehicle.{name} is {value}, expected a number above 0"));
+            }
+        }
+        if let Some(gradient) = file.vehicle.understeer_gradient.filter(|gradient| !gradient.is_finite()) {
+            return Err(format!("vehicle.understeer_gradient is {gradient}, expected a finite number"));
+        }
+        Ok(file)
+    }
+
+    /// What the library knows of a vehicle; nothing of one of somebody else.
+    #[must_use]
+    pub fn of_library(fmu: &str) -> Self {
+        let text = KNOWN.iter().find(|(name, _)| *name == fmu).map(|(_, text)| *text);
+        text.map_or_else(Self::default, |text| Self::parse(text).expect("the file is tested"))
+    }
+}
+
+impl Vehicle {
+    /// Puts data of a file and parameters of a plant together. `mass` is that of the tire loads.
+    #[must_use]
+    pub(crate) fn new(given: &Given, plant: &Plant, mass: Option<f64>) -> Self {
+        let datum = |written: Option<f64>, computed: Option<(f64, String)>| {
+            let written = written.map(|value| Datum { value, source: "vehicle data".to_owned() });
+            written.or_else(|| computed.map(|(value, source)| Datum { value, source }))
+        };
+        let parameter = |name: &str| plant.parameter(name);
+        let axles = axles(&parameter);
+        let track = parameter("geometry.track")
+            .or_else(|| Some(parameter("geometry.half_track.left")? + parameter("geometry.half_track.right")?));
+        let mass = datum(
+            given.mass,
+            parameter("vehicle.mass")
+                .map(|mass| (mass, "vehicle.mass".to_owned()))
+                .or_else(|| mass.map(|mass| (mass, "tire loads".to_owned()))),
+        );
+        let is_car = mass.as_ref().is_none_or(|mass| mass.value <= HEAVIEST_CAR);
+        let class = given.class.unwrap_or(if is_car { Class::Car } else { Class::Truck });
+        let ratio = match class {
+            Class::Car => 16.0,
+            Class::Truck => 20.0,
+        };
+        let first = axles.first().copied();
+        let last = axles.last().copied();
+        Self {
+            class,
+            mass,
+            width: datum(given.width, track.map(|track| (track + BESIDE, format!("track + {BESIDE} m")))),
+            front: datum(given.front, first.map(|x| (x + OVERHANG, format!("front axle + {OVERHANG} m")))),
+            rear: datum(given.rear, last.map(|x| (OVERHANG - x, format!("rearmost axle + {OVERHANG} m")))),
+            wheelbase: datum(given.wheelbase, wheelbase(&axles, &parameter)),
+            steer_ratio: Datum {
+                value: given.steer_ratio.unwrap_or(ratio),
+                source: if given.steer_ratio.is_some() { "vehicle data" } else { "assumed" }.to_owned(),
+            },
+            understeer_gradient: datum(given.understeer_gradient, None),
+            axle_offsets: axles.iter().skip(1).map(|x| axles[0] - x).collect(),
+        }
+    }
+}
+
+/// Places of the axles in front of the reference point, m, from front to rear; empty if the plant does not tell.
+fn axles(parameter: &dyn Fn(&str) -> Option<f64>) -> Vec<f64> {
+    let Some(front) = parameter("geometry.cg_to_front_axle") else { return Vec::new() };
+    let spacing = parameter("geometry.middle_to_rear_axle");
+    if let (Some(middle), Some(spacing)) = (parameter("geometry.front_to_middle_axle"), spacing) {
+        return vec![front, front - middle, front - middle - spacing];
+    }
+    if let (Some(trunnion), Some(spacing)) = (parameter("geometry.cg_to_rear_suspension"), spacing) {
+        return vec![front, -trunnion + 0.5 * spacing, -trunnion - 0.5 * spacing];
+    }
+    match parameter("geometry.cg_to_rear_axle") {
+        Some(rear) => vec![front, -rear],
+        None => Vec::new(),
+    }
+}
+
+/// Wheelbase of two axles; of more the wheelbase of two that turn as well: L (1 + T^2/L^2 (1 + C_r/C_f)), with L from the front
+/// axle to the mean of the others, T their distance from it in the mean of squares, and the cornering stiffness C (Winkler 1998).
+fn wheelbase(axles: &[f64], parameter: &dyn Fn(&str) -> Option<f64>) -> Option<(f64, String)> {
+    let (front, others) = axles.split_first()?;
+    let count = others.len() as f64;
+    let mean = others.iter().sum::<f64>() / count;
+    let length = front - mean;
+    if others.len() == 1 {
+        return Some((length, "distance of the axles".to_owned()));
+    }
+    let squares = others.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count;
+    let stiffness = |axle: &str| parameter(&format!("tire.cornering_stiffness.{axle}"));
+    let known = stiffness("front").zip(stiffness("middle")).zip(stiffness("rear"));
+    let (ratio, source) = match known {
+        Some(((front, middle), rear)) => ((middle + rear) / front, "equivalent wheelbase"),
+        None => (STIFFNESS_RATIO, "equivalent wheelbase, cornering stiffness assumed"),
+    };
+    Some((length * (1.0 + squares / (length * length) * (1.0 + ratio)), source.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_files_of_the_library_are_read() {
+        for (name, _) in KNOWN {
+            let given = VehicleFile::of_library(name).vehicle;
+            assert!(given.width.is_some() && given.understeer_gradient.is_some(), "{name}");
+        }
+        assert!(VehicleFile::of_library("Stranger").vehicle.width.is_none());
+    }
+
+    #[test]
+    fn a_wrong_file_is_explained() {
+        assert_eq!(
+            VehicleFile::parse("[vehicle]\nwidth = -1.0").unwrap_err(),
+            "vehicle.width is -1, expected a number above 0"
+        );
+        assert!(VehicleFile::parse("[vehicle]\nlength = 1.0").unwrap_err().contains("unknown field `length`"));
+    }
+
+    /// Reference: the numbers of the specification's table, to the digits given there.
+    #[test]
+    fn vehicles_are_derived_from_their_parameters() {
+        let of = |values: &'static [(&str, f64)]| {
+            move |name: &str| values.iter().find(|(of, _)| *of == name).map(|(_, value)| *value)
+        };
+        let rescue = of(&[
+            ("geometry.cg_to_front_axle", 2.516_666_666_666_667),
+            ("geometry.front_to_middle_axle", 2.95),
+            ("geometry.middle_to_rear_axle", 1.65),
+            ("tire.cornering_stiffness.front", 3e5),
+            ("tire.cornering_stiffness.middle", 3e5),
+            ("tire.cornering_stiffness.rear", 3e5),
+        ]);
+        let found = axles(&rescue);
+        assert!((OVERHANG - found[2] - 2.933_333).abs() < 1e-6);
+        assert!((wheelbase(&found, &rescue).unwrap().0 - 4.316).abs() < 5e-4);
+        let heavy = of(&[
+            ("geometry.cg_to_front_axle", 3.6),
+            ("geometry.cg_to_rear_suspension", 1.425),
+            ("geometry.middle_to_rear_axle", 1.35),
+        ]);
+        let found = axles(&heavy);
+        assert!((OVERHANG - found[2] - 2.95).abs() < 1e-9);
+        assert!((wheelbase(&found, &heavy).unwrap().0 - 5.39).abs() < 5e-3);
+        let car = of(&[("geometry.cg_to_front_axle", 1.1), ("geometry.cg_to_rear_axle", 1.24)]);
+        assert!((wheelbase(&axles(&car), &car).unwrap().0 - 2.34).abs() < 1e-12);
+    }
+}
