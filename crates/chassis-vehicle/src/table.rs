@@ -4,8 +4,8 @@
 //!
 //! The first line names the columns, every further line is one row of numbers. Blank lines and lines
 //! that start with `#` are skipped, spaces around a field are ignored, a byte order mark and Windows line ends are
-//! accepted. The abscissa (time or distance) has to be there and to increase strictly; every
-//! number has to be finite. There is no quoting: no name and no number needs it.
+//! accepted. The abscissa (time or distance) of a [`Table`] has to be there and to increase strictly; [`Columns`] have
+//! none. Every number has to be finite. There is no quoting: no name and no number needs it.
 //!
 //! The path comes from outside, so only regular files of limited size are read, and a message about a rejected file
 //! tells where the problem is, never what the file contains.
@@ -71,6 +71,118 @@ fn read_regular(path: &Path, largest: u64) -> Result<String, Error> {
     Ok(text)
 }
 
+/// Columns of numbers, such as the points of a path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Columns {
+    values: Vec<Option<Vec<f64>>>,
+    lines: Vec<usize>,
+    content_hash: u64,
+}
+
+impl Columns {
+    /// Reads columns that all have to be there. `path` only appears in messages. [`Columns::column`] counts them in the
+    /// order of `names`.
+    ///
+    /// # Errors
+    ///
+    /// A message with path, line and column and what to write there, without the content of the file: a column of
+    /// another name, missing or given twice, no row, a row of another length, a field that is not a finite number.
+    pub fn parse(text: &str, path: &str, names: &[&str]) -> Result<Self, String> {
+        let expected = format!("`{}`", names.join("`, `"));
+        Self::read(text, path, names, &expected, |found| found.len() == names.len())
+    }
+
+    /// Reads those of the columns that the file has; `is_complete` tells from their names whether these are enough.
+    fn read(
+        text: &str,
+        path: &str,
+        known: &[&str],
+        expected: &str,
+        is_complete: impl Fn(&[&str]) -> bool,
+    ) -> Result<Self, String> {
+        let content = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let mut lines = content
+            .lines()
+            .enumerate()
+            .map(|(index, line)| (index + 1, line.trim()))
+            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+
+        let (header_line, header) =
+            lines.next().ok_or_else(|| format!("{path}: the file is empty, expected columns {expected}"))?;
+        let names: Vec<&str> = header.split(',').map(str::trim).collect();
+        for (index, name) in names.iter().enumerate() {
+            if !known.contains(name) {
+                return Err(format!(
+                    "{path}:{header_line}: the name of column {} is unknown, expected {expected}",
+                    index + 1
+                ));
+            }
+            if names[..index].contains(name) {
+                return Err(format!("{path}:{header_line}: column `{name}` is there twice"));
+            }
+        }
+        if !is_complete(&names) {
+            // nothing but the names above
+            return Err(format!("{path}:{header_line}: expected columns {expected}, found only `{header}`"));
+        }
+
+        let mut data: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
+        let mut line_of_row = Vec::new();
+        for (line, row) in lines {
+            let fields = row.split(',').count();
+            if fields != names.len() {
+                return Err(format!("{path}:{line}: {fields} fields, expected {} as in the first line", names.len()));
+            }
+            for ((field, name), values) in row.split(',').zip(&names).zip(&mut data) {
+                let field = field.trim();
+                let value = field.parse::<f64>().ok().filter(|value| value.is_finite());
+                values.push(value.ok_or_else(|| {
+                    format!("{path}:{line}: column `{name}` is not a finite number with a decimal point")
+                })?);
+            }
+            line_of_row.push(line);
+        }
+        if line_of_row.is_empty() {
+            return Err(format!("{path}:{header_line}: no row after the column names"));
+        }
+        let mut take = |name: &&str| {
+            let index = names.iter().position(|found| found == name)?;
+            Some(std::mem::take(&mut data[index]))
+        };
+        Ok(Self {
+            values: known.iter().map(&mut take).collect(),
+            lines: line_of_row,
+            content_hash: content_hash(text.as_bytes()),
+        })
+    }
+
+    /// The values of a column, one per row.
+    ///
+    /// # Panics
+    ///
+    /// If there is no column of this number.
+    #[must_use]
+    pub fn column(&self, column: usize) -> &[f64] {
+        self.values[column].as_deref().expect("all columns are there")
+    }
+
+    /// Line of the file in which a row is.
+    ///
+    /// # Panics
+    ///
+    /// If there is no row of this number.
+    #[must_use]
+    pub fn line(&self, row: usize) -> usize {
+        self.lines[row]
+    }
+
+    /// Fingerprint of the text the columns were read from, see [`content_hash`].
+    #[must_use]
+    pub fn content_hash(&self) -> u64 {
+        self.content_hash
+    }
+}
+
 /// Signals over an increasing abscissa, interpolated linearly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
@@ -87,75 +199,20 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// A message with path, line and column and what to write there, without the content of the file: a column of
-    /// another name or given twice, no abscissa, no other column, no row, a row of another length, a field that is not a
-    /// finite number, an abscissa that does not increase.
+    /// As [`Columns::parse`], and an abscissa that does not increase.
     pub fn parse(text: &str, path: &str, abscissa: &str, columns: &[&str]) -> Result<Self, String> {
-        let content = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut lines = content
-            .lines()
-            .enumerate()
-            .map(|(index, line)| (index + 1, line.trim()))
-            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-
-        let expected = || format!("`{abscissa}` and any of `{}`", columns.join("`, `"));
-        let (header_line, header) =
-            lines.next().ok_or_else(|| format!("{path}: the file is empty, expected columns {}", expected()))?;
-        let names: Vec<&str> = header.split(',').map(str::trim).collect();
-        for (index, name) in names.iter().enumerate() {
-            if *name != abscissa && !columns.contains(name) {
-                return Err(format!(
-                    "{path}:{header_line}: the name of column {} is unknown, expected {}",
-                    index + 1,
-                    expected()
-                ));
-            }
-            if names[..index].contains(name) {
-                return Err(format!("{path}:{header_line}: column `{name}` is there twice"));
-            }
+        let known: Vec<&str> = std::iter::once(abscissa).chain(columns.iter().copied()).collect();
+        let expected = format!("`{abscissa}` and any of `{}`", columns.join("`, `"));
+        let is_complete = |found: &[&str]| found.contains(&abscissa) && found.len() > 1;
+        let Columns { mut values, lines, content_hash } = Columns::read(text, path, &known, &expected, is_complete)?;
+        let points = values.remove(0).unwrap_or_default();
+        if let Some(row) = points.windows(2).position(|pair| pair[1] <= pair[0]) {
+            return Err(format!(
+                "{path}:{}: column `{abscissa}` is not greater than in the row before, expected strictly increasing values",
+                lines[row + 1]
+            ));
         }
-        if !names.contains(&abscissa) || names.len() < 2 {
-            // nothing but the names above
-            return Err(format!("{path}:{header_line}: expected columns {}, found only `{header}`", expected()));
-        }
-
-        let mut data: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
-        for (line, row) in lines {
-            let fields = row.split(',').count();
-            if fields != names.len() {
-                return Err(format!("{path}:{line}: {fields} fields, expected {} as in the first line", names.len()));
-            }
-            for ((field, name), values) in row.split(',').zip(&names).zip(&mut data) {
-                let field = field.trim();
-                let value = field.parse::<f64>().ok().filter(|value| value.is_finite());
-                let value = value.ok_or_else(|| {
-                    format!("{path}:{line}: column `{name}` is not a finite number with a decimal point")
-                })?;
-                if let Some(last) = values.last()
-                    && *name == abscissa
-                    && value <= *last
-                {
-                    return Err(format!(
-                        "{path}:{line}: column `{name}` is not greater than in the row before, expected strictly \
-                         increasing values"
-                    ));
-                }
-                values.push(value);
-            }
-        }
-        let mut take = |name: &str| {
-            let index = names.iter().position(|found| *found == name)?;
-            Some(std::mem::take(&mut data[index]))
-        };
-        let points = take(abscissa).unwrap_or_default();
-        if points.is_empty() {
-            return Err(format!("{path}:{header_line}: no row after the column names"));
-        }
-        Ok(Self {
-            abscissa: points,
-            columns: columns.iter().map(|name| take(name)).collect(),
-            content_hash: content_hash(text.as_bytes()),
-        })
+        Ok(Self { abscissa: points, columns: values, content_hash })
     }
 
     /// The abscissa of the rows, strictly increasing, at least one.
@@ -250,6 +307,23 @@ mod tests {
             ),
         ] {
             assert_eq!(parse(text).unwrap_err(), message);
+        }
+    }
+
+    /// Closed form: what the text says.
+    #[test]
+    fn columns_need_no_order() {
+        let columns = Columns::parse("# a path\ny, x\n0,1\n\n2,1\n-1,0.5\n", "a.csv", &["x", "y"]).unwrap();
+        assert_eq!(columns.column(0), [1.0, 1.0, 0.5]);
+        assert_eq!(columns.column(1), [0.0, 2.0, -1.0]);
+        assert_eq!([0, 1, 2].map(|row| columns.line(row)), [3, 5, 6]);
+        for (text, message) in [
+            ("x\n1\n", "a.csv:1: expected columns `x`, `y`, found only `x`"),
+            ("x,z\n", "a.csv:1: the name of column 2 is unknown, expected `x`, `y`"),
+            ("x,y\n", "a.csv:1: no row after the column names"),
+            ("x,y\n1,nan\n", "a.csv:2: column `y` is not a finite number with a decimal point"),
+        ] {
+            assert_eq!(Columns::parse(text, "a.csv", &["x", "y"]).unwrap_err(), message);
         }
     }
 
