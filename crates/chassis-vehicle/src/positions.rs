@@ -46,6 +46,13 @@ fmu::named_array! {
 }
 
 fmu::named_array! {
+    /// The front left wheel alone, for a vehicle whose road is the same under all wheels.
+    pub FrontLeftWheel[1] {
+        fl: "front left wheel",
+    }
+}
+
+fmu::named_array! {
     /// The suspension struts of a three-axle vehicle whose rear axles hang on walking beams; left ones have even
     /// numbers.
     pub Struts[4] {

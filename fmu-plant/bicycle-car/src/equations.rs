@@ -1,0 +1,71 @@
+//! Equations of motion, in the order of computation: slip angles, tires, motion in the plane, roll.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | u, u_s | speed, and with a floor, for divisions |
+//! | v, r, psi | lateral velocity, yaw rate, heading |
+//! | phi, p | roll angle and roll rate |
+//! | delta, alpha, F | steering angle; slip angle and lateral force of an axle |
+//! | C, F_z | cornering stiffness and load at rest of an axle |
+//! | mu | factor on the tire friction |
+//! | a_y | lateral acceleration |
+
+use fmu::Scalar;
+
+use crate::{BicycleCar, U, X, Y};
+
+/// Friction coefficient below which the slope of the tire force at the origin no longer is the cornering stiffness: no
+/// division by zero on a road without friction.
+const LEAST_FRICTION: f64 = 1e-9;
+
+/// Everything that follows from state and inputs.
+struct Motion<T> {
+    rates: X<T>,
+    u_s: T,
+    a_y: T,
+}
+
+#[inline]
+fn motion<T: Scalar>(p: &BicycleCar, x: &X<T>, u: &U<T>) -> Motion<T> {
+    let (v, r, u_s) = (x.v, x.r, Scalar::max(u.u, T::from(p.u_min)));
+    let alpha_f = (v + r * p.a) / u_s - u.delta[0];
+    let alpha_r = (v - r * p.b) / u_s;
+    let weight = p.m * p.g / (p.a + p.b);
+    let f_f = lateral_force(p, p.c[0], weight * p.b, alpha_f, u.mu[0]);
+    let f_r = lateral_force(p, p.c[1], weight * p.a, alpha_r, u.mu[0]);
+
+    let a_y = (f_f + f_r) / p.m;
+    let (sin_psi, cos_psi) = x.psi.sin_cos();
+    let rates = X {
+        v: a_y - u.u * r,
+        r: (f_f * p.a - f_r * p.b) / p.i_z,
+        psi: r,
+        x: u.u * cos_psi - v * sin_psi,
+        y: u.u * sin_psi + v * cos_psi,
+        phi: x.p,
+        p: (a_y * (p.m_s * p.h_s) + x.phi * (p.m_s * p.g * p.h_s - p.k_phi) - x.p * p.d_phi) / p.i_x,
+    };
+    Motion { rates, u_s, a_y }
+}
+
+/// F of an axle with cornering stiffness `c` in N/rad and load at rest `f_z` in N; in N.
+#[inline]
+fn lateral_force<T: Scalar>(p: &BicycleCar, c: f64, f_z: f64, alpha: T, mu: T) -> T {
+    // Both laws depend on the same variables, so the model structure does not depend on this branch.
+    if p.mu_0 == 0.0 {
+        return -alpha * mu * c;
+    }
+    let m = mu * p.mu_0;
+    let slope = alpha * c / (Scalar::max(m, T::from(LEAST_FRICTION)) * f_z);
+    -m * f_z * slope.tanh()
+}
+
+pub(crate) fn derivatives<T: Scalar>(p: &BicycleCar, x: &X<T>, u: &U<T>) -> X<T> {
+    motion(p, x, u).rates
+}
+
+pub(crate) fn outputs<T: Scalar>(p: &BicycleCar, x: &X<T>, u: &U<T>) -> Y<T> {
+    let Motion { rates, u_s, a_y } = motion(p, x, u);
+    let ratio = a_y * (2.0 * p.h / (p.g * p.track));
+    Y { u: u.u, beta: x.v.atan2(u_s), rd: rates.r, a_y, ratio: Scalar::clamp(ratio, T::from(-1.0), T::from(1.0)) }
+}
