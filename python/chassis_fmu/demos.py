@@ -75,6 +75,19 @@ DEMOS: Mapping[str, Demo] = {
         ("driver.steer",),
         parameters={"maneuver": 3},
     ),
+    "PathDriver": Demo(
+        "Fishhook of 270° at the steering wheel",
+        8.0,
+        ("driver.steer",),
+        {"body.roll_rate": through((1.0, 0.0), (1.3, 0.4), (1.6, 0.0))},
+        {"maneuver": 7, "steer.wheel_rate": 720.0 * DEG},
+    ),
+    "BicycleCar": Demo(
+        "Step of the steering angle by 0.02 rad at 80 km/h",
+        3.0,
+        ("vehicle.yaw_rate", "body.roll_rate"),
+        {"driver.speed": 80.0 * KMH, "steer.front": through((1.0, 0.0), (1.1, 0.02))},
+    ),
     "DualSlidingModeSteering": Demo(
         "Turn at 35 km/h with a yaw rate that lags behind",
         4.0,

@@ -1,4 +1,4 @@
-"""Driver, Road, Sensor, Actuator and SuspensionMixer, written anew from their equations: data made without Rust.
+"""Driver, PathDriver, Road, Sensor, Actuator and SuspensionMixer, written anew from their equations: made without Rust.
 
 Nothing here comes from the Rust code: the formulas and the definition of the random numbers are those of the README
 files. Whole signals are computed at once with numpy; the all-pass is integrated by a series, the cosines are
@@ -7,7 +7,7 @@ summed one by one, and the generator ChaCha8 is written from its definition (Ber
 
     .venv/bin/python python/tests/reference_runs.py
 
-writes `tests/references/sources` and the `reference.csv` of the five packages; test_reference_data.py compares them
+writes `tests/references/sources` and the `reference.csv` of the six packages; test_reference_data.py compares them
 with a new computation.
 """
 
@@ -33,7 +33,14 @@ STEP = 0.001
 THINNED = 7
 
 # Inputs of the FMUs whose runs are written here; they come right after the time.
-INPUTS = ("vehicle.speed", "sensor.true_value", "actuator.command")
+INPUTS = (
+    "vehicle.position_x",
+    "vehicle.position_y",
+    "vehicle.yaw",
+    "vehicle.speed",
+    "sensor.true_value",
+    "actuator.command",
+)
 
 # Digits of a number: rounding costs 5e-10 of the value.
 DIGITS = 10
@@ -529,6 +536,83 @@ def mixer() -> str:
 RUNS = DRIVER | ROAD | SENSOR | ACTUATOR
 
 
+# Path driver ---------------------------------------------------------------------------------------------------------
+
+
+def double_lane_change() -> tuple[Array, Array, Array, Array]:
+    """Return x, y and headings of the points of the path with the start values, and their stations."""
+    width, overlap = 1.61, 6.0
+    x = np.arange(2751) * 0.1
+    right = -(1.1 * width + 0.25) / 2.0
+    second = right + 3.5 + (1.2 * width + 0.25) / 2.0 - 0.1
+    third = right + (1.3 * width + 0.25) / 2.0
+    # y and slope: a step of height 1 between two lanes
+    step, rise = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6]), np.polynomial.Polynomial([0, 0, 30, -60, 30])
+    y, slope = np.zeros_like(x), np.zeros_like(x)
+    for begin, end, height in (
+        (65.0 - overlap, 95.0 + overlap, second),
+        (120.0 - overlap, 145.0 + overlap, third - second),
+    ):
+        q = np.clip((x - begin) / (end - begin), 0.0, 1.0)
+        y, slope = y + height * step(q), slope + height * rise(q) / (end - begin)
+    return x, y, np.arctan(slope), np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
+
+
+def path_driver_default() -> Signals:
+    """Return a run with the start values: a vehicle beside the path of the double lane change."""
+    n = 1500
+    k = np.arange(n)
+    at_x, at_y = 40.0 + 0.05 * k, np.round(1.75 - 1.75 * np.cos(math.pi * k / n), 2)
+    yaw, speed = np.round(0.12 * np.sin(1.2 * math.pi * k / n), 3), np.full(n, 18.0)
+    x, y, heading, s = double_lane_change()
+    curvature = np.zeros_like(s)
+    curvature[1:-1] = (heading[2:] - heading[:-2]) / (s[2:] - s[:-2])
+    along = np.stack((np.diff(x), np.diff(y)))
+    station, deviation, error = np.zeros(n), np.zeros(n), np.zeros(n)
+    j = 0
+
+    def share(j: int, row: int) -> float:
+        away = (at_x[row] - x[j], at_y[row] - y[j])
+        return float(np.dot(along[:, j], away) / np.dot(along[:, j], along[:, j]))
+
+    for row in range(n):
+        while share(j, row) >= 1.0:
+            j += 1
+        while j > 0 and share(j, row) < 0.0:
+            j -= 1
+        q = min(share(j, row), 1.0) if j == 0 else min(max(share(j, row), 0.0), 1.0)
+        (dx, dy), length = along[:, j], s[j + 1] - s[j]
+        station[row] = s[j] + q * length
+        deviation[row] = (dx * (at_y[row] - y[j] - q * dy) - dy * (at_x[row] - x[j] - q * dx)) / length
+        error[row] = yaw[row] - (1.0 - q) * heading[j] - q * heading[j + 1]
+    preview = 0.8 * speed
+    ahead = deviation + preview * np.sin(error)
+    raw = 2.34 * (np.interp(station + (0.1 + 0.05 + 0.05) * speed, s, curvature) - 2.0 * ahead / preview**2)
+    delayed = np.concatenate((np.zeros(50), raw[:-50]))
+    steer = np.zeros(n)
+    lag, angle = 0.0, 0.0
+    for row in range(n):
+        lag = delayed[row] + (lag - delayed[row]) * math.exp(-STEP / 0.05)
+        change = math.radians(1000.0) / 16.0 * STEP
+        angle += min(max(lag - angle, -change), change)
+        steer[row] = angle
+    return {
+        "time": k * STEP,
+        "vehicle.position_x": at_x,
+        "vehicle.position_y": at_y,
+        "vehicle.yaw": yaw,
+        "vehicle.speed": speed,
+        "driver.steer": steer,
+        "driver.speed": np.full(n, 60.0 / 3.6),
+        "driver.throttle": np.zeros(n),
+        "driver.brake": np.zeros(n),
+        "driver.steering_wheel": 16.0 * steer,
+        "path.lateral_deviation": deviation,
+        "path.heading_error": error,
+        "path.distance": station,
+    }
+
+
 # Files --------------------------------------------------------------------------------------------------------------
 
 
@@ -567,6 +651,7 @@ def files() -> dict[str, str]:
     result[f"{folder}/driver_table_file.csv"] = csv(DEMANDS)
     result[f"{folder}/road_table_file.csv"] = csv(HEIGHTS)
     result["fmu-plant/driver/reference.csv"] = beginning(text(RUNS["driver_ramp_step"]()))
+    result["fmu-plant/path-driver/reference.csv"] = beginning(text(path_driver_default(), 15))
     result["fmu-plant/road/reference.csv"] = beginning(text(RUNS["road_default"]()))
     result["fmu-plant/sensor/reference.csv"] = beginning(text(sensor_default(), 1))
     result["fmu-plant/actuator/reference.csv"] = beginning(text(actuator_default(), 1))

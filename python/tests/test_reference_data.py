@@ -1,4 +1,4 @@
-"""The reference data of Driver, Road, Sensor, Actuator and SuspensionMixer are those that `reference_runs.py` computes.
+"""The reference data of the drivers, Road, Sensor, Actuator and SuspensionMixer are those of `reference_runs.py`.
 
 Its random numbers and cosines are compared with published numbers, so that the data stand on more than themselves.
 """

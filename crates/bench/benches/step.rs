@@ -19,11 +19,13 @@ fn main() {
     bench::compare::<suspension_switch::SuspensionSwitch>();
     bench::compare::<yaw_rate_reference::YawRateReference>();
     bench::compare::<actuator::Actuator>();
+    bench::compare::<bicycle_car::BicycleCar>();
     bench::compare::<brake_and_drive_actuators::BrakeAndDriveActuators>();
     bench::compare::<driver::Driver>();
     bench::compare::<esp_car::EspCar>();
     bench::compare::<heavy_vehicle::HeavyVehicle>();
     bench::compare::<hydro_pneumatic_half_car::HydroPneumaticHalfCar>();
+    bench::compare::<path_driver::PathDriver>();
     bench::compare::<rescue_vehicle::RescueVehicle>();
     bench::compare::<road::Road>();
     bench::compare::<sensor::Sensor>();

@@ -1,0 +1,201 @@
+//! Steering: along a path by looking ahead, or by time.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | t, T, n | time since the start, sample time, number of the sample |
+//! | v | speed, not negative |
+//! | e, heading error, s | place of the vehicle on the path |
+//! | L_p | distance that the driver looks ahead |
+//! | M | steering angle per curvature: wheelbase and understeer |
+//! | kappa | curvature of the path |
+//! | I | integral of the deviation |
+//! | A, w, tau | amplitude and rate of the steering wheel, time since the start of a phase |
+//!
+//! # References
+//!
+//! * MacAdam 1981, with a single point; Rossetter and Gerdes: a look-ahead law whose error is the deviation of a point L_p
+//!   ahead on the axis of the vehicle.
+//! * FMVSS 126 S7.6 and ISO 4138: slowly increasing steer. NHTSA: fishhook with roll-rate feedback.
+
+use fmu::discrete_state::{StateField, Word, Words};
+use fmu::math;
+use fmu::prelude::*;
+
+use crate::path::Place;
+use crate::{D, Maneuver, PathDriver, X};
+
+/// Time in s by which rounding may put a sample off the instant that is meant for it.
+pub(crate) const SLACK: f64 = 1e-9;
+
+/// Greatest delay in samples.
+const MOST_SAMPLES: f64 = 10_000.0;
+
+/// Speed in m/s below which the integral of the deviation rests.
+const INTEGRAL_SPEED: f64 = 0.5;
+
+/// Phases of the fishhook.
+#[derive(Enumeration, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd)]
+pub(crate) enum Phase {
+    /// straight ahead
+    #[default]
+    Wait,
+    /// to the one side
+    Ramp,
+    /// until the roll rate is small
+    Dwell,
+    /// to the other side
+    Reversal,
+    /// on the other side
+    Hold,
+    /// back to straight ahead
+    Return,
+    /// finished
+    End,
+}
+
+/// The steering angles of the last samples, as many as the delay has samples: the place of sample `n` is `n` modulo their
+/// number.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Delay(Box<[f64]>);
+
+impl Delay {
+    /// A delay of so many samples; 0 before the first one.
+    pub(crate) fn of(samples: usize) -> Self {
+        Self(vec![0.0; samples].into())
+    }
+
+    /// Takes the value of sample `n` and returns that of the delay before.
+    fn shift(&mut self, n: u64, value: f64) -> f64 {
+        if self.0.is_empty() {
+            return value;
+        }
+        let place = (n % self.0.len() as u64) as usize;
+        std::mem::replace(&mut self.0[place], value)
+    }
+}
+
+impl StateField for Delay {
+    fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
+        self.0.iter().for_each(|value| value.save(sink));
+    }
+    fn load(&mut self, name: &'static str, source: &mut Words<'_>) -> Result<(), String> {
+        self.0.iter_mut().try_for_each(|value| value.load(name, source))
+    }
+    fn not_finite(&self) -> Option<f64> {
+        self.0.iter().find_map(StateField::not_finite)
+    }
+}
+
+/// What follows from the parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct Steering {
+    /// Delay in samples.
+    pub(crate) delay: usize,
+    /// Share of its way that the lag goes in a sample.
+    lag: f64,
+    /// Greatest angle of the road wheels, rad, and its greatest change in a sample, rad.
+    limit: f64,
+    change: f64,
+}
+
+impl Steering {
+    /// # Errors
+    /// The delay is too long, or a maneuver without a path has no amplitude.
+    pub(crate) fn new(p: &PathDriver) -> Result<Self, String> {
+        let without_amplitude = match p.maneuver {
+            Maneuver::SlowlyIncreasingSteer if p.a == 0.0 => Some("6 (slowly_increasing_steer)"),
+            Maneuver::Fishhook if p.a == 0.0 => Some("7 (fishhook)"),
+            _ => None,
+        };
+        if let Some(maneuver) = without_amplitude {
+            return Err(format!("'steer.wheel_amplitude' must not be 0 for 'maneuver' = {maneuver}, got 0 rad"));
+        }
+        let delay = (p.delay / p.sample_time + 0.5).floor();
+        if delay > MOST_SAMPLES {
+            return Err(format!(
+                "'response.delay' = {} s is {delay} samples of 'sample_time' = {} s; it must be at most {MOST_SAMPLES} \
+                 samples: use a shorter delay or a longer sample time",
+                p.delay, p.sample_time
+            ));
+        }
+        Ok(Self {
+            delay: delay as usize,
+            lag: if p.lag > 0.0 { 1.0 - math::exp(-p.sample_time / p.lag) } else { 1.0 },
+            limit: p.angle_limit / p.ratio,
+            change: p.rate_limit / p.ratio * p.sample_time,
+        })
+    }
+}
+
+/// One sample of the steering along a path, maneuvers 0 to 5.
+pub(crate) fn follow(p: &PathDriver, d: &D, x: &mut X, place: &Place, v: f64, t: f64) {
+    let Place { s, e, heading_error } = *place;
+    if !x.lost {
+        let m = p.l + p.k * v * v;
+        let lead = (p.t_ff + p.delay + p.lag.max(0.0)) * v;
+        let l_p = p.l_p_min.max(p.t_p * v);
+        let ahead = e + l_p * math::sin(heading_error) + x.integral;
+        x.raw = m * (p.g_ff * d.path.curvature(s + lead) - p.g * (2.0 / (l_p * l_p)) * ahead);
+        if v >= INTEGRAL_SPEED && t < p.hold_start {
+            x.integral += p.k_i * e * p.sample_time;
+        }
+    }
+    let delayed = x.past.shift(x.n, x.raw);
+    x.lag = if p.lag > 0.0 { x.lag + (delayed - x.lag) * d.steering.lag } else { delayed };
+    if !is_held(p, t) {
+        let Steering { limit, change, .. } = d.steering;
+        x.steer += (x.lag.clamp(-limit, limit) - x.steer).clamp(-change, change);
+    }
+}
+
+/// Whether the steering angle is held.
+fn is_held(p: &PathDriver, t: f64) -> bool {
+    t >= p.hold_start - SLACK
+}
+
+/// Sets an angle of the steering wheel in rad, to the side on which the maneuver begins.
+fn turn(p: &PathDriver, d: &Steering, x: &mut X, angle: f64, t: f64) {
+    if !is_held(p, t) {
+        x.steer = (p.a.signum() * angle / p.ratio).clamp(-d.limit, d.limit);
+    }
+}
+
+/// One sample of slowly increasing steer, maneuver 6.
+pub(crate) fn slowly_increasing(p: &PathDriver, d: &Steering, x: &mut X, t: f64) {
+    let angle = p.w_a * (t - p.t_0).max(0.0);
+    turn(p, d, x, angle.min(p.a.abs()), t);
+    x.finished |= angle >= p.a.abs();
+}
+
+/// One sample of the fishhook, maneuver 7.
+pub(crate) fn fishhook(p: &PathDriver, d: &Steering, x: &mut X, roll_rate: f64, t: f64) {
+    let a = p.a.abs();
+    let mut tau = x.n.wrapping_sub(x.phase_start) as f64 * p.sample_time;
+    // A phase may be over in the sample with which it begins.
+    loop {
+        let (length, next) = match x.phase {
+            Phase::Wait => (p.t_0, Phase::Ramp),
+            Phase::Ramp => (a / p.w_a, Phase::Dwell),
+            Phase::Dwell if roll_rate.abs() <= p.roll_rate_threshold => (0.0, Phase::Reversal),
+            Phase::Dwell => (p.maximum_dwell, Phase::Reversal),
+            Phase::Reversal => (2.0 * a / p.w_a, Phase::Hold),
+            Phase::Hold => (p.hold_time, Phase::Return),
+            Phase::Return => (p.return_time, Phase::End),
+            Phase::End => break,
+        };
+        if tau < length - SLACK {
+            break;
+        }
+        (x.phase, x.phase_start, tau) = (next, x.n, 0.0);
+    }
+    let angle = match x.phase {
+        Phase::Wait | Phase::End => 0.0,
+        Phase::Ramp => (p.w_a * tau).min(a),
+        Phase::Dwell => a,
+        Phase::Reversal => a - (p.w_a * tau).min(2.0 * a),
+        Phase::Hold => -a,
+        Phase::Return => -a * (1.0 - tau / p.return_time),
+    };
+    turn(p, d, x, angle, t);
+    x.finished |= x.phase == Phase::End;
+}

@@ -1,0 +1,107 @@
+//! Cones of the lane changes of ISO 3888: the double lane change (part 1) and the obstacle avoidance (part 2).
+//!
+//! Lengths and widths are those of the standard. Open implementations of both tracks agree on the edges that lie in one
+//! line: the right ones in part 1, the left ones of the first and the third lane in part 2.
+//!
+//! ```
+//! // A car of 1.61 m, the first lane from 50 m on.
+//! let [first, second, third] = path_driver::tracks::iso_3888_1(50.0, 1.61);
+//! assert_eq!((second.begin, second.end), (95.0, 120.0));
+//! assert!((second.right - 2.4895).abs() < 1e-12 && (second.left - 4.6715).abs() < 1e-12);
+//! assert_eq!(first.right, third.right);
+//! ```
+
+/// A coned section: a strip across the road and the lane in it. `x` points along the first lane, `y = 0` is its middle, left
+/// is positive; all in m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Section {
+    /// x of the first cones.
+    pub begin: f64,
+    /// x of the last cones.
+    pub end: f64,
+    /// y of the cones on the right.
+    pub right: f64,
+    /// y of the cones on the left, more than `right`.
+    pub left: f64,
+}
+
+impl Section {
+    /// y of the middle of the lane in m.
+    #[must_use]
+    pub fn middle(&self) -> f64 {
+        (self.right + self.left) / 2.0
+    }
+
+    /// Width of the lane in m.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.left - self.right
+    }
+
+    /// The section in a mirror along the first lane.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        Self { right: -self.left, left: -self.right, ..*self }
+    }
+}
+
+/// The double lane change of ISO 3888-1 to the left: sections of 15, 25 and 30 m, the first of which begins at `start` in m,
+/// for a vehicle of the width `w` in m.
+#[must_use]
+pub fn iso_3888_1(start: f64, w: f64) -> [Section; 3] {
+    let [w_1, w_3, w_5] = [1.1 * w + 0.25, 1.2 * w + 0.25, 1.3 * w + 0.25];
+    let r = -w_1 / 2.0;
+    [
+        Section { begin: start, end: start + 15.0, right: r, left: w_1 / 2.0 },
+        Section { begin: start + 45.0, end: start + 70.0, right: r + 3.5, left: r + 3.5 + w_3 },
+        Section { begin: start + 95.0, end: start + 125.0, right: r, left: r + w_5 },
+    ]
+}
+
+/// The obstacle avoidance of ISO 3888-2 to the left: sections of 12, 11 and 12 m, the first of which begins at `start` in m,
+/// for a vehicle of the width `w` in m.
+#[must_use]
+pub fn iso_3888_2(start: f64, w: f64) -> [Section; 3] {
+    let [w_1, w_3, w_5] = [1.1 * w + 0.25, w + 1.0, (1.3 * w + 0.25).max(3.0)];
+    let l = w_1 / 2.0;
+    [
+        Section { begin: start, end: start + 12.0, right: -l, left: l },
+        Section { begin: start + 25.5, end: start + 36.5, right: l + 1.0, left: l + 1.0 + w_3 },
+        Section { begin: start + 49.0, end: start + 61.0, right: l - w_5, left: l },
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn assert_edges(sections: [Section; 3], edges: [[f64; 2]; 3]) {
+        for (section, [right, left]) in sections.into_iter().zip(edges) {
+            assert!((section.right - right).abs() < 1e-12 && (section.left - left).abs() < 1e-12, "{section:?}");
+        }
+    }
+
+    /// Check numbers of the specification for 1.61 m, exact with these digits; sums of three numbers round by 1e-15.
+    #[test]
+    fn edges_are_those_of_the_standard() {
+        let double = iso_3888_1(50.0, 1.61);
+        assert_edges(double, [[-1.0105, 1.0105], [2.4895, 4.6715], [-1.0105, 1.3325]]);
+        assert_eq!(double.map(|section| [section.begin, section.end]), [[50.0, 65.0], [95.0, 120.0], [145.0, 175.0]]);
+        let avoidance = iso_3888_2(50.0, 1.61);
+        assert_edges(avoidance, [[-1.0105, 1.0105], [2.0105, 4.6205], [-1.9895, 1.0105]]);
+        assert_eq!(avoidance.map(|section| [section.begin, section.end]), [[50.0, 62.0], [75.5, 86.5], [99.0, 111.0]]);
+        // A wide vehicle: 1.3 w + 0.25 exceeds the 3 m.
+        assert!((iso_3888_2(0.0, 2.5)[2].width() - 3.5).abs() < 1e-12);
+        assert!((iso_3888_2(0.0, 1.61)[2].width() - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_mirror_swaps_the_edges() {
+        for section in iso_3888_1(10.0, 2.0) {
+            let mirrored = section.mirrored();
+            assert_eq!([mirrored.right, mirrored.left], [-section.left, -section.right]);
+            assert_eq!([mirrored.middle(), mirrored.width()], [-section.middle(), section.width()]);
+            assert_eq!(mirrored.mirrored(), section);
+        }
+    }
+}
