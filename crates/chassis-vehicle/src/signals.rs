@@ -33,7 +33,7 @@ signals! {
     DRIVER_SPEED, "driver.speed", unit!("m/s"), Some("km/h"), 20.0, "Longitudinal speed that is prescribed";
     DRIVER_STEERING_WHEEL, "driver.steering_wheel", unit!("rad"), Some("deg"), 1.0, "Angle of the steering wheel, positive to the left";
     // Path that the driver follows
-    PATH_LATERAL_DEVIATION, "path.lateral_deviation", unit!("m"), None, 1.0, "Distance of the vehicle from the path, positive to the left of it";
+    PATH_LATERAL_DEVIATION, "path.lateral_deviation", unit!("m"), None, 5.0, "Distance of the vehicle from the path, positive to the left of it";
     PATH_HEADING_ERROR, "path.heading_error", unit!("rad"), Some("deg"), 0.1, "Heading of the vehicle minus that of the path";
     PATH_DISTANCE, "path.distance", unit!("m"), None, 100.0, "Station of the vehicle along the path";
     PATH_FINISHED, "path.finished", unit!("1"), None, 1.0, "Whether the end of the maneuver was reached";
