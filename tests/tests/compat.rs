@@ -23,7 +23,7 @@ fn fit<'a>(systems: &'a Systems, component: &str, plant: &str) -> &'a Fit {
 #[test]
 fn plants_are_the_vehicles() {
     // BrakeAndDriveActuators has states, too, but belongs to the car; Actuator, but no signal of another FMU.
-    assert_eq!(library().plants, ["EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]);
+    assert_eq!(library().plants, ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]);
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn the_systems_of_the_papers_fit() {
         ("HeavyVehicle", &["YawRateReference", "ActiveFrontSteering", "AllWheelSteering", "SemiActiveFuzzySuspension"]),
     ];
     for (plant, components) in papers {
-        for component in components.iter().chain(&["Driver", "Road"]) {
+        for component in components.iter().chain(&["Driver", "PathDriver", "Road"]) {
             assert_eq!(*fit(&systems, component, plant), Fit::Fits, "{component}, {plant}");
         }
     }

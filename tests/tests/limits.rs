@@ -15,6 +15,8 @@ const RELATIONS: &[(&str, &[(&str, f64)])] = &[
     ("geometry.cg_to_front_axle", &[("geometry.front_to_middle_axle", 1e-6), ("geometry.middle_to_rear_axle", 1e-6)]),
     ("geometry.cg_to_rear_suspension", &[("geometry.middle_to_rear_axle", 1e-6)]),
     ("geometry.cg_height", &[("geometry.body_cg_to_roll_axis", 0.0), ("geometry.wheel_center_height", 0.0)]),
+    // A delay of 50 ms would be 50,000 samples.
+    ("sample_time", &[("response.delay", 0.0)]),
     // The roads of the rougher classes would be meters high.
     ("roughness.cutoff", &[("roughness.class", 1.0)]),
     ("damper.maximum_damping.front", &[("damper.minimum_damping.front", 0.0), ("suspension.damping.front", 0.0)]),

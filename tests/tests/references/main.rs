@@ -1,6 +1,7 @@
 //! Runs against reference data: an independent implementation of the same equations made it (`references/`, README).
 
 mod assessment;
+mod driving;
 mod esp_car;
 mod heavy_vehicle;
 mod hydro_pneumatic;
@@ -17,7 +18,7 @@ use table::Table;
 use tests::state_bytes::checksum;
 use tests::{Fmu, ok};
 
-/// Step of all files in s.
+/// Step of a file in s, unless its case states another one.
 const STEP: f64 = 0.001;
 
 /// What one row of a file does with an FMU.
@@ -43,6 +44,8 @@ impl Call {
 /// A comparison.
 struct Case {
     file: &'static str,
+    /// Time from one row to the next in s.
+    step: f64,
     /// Columns that are inputs; `*` at the end stands for anything.
     inputs: &'static [&'static str],
     /// Signals that the file does not hold because they are constant.
@@ -63,6 +66,7 @@ struct Case {
 
 const NOTHING: Case = Case {
     file: "",
+    step: STEP,
     inputs: &[],
     constants: &[],
     wires: &[],
@@ -293,13 +297,13 @@ impl System {
         }
     }
 
-    fn call(&mut self, call: Call, time: f64) {
+    fn call(&mut self, call: Call, time: f64, step: f64) {
         let component = self.components.get_mut(call.component()).expect("all were inserted");
         if matches!(call, Call::Set(_) | Call::Run(_)) {
             component.set(&self.bus);
         }
         if matches!(call, Call::Step(_) | Call::Run(_)) {
-            ok(component.instance.do_step(time, STEP));
+            ok(component.instance.do_step(time, step));
         }
         if matches!(call, Call::Read(_) | Call::Run(_)) {
             component.read(&mut self.bus);
@@ -329,7 +333,7 @@ fn simulate(case: &Case, table: &Table, signals: &[&str]) -> Vec<Vec<f64>> {
     for (k, row) in table.rows.iter().enumerate() {
         system.feed(row);
         for call in case.program {
-            system.call(*call, k as f64 * STEP);
+            system.call(*call, k as f64 * case.step, case.step);
         }
         for (found, &place) in found.iter_mut().zip(&places) {
             found.push(system.bus[place]);
@@ -354,7 +358,7 @@ fn compare(case: &Case) {
     let signals: Vec<&str> = compared.iter().map(|(_, signal)| *signal).collect();
     let found = simulate(case, &table, &signals);
 
-    let times: Vec<f64> = (0..table.rows.len()).map(|k| k as f64 * STEP).collect();
+    let times: Vec<f64> = (0..table.rows.len()).map(|k| k as f64 * case.step).collect();
     let mut verdicts = Vec::new();
     for ((name, _), found) in compared.iter().zip(&found) {
         let expected = table.column(name);
