@@ -170,6 +170,18 @@ fn a_table_turns_without_jumps() {
 }
 
 #[test]
+fn a_table_has_no_mirror() {
+    let points = Columns::parse("x,y\n0,0\n10,5\n20,0\n", "a.csv", &["x", "y"]).unwrap();
+    let p = PathDriver { mirror: true, ..driver(Maneuver::Table) };
+    let path = Path::new(&p, Some(("a.csv", &points))).unwrap();
+    assert_eq!(path.points[1].y, 5.0);
+    // Curvature by hand: from the first to the last direction, over both segments; none at the ends.
+    let slope = 0.5_f64.atan();
+    assert!((path.points[1].kappa + 2.0 * slope / (2.0 * 125.0_f64.sqrt())).abs() < 1e-15);
+    assert_eq!((path.points[0].kappa, path.points[2].kappa), (0.0, 0.0));
+}
+
+#[test]
 fn a_table_without_a_path_is_rejected() {
     let messages = [
         ("x,y\n0,0\n", "'table.file': a.csv:2: a path needs at least 2 points, this is the only one"),
@@ -348,6 +360,19 @@ fn the_feedforward_leads() {
     }
 }
 
+/// By hand: the law is that of the sample before the integral takes its deviation.
+#[test]
+fn the_integral_acts_one_sample_later_and_not_at_rest() {
+    for (v, rate) in [(0.499, 0.0), (0.5, 0.4)] {
+        let p = PathDriver { k_i: 0.4, sample_time: 0.01, ..immediate(Maneuver::Straight) };
+        let mut run = DiscreteSimulation::new(p).unwrap();
+        let [first, second] = [0; 2].map(|_| run.sample(&at(0.0, 0.5, 0.0, v)).unwrap().steer);
+        let factor = -2.34 * 2.0 / 9.0;
+        assert!((first - factor * 0.5).abs() < 1e-15 && (second - factor * (0.5 + rate * 0.5 * 0.01)).abs() < 1e-15);
+        assert_eq!(run.state().integral, 2.0 * rate * 0.5 * 0.01);
+    }
+}
+
 #[test]
 fn the_delay_is_a_whole_number_of_samples() {
     for (delay, samples) in [(0.0, 0), (0.0049, 0), (0.0051, 1), (0.13, 13), (5.0, 500)] {
@@ -466,7 +491,8 @@ fn slowly_increasing_steer_is_a_ramp() {
     let mut run = DiscreteSimulation::new(p).unwrap();
     for k in 0..5000 {
         let t = f64::from(k) * 1e-3;
-        let y = run.sample(&at(0.0, 25.0, 0.3, 20.0)).unwrap();
+        // Beyond the end of the line, which ends nothing.
+        let y = run.sample(&at(1e3, 25.0, 0.3, 20.0)).unwrap();
         let ramp = 13.5_f64.to_radians() * (t - 1.0).max(0.0);
         assert!((y.steering_wheel + ramp.min(0.5)).abs() < 1e-14, "{t} s: {}", y.steering_wheel);
         assert_eq!(y.finished, ramp >= 0.5);
