@@ -501,6 +501,16 @@ fn slowly_increasing_steer_is_a_ramp() {
     }
 }
 
+/// The amplitude itself is the end: numbers without rounding.
+#[test]
+fn slowly_increasing_steer_ends_with_its_amplitude() {
+    let p = PathDriver { t_0: 0.0, w_a: 1.0, a: 0.5, sample_time: 0.25, ..driver(Maneuver::SlowlyIncreasingSteer) };
+    let mut run = DiscreteSimulation::new(p).unwrap();
+    let y = [0; 4].map(|_| run.sample(&at(0.0, 0.0, 0.0, 20.0)).unwrap());
+    assert_eq!(y.each_ref().map(|y| y.steering_wheel), [0.0, 0.25, 0.5, 0.5]);
+    assert_eq!(y.map(|y| y.finished), [false, false, true, true]);
+}
+
 /// Closed form: phases of 0.5 s (start), 0.1 s (ramp to 0.4 rad at 4 rad/s), dwell, 0.2 s, 0.3 s and 0.25 s.
 #[test]
 fn the_fishhook_waits_for_the_roll_rate() {
@@ -519,7 +529,7 @@ fn the_fishhook_waits_for_the_roll_rate() {
             let mut run = DiscreteSimulation::new(PathDriver { a, ..p.clone() }).unwrap();
             for k in 0..2500 {
                 let t = f64::from(k) * 1e-3;
-                let roll_rate = if k as f64 >= falls * 1e3 { -0.026 } else { 0.027 };
+                let roll_rate = if f64::from(k) >= falls * 1e3 { -0.026 } else { [0.027, -0.027][k as usize % 2] };
                 let y = run.sample(&U { roll_rate, ..at(0.0, 0.0, 0.0, 20.0) }).unwrap();
                 let tau = t - 0.6 - dwell;
                 let expected = if t < 0.5 {
