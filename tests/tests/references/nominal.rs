@@ -57,7 +57,7 @@ fn nominal_values_are_of_the_magnitude_of_the_reference_data() {
     let nominal = nominal_values();
     let mut compared = BTreeSet::new();
     let mut wrong = Vec::new();
-    for vehicle in ["rescue_vehicle", "heavy_vehicle", "esp_car", "hydro_pneumatic", "assessment"] {
+    for vehicle in ["rescue_vehicle", "heavy_vehicle", "esp_car", "hydro_pneumatic", "driving"] {
         // By family: the largest of all wheels counts, as some data move one of them only.
         let mut families = BTreeMap::<&str, f64>::new();
         let peaks = peaks(vehicle);
