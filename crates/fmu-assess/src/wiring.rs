@@ -407,8 +407,8 @@ impl Wiring<'_> {
         Source::Constant(value)
     }
 
-    /// The scenario, and the recorded signals.
-    fn scenario(&mut self, set: &[(String, String, String)]) -> (String, Vec<String>) {
+    /// The scenario.
+    fn scenario(&mut self, set: &[(String, String, String)]) -> String {
         let mut text = String::from("title = \"Assessment\"\n[simulation]\nstop = 1.0\n");
         let _ = writeln!(text, "step = {STEP:?}");
         let mut connections = String::new();
@@ -457,32 +457,25 @@ impl Wiring<'_> {
             }
             component(&mut text, name, &unit.fmu, &constants);
         }
-        let (signals, columns) = self.recorded();
-        let signals: Vec<_> = signals.iter().map(|signal| quoted(signal)).collect();
+        let signals: Vec<_> = self.recorded().iter().map(|signal| quoted(signal)).collect();
         let _ = writeln!(text, "{connections}[[case]]\nname = \"assessed\"\ntitle = \"Assessed\"");
         let _ = writeln!(text, "[record]\nsignals = [{}]", signals.join(", "));
-        (text, columns)
+        text
     }
 
-    /// Recorded signals, as a scenario names them and by the names of the bench.
-    fn recorded(&self) -> (Vec<String>, Vec<String>) {
-        let mut signals = Vec::new();
-        let mut columns = Vec::new();
+    /// Recorded signals, as a scenario names them.
+    fn recorded(&self) -> Vec<String> {
         let path: &[&str] = if self.driving == Driving::OpenLoop { &[] } else { &OF_PATH };
-        for signal in OF_DRIVER.iter().chain(path) {
-            signals.push(format!("driver:{signal}"));
-            columns.push((*signal).to_owned());
-        }
+        let mut signals: Vec<String> = OF_DRIVER.iter().chain(path).map(|signal| format!("driver:{signal}")).collect();
         for signal in self.plant.outputs() {
             let is_wanted = RECORDED
                 .iter()
                 .any(|wanted| *wanted == signal || (wanted.ends_with('.') && signal.starts_with(wanted)));
             if is_wanted {
                 signals.push(format!("plant:{}", self.plant.variable(&signal)));
-                columns.push(signal);
             }
         }
-        (signals, columns)
+        signals
     }
 }
 
@@ -564,17 +557,27 @@ fn system(
         }
         let driver = if driving == Driving::OpenLoop { "Driver" } else { "PathDriver" };
         let mut wiring = Wiring { plant, units: ordered(units), driving, driver, unwritten: Vec::new() };
-        let (text, recorded) = wiring.scenario(&set);
+        let text = wiring.scenario(&set);
         let options = Options::default();
         let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)
             .map_err(|error| SetupError::new(explained(&error)))?;
+        columns.push((driving, plan.columns.iter().map(|column| signal_of(&column.name, plant)).collect()));
         plans.push((driving, plan));
-        columns.push((driving, recorded));
         if driving == Driving::OpenLoop {
             unwritten = wiring.unwritten;
         }
     }
     Ok(System { name, speed, plans, unwritten, idle, columns })
+}
+
+/// The bench's name of a column, which has that of its component in front where several components have the signal.
+fn signal_of(column: &str, plant: &Plant) -> String {
+    let (component, variable) = column.split_once(':').unwrap_or(("", column));
+    let is_of_driver = OF_DRIVER.contains(&variable) || OF_PATH.contains(&variable);
+    if component == "driver" || (component.is_empty() && is_of_driver) {
+        return variable.to_owned();
+    }
+    plant.signal(variable).to_owned()
 }
 
 fn explained(error: &fmu_system::resolve::ResolveError) -> String {

@@ -5,6 +5,7 @@ mod driving;
 mod esp_car;
 mod heavy_vehicle;
 mod hydro_pneumatic;
+mod loops;
 mod nominal;
 mod rescue_vehicle;
 mod sources;
