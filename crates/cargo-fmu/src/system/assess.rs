@@ -262,7 +262,7 @@ fn print(assessment: &Assessment) {
                 serde_json::Value::Bool(true) => "yes".to_owned(),
                 serde_json::Value::Bool(false) => "no".to_owned(),
                 serde_json::Value::Null => "–".to_owned(),
-                number => number.as_f64().map_or_else(|| number.to_string(), |number| shown(number)),
+                number => number.as_f64().map_or_else(|| number.to_string(), shown),
             };
             let mut line = format!("  {:width$}  {:>10}", row.title, value(&row.without));
             if has_both {
