@@ -1,7 +1,7 @@
 """Measures what a study costs beyond its runs: `scripts/bench studies`, see `--help`.
 
 The runs are those of the step steer of the rescue vehicle (eight FMUs, steps of 1 ms): 20 s of it as the closed loop,
-the first second as a short run of about 20 ms. A command that is compared with another one runs in turn with it.
+the first second as a short run of about 6 ms. A command that is compared with another one runs in turn with it.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ fmpy has it, the native master is given it.
 from __future__ import annotations
 
 import csv
+import json
 import os
 import subprocess
 import sys
@@ -115,6 +116,20 @@ def test_the_check_validates_description_and_binary(folder: Path, python: list[s
     without = call(*check, code=1)
     assert "needs the Python library" in without
     assert "--libpython FILE" in without
+
+
+def test_the_bench_assesses_it(folder: Path, python: list[str]) -> None:
+    """Reference: what proportional control of the yaw rate does: it answers a step faster, by 10 % at least."""
+    out = folder / "assessed"
+    controller = str(folder / "PythonYawControl.fmu")
+    more = ["--suite", "handling", "--fmus", str(FOLDER), "--out", str(out)]
+    call("cargo", "fmu", "assess", "EspCar", "--with", controller, *python, *more)
+    assessment = json.loads((out / "assessment.json").read_text(encoding="utf-8"))
+    rows = {row["id"]: row for row in assessment["metrics"]}
+    times = rows["step_steer.yaw_rate.response_time"]
+    assert times["with"] < 0.9 * times["without"]
+    assert assessment["with"][0]["fmu"] == "PythonYawControl"
+    assert assessment["idle"] == []
 
 
 def test_both_masters_agree_to_the_last_bit(folder: Path, python: list[str]) -> None:
