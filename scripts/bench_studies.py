@@ -244,7 +244,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for head, part in (
         ("| closed loop | |\n|---|---|", closed_loop(options.runs)),
         ("", growth(options.growth)),
-        ("| Dask | |\n|---|---|", with_dask(options.growth[0], options.rounds)),
+        ("| Dask | |\n|---|---|", with_dask(10 * options.growth[0], options.rounds)),
         ("| part | |\n|---|---|", overheads()),
     ):
         print(head, flush=True)
