@@ -71,7 +71,10 @@ pub fn assess(
             let mass = place.bench(&systems.systems[0], &vehicle, None).weighed();
             vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, mass);
         }
-        let increasing = in_threads(systems.systems.iter().collect(), |system| {
+        // What it tells, braking and ride need only of a vehicle that nobody knows.
+        let is_known = vehicle.understeer_gradient.is_some() && !options.wants_steering();
+        let steered = if is_known { Vec::new() } else { systems.systems.iter().collect() };
+        let increasing = in_threads(steered, |system| {
             let result = maneuvers::slowly_increasing_steer(&place.bench(system, &vehicle, None));
             finished.fetch_add(1, Ordering::Relaxed);
             tell();
@@ -99,7 +102,7 @@ pub fn assess(
             "amplitude": amplitude,
             "understeer_gradient": vehicle.understeer_gradient.as_ref().map(|datum| datum.value),
         });
-        if options.wants(Suite::Handling) || options.wants(Suite::Stability) {
+        if options.wants_steering() {
             found.splice(0..0, increasing.into_iter().map(|(results, _)| results));
         }
         (vehicle, driver, found)
@@ -115,6 +118,11 @@ pub fn assess(
 impl Options {
     fn wants(&self, suite: Suite) -> bool {
         self.suites.is_empty() || self.suites.contains(&suite)
+    }
+
+    /// Whether a maneuver takes its amplitude from the slowly increasing steer.
+    fn wants_steering(&self) -> bool {
+        [Suite::Handling, Suite::Stability, Suite::Rollover].into_iter().any(|suite| self.wants(suite))
     }
 }
 
