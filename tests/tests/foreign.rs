@@ -225,7 +225,7 @@ fn a_model_builds_from_the_packaged_crates() {
     let target = place.path().join("packaged");
     let folder = target.to_str().expect("the path is UTF-8");
     let package = ["package", "--no-verify", "--allow-dirty", "--offline", "--target-dir", folder];
-    let names = ["fmu", "fmu-derive", "fmu-import", "fmu-math", "fmu-system", "fmu-study", "cargo-fmu"];
+    let names = ["fmu", "fmu-derive", "fmu-import", "fmu-math", "fmu-system", "fmu-study", "fmu-assess", "cargo-fmu"];
     let packages = names.iter().flat_map(|name| ["--package", name]);
     tests::successful(Command::new(tests::cargo()).args(package).args(packages).current_dir(workspace()));
     for name in names {
