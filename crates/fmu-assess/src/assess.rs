@@ -3,6 +3,7 @@
 use crate::Trace;
 use crate::bench::Bench;
 use crate::course::{Course, drive};
+use crate::evaluators::weighting::Weighting;
 use crate::executor::Executor;
 use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver, Results};
 use crate::metric::Direction;
@@ -15,6 +16,7 @@ use fmu_system::fmus::Fmus;
 use fmu_system::resolve::Descriptions;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::f64::consts::LN_10;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -221,7 +223,16 @@ fn assembled(
         runs,
         metrics: rows,
         dropped: unique(dropped),
+        tracks: found.iter().filter_map(|results| Some((results.maneuver, results.track?))).collect(),
+        weighting: options.wants(Suite::Ride).then(weighting),
     })
+}
+
+/// W_k at 24 frequencies in each decade from 0.1 to 100 Hz.
+fn weighting() -> [Vec<f64>; 2] {
+    let frequencies: Vec<f64> = (0..=72).map(|index| fmu_math::exp((f64::from(index) / 24.0 - 1.0) * LN_10)).collect();
+    let gains = frequencies.iter().map(|frequency| Weighting::Vertical.gain(*frequency)).collect();
+    [frequencies, gains]
 }
 
 /// Each once, in the order of the first.

@@ -4,7 +4,7 @@
 
 mod brake_in_turn;
 mod braking;
-mod cones;
+pub(crate) mod cones;
 mod constant_radius;
 mod frequency_response;
 mod reference;
@@ -16,7 +16,7 @@ mod slowly_increasing_steer;
 mod steady_state;
 mod steering_wheel;
 mod step_steer;
-mod weighting;
+pub(crate) mod weighting;
 
 pub use reference::reference;
 pub use sine_with_dwell::is_responsive;

@@ -187,12 +187,14 @@ pub(crate) struct Results {
     pub(crate) dropped: Option<Dropped>,
     /// Runs whose signals the report shows.
     pub(crate) shown: Vec<(String, Trace<'static>)>,
+    /// Sections of a coned track, m: begin, end, right and left edge of each.
+    pub(crate) track: Option<[[f64; 4]; 3]>,
 }
 
 impl Results {
     pub(crate) fn new(maneuver: &'static str, suite: Suite, system: &'static str) -> Self {
         let (metrics, runs, shown) = (Vec::new(), Vec::new(), Vec::new());
-        Self { maneuver, suite, system, metrics, runs, dropped: None, shown }
+        Self { maneuver, suite, system, metrics, runs, dropped: None, shown, track: None }
     }
 
     /// Notes a run with the metrics of its evaluator.

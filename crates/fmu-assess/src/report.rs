@@ -267,6 +267,10 @@ pub struct Assessment {
     pub metrics: Vec<Row>,
     /// What was left out.
     pub dropped: Vec<Dropped>,
+    /// Sections of the coned tracks, by maneuver, m: begin, end, right and left edge of each.
+    pub tracks: BTreeMap<&'static str, [[f64; 4]; 3]>,
+    /// Frequencies, Hz, and gains of W_k, by which ISO 2631-1 weights vertical vibrations; of the suite `ride`.
+    pub weighting: Option<[Vec<f64>; 2]>,
 }
 
 /// Least change that counts, percent.

@@ -209,6 +209,8 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
 
 /// Least time between two rows of the signals that are written, s: figures need no more.
 const SPACING: f64 = 0.01;
+/// The same of rides, whose spectra go up to 100 Hz, s.
+const SPACING_OF_RIDE: f64 = 0.004;
 
 fn write(assessment: &Assessment, shown: &Shown, out: &Path, arguments: &Arguments) -> miette::Result<()> {
     let json = assessment.to_json();
@@ -228,7 +230,8 @@ fn write(assessment: &Assessment, shown: &Shown, out: &Path, arguments: &Argumen
         let columns: Vec<&[f64]> = names.iter().filter_map(|name| trace.column(name)).collect();
         let times = trace.times();
         let spacing = times.first().zip(times.get(1)).map_or(SPACING, |(first, second)| second - first);
-        let every = (SPACING / spacing).round().max(1.0) as usize;
+        let wanted = if run.starts_with("ride") { SPACING_OF_RIDE } else { SPACING };
+        let every = (wanted / spacing).round().max(1.0) as usize;
         let mut text = format!("time,{}\n", names.join(","));
         for row in (0..times.len()).step_by(every) {
             let _ = write!(text, "{:.6}", times[row]);

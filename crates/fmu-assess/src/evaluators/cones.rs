@@ -111,6 +111,12 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
             "Time of the first negative margin, and the number of its section, from 1. Null without one.",
         ),
         Definition::new(
+            "tightest",
+            "Tightest place",
+            "s, 1",
+            "Time of the smallest margin of all sections, and the number of its section, from 1.",
+        ),
+        Definition::new(
             "lateral_acceleration_peak",
             "Peak of the lateral acceleration",
             "m/s2",
@@ -172,12 +178,16 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     };
     let mut margins = vec![None; lanes.len()];
     let mut hit = None;
+    let mut tightest: Option<(f64, f64, usize)> = None;
     for row in 0..rows.times.len() {
         let corners = footprint.corners(x[row], y[row], yaw[row]);
         for (index, lane) in lanes.iter().enumerate() {
             let Some(margin) = margin(&corners, lane) else { continue };
             if margin < 0.0 && hit.is_none() {
                 hit = Some((rows.times[row], index + 1));
+            }
+            if tightest.is_none_or(|(smallest, ..)| margin < smallest) {
+                tightest = Some((margin, rows.times[row], index + 1));
             }
             let smallest: &mut Option<f64> = &mut margins[index];
             *smallest = Some(smallest.map_or(margin, |smallest| smallest.min(margin)));
@@ -194,6 +204,8 @@ fn compute(rows: &Rows<'_>, options: &Options, results: &mut Results) -> Result<
     results.set("passed", passed);
     let hit = hit.map(|(time, section)| vec![time, section as f64]);
     results.set("first_hit", hit.ok_or_else(|| Reason::new("no margin is negative")));
+    let tightest = tightest.map(|(_, time, section)| vec![time, section as f64]);
+    results.set("tightest", tightest.ok_or_else(|| Reason::new("no row is inside of a section")));
     results.set("margins", margins);
     Ok(())
 }
@@ -203,14 +215,18 @@ fn lanes(options: &Options) -> Vec<Lane> {
     if let Some(lanes) = options.lanes("lanes") {
         return lanes.to_vec();
     }
-    let (start, width) = (options.number("path.start"), options.number("vehicle.width"));
     let is_mirrored = options.number("path.mirror") == 1.0;
-    let track = if options.number("maneuver") == 3.0 { severe(width) } else { moderate(width) };
     let lane = |[begin, end, right, left]: [f64; 4]| {
         let (right, left) = if is_mirrored { (-left, -right) } else { (right, left) };
-        Lane { begin: start + begin, end: start + end, right, left }
+        Lane { begin, end, right, left }
     };
-    track.map(lane).to_vec()
+    track(options.number("maneuver"), options.number("path.start"), options.number("vehicle.width")).map(lane).to_vec()
+}
+
+/// The sections of a track (3 is ISO 3888-2, any other number ISO 3888-1), m: begin, end, right and left edge of each.
+pub(crate) fn track(maneuver: f64, start: f64, width: f64) -> [[f64; 4]; 3] {
+    let sections = if maneuver == 3.0 { severe(width) } else { moderate(width) };
+    sections.map(|[begin, end, right, left]| [start + begin, start + end, right, left])
 }
 
 /// ISO 3888-1 for a vehicle of a width, m: begin and end of each section after the start, right and left edge. The right edges of the

@@ -6,7 +6,7 @@ use std::f64::consts::SQRT_2;
 
 /// A weighting. Its frequencies are those of the standard, Hz.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Weighting {
+pub(crate) enum Weighting {
     /// None: the result is the standard deviation.
     None,
     /// W_k: vertical acceleration.
@@ -30,7 +30,7 @@ const STEP_HIGH: f64 = 3.35;
 
 impl Weighting {
     /// Gain at a frequency, Hz.
-    pub(super) fn gain(self, frequency: f64) -> f64 {
+    pub(crate) fn gain(self, frequency: f64) -> f64 {
         let transition = match self {
             Self::None => return 1.0,
             Self::Vertical => 12.5,

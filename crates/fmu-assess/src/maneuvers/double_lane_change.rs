@@ -3,7 +3,7 @@
 use super::{Results, evaluated, or_null, truth};
 use crate::bench::Bench;
 use crate::course::{Course, EndAt, Ended, drive};
-use crate::evaluators::Evaluation;
+use crate::evaluators::{Evaluation, cones};
 use crate::metric::Direction;
 use crate::wiring::Driving;
 use serde_json::json;
@@ -80,6 +80,7 @@ fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluati
 }
 
 pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
+    results.track = bench.vehicle.width.as_ref().map(|width| cones::track(part.maneuver(), START, width.value));
     let (mut speed, limit) = if bench.is_car() { (30.0, 150.0) } else { (20.0, 100.0) };
     let mut passed: Option<(f64, Ended, Evaluation)> = None;
     let mut failed: Option<(f64, Ended)> = None;
