@@ -20,6 +20,8 @@ interface Drawn {
   /** Points in the units shown. */
   xs: number[];
   ys: number[];
+  /** Points that are not joined to the one before: there is a gap. */
+  begins: Set<number>;
   /** Times of the points, s; empty if they have none. */
   times: number[];
   digits: [number, number];
@@ -72,11 +74,18 @@ export class Curve extends Frame {
         const { x, y } = coordinates(this.#words, line);
         const known = x.map((value, i) => value !== null && y[i] !== null && y[i] !== undefined);
         const times = line.t === undefined ? [] : numbers(this.#words, line.t);
+        const begins = new Set<number>();
+        let count = 0;
+        known.forEach((here, i) => {
+          if (here && known[i - 1] !== true) begins.add(count);
+          if (here) count += 1;
+        });
         return {
           line,
           times: times.filter((_, i) => known[i]).map((time) => time ?? NaN),
           xs: x.filter((_, i) => known[i]).map((value) => convert(value!, across)),
           ys: y.filter((_, i) => known[i]).map((value) => convert(value!, up)),
+          begins,
           digits: [digits(line.x), digits(line.y)],
         };
       });
@@ -149,7 +158,7 @@ export class Curve extends Frame {
   /** Draws a line. */
   #paint(plot: uPlot, drawn: Drawn): null {
     const { ctx, bbox } = plot;
-    const { line, xs, ys } = drawn;
+    const { line, xs, begins } = drawn;
     ctx.save();
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
@@ -158,10 +167,10 @@ export class Curve extends Frame {
     ctx.lineWidth = 1.6 * devicePixelRatio;
     ctx.lineJoin = "round";
     ctx.setLineDash(this.dash(line).map((length) => length * devicePixelRatio));
-    const at = (i: number): [number, number] => [plot.valToPos(xs[i]!, "x", true), plot.valToPos(ys[i]!, "y", true)];
+    const at = (i: number): [number, number] => [plot.valToPos(xs[i]!, "x", true), plot.valToPos(drawn.ys[i]!, "y", true)];
     if (line.apart !== true) {
       ctx.beginPath();
-      xs.forEach((_, i) => ctx.lineTo(...at(i)));
+      xs.forEach((_, i) => (begins.has(i) ? ctx.moveTo(...at(i)) : ctx.lineTo(...at(i))));
       ctx.stroke();
     }
     if (line.marks === true || line.apart === true) {
@@ -232,7 +241,8 @@ export class Curve extends Frame {
   /** Writes the coordinates at the cursor, or the keys of the lines without one. */
   #read(): void {
     this.#place();
-    const entries = this.#drawn.map((drawn) => {
+    const named = this.#drawn.filter((drawn) => drawn.line.title !== "" || this.#at.has(drawn));
+    const entries = named.map((drawn) => {
       const entry = this.entry(drawn.line);
       const i = this.#at.get(drawn);
       if (i === undefined) return entry;

@@ -241,6 +241,7 @@ export class Plot extends Frame {
     ctx.lineWidth = devicePixelRatio;
     ctx.setLineDash([5 * devicePixelRatio, 3 * devicePixelRatio]);
     ctx.font = `${11 * devicePixelRatio}px ${getComputedStyle(document.body).fontFamily}`;
+    ctx.textAlign = "left";
     for (const level of this.panel.levels) {
       const y = plot.valToPos(convert(revert(level.value, this.panel.y.units[0]), this.#yUnit()), "y", true);
       ctx.beginPath();
@@ -258,10 +259,10 @@ export class Plot extends Frame {
     if (plot === null) return;
     const row = plot.cursor.idx;
     const at = row === null || row === undefined || (plot.cursor.left ?? -1) < 0 ? null : row;
-        const entries: (string | Node)[] = [];
+    const entries: (string | Node)[] = [];
     if (at !== null) entries.push(`${this.panel.x.title} ${text(plot.data[0][at]!, 6)} ${this.#xUnit.name}`);
     for (const drawn of this.#lines) {
-      if (!this.state.shows(drawn.line)) continue;
+      if (drawn.line.title === "" || !this.state.shows(drawn.line)) continue;
       const entry = this.entry(drawn.line);
       const unit = this.#yUnit(drawn.line);
       const index = at === null ? null : plot.cursor.idxs?.[drawn.series];
