@@ -59,6 +59,7 @@ class Line:
 
     kind: LineKind
     title: str
+    """Empty: it has no key of its own, as one of many lines that look the same."""
     x: Array
     y: Array
     case: Case | None = None

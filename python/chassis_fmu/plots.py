@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import matplotlib as mpl
 import numpy as np
@@ -20,7 +21,7 @@ from matplotlib.ticker import LogFormatter, MaxNLocator
 
 from . import results, tables
 from .figures import Array, Axis, Line, Panel, decimate
-from .plan import Case, Figure, Plan
+from .plan import Case, Figure, Point
 
 # Okabe and Ito's palette, which the color-blind can tell apart; darkest first.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -76,6 +77,18 @@ STYLE = {
 }
 
 
+class Drawn(Protocol):
+    """What the figures are of: its cases have colors, the panels of its points stand side by side. A plan is one."""
+
+    @property
+    def cases(self) -> Sequence[Case]:
+        """The cases, in the order of their colors."""
+
+    @property
+    def points(self) -> Sequence[Point]:
+        """The points of a sweep."""
+
+
 @dataclass(frozen=True)
 class Drawing:
     """A finished figure."""
@@ -96,12 +109,12 @@ def is_noisy(values: Array) -> bool:
     return bool(np.abs(np.diff(values)).sum() > NOISY * np.ptp(values))
 
 
-def color_of(plan: Plan, case: Case) -> str:
+def color_of(plan: Drawn, case: Case) -> str:
     """Return the color of a case, the same in all figures."""
     return PALETTE[plan.cases.index(case) % len(PALETTE)]
 
 
-def dashes_of(plan: Plan, case: Case) -> str:
+def dashes_of(plan: Drawn, case: Case) -> str:
     """Return the line style of a case: solid, then others where the colors are used up."""
     return DASHES[plan.cases.index(case) // len(PALETTE) % len(DASHES)]
 
@@ -167,7 +180,7 @@ def _lines(panel: Panel) -> list[Line]:
 class _Key:
     """Entries of the legend, in the order of the cases."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Drawn) -> None:
         self._plan = plan
         self._entries: dict[tuple[int, str], Line2D] = {}
 
@@ -182,7 +195,7 @@ class _Key:
 
 
 def _draw_line(
-    ax: Axes, plan: Plan, figure: Figure, line: Line, x: Array, y: Array, *, is_widest: bool, key: _Key
+    ax: Axes, plan: Drawn, figure: Figure, line: Line, x: Array, y: Array, *, is_widest: bool, key: _Key
 ) -> None:
     """Draw a line; its values are in the units shown."""
     color = INK if line.case is None else color_of(plan, line.case)
@@ -191,7 +204,8 @@ def _draw_line(
         dashed = RIGHT_DASHES if line.right else (0, (3, 2))
         ax.plot(*decimate(x, y), linewidth=0.9, color=INK if figure.separate else color, linestyle=dashed)
         title = f"{line.title} (right)" if line.right else line.title
-        key.add(line, title, color=INK, linewidth=1.2, linestyle=dashed)
+        if line.title:
+            key.add(line, title, color=INK, linewidth=1.2, linestyle=dashed)
         return
     is_curve = figure.kind == "xy"
     x, y = decimate(x, y, is_curve=is_curve)
@@ -204,7 +218,7 @@ def _draw_line(
         key.add(line, title, color=color, linewidth=2.0, linestyle=dashes)
 
 
-def _draw_points(ax: Axes, plan: Plan, line: Line, y: Array, key: _Key) -> None:
+def _draw_points(ax: Axes, plan: Drawn, line: Line, y: Array, key: _Key) -> None:
     """Draw points: those of a sweep with their spread, single runs, or the steps of a distribution."""
     color = INK if line.case is None else color_of(plan, line.case)
     if line.apart or line.steps:
@@ -221,7 +235,7 @@ def _draw_points(ax: Axes, plan: Plan, line: Line, y: Array, key: _Key) -> None:
     key.add(line, line.title, color=color, marker="o", linewidth=1.5)
 
 
-def _draw_panel(ax: Axes, plan: Plan, figure: Figure, panel: Panel, key: _Key) -> None:
+def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key) -> None:
     across, unit = panel.x.units[0], panel.y.units[0]
     shown = _lines(panel)
     runs = [line for line in shown if line.kind == "run"]
@@ -282,8 +296,8 @@ def _right_axis(ax: Axes, axis: Axis) -> Axes:
     return right
 
 
-def draw(plan: Plan, figure: Figure, panels: Sequence[Panel]) -> Drawing:
-    """Draw a figure of the plan, which has at least one panel."""
+def draw(plan: Drawn, figure: Figure, panels: Sequence[Panel]) -> Drawing:
+    """Draw a figure, which has at least one panel."""
     is_of_points = figure.kind in ("sweep", "distribution", "scatter", "xy")
     is_wide = len(panels) > 1 if is_of_points else len(plan.points) > 1
     across = 2 if is_wide and figure.kind != "transfer" else 1

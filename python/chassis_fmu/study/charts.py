@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from .. import tables
 from ..figures import Axis, Line, Panel
-from ..plan import Case, Conversion, Figure, Metric, Run
+from ..plan import Case, Conversion, Metric, Run
 from . import statistics
 from .statistics import Numbers
 
@@ -22,40 +21,6 @@ Array = NDArray[np.floating[Any]]
 MOST_POINTS = 400
 MOST_STEPS = 400
 BINS = 30
-
-
-@dataclass(frozen=True)
-class Chart:
-    """A figure with what one sees."""
-
-    figure: Figure
-    caption: str
-    panels: list[Panel]
-
-
-def figure(name: str, title: str, kind: str, cases: Sequence[Case]) -> Figure:
-    """Return the plan's notion of a figure, for those who draw it."""
-    return Figure(
-        name=name,
-        title=title,
-        kind=kind,  # type: ignore[arg-type]
-        cases=tuple(c.name for c in cases),
-        separate=False,
-        columns=(),
-        against=None,
-        right=None,
-        over=None,
-        metrics=(),
-        same_scale=False,
-        equal_axes=False,
-        band=None,
-        window=None,
-        levels=(),
-        unit=None,
-        factor=1.0,
-        offset=0.0,
-        caption=None,
-    )
 
 
 def _axis(metric: Metric, *, title: str | None = None) -> Axis:

@@ -14,10 +14,11 @@ import jinja2
 import numpy as np
 
 from .. import index, page, page_data, plots, results, tables
+from ..charts import Chart, figure
 from ..describe import sha256
 from ..plan import Metric
 from . import charts, design, search, statistics
-from .charts import Chart, Recorded
+from .charts import Recorded
 from .job import Done
 from .statistics import Compared, Distribution, Effect, Numbers, Share
 
@@ -118,7 +119,7 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
     if not (numbers.job.study.method == "sweep" and numbers.count < 20):
         found.append(
             Chart(
-                charts.figure(f"{name}_distribution", f"{title}: distribution", "xy", cases),
+                figure(f"{name}_distribution", f"{title}: distribution", "xy", cases),
                 "How large it is in how many runs. A curve that ends below 1: the other runs have no number.",
                 charts.distributions(numbers, metric),
             )
@@ -126,7 +127,7 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
     has_means = any(f.levels for f in numbers.job.study.vary)
     found.append(
         Chart(
-            charts.figure(f"{name}_factors", f"{title} over what varies", "scatter", cases),
+            figure(f"{name}_factors", f"{title} over what varies", "scatter", cases),
             "A point for each run"
             + ("; where a factor has few values, the means over all others." if has_means else "."),
             charts.over_factors(numbers, metric),
@@ -137,9 +138,9 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
 
 def _scatter_matrix(numbers: Numbers, shown: Sequence[int]) -> Chart | None:
     panels = [p for first, second in itertools.combinations(shown, 2) for p in charts.trade_off(numbers, first, second)]
-    figure = charts.figure("scatter_matrix", "Metrics over each other", "scatter", numbers.job.plan.cases)
+    own = figure("scatter_matrix", "Metrics over each other", "scatter", numbers.job.plan.cases)
     caption = "A point for each run. Dashed: the Pareto front, the runs of all cases than which none is better in both."
-    return Chart(figure, caption, panels) if panels else None
+    return Chart(own, caption, panels) if panels else None
 
 
 def worst_first(numbers: Numbers, metric: int, cell: int) -> list[int]:
@@ -190,8 +191,8 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
     if recorded:
         columns = history_columns(numbers)
         panels = list(charts.histories(numbers, columns, recorded))
-        figure = charts.figure("histories", "Signals of the chosen runs", "time", job.plan.cases)
-        history = Chart(figure, "The runs whose signals were recorded: the worst ones, and some at random.", panels)
+        own = figure("histories", "Signals of the chosen runs", "time", job.plan.cases)
+        history = Chart(own, "The runs whose signals were recorded: the worst ones, and some at random.", panels)
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parents[1]),
         autoescape=True,
