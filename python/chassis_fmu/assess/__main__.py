@@ -1,0 +1,7 @@
+"""`python -m chassis_fmu.assess`: the command of `scripts/assess`."""
+
+import sys
+
+from .app import main
+
+sys.exit(main())

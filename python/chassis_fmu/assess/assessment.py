@@ -1,0 +1,169 @@
+"""An assessment as `cargo fmu assess` writes it: `assessment.json`, and signals of its runs as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import msgspec
+
+from ..results import Recording, ResultsError, read_csv
+
+SCHEMA = "chassis-fmu-assessment/1"
+
+Name: TypeAlias = Literal["without", "with"]
+Suite: TypeAlias = Literal["handling", "stability", "rollover", "braking", "ride"]
+Number: TypeAlias = float | bool | None
+
+
+class AssessmentError(Exception):
+    """The folder has no assessment that this version understands."""
+
+
+class Unit(msgspec.Struct, frozen=True):
+    """An FMU."""
+
+    fmu: str
+    guid: str | None
+    version: str | None
+
+
+class Datum(msgspec.Struct, frozen=True):
+    """A number of the vehicle and where it comes from."""
+
+    value: float
+    source: str
+
+
+class Run(msgspec.Struct, frozen=True, rename={"name": "id"}):
+    """A run, and the metrics of its evaluator."""
+
+    name: str
+    suite: Suite
+    system: Name
+    parameters: dict[str, float]
+    flags: tuple[str, ...]
+    stop_reason: str
+    error: str | None
+    metrics: dict[str, Any]
+
+    @property
+    def maneuver(self) -> str:
+        """The first part of its name."""
+        return self.name.partition(".")[0]
+
+
+class Limit(msgspec.Struct, frozen=True, rename={"holds": "is"}):
+    """A limit of a regulation, or of `--require`."""
+
+    source: str
+    holds: bool | None = None
+    min: float | None = None
+    max: float | None = None
+
+
+class Row(msgspec.Struct, frozen=True, rename={"name": "id", "with_": "with"}):
+    """A metric of both systems."""
+
+    name: str
+    title: str
+    definition: str
+    unit: str
+    suite: Suite
+    without: Number
+    with_: Number
+    change: float | None
+    judgment: Literal["better", "same", "worse"] | None
+    verdict: Literal["pass", "fail", "info", "comparison", "dropped", "error"]
+    verdict_without: str
+    limit: Limit | None
+    reason: str | None
+
+    @property
+    def maneuver(self) -> str:
+        """The first part of its name."""
+        return self.name.partition(".")[0]
+
+
+class Dropped(msgspec.Struct, frozen=True):
+    """A maneuver that was left out."""
+
+    run: str
+    reason: str
+
+
+class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=True):
+    """An assessment."""
+
+    schema: str
+    plant: Unit
+    base: tuple[Unit, ...]
+    with_: tuple[Unit, ...]
+    vehicle: dict[str, Any]
+    driver: dict[str, float | None]
+    systems: tuple[Name, ...]
+    unwritten: dict[str, dict[str, str]]
+    idle: tuple[str, ...]
+    runs: tuple[Run, ...]
+    metrics: tuple[Row, ...]
+    dropped: tuple[Dropped, ...]
+    tracks: dict[str, tuple[tuple[float, float, float, float], ...]]
+    weighting: tuple[tuple[float, ...], tuple[float, ...]] | None
+
+    @cached_property
+    def by_name(self) -> dict[str, Row]:
+        """The metrics by their names."""
+        return {row.name: row for row in self.metrics}
+
+    @property
+    def data(self) -> Iterator[tuple[str, Datum]]:
+        """The numbers of the vehicle that are known."""
+        for name, value in self.vehicle.items():
+            if isinstance(value, dict):
+                yield name, msgspec.convert(value, Datum)
+
+    def datum(self, name: str) -> float | None:
+        """Return a number of the vehicle."""
+        return next((datum.value for known, datum in self.data if known == name), None)
+
+    def runs_of(self, maneuver: str, system: str) -> list[Run]:
+        """Return the runs of a maneuver, in their order."""
+        return [run for run in self.runs if run.maneuver == maneuver and run.system == system]
+
+
+class Folder:
+    """The folder of an assessment."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._recordings: dict[tuple[str, str], Recording | None] = {}
+
+    def read(self) -> Assessment:
+        """Read the assessment.
+
+        Raises AssessmentError if there is none that this version understands.
+        """
+        path = self.path / "assessment.json"
+        try:
+            found = msgspec.json.decode(path.read_bytes(), type=Assessment)
+        except (OSError, msgspec.MsgspecError) as error:
+            raise AssessmentError(f"{path}: {error}; `cargo fmu assess` writes it") from error
+        if found.schema != SCHEMA:
+            raise AssessmentError(f"{path}: its schema is {found.schema}, expected {SCHEMA}")
+        return found
+
+    def recording(self, system: str, run: str) -> Recording | None:
+        """Return the signals of a run; None if they were not recorded.
+
+        Raises AssessmentError for a file that cannot be read.
+        """
+        key = (system, run)
+        if key not in self._recordings:
+            path = self.path / "runs" / system / f"{run}.csv"
+            try:
+                self._recordings[key] = read_csv(path) if path.is_file() else None
+            except ResultsError as error:
+                raise AssessmentError(str(error)) from error
+        return self._recordings[key]

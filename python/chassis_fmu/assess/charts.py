@@ -1,0 +1,513 @@
+"""The figures of an assessment, by group of maneuvers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import metrics
+from ..charts import Chart, figure
+from ..figures import Array, Axis, Line, Panel
+from ..plan import Case, Conversion, Level, Point
+from ..results import Recording
+from .assessment import Assessment, Folder, Run, Suite
+
+DEGREES = Conversion("°", 180.0 / math.pi)
+ANGLE = (DEGREES, Conversion("rad"))
+RATE = (Conversion("°/s", 180.0 / math.pi), Conversion("rad/s"))
+METERS = (Conversion("m"),)
+TIME = Axis("Time", (Conversion("s"),))
+ACCELERATION = (Conversion("m/s²"),)
+LATERAL = Axis("Lateral acceleration", ACCELERATION)
+NO_UNIT = (Conversion(""),)
+KMH = (Conversion("km/h", 3.6), Conversion("m/s"))
+
+# Time between two footprints, s.
+FOOTPRINTS = 0.25
+
+# What is left of the marks of sine with dwell after the completion of steer, s.
+AFTER = (0.0, 1.0, 1.75)
+
+
+@dataclass(frozen=True)
+class Systems:
+    """What figures are of: a case for each system."""
+
+    cases: tuple[Case, ...]
+    points: tuple[Point, ...] = ()
+
+
+@dataclass(frozen=True)
+class Source:
+    """What the figures are made of."""
+
+    assessment: Assessment
+    folder: Folder
+    systems: Systems
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """The systems."""
+        return self.systems.cases
+
+    def recordings(self, run: str) -> Iterator[tuple[Case, Recording]]:
+        """Return the signals of a run in each system that has them.
+
+        Of a maneuver with several runs, of which one is recorded, that one.
+        """
+        for case in self.cases:
+            names = [
+                r.name for r in self.assessment.runs if r.system == case.name and f"{r.name}.".startswith(f"{run}.")
+            ]
+            found = [self.folder.recording(case.name, name) for name in names]
+            recording = next((r for r in reversed(found) if r is not None and r.times.size > 1), None)
+            if recording is not None:
+                yield case, recording
+
+    def runs(self, maneuver: str) -> Iterator[tuple[Case, list[Run]]]:
+        """Return the runs of a maneuver, by system."""
+        for case in self.cases:
+            runs = self.assessment.runs_of(maneuver, case.name)
+            if runs:
+                yield case, runs
+
+
+Make = Callable[[Source], "Chart | None"]
+
+
+def _chart(source: Source, name: str, title: str, kind: str, caption: str, panels: Sequence[Panel]) -> Chart | None:
+    shown = [panel for panel in panels if panel.lines]
+    return Chart(figure(name, title, kind, source.cases), caption, shown) if shown else None
+
+
+def _speed(source: Source, maneuver: str) -> str:
+    """Say at which speed a maneuver begins."""
+    speeds = {run.parameters.get("speed") for _, runs in source.runs(maneuver) for run in runs}
+    speed = speeds.pop() if len(speeds) == 1 else None
+    return "" if speed is None else f"At {3.6 * speed:.4g} km/h."
+
+
+def _over_time(source: Source, run: str, signals: Sequence[tuple[str, str, tuple[Conversion, ...]]]) -> list[Panel]:
+    """Return signals of a run over time, a panel for each."""
+    panels = []
+    for signal, title, units in signals:
+        lines = [
+            Line("run", case.title, recording.times, recording.values[signal], case)
+            for case, recording in source.recordings(run)
+            if signal in recording.values
+        ]
+        panels.append(Panel(title, "", TIME, Axis("", units), tuple(lines)))
+    return panels
+
+
+def slowly_increasing_steer(source: Source) -> Chart | None:
+    """Steering wheel angle over lateral acceleration, and the handling diagram with the understeer gradient."""
+    wheelbase = source.assessment.datum("wheelbase")
+    steering: list[Line] = []
+    handling: list[Line] = []
+    gradients: list[Line] = []
+    for case in source.cases:
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            run = f"slowly_increasing_steer.{side}"
+            recording = source.folder.recording(case.name, run)
+            if recording is None:
+                continue
+            v = recording.values
+            title = case.title if side == "left" else ""
+            across = sign * v["vehicle.lateral_acceleration"]
+            if "driver.steering_wheel" in v:
+                wheel = sign * v["driver.steering_wheel"]
+                steering.append(Line("run", title, across, wheel, case, t=recording.times))
+            if wheelbase is None:
+                continue
+            up = sign * (v["driver.steer"] - wheelbase * v["vehicle.yaw_rate"] / v["vehicle.speed"])
+            handling.append(Line("run", title, across, up, case, t=recording.times))
+            gradient = _of(source.assessment.runs_of("slowly_increasing_steer", case.name), run, "understeer_gradient")
+            # A line of regression goes through the mean of its points.
+            inside = (across >= 1.0) & (across <= 3.0)
+            if gradient is not None and inside.any():
+                ends = np.array([1.0, 3.0])
+                line = float(up[inside].mean()) + gradient * (ends - float(across[inside].mean()))
+                gradients.append(Line("reference", "" if gradients else "slope from 1 to 3 m/s²", ends, line, case))
+    panels = [
+        Panel("Steering wheel angle", "", LATERAL, Axis("", ANGLE), tuple(steering), kind="curve"),
+        Panel(
+            "Handling diagram: angle of the front wheels less wheelbase · yaw rate / speed",
+            "",
+            LATERAL,
+            Axis("", ANGLE),
+            (*handling, *gradients),
+            kind="curve",
+        ),
+    ]
+    speed = _speed(source, "slowly_increasing_steer")
+    caption = f"{speed} Both directions. The slope of the handling diagram is the understeer gradient."
+    return _chart(source, "slowly_increasing_steer", "Slowly increasing steer", "xy", caption, panels)
+
+
+def _of(runs: Sequence[Run], name: str, metric: str) -> float | None:
+    value = next((run.metrics.get(metric) for run in runs if run.name == name), None)
+    return float(value) if isinstance(value, (int, float)) else None
+
+
+def step_steer(source: Source) -> Chart | None:
+    """Responses to a step of the steering."""
+    signals = (
+        ("vehicle.yaw_rate", "Yaw rate", RATE),
+        ("vehicle.lateral_acceleration", "Lateral acceleration", ACCELERATION),
+        ("body.roll", "Roll angle", ANGLE),
+        ("vehicle.sideslip", "Sideslip angle", ANGLE),
+    )
+    panels = _over_time(source, "step_steer", signals)
+    caption = f"{_speed(source, 'step_steer')} The angle gives both systems the same steady lateral acceleration."
+    return _chart(source, "step_steer", "Step steer", "time", caption, panels)
+
+
+def frequency_response(source: Source) -> Chart | None:
+    """Gain and phase of yaw rate and lateral acceleration."""
+    hertz = Axis("Frequency", (Conversion("Hz"),), log=True)
+    panels = []
+    for group, title, unit in (
+        ("yaw_rate", "yaw rate", (Conversion("1/s"),)),
+        ("lateral_acceleration", "lateral acceleration", (Conversion("m/(s²·rad)"),)),
+    ):
+        gains, phases = [], []
+        for case, runs in source.runs("frequency_response"):
+            found = runs[0].metrics
+            response = found.get(group) or {}
+            frequency, gain, phase = map(_array, (found.get("frequency"), response.get("gain"), response.get("phase")))
+            if frequency is None:
+                continue
+            if gain is not None:
+                gains.append(Line("run", case.title, frequency, gain, case))
+            if phase is not None:
+                phases.append(Line("run", case.title, frequency, phase, case))
+        panels.append(Panel(f"Gain of the {title}", "", hertz, Axis("", unit), tuple(gains)))
+        panels.append(Panel(f"Phase of the {title}", "", hertz, Axis("", (DEGREES,)), tuple(phases)))
+    caption = (
+        f"{_speed(source, 'frequency_response')} Response to the angle of the front wheels, at the frequencies of the "
+        "sum of sines that was steered."
+    )
+    return _chart(source, "frequency_response", "Frequency response", "transfer", caption, panels)
+
+
+def _array(values: Any) -> Array | None:
+    return None if values is None else np.array([math.nan if v is None else v for v in values], np.float64)
+
+
+def _path(recording: Recording) -> tuple[Array, Array] | None:
+    """Return the path that the driver follows: the point of it that is nearest to the vehicle, for each row."""
+    v = recording.values
+    needed = ("vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "path.lateral_deviation", "path.heading_error")
+    if any(name not in v for name in needed):
+        return None
+    x, y, yaw, deviation, error = (v[name] for name in needed)
+    heading = yaw - error
+    return x + deviation * np.sin(heading), y - deviation * np.cos(heading)
+
+
+def single_lane_change(source: Source) -> Chart | None:
+    """Show the lane change from above, and the lateral acceleration."""
+    lines: list[Line] = []
+    for case, recording in source.recordings("single_lane_change"):
+        x, y = (recording.values[f"vehicle.position_{axis}"] for axis in "xy")
+        path = _path(recording)
+        if path is not None and not lines:
+            lines.append(Line("reference", "path", *path))
+        lines.append(Line("run", case.title, x, y, case, t=recording.times))
+    above = Panel("Seen from above", "", Axis("x", METERS), Axis("y", METERS), tuple(lines), kind="curve")
+    signals = (("vehicle.lateral_acceleration", "Lateral acceleration", ACCELERATION),)
+    panels = [above, *_over_time(source, "single_lane_change", signals)]
+    caption = f"{_speed(source, 'single_lane_change')} The axes have different scales."
+    return _chart(source, "single_lane_change", "Single lane change", "xy", caption, panels)
+
+
+def sine_with_dwell(source: Source) -> Chart | None:
+    """Yaw rates of all runs over the steering, with marks where they are judged."""
+    panels = []
+    for case, runs in source.runs("sine_with_dwell"):
+        lines: list[Line] = []
+        marks: list[tuple[Array, Array]] = []
+        for run in runs:
+            recording = source.folder.recording(case.name, run.name)
+            if recording is None or "vehicle.yaw_rate" not in recording.values:
+                continue
+            sign = -1.0 if run.name.split(".")[1] == "right" else 1.0
+            rate = sign * recording.values["vehicle.yaw_rate"]
+            lines.append(Line("run", "" if lines else case.title, recording.times, rate, case))
+            completed = run.metrics.get("cos")
+            if completed is not None:
+                at = np.array([completed + after for after in AFTER])
+                at = at[at <= recording.times[-1]]
+                marks.append((at, np.interp(at, recording.times, rate)))
+        if not lines:
+            continue
+        last = max(runs, key=lambda run: run.parameters["amplitude"])
+        recording = source.folder.recording(case.name, last.name)
+        right = None
+        if recording is not None and "driver.steering_wheel" in recording.values:
+            right = Axis("Steering wheel", ANGLE)
+            sign = -1.0 if last.name.split(".")[1] == "right" else 1.0
+            wheel = sign * recording.values["driver.steering_wheel"]
+            lines.append(Line("reference", "steering wheel of the largest", recording.times, wheel, right=True))
+        if marks:
+            x, y = (np.concatenate(part) for part in zip(*marks, strict=True))
+            order = np.argsort(x, kind="stable")
+            lines.append(
+                Line("reference", "steering done, 1 s, 1.75 s later", x[order], y[order], marks=True, apart=True)
+            )
+        panels.append(Panel("Yaw rate", case.title, TIME, Axis("", RATE), tuple(lines), right=right))
+    caption = f"{_speed(source, 'sine_with_dwell')} All amplitudes; runs to the right are mirrored."
+    return _chart(source, "sine_with_dwell", "Sine with dwell", "time", caption, panels)
+
+
+def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
+    """Show what sine with dwell is judged by, over the amplitude."""
+    amplitude = Axis("Largest steering wheel angle", (Conversion("°"),))
+    panels = []
+    row = source.assessment.by_name.get("sine_with_dwell.lateral_displacement")
+    least = None if row is None or row.limit is None else row.limit.min
+    for metric, title, unit, limit in (
+        ("yaw_rate_ratio_1s", "Yaw rate 1 s after the steering, of its second peak", "", 0.35),
+        ("yaw_rate_ratio_1_75s", "Yaw rate 1.75 s after the steering, of its second peak", "", 0.20),
+        ("lateral_displacement", "Lateral displacement 1.07 s after the beginning", "m", least),
+    ):
+        lines = []
+        for case, runs in source.runs("sine_with_dwell"):
+            for side in ("left", "right"):
+                own = [run for run in runs if run.name.split(".")[1] == side]
+                known = [
+                    (r.parameters["amplitude"], r.metrics[metric]) for r in own if r.metrics.get(metric) is not None
+                ]
+                if known:
+                    x, y = np.array(sorted(known), np.float64).T
+                    title_of_line = case.title if side == "left" else ""
+                    lines.append(Line("run", title_of_line, x, y, case, marks=True))
+        levels = () if limit is None else (Level(limit, "limit"),)
+        axis = Axis("", (Conversion(unit),), zero=True)
+        panels.append(Panel(title, "", amplitude, axis, tuple(lines), levels))
+    caption = (
+        "Limits of FMVSS 126 and UN R140. To both sides. The displacement counts from five times the amplitude A on."
+    )
+    return _chart(source, "sine_with_dwell_limits", "Sine with dwell over the amplitude", "sweep", caption, panels)
+
+
+def _corners(assessment: Assessment, x: Array, y: Array, yaw: Array) -> tuple[Array, Array]:
+    """Return the outlines of the vehicle at some places as one line, with gaps between them."""
+    front, rear, width = (assessment.datum(name) or 0.0 for name in ("front", "rear", "width"))
+    ahead = np.array([front, front, -rear, -rear, front])
+    left = 0.5 * width * np.array([1.0, -1.0, -1.0, 1.0, 1.0])
+    xs = x[:, None] + np.cos(yaw)[:, None] * ahead - np.sin(yaw)[:, None] * left
+    ys = y[:, None] + np.sin(yaw)[:, None] * ahead + np.cos(yaw)[:, None] * left
+    gap = np.full((len(x), 1), math.nan)
+    return np.hstack([xs, gap]).ravel(), np.hstack([ys, gap]).ravel()
+
+
+def _cones(track: Sequence[tuple[float, float, float, float]]) -> Line:
+    parts = [(x, y) for begin, end, right, left in track for y in (right, left) for x in (begin, end, math.nan)]
+    xs, ys = np.array(parts, np.float64).T
+    return Line("reference", "cones", xs, ys)
+
+
+def _above(source: Source, maneuver: str, case: Case, run: Run, what: str) -> Panel | None:
+    """Return a double lane change seen from above."""
+    recording = source.folder.recording(case.name, run.name)
+    if recording is None:
+        return None
+    v, times = recording.values, recording.times
+    x, y, yaw = (v[name] for name in ("vehicle.position_x", "vehicle.position_y", "vehicle.yaw"))
+    track = source.assessment.tracks[maneuver]
+    near = (x >= track[0][0] - 10.0) & (x <= track[-1][1] + 10.0)
+    if not near.any():
+        return None
+    step = max(1, round(FOOTPRINTS / float(times[1] - times[0])))
+    rows = np.flatnonzero(near)[::step]
+    lines = [_cones(track)]
+    path = _path(recording)
+    if path is not None:
+        lines.append(Line("reference", "path", path[0][near], path[1][near]))
+    lines.append(Line("run", case.title, x[near], y[near], case, t=times[near]))
+    lines.append(Line("run", "footprint", *_corners(source.assessment, x[rows], y[rows], yaw[rows]), case))
+    tightest = run.metrics.get("tightest")
+    if tightest is not None:
+        row = np.array([int(np.abs(times - tightest[0]).argmin())])
+        lines.append(Line("reference", "tightest place", *_corners(source.assessment, x[row], y[row], yaw[row])))
+    speed = float(run.name.split(".", 1)[1])
+    return Panel(
+        f"{what} at {speed:.1f} km/h", case.title, Axis("x", METERS), Axis("y", METERS), tuple(lines), kind="curve"
+    )
+
+
+def double_lane_change(maneuver: str, title: str) -> Make:
+    """Return the figure of a coned track: seen from above at the highest passed and the first failed speed."""
+
+    def make(source: Source) -> Chart | None:
+        if maneuver not in source.assessment.tracks:
+            return None
+        panels = []
+        for case, runs in source.runs(maneuver):
+            recorded = [run for run in runs if source.folder.recording(case.name, run.name) is not None]
+            for run in sorted(recorded, key=lambda run: run.metrics.get("passed") is not True):
+                what = "Passed" if run.metrics.get("passed") is True else "Failed"
+                panel = _above(source, maneuver, case, run, what)
+                if panel is not None:
+                    panels.append(panel)
+        caption = (
+            "The highest speed that is passed and the lowest that is not. The vehicle's footprint every "
+            f"{FOOTPRINTS} s, in ink where it is tightest. The axes have different scales."
+        )
+        return _chart(source, maneuver, title, "time", caption, panels)
+
+    return make
+
+
+def margins(source: Source) -> Chart | None:
+    """Show the smallest distance from the cones over the entry speed."""
+    panels = []
+    for maneuver, title in (("iso3888_1", "ISO 3888-1"), ("iso3888_2", "ISO 3888-2")):
+        lines = []
+        for case, runs in source.runs(maneuver):
+            known = []
+            for run in runs:
+                values = [m for m in run.metrics.get("margins") or () if m is not None]
+                if values:
+                    known.append((float(run.name.split(".", 1)[1]), min(values)))
+            if known:
+                x, y = np.array(sorted(known), np.float64).T
+                lines.append(Line("run", case.title, x, y, case, marks=True))
+        speed = Axis("Entry speed", (Conversion("km/h"),))
+        panels.append(Panel(title, "", speed, Axis("", METERS), tuple(lines), (Level(0.0, "cone"),)))
+    caption = "Smallest distance between footprint and cones; negative where a cone is hit."
+    return _chart(source, "margins", "Margins to the cones", "sweep", caption, panels)
+
+
+ROLLOVER = (
+    ("driver.steering_wheel", "Steering wheel angle", ANGLE),
+    ("body.roll_rate", "Roll rate", RATE),
+    ("body.roll", "Roll angle", ANGLE),
+    ("vehicle.load_transfer_ratio", "Load transfer ratio", NO_UNIT),
+)
+
+
+def _rollover(maneuver: str, title: str) -> Make:
+    def make(source: Source) -> Chart | None:
+        speeds = [{run.name for run in runs if ".left." in run.name} for _, runs in source.runs(maneuver)]
+        common = set.intersection(*speeds) if speeds else set()
+        if not common:
+            return None
+        run = max(common, key=lambda name: float(name.split(".", 2)[2]))
+        speed = run.split(".", 2)[2]
+        caption = f"To the left at {speed} mph, the highest speed of the series that both systems have driven."
+        if len(source.cases) == 1:
+            caption = f"To the left at {speed} mph, the highest speed of the series."
+        return _chart(source, maneuver, title, "time", caption, _over_time(source, run, ROLLOVER))
+
+    return make
+
+
+def braking(source: Source) -> Chart | None:
+    """Speed over the way while braking."""
+    lines = []
+    for case, recording in source.recordings("braking"):
+        v = recording.values
+        begin = int(np.argmax(v["driver.brake"] > 0.0)) if "driver.brake" in v else 0
+        way = v["vehicle.position_x"] - v["vehicle.position_x"][begin]
+        lines.append(Line("run", case.title, way[begin:], v["vehicle.speed"][begin:], case, t=recording.times[begin:]))
+    panel = Panel("Speed", "", Axis("Way", METERS), Axis("", KMH, zero=True), tuple(lines), kind="curve")
+    return _chart(
+        source,
+        "braking",
+        "Straight braking",
+        "xy",
+        f"{_speed(source, 'braking')} From the beginning of braking.",
+        [panel],
+    )
+
+
+def split_friction(source: Source) -> Chart | None:
+    """Paths and steering while one side of the road is slippery."""
+    panels = []
+    for side in ("left", "right"):
+        lines = []
+        for case, recording in source.recordings(f"split_friction.{side}"):
+            x, y = (recording.values[f"vehicle.position_{axis}"] for axis in "xy")
+            lines.append(Line("run", case.title, x, y, case, t=recording.times))
+        across, up = Axis("x", METERS), Axis("y", METERS)
+        panels.append(Panel(f"Path, slippery on the {side}", "", across, up, tuple(lines), kind="curve"))
+    for side in ("left", "right"):
+        signals = (("driver.steering_wheel", f"Steering wheel, slippery on the {side}", ANGLE),)
+        panels += _over_time(source, f"split_friction.{side}", signals)
+    caption = f"{_speed(source, 'split_friction')} The axes of the paths have different scales."
+    return _chart(source, "split_friction", "Braking on split friction", "xy", caption, panels)
+
+
+def brake_in_turn(source: Source) -> Chart | None:
+    """Speed, yaw rate and sideslip while braking in a turn."""
+    signals = (
+        ("vehicle.speed", "Speed", KMH),
+        ("vehicle.yaw_rate", "Yaw rate", RATE),
+        ("vehicle.sideslip", "Sideslip angle", ANGLE),
+    )
+    panels = _over_time(source, "brake_in_turn", signals)
+    caption = f"{_speed(source, 'brake_in_turn')} The steering is held when braking begins, at 16 s."
+    return _chart(source, "brake_in_turn", "Braking in a turn", "time", caption, panels)
+
+
+def ride(source: Source) -> Chart | None:
+    """Spectra of the heave acceleration, with the weighting of ISO 2631-1."""
+    weighting = source.assessment.weighting
+    if weighting is None:
+        return None
+    hertz = Axis("Frequency", (Conversion("Hz"),), log=True, range=(0.2, 100.0))
+    frequencies, gains = (np.array(part) for part in weighting)
+    plain, weighted = [], []
+    highest = 0.0
+    for case, recording in source.recordings("ride.c.1"):
+        signal = recording.values.get("body.heave_acceleration")
+        if signal is None:
+            continue
+        rows = recording.times >= 2.0
+        f, density = metrics.spectrum(recording.times[rows], signal[rows])
+        shown = (f >= 0.2) & (f <= 100.0)
+        f, density = f[shown], density[shown]
+        gain = np.interp(np.log(f), np.log(frequencies), gains)
+        highest = max(highest, float(density.max()))
+        plain.append(Line("run", case.title, f, density, case))
+        weighted.append(Line("run", case.title, f, density * gain**2, case))
+    # Six decades, of which the rest is rounding.
+    axis = Axis("", (Conversion("(m/s²)²/Hz"),), log=True, range=(2e-6 * highest, 2.0 * highest))
+    inside = (frequencies >= 0.2) & (frequencies <= 100.0)
+    curve = Line("reference", "gain of W_k", frequencies[inside], gains[inside], right=True)
+    panels = [
+        Panel("Heave acceleration", "", hertz, axis, tuple(plain)),
+        Panel(
+            "Heave acceleration, weighted by W_k",
+            "",
+            hertz,
+            axis,
+            (*weighted, curve) if weighted else (),
+            right=Axis("Gain of W_k", NO_UNIT),
+        ),
+    ]
+    caption = f"{_speed(source, 'ride')} Power spectral densities on a road of class C (ISO 8608), first seed."
+    return _chart(source, "ride", "Ride", "spectrum", caption, panels)
+
+
+CHARTS: dict[Suite, tuple[Make, ...]] = {
+    "handling": (slowly_increasing_steer, step_steer, frequency_response, single_lane_change),
+    "stability": (
+        sine_with_dwell,
+        sine_with_dwell_amplitudes,
+        double_lane_change("iso3888_1", "Double lane change of ISO 3888-1"),
+        double_lane_change("iso3888_2", "Double lane change of ISO 3888-2"),
+        margins,
+    ),
+    "rollover": (_rollover("fishhook", "Fishhook"), _rollover("j_turn", "J-turn")),
+    "braking": (braking, split_friction, brake_in_turn),
+    "ride": (ride,),
+}
+"""The figures, by group of maneuvers."""

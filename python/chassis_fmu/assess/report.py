@@ -1,0 +1,230 @@
+"""The page of an assessment. Its text takes every number from the assessment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from .. import index, page, page_data, plots, results, tables
+from ..charts import Chart
+from ..plan import Case
+from .assessment import Assessment, Folder, Number, Row, Run, Suite
+from .charts import CHARTS, Source, Systems
+
+SUITES: dict[Suite, tuple[str, str]] = {
+    "handling": ("Handling", "ISO 4138, ISO 7401, ISO 14791"),
+    "stability": ("Stability", "FMVSS 126, UN R140, ISO 3888-1, ISO 3888-2"),
+    "rollover": ("Rollover", "NHTSA, 49 CFR 575.106"),
+    "braking": ("Braking", "UN R13-H, ISO 7975"),
+    "ride": ("Ride", "ISO 8608, ISO 2631-1"),
+}
+"""Titles and procedures of the groups of maneuvers."""
+
+VERDICTS = {
+    "pass": ("passed", "Passed"),
+    "fail": ("failed", "Failed"),
+    "error": ("failed", "Error"),
+    "comparison": ("open", "Comparison"),
+    "dropped": ("open", "No number"),
+}
+"""Class and text of the badges."""
+
+CHANGES = {"better": ("passed", "better"), "worse": ("failed", "worse"), "same": ("same", "same")}
+
+FLAGS = {
+    "spun": "spun",
+    "rolled_over": "rolled over",
+    "lost": "lost the path",
+    "not_finished": "did not get to the end",
+    "diverged": "broke down",
+}
+
+# The class of road whose tire loads are shown wheel by wheel.
+ROAD = "c"
+
+
+@dataclass(frozen=True)
+class Context:
+    """How the assessment was made, for whoever repeats it."""
+
+    command: str
+    versions: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A group of maneuvers."""
+
+    title: str
+    procedures: str
+    maneuvers: Sequence[tuple[str, Sequence[Row]]]
+    drawings: Sequence[tuple[Chart, Any]]
+    loads: Sequence[tuple[str, Sequence[tuple[Case, float]]]]
+
+    @property
+    def largest_load(self) -> float:
+        """The largest of the dynamic load coefficients, for the length of the bars."""
+        return max((value for _, values in self.loads for _, value in values), default=1.0)
+
+
+def words(name: str) -> str:
+    """Write the name of a maneuver as words."""
+    known = {"iso3888_1": "ISO 3888-1", "iso3888_2": "ISO 3888-2", "j_turn": "J-turn"}
+    text = known.get(name, name.replace("_", " "))
+    return text[:1].upper() + text[1:]
+
+
+def shown(value: Number, row: Row) -> str:
+    """Write a number of a metric; angles in degrees, shares in percent stay as they are."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    factor, _ = unit_of(row)
+    return tables.number(factor * value, None)
+
+
+def unit_of(row: Row) -> tuple[float, str]:
+    """Return the factor and the unit in which people read a metric."""
+    if row.unit.startswith("rad"):
+        return 180.0 / math.pi, tables.pretty_unit("deg" + row.unit.removeprefix("rad"))
+    return 1.0, tables.pretty_unit(row.unit)
+
+
+def limit(row: Row) -> str:
+    """Write the limit of a metric."""
+    if row.limit is None:
+        return ""
+    factor, unit = unit_of(row)
+    if row.limit.holds is not None:
+        return "yes" if row.limit.holds else "no"
+    text = [
+        f"{word} {tables.scientific(factor * value)} {unit}".rstrip()
+        for word, value in (("at least", row.limit.min), ("at most", row.limit.max))
+        if value is not None
+    ]
+    return " and ".join(text)
+
+
+def systems(found: Assessment) -> Systems:
+    """Return the systems as cases of figures."""
+    if len(found.systems) == 1:
+        return Systems((Case("without", found.plant.fmu, None),))
+    return Systems((Case("without", "Without controllers", None), Case("with", "With controllers", "without")))
+
+
+def units(found: Assessment) -> str:
+    """Write the FMUs of the assessment as a phrase."""
+    plant = " and ".join([found.plant.fmu, *(unit.fmu for unit in found.base)])
+    controllers = ", ".join(unit.fmu for unit in found.with_)
+    return f"{plant}, without and with {controllers}" if controllers else plant
+
+
+def _loads(found: Assessment, cases: Sequence[Case]) -> Iterator[tuple[str, Sequence[tuple[Case, float]]]]:
+    of = {
+        case: [
+            run.metrics.get("dynamic_load_coefficient") or {}
+            for run in found.runs_of("ride", case.name)
+            if run.name.split(".")[1] == ROAD
+        ]
+        for case in cases
+    }
+    for wheel in dict.fromkeys(name for runs in of.values() for run in runs for name in run):
+        values = []
+        for case, runs in of.items():
+            known = [float(run[wheel]) for run in runs if isinstance(run.get(wheel), (int, float))]
+            if known and len(known) == len(runs):
+                values.append((case, sum(known) / len(known)))
+        if values:
+            yield wheel, values
+
+
+def _troubles(found: Assessment, cases: Sequence[Case]) -> list[tuple[str, list[tuple[Case, Run]]]]:
+    """Return the runs with a flag or an error, by flag."""
+    by_flag: dict[str, list[tuple[Case, Run]]] = {}
+    for case in cases:
+        for run in found.runs:
+            if run.system == case.name:
+                for flag in run.flags:
+                    by_flag.setdefault(FLAGS.get(flag, flag), []).append((case, run))
+    return list(by_flag.items())
+
+
+def render(found: Assessment, folder: Folder, context: Context) -> str:
+    """Return the page, and write its figures beside it."""
+    source = Source(found, folder, systems(found))
+    drawn: list[tuple[str, Sequence[Any]]] = []
+
+    def drawing(chart: Chart) -> tuple[Chart, Any]:
+        made = plots.draw(source.systems, chart.figure, chart.panels)
+        made.write(folder.path / "figures")
+        drawn.append((chart.figure.name, chart.panels))
+        return chart, page.inline_svg(made)
+
+    sections = []
+    for suite, (title, procedures) in SUITES.items():
+        rows = [row for row in found.metrics if row.suite == suite]
+        if not rows:
+            continue
+        maneuvers: dict[str, list[Row]] = {}
+        for row in rows:
+            maneuvers.setdefault(row.maneuver, []).append(row)
+        charts = [chart for make in CHARTS[suite] if (chart := make(source)) is not None]
+        loads = list(_loads(found, source.cases)) if suite == "ride" else []
+        sections.append(
+            Section(title, procedures, list(maneuvers.items()), [drawing(chart) for chart in charts], loads)
+        )
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parents[1]),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    return environment.get_template("assess.html.j2").render(
+        found=found,
+        units=units(found),
+        cases=source.cases,
+        sections=sections,
+        counts=counts(found),
+        changes=changes(found),
+        troubles=_troubles(found, source.cases),
+        interactive=page_data.Interactive.of(page_data.render(source.cases, [], drawn)),
+        context=context,
+        shown=shown,
+        unit_of=unit_of,
+        limit=limit,
+        words=words,
+        signed=tables.signed,
+        number=lambda value: tables.number(value, None),
+        verdict_badges=VERDICTS,
+        change_badges=CHANGES,
+        road=ROAD.upper(),
+    )
+
+
+def counts(found: Assessment) -> dict[str, int]:
+    """Count the verdicts on the system with the controllers, or on the only one."""
+    verdicts = [row.verdict for row in found.metrics]
+    numbers = {"passed": verdicts.count("pass"), "failed": verdicts.count("fail") + verdicts.count("error")}
+    return {name: count for name, count in numbers.items() if count}
+
+
+def changes(found: Assessment) -> dict[str, int]:
+    """Count the metrics that the controllers make better or worse."""
+    judgments = [row.judgment for row in found.metrics]
+    return {name: judgments.count(name) for name in ("better", "same", "worse")}
+
+
+def write(found: Assessment, folder: Folder, context: Context) -> Path:
+    """Write the page, and the list of all results; returns the page."""
+    path = folder.path / "index.html"
+    results.write_text(path, render(found, folder, context))
+    index.note(folder.path, index.Entry(f"Test bench: {units(found)}", "", counts(found)))
+    index.write(folder.path.parent)
+    return path
