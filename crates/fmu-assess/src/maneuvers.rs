@@ -277,6 +277,15 @@ pub(crate) fn number(metrics: &Evaluation, name: &str) -> Option<f64> {
     }
 }
 
+/// Why a metric of an evaluator has no value.
+pub(crate) fn reason(metrics: &Evaluation, name: &str) -> Option<String> {
+    let found = metrics.metrics.iter().find(|metric| metric.definition.name == name);
+    found.and_then(|metric| match &metric.value {
+        metric::Value::Null(reason) => Some(reason.to_string()),
+        _ => None,
+    })
+}
+
 /// A truth value of an evaluator.
 pub(crate) fn truth(metrics: &Evaluation, name: &str) -> Option<bool> {
     match metrics.value(name) {

@@ -1,6 +1,6 @@
 //! Ride on random roads of ISO 8608, weighted by ISO 2631-1.
 
-use super::{Results, evaluated, number, or_null};
+use super::{Results, evaluated, number, or_null, reason};
 use crate::bench::Bench;
 use crate::course::{Course, drive};
 use crate::evaluators::Evaluation;
@@ -73,10 +73,15 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
             }
         }
         let of_class = class.to_uppercase();
+        let why =
+            |name: &str| found.first().map_or_else(|| Some("no run came to its end".to_owned()), |of| reason(of, name));
         let mut add = |name: &str, title: &str, unit: &'static str, definition: &str, value: Option<f64>| {
-            let (name, title) = (format!("{class}.{name}"), format!("{title}, class {of_class}"));
-            results.metric(&name, &title, unit, Direction::Down, or_null(value));
+            let (id, title) = (format!("{class}.{name}"), format!("{title}, class {of_class}"));
+            results.metric(&id, &title, unit, Direction::Down, or_null(value));
             results.defined(definition);
+            if let (None, Some(reason)) = (value, why(name)) {
+                results.because(&reason);
+            }
         };
         let of_all = "Root of the sum of the squares of the weighted heave, roll and pitch accelerations (ISO 2631-1), mean of three roads.";
         add("vibration_total", "Weighted acceleration", "m/s2", of_all, mean(&found, "vibration_total"));
