@@ -1,0 +1,116 @@
+"""The page of an assessment. Reference: the file of the assessment, which Rust writes and tests."""
+
+import json
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from chassis_fmu.assess import app, charts, report
+from chassis_fmu.assess.assessment import AssessmentError, Folder
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Assess the car in all maneuvers, the series of sine with dwell only up to its first unstable runs."""
+    out = tmp_path_factory.mktemp("assess") / "car"
+    command = [sys.executable, "scripts/assess.py", "EspCar", "--with", "AntilockBraking", "--quick"]
+    done = subprocess.run([*command, "--out", str(out)], cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
+    # Antilock brakes alone do not prevent the spin of sine with dwell.
+    assert done.returncode == 1, done.stderr
+    assert done.stdout.endswith(f"{out / 'index.html'}\n")
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> str:
+    return (folder / "index.html").read_text(encoding="utf-8")
+
+
+def test_the_page_shows_all_metrics_and_figures(folder: Path, page: str) -> None:
+    found = Folder(folder).read()
+    for row in found.metrics:
+        assert row.title in page
+    names = set(re.findall(r'<figure id="([^"]+)">', page))
+    # Every figure of the groups of maneuvers is drawn for a car with pedals on a road.
+    assert len(names) == sum(len(makes) for makes in charts.CHARTS.values())
+    assert names == {path.stem for path in (folder / "figures").glob("*.svg")}
+    data = json.loads(re.findall(r'<script type="application/json" id="page-data">(.*?)</script>', page, re.DOTALL)[0])
+    assert {figure["name"] for figure in data["figures"]} == names
+
+
+def test_the_page_is_on_the_list_of_results(folder: Path) -> None:
+    assert "Test bench: EspCar and BrakeAndDriveActuators, without and with AntilockBraking" in (
+        folder.parent / "index.html"
+    ).read_text(encoding="utf-8")
+
+
+def test_the_path_of_the_driver_is_that_of_the_maneuver(folder: Path) -> None:
+    """Reference: the path of the single lane change, y = H (q - sin(2 pi q) / (2 pi)), which ends 1.4637 m to the side.
+
+    The deviation of a row is that of the step before, so that the point is off by what the vehicle moves to the side of
+    the path in 1 ms: less than 0.1 mm, as it does so by less than 0.1 m/s at both ends.
+    """
+    recording = Folder(folder).recording("without", "single_lane_change")
+    assert recording is not None
+    path = charts._path(recording)
+    assert path is not None
+    assert path[1][0] == pytest.approx(0.0, abs=1e-4)
+    assert path[1][-1] == pytest.approx(1.4637, abs=1e-4)
+
+
+def test_footprints_have_the_size_of_the_vehicle(folder: Path) -> None:
+    """Reference: by hand, a vehicle at (10, 2) that looks along y."""
+    found = Folder(folder).read()
+    front, rear, width = (found.datum(name) or 0.0 for name in ("front", "rear", "width"))
+    x, y = charts._corners(found, *(np.array([value]) for value in (10.0, 2.0, math.pi / 2)))
+    assert list(x[:4]) == pytest.approx([10.0 - width / 2, 10.0 + width / 2, 10.0 + width / 2, 10.0 - width / 2])
+    assert list(y[:4]) == pytest.approx([2.0 + front, 2.0 + front, 2.0 - rear, 2.0 - rear])
+
+
+def test_the_page_of_an_assessment_that_is_there(folder: Path, page: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.main(["--page", str(folder)]) == 0
+    assert capsys.readouterr().out == f"{folder / 'index.html'}\n"
+    again = (folder / "index.html").read_text(encoding="utf-8")
+    # But for the command.
+    assert re.sub(r"<code>scripts/assess .*?</code>", "", again) == re.sub(r"<code>scripts/assess .*?</code>", "", page)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--page", "nowhere"], "nowhere/assessment.json"),
+        (["--page", "nowhere", "EspCar"], "--page takes a folder and nothing else"),
+    ],
+)
+def test_errors(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.main(arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_another_schema_is_an_error(folder: Path, tmp_path: Path) -> None:
+    data: dict[str, Any] = json.loads((folder / "assessment.json").read_text(encoding="utf-8"))
+    data["schema"] = "chassis-fmu-assessment/2"
+    (tmp_path / "assessment.json").write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(AssessmentError, match="its schema is chassis-fmu-assessment/2"):
+        Folder(tmp_path).read()
+
+
+def test_a_plant_with_few_signals_has_a_page(tmp_path: Path) -> None:
+    """The linear bicycle model: no roll, no tire loads, no pedals."""
+    out = tmp_path / "bicycle"
+    assert app.main(["BicycleCar", "--suite", "handling", "--suite", "stability", "--quick", "--out", str(out)]) in (
+        0,
+        1,
+    )
+    text = (out / "index.html").read_text(encoding="utf-8")
+    assert "<h1>BicycleCar</h1>" in text
+    assert "With controllers" not in text
+    assert report.words("j_turn") == "J-turn"

@@ -1,0 +1,64 @@
+/** The page of an assessment in a browser. Reference: the file of the assessment beside it. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import type { BrowserContextOptions } from "playwright-core";
+import { Results, assertAccessible, hover } from "./browser";
+
+interface Row {
+  title: string;
+  verdict: string;
+  definition: string;
+}
+
+const folder = process.env["CHASSIS_FMU_ASSESSMENT"] ?? "../results/assess_EspCar";
+const results = new Results(folder);
+const open = (options?: BrowserContextOptions) => results.open(options);
+const assessment = JSON.parse(readFileSync(`${folder}/assessment.json`, "utf8")) as { metrics: Row[] };
+
+test("every metric has a row with its verdict and its definition", async () => {
+  const page = await open();
+  const rows = page.locator(".metrics tbody tr:has(td)");
+  assert.equal(await rows.count(), assessment.metrics.length);
+  const failed = assessment.metrics.filter((row) => row.verdict === "fail").length;
+  assert.ok(failed > 0);
+  assert.equal(await page.locator(".metrics .badge", { hasText: /^Failed$/ }).count(), failed);
+  const first = rows.first().locator("details");
+  const definition = first.locator("p");
+  assert.equal(await definition.isVisible(), false);
+  await first.locator("summary").click();
+  assert.equal(await definition.innerText(), assessment.metrics[0]!.definition);
+});
+
+test("a place of the track is found by the mouse", async () => {
+  const page = await open();
+  const plot = page.locator("#iso3888_2 .plot").first();
+  assert.match(await plot.locator(".plot-title").innerText(), /Passed at [\d.]+ km\/h/);
+  await hover(plot);
+  // Cones, path, the vehicle, its footprints and the tightest place: the nearest of them tells its coordinates.
+  assert.equal(await plot.locator(".plot-readout > span").count(), 5);
+  assert.equal(await plot.locator(".plot-readout b").count(), 2);
+});
+
+test("one of many lines has a key", async () => {
+  const page = await open();
+  const keys = page.locator("#sine_with_dwell .plot").first().locator(".plot-readout > span");
+  assert.deepEqual(await keys.allInnerTexts(), [
+    "Without controllers",
+    "steering wheel of the largest",
+    "steering done, 1 s, 1.75 s later",
+  ]);
+});
+
+for (const width of [400, 1400]) {
+  for (const colorScheme of ["light", "dark"] as const) {
+    test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
+      await assertAccessible(await open({ viewport: { width, height: 900 }, colorScheme }));
+    });
+  }
+}
+
+test("no page writes an error or asks for anything", () => {
+  assert.deepEqual(results.faults, []);
+});
