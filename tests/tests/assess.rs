@@ -216,9 +216,68 @@ fn a_strangers_plant_is_assessed_by_other_names() {
     assert!(message.contains("[signals]"), "{message}");
 }
 
+/// A parameter set does what `--set` does, in any unit that the value can be converted from, and `--set` stands above it.
+#[test]
+fn a_parameter_set_gives_values() {
+    let folder = TempDir::new().unwrap();
+    let set = folder.path().join("slow.ssv");
+    let parameter =
+        |name: &str, value: &str| format!("<ssv:Parameter name=\"{name}\"><ssv:Real {value}/></ssv:Parameter>");
+    let values = [
+        parameter("antilock_braking.pressure.rise_rate", "value=\"50\" unit=\"bar/s\""),
+        parameter("antilock_braking.sample_time", "value=\"0.01\""),
+        parameter("esp_car.tire.friction", "value=\"0.5\" unit=\"1\""),
+    ];
+    let text = format!(
+        "<ssv:ParameterSet xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" version=\"1.0\" \
+         name=\"slow\"><ssv:Parameters>{}</ssv:Parameters></ssv:ParameterSet>",
+        values.concat()
+    );
+    std::fs::write(&set, text).unwrap();
+    let braking = ["EspCar", "--with", "AntilockBraking", "--suite", "braking"];
+    let file = set.to_str().unwrap();
+    let of_file =
+        assess(&[&braking[..], &["--parameters", file, "--set", "antilock_braking:sample_time=0.005"]].concat());
+    let given = [
+        "--set",
+        "antilock_braking:pressure.rise_rate=5",
+        "--set",
+        "antilock_braking:sample_time=0.005",
+        "--set",
+        "esp_car:tire.friction=0.5",
+    ];
+    let of_line = assess(&[&braking[..], &given].concat());
+    assert!(!of_file.bytes.is_empty(), "{}", of_file.errors());
+    assert_eq!(of_file.bytes, of_line.bytes, "{}", of_line.errors());
+    // Other numbers than without: the friction is lower.
+    assert!(of_file.number("braking.distance", "with") > 80.0);
+}
+
+/// With `--adapt` the amplitudes are those of each system: reference, the series from 1.5 A on (FMVSS 126 S7.9).
+#[test]
+fn the_driver_can_know_each_system() {
+    let steering =
+        ["HeavyVehicle", "--with", "YawRateReference", "--with", "ActiveFrontSteering", "--with", "AllWheelSteering"];
+    let suites = ["--suite", "handling", "--suite", "rollover", "--adapt"];
+    let found = assess(&[&steering[..], &suites].concat());
+    for (system, other) in [("without", "with"), ("with", "without")] {
+        let amplitude = found.number("slowly_increasing_steer.A", system);
+        assert!((amplitude - found.number("slowly_increasing_steer.A", other)).abs() > 1.0);
+        let run = found.runs("j_turn.left").find(|run| run["system"] == system).expect("a run");
+        near(run["parameters"]["amplitude"].as_f64().unwrap(), 8.0 * amplitude, 1e-6);
+    }
+}
+
 #[test]
 fn a_call_that_cannot_begin_says_why() {
     let folder = TempDir::new().unwrap();
+    let nameless = folder.path().join("nameless.ssv");
+    std::fs::write(
+        &nameless,
+        "<ParameterSet version=\"1.0\" name=\"n\"><Parameters><Parameter name=\"mass\"><Real value=\"1\"/></Parameter>\
+         </Parameters></ParameterSet>",
+    )
+    .unwrap();
     let wrong = folder.path().join("vehicle.toml");
     std::fs::write(&wrong, "[vehicle]\nwidth = 0.0\n").unwrap();
     for (arguments, words) in [
@@ -229,6 +288,15 @@ fn a_call_that_cannot_begin_says_why() {
             vec!["AntilockBraking and AntilockBraking both write `brake_pressure_command.fl`", "Leave one of them out"],
         ),
         (vec!["EspCar", "--vehicle", wrong.to_str().unwrap()], vec!["vehicle.width is 0, expected a number above 0"]),
+        (
+            vec!["EspCar", "--parameters", nameless.to_str().unwrap()],
+            vec!["`mass` names no component, expected COMPONENT.PARAMETER"],
+        ),
+        (vec!["EspCar", "--parameters", "nowhere.ssv"], vec!["cannot read nowhere.ssv"]),
+        (
+            vec!["EspCar", "--set", "esp_car:body.mass=1.3 t"],
+            vec!["`body.mass` of esp_car is given in t: give it in kg"],
+        ),
         (vec!["EspCar", "--set", "esp_car:body.masses=1300"], vec!["has no parameter `body.masses`", "body.mass"]),
         (
             vec!["EspCar", "--suite", "braking", "--require", "braking.mfd=6"],

@@ -46,7 +46,7 @@ pub struct Subject {
     pub base: Vec<String>,
     /// Controllers.
     pub with: Vec<String>,
-    /// Values for parameters: component, parameter, value as written.
+    /// Values for parameters: component, parameter, value as written; a number may have a unit behind it, after a space.
     pub set: Vec<(String, String, String)>,
     /// Vehicle data and names of signals.
     pub vehicle: VehicleFile,
@@ -244,10 +244,21 @@ impl Systems {
             }
             renamed.insert(variable.clone(), signal.clone());
         }
-        let set = (subject.set.iter())
-            .filter(|(component, _, _)| *component == unit.name)
-            .filter_map(|(_, name, value)| Some((name.clone(), value.parse().ok()?)))
-            .collect();
+        let mut set = BTreeMap::new();
+        for (_, name, value) in subject.set.iter().filter(|(component, _, _)| *component == unit.name) {
+            let (number, given) = value.split_once(' ').map_or((value.as_str(), None), |(n, unit)| (n, Some(unit)));
+            let Ok(number) = number.parse::<f64>() else { continue };
+            let own = unit.description().variable(name).and_then(|variable| variable.unit.as_deref());
+            // The vehicle data come from these numbers, too.
+            if let Some(given) = given.filter(|given| Some(*given) != own) {
+                let own = own.unwrap_or("1");
+                return Err(SetupError::new(format!(
+                    "`{name}` of {} is given in {given}: give it in {own}",
+                    unit.name
+                )));
+            }
+            set.insert(name.clone(), number);
+        }
         let plant = Plant { unit, renamed, set };
         check_plant(&plant)?;
         let mut base = subject.base.iter().map(|fmu| find(source, fmu)).collect::<Result<Vec<_>, _>>()?;
@@ -496,8 +507,11 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
-/// A value of the command line as TOML: a number or a truth value as it is, anything else as text.
+/// A value of the command line as TOML: a number, also with a unit behind it, or a truth value as it is, anything else as text.
 fn literal(value: &str) -> String {
+    if let Some((number, unit)) = value.split_once(' ').filter(|(number, _)| number.parse::<f64>().is_ok()) {
+        return format!("{{ value = {}, unit = {} }}", literal(number), quoted(unit));
+    }
     match value.parse::<f64>() {
         Ok(number) if value.contains(['.', 'e', 'E']) => format!("{number:?}"),
         Ok(_) => value.to_owned(),

@@ -5,6 +5,8 @@ use fmu_assess::assess::{Options, Shown, assess};
 use fmu_assess::report::{Assessment, Judgment, Row, Suite, Verdict};
 use fmu_assess::vehicle::VehicleFile;
 use fmu_assess::{SetupError, Subject};
+use fmu_import::description::Value;
+use fmu_system::parameter_set::{Parameter, ParameterSet};
 use fmu_system::resolve::FmuFolder;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
@@ -46,6 +48,10 @@ pub(crate) struct Arguments {
     /// Value of a parameter: esp_car:body.mass=1300; the component is the name of the FMU in small letters, driver or road
     #[arg(long, value_name = "COMPONENT:PARAMETER=VALUE", value_parser = setting)]
     set: Vec<(String, String, String)>,
+
+    /// SSP parameter set with values of parameters, named component.parameter; `--set` stands above it
+    #[arg(long, value_name = "FILE")]
+    parameters: Option<PathBuf>,
 
     /// File with data of the vehicle ([vehicle]) and its names of signals ([signals])
     #[arg(long, value_name = "FILE")]
@@ -122,6 +128,28 @@ fn setting(text: &str) -> Result<(String, String, String), String> {
     parts.ok_or_else(|| "expected COMPONENT:PARAMETER=VALUE, such as esp_car:body.mass=1300".to_owned())
 }
 
+/// Values of a parameter set: component, parameter, value with its unit.
+fn parameters(path: &Path) -> miette::Result<Vec<(String, String, String)>> {
+    let set = ParameterSet::read(path).into_diagnostic()?;
+    let value = |parameter: &Parameter| {
+        let unit = parameter.unit.as_ref().map_or_else(String::new, |unit| format!(" {unit}"));
+        match &parameter.value {
+            Value::Real(value) => format!("{value:?}{unit}"),
+            Value::Integer(value) => value.to_string(),
+            Value::Boolean(value) => value.to_string(),
+            Value::String(value) => value.clone(),
+        }
+    };
+    let split = |parameter: Parameter| {
+        let (component, name) = parameter.name.split_once('.').ok_or_else(|| {
+            let name = &parameter.name;
+            miette!("{}: `{name}` names no component, expected COMPONENT.PARAMETER", path.display())
+        })?;
+        Ok((component.to_owned(), name.to_owned(), value(&parameter)))
+    };
+    set.parameters.into_iter().map(split).collect()
+}
+
 fn requirement(text: &str) -> Result<(String, f64), String> {
     let parts = text.split_once('=').and_then(|(name, value)| Some((name.to_owned(), value.parse::<f64>().ok()?)));
     parts.ok_or_else(|| "expected METRIC=VALUE, such as iso3888_2.max_entry_speed=50".to_owned())
@@ -173,7 +201,10 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
         }
     };
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("results").join(format!("assess_{plant}")));
-    let subject = Subject { plant, base, with, set: arguments.set.clone(), vehicle };
+    let mut set = arguments.parameters.as_deref().map_or(Ok(Vec::new()), parameters)?;
+    set.retain(|(component, name, _)| !arguments.set.iter().any(|(of, own, _)| (of, own) == (component, name)));
+    set.extend(arguments.set.iter().cloned());
+    let subject = Subject { plant, base, with, set, vehicle };
     let options = Options {
         suites: arguments.suite.iter().map(|suite| (*suite).into()).collect(),
         speed: arguments.speed.map(|speed| speed / 3.6),

@@ -1,0 +1,221 @@
+"""Tunes controllers on the test bench, and writes their values to modelDescription/parameters/bench_*.ssv.
+
+`.venv/bin/python scripts/tune_on_bench.py [NAME...]`, after `scripts/build`; takes minutes for each. The search
+(Optuna, tree-structured Parzen estimator) has a seed: the same FMUs give the same values.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import optuna
+
+from chassis_fmu.assess.assessment import Assessment, Folder
+from chassis_fmu.scenario import worker_program
+from chassis_fmu.shell import ROOT
+
+SEED = 1
+PARAMETERS = ROOT / "modelDescription" / "parameters"
+
+# What a metric that has no number counts as, relative to its limit.
+NO_NUMBER = 1.0
+
+# Values are written with so many digits: more have no effect that the bench shows.
+DIGITS = 3
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A limit of a metric: a number, or the value of the system without controllers."""
+
+    metric: str
+    least: float | None = None
+    most: float | None = None
+    as_without: bool = False
+
+    def missed_by(self, found: Assessment) -> float:
+        """Return by how much the limit is missed, relative to it; 0 if it is kept."""
+        row = found.by_name[self.metric]
+        least = self.least if not self.as_without else row.without
+        if isinstance(least, bool) or (least is None and self.most is None):
+            raise ValueError(f"{self.metric} has no limit")
+        if row.with_ is None:
+            return NO_NUMBER
+        value = float(row.with_)
+        if least is not None:
+            return max(0.0, (least - value) / abs(least))
+        assert self.most is not None
+        return max(0.0, (value - self.most) / abs(self.most))
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What is tuned: bounds of parameters (`component.parameter`), a list for choices, and what is required."""
+
+    plant: str
+    controllers: Sequence[str]
+    suites: Sequence[str]
+    bounds: Mapping[str, tuple[float, float] | list[int]]
+    requirements: Sequence[Requirement]
+    goals: Mapping[str, float]
+    """What is wanted beyond: metrics with the number that counts as much as missing a requirement wholly."""
+    trials: int
+
+
+TUNINGS = {
+    "bench_esp_car": Tuning(
+        "EspCar",
+        ("DirectYawControl", "AntilockBraking"),
+        ("stability",),
+        {
+            "direct_yaw_control.moment.deadband": (50.0, 2000.0),
+            "direct_yaw_control.moment.limit": (500.0, 6000.0),
+            "direct_yaw_control.reaching.rate": (0.5, 20.0),
+            "direct_yaw_control.switching.gain": (0.05, 3.0),
+            "direct_yaw_control.switching.boundary_layer": (0.02, 1.0),
+            "direct_yaw_control.reference.time_constant": (0.02, 0.3),
+            "direct_yaw_control.pressure.limit": (1.0, 8.0),
+        },
+        (
+            Requirement("sine_with_dwell.yaw_rate_ratio_1s", most=0.35),
+            Requirement("sine_with_dwell.yaw_rate_ratio_1_75s", most=0.20),
+            Requirement("sine_with_dwell.lateral_displacement", least=1.83),
+            Requirement("iso3888_1.max_entry_speed", as_without=True),
+            Requirement("iso3888_2.max_entry_speed", as_without=True),
+        ),
+        {},
+        100,
+    ),
+    "bench_rescue_vehicle": Tuning(
+        "RescueVehicle",
+        (
+            "FuzzyCoordination",
+            "DualSlidingModeSteering",
+            "IntegratedLqrSuspension",
+            "RollLqrSuspension",
+            "SuspensionMixer",
+        ),
+        ("stability",),
+        {
+            "dual_sliding_mode_steering.reference.model": [0, 1],
+            "dual_sliding_mode_steering.reference.time_constant": (0.02, 1.0),
+            "dual_sliding_mode_steering.reaching.rate.sideslip": (0.1, 10.0),
+            "dual_sliding_mode_steering.reaching.rate.yaw_rate": (0.1, 10.0),
+            "dual_sliding_mode_steering.surface.integral_gain.yaw_rate": (0.01, 3.0),
+            "dual_sliding_mode_steering.steer.rate_limit.front": (0.05, 1.0),
+            "dual_sliding_mode_steering.steer.rate_limit.rear": (0.02, 1.0),
+            "dual_sliding_mode_steering.steer.angle_limit.rear": (0.01, 0.56),
+        },
+        (
+            Requirement("iso3888_1.max_entry_speed", as_without=True),
+            Requirement("iso3888_2.max_entry_speed", as_without=True),
+        ),
+        {"iso3888_1.max_entry_speed": 100.0, "iso3888_2.max_entry_speed": 100.0},
+        80,
+    ),
+}
+
+
+def rounded(value: float) -> float:
+    """Round to the digits that are written."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+def assessed(tuning: Tuning, values: Mapping[str, float]) -> Assessment:
+    """Drive the maneuvers with these values."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            str(worker_program()),
+            "assess",
+            tuning.plant,
+            "--out",
+            folder,
+            "--fmus",
+            str(ROOT / "target" / "fmu"),
+        ]
+        command += [part for name in tuning.controllers for part in ("--with", name)]
+        command += [part for suite in tuning.suites for part in ("--suite", suite)]
+        for name, value in values.items():
+            component, parameter = name.split(".", 1)
+            command += ["--set", f"{component}:{parameter}={value!r}"]
+        done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
+        if done.returncode not in (0, 1):
+            raise SystemExit(done.stderr)
+        return Folder(Path(folder)).read()
+
+
+def cost(tuning: Tuning, found: Assessment) -> float:
+    """Return the sum of what is missed, less what is reached beyond."""
+    missed = sum(requirement.missed_by(found) for requirement in tuning.requirements)
+    reached = sum(float(found.by_name[name].with_ or 0.0) / unit for name, unit in tuning.goals.items())
+    return missed - reached
+
+
+def search(tuning: Tuning) -> optuna.study.Study:
+    """Search the values of least cost."""
+
+    def objective(trial: optuna.trial.Trial) -> float:
+        values: dict[str, Any] = {}
+        for name, bound in tuning.bounds.items():
+            if isinstance(bound, list):
+                values[name] = trial.suggest_categorical(name, bound)
+            else:
+                values[name] = rounded(trial.suggest_float(name, *bound, log=True))
+        return cost(tuning, assessed(tuning, values))
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=SEED))
+    study.optimize(objective, tuning.trials, show_progress_bar=True)
+    return study
+
+
+def parameter_set(name: str, tuning: Tuning, values: Mapping[str, Any]) -> str:
+    """Return the parameter set of SSP 1.0."""
+    lines = []
+    for parameter, value in values.items():
+        kind, text = ("Integer", str(value)) if isinstance(value, int) else ("Real", repr(rounded(value)))
+        lines.append(f'    <ssv:Parameter name={quoteattr(parameter)}><ssv:{kind} value="{text}"/></ssv:Parameter>')
+    controllers = ", ".join(tuning.controllers)
+    return "\n".join(
+        [
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            f"<!-- Tuned on the test bench by scripts/tune_on_bench.py: {tuning.plant} with {controllers}.",
+            "     The values are not those of the paper; docs/assessments.md compares both. -->",
+            '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"',
+            f'                  version="1.0" name="{name}" description="Tuned on the test bench">',
+            "  <ssv:Parameters>",
+            *lines,
+            "  </ssv:Parameters>",
+            "</ssv:ParameterSet>",
+            "",
+        ]
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(TUNINGS)} (default: all)")
+    names = parser.parse_args(argv).names or list(TUNINGS)
+    unknown = [name for name in names if name not in TUNINGS]
+    if unknown:
+        parser.error(f"there is no tuning {unknown[0]}; there are {', '.join(TUNINGS)}")
+    for name in names:
+        tuning = TUNINGS[name]
+        study = search(tuning)
+        path = PARAMETERS / f"{name}.ssv"
+        path.write_text(parameter_set(name, tuning, study.best_params), encoding="utf-8")
+        print(f"{path.relative_to(ROOT)}: cost {study.best_value:.4f} in trial {study.best_trial.number}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
