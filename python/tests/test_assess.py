@@ -2,9 +2,11 @@
 
 import json
 import math
+import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,10 @@ import pytest
 
 from chassis_fmu.assess import app, charts, report
 from chassis_fmu.assess.assessment import AssessmentError, Folder
+from chassis_fmu.results import read_csv
 
 ROOT = Path(__file__).parents[2]
+FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +118,73 @@ def test_a_plant_with_few_signals_has_a_page(tmp_path: Path) -> None:
     assert "<h1>BicycleCar</h1>" in text
     assert "With controllers" not in text
     assert report.words("j_turn") == "J-turn"
+
+
+# The car through ISO 3888-2, as the test bench drives it.
+LOOP = """
+title = "Loop"
+reference = "None: a test."
+[simulation]
+stop = 8.0
+step = 0.001
+[[component]]
+name = "driver"
+fmu = "PathDriver"
+[component.parameters]
+maneuver = 3
+"path.vehicle_width" = 1.61
+"path.start" = 50.0
+"path.overlap" = 2.5
+"path.mirror" = MIRROR
+"geometry.wheelbase" = 2.34
+"vehicle.understeer_gradient" = 0.00187
+"steer.ratio" = 16.0
+"speed.initial" = 12.5
+"speed.control" = true
+[[component]]
+name = "antilock"
+fmu = "AntilockBraking"
+inputs = { "target_slip.*" = 0.2, "enable.antilock" = true, "yaw_control_pressure.*" = 0.0 }
+[[component]]
+name = "actuators"
+fmu = "BrakeAndDriveActuators"
+[[component]]
+name = "plant"
+fmu = "EspCar"
+parameters = { "vehicle.initial_speed" = 12.5 }
+inputs = { "suspension_force.*" = 0.0, "road_height.*" = 0.0, "road_friction.*" = 1.0 }
+[[connection]]
+from = "driver:driver.steer"
+to = "plant:steer.front"
+[[case]]
+name = "only"
+title = "Only"
+[record]
+signals = ["plant:vehicle.*", "driver:*"]
+"""
+
+
+def test_both_masters_drive_alike_and_to_both_sides(
+    tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]
+) -> None:
+    """The fixture compares the bytes of both masters. A mirrored track gives the mirrored run: 1e-12 of each peak."""
+    scenario = tmp_path / "loop.toml"
+    runs = []
+    for mirror in ("false", "true"):
+        scenario.write_text(LOOP.replace("MIRROR", mirror), encoding="utf-8")
+        runs.append(read_csv(run_by_both_masters(scenario, FOLDER)))
+    left, right = (run.values for run in runs)
+    lateral = ("position_y", "yaw", "yaw_rate", "sideslip", "lateral_acceleration", "lateral_velocity", "steer")
+    compared = 0
+    for name, values in left.items():
+        peak = float(np.abs(values).max())
+        if peak == 0.0:
+            continue
+        is_lateral = name.rpartition(".")[2] in lateral
+        if is_lateral or name in ("vehicle.position_x", "vehicle.speed", "driver.throttle"):
+            sign = -1.0 if is_lateral else 1.0
+            assert float(np.abs(values - sign * right[name]).max()) <= 1e-12 * peak, name
+            compared += 1
+    assert compared >= 9
+    # It was a lane change.
+    assert left["vehicle.position_y"].max() > 2.0
