@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,6 +94,63 @@ SYSTEMS = (
     ),
 )
 
+
+@dataclass(frozen=True)
+class Tuned:
+    """Controllers with values of scripts/tune_on_bench.py, beside those of the paper."""
+
+    plant: str
+    controllers: tuple[str, ...]
+    parameters: str
+    metrics: tuple[str, ...]
+    suites: tuple[str, ...]
+    conditions: tuple[tuple[str, tuple[str, ...]], ...]
+    """Titles of other conditions, and the values that make them (`--set`)."""
+    notes: tuple[str, ...]
+
+
+TUNED = (
+    Tuned(
+        "EspCar",
+        ("DirectYawControl", "AntilockBraking"),
+        "bench_esp_car",
+        (
+            "sine_with_dwell.stable",
+            "sine_with_dwell.lateral_displacement",
+            "iso3888_1.max_entry_speed",
+            "iso3888_2.max_entry_speed",
+            "fishhook.load_transfer_peak",
+        ),
+        ("stability", "rollover"),
+        (("friction 0.6 instead of 0.77", ("esp_car:tire.friction=0.6", "direct_yaw_control:tire.friction=0.6")),),
+        (),
+    ),
+    Tuned(
+        "RescueVehicle",
+        (
+            "FuzzyCoordination",
+            "DualSlidingModeSteering",
+            "IntegratedLqrSuspension",
+            "RollLqrSuspension",
+            "SuspensionMixer",
+        ),
+        "bench_rescue_vehicle",
+        (
+            "sine_with_dwell.unstable_from",
+            "iso3888_1.max_entry_speed",
+            "iso3888_2.max_entry_speed",
+            "fishhook.load_transfer_peak",
+            "j_turn.load_transfer_peak",
+        ),
+        ("stability", "rollover"),
+        (
+            ("friction 0.5 instead of 0.7", ("rescue_vehicle:tire.friction=0.5",)),
+            ("a mass of 30 t instead of 36 t", ("rescue_vehicle:vehicle.mass=30000.0",)),
+        ),
+        (),
+    ),
+)
+
 # What the page shows of each.
 METRICS = (
     "slowly_increasing_steer.understeer_gradient",
@@ -133,11 +191,11 @@ that apply to the vehicle. *Better* and *worse* compare with the same vehicle wi
 VERDICTS = {"pass": "passed", "fail": "**failed**", "error": "**error**", "comparison": "", "info": "", "dropped": ""}
 
 
-def assessed(system: System) -> Assessment:
+def assessed(plant: str, controllers: Sequence[str], more: Sequence[str] = ()) -> Assessment:
     """Assess a vehicle."""
-    out = ROOT / "target" / "assessments" / f"{system.plant}_{len(system.controllers)}"
-    command = ["cargo", "fmu", "assess", system.plant, "--out", str(out)]
-    for controller in system.controllers:
+    out = ROOT / "target" / "assessments" / plant
+    command = ["cargo", "fmu", "assess", plant, "--out", str(out), *more]
+    for controller in controllers:
         command += ["--with", controller]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=False)
     if done.returncode not in (0, 1):
@@ -201,12 +259,51 @@ def section(system: System, found: Assessment) -> list[str]:
     return lines
 
 
+def tuned_section(tuned: Tuned) -> list[str]:
+    """Return the lines of tuned controllers."""
+    file = f"modelDescription/parameters/{tuned.parameters}.ssv"
+    lines = [
+        "",
+        f"### {tuned.plant}",
+        "",
+        f"`cargo fmu assess {tuned.plant} --parameters {file}` with {', '.join(f'`{c}`' for c in tuned.controllers)}.",
+        "",
+        "| condition | metric | unit | without | paper | tuned |",
+        "|---|---|---|---|---|---|",
+    ]
+    suites = [part for suite in tuned.suites for part in ("--suite", suite)]
+    for title, values in (("as tuned", ()), *tuned.conditions):
+        settings = [part for value in values for part in ("--set", value)]
+        paper = assessed(tuned.plant, tuned.controllers, [*suites, *settings])
+        ours = assessed(tuned.plant, tuned.controllers, [*suites, *settings, "--parameters", file])
+        for name in tuned.metrics:
+            row, other = paper.by_name[name], ours.by_name[name]
+            label = f"{words(row.maneuver)}: {row.title[:1].lower()}{row.title[1:]}"
+            unit = "" if row.unit == "1" else row.unit
+            numbers = (number(row.without), number(row.with_), number(other.with_))
+            lines.append(f"| {title} | {label} | {unit} | {' | '.join(numbers)} |")
+    return [*lines, "", *(f"- {text}" for text in tuned.notes)] if tuned.notes else lines
+
+
+TUNED_HEAD = """
+## Tuned on the bench
+
+`scripts/tune_on_bench.py` searches other values for some parameters of the controllers. They are not those of the
+papers: the vehicle, the law and the bench are the same, the numbers are fitted to the bench. A dash is a maneuver that
+fails at its lowest speed.
+"""
+
+
 def main() -> int:
     """Run the command; returns its exit code."""
     lines = HEAD.splitlines()
     for system in SYSTEMS:
-        lines += section(system, assessed(system))
+        lines += section(system, assessed(system.plant, system.controllers))
         print(f"{system.plant}: {system.title}", file=sys.stderr)
+    lines += TUNED_HEAD.rstrip().splitlines()
+    for tuned in TUNED:
+        lines += tuned_section(tuned)
+        print(f"{tuned.plant}: tuned on the bench", file=sys.stderr)
     PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
     print(Path(PAGE).relative_to(ROOT))
     return 0
