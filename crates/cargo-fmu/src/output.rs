@@ -18,14 +18,13 @@ macro_rules! outln {
 }
 
 /// Prints a line to the standard error.
-#[cfg(feature = "system")]
 macro_rules! errln {
     ($($text:tt)*) => { eprintln!("{}", fmu_import::terminal::escaped(&format!($($text)*))) };
 }
 
-pub(crate) use outln;
 #[cfg(feature = "system")]
-pub(crate) use {errln, out};
+pub(crate) use out;
+pub(crate) use {errln, outln};
 
 /// Ends the program if nobody reads any more.
 pub(crate) fn write(text: Arguments<'_>) {
