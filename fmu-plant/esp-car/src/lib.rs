@@ -96,6 +96,9 @@ pub struct EspCar {
     /// Longitudinal speed at the start; the wheels roll
     #[var("vehicle.initial_speed", unit = "m/s", start = data::SPEED, min = 0.0, display = "km/h")]
     u_0: f64,
+    /// Slip at the start: how much faster the wheel turns than one that rolls straight ahead, relative to that
+    #[var("wheel.initial_slip", unit = "1", start = 0.0)]
+    s_0: FourWheels<f64>,
     /// Runge-Kutta of order 4
     #[var(MAX_STEP, start = 0.0001)]
     max_step: f64,
@@ -243,7 +246,7 @@ impl Continuous for EspCar {
     }
     fn initialize(&self, _: &D, x: &mut X<f64>) {
         x.u = self.u_0;
-        x.omega = FourWheels([self.u_0 / self.radius; 4]);
+        x.omega = FourWheels::from_fn(|i| self.u_0 / self.radius * (1.0 + self.s_0[i]));
     }
     fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
         equations::derivatives(self, at.derived, at.state, at.inputs)

@@ -415,3 +415,14 @@ fn the_car_starts_at_its_initial_speed() {
     assert_eq!((x.u, *x.omega), (12.0, [12.0 / data::RADIUS; 4]));
     assert_eq!(array::from_fn::<_, 3, _>(|i| [x.x, x.v, x.z][i]), [0.0; 3]);
 }
+
+/// Reference: the definition of the slip, (R omega - u)/u of a wheel that runs straight ahead.
+#[test]
+fn wheels_start_with_their_initial_slip() {
+    let slips = FourWheels([0.0, 0.25, -0.5, -1.0]);
+    let x = straight(&EspCar { s_0: slips.clone(), ..EspCar::default() }, 12.0);
+    for i in 0..4 {
+        assert_abs_diff_eq!((data::RADIUS * x.omega[i] - x.u) / x.u, slips[i], epsilon = 1e-15);
+    }
+    assert_eq!(x.u, 12.0);
+}
