@@ -5,7 +5,7 @@
 //! - [`description`] reads `modelDescription.xml`, [`archive`] the zip file around it,
 //! - [`fmu`] and [`loader`] open the binary and give its functions a safe interface,
 //! - [`check`](mod@check) validates an FMU by its description and by what it does, [`linearize`](mod@linearize) makes
-//!   linear models,
+//!   linear models, [`trim`](mod@trim) finds steady states,
 //! - [`worker`] does such work in other processes, which may crash,
 //! - [`terminal`] makes text of an FMU safe to print, [`names`] finds near names, [`temporary`] keeps files that are not to
 //!   stay.
@@ -21,6 +21,7 @@ pub mod named_values;
 pub mod names;
 pub mod temporary;
 pub mod terminal;
+pub mod trim;
 pub mod worker;
 pub mod xml;
 

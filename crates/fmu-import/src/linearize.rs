@@ -29,14 +29,7 @@ pub struct Linear {
 pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, String> {
     let archive = Archive::open(path).and_then(|mut archive| archive.description());
     let description = &archive.map_err(|error| error.to_string())?;
-    let co_simulation = description.co_simulation.as_ref().map(|unit| unit.provides_directional_derivative);
-    let model_exchange = description.model_exchange.as_ref().map(|unit| unit.provides_directional_derivative);
-    let (interface, has_derivatives) = match (co_simulation, model_exchange) {
-        (Some(true), _) => (Interface::CoSimulation, true),
-        (_, Some(true)) => (Interface::ModelExchange, true),
-        (Some(false), _) => (Interface::CoSimulation, false),
-        _ => (Interface::ModelExchange, false),
-    };
+    let (interface, has_derivatives) = interface(description);
     let fmu = Fmu::open_for(path, interface).map_err(|error| error.to_string())?;
     if !has_derivatives || description.derivatives.is_empty() {
         return Err(format!(
@@ -82,15 +75,34 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
     Ok(Linear { states: elements(&states), inputs: elements(&inputs), outputs: elements(&outputs), jacobian })
 }
 
-fn set(instance: &mut Instance, description: &ModelDescription, name: &str, value: &str) -> Result<(), String> {
-    let variable = description.variable(name).ok_or_else(|| {
+/// The interface to use, and whether it has directional derivatives.
+pub(crate) fn interface(description: &ModelDescription) -> (Interface, bool) {
+    let co_simulation = description.co_simulation.as_ref().map(|unit| unit.provides_directional_derivative);
+    let model_exchange = description.model_exchange.as_ref().map(|unit| unit.provides_directional_derivative);
+    match (co_simulation, model_exchange) {
+        (Some(true), _) => (Interface::CoSimulation, true),
+        (_, Some(true)) => (Interface::ModelExchange, true),
+        (Some(false), _) => (Interface::CoSimulation, false),
+        _ => (Interface::ModelExchange, false),
+    }
+}
+
+/// The scalar variable of a name, and its index.
+pub(crate) fn find<'d>(description: &'d ModelDescription, name: &str) -> Result<(usize, &'d Variable), String> {
+    let index = description.index(name).ok_or_else(|| {
         let near = suggestion(name, description.variables.iter().map(|variable| variable.name.as_str()));
         let hint = near.map_or_else(String::new, |near| format!("; {near}"));
         format!("{} has no variable `{name}`{hint}", description.model_name)
     })?;
+    let variable = &description.variables[index];
     if variable.is_array() {
         return Err(format!("`{name}` is an array of {} elements; only scalars can be set", variable.size));
     }
+    Ok((index, variable))
+}
+
+fn set(instance: &mut Instance, description: &ModelDescription, name: &str, value: &str) -> Result<(), String> {
+    let (_, variable) = find(description, name)?;
     let is_settable = matches!(variable.causality, Causality::Parameter | Causality::Input)
         || variable.initial == Some(Initial::Exact);
     if !is_settable {
@@ -107,7 +119,7 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
 }
 
 /// A value as it is written on the command line. An Integer may be written by the name of its value.
-fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
+pub(crate) fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
     let expected = |what: &str| format!("`{}` must be {what}", variable.name);
     match variable.base_type {
         BaseType::Real => text.parse().map(Value::Real).map_err(|_| expected("a number")),

@@ -5,7 +5,7 @@
 //! ([`loader::calls`](crate::loader::calls)), which outlives it. [`serve_requests`] is its side, [`Process`] that of the
 //! process that starts it: it watches the board and ends a worker whose step takes too long.
 //!
-//! What requests are about is up to the crate that sends them; those of this crate are [`check`] and [`linearize`].
+//! What requests are about is up to the crate that sends them; those of this crate are [`check`], [`linearize`] and [`trim`].
 //!
 //! Nothing an FMU prints reaches the connection: its standard output and error are one pipe, read line by line (`output`).
 //! A worker ends when its connection is closed, that is, also when the process that started it is killed.
@@ -17,7 +17,7 @@ mod output;
 mod process;
 mod serve;
 
-pub use jobs::{JOB, check, linearize, serve};
+pub use jobs::{JOB, check, linearize, serve, trim};
 pub use output::Printed;
 pub use process::{Ended, Launch, Process, Settings, Watch};
 pub use serve::{Replies, serve as serve_requests};

@@ -1,9 +1,10 @@
-//! What this crate has workers do: checks and linearizations.
+//! What this crate has workers do: checks, linearizations and steady states.
 
 use super::process::{Ended, Process, Settings, Watch};
 use super::serve::{Replies, serve as serve_requests};
 use crate::check::{self, Checked, Event, Finding, Severity};
 use crate::linearize::{self, Linear};
+use crate::trim::{self, SteadyState};
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,6 +19,8 @@ enum Request {
     Check(PathBuf),
     /// To linearize a `.fmu` file with other values of these variables, by name.
     Linearize { path: PathBuf, changes: Vec<(String, String)> },
+    /// To find the steady state of a `.fmu` file.
+    Trim { path: PathBuf, settings: Vec<(String, String)>, free: Vec<Vec<String>> },
 }
 
 /// What a worker responds.
@@ -29,6 +32,8 @@ enum Response {
     Done,
     /// The linear model; its matrix is in the body.
     Linear(Linear),
+    /// The steady state.
+    Trimmed(SteadyState),
     /// It could not be done.
     Failed(String),
 }
@@ -62,6 +67,10 @@ fn respond(request: Request, _: &[f64], replies: &mut Replies) -> io::Result<()>
             }
             Err(message) => replies.send(&Response::Failed(message), &[]),
         },
+        Request::Trim { path, settings, free } => {
+            let trimmed = trim::trim(&path, &settings, &free);
+            replies.send(&trimmed.map_or_else(Response::Failed, Response::Trimmed), &[])
+        }
     }
 }
 
@@ -110,6 +119,29 @@ pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, String)])
             let linear = Linear { jacobian, ..linear };
             is_complete.then_some(linear).ok_or_else(|| "the worker process sent an incomplete response".to_owned())
         }
+        Ok(Response::Failed(message)) => Err(message),
+        Ok(_) => Err("the worker process sent an unexpected response".to_owned()),
+        Err(Ended { message, .. }) => Err(format!("{}: {message}", path.display())),
+    }
+}
+
+/// Finds the steady state of a `.fmu` file in a worker: see [`trim::trim`].
+///
+/// # Errors
+/// Why that does not work: the worker cannot be started, the FMU ends it, has no states with directional derivatives, does not
+/// take a value, or has a state that cannot rest.
+pub fn trim(
+    settings: &Settings,
+    path: &Path,
+    changes: &[(String, String)],
+    free: &[Vec<String>],
+) -> Result<SteadyState, String> {
+    let mut process =
+        Process::start(settings, JOB, true).map_err(|error| format!("cannot start a worker process: {error}"))?;
+    let request = Request::Trim { path: path.to_path_buf(), settings: changes.to_vec(), free: free.to_vec() };
+    process.send(&request, &[]);
+    match process.receive(&mut Watch::of_all(settings.timeout), &mut |_| ()) {
+        Ok(Response::Trimmed(steady)) => Ok(steady),
         Ok(Response::Failed(message)) => Err(message),
         Ok(_) => Err("the worker process sent an unexpected response".to_owned()),
         Err(Ended { message, .. }) => Err(format!("{}: {message}", path.display())),

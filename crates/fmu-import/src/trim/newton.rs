@@ -1,0 +1,285 @@
+//! Newton's method with a line search, and steps of implicit Euler where it gets stuck.
+//!
+//! All unknowns and equations are relative to nominal values. Unknowns that the equations leave open keep their values, as
+//! Gaussian elimination with complete pivoting finds them.
+
+use super::TOLERANCE;
+use super::plant::{Plant, Start};
+
+/// Steps of Newton's method at most.
+const NEWTON_STEPS: usize = 60;
+/// Halvings of a step at most.
+const HALVINGS: usize = 25;
+/// Steps of implicit Euler at most.
+const EULER_STEPS: usize = 200;
+/// Length of the first step of implicit Euler, s.
+const FIRST_STEP: f64 = 1e-2;
+/// A pivot that is smaller than this share of the largest one counts as 0.
+const SINGULAR: f64 = 1e-12;
+
+/// Where the solver has ended.
+pub(super) struct Solution {
+    /// Largest derivative of a state that rests, relative to its nominal value, 1/s.
+    pub(super) residual: f64,
+    /// The state that cannot rest: index, derivative, and the same relative to the nominal value.
+    pub(super) restless: Option<(usize, f64, f64)>,
+    /// Indices of states that the equations leave open.
+    pub(super) undetermined: Vec<usize>,
+    /// Jacobian of the derivatives of the states that do not drift with respect to these, column by column.
+    pub(super) jacobian: Vec<f64>,
+    pub(super) iterations: usize,
+}
+
+/// A point, with the derivatives of all states.
+#[derive(Clone)]
+struct Point {
+    x: Vec<f64>,
+    inputs: Vec<f64>,
+    rates: Vec<f64>,
+    /// Norm of the equations.
+    norm: f64,
+}
+
+/// Which states and inputs are sought by which equations.
+struct System<'p, 'a> {
+    plant: &'p mut Plant<'a>,
+    /// Nominal values of the states, then of the groups of inputs.
+    nominal: Vec<f64>,
+    /// States whose derivatives vanish.
+    equations: Vec<usize>,
+    /// States, then groups of inputs after all states.
+    unknowns: Vec<usize>,
+    states: usize,
+    iterations: usize,
+}
+
+/// The steady state nearest to where the plant is, which is left there.
+pub(super) fn solve(plant: &mut Plant<'_>) -> Result<Solution, String> {
+    let states = plant.states();
+    let n = states.len();
+    let groups = plant.groups();
+    let nominal = states.iter().map(|state| state.nominal);
+    let rests: Vec<usize> = (0..n).filter(|i| !states[*i].drifts).collect();
+    let mut system = System {
+        nominal: nominal.chain((0..groups).map(|group| plant.nominal_of_input(group))).collect(),
+        // Without a free input the derivative of a held state is what it is.
+        equations: rests.iter().copied().filter(|i| states[*i].held.is_none() || groups > 0).collect(),
+        unknowns: rests
+            .iter()
+            .copied()
+            .filter(|i| states[*i].held.is_none() && states[*i].start != Start::Calculated)
+            .chain(n..n + groups)
+            .collect(),
+        states: n,
+        iterations: 0,
+        plant,
+    };
+    let (x, inputs, _) = system.plant.point();
+    let start = system.at(&x, &inputs)?;
+    let mut end = system.newton(start.clone())?;
+    if system.residual(&end) > TOLERANCE {
+        let reached = system.euler(start)?;
+        let other = system.newton(reached)?;
+        if other.norm < end.norm {
+            end = other;
+        }
+    }
+    let end = system.at(&end.x, &end.inputs)?;
+    let undetermined = system.step(&end, None)?.1.into_iter().filter(|unknown| *unknown < n).collect();
+    let mut jacobian = Vec::new();
+    for j in &rests {
+        let column = system.plant.column(*j)?;
+        jacobian.extend(rests.iter().map(|i| column[*i]));
+    }
+    let relative = |i: &usize| (end.rates[*i] / states[*i].nominal).abs();
+    let worst = rests.iter().copied().max_by(|i, j| relative(i).total_cmp(&relative(j)));
+    let residual = worst.map_or(0.0, |i| relative(&i));
+    let restless = worst.filter(|_| residual.is_nan() || residual > TOLERANCE).map(|i| (i, end.rates[i], residual));
+    Ok(Solution { residual, restless, undetermined, jacobian, iterations: system.iterations })
+}
+
+impl System<'_, '_> {
+    /// Goes to a point.
+    fn at(&mut self, x: &[f64], inputs: &[f64]) -> Result<Point, String> {
+        self.plant.move_to(x, inputs)?;
+        let rates = self.plant.derivatives()?;
+        let (x, inputs, _) = self.plant.point();
+        let norm = self.equations.iter().map(|i| (rates[*i] / self.nominal[*i]).powi(2)).sum::<f64>().sqrt();
+        Ok(Point { x, inputs, rates, norm })
+    }
+
+    /// Largest equation.
+    fn residual(&self, point: &Point) -> f64 {
+        self.equations.iter().map(|i| (point.rates[*i] / self.nominal[*i]).abs()).fold(0.0, f64::max)
+    }
+
+    /// A share of a step from a point; `None` where the FMU does not go.
+    fn moved(&mut self, from: &Point, step: &[f64], share: f64) -> Option<Point> {
+        let (mut x, mut inputs) = (from.x.clone(), from.inputs.clone());
+        for (unknown, change) in self.unknowns.iter().zip(step) {
+            let change = share * change * self.nominal[*unknown];
+            match unknown.checked_sub(self.states) {
+                None => x[*unknown] += change,
+                Some(group) => inputs[group] += change,
+            }
+        }
+        let point = self.at(&x, &inputs).ok()?;
+        point.norm.is_finite().then_some(point)
+    }
+
+    /// The step from the point at which the plant is, relative to the nominal values: Newton's, or that of implicit Euler of a
+    /// length in s. Also the unknowns that the equations leave open.
+    fn step(&mut self, from: &Point, euler: Option<f64>) -> Result<(Vec<f64>, Vec<usize>), String> {
+        let (rows, columns) = (self.equations.len(), self.unknowns.len());
+        let mut matrix = vec![vec![0.0; columns + 1]; rows];
+        for (j, unknown) in self.unknowns.iter().enumerate() {
+            let column = self.plant.column(*unknown)?;
+            for (row, i) in matrix.iter_mut().zip(&self.equations) {
+                row[j] = -column[*i] * self.nominal[*unknown] / self.nominal[*i];
+                if let Some(length) = euler.filter(|_| unknown == i) {
+                    row[j] += 1.0 / length;
+                }
+            }
+        }
+        for (row, i) in matrix.iter_mut().zip(&self.equations) {
+            row[columns] = from.rates[*i] / self.nominal[*i];
+        }
+        let (step, open) = eliminate(matrix, columns);
+        Ok((step, open.into_iter().map(|j| self.unknowns[j]).collect()))
+    }
+
+    /// Newton's method with a line search, until roundings are all that is left.
+    fn newton(&mut self, from: Point) -> Result<Point, String> {
+        let mut best = from;
+        for _ in 0..NEWTON_STEPS {
+            if best.norm == 0.0 {
+                break;
+            }
+            let here = self.at(&best.x, &best.inputs)?;
+            let (step, _) = self.step(&here, None)?;
+            self.iterations += 1;
+            let mut share = 1.0;
+            let mut next = None;
+            for _ in 0..HALVINGS {
+                next = self.moved(&here, &step, share).filter(|point| point.norm < (1.0 - 1e-4 * share) * here.norm);
+                if next.is_some() {
+                    break;
+                }
+                share *= 0.5;
+            }
+            let Some(next) = next else { break };
+            let is_slow = next.norm > 0.5 * best.norm;
+            best = next;
+            if is_slow && self.residual(&best) <= TOLERANCE {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Implicit Euler with steps that grow while the derivatives fall: it goes where the plant itself comes to rest.
+    fn euler(&mut self, from: Point) -> Result<Point, String> {
+        let mut best = from;
+        let mut length = FIRST_STEP;
+        for _ in 0..EULER_STEPS {
+            let here = self.at(&best.x, &best.inputs)?;
+            let (step, _) = self.step(&here, Some(length))?;
+            self.iterations += 1;
+            match self.moved(&here, &step, 1.0).filter(|point| point.norm <= 2.0 * here.norm) {
+                None => length *= 0.25,
+                Some(next) => {
+                    length *= (here.norm / next.norm).clamp(1.0, 4.0) * 1.2;
+                    best = next;
+                }
+            }
+            if best.norm <= 1e-6 || length < 1e-9 {
+                break;
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// Solves linear equations with the right sides in the last column. Returns the solution, 0 for unknowns that are left open,
+/// and these.
+fn eliminate(mut matrix: Vec<Vec<f64>>, columns: usize) -> (Vec<f64>, Vec<usize>) {
+    let rows = matrix.len();
+    for row in &mut matrix {
+        let largest = row[..columns].iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        if largest > 0.0 && largest.is_finite() {
+            row.iter_mut().for_each(|value| *value /= largest);
+        }
+    }
+    let mut open: Vec<usize> = (0..columns).collect();
+    let mut pivots: Vec<usize> = Vec::new();
+    let mut first = 0.0;
+    for k in 0..rows.min(columns) {
+        let mut found = (0.0, 0, 0);
+        for (i, row) in matrix.iter().enumerate().skip(k) {
+            for j in &open {
+                if row[*j].abs() > found.0 {
+                    found = (row[*j].abs(), i, *j);
+                }
+            }
+        }
+        let (size, i, j) = found;
+        if k == 0 {
+            first = size;
+        }
+        if size <= SINGULAR * first {
+            break;
+        }
+        matrix.swap(k, i);
+        open.retain(|column| *column != j);
+        pivots.push(j);
+        let (above, below) = matrix.split_at_mut(k + 1);
+        let pivot = &above[k];
+        for row in below {
+            let factor = row[j] / pivot[j];
+            if factor != 0.0 {
+                for (value, of_pivot) in row.iter_mut().zip(pivot) {
+                    *value -= factor * of_pivot;
+                }
+                row[j] = 0.0;
+            }
+        }
+    }
+    let mut solution = vec![0.0; columns];
+    for (k, j) in pivots.iter().enumerate().rev() {
+        let row = &matrix[k];
+        let known: f64 = pivots[k + 1..].iter().map(|later| row[*later] * solution[*later]).sum();
+        solution[*j] = (row[columns] - known) / row[*j];
+    }
+    (solution, open)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reference: the solution from which the right sides are computed; 1e-14 are roundings.
+    #[test]
+    fn linear_equations_are_solved() {
+        let expected = [3.0, -2.0, 0.5];
+        let rows = [[1e-3, 2.0, -1.0], [4e6, 1e6, 3e6], [0.0, 0.0, 7.0]];
+        let with_right_side = |row: &[f64; 3]| {
+            let right: f64 = row.iter().zip(expected).map(|(a, x)| a * x).sum();
+            [&row[..], &[right]].concat()
+        };
+        let (solution, open) = eliminate(rows.iter().map(with_right_side).collect(), 3);
+        for (found, expected) in solution.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-14, "{solution:?}");
+        }
+        assert_eq!(open, []);
+    }
+
+    /// x + y = 3 and twice the same leave an unknown open; z is in no equation.
+    #[test]
+    fn unknowns_without_an_equation_stay() {
+        let (solution, open) = eliminate(vec![vec![1.0, 1.0, 0.0, 3.0], vec![2.0, 2.0, 0.0, 6.0]], 3);
+        assert_eq!(solution.iter().sum::<f64>(), 3.0);
+        assert_eq!(open.len(), 2);
+        assert!(open.contains(&2));
+        assert_eq!(eliminate(Vec::new(), 2), (vec![0.0, 0.0], vec![0, 1]));
+    }
+}
