@@ -27,6 +27,12 @@ pub(crate) struct Arguments {
     /// enumeration takes its names; may be repeated
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
+    /// Linearizes at the steady state of this operating point, as `cargo fmu trim` finds it
+    #[arg(long)]
+    trim: bool,
+    /// With `--trim`: inputs that are free, as of `cargo fmu trim`; may be repeated
+    #[arg(long, value_name = "INPUT[,INPUT…]", requires = "trim")]
+    free: Vec<String>,
     /// Writes a file, too: .json has everything, .csv one matrix [A B; C D] with names, .mat is for MATLAB, Octave and SciPy,
     /// .html is a page with poles and Bode plots; may be repeated
     #[arg(long, value_name = "FILE")]
@@ -51,7 +57,9 @@ impl Arguments {
         let settings = self.set.iter().map(|setting| format!(" --set {setting}"));
         let pairs = self.bode.iter().map(|pair| format!(" --bode {pair}"));
         let files = self.out.iter().map(|file| format!(" --out {}", file.display()));
-        let options: String = settings.chain(pairs).chain(files).collect();
+        let trim = self.trim.then(|| " --trim".to_owned());
+        let free = self.free.iter().map(|inputs| format!(" --free {inputs}"));
+        let options: String = settings.chain(trim).chain(free).chain(pairs).chain(files).collect();
         format!("cargo fmu linearize {}{options}", self.fmu)
     }
 }
@@ -85,6 +93,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
     let formats = arguments.out.iter().map(|path| format(path)).collect::<Result<Vec<_>>>()?;
     let workers = arguments.workers.settings(worker::printed())?;
+    let settings = if arguments.trim {
+        let free = crate::trim::groups(&arguments.free);
+        let steady =
+            fmu_import::worker::trim(&workers, &path, &settings, &free).map_err(|message| miette!("{message}"))?;
+        steady.settings()
+    } else {
+        settings
+    };
     let linear = fmu_import::worker::linearize(&workers, &path, &settings).map_err(|message| miette!("{message}"))?;
     let description = read_description(&path).into_diagnostic()?;
     let file = std::fs::read(&path).into_diagnostic()?;
@@ -104,7 +120,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         outln!("{:#}", files::json(&model));
         return Ok(());
     }
-    print_modes(&model);
+    print_modes(&model, arguments.trim);
     if arguments.matrices {
         print_matrix("A", "derivative of", &model.a, &model.states, &model.states);
         print_matrix("B", "derivative of", &model.b, &model.states, &model.inputs);
@@ -116,16 +132,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-fn parse(setting: &str) -> Result<(String, String)> {
+/// Name and value of a `--set`.
+pub(crate) fn parse(setting: &str) -> Result<(String, String)> {
     let (name, value) = setting
         .split_once('=')
         .ok_or_else(|| miette!("--set {setting}: expected NAME=VALUE, as in driver.speed=9.7"))?;
     Ok((name.trim().to_owned(), value.trim().to_owned()))
 }
 
-fn print_modes(model: &LinearModel) {
+fn print_modes(model: &LinearModel, trimmed: bool) {
     let settings: Vec<String> = model.settings.iter().map(|(name, value)| format!("{name} = {value}")).collect();
-    let point = if settings.is_empty() { "its start values".to_owned() } else { settings.join(", ") };
+    let point = if trimmed {
+        "a steady state".to_owned()
+    } else if settings.is_empty() {
+        "its start values".to_owned()
+    } else {
+        settings.join(", ")
+    };
     outln!("{} at {point}", model.fmu);
     outln!("{} states, {} inputs, {} outputs", model.states.len(), model.inputs.len(), model.outputs.len());
     outln!("Stability: {}\n", model.stability());

@@ -17,6 +17,7 @@ mod platform;
 #[cfg(feature = "system")]
 mod system;
 mod toolchain;
+mod trim;
 mod variables;
 mod win64;
 mod worker;
@@ -45,6 +46,14 @@ enum Cli {
     Check(check::Arguments),
     /// Linearizes a plant at an operating point: modes, A, B, C, D, Bode plots
     Linearize(linearize::Arguments),
+    /// Finds the steady state of a plant at an operating point, with the drive torques that it takes
+    ///
+    /// Newton's method on the exact Jacobian of the FMU finds the values at which the derivatives of all states vanish, to 1e-10 of the
+    /// nominal value per second. States that only integrate others, such as position and heading, drift and keep their start values. A
+    /// state that is given by --set is held; an input that is free (--free) keeps it there. The speed of a plant with pedals is always held,
+    /// and its drive torques, all equal, are free unless they are given. Ends with 1 and the name of a state that cannot rest if there is no
+    /// steady state.
+    Trim(trim::Arguments),
     /// Writes a working package of a new model, or a scenario that runs
     New(new::Arguments),
     #[cfg(feature = "system")]
@@ -73,6 +82,7 @@ fn main() -> miette::Result<()> {
         Cli::Inspect(arguments) => inspect::run(&arguments),
         Cli::Check(arguments) => check::run(&arguments),
         Cli::Linearize(arguments) => linearize::run(&arguments),
+        Cli::Trim(arguments) => trim::run(&arguments),
         Cli::New(arguments) => new::run(&arguments),
         #[cfg(feature = "system")]
         Cli::System(command) => system::run(&command),

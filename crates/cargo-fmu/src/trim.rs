@@ -1,0 +1,171 @@
+//! `cargo fmu trim`: the steady state of a plant at an operating point.
+
+#[cfg(feature = "system")]
+use std::path::PathBuf;
+
+use fmu_import::archive::read_description;
+use fmu_import::description::ModelDescription;
+use fmu_import::trim::{StateRole, SteadyState};
+use miette::{IntoDiagnostic, Result, miette};
+use nalgebra::DMatrix;
+
+use crate::eigenvalues::eigenvalues;
+use crate::inspect::locate;
+use crate::linearize::parse;
+use crate::output::outln;
+use crate::worker;
+
+/// A pole of a smaller share of the largest one counts as at 0: it is there for rounding.
+const AT_ZERO: f64 = 1e-8;
+
+/// Which plant, where.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Arguments {
+    /// Name of an FMU of this workspace (packed before), or path of any .fmu file with directional derivatives
+    fmu: String,
+    /// Operating point: a parameter, an input, or a state that is held, such as --set driver.speed=20 or --set steer.front=0.02;
+    /// `driver.speed` is the speed of plants with pedals, too; may be repeated
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// Inputs of which one common value is sought, such as --free drive_torque.rl,drive_torque.rr; repeat it for another value
+    /// [default: all `drive_torque.*` of a plant with pedals]
+    #[arg(long, value_name = "INPUT[,INPUT…]")]
+    free: Vec<String>,
+    /// Writes the start values of states, and the parameters and inputs, as a parameter set (SSV of SSP 1.0)
+    #[cfg(feature = "system")]
+    #[arg(long, value_name = "FILE.ssv")]
+    out: Option<PathBuf>,
+    /// Prints JSON instead of the table
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    workers: worker::Options,
+}
+
+/// Names of groups of inputs that are separated by commas.
+pub(crate) fn groups(free: &[String]) -> Vec<Vec<String>> {
+    free.iter().map(|names| names.split(',').map(|name| name.trim().to_owned()).collect()).collect()
+}
+
+/// Prints the steady state, and writes a file.
+///
+/// # Errors
+/// When the FMU has no states or directional derivatives, a value cannot be set, a state cannot rest, or the file cannot be written.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let path = locate(&arguments.fmu)?;
+    let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
+    #[cfg(feature = "system")]
+    if let Some(out) = arguments.out.as_ref().filter(|out| out.extension().is_none_or(|extension| extension != "ssv")) {
+        return Err(miette!("--out {}: the name must end in .ssv", out.display()));
+    }
+    let workers = arguments.workers.settings(worker::printed())?;
+    let steady = fmu_import::worker::trim(&workers, &path, &settings, &groups(&arguments.free))
+        .map_err(|message| miette!("{message}"))?;
+    let description = read_description(&path).into_diagnostic()?;
+    let growth = growth(&steady);
+    #[cfg(feature = "system")]
+    if let Some(out) = &arguments.out {
+        crate::pack::write_whole(out, ssv(&steady, &description).into_diagnostic()?.as_bytes())?;
+    }
+    if arguments.json {
+        outln!("{:#}", json(&steady, &description, growth));
+    } else {
+        print(&steady, &description, growth);
+    }
+    Ok(())
+}
+
+/// Largest real part of the poles of the states that do not drift, 1/s, 0 if it is at 0 but for rounding; `None` without such
+/// states, or if the eigenvalues do not converge.
+fn growth(steady: &SteadyState) -> Option<f64> {
+    let n = steady.states.iter().filter(|state| state.role != StateRole::Drifts).count();
+    let poles = eigenvalues(&DMatrix::from_column_slice(n, n, &steady.jacobian))?;
+    let largest = poles.first()?.re;
+    let size = poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+    Some(if largest.abs() <= AT_ZERO * size { 0.0 } else { largest })
+}
+
+/// What the poles say about small deviations.
+fn stability(growth: Option<f64>) -> String {
+    match growth {
+        None => "unknown".to_owned(),
+        Some(growth) if growth > 0.0 => format!("not stable, largest real part of a pole {growth:.4} 1/s"),
+        Some(0.0) => "limit of stability, a pole is at 0".to_owned(),
+        Some(growth) => format!("stable, largest real part of a pole {growth:.4} 1/s"),
+    }
+}
+
+fn unit<'d>(description: &'d ModelDescription, name: &str) -> Option<&'d str> {
+    description.variable(name)?.unit.as_deref().filter(|unit| *unit != "1")
+}
+
+const fn role(role: StateRole) -> &'static str {
+    match role {
+        StateRole::Rests => "rests",
+        StateRole::Held => "held",
+        StateRole::Drifts => "drifts",
+    }
+}
+
+fn json(steady: &SteadyState, description: &ModelDescription, growth: Option<f64>) -> serde_json::Value {
+    let unit = |name: &str| unit(description, name);
+    let states: Vec<_> = steady
+        .states
+        .iter()
+        .map(|state| {
+            serde_json::json!({"name": state.name, "value": state.value, "unit": unit(&state.name), "role": role(state.role)})
+        })
+        .collect();
+    let inputs: Vec<_> = steady
+        .inputs
+        .iter()
+        .map(|input| serde_json::json!({"name": input.name, "value": input.value, "unit": unit(&input.name)}))
+        .collect();
+    let starts: serde_json::Map<_, _> =
+        steady.starts.iter().map(|(name, value)| (name.clone(), serde_json::json!(value))).collect();
+    serde_json::json!({
+        "fmu": description.model_name, "guid": description.guid, "states": states, "inputs": inputs, "starts": starts,
+        "residual": steady.residual, "iterations": steady.iterations, "undetermined": steady.undetermined, "growth": growth,
+    })
+}
+
+fn print(steady: &SteadyState, description: &ModelDescription, growth: Option<f64>) {
+    let names = steady.states.iter().map(|state| &state.name).chain(steady.inputs.iter().map(|input| &input.name));
+    let width = names.map(|name| name.chars().count()).max().unwrap_or(0);
+    let row = |name: &str, value: f64, what: &str| {
+        let line =
+            format!("  {name:width$}  {value:>15.8e}  {:8}  {what}", unit(description, name).unwrap_or_default());
+        outln!("{}", line.trim_end());
+    };
+    outln!("Steady state of {}", description.model_name);
+    outln!("Stability: {}", stability(growth));
+    outln!("Largest derivative: {:.1e} of the nominal value per second\n", steady.residual);
+    outln!("States");
+    for state in &steady.states {
+        let open = steady.undetermined.contains(&state.name);
+        let what = match state.role {
+            StateRole::Rests if open => "not determined, at its start value",
+            StateRole::Rests => "",
+            StateRole::Held => "held",
+            StateRole::Drifts => "drifts, at its start value",
+        };
+        row(&state.name, state.value, what);
+    }
+    if !steady.inputs.is_empty() {
+        outln!("\nFree inputs");
+        steady.inputs.iter().for_each(|input| row(&input.name, input.value, ""));
+    }
+}
+
+/// The start values as a parameter set.
+#[cfg(feature = "system")]
+fn ssv(steady: &SteadyState, description: &ModelDescription) -> std::io::Result<String> {
+    use fmu_system::parameter_set::{Parameter, ParameterSet};
+    let parameter = |(name, value): &(String, _)| Parameter {
+        name: name.clone(),
+        value: fmu_import::description::Value::clone(value),
+        unit: unit(description, name).map(str::to_owned),
+    };
+    let name = format!("steady state of {}", description.model_name);
+    ParameterSet { name, parameters: steady.starts.iter().map(parameter).collect() }.to_xml(&description.units)
+}
