@@ -1,0 +1,275 @@
+//! Steady states of the plants, as `cargo fmu trim` finds them: against closed forms, at 50 operating points of each plant, and
+//! as start of a co-simulation that has to stay there.
+
+use fmu_import::description::Causality;
+use serde_json::Value;
+use std::process::Command;
+use std::sync::OnceLock;
+use tests::{Fmu, cargo_fmu, folder, ok, reals};
+
+/// Largest derivative, relative to the nominal value, 1/s.
+const RESIDUAL: f64 = 1e-10;
+/// Largest distance from the steady state within [`TIME`], relative to the nominal value.
+const DRIFT: f64 = 1e-8;
+const TIME: f64 = 5.0;
+const STEP: f64 = 0.01;
+
+/// What the command prints, or its message.
+fn trimmed(name: &str, settings: &[(String, f64)], options: &[&str]) -> Result<Value, String> {
+    static COMMAND: OnceLock<std::path::PathBuf> = OnceLock::new();
+    let mut command = Command::new(COMMAND.get_or_init(cargo_fmu));
+    command.args(["fmu", "trim", "--json"]).arg(folder().join(format!("{name}.fmu"))).args(options);
+    for (name, value) in settings {
+        command.arg("--set").arg(format!("{name}={value:?}"));
+    }
+    let output = command.output().expect("the command runs");
+    if !output.status.success() {
+        assert_eq!(output.status.code(), Some(1));
+        // Without the line breaks and marks of the message.
+        let text = String::from_utf8_lossy(&output.stderr);
+        let words = text.split_whitespace().filter(|word| !["│", "×", "Error:"].contains(word));
+        return Err(words.collect::<Vec<_>>().join(" "));
+    }
+    Ok(serde_json::from_slice(&output.stdout).expect("the command prints JSON"))
+}
+
+fn settings(values: &[(&str, f64)]) -> Vec<(String, f64)> {
+    values.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
+}
+
+/// Value of a state or free input.
+fn value(steady: &Value, name: &str) -> f64 {
+    let all = ["states", "inputs"].into_iter().flat_map(|list| steady[list].as_array().expect("a list"));
+    let found = all.into_iter().find(|entry| entry["name"] == name);
+    found.and_then(|entry| entry["value"].as_f64()).unwrap_or_else(|| panic!("`{name}` is not there: {steady}"))
+}
+
+fn names_of(steady: &Value, role: &str) -> Vec<String> {
+    let states = steady["states"].as_array().expect("a list").iter();
+    states
+        .filter(|state| state["role"] == role)
+        .map(|state| state["name"].as_str().expect("a name").to_owned())
+        .collect()
+}
+
+/// Largest distance of a state that rests from its start, relative to the nominal value, in a co-simulation that begins there.
+fn drift(fmu: &Fmu, steady: &Value, parameters: &[(&str, f64)]) -> f64 {
+    let mut instance = fmu.instance();
+    ok(instance.setup_experiment(0.0, Some(TIME)));
+    let starts = steady["starts"].as_object().expect("a table").iter();
+    let starts = starts.map(|(name, value)| (name.as_str(), value.as_f64().expect("a Real")));
+    for (name, value) in starts.chain(parameters.iter().copied()) {
+        let variable = fmu.description.variable(name).expect("the FMU has it");
+        ok(instance.set_real(&[variable.reference], &[value]));
+    }
+    ok(instance.enter_initialization_mode());
+    ok(instance.exit_initialization_mode());
+    let resting: Vec<_> = ["rests", "held"]
+        .into_iter()
+        .flat_map(|role| names_of(steady, role))
+        .map(|name| fmu.description.variable(&name).expect("the FMU has it"))
+        .collect();
+    let references: Vec<_> = resting.iter().map(|variable| variable.reference).collect();
+    let start: Vec<f64> = resting.iter().map(|variable| value(steady, &variable.name)).collect();
+    let mut largest = 0.0_f64;
+    let steps = (TIME / STEP).round() as usize;
+    for step in 0..=steps {
+        let now = reals(&mut instance, &references);
+        for ((variable, start), now) in resting.iter().zip(&start).zip(now) {
+            assert!(now.is_finite(), "{}: `{}`", fmu.name, variable.name);
+            largest = largest.max((now - start).abs() / variable.nominal.unwrap_or(1.0).abs());
+        }
+        if step < steps {
+            ok(instance.do_step(step as f64 * STEP, STEP));
+        }
+    }
+    largest
+}
+
+/// 5 speeds, 5 steering angles, 2 frictions. Each point comes to rest to [`RESIDUAL`] or has a message that names a state;
+/// `restless` are those that do not, (speed, angle, friction). Stable points stay where they start.
+fn fifty_points(
+    name: &str,
+    speeds: [f64; 5],
+    angles: [f64; 5],
+    parameters: &[(&str, f64)],
+    restless: &[(f64, f64, f64)],
+) {
+    let fmu = Fmu::named(name);
+    let frictions = fmu.with(Causality::Input).filter(|input| input.name.starts_with("road_friction."));
+    let frictions: Vec<String> = frictions.map(|input| input.name.clone()).collect();
+    assert!(!frictions.is_empty());
+    let (mut residual, mut moved, mut stable, mut unstable) = (0.0_f64, 0.0_f64, 0, Vec::new());
+    let mut failed = Vec::new();
+    for speed in speeds {
+        for angle in angles {
+            for friction in [0.5, 1.0] {
+                let mut given = settings(&[("driver.speed", speed), ("steer.front", angle)]);
+                given.extend(frictions.iter().map(|input| (input.clone(), friction)));
+                match trimmed(name, &given, &[]) {
+                    Ok(steady) => {
+                        residual = residual.max(steady["residual"].as_f64().expect("a number"));
+                        if steady["growth"].as_f64().is_some_and(|growth| growth <= 0.0) {
+                            stable += 1;
+                            let distance = drift(&fmu, &steady, parameters);
+                            assert!(distance < DRIFT, "{name} at {speed} m/s, {angle} rad, {friction}: {distance:e}");
+                            moved = moved.max(distance);
+                        } else {
+                            unstable.push((speed, angle, friction));
+                        }
+                    }
+                    Err(message) => {
+                        let named = message.split('`').nth(1).unwrap_or_default();
+                        let is_state = fmu.states().iter().any(|state| state.name == named);
+                        assert!(is_state && message.contains("cannot rest"), "{message}");
+                        failed.push((speed, angle, friction));
+                    }
+                }
+            }
+        }
+    }
+    println!(
+        "{name}: residual {residual:e}, drift {moved:e} at {stable} stable points; not stable {unstable:?}; restless {failed:?}"
+    );
+    assert!(residual <= RESIDUAL, "{name}: {residual:e}");
+    assert_eq!(failed, restless, "{name}");
+}
+
+/// Start value of a parameter.
+fn parameter(fmu: &Fmu, name: &str) -> f64 {
+    match fmu.description.variable(name).and_then(|variable| variable.start.clone()) {
+        Some(fmu_import::description::Value::Real(value)) => value,
+        other => panic!("`{name}`: {other:?}"),
+    }
+}
+
+#[track_caller]
+fn assert_close(found: f64, expected: f64, relative: f64) {
+    assert!((found - expected).abs() <= relative * expected.abs(), "{found} {expected}");
+}
+
+/// Reference: closed forms of the README of the car, yaw gain u/(L + K u^2), lateral acceleration and roll gradient.
+#[test]
+fn a_single_track_car_turns_as_in_closed_form() {
+    let fmu = Fmu::named("BicycleCar");
+    let of = |name: &str| parameter(&fmu, name);
+    let (m, a, b) = (of("vehicle.mass"), of("geometry.cg_to_front_axle"), of("geometry.cg_to_rear_axle"));
+    let (c_f, c_r) = (of("axle.cornering_stiffness.front"), of("axle.cornering_stiffness.rear"));
+    let k = m * (b * c_r - a * c_f) / ((a + b) * c_f * c_r);
+    let arm = of("body.mass") * of("geometry.body_cg_to_roll_axis");
+    let roll_gradient = arm / (of("body.roll_stiffness") - arm * of("gravity"));
+    for (u, delta) in [(5.0, 0.1), (22.0, -0.02), (40.0, 0.001)] {
+        let steady = trimmed("BicycleCar", &settings(&[("driver.speed", u), ("steer.front", delta)]), &[]).unwrap();
+        let r = u * delta / (a + b + k * u * u);
+        assert_close(value(&steady, "vehicle.yaw_rate"), r, 1e-13);
+        assert_close(value(&steady, "body.roll"), roll_gradient * u * r, 1e-13);
+        assert_eq!(names_of(&steady, "drifts"), ["vehicle.yaw", "vehicle.position_x", "vehicle.position_y"]);
+        assert_eq!(steady["undetermined"], serde_json::json!([]));
+    }
+}
+
+/// Equal forces F of all actuators lift the body by F/k; a road that is h higher lifts it by h. Reference: statics.
+#[test]
+fn forces_and_the_road_lift_the_body() {
+    let fmu = Fmu::named("RescueVehicle");
+    let inputs = |quantity: &str, value: f64| -> Vec<(String, f64)> {
+        let of = fmu.with(Causality::Input).filter(|input| input.name.starts_with(quantity));
+        of.map(|input| (input.name.clone(), value)).collect()
+    };
+    let given = [inputs("suspension_force.", 1200.0), inputs("road_height.", 0.03)].concat();
+    assert_eq!(given.len(), 12);
+    let steady = trimmed("RescueVehicle", &given, &[]).unwrap();
+    assert_close(value(&steady, "body.heave"), 0.03 + 1200.0 / parameter(&fmu, "suspension.stiffness"), 1e-12);
+    assert_close(value(&steady, "wheel_height.ml"), 0.03, 1e-12);
+}
+
+/// On a straight road without drag the drive torques are those of the brakes, which act in full at speed; with one axle
+/// driven they are twice as large.
+#[test]
+fn drive_torques_balance_the_brakes() {
+    let wheels = ["fl", "fr", "rl", "rr"];
+    let mut given = settings(&[("driver.speed", 25.0)]);
+    given.extend(wheels.map(|wheel| (format!("brake_torque.{wheel}"), 80.0)));
+    let steady = trimmed("EspCar", &given, &[]).unwrap();
+    for wheel in wheels {
+        assert_close(value(&steady, &format!("drive_torque.{wheel}")), 80.0, 1e-10);
+        assert_close(value(&steady, &format!("wheel_speed.{wheel}")), 25.0 / 0.29, 1e-10);
+    }
+    assert_eq!(names_of(&steady, "held"), ["vehicle.speed"]);
+    let steady = trimmed("EspCar", &given, &["--free", "drive_torque.rl, drive_torque.rr"]).unwrap();
+    for wheel in ["rl", "rr"] {
+        assert_close(value(&steady, &format!("drive_torque.{wheel}")), 160.0, 1e-10);
+    }
+}
+
+#[test]
+fn a_state_that_cannot_rest_is_named() {
+    let one_wheel = settings(&[("driver.speed", 20.0), ("drive_torque.rl", 0.0), ("brake_torque.rl", 100.0)]);
+    let message = trimmed("EspCar", &one_wheel, &[]).unwrap_err();
+    assert!(message.starts_with("EspCar: `vehicle.speed` cannot rest: "), "{message}");
+    assert!(message.ends_with("It is held, and no input is free to keep it (--free)."), "{message}");
+    let message = trimmed("Driver", &[], &[]).unwrap_err();
+    assert!(message.contains("Driver has no steady state: it lists no continuous states"), "{message}");
+    for (given, options, expected) in [
+        (("driver.sped", 20.0), &[][..], "EspCar has no variable `driver.sped`"),
+        (("tire_load.fl", 20.0), &[], "`tire_load.fl` must be a parameter, an input or a state"),
+        (("steer.front", 0.0), &["--free", "steer.front"], "`steer.front` has a value by --set"),
+        (("steer.front", 0.0), &["--free", "tire.friction"], "`tire.friction` must be an input"),
+    ] {
+        let message = trimmed("EspCar", &settings(&[given]), options).unwrap_err();
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+/// The parameter set has what a co-simulation starts with; the linear model at the steady state has its stability.
+#[test]
+fn parameter_sets_and_linear_models_start_there() {
+    let folder_of_file = tempfile::tempdir().expect("a folder");
+    let file = folder_of_file.path().join("turn.ssv");
+    let given = settings(&[("driver.speed", 20.0), ("steer.front", 0.05)]);
+    let steady = trimmed("EspCar", &given, &["--out", file.to_str().expect("UTF-8")]).unwrap();
+    let set = fmu_system::parameter_set::ParameterSet::read(&file).unwrap();
+    let starts = steady["starts"].as_object().unwrap();
+    assert_eq!(set.parameters.len(), starts.len());
+    for parameter in &set.parameters {
+        let fmu_import::description::Value::Real(value) = parameter.value else { panic!("{parameter:?}") };
+        assert_eq!(starts[&parameter.name].as_f64(), Some(value), "{}", parameter.name);
+    }
+    for name in ["vehicle.initial_speed", "wheel.initial_slip.fl", "body.roll", "drive_torque.rr", "steer.front"] {
+        assert!(starts.contains_key(name), "{name}");
+    }
+    let linear = |options: &[&str]| -> Value {
+        let mut command = Command::new(cargo_fmu());
+        command.args(["fmu", "linearize", "--json"]).arg(folder().join("EspCar.fmu"));
+        command.args(["--set", "driver.speed=20", "--set", "steer.front=0.05"]).args(options);
+        serde_json::from_slice(&tests::successful(&mut command).stdout).expect("JSON")
+    };
+    let drifting = 3;
+    let poles = linear(&["--trim"])["poles"].as_array().unwrap().clone();
+    let largest = poles.iter().map(|pole| pole[0].as_f64().unwrap());
+    let largest = largest.filter(|real| real.abs() > 1e-8).fold(f64::NEG_INFINITY, f64::max);
+    assert!(poles.len() > drifting);
+    assert_close(largest, steady["growth"].as_f64().unwrap(), 1e-6);
+}
+
+#[test]
+fn the_rescue_vehicle_rests_at_fifty_points() {
+    fifty_points("RescueVehicle", [2.0, 8.0, 14.0, 20.0, 26.0], [0.0, 0.01, 0.03, 0.08, 0.2], &[], &[]);
+}
+
+#[test]
+fn the_heavy_vehicle_rests_at_fifty_points() {
+    fifty_points("HeavyVehicle", [2.0, 8.0, 14.0, 20.0, 26.0], [0.0, 0.01, 0.03, 0.08, 0.2], &[], &[]);
+}
+
+#[test]
+fn the_half_car_rests_at_fifty_points() {
+    fifty_points("HydroPneumaticHalfCar", [2.0, 8.0, 14.0, 20.0, 26.0], [0.0, 0.01, 0.03, 0.08, 0.2], &[], &[]);
+}
+
+/// Its step of 0.5 ms is accurate above 5 m/s (README of the car) and five times faster.
+#[test]
+fn the_car_rests_at_fifty_points() {
+    let parameters = [("max_step", 5e-4)];
+    fifty_points("EspCar", [6.0, 12.0, 18.0, 24.0, 30.0], [0.0, 0.01, 0.03, 0.08, 0.2], &parameters, &[]);
+}
