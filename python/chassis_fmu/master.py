@@ -481,7 +481,7 @@ def simulate(
         for slave in slaves:
             slave.setup(simulation)
         for slave in slaves:
-            slave.apply(slave.component.parameters, start)
+            slave.apply(slave.component.starts, start)
         for slave in slaves:
             slave.enter(start)
         feed(start)

@@ -68,6 +68,19 @@ class Component(_Part, frozen=True):
     constants: tuple[Setting, ...]
     inputs: tuple[Wire, ...]
     outputs: tuple[Wire, ...]
+    # Start values of a steady state, set after the parameters; empty if they have not been found.
+    steady: tuple[Setting, ...] | None = None
+
+    @property
+    def starts(self) -> tuple[Setting, ...]:
+        """What is set before initialization, in this order."""
+        if self.steady is None:
+            return self.parameters
+        if not self.steady:
+            raise PlanError(
+                f"the steady state in which `{self.name}` starts has not been found; `cargo fmu plan --json` finds it"
+            )
+        return self.parameters + self.steady
 
 
 class InputSeries(_Part, frozen=True):

@@ -273,3 +273,153 @@ fn the_car_rests_at_fifty_points() {
     let parameters = [("max_step", 5e-4)];
     fifty_points("EspCar", [6.0, 12.0, 18.0, 24.0, 30.0], [0.0, 0.01, 0.03, 0.08, 0.2], &parameters, &[]);
 }
+
+/// A car in a turn behind a driver, with the actuator of its steering, which starts at its declared state: straight ahead.
+const SCENARIO: &str = r#"
+title = "Turn"
+description = "A turn that is held"
+reference = "none"
+
+[simulation]
+stop = 5.0
+step = 0.01
+
+[[component]]
+name = "plant"
+fmu = "RescueVehicle"
+start = "steady"
+inputs = { "driver.speed" = { value = 50.0, unit = "km/h" }, "steer.front" = 0.02, "steer.middle" = 0.0, "steer.rear" = 0.0, "road_height.*" = 0.01, "road_friction.*" = 0.9, "suspension_force.*" = 0.0 }
+
+[[case]]
+name = "heavy"
+title = "Heavy"
+parameters.plant = { "vehicle.mass" = 40000.0 }
+
+[[case]]
+name = "usual"
+title = "As declared"
+
+[record]
+signals = ["body.roll", "body.heave", "vehicle.yaw_rate", "vehicle.yaw"]
+"#;
+
+fn plan(text: &str) -> fmu_system::plan::Plan {
+    use fmu_system::resolve::{FmuFolder, Options, resolve_text};
+    let options = Options::default();
+    resolve_text(std::path::Path::new("turn.toml"), text, &FmuFolder::new([folder()]), &options)
+        .unwrap_or_else(|error| panic!("{error:?}"))
+}
+
+/// Both cases start at rest, each in its own steady state; so does a run with another value. Reference: the plant alone, by
+/// `cargo fmu trim`.
+#[test]
+fn scenarios_start_steady() {
+    use fmu_import::description::Value;
+    let plan = plan(SCENARIO);
+    let fmus = fmu_system::fmus::Fmus::load(&plan.runs).unwrap();
+    let names: Vec<&str> = plan.columns.iter().map(|column| column.name.as_str()).collect();
+    let of = |name: &str| names.iter().position(|column| *column == name).expect("it is recorded");
+    let mut rolls = Vec::new();
+    for (run, mass) in [(0, None), (1, None), (0, Some(39_000.0))] {
+        let mut run = plan.runs[run].clone();
+        assert!(run.needs_steady_starts());
+        run.find_steady_starts(&plan.simulation, &fmus).unwrap();
+        assert!(!run.needs_steady_starts());
+        if let Some(mass) = mass {
+            run.set_parameter(&fmus, "plant", "vehicle.mass", Value::Real(mass)).unwrap();
+            assert!(run.needs_steady_starts(), "the state of another mass is another one");
+        }
+        let recording = fmu_system::master::execute(&plan.simulation, &run, &fmus).unwrap();
+        let column = |name: &str| recording.column(of(name)).expect("it is recorded").to_vec();
+        let roll = column("body.roll");
+        for (name, nominal) in [("body.roll", 0.05), ("body.heave", 0.05), ("vehicle.yaw_rate", 0.5)] {
+            let values = column(name);
+            assert!(values[0].abs() > 1e-3, "{name}: {}", values[0]);
+            let distance = values.iter().map(|value| (value - values[0]).abs()).fold(0.0, f64::max);
+            assert!(distance < DRIFT * nominal, "{name}: {distance:e}");
+        }
+        let yaw = column("vehicle.yaw");
+        assert_eq!(yaw[0], 0.0);
+        let turned = column("vehicle.yaw_rate")[0] * TIME;
+        assert_close(*yaw.last().unwrap(), turned, 1e-9);
+        rolls.push(roll[0]);
+    }
+    let mut given = settings(&[("driver.speed", 50.0 / 3.6)]);
+    let fmu = Fmu::named("RescueVehicle");
+    for (quantity, value) in [("steer.front", 0.02), ("road_height.", 0.01), ("road_friction.", 0.9)] {
+        let inputs = fmu.with(Causality::Input).filter(|input| input.name.starts_with(quantity));
+        given.extend(inputs.map(|input| (input.name.clone(), value)));
+    }
+    assert_close(rolls[1], value(&trimmed("RescueVehicle", &given, &[]).unwrap(), "body.roll"), 1e-13);
+    given.push(("vehicle.mass".to_owned(), 39_000.0));
+    assert_close(rolls[2], value(&trimmed("RescueVehicle", &given, &[]).unwrap(), "body.roll"), 1e-13);
+    assert!(rolls[0] > rolls[2] && rolls[2] > rolls[1], "a heavier vehicle rolls more: {rolls:?}");
+}
+
+/// The plant reads what the others have at the start: the speed of a driver, the angle of an actuator that is at its declared
+/// state.
+#[test]
+fn a_plant_starts_with_what_the_others_write_first() {
+    let driver = r#"
+[[component]]
+name = "driver"
+fmu = "Driver"
+parameters = { "speed.initial" = 12.0 }
+
+[[case]]
+name = "heavy""#;
+    let text = SCENARIO.replacen("\n[[case]]\nname = \"heavy\"", driver, 1);
+    let text = text.replace("\"driver.speed\" = { value = 50.0, unit = \"km/h\" }, ", "");
+    let plan = plan(&text);
+    let mut run = plan.runs[1].clone();
+    let fmus = fmu_system::fmus::Fmus::load(&plan.runs).unwrap();
+    run.find_steady_starts(&plan.simulation, &fmus).unwrap();
+    let steady = run.components[0].steady.clone().expect("it starts steady");
+    let roll = steady.iter().find(|setting| setting.name == "body.roll").expect("a state");
+    let mut given = settings(&[("driver.speed", 12.0)]);
+    let fmu = Fmu::named("RescueVehicle");
+    for (quantity, value) in [("steer.front", 0.02), ("road_height.", 0.01), ("road_friction.", 0.9)] {
+        let inputs = fmu.with(Causality::Input).filter(|input| input.name.starts_with(quantity));
+        given.extend(inputs.map(|input| (input.name.clone(), value)));
+    }
+    let expected = value(&trimmed("RescueVehicle", &given, &[]).unwrap(), "body.roll");
+    assert_eq!(roll.value, fmu_import::description::Value::Real(expected));
+}
+
+/// A car whose torques are 0 slows down in a turn: the message names run, component and state. A component without states is a
+/// mistake in the scenario.
+#[test]
+fn scenarios_that_cannot_start_steady_have_a_message() {
+    let constants = "\"steer.front\" = 0.05, \"road_height.*\" = 0.0, \"road_friction.*\" = 1.0, \"suspension_force.*\" = 0.0, \
+                     \"brake_torque.*\" = 0.0, \"drive_torque.*\" = 0.0";
+    let (before, rest) = SCENARIO.split_once("fmu = \"RescueVehicle\"").unwrap();
+    let (_, after) = rest.split_once("}, \"steer.front\"").unwrap();
+    let (_, after) = after.split_once("}\n").unwrap();
+    let car = format!("{before}fmu = \"EspCar\"\nstart = \"steady\"\ninputs = {{ {constants} }}\n{after}");
+    let car = car.replace("parameters.plant = { \"vehicle.mass\" = 40000.0 }", "");
+    let plan = plan(&car);
+    let fmus = fmu_system::fmus::Fmus::load(&plan.runs).unwrap();
+    let error = fmu_system::master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap_err().to_string();
+    let expected = "run heavy: `plant` cannot start in a steady state: EspCar: `vehicle.speed` cannot rest: ";
+    assert!(error.starts_with(expected), "{error}");
+    let driver = SCENARIO.replace("start = \"steady\"", "").replacen(
+        "\n[[case]]",
+        "\n[[component]]\nname = \"driver\"\nfmu = \"Driver\"\nstart = \"steady\"\n[[case]]",
+        1,
+    );
+    let options = fmu_system::resolve::Options::default();
+    let source = fmu_system::resolve::FmuFolder::new([folder()]);
+    let resolve = |text: &str| fmu_system::resolve::resolve_text("turn.toml".as_ref(), text, &source, &options);
+    let Err(fmu_system::resolve::ResolveError::Problems(problems)) = resolve(&driver) else { panic!("no problem") };
+    let lines: Vec<String> = problems.problems.iter().map(fmu_system::problem::Problem::explained).collect();
+    assert!(lines.join("\n").contains("Driver has no steady state: it lists no directional derivatives"), "{lines:?}");
+    let unknown = SCENARIO.replace("\"steady\"", "\"resting\"");
+    let Err(fmu_system::resolve::ResolveError::Problems(problems)) = resolve(&unknown) else { panic!("no problem") };
+    let lines: Vec<String> = problems.problems.iter().map(fmu_system::problem::Problem::explained).collect();
+    assert!(lines.join("\n").contains("unknown word `resting`, expected `declared` or `steady`"), "{lines:?}");
+    // Straight ahead it rolls.
+    let straight = car.replace("\"steer.front\" = 0.05", "\"steer.front\" = 0.0");
+    let plan = self::plan(&straight);
+    let fmus = fmu_system::fmus::Fmus::load(&plan.runs).unwrap();
+    fmu_system::master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap();
+}

@@ -101,6 +101,8 @@ pub struct Request {
     pub held: Vec<(usize, Option<f64>)>,
     /// Inputs that are sought. Those of a group have one value.
     pub free: Vec<Vec<usize>>,
+    /// Time, s.
+    pub time: f64,
 }
 
 impl Request {
@@ -166,9 +168,9 @@ impl Request {
 
     /// What a scenario asks for: all inputs are given, and a plant with the state `vehicle.speed` holds it.
     #[must_use]
-    pub fn of_inputs(description: &ModelDescription, given: Vec<(usize, Value)>) -> Self {
+    pub fn of_inputs(description: &ModelDescription, given: Vec<(usize, Value)>, time: f64) -> Self {
         let speed = description.index(SPEED[0]).filter(|speed| states(description).any(|state| state == *speed));
-        Self { given, held: speed.map(|speed| (speed, None)).into_iter().collect(), free: Vec::new() }
+        Self { given, held: speed.map(|speed| (speed, None)).into_iter().collect(), free: Vec::new(), time }
     }
 }
 

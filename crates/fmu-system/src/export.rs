@@ -221,7 +221,11 @@ impl System {
                 component.connectors.push(connector(variable, true, &description, &planned.name)?);
                 writers.insert(wire.slot, ([planned.name.clone(), variable.name.clone()], wire.base_type));
             }
-            for setting in planned.parameters.iter().chain(&planned.constants) {
+            let steady = planned.steady.iter().flatten();
+            // A start value that was found takes the place of the parameter.
+            let is_found = |name: &str| planned.steady.iter().flatten().any(|setting| setting.name == name);
+            let parameters = planned.parameters.iter().filter(|setting| !is_found(&setting.name));
+            for setting in parameters.chain(steady).chain(&planned.constants) {
                 let variable = description.variable(&setting.name);
                 reject_enumeration(variable, &planned.name)?;
                 let unit = variable.and_then(|v| v.unit.clone()).filter(|name| defined(&description, name).is_some());

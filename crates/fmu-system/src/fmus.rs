@@ -1,10 +1,12 @@
 //! The FMUs of a system.
 
 use crate::run::{Component, Run};
+use fmu_import::archive::read_description;
+use fmu_import::description::ModelDescription;
 use fmu_import::fmu::{Fmu, FmuError};
 use fmu_import::loader::{CallError, Instance};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why an FMU of a system cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -21,6 +23,14 @@ pub enum FmusError {
         found: String,
         /// GUID of the plan.
         expected: String,
+    },
+    /// A component does not start in a steady state.
+    #[error("`{component}` cannot start in a steady state: {message}")]
+    Steady {
+        /// Name of the component.
+        component: String,
+        /// Why.
+        message: String,
     },
     /// It was not loaded.
     #[error("the FMU {0} is not among those loaded")]
@@ -40,6 +50,14 @@ pub trait Instances {
     /// # Errors
     /// The FMU is not there, cannot be loaded, returns no instance, or allows only one and has it.
     fn of(&self, component: &Component) -> Result<Instance, FmusError>;
+
+    /// The description of the FMU of a component.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    fn description(&self, component: &Component) -> Result<ModelDescription, FmusError> {
+        Ok(read_description(Path::new(&component.fmu)).map_err(FmuError::from)?)
+    }
 }
 
 /// The FMUs of a plan, each opened once.

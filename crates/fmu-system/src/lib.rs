@@ -5,6 +5,7 @@
 //!   [`problem`] shows mistakes with their place,
 //! - [`mod@run`] is what a [`master`] executes in this process, a [`session`] step by step, [`worker`] in others, which
 //!   may crash; [`fmus`] are the FMUs of runs, [`results`] writes recordings, [`trial`] finds parameters without an effect,
+//!   [`steady`] the states in which components start that begin at rest,
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
 //! - [`report`] is what the results are to show; nothing that executes runs knows of it; [`metrics`] computes the numbers,
 //! - [`export`] writes a run for other masters, [`compat`] tells which FMUs fit which plants by their signals.
@@ -46,6 +47,7 @@ pub mod resolve;
 pub mod results;
 pub mod run;
 pub mod session;
+pub mod steady;
 pub mod trial;
 pub mod worker;
 

@@ -68,7 +68,9 @@ impl Run {
             check(variable, &value)?;
             target.set(variable, value)
         });
-        set.map_err(|reason| ParameterError::Rejected { component: component.to_string(), reason })
+        set.map_err(|reason| ParameterError::Rejected { component: component.to_string(), reason })?;
+        self.forget_steady_starts();
+        Ok(())
     }
 }
 

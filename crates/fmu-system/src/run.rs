@@ -72,6 +72,10 @@ pub struct Component {
     pub guid: String,
     /// Parameters to set before initialization, sorted by name.
     pub parameters: Vec<Setting>,
+    /// Start values of a component that starts in a steady state, to be set after the parameters; empty if they are still to be
+    /// found. `None` for one that starts as declared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steady: Option<Vec<Setting>>,
     /// Inputs that keep one value.
     pub constants: Vec<Setting>,
     /// Inputs read from the bus.

@@ -8,7 +8,7 @@
 //! `fmi3EnterInitializationMode` has the times of `fmi2SetupExperiment`, and Event Mode and early return are not used.
 //!
 //! 1. Instantiate all components, `fmi2SetupExperiment` without tolerance and with the stop time.
-//! 2. Set the parameters, `fmi2EnterInitializationMode` on all.
+//! 2. Set the parameters, then the start values of a steady state, `fmi2EnterInitializationMode` on all.
 //! 3. Bus at 0; input series of the start time; read the outputs of all components; then component by component: set
 //!    constants, set inputs from the bus, read outputs. `fmi2ExitInitializationMode` on all; read
 //!    the outputs of all.
@@ -224,8 +224,19 @@ impl Session {
     /// Instantiates and initializes a run.
     ///
     /// # Errors
-    /// An FMU cannot be loaded or instantiated, or a call returns more than `fmi2Warning`.
+    /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, or a component that starts in a steady
+    /// state has none.
     pub fn new(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, RunError> {
+        if run.needs_steady_starts() {
+            let mut run = run.clone();
+            run.find_steady_starts(simulation, fmus)?;
+            return Self::initialized(simulation, &run, fmus);
+        }
+        Self::initialized(simulation, run, fmus)
+    }
+
+    /// Instantiates and initializes a run with the start values that it has.
+    pub(crate) fn initialized(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, RunError> {
         let failed = |cause: FmusError| RunError { run: run.id.clone(), time: None, cause: Box::new(cause) };
         let board = calls::board();
         if let Some(board) = board {
@@ -411,8 +422,8 @@ impl Session {
             member.instance.setup_experiment(simulation.start, Some(simulation.stop))?;
         }
         for (member, component) in members.iter_mut().zip(&run.components) {
-            for parameter in &component.parameters {
-                member.set(parameter)?;
+            for start in component.parameters.iter().chain(component.steady.iter().flatten()) {
+                member.set(start)?;
             }
         }
         for member in members.iter_mut() {

@@ -10,8 +10,8 @@ mod serve;
 pub use pool::{Failure, FailureKind, Finish, Pool, Task};
 pub use serve::serve;
 
-use crate::run::{Simulation, Trial};
-use fmu_import::worker::{Process, Settings, Watch};
+use crate::run::{Run, Simulation, Trial};
+use fmu_import::worker::{Ended, Process, Settings, Watch};
 use protocol::{Request, Response};
 use std::time::Duration;
 
@@ -34,4 +34,31 @@ pub fn trials(settings: &Settings, simulation: &Simulation, trials: &[Trial]) ->
         Ok(Response::Warnings(warnings)) => warnings,
         _ => Vec::new(),
     }
+}
+
+/// Finds the steady states that components of runs start in, in a worker, so that another master can set them.
+///
+/// # Errors
+/// The worker cannot be started, an FMU ends it, a run cannot be initialized, or a state cannot rest.
+pub fn find_steady_starts(settings: &Settings, simulation: &Simulation, runs: &mut [Run]) -> Result<(), String> {
+    let mut open = runs.iter_mut().filter(|run| run.needs_steady_starts()).peekable();
+    if open.peek().is_none() {
+        return Ok(());
+    }
+    let mut process =
+        Process::start(settings, JOB, true).map_err(|error| format!("cannot start a worker process: {error}"))?;
+    for run in open {
+        process.send(&Request::Steady { simulation: *simulation, run: Box::new(run.clone()) }, &[]);
+        match process.receive(&mut Watch::of_all(settings.timeout), &mut |_| ()) {
+            Ok(Response::Steady(found)) => {
+                for (component, steady) in run.components.iter_mut().zip(found) {
+                    component.steady = steady;
+                }
+            }
+            Ok(Response::Failed { message, .. }) => return Err(message),
+            Ok(_) => return Err("the worker process sent an unexpected response".to_owned()),
+            Err(Ended { message, .. }) => return Err(format!("run {}: {message}", run.id)),
+        }
+    }
+    Ok(())
 }

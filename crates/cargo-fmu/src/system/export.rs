@@ -10,7 +10,9 @@ use miette::{IntoDiagnostic, miette};
 use std::path::PathBuf;
 
 use super::folders::folders;
+use super::selection::find_steady_starts;
 use crate::output::outln;
+use crate::worker;
 
 /// Arguments of `cargo fmu export`.
 #[derive(Debug, Args)]
@@ -51,8 +53,9 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let options = Options { stop: arguments.stop, ..Options::default() };
     let plan = resolve(&arguments.scenario, &folders(&arguments.fmus), &options)?;
-    let run = chosen(&plan, arguments)?;
-    let system = System::new(&plan, run).into_diagnostic()?;
+    let mut run = chosen(&plan, arguments)?.clone();
+    find_steady_starts(&plan.simulation, std::slice::from_mut(&mut run), &worker::Options::default())?;
+    let system = System::new(&plan, &run).into_diagnostic()?;
     let files = system.write(&arguments.out, arguments.overwrite).into_diagnostic()?;
     outln!("run {} for other masters, step {:?} s, until {:?} s:", run.id, system.step, system.stop);
     for file in files {

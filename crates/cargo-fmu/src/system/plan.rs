@@ -33,7 +33,7 @@ pub(crate) fn print_schema() -> miette::Result<()> {
 
 /// Prints the plan, and what is probably not meant as warnings.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
-    let plan = arguments.selection.plan_with_warnings(&worker::Options::default())?;
+    let plan = arguments.selection.plan_with_steady_starts(&worker::Options::default())?;
     print_warnings(&plan);
     if !arguments.json {
         out!("{}", summary(&plan));
@@ -119,7 +119,9 @@ fn components(plan: &Plan) -> Vec<String> {
         let fmu = std::path::Path::new(&component.fmu)
             .file_stem()
             .map_or(String::new(), |s| s.to_string_lossy().into_owned());
-        let row = [component.name.clone(), fmu, format!("{} set", counted(component.parameters.len(), "parameter"))];
+        let steady = if component.steady.is_some() { ", starts in a steady state" } else { "" };
+        let parameters = format!("{} set{steady}", counted(component.parameters.len(), "parameter"));
+        let row = [component.name.clone(), fmu, parameters];
         match rows.iter().position(|known| known[0] == row[0]) {
             None => rows.push(row),
             // Another FMU, in another case.

@@ -55,6 +55,13 @@ impl Selection {
         Ok(plan)
     }
 
+    /// As [`Self::plan_with_warnings`], with the steady states that components start in: for other masters.
+    pub(crate) fn plan_with_steady_starts(&self, workers: &worker::Options) -> miette::Result<Plan> {
+        let mut plan = self.plan_with_warnings(workers)?;
+        find_steady_starts(&plan.simulation, &mut plan.runs, workers)?;
+        Ok(plan)
+    }
+
     /// Resolves the scenario.
     pub(crate) fn plan(&self) -> miette::Result<Plan> {
         let options = Options {
@@ -69,4 +76,14 @@ impl Selection {
         };
         Ok(resolve(&self.scenario, &folders(&self.fmus), &options)?)
     }
+}
+
+/// Finds the steady states that components of runs start in.
+pub(crate) fn find_steady_starts(
+    simulation: &run::Simulation,
+    runs: &mut [run::Run],
+    workers: &worker::Options,
+) -> miette::Result<()> {
+    let settings = workers.settings(worker::printed())?;
+    fmu_system::worker::find_steady_starts(&settings, simulation, runs).map_err(|message| miette::miette!("{message}"))
 }

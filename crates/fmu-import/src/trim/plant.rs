@@ -242,7 +242,7 @@ impl<'a> Plant<'a> {
     }
 
     fn set_all(&mut self, instance: &mut Instance) -> Result<(), CallError> {
-        instance.setup_experiment(0.0, None)?;
+        instance.setup_experiment(self.request.time, None)?;
         for (index, value) in &self.request.given {
             let references = [self.description.variables[*index].reference];
             match value {
@@ -291,7 +291,7 @@ impl<'a> Plant<'a> {
         let mut trial = |change: Option<(Reference, f64)>| {
             let mut instance = (self.instantiate)().ok()?;
             let mut states = vec![0.0; self.references.len()];
-            let read = instance.setup_experiment(0.0, None).and_then(|()| {
+            let read = instance.setup_experiment(self.request.time, None).and_then(|()| {
                 if let Some((reference, value)) = change {
                     instance.set_real(&[reference], &[value])?;
                 }

@@ -2,6 +2,7 @@
 
 use super::fmus::{Descriptions, Found};
 use super::system::{Member, Replaced, Resolver, System, context, replacement};
+use crate::steady;
 use fmu_import::names::suggestion;
 use std::ops::Range;
 
@@ -24,6 +25,12 @@ impl<'a> Resolver<'a> {
                     None => self.find(component.fmu.get_ref(), component.fmu.span(), source, &mut missing),
                 };
                 let Some(found) = found else { continue };
+                if let Some(place) = component.steady()
+                    && let Err(message) = steady::check(&found.description)
+                {
+                    let help = "leave `start` out, or start a component steady that has states".to_string();
+                    self.problems.add_with_help(place, message, Some(help));
+                }
                 let replaced = other.map(|other| {
                     let keep_parameters = other.get_ref().keep_parameters;
                     let original = if keep_parameters {

@@ -490,6 +490,7 @@ impl<'a> Resolver<'a> {
                         .map_or(String::new(), |c| c.model_identifier.clone()),
                     guid: description.guid.clone(),
                     parameters: Vec::new(),
+                    steady: member.component.steady().map(|_| Vec::new()),
                     constants,
                     inputs,
                     outputs: output_slots

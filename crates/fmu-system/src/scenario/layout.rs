@@ -90,6 +90,17 @@ pub(crate) struct Component {
     pub(crate) parameters: Values,
     #[serde(default)]
     pub(crate) inputs: Values,
+    pub(crate) start: Option<Spanned<Start>>,
+}
+
+/// How a component starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Start {
+    /// With its declared start values.
+    Declared,
+    /// In the steady state of its first inputs.
+    Steady,
 }
 
 #[derive(Debug, Deserialize)]
@@ -311,6 +322,13 @@ impl Scenario {
     /// Start, 0 unless given.
     pub(crate) fn start(&self) -> f64 {
         self.simulation.start.as_ref().map_or(0.0, |s| *s.get_ref())
+    }
+}
+
+impl Component {
+    /// Where the scenario says that it starts in a steady state.
+    pub(crate) fn steady(&self) -> Option<Range<usize>> {
+        self.start.as_ref().filter(|start| *start.get_ref() == Start::Steady).map(Spanned::span)
     }
 }
 

@@ -224,7 +224,7 @@ impl Pool {
                 }
                 Err(failed(time, message))
             }
-            Response::Done | Response::Warnings(_) => Err(unexpected(slot)),
+            Response::Done | Response::Steady(_) | Response::Warnings(_) => Err(unexpected(slot)),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::master::Recording;
 use crate::results::Part;
-use crate::run::{InputSeries, Run, Simulation, Trial};
+use crate::run::{InputSeries, Run, Setting, Simulation, Trial};
 use fmu_import::fmu::Binary;
 use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
@@ -27,6 +27,8 @@ pub(super) enum Request {
         /// Names of the columns, and the file to write them to instead of returning them. It is left to be published.
         csv: Option<(Vec<String>, Part)>,
     },
+    /// To find the steady states that the components of a run start in.
+    Steady { simulation: Simulation, run: Box<Run> },
     /// To find parameters without an effect.
     Trials { simulation: Simulation, trials: Vec<Trial> },
 }
@@ -36,6 +38,8 @@ pub(super) enum Request {
 pub(super) enum Response {
     /// All is done.
     Done,
+    /// Start values of the components, for those that start in a steady state.
+    Steady(Vec<Option<Vec<Setting>>>),
     /// What the trials have shown.
     Warnings(Vec<String>),
     /// The run is done. Time and columns are in the body.

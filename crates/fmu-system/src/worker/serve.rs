@@ -1,7 +1,7 @@
 //! The side of the worker.
 
 use super::protocol::{self, Request, Response};
-use crate::fmus::{FmusError, Instances};
+use crate::fmus::{Fmus, FmusError, Instances};
 use crate::master::{self, RunError};
 use crate::run::Component;
 use crate::trial;
@@ -62,6 +62,13 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
                 },
             };
             replies.send(&response, &body.iter().map(Vec::as_slice).collect::<Vec<_>>())
+        }
+        Request::Steady { simulation, mut run } => {
+            let found = Fmus::of_components(&run.components).map_err(|error| error.to_string()).and_then(|fmus| {
+                run.find_steady_starts(&simulation, &fmus).map_err(|error| error.to_string())?;
+                Ok(run.components.into_iter().map(|component| component.steady).collect())
+            });
+            replies.send(&found.map_or_else(failed, Response::Steady), &[])
         }
         Request::Trials { simulation, trials } => {
             replies.send(&Response::Warnings(trial::warnings(&simulation, &trials)), &[])

@@ -1,0 +1,132 @@
+//! Components that start in a steady state: `start = "steady"`.
+//!
+//! The inputs are those that a run begins with: constants, series, and the outputs of the other components as they are after
+//! initialization, with these in their declared start states. Only what a plant passes on at once changes with its own start, so
+//! that it is looked at again until the inputs stay the same.
+
+use crate::fmus::{FmusError, Instances};
+use crate::run::{Component, Run, Setting, Simulation};
+use crate::session::{RunError, Session};
+use fmu_import::description::{BaseType, Causality, ModelDescription, Value};
+use fmu_import::trim::{self, Request};
+
+/// Times that the inputs are looked at.
+const ROUNDS: usize = 20;
+
+/// Why a component cannot start in a steady state, as far as its description tells.
+///
+/// # Errors
+/// It has no states with directional derivatives for co-simulation.
+pub(crate) fn check(description: &ModelDescription) -> Result<(), String> {
+    if description.co_simulation.as_ref().is_some_and(|unit| unit.provides_directional_derivative) {
+        return trim::check(description);
+    }
+    Err(format!(
+        "{} has no steady state: it lists no directional derivatives for co-simulation (only plants do)",
+        description.model_name
+    ))
+}
+
+impl Run {
+    /// Whether a component starts in a steady state that has not been found yet.
+    #[must_use]
+    pub fn needs_steady_starts(&self) -> bool {
+        self.components.iter().any(|component| component.steady.as_ref().is_some_and(Vec::is_empty))
+    }
+
+    /// Finds the steady states that components start in. A master that finds them not yet found does it before a run.
+    ///
+    /// # Errors
+    /// A run cannot be initialized, a state cannot rest, or the inputs of a component change with its start again and again.
+    pub fn find_steady_starts(&mut self, simulation: &Simulation, fmus: &dyn Instances) -> Result<(), RunError> {
+        let id = self.id.clone();
+        let failed = |component: &str, message: String| RunError {
+            run: id.clone(),
+            time: None,
+            cause: Box::new(FmusError::Steady { component: component.to_owned(), message }),
+        };
+        let descriptions = self
+            .components
+            .iter()
+            .map(|component| component.steady.is_some().then(|| fmus.description(component)).transpose())
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|error| RunError { run: id.clone(), time: None, cause: Box::new(error) })?;
+        let mut before: Option<Vec<u64>> = None;
+        for _ in 0..ROUNDS {
+            // No instance lives on: some FMUs allow one only.
+            let bus = Session::initialized(simulation, self, fmus)?.bus().to_vec();
+            let read = self.components.iter().filter(|component| component.steady.is_some());
+            let read = read.flat_map(|component| &component.inputs).map(|wire| bus[wire.slot].to_bits());
+            let read: Vec<u64> = read.collect();
+            if before.as_ref() == Some(&read) {
+                return Ok(());
+            }
+            before = Some(read);
+            for (component, description) in self.components.iter_mut().zip(&descriptions) {
+                if let Some(description) = description {
+                    let found = start(component, description, &bus, simulation.start, fmus);
+                    component.steady = Some(found.map_err(|message| failed(&component.name, message))?);
+                }
+            }
+        }
+        let component = self.components.iter().find(|component| component.steady.is_some());
+        let message = format!(
+            "the inputs at the start change with the steady state again and again, {ROUNDS} times: the components pass on at \
+             once what they read from each other"
+        );
+        Err(failed(component.map_or("", |component| &component.name), message))
+    }
+
+    /// Forgets the steady states: after a change they are to be found again.
+    pub(crate) fn forget_steady_starts(&mut self) {
+        for component in &mut self.components {
+            if let Some(found) = &mut component.steady {
+                found.clear();
+            }
+        }
+    }
+}
+
+/// The start values with which a component begins in its steady state, besides its parameters.
+fn start(
+    component: &Component,
+    description: &ModelDescription,
+    bus: &[f64],
+    time: f64,
+    fmus: &dyn Instances,
+) -> Result<Vec<Setting>, String> {
+    let variables = description.variables.iter().enumerate();
+    let mut given: Vec<(usize, Value)> = component
+        .parameters
+        .iter()
+        .chain(&component.constants)
+        .filter_map(|setting| Some((description.index(&setting.name)?, setting.value.clone())))
+        .collect();
+    for wire in &component.inputs {
+        let value = bus[wire.slot];
+        let of_wire = variables.clone().find(|(_, variable)| {
+            variable.causality == Causality::Input
+                && variable.reference == wire.reference
+                && variable.base_type == wire.base_type
+        });
+        let value = match wire.base_type {
+            BaseType::Real => Value::Real(value),
+            // As a master sets them.
+            BaseType::Integer => Value::Integer(value as i32),
+            BaseType::Boolean => Value::Boolean(value > 0.5),
+            BaseType::String => continue,
+        };
+        given.extend(of_wire.map(|(index, _)| (index, value)));
+    }
+    let request = Request::of_inputs(description, given, time);
+    let steady = trim::steady(description, &request, &mut || fmus.of(component).map_err(|error| error.to_string()))?;
+    let is_given =
+        |index: usize, value: &Value| request.given.iter().any(|(given, other)| *given == index && other == value);
+    let settings = steady.starts.into_iter().filter_map(|(name, value)| {
+        let index = description.index(&name)?;
+        let variable = &description.variables[index];
+        let setting = Setting { name, base_type: variable.base_type, reference: variable.reference, value };
+        (!is_given(index, &setting.value)).then_some(setting)
+    });
+    Ok(settings.collect())
+}
