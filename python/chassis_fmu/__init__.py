@@ -1,4 +1,4 @@
-"""Vehicles and chassis controllers as FMUs: run scenarios natively, vary them, control them, linearize their FMUs.
+"""Vehicles and chassis controllers as FMUs: run scenarios natively, vary them, control them, trim and linearize FMUs.
 
     import chassis_fmu as cf
 
@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .env import Env
-    from .linear import linearize
+    from .linear import SteadyState, linearize, trim
     from .scenario import Outcome, RunError, Scenario, ScenarioError, fmus
 
-__all__ = ["Env", "Outcome", "RunError", "Scenario", "ScenarioError", "fmus", "linearize"]
+__all__ = ["Env", "Outcome", "RunError", "Scenario", "ScenarioError", "SteadyState", "fmus", "linearize", "trim"]
 
-_MODULES = {"Env": "env", "linearize": "linear"}
+_MODULES = {"Env": "env", "SteadyState": "linear", "linearize": "linear", "trim": "linear"}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,12 +1,13 @@
-"""Linear models of FMUs, for python-control."""
+"""Steady states of FMUs, and their linear models for python-control."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from . import libpython
 from .scenario import ScenarioError, Value, fmus, worker_program
@@ -15,14 +16,78 @@ if TYPE_CHECKING:
     import control
 
 
+@dataclass(frozen=True)
+class SteadyState:
+    """A steady state of an FMU: values by name, in the units of the FMU."""
+
+    fmu: str
+    """Name of the FMU."""
+    states: dict[str, float]
+    """All states. Those of `drifting` and `undetermined` have their start values."""
+    inputs: dict[str, float]
+    """The free inputs."""
+    starts: dict[str, Value]
+    """What starts the FMU there: given parameters and inputs, states that rest, free inputs."""
+    held: tuple[str, ...]
+    """States that were given."""
+    drifting: tuple[str, ...]
+    """States that integrate others, such as position and heading."""
+    undetermined: tuple[str, ...]
+    """States that the equations leave open: the steady state is one of many."""
+    residual: float
+    """Largest derivative of a state that rests, relative to its nominal value (1/s)."""
+    growth: float | None
+    """Largest real part of the poles of the states that rest (1/s): stable below 0. None if unknown."""
+
+
+def trim(
+    fmu: str | Path,
+    values: Mapping[str, Value] | None = None,
+    *,
+    free: Sequence[str] | None = None,
+    timeout: float = 60.0,
+) -> SteadyState:
+    """Find the steady state of an FMU at an operating point, by Newton's method on its exact Jacobian.
+
+    `fmu` is the name of one of `fmus()`, or the path of any FMU with directional derivatives. `values` is the operating
+    point in the units of the FMU: parameters and inputs, and states that are held. `free` are inputs of which one
+    common value is sought; by default the drive torques of a plant with pedals, whose speed is held. `timeout` is the
+    longest time for the search (s).
+
+    The derivatives of all states vanish, to 1e-10 of the nominal value per second, except of those that only integrate
+    others. The FMU is executed in a process of its own, by `cargo fmu trim`. Raises `ScenarioError` if the FMU is not
+    found, or with the name of a state that cannot rest.
+    """
+    found = _find(fmu)
+    steady = _command("trim", found, values, [] if free is None else ["--free", ",".join(free)], timeout)
+    with_role = {state["name"]: state["role"] for state in steady["states"]}
+    return SteadyState(
+        fmu=steady["fmu"],
+        states={state["name"]: state["value"] for state in steady["states"]},
+        inputs={entry["name"]: entry["value"] for entry in steady["inputs"]},
+        starts=steady["starts"],
+        held=tuple(name for name, role in with_role.items() if role == "held"),
+        drifting=tuple(name for name, role in with_role.items() if role == "drifts"),
+        undetermined=tuple(steady["undetermined"]),
+        residual=steady["residual"],
+        growth=steady["growth"],
+    )
+
+
 def linearize(
-    fmu: str | Path, values: Mapping[str, Value] | None = None, *, timeout: float = 60.0
+    fmu: str | Path,
+    values: Mapping[str, Value] | None = None,
+    *,
+    trim: bool = False,
+    free: Sequence[str] | None = None,
+    timeout: float = 60.0,
 ) -> control.StateSpace:
     """Linearize an FMU at an operating point: x' = A x + B u, y = C x + D u.
 
     `fmu` is the name of one of `fmus()`, or the path of any FMU with directional derivatives. `values` is the operating
     point: parameters, inputs and states in the units of the FMU; all else is at its start value. `timeout` is the
-    longest time for the linearization (s).
+    longest time for the linearization (s). With `trim` the operating point is the steady state that the
+    function `trim` finds for `values` and `free`.
 
     States, inputs and outputs have their names and units in the FMU, but python-control allows no dots:
     `vehicle.yaw_rate` is `vehicle_yaw_rate`. The FMU is executed in a process of its own, by `cargo fmu linearize`, and
@@ -34,21 +99,33 @@ def linearize(
         raise ImportError("linearize needs python-control; install it with `pip install control`") from error
 
     found = _find(fmu)
-    command: list[str | Path] = [worker_program(), "linearize", found, "--json", "--timeout", repr(timeout)]
-    command += [part for name, value in (values or {}).items() for part in ("--set", f"{name}={_text(value)}")]
-    library = libpython.find()
-    if library is not None:
-        command += ["--libpython", library]
-    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
-    if done.returncode != 0:
-        raise ScenarioError(f"{found}: {done.stderr.strip()}")
-    model = json.loads(done.stdout)
+    if free is not None and not trim:
+        raise ValueError("`free` needs `trim=True`")
+    options = ["--trim"] if trim else []
+    options += [] if free is None else ["--free", ",".join(free)]
+    model = _command("linearize", found, values, options, timeout)
     sizes = {name: len(model[name]) for name in ("states", "inputs", "outputs")}
     n, m, p = sizes.values()
     shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
     matrices = [_matrix(model[name], shape) for name, shape in shapes.items()]
     names = {kind: _names(model[kind], found) for kind in sizes}
     return control.StateSpace(*matrices, name=model["fmu"], **names)
+
+
+def _command(
+    name: str, fmu: Path, values: Mapping[str, Value] | None, options: Sequence[str], timeout: float
+) -> dict[str, Any]:
+    """Return what a command prints about an FMU with these values."""
+    command: list[str | Path] = [worker_program(), name, fmu, "--json", "--timeout", repr(timeout), *options]
+    command += [part for key, value in (values or {}).items() for part in ("--set", f"{key}={_text(value)}")]
+    library = libpython.find()
+    if library is not None:
+        command += ["--libpython", library]
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
+    if done.returncode != 0:
+        raise ScenarioError(f"{fmu}: {done.stderr.strip()}")
+    printed: dict[str, Any] = json.loads(done.stdout)
+    return printed
 
 
 def _find(fmu: str | Path) -> Path:

@@ -1,15 +1,17 @@
-"""The Python interface `chassis_fmu`: `Scenario`, `Env` and `linearize`, with the FMUs of the library.
+"""The Python interface `chassis_fmu`: `Scenario`, `Env`, `trim` and `linearize`, with the FMUs of the library.
 
 Two runs that make the same calls have the same bits, so most comparisons are exact.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -311,3 +313,84 @@ def test_errors_of_linearizations_say_what_to_do() -> None:
         cf.linearize("Truck")
     with pytest.raises(cf.ScenarioError, match=r"RescueVehicle\.fmu: .*driver\.sped"):
         cf.linearize("RescueVehicle", {"driver.sped": 1.0})
+
+
+def test_steady_states_are_equilibria_of_linear_models() -> None:
+    """Reference: the closed form of the yaw gain, u/(L + K u^2), with the numbers of the README of the car."""
+    steady = cf.trim("BicycleCar", {"steer.front": 0.02})
+    assert steady.states["vehicle.yaw_rate"] == pytest.approx(0.02 * 5.192615, rel=1e-6)
+    assert steady.drifting == ("vehicle.yaw", "vehicle.position_x", "vehicle.position_y")
+    assert steady.held == steady.undetermined == ()
+    assert steady.residual <= 1e-10
+    assert steady.growth is not None
+    assert steady.growth < 0.0
+    assert steady.inputs == {}
+    assert steady.starts["steer.front"] == 0.02
+
+
+def test_free_inputs_hold_a_speed() -> None:
+    steady = cf.trim("EspCar", {"driver.speed": 20.0, "steer.front": 0.05})
+    (torque,) = set(steady.inputs.values())
+    assert list(steady.inputs) == [f"drive_torque.{wheel}" for wheel in ("fl", "fr", "rl", "rr")]
+    assert steady.held == ("vehicle.speed",)
+    assert torque > 1.0
+    rear = cf.trim("EspCar", {"driver.speed": 20.0, "steer.front": 0.05}, free=["drive_torque.rl", "drive_torque.rr"])
+    assert list(rear.inputs) == ["drive_torque.rl", "drive_torque.rr"]
+    assert 1.5 * torque < rear.inputs["drive_torque.rl"] < 2.5 * torque
+    model = cf.linearize("EspCar", {"driver.speed": 20.0, "steer.front": 0.05}, trim=True)
+    start = cf.linearize("EspCar", steady.starts)
+    np.testing.assert_array_equal(model.A, start.A)
+
+
+def test_errors_of_trims_name_the_state() -> None:
+    with pytest.raises(cf.ScenarioError, match=r"EspCar\.fmu: [^`]*`vehicle\.speed` cannot rest"):
+        cf.trim("EspCar", {"brake_torque.fl": 100.0, "drive_torque.fl": 0.0})
+    with pytest.raises(ValueError, match="`free` needs `trim=True`"):
+        cf.linearize("EspCar", free=["drive_torque.fl"])
+
+
+def test_masters_and_other_values_start_steady(
+    tmp_path: Path, run_by_both_masters: Callable[[Path, Path], Path]
+) -> None:
+    """Both masters start a plant at rest with the same bits; a run with another value finds its own steady state."""
+    file = tmp_path / "turn.toml"
+    file.write_text(STEADY, encoding="utf-8")
+    with run_by_both_masters(file, cf.fmus()["RescueVehicle"].parent).open(encoding="utf-8") as text:
+        rolls = [float(row["body.roll"]) for row in csv.DictReader(text)]
+    assert rolls[0] > 0.01
+    np.testing.assert_allclose(rolls, rolls[0], rtol=0.0, atol=1e-10)
+    speed = {"driver:speed.initial": 10.0}
+    outcome = cf.Scenario(file, fmus=[cf.fmus()["RescueVehicle"].parent]).simulate(speed)
+    slower = np.asarray(outcome["body.roll"])
+    steady = cf.trim("RescueVehicle", {"driver.speed": 10.0, "steer.front": 0.02})
+    np.testing.assert_allclose(slower, steady.states["body.roll"], rtol=0.0, atol=1e-10)
+    assert slower[0] < rolls[0]
+
+
+STEADY = """
+title = "Turn"
+reference = "None: a test."
+[simulation]
+stop = 0.5
+step = 0.001
+[[component]]
+name = "driver"
+fmu = "Driver"
+parameters = { "speed.initial" = 14.0 }
+[[component]]
+name = "plant"
+fmu = "RescueVehicle"
+start = "steady"
+[component.inputs]
+"steer.front" = 0.02
+"steer.middle" = 0.0
+"steer.rear" = 0.0
+"road_height.*" = 0.0
+"road_friction.*" = 1.0
+"suspension_force.*" = 0.0
+[[case]]
+name = "only"
+title = "Turn"
+[record]
+signals = ["body.roll", "vehicle.yaw_rate"]
+"""
