@@ -23,6 +23,7 @@ pages! {
     scenarios = "src/scenarios.md",
     swapping = "src/swapping.md",
     optimal_control = "src/optimal-control.md",
+    steady_states = "src/steady-states.md",
     studies = "src/studies.md",
     assess = "src/assess.md",
     attributes = "src/attributes.md",

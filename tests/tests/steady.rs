@@ -202,6 +202,21 @@ fn drive_torques_balance_the_brakes() {
     }
 }
 
+/// Without friction nothing determines the lateral velocity of a car with linear tires; it does not turn, because it would
+/// slide ever faster: v' = -u r.
+#[test]
+fn what_the_equations_leave_open_is_listed() {
+    let given = settings(&[("road_friction.fl", 0.0), ("steer.front", 0.1)]);
+    let steady = trimmed("BicycleCar", &given, &[]).unwrap();
+    assert_eq!(steady["undetermined"], serde_json::json!(["vehicle.lateral_velocity"]));
+    assert_eq!(value(&steady, "vehicle.lateral_velocity"), 0.0);
+    assert_eq!(value(&steady, "vehicle.yaw_rate"), 0.0);
+    // With a yaw rate that is held it does.
+    let message =
+        trimmed("BicycleCar", &settings(&[("vehicle.yaw_rate", 0.3), ("road_friction.fl", 0.0)]), &[]).unwrap_err();
+    assert!(message.contains("`vehicle.lateral_velocity` cannot rest"), "{message}");
+}
+
 #[test]
 fn a_state_that_cannot_rest_is_named() {
     let one_wheel = settings(&[("driver.speed", 20.0), ("drive_torque.rl", 0.0), ("brake_torque.rl", 100.0)]);

@@ -420,7 +420,7 @@ fn the_car_starts_at_its_initial_speed() {
 #[test]
 fn wheels_start_with_their_initial_slip() {
     let slips = FourWheels([0.0, 0.25, -0.5, -1.0]);
-    let x = straight(&EspCar { s_0: slips.clone(), ..EspCar::default() }, 12.0);
+    let x = straight(&EspCar { s_0: slips, ..EspCar::default() }, 12.0);
     for i in 0..4 {
         assert_abs_diff_eq!((data::RADIUS * x.omega[i] - x.u) / x.u, slips[i], epsilon = 1e-15);
     }
