@@ -240,7 +240,7 @@ fn only_near_names_are_suggested() {
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");
         message(&output.stderr)
     };
-    for name in ["check", "inspect", "linearize"] {
+    for name in ["check", "inspect", "linearize", "trim"] {
         let far = error(&[name, "Nope"]);
         assert!(far.contains("there is no model named 'Nope' in this workspace"), "{far}");
         assert!(!far.contains("did you mean"), "{far}");

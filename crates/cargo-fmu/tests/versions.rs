@@ -73,6 +73,28 @@ fn arrays_are_linearized_by_either_interface() {
     assert!(error.contains("--set v=1: `v` is an array of 3 elements; only scalars can be set"), "{error}");
 }
 
+/// x' = -2 x rests at 0, wherever it starts, in both versions and by either interface. The pole is -2.
+#[test]
+fn decay_is_trimmed_by_either_interface() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = include_str!("../../fmu-import/tests/data/decay3.xml");
+    let co_simulation = text.lines().find(|line| line.contains("<CoSimulation")).unwrap();
+    for edits in [&[][..], &[(co_simulation, "")]] {
+        Decay { edits, ..Decay::new(FmiVersion::V3) }.pack(folder.path());
+        let steady: serde_json::Value =
+            serde_json::from_str(&printed(folder.path(), &["trim", "Decay3.fmu", "--json"])).unwrap();
+        assert_eq!(steady["states"][0]["name"], "x");
+        assert_eq!(steady["states"][0]["value"], 0.0);
+        assert_eq!(steady["growth"], -2.0);
+        let output = command(folder.path(), &["trim", "Decay3.fmu", "--set", "x=1"]);
+        assert_eq!(output.status.code(), Some(1));
+        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(error.contains("`x` cannot rest"), "{error}");
+    }
+    let table = printed(folder.path(), &["trim", "Decay3.fmu"]);
+    assert!(table.contains("Stability: stable, largest real part of a pole -2.0000 1/s\n"), "{table}");
+}
+
 /// Names on the board of calls are those of the version: a crash is named.
 #[test]
 fn a_crash_in_fmi_3_is_named() {

@@ -129,7 +129,7 @@ fn trials_of_a_plan_survive_the_fmu() {
 }
 
 #[test]
-fn an_fmu_that_ends_the_process_cannot_be_linearized() {
+fn an_fmu_that_ends_the_process_is_neither_linearized_nor_trimmed() {
     for (statement, expected) in [
         ("_exit(3)", "the process ended (exit code 3)"),
         ("abort()", "the process ended (signal 6, SIGABRT)"),
@@ -137,10 +137,12 @@ fn an_fmu_that_ends_the_process_cannot_be_linearized() {
     ] {
         let declarations = format!("__attribute__((constructor)) static void loaded(void) {{ {statement}; }}");
         let folder = folder(&Build { declarations: &declarations, ..ramp("") });
-        let output = command(folder.path(), &["linearize", "target/fmu/Ramp.fmu", "--timeout", "0.5"]);
-        assert_eq!(output.status.code(), Some(1), "{statement}");
-        let error = message(&output.stderr);
-        assert!(error.contains(&format!("target/fmu/Ramp.fmu: {expected}")), "{statement}: {error}");
+        for name in ["linearize", "trim"] {
+            let output = command(folder.path(), &[name, "target/fmu/Ramp.fmu", "--timeout", "0.5"]);
+            assert_eq!(output.status.code(), Some(1), "{name}, {statement}");
+            let error = message(&output.stderr);
+            assert!(error.contains(&format!("target/fmu/Ramp.fmu: {expected}")), "{name}, {statement}: {error}");
+        }
     }
 }
 

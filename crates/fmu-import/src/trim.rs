@@ -215,9 +215,9 @@ pub fn check(description: &ModelDescription) -> Result<(), String> {
 /// The FMU cannot be used or has no states with directional derivatives, a value cannot be set, or a state cannot rest.
 pub fn trim(path: &Path, settings: &[(String, String)], free: &[Vec<String>]) -> Result<SteadyState, String> {
     let description = read_description(path).map_err(|error| error.to_string())?;
+    let fmu = Fmu::open_for(path, interface(&description).0).map_err(|error| error.to_string())?;
     check(&description)?;
     let request = Request::new(&description, settings, free)?;
-    let fmu = Fmu::open_for(path, interface(&description).0).map_err(|error| error.to_string())?;
     steady(&description, &request, &mut || fmu.instantiate("trim").map_err(|error| error.to_string()))
 }
 
