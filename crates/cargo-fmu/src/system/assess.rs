@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NAME")]
     with: Vec<String>,
 
-    /// Unit that belongs to the vehicle, such as its brakes; may be given several times [default: BrakeAndDriveActuators for a
+    /// FMU that belongs to the vehicle, such as its brakes; may be given several times [default: BrakeAndDriveActuators for a
     /// plant with brake and drive torques]
     #[arg(long, value_name = "NAME")]
     base: Vec<String>,
@@ -45,7 +45,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR", default_value = "target/fmu")]
     fmus: Vec<PathBuf>,
 
-    /// Value of a parameter: esp_car:body.mass=1300; the component is the name of the FMU in small letters, driver or road
+    /// Value of a parameter, also with a unit: esp_car:body.mass=1300, "esp_car:body.mass=1300 kg"; the component is the name of
+    /// the FMU in small letters, driver or road
     #[arg(long, value_name = "COMPONENT:PARAMETER=VALUE", value_parser = setting)]
     set: Vec<(String, String, String)>,
 
