@@ -15,6 +15,7 @@ import pytest
 
 from chassis_fmu.assess import app, charts, report
 from chassis_fmu.assess.assessment import AssessmentError, Folder
+from chassis_fmu.describe import sha256
 from chassis_fmu.results import read_csv
 
 ROOT = Path(__file__).parents[2]
@@ -42,6 +43,8 @@ def test_the_page_shows_all_metrics_and_figures(folder: Path, page: str) -> None
     found = Folder(folder).read()
     for row in found.metrics:
         assert row.title in page
+    for fmu in ("EspCar", "BrakeAndDriveActuators", "AntilockBraking"):
+        assert sha256(FOLDER / f"{fmu}.fmu") in page
     names = set(re.findall(r'<figure id="([^"]+)">', page))
     # Every figure of the groups of maneuvers is drawn for a car with pedals on a road.
     assert len(names) == sum(len(makes) for makes in charts.CHARTS.values())

@@ -15,8 +15,10 @@ use fmu_import::worker::Settings;
 use fmu_system::fmus::Fmus;
 use fmu_system::resolve::Descriptions;
 use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::f64::consts::LN_10;
+use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -205,7 +207,13 @@ fn assembled(
     dropped.dedup();
     let unit = |unit: &Unit| {
         let description = &unit.found.description;
-        json!({ "fmu": unit.fmu, "guid": description.guid, "version": description.version })
+        let sha256 = std::fs::read(&unit.found.path).ok().map(|bytes| {
+            Sha256::digest(bytes).iter().fold(String::new(), |mut digits, byte| {
+                let _ = write!(digits, "{byte:02x}");
+                digits
+            })
+        });
+        json!({ "fmu": unit.fmu, "guid": description.guid, "version": description.version, "sha256": sha256 })
     };
     let unwritten = |system: &System| (system.name, system.unwritten.iter().cloned().collect::<BTreeMap<_, _>>());
     let decisive = systems.systems.last();

@@ -245,7 +245,7 @@ fn direction<S: serde::Serializer>(direction: &Direction, serializer: S) -> Resu
 pub struct Assessment {
     /// [`SCHEMA`].
     pub schema: &'static str,
-    /// Name of the plant's FMU.
+    /// The plant: name, GUID, version and SHA-256 of its FMU.
     pub plant: Value,
     /// FMUs that belong to the vehicle.
     pub base: Vec<Value>,

@@ -28,6 +28,7 @@ class Unit(msgspec.Struct, frozen=True):
     fmu: str
     guid: str | None
     version: str | None
+    sha256: str | None
 
 
 class Datum(msgspec.Struct, frozen=True):

@@ -54,7 +54,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     parameters: Option<PathBuf>,
 
-    /// File with data of the vehicle ([vehicle]) and its names of signals ([signals])
+    /// File with data of the vehicle and its names of signals: the tables `vehicle` and `signals`
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
 
