@@ -548,4 +548,4 @@ def test_discrete_outputs_are_equal_at_every_sample(fmus: dict[str, Fmu]) -> Non
         assert samples == len(rows) > 90
         assert len({tuple(row) for row in expected}) > 1, f"the outputs of {fmu.name} do not move"
         compared.append(fmu.name)
-    assert len(compared) == 20
+    assert len(compared) == 21
