@@ -25,6 +25,9 @@ from chassis_fmu.shell import ROOT
 SEED = 1
 PARAMETERS = ROOT / "modelDescription" / "parameters"
 
+# The limit that is the number of the system without controllers.
+WITHOUT = "without"
+
 # What a metric that has no number counts as, relative to its limit.
 NO_NUMBER = 1.0
 
@@ -34,31 +37,31 @@ DIGITS = 3
 
 @dataclass(frozen=True)
 class Requirement:
-    """A limit of a metric: a number, or the value of the system without controllers."""
+    """A limit of a metric, from below or from above: a number, or `WITHOUT`."""
 
     metric: str
-    least: float | None = None
-    most: float | None = None
-    as_without: bool = False
+    least: float | str | None = None
+    most: float | str | None = None
 
     def missed_by(self, found: Assessment) -> float:
         """Return by how much the limit is missed, relative to it; 0 if it is kept."""
         row = found.by_name[self.metric]
-        least = self.least if not self.as_without else row.without
-        if isinstance(least, bool) or (least is None and self.most is None):
+        bound = self.least if self.least is not None else self.most
+        limit = row.without if bound == WITHOUT else bound
+        if isinstance(limit, str) or limit is None:
             raise ValueError(f"{self.metric} has no limit")
         if row.with_ is None:
             return NO_NUMBER
-        value = float(row.with_)
-        if least is not None:
-            return max(0.0, (least - value) / abs(least))
-        assert self.most is not None
-        return max(0.0, (value - self.most) / abs(self.most))
+        beyond = float(row.with_) - limit
+        return max(0.0, (beyond if self.least is None else -beyond) / abs(limit))
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """What is tuned: bounds of parameters (`component.parameter`), a list for choices, and what is required."""
+    """What is tuned: bounds of parameters (`component.parameter`), a list for choices, and what is required.
+
+    Bounds above 0 are searched on a logarithmic scale.
+    """
 
     plant: str
     controllers: Sequence[str]
@@ -66,7 +69,8 @@ class Tuning:
     bounds: Mapping[str, tuple[float, float] | list[int]]
     requirements: Sequence[Requirement]
     goals: Mapping[str, float]
-    """What is wanted beyond: metrics with the number that counts as much as missing a requirement wholly."""
+    """What is wanted beyond: metrics with the number that counts as much as missing a requirement wholly; it is
+    negative where less is wanted."""
     trials: int
 
 
@@ -88,11 +92,11 @@ TUNINGS = {
             Requirement("sine_with_dwell.yaw_rate_ratio_1s", most=0.35),
             Requirement("sine_with_dwell.yaw_rate_ratio_1_75s", most=0.20),
             Requirement("sine_with_dwell.lateral_displacement", least=1.83),
-            Requirement("iso3888_1.max_entry_speed", as_without=True),
-            Requirement("iso3888_2.max_entry_speed", as_without=True),
+            Requirement("iso3888_1.max_entry_speed", least=WITHOUT),
+            Requirement("iso3888_2.max_entry_speed", least=WITHOUT),
         ),
         {},
-        100,
+        60,
     ),
     "bench_rescue_vehicle": Tuning(
         "RescueVehicle",
@@ -115,11 +119,48 @@ TUNINGS = {
             "dual_sliding_mode_steering.steer.angle_limit.rear": (0.01, 0.56),
         },
         (
-            Requirement("iso3888_1.max_entry_speed", as_without=True),
-            Requirement("iso3888_2.max_entry_speed", as_without=True),
+            Requirement("iso3888_1.max_entry_speed", least=WITHOUT),
+            Requirement("iso3888_2.max_entry_speed", least=WITHOUT),
         ),
         {"iso3888_1.max_entry_speed": 100.0, "iso3888_2.max_entry_speed": 100.0},
-        80,
+        60,
+    ),
+    "bench_heavy_vehicle": Tuning(
+        "HeavyVehicle",
+        ("YawRateReference", "ActiveFrontSteering", "AllWheelSteering"),
+        ("stability", "rollover"),
+        {
+            "active_front_steering.pid.proportional_gain": (0.02, 2.0),
+            "active_front_steering.pid.integral_gain": (0.02, 10.0),
+            "active_front_steering.pid.derivative_gain": (0.001, 0.2),
+            "active_front_steering.fuzzy.proportional_scale": (0.005, 0.5),
+            "all_wheel_steering.pid.proportional_gain": (0.3, 20.0),
+            "all_wheel_steering.pid.integral_gain": (0.3, 100.0),
+            "all_wheel_steering.pid.derivative_gain": (0.01, 1.0),
+            "all_wheel_steering.fuzzy.proportional_scale": (0.05, 5.0),
+        },
+        (
+            Requirement("iso3888_1.max_entry_speed", least=WITHOUT),
+            Requirement("fishhook.load_transfer_peak", most=WITHOUT),
+            Requirement("j_turn.load_transfer_peak", most=WITHOUT),
+        ),
+        {"iso3888_1.max_entry_speed": 100.0},
+        60,
+    ),
+    "bench_hydro_pneumatic_half_car": Tuning(
+        "HydroPneumaticHalfCar",
+        ("ComfortSlidingMode", "HandlingSlidingMode", "SuspensionSwitch"),
+        ("ride",),
+        {
+            "comfort_sliding_mode.surface.weight.wheel_height": (-5.0, 5.0),
+            "comfort_sliding_mode.surface.weight.wheel_velocity": (-1.0, 1.0),
+            "comfort_sliding_mode.surface.weight.heave": (0.05, 5.0),
+            "comfort_sliding_mode.reaching.rate": (0.5, 50.0),
+            "comfort_sliding_mode.switching.boundary_layer": (0.001, 0.3),
+        },
+        (Requirement("ride.c.dynamic_load_coefficient", most=WITHOUT),),
+        {"ride.c.heave_weighted": -1.0},
+        60,
     ),
 }
 
@@ -155,7 +196,13 @@ def assessed(tuning: Tuning, values: Mapping[str, float]) -> Assessment:
 def cost(tuning: Tuning, found: Assessment) -> float:
     """Return the sum of what is missed, less what is reached beyond."""
     missed = sum(requirement.missed_by(found) for requirement in tuning.requirements)
-    reached = sum(float(found.by_name[name].with_ or 0.0) / unit for name, unit in tuning.goals.items())
+    reached = 0.0
+    for name, unit in tuning.goals.items():
+        value = found.by_name[name].with_
+        if value is not None:
+            reached += float(value) / unit
+        elif unit < 0.0:
+            reached -= NO_NUMBER
     return missed - reached
 
 
@@ -168,7 +215,7 @@ def search(tuning: Tuning) -> optuna.study.Study:
             if isinstance(bound, list):
                 values[name] = trial.suggest_categorical(name, bound)
             else:
-                values[name] = rounded(trial.suggest_float(name, *bound, log=True))
+                values[name] = rounded(trial.suggest_float(name, *bound, log=bound[0] > 0.0))
         return cost(tuning, assessed(tuning, values))
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
