@@ -149,6 +149,35 @@ TUNED = (
         ),
         (),
     ),
+    Tuned(
+        "HeavyVehicle",
+        ("YawRateReference", "ActiveFrontSteering", "AllWheelSteering"),
+        "bench_heavy_vehicle",
+        (
+            "iso3888_1.max_entry_speed",
+            "iso3888_2.max_entry_speed",
+            "fishhook.load_transfer_peak",
+            "j_turn.load_transfer_peak",
+        ),
+        ("stability", "rollover"),
+        (),
+        (),
+    ),
+    Tuned(
+        "HydroPneumaticHalfCar",
+        ("ComfortSlidingMode", "HandlingSlidingMode", "SuspensionSwitch"),
+        "bench_hydro_pneumatic_half_car",
+        (
+            "ride.c.heave_weighted",
+            "ride.c.dynamic_load_coefficient",
+            "ride.c.suspension_travel_rms",
+            "fishhook.no_lift",
+            "j_turn.no_lift",
+        ),
+        ("ride", "rollover"),
+        (),
+        (),
+    ),
 )
 
 # What the page shows of each.
