@@ -7,6 +7,7 @@ the first second as a short run of about 6 ms. A command that is compared with a
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import pickle
@@ -23,7 +24,7 @@ import pyarrow.parquet
 from chassis_fmu.scenario import Outcome, processors
 from chassis_fmu.shell import ROOT, positive
 from chassis_fmu.study import cluster, file
-from chassis_fmu.study.job import Done, Job
+from chassis_fmu.study.job import Job
 from chassis_fmu.study.journal import Journal
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
@@ -178,7 +179,7 @@ def overheads() -> Iterator[str]:
     path = write_study("short", 'stop = 1.0\ncases = ["coordination"]\n')
     job = Job(file.read(path), path, [ROOT / "target" / "fmu"])
     task = job.task(0, {"mass": 3e4, "road": 5})
-    outcome = Outcome(0, task.sample.runs[0], (0.123456789012345,) * 5, "ok", None, None, 0.0205)
+    outcome = Outcome(0, task.sample.runs[0], (0.123456789012345,) * 5, "ok", None, None, None, None, 0.0205)
     content = cluster.bundle(job)
     with (
         dask.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as here,
@@ -187,7 +188,7 @@ def overheads() -> Iterator[str]:
         begin = time.perf_counter()
         client.scatter(os.urandom(50_000_000), broadcast=True, hash=True)
         scattered = time.perf_counter() - begin
-        data = client.scatter(content, broadcast=True, hash=True)
+        data = client.submit(cluster.keep, content)
         batches = 2000
         for each in (1, 50):
             samples = [task.sample] * each
@@ -209,11 +210,11 @@ def overheads() -> Iterator[str]:
     del tasks
     target = FOLDER / "journal.jsonl"
     target.unlink(missing_ok=True)
-    with Journal(target, "benchmark", resume=False) as journal:
+    with Journal(target, "benchmark", None, resume=False) as journal:
         begin = time.perf_counter()
         for number in range(count):
             done = job.done(task, outcome)
-            journal.add(Done(number, done.cell, done.numbers, done.status, done.time, done.message, done.seconds))
+            journal.add(dataclasses.replace(done, number=number))
         taken = time.perf_counter() - begin
     yield row("to take a row and write it down", f"{1e6 * taken / count:.1f} µs")
     lines = target.read_text(encoding="utf-8").splitlines()

@@ -36,7 +36,9 @@ class RunFailedError(Exception):
 _Value: TypeAlias = float | int | bool | str
 _Change: TypeAlias = tuple[str, str, _Value]
 _Status: TypeAlias = Literal["ok", "rejected", "diverged", "crashed", "timed_out"]
-Row: TypeAlias = tuple[int, int, tuple[float | None, ...], _Status, float | None, str | None, float]
+Row: TypeAlias = tuple[
+    int, int, tuple[float | None, ...], _Status, float | None, str | None, str | None, str | None, float
+]
 
 class System:
     """A resolved scenario with its FMUs."""
@@ -58,6 +60,11 @@ class System:
     def start(self, program: Path, jobs: int, timeout: float, libpython: Path | None) -> None: ...
     def execute(
         self, samples: Sequence[tuple[Sequence[_Change], Sequence[int]]], take: Callable[[Row], bool]
+    ) -> None: ...
+    def record(
+        self,
+        runs: Sequence[tuple[Sequence[_Change], int]],
+        take: Callable[[int, _Array | None, list[_Array | None], str | None], None],
     ) -> None: ...
     def execute_here(self, changes: Sequence[_Change], runs: Sequence[int]) -> list[Row]: ...
     def simulate(self, changes: Sequence[_Change], run: int) -> tuple[_Array, list[_Array | None]]: ...

@@ -68,6 +68,7 @@ impl Executor {
         let lost = |name: String| Failure {
             run: name,
             time: None,
+            component: None,
             message: "no process could execute it".to_owned(),
             kind: FailureKind::Error,
         };
