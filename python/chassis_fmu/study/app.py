@@ -232,7 +232,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 file=sys.stderr,
             )
             return UNABLE
-        return tuning.main(given)
+        # No requirement can be missed: what it cannot do is what no study could.
+        return UNABLE if (code := tuning.main(given)) == 1 else code
     try:
         return _run(arguments(given), merging=merging)
     except (StudyError, ScenarioError, RunError, results.ResultsError, OSError, pa.ArrowException) as error:
