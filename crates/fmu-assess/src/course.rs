@@ -271,7 +271,7 @@ fn ground_speed(x: Option<&[f64]>, y: Option<&[f64]>) -> Option<Vec<f64>> {
 
 /// A time without the rounding of its steps.
 fn shown_time(time: f64) -> f64 {
-    (time / STEP).round() * STEP
+    (time / STEP).round() / (1.0 / STEP).round()
 }
 
 #[cfg(test)]
@@ -331,6 +331,8 @@ mod tests {
             let ended = of(sign * 50.1);
             assert_eq!(ended.flags, ["diverged"]);
             assert_eq!(ended.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.5 s"));
+            let ended = run(course(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((3, sign * 51.0)))], None);
+            assert_eq!(ended.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.003 s"));
             assert_eq!(of(sign * 50.0).flags.len(), 0);
         }
     }
