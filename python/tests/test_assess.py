@@ -18,6 +18,7 @@ from chassis_fmu.assess import app, charts, report
 from chassis_fmu.assess.assessment import AssessmentError, Folder
 from chassis_fmu.describe import sha256
 from chassis_fmu.results import read_csv
+from tests.page_schema import data_of
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -52,6 +53,18 @@ def test_the_page_shows_all_metrics_and_figures(folder: Path, page: str) -> None
     assert names == {path.stem for path in (folder / "figures").glob("*.svg")}
     data = json.loads(re.findall(r'<script type="application/json" id="page-data">(.*?)</script>', page, re.DOTALL)[0])
     assert {figure["name"] for figure in data["figures"]} == names
+
+
+def test_the_page_has_data_by_the_schema_and_the_seeds(folder: Path, page: str) -> None:
+    data = data_of(folder / "index.html")
+    assert {panel.get("kind") for figure in data["figures"] for panel in figure["panels"]} >= {
+        "function",
+        "curve",
+        "map",
+    }
+    seeds = {run.parameters["seed"] for run in Folder(folder).read().runs if "seed" in run.parameters}
+    assert len(seeds) > 1
+    assert f"<dd>{', '.join(f'{seed:g}' for seed in sorted(seeds))}</dd>" in page
 
 
 def test_the_page_has_the_verdicts_of_both_systems(folder: Path, page: str) -> None:

@@ -222,6 +222,7 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         road=ROAD.upper(),
         verdicts=[row for row in found.metrics if {row.verdict, row.verdict_without} != {"info"}],
         data_definitions=DATA,
+        seeds=list(dict.fromkeys(f"{run.parameters['seed']:g}" for run in found.runs if "seed" in run.parameters)),
     )
 
 
