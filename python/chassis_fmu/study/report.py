@@ -12,7 +12,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from .. import index, page, page_data, plots, results, tables
+from .. import index, page, page_data, plots, results, tables, texts
 from ..charts import Chart, figure
 from ..describe import sha256
 from ..plan import Metric
@@ -318,6 +318,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         context=context,
         hashes={path.stem: sha256(path) for path in job.fmu_files()},
         title_of=lambda case, point: _titles(numbers, case, point),
+        definition=texts.definition,
         number=number,
         limit=tables.scientific,
         unit=tables.pretty_unit,
