@@ -278,9 +278,12 @@ fn shown_time(time: f64) -> f64 {
 mod tests {
     use super::*;
 
+    /// A signal: its name, its value, and from which row on another value.
+    type Signal = (&'static str, f64, Option<(usize, f64)>);
+
     /// A recording of 1 s, cut: a signal has its value in all rows, or from a row on another one. Its rows begin at 0 s, those of
     /// a run one step later.
-    fn run(course: Course, signals: &[(&str, f64, Option<(usize, f64)>)], failure: Option<&str>) -> Ended {
+    fn run(course: Course, signals: &[Signal], failure: Option<&str>) -> Ended {
         let rows = 1001;
         let column = |before: f64, change: Option<(usize, f64)>| {
             let of = |row| change.filter(|(from, _)| row >= *from).map_or(before, |(_, after)| after);
@@ -300,7 +303,7 @@ mod tests {
         Course::new("run", Driving::Path, 20.0, 1.0)
     }
 
-    const CALM: (&str, f64, Option<(usize, f64)>) = ("vehicle.speed", 20.0, None);
+    const CALM: Signal = ("vehicle.speed", 20.0, None);
 
     #[test]
     fn a_calm_run_lasts_to_its_end() {
