@@ -53,8 +53,9 @@ def test_a_new_scenario_runs(plant: str, tmp_path: Path) -> None:
 def test_every_maneuver_runs_with_every_plant(maneuver: str, tmp_path: Path) -> None:
     for plant in PLANTS:
         acceleration = lateral_acceleration(start(plant, maneuver, tmp_path), tmp_path / "out", "--stop", "3")
-        # On a rough road a straight vehicle moves a little, too.
-        assert (np.abs(acceleration).max() > 0.5) == (maneuver != "straight"), plant
+        assert np.isfinite(acceleration).all(), plant
+        # The first steering of all others is within these 3 s; on a rough road a straight vehicle moves, too.
+        assert maneuver == "straight" or np.abs(acceleration).max() > 0.5, plant
 
 
 def test_the_maneuvers_are_those_of_the_driver(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -62,7 +63,7 @@ def test_the_maneuvers_are_those_of_the_driver(tmp_path: Path, capfd: pytest.Cap
     assert code == 1
     text = " ".join(capfd.readouterr().err.replace("│", " ").split())
     for name in MANEUVERS:
-        assert f"`{name}`" in text
+        assert f"{name}," in text
     # What needs more than its name is refused with what it needs.
     code, _ = cargo_fmu("new", tmp_path / "a", "--kind", "scenario", "--plant", "EspCar", "--maneuver", "table")
     assert code == 1
