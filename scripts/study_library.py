@@ -1,0 +1,138 @@
+"""Carries out the studies of the library's controllers, and writes docs/study_results.md.
+
+`.venv/bin/python scripts/study_library.py`, after `scripts/build`; goes on with the runs that are there. Without any it
+took half an hour on two cores beside other work.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from chassis_fmu import scenario, tables
+from chassis_fmu.shell import ROOT
+from chassis_fmu.study import app, design, execute, file, report, statistics
+from chassis_fmu.study.engines import Nothing
+from chassis_fmu.study.execute import WHOLE, Folder
+from chassis_fmu.study.job import Job
+from chassis_fmu.study.statistics import Distribution, Numbers, Share
+
+ROBUST = ("robust_esp_car", "robust_heavy_vehicle", "robust_rescue_vehicle", "robust_hydro_pneumatic")
+SENSITIVITY = "sensitivity_rescue_roll"
+
+HEAD = """# Results of the studies
+
+Does control help other vehicles than those of the papers? `studies/robust_*.toml` vary mass, tires, speed and road of
+each system, with the controllers as they are. `scripts/study_library.py` carries them out and writes this page.
+
+*Runs that keep it* is the share of the samples that keep a requirement, with its 95 % interval (Wilson). A change is
+that against the baseline of the case in the same sample.
+"""
+
+COLUMNS = "| Requirement | Case | Runs that keep it | 95 % interval | Required | Met | Change, 5 % / 50 % / 95 % |"
+
+
+def numbers(name: str, out: Path) -> Numbers:
+    """Carry a study out, as far as it is not done, and read its rows."""
+    path = ROOT / "studies" / f"{name}.toml"
+    if app.main([str(path), "--out", str(out), "--resume", "--no-fail"]) != 0:
+        raise SystemExit(f"error: {path} could not run")
+    job = Job(file.read(path), path, scenario.default_folders())
+    engine = Nothing(job, 1, 60.0)
+    done = execute.run(job, Folder(out / name), engine, WHOLE, lambda _: None, resume=True)
+    return Numbers(job, done.values, done.rows)
+
+
+def limits(share: Share, of: Numbers) -> str:
+    """Write the limits of a requirement."""
+    metric = of.job.plan.metrics[share.limits.metric]
+    unit = "%" if share.limits.of_change else tables.pretty_unit(metric.conversion.unit)
+    ends = [("at least", share.limits.min), ("at most", share.limits.max)]
+    text = " and ".join(f"{word} {tables.scientific(v)} {unit}".rstrip() for word, v in ends if v is not None)
+    return f"{metric.title}: {'change of ' if share.limits.of_change else ''}{text}"
+
+
+def change(share: Share, of: Numbers) -> str:
+    """Write percentiles of the change that a requirement is about."""
+    if not share.limits.of_change:
+        return "–"
+    cell = next(i for i, r in enumerate(of.job.cells) if (r.case, r.point) == (share.case, share.point))
+    found = Distribution.of(of.changes(share.limits, cell))
+    if found is None:
+        return "–"
+    p = found.percentiles
+    return " / ".join(f"{v:+.1f} %".replace("-", "−") for v in (p[0], p[2], p[4]))
+
+
+def robust(name: str, of: Numbers) -> Iterator[str]:
+    """Write the section of a study of robustness."""
+    study, job = of.job.study, of.job
+    yield f"## {study.title}\n"
+    varied = "; ".join(f"{f.name}: {f.text}" for f in study.vary)
+    failed = sum(done.status != "ok" for done in of.rows.values())
+    yield f"`studies/{name}.toml`, {of.count} samples, {len(of.rows)} runs, of which {failed} failed.\n"
+    yield f"Varied: {varied}.\n"
+    found = of.shares()
+    met = sum(share.holds for share in found)
+    answer = "Yes." if met == len(found) else "No." if met == 0 else "In part."
+    yield f"**{answer}** Enough runs keep {met} of {len(found)} requirements.\n"
+    yield COLUMNS
+    yield "|---|---|---|---|---|---|---|"
+    for share in found:
+        low, high = share.interval
+        case = next(c.title for c in job.plan.cases if c.name == share.case)
+        point = next((p.title for p in job.plan.points if p.name == share.point), None)
+        cells = (
+            limits(share, of),
+            case if point is None else f"{case}, {point}",
+            report.percent(share.share),
+            f"{report.percent(low)} to {report.percent(high)}",
+            report.percent(share.limits.share),
+            "yes" if share.holds else "no",
+            change(share, of),
+        )
+        yield f"| {' | '.join(cells)} |"
+    yield ""
+
+
+def sensitivity(name: str, of: Numbers) -> Iterator[str]:
+    """Write the section of a study of sensitivities."""
+    study = of.job.study
+    shares = design.shares(study)
+    yield f"## {study.title}\n"
+    yield f"`studies/{name}.toml`, {len(of.rows)} runs: Sobol indices with 95 % intervals.\n"
+    for index in of.job.metrics:
+        for cell in range(len(of.job.cells)):
+            found = statistics.sensitivities(study, shares, of.of(index, cell))
+            yield f"| {of.job.plan.metrics[index].title} | First order | Interval | Total | Interval |"
+            yield "|---|---|---|---|---|"
+            for effect in found.effects:
+                ends = (effect.interval or (0.0, 0.0), effect.total_interval or (0.0, 0.0))
+                first, total = (f"{low:.2f} to {high:.2f}" for low, high in ends)
+                row = f"| {effect.factor} | {effect.value:.2f} | {first} | {effect.total or 0.0:.2f} | {total} |"
+                yield row.replace("-0", "−0")
+            if found.left_out:
+                yield f"\n{found.left_out} of {found.groups} groups of samples are left out, in which a run failed."
+            yield ""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    parser = argparse.ArgumentParser(prog="study_library.py", description=(__doc__ or "").splitlines()[0])
+    out = ROOT / "target" / "study_library"
+    parser.add_argument(
+        "--out", type=Path, default=out, metavar="DIR", help="folder of the rows (default: %(default)s)"
+    )
+    options = parser.parse_args(argv)
+    lines = [HEAD]
+    for name in ROBUST:
+        lines += robust(name, numbers(name, options.out))
+    lines += sensitivity(SENSITIVITY, numbers(SENSITIVITY, options.out))
+    (ROOT / "docs" / "study_results.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
