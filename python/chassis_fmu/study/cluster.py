@@ -52,8 +52,8 @@ PATIENCE = 300.0
 # A cluster without workers is reported after so long, s.
 NOTICE = 15.0
 
-# Scheduler and workers of this machine do not watch themselves, which takes 3 % of a processor for client, scheduler and
-# one worker: there is no dashboard that would show it.
+# Scheduler and workers of this machine do not watch themselves, which takes 3 % of a processor for client, scheduler
+# and one worker: there is no dashboard that would show it.
 QUIET = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
