@@ -22,6 +22,7 @@ pub mod names;
 pub mod temporary;
 pub mod terminal;
 pub mod trim;
+pub mod wasm;
 pub mod worker;
 pub mod xml;
 

@@ -8,6 +8,7 @@ use crate::archive::Unpacked;
 use crate::description::{FmiVersion, Interface};
 use crate::python;
 use crate::signature::Signature;
+use crate::wasm;
 use object::Object as _;
 use std::ffi::{CString, c_char, c_void};
 use std::ptr;
@@ -121,6 +122,10 @@ pub fn not_exported(
 ) -> Result<Vec<&'static str>, LoadError> {
     let failed = |reason: String| LoadError::Library { path: library.to_path_buf(), reason };
     let bytes = std::fs::read(library).map_err(|error| failed(error.to_string()))?;
+    if let Some(names) = wasm::Names::read(&bytes) {
+        let is_there = |name: &str| names.functions.iter().any(|function| function == name);
+        return Ok(functions::names(fmi, interfaces).into_iter().filter(|name| !is_there(name)).collect());
+    }
     let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
     let exports = file.exports().map_err(|error| failed(error.to_string()))?;
     // macOS puts an underscore in front of every name.
