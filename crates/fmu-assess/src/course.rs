@@ -4,7 +4,7 @@ use crate::Trace;
 use crate::bench::Bench;
 use crate::wiring::{Driving, STEP};
 use fmu_system::master::Recording;
-use fmu_system::worker::{Failure, FailureKind};
+use fmu_system::failure::{Failure, FailureKind};
 use std::collections::BTreeMap;
 
 /// Yaw rate beyond which a simulation has diverged, rad/s.
@@ -164,7 +164,7 @@ fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
 }
 
 /// Cuts a recording where the run ends. `failure` is what came after its last row.
-fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
+pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
     let names = bench.system.columns(course.driving);
     // No row at the start: what a row says of the driver was held during the step before it.
     let of = |name: &str| {

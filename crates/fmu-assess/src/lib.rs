@@ -1,9 +1,11 @@
 #![doc = include_str!("../README.md")]
 
+#[cfg(not(target_family = "wasm"))]
 pub mod assess;
 mod bench;
 mod course;
 pub mod evaluators;
+#[cfg(not(target_family = "wasm"))]
 mod executor;
 mod json;
 mod maneuvers;
@@ -11,6 +13,7 @@ mod metric;
 mod numerics;
 mod options;
 pub mod report;
+pub mod single;
 mod trace;
 pub mod vehicle;
 mod wiring;

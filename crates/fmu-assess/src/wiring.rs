@@ -152,7 +152,13 @@ pub(crate) enum Driving {
     Ride,
 }
 
-const DRIVINGS: [Driving; 3] = [Driving::OpenLoop, Driving::Path, Driving::Ride];
+/// What the vehicle drives on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Road {
+    Flat,
+    /// A component, whose parameters tell how rough.
+    Rough,
+}
 
 /// A plant with its units, wired for each kind of driving.
 #[derive(Debug)]
@@ -195,7 +201,7 @@ pub(crate) struct Systems {
 }
 
 /// A name as a component has it: `AntilockBraking` -> `antilock_braking`.
-fn component_name(fmu: &str) -> String {
+pub(crate) fn component_name(fmu: &str) -> String {
     let mut name = String::new();
     let letters: Vec<char> = fmu.chars().collect();
     for (i, letter) in letters.iter().enumerate() {
@@ -232,7 +238,23 @@ fn find(source: &dyn Descriptions, fmu: &str) -> Result<Unit, SetupError> {
 
 impl Systems {
     /// Finds the FMUs and wires them.
+    #[cfg(not(target_family = "wasm"))]
     pub(crate) fn new(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
+        let mut found = Self::found(subject, source)?;
+        let has_road = found.plant.inputs().iter().any(|input| input.starts_with("road_height."));
+        let mut drivings = vec![(Driving::OpenLoop, Road::Flat), (Driving::Path, Road::Flat)];
+        if has_road {
+            drivings.push((Driving::Ride, Road::Rough));
+        }
+        found.systems.push(system("without", &found.plant, &found.base, subject, source, &drivings)?);
+        if !found.with.is_empty() {
+            found.systems.push(system("with", &found.plant, &found.units(), subject, source, &drivings)?);
+        }
+        Ok(found)
+    }
+
+    /// Finds the FMUs.
+    pub(crate) fn found(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
         let unit = find(source, &subject.plant)?;
         let mut renamed = BTreeMap::new();
         for (signal, variable) in &subject.vehicle.signals {
@@ -267,12 +289,24 @@ impl Systems {
             base.push(find(source, ACTUATORS)?);
         }
         let with = subject.with.iter().map(|fmu| find(source, fmu)).collect::<Result<Vec<_>, _>>()?;
-        let mut systems = vec![system("without", &plant, &base, subject, source)?];
-        if !with.is_empty() {
-            let all: Vec<Unit> = with.iter().chain(&base).cloned().collect();
-            systems.push(system("with", &plant, &all, subject, source)?);
-        }
-        Ok(Self { plant, base, with, systems })
+        Ok(Self { plant, base, with, systems: Vec::new() })
+    }
+
+    /// Wires one system, with all its controllers, for one kind of driving.
+    pub(crate) fn only(
+        subject: &Subject,
+        source: &dyn Descriptions,
+        driving: Driving,
+        road: Road,
+    ) -> Result<Self, SetupError> {
+        let mut found = Self::found(subject, source)?;
+        found.systems.push(system("with", &found.plant, &found.units(), subject, source, &[(driving, road)])?);
+        Ok(found)
+    }
+
+    /// Controllers and base units.
+    fn units(&self) -> Vec<Unit> {
+        self.with.iter().chain(&self.base).cloned().collect()
     }
 }
 
@@ -352,6 +386,7 @@ struct Wiring<'a> {
     plant: &'a Plant,
     units: Vec<&'a Unit>,
     driving: Driving,
+    road: Road,
     driver: &'static str,
     unwritten: Vec<(String, String)>,
 }
@@ -367,7 +402,7 @@ impl Wiring<'_> {
             return Some((&unit.name, signal.to_owned()));
         }
         let of_road = signal.starts_with("road_height.") || signal.starts_with("road_friction.");
-        (self.driving == Driving::Ride && of_road).then(|| ("road", signal.to_owned()))
+        (self.road == Road::Rough && of_road).then(|| ("road", signal.to_owned()))
     }
 
     /// Where an input gets its value from: another component, or a constant.
@@ -449,7 +484,7 @@ impl Wiring<'_> {
             }
         }
         component(&mut text, "driver", self.driver, &missing);
-        if self.driving == Driving::Ride {
+        if self.road == Road::Rough {
             component(&mut text, "road", "Road", &[]);
             connect(&mut connections, "plant", self.plant.variable("vehicle.speed"), "road", "vehicle.speed");
         }
@@ -526,6 +561,7 @@ fn system(
     units: &[Unit],
     subject: &Subject,
     source: &dyn Descriptions,
+    drivings: &[(Driving, Road)],
 ) -> Result<System, SetupError> {
     let mut written: BTreeMap<&str, &str> = BTreeMap::new();
     for unit in units {
@@ -560,24 +596,16 @@ fn system(
     let mut plans = Vec::new();
     let mut columns = Vec::new();
     let mut unwritten = Vec::new();
-    let has_road = plant.inputs().iter().any(|input| input.starts_with("road_height."));
-    for driving in DRIVINGS {
-        let is_possible = match driving {
-            Driving::OpenLoop | Driving::Path => true,
-            Driving::Ride => has_road,
-        };
-        if !is_possible {
-            continue;
-        }
+    for &(driving, road) in drivings {
         let driver = if driving == Driving::OpenLoop { "Driver" } else { "PathDriver" };
-        let mut wiring = Wiring { plant, units: ordered(units), driving, driver, unwritten: Vec::new() };
+        let mut wiring = Wiring { plant, units: ordered(units), driving, road, driver, unwritten: Vec::new() };
         let text = wiring.scenario(&set);
         let options = Options::default();
         let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)
             .map_err(|error| SetupError::new(explained(&error)))?;
         columns.push((driving, plan.columns.iter().map(|column| signal_of(&column.name, plant)).collect()));
         plans.push((driving, plan));
-        if driving == Driving::OpenLoop {
+        if unwritten.is_empty() {
             unwritten = wiring.unwritten;
         }
     }

@@ -23,6 +23,7 @@ pub mod temporary;
 pub mod terminal;
 pub mod trim;
 pub mod wasm;
+#[cfg(not(target_family = "wasm"))]
 pub mod worker;
 pub mod xml;
 
