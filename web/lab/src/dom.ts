@@ -49,15 +49,22 @@ export function fill(select: HTMLSelectElement, options: Option[], value: string
   select.value = value;
 }
 
+let fields = 0;
+
 /** A label above a control. */
-export function field(title: string, control: HTMLElement): HTMLLabelElement {
-  return element("label", { className: "field" }, element("span", { textContent: title }), control);
+export function field(title: string, control: HTMLElement): HTMLElement {
+  if (control.id === "") control.id = `field-${++fields}`;
+  return element("div", { className: "field" }, element("label", { textContent: title, htmlFor: control.id }), control);
 }
 
 /** Whether a key press belongs to a control, not to the vehicle. */
 export function isControl(target: EventTarget | null): boolean {
   return target instanceof HTMLElement && target.closest("input, select, textarea, button, a, summary, [role=tab]") !== null;
 }
+
+/** A unit as it is shown: numbers without a dimension have none. */
+export const unitText = (unit: string): string =>
+  unit === "1" ? "" : unit.replaceAll(/([A-Za-z)])2/g, "$1²").replaceAll(/([A-Za-z)])3/g, "$1³").replaceAll(".", "·");
 
 /** A file for the visitor. */
 export function download(name: string, content: Uint8Array): void {

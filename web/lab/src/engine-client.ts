@@ -12,6 +12,8 @@ type Answer<K extends Response["kind"]> = Extract<Response, { kind: K }>;
 const SILENCE = 2000;
 /** Longest time for a response, ms: modules are compiled on slow machines, too. */
 const PATIENCE = { start: 60_000, other: 15_000 };
+/** Queries that a worker answers between two steps; during others it may be silent for longer. */
+const QUICK = new Set<Query["kind"]>(["metrics", "describe"]);
 /** Time for messages that wait in the queue while this page was busy, ms. */
 const GRACE = 400;
 
@@ -104,7 +106,8 @@ export class Engine {
     for (const { query, deadline } of this.#waiting.values()) {
       if (now > Math.max(deadline, this.#last + SILENCE)) return query.kind;
     }
-    return this.#isPlaying && this.#waiting.size === 0 && now > this.#last + SILENCE ? "play" : null;
+    const isBusy = [...this.#waiting.values()].some(({ query }) => !QUICK.has(query.kind));
+    return this.#isPlaying && !isBusy && now > this.#last + SILENCE ? "play" : null;
   }
 
   #watch(): void {

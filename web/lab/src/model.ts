@@ -58,6 +58,7 @@ export class Model {
   readonly changed = new Map<string, number>();
   #engine: Engine;
   #opening = 0;
+  #wantsToPlay = false;
   /** Whether the next `play` must go to the time shown first. */
   #isBehind = false;
   readonly #archives = new Map<string, Uint8Array>();
@@ -180,7 +181,8 @@ export class Model {
         this.#emit("branch");
         break;
       case "clock":
-        this.playing = event.playing;
+        // An event of before a pause may come after it.
+        this.playing = event.playing && this.#wantsToPlay;
         this.#emit("clock");
         break;
       case "failed": {
@@ -214,12 +216,13 @@ export class Model {
         return;
       }
     }
-    this.playing = true;
+    this.playing = this.#wantsToPlay = true;
     this.#engine.tell({ kind: "play", rate: this.rate });
     this.#emit("clock");
   }
 
   pause(): void {
+    this.#wantsToPlay = false;
     if (!this.playing) return;
     this.playing = false;
     this.#engine.tell({ kind: "play", rate: 0 });

@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import { text } from "../../src/format";
-import { color, darkMode, element, fill } from "./dom";
+import { color, darkMode, element, fill, unitText } from "./dom";
 import type { Model } from "./model";
 import type { Column } from "./protocol";
 import type { Trace, Traces } from "./traces";
@@ -70,7 +70,7 @@ class LivePlot {
     this.#body.setAttribute("aria-label", `${this.signal} over time`);
     if (column === undefined || width === 0) return;
     this.#traces = this.traces.shown.slice().reverse();
-    const unit = column.display.unit;
+    const unit = unitText(column.display.unit);
     const font = `11px ${getComputedStyle(document.body).fontFamily}`;
     const axis = { stroke: () => color("muted"), grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false }, font };
     this.#plot = new uPlot(
@@ -78,7 +78,7 @@ class LivePlot {
         width,
         height: HEIGHT,
         legend: { show: false },
-        padding: [8, 8, 0, 0],
+        padding: [8, 20, 0, 0],
         scales: { x: { time: false, range: () => this.#range }, y: { range: (_, low, high) => this.#room(low, high) } },
         series: [
           {},
@@ -177,7 +177,7 @@ class LivePlot {
         entry.querySelector("i")!.style.background = this.traces.colorOf(trace);
         return entry;
       });
-    this.#readout.replaceChildren(...entries, element("span", { textContent: column.display.unit }));
+    this.#readout.replaceChildren(...entries, element("span", { textContent: unitText(column.display.unit) }));
   }
 
   dispose(): void {

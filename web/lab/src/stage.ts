@@ -1,7 +1,7 @@
 /** The view with its tools, numbers and legend. */
 
 import { text } from "../../src/format";
-import { byId, element, field, fill } from "./dom";
+import { byId, element, field, fill, unitText } from "./dom";
 import type { Model } from "./model";
 import { button, check } from "./panels/controls";
 import { CAMERAS, type Camera, View } from "./scene/view";
@@ -139,7 +139,7 @@ export class Stage {
       if (display === undefined || Number.isNaN(value)) return [];
       // Fixed digits: the text does not jump.
       const number = (value * display.factor).toFixed(Math.abs(display.factor) > 3 ? 1 : 2).replace(/^-(0\.?0*)$/, "$1").replace("-", "−");
-      return [[title, number, display.unit] as const];
+      return [[title, number, unitText(display.unit)] as const];
     });
     const written = JSON.stringify(values);
     if (written === this.#hudText) return;

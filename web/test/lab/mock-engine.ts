@@ -1,41 +1,49 @@
 /**
- * A test double of the engine: it speaks the protocol without a simulation, so that tests can cause what the real engine does not do on demand. The
- * vehicle `Mock` moves by sine functions; its controller `Endless` never returns from 1 s on, `Broken` fails at 1 s.
+ * A test double of the engine: it speaks the protocol without a simulation, so that tests can cause what the real engine does not do on demand.
+ * Vehicles move by sine functions. The controller `Endless` never returns from 1 s on, `Broken` fails at 1 s.
  */
 
-import type { Adjustable, Catalog, Column, Event, Opened, Request, Response, Setup } from "../../lab/src/protocol";
+import type { Adjustable, Catalog, Column, Controller, Event, FmuFile, Opened, Request, Response, Setup, Vehicle } from "../../lab/src/protocol";
 
 const STEP = 0.01;
 const STOP = 12;
 const DEG = { unit: "deg", factor: 180 / Math.PI };
-const PLACES = ["fl", "fr", "ml", "mr", "rl", "rr"];
 const adjustable = (id: string, title: string, unit: string, min: number, max: number, value: number): Adjustable => ({ id, title, unit, min, max, value, display: { unit: unit === "m/s" ? "km/h" : unit, factor: unit === "m/s" ? 3.6 : 1 } });
 
-const parameters = {
-  "vehicle.mass": 36000, "geometry.cg_to_front_axle": 2.52, "geometry.front_to_middle_axle": 2.95, "geometry.middle_to_rear_axle": 1.65,
-  "geometry.track": 2.55, "geometry.body_cg_to_roll_axis": 1,
-};
-const column = (name: string, unit = "", display = { unit, factor: 1 }): Column => ({ name, description: `Signal ${name}`, unit, display });
-const columns: Column[] = [
-  column("vehicle.speed", "m/s", { unit: "km/h", factor: 3.6 }), column("vehicle.position_x", "m"), column("vehicle.position_y", "m"), column("vehicle.yaw", "rad", DEG),
-  column("vehicle.yaw_rate", "rad/s", { unit: "deg/s", factor: DEG.factor }), column("vehicle.lateral_acceleration", "m/s2"), column("vehicle.load_transfer_ratio"),
-  column("body.roll", "rad", DEG), column("body.pitch", "rad", DEG), column("body.heave", "m"), column("steer.front", "rad", DEG), column("steer.rear", "rad", DEG),
-  ...PLACES.flatMap((place) => [column(`wheel_height.${place}`, "m"), column(`tire_load.${place}`, "N"), column(`tire_lateral_force.${place}`, "N")]),
+const DISPLAY: Record<string, Column["display"]> = { rad: DEG, "rad/s": { unit: "deg/s", factor: DEG.factor }, "m/s": { unit: "km/h", factor: 3.6 } };
+const CONTROLLERS: Controller[] = [
+  { fmu: "Steady", title: "Reduces roll", needs: [], excludes: ["Endless"] },
+  { fmu: "Helper", title: "Needs Steady", needs: ["Steady"], excludes: [] },
+  { fmu: "Endless", title: "Does not return from a step at 1 s", needs: [], excludes: ["Steady"] },
+  { fmu: "Broken", title: "Fails at 1 s", needs: [], excludes: [] },
 ];
+const SPEED = adjustable("speed", "Speed", "m/s", 5, 30, 20);
+
+/** Columns of each vehicle. */
+const columnsOf = new Map<string, Column[]>();
+
+/** The vehicles among the FMUs: geometry and outputs are those of their descriptions. */
+function vehicles(fmus: FmuFile[]): Vehicle[] {
+  return fmus.flatMap(({ name: fmu, description }) => {
+    const variables = [...description.matchAll(/<ScalarVariable ([^>]*)>\s*<(\w+)([^>]*)/g)].map(([, head, , type]) => {
+      const get = (attributes: string, key: string) => new RegExp(`\\b${key}="([^"]*)"`).exec(attributes)?.[1] ?? "";
+      return { name: get(head!, "name"), causality: get(head!, "causality"), description: get(head!, "description"), unit: get(type!, "unit"), start: Number(get(type!, "start")) };
+    });
+    const outputs = variables.filter(({ causality }) => causality === "output");
+    if (!outputs.some(({ name }) => name === "vehicle.yaw")) return [];
+    const inputs = variables.filter(({ name }) => name.startsWith("steer."));
+    columnsOf.set(fmu, [...outputs, ...inputs].map(({ name, description, unit }) => ({ name, description, unit, display: DISPLAY[unit] ?? { unit, factor: 1 } })));
+    const parameters = Object.fromEntries(variables.filter(({ causality }) => causality === "parameter").map(({ name, start }) => [name, start]));
+    const title = /description="([^"]*)"/.exec(description)?.[1] ?? "";
+    return [{ fmu, title, base: [], controllers: CONTROLLERS, defaults: ["Steady"], parameters, outputs: outputs.map(({ name }) => name), maneuvers: ["weave", "free"] }];
+  });
+}
 
 const catalog: Catalog = {
-  vehicles: [{
-    fmu: "RescueVehicle", title: "Three-axle vehicle", base: [], defaults: ["Steady"], parameters, outputs: columns.map(({ name }) => name), maneuvers: ["weave", "free"],
-    controllers: [
-      { fmu: "Steady", title: "Reduces roll", needs: [], excludes: ["Endless"] },
-      { fmu: "Helper", title: "Needs Steady", needs: ["Steady"], excludes: [] },
-      { fmu: "Endless", title: "Does not return from a step at 1 s", needs: [], excludes: ["Steady"] },
-      { fmu: "Broken", title: "Fails at 1 s", needs: [], excludes: [] },
-    ],
-  }],
+  vehicles: [],
   maneuvers: [
-    { id: "weave", title: "Weave", kind: "bench", values: [adjustable("speed", "Speed", "m/s", 5, 30, 20)] },
-    { id: "free", title: "Free drive", kind: "free", values: [adjustable("speed", "Speed", "m/s", 5, 30, 20)] },
+    { id: "weave", title: "Weave", kind: "bench", values: [SPEED] },
+    { id: "free", title: "Free drive", kind: "free", values: [SPEED] },
   ],
   roads: [{ id: "flat", title: "Flat" }],
   scenarios: [{ id: "demo", title: "A demonstration", vehicle: "RescueVehicle", cases: [{ id: "none", title: "No control" }, { id: "all", title: "All controllers" }], seeds: [1, 2] }],
@@ -50,17 +58,43 @@ let hasFailed = false;
 const post = (message: Response | Event) => self.postMessage(message);
 const has = (name: string) => setup?.system.kind === "free" && setup.system.controllers.includes(name);
 
-function row(time: number, system: number): number[] {
-  const share = (system === 0 && !(setup?.system.kind === "free" && setup.system.controllers.length === 0) ? 0.55 : 1) * gain;
+const vehicleName = () => (setup?.system.kind === "free" ? setup.system.vehicle : "RescueVehicle");
+
+function value(name: string, time: number, share: number, load: number): number {
   const w = 2 * Math.PI * 0.3;
   const [s, c] = [Math.sin(w * time), Math.cos(w * time)];
-  const speed = 20;
-  const load = 36000 * 9.81 / 6;
-  const wheels = PLACES.flatMap((place) => {
-    const side = place[1] === "l" ? 1 : -1;
-    return [0.02 * share * side * s, Math.max(0, load * (1 - 0.9 * share * side * s)), load * 0.35 * s * (1 - 0.5 * side * s)];
-  });
-  return [time, speed, speed * time, 3 * (1 - c) * share + steer, 0.1 * s * share, 0.19 * c * share, 4 * s, 0.9 * s * share, 0.08 * s * share, 0.01 * c, 0.01 * s, 0.06 * s, -0.02 * s * share, ...wheels];
+  const [group, place] = name.split(".") as [string, string];
+  const side = place.endsWith("l") ? 1 : -1;
+  switch (name) {
+    case "vehicle.speed": return 20;
+    case "vehicle.position_x": return 20 * time;
+    case "vehicle.position_y": return 3 * (1 - c) * share + steer;
+    case "vehicle.yaw": return 0.15 * s * share;
+    case "vehicle.yaw_rate": return 0.28 * c * share;
+    case "vehicle.lateral_acceleration": return 4 * s;
+    case "vehicle.load_transfer_ratio": return 0.9 * s * share;
+    case "body.roll": return 0.08 * s * share;
+    case "body.pitch": return 0.01 * c;
+    case "body.heave": return 0.01 * s;
+    case "steer.front": return 0.06 * s;
+    case "steer.rear": return -0.02 * s * share;
+  }
+  switch (group) {
+    case "wheel_height": return 0.02 * share * side * s;
+    case "wheel_speed": return 20 / 0.29;
+    case "tire_load": return Math.max(0, load * (1 - 0.9 * share * side * s));
+    case "tire_lateral_force": return 0.4 * load * s * (1 - 0.5 * side * s);
+    default: return 0;
+  }
+}
+
+function row(time: number, system: number): number[] {
+  const isControlled = system === 0 && !(setup?.system.kind === "free" && setup.system.controllers.length === 0);
+  const share = (isControlled ? 0.55 : 1) * gain;
+  const { parameters = {}, outputs = [] } = catalog.vehicles.find(({ fmu }) => fmu === vehicleName()) ?? {};
+  const wheels = outputs.filter((name) => name.startsWith("tire_load.")).length;
+  const load = (9.81 * (parameters["vehicle.mass"] ?? parameters["body.mass"] ?? 1500)) / Math.max(4, wheels);
+  return [time, ...columnsOf.get(vehicleName())!.map(({ name }) => value(name, time, share, load))];
 }
 
 function send(from: number, count: number): void {
@@ -72,14 +106,14 @@ function send(from: number, count: number): void {
 }
 
 const info = (title: string) => ({
-  title, vehicle: "RescueVehicle", components: [{ name: "vehicle", fmu: "RescueVehicle" }], columns,
+  title, vehicle: vehicleName(), components: [{ name: "vehicle", fmu: vehicleName() }], columns: columnsOf.get(vehicleName())!,
   adjustables: [adjustable("vehicle:driver.speed", "Speed", "m/s", 0, 30, 20), adjustable("vehicle:tire.friction", "Friction", "", 0.1, 1, 0.7)],
 });
 
 function open(next: Setup): Opened {
   [setup, time, rate, branch, branches, isBehind, gain, steer, hasFailed] = [next, 0, 0, 0, 0, false, 1, 0, false];
   const path = Array.from({ length: 300 }, (_, i) => [i, 3 * (1 - Math.cos(2 * Math.PI * 0.3 * i / 20))] as [number, number]);
-  return { step: 0.001, stop: STOP, rowStep: STEP, systems: [info("RescueVehicle with controllers"), info("Without controllers")], path, cones: [[20, 40, -2, 2], [60, 80, 4, 8]], origin: [{ fmu: "RescueVehicle", version: "0", guid: "{0}" }] };
+  return { step: 0.001, stop: STOP, rowStep: STEP, systems: [info(`${vehicleName()} with controllers`), info("Without controllers")], path, cones: [[20, 40, -2, 2], [60, 80, 4, 8]], origin: [{ fmu: "RescueVehicle", version: "0", guid: "{0}" }] };
 }
 
 setInterval(() => {
@@ -104,7 +138,9 @@ setInterval(() => {
 
 self.addEventListener("message", ({ data }: MessageEvent<Request>) => {
   switch (data.kind) {
-    case "start": return post({ kind: "started", id: data.id, catalog });
+    case "start":
+      catalog.vehicles = vehicles(data.fmus);
+      return post({ kind: "started", id: data.id, catalog });
     case "add": return post({ kind: "added", id: data.id });
     case "drop": return post({ kind: "error", id: data.id, message: `${data.name} has no binary for WebAssembly.`, help: "Pack it with --platforms wasm32." });
     case "open":

@@ -1,7 +1,7 @@
 /** Controls that several panels use. */
 
 import { text } from "../../../src/format";
-import { element } from "../dom";
+import { element, unitText } from "../dom";
 import type { Adjustable } from "../protocol";
 
 /** Steps of a slider over its range. */
@@ -9,7 +9,8 @@ const STEPS = 200;
 
 /** A number of a slider as text with its unit. */
 export function quantity({ display }: Pick<Adjustable, "display">, value: number): string {
-  return `${text(value * display.factor, 4)}${display.unit === "" ? "" : ` ${display.unit}`}`;
+  const unit = unitText(display.unit);
+  return `${text(value * display.factor, 4)}${unit === "" ? "" : ` ${unit}`}`;
 }
 
 export interface Slider {

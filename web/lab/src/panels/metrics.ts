@@ -1,7 +1,7 @@
 /** The metrics of the run, updated while it runs. */
 
 import { text } from "../../../src/format";
-import { element } from "../dom";
+import { element, unitText } from "../dom";
 import type { Model } from "../model";
 import type { Metric } from "../protocol";
 
@@ -74,7 +74,7 @@ export class MetricsPanel {
       });
       const verdict = element("td");
       if (metric.verdict !== null) verdict.append(element("span", { className: `badge ${metric.verdict}`, textContent: VERDICTS[metric.verdict] }));
-      return element("tr", {}, name, ...values, element("td", { className: "unit", textContent: metric.unit }), ...(hasVerdicts ? [verdict] : []));
+      return element("tr", {}, name, ...values, element("td", { className: "unit", textContent: unitText(metric.unit) }), ...(hasVerdicts ? [verdict] : []));
     });
     const table = element("table", { className: "metrics" }, element("thead", {}, head), element("tbody", {}, ...rows));
     const scroll = element("div", { className: "scroll", tabIndex: 0 }, table);

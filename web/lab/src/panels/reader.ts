@@ -90,11 +90,22 @@ export class ReaderPanel {
       } else {
         const { documentation, picture } = await content(fmu);
         if (order !== this.#order) return;
-        this.#body.replaceChildren(documentation === "" ? element("p", { className: "note", textContent: `${fmu} has no documentation.` }) : cleaned(documentation, picture));
+        this.#showDocumentation(fmu, documentation, picture);
       }
     } catch (error) {
       if (order === this.#order) this.#body.replaceChildren(element("p", { className: "note", textContent: (error as Error).message }));
     }
+  }
+
+  #showDocumentation(fmu: string, html: string, picture: string): void {
+    if (html === "") {
+      this.#body.replaceChildren(element("p", { className: "note", textContent: `${fmu} has no documentation.` }));
+      return;
+    }
+    const scroll = element("div", { className: "text", tabIndex: 0 }, cleaned(html, picture));
+    scroll.setAttribute("role", "region");
+    scroll.setAttribute("aria-label", `Documentation of ${fmu}`);
+    this.#body.replaceChildren(scroll);
   }
 
   #showVariables(): void {

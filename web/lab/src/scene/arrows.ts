@@ -47,7 +47,9 @@ export class Arrows {
       const foot = new Vector3(place.x, y, 0.04);
       const turned = (x: number, across: number) => new Vector3(x * Math.cos(wheel.steer) - across * Math.sin(wheel.steer), x * Math.sin(wheel.steer) + across * Math.cos(wheel.steer), 0);
       this.#place(3 * i, foot, new Vector3(0, 0, scale * (wheel.load ?? 0)));
-      this.#place(3 * i + 1, foot, turned(0, scale * (wheel.lateral ?? 0)));
+      const lateral = turned(0, scale * (wheel.lateral ?? 0));
+      // A force towards the vehicle ends at the wheel, so that it is not below the vehicle.
+      this.#place(3 * i + 1, lateral.y * place.side < 0 ? foot.clone().sub(lateral) : foot, lateral);
       this.#place(3 * i + 2, foot, turned(scale * (wheel.longitudinal ?? 0), 0));
     });
     for (const mesh of [this.#shafts, this.#heads]) mesh.instanceMatrix.needsUpdate = true;

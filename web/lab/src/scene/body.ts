@@ -150,16 +150,16 @@ function car(kit: Kit, shape: Shape): void {
   const side = width / 2;
   const [nose, tail] = [front + 0.82, rear - 0.86];
   const [sill, hood, belt, roof] = [0.2, 0.78, 0.92, 1.42];
-  const base = front - 0.42;
-  const deck = rear + 0.05;
+  const base = front - 0.3;
+  const deck = rear + 0.02;
   const top: Point[] = [[nose - 0.04, 0.3], [nose, 0.52], [nose - 0.16, hood - 0.06], [base, belt - 0.02], [deck, belt + 0.03], [tail + 0.12, belt - 0.02], [tail, 0.6], [tail + 0.05, 0.28]];
   kit.side("paint", arched(sill, top, axlesOf(shape), radius, radius + 0.075), width, 0.07);
   // Greenhouse: glass, narrower than the body, under a painted roof.
-  const glass: Point[] = [[base + 0.06, belt - 0.06], [base - 0.72, roof - 0.03], [deck + 0.62, roof - 0.03], [deck - 0.3, belt - 0.04]];
+  const glass: Point[] = [[base + 0.06, belt - 0.06], [base - 0.62, roof - 0.03], [deck + 0.42, roof - 0.03], [deck - 0.36, belt - 0.04]];
   kit.side("glass", polygon(glass), width - 0.26, 0.06);
-  kit.side("paint", polygon([[base - 0.6, roof - 0.07], [base - 0.86, roof], [deck + 0.8, roof], [deck + 0.46, roof - 0.07]]), width - 0.3, 0.03);
+  kit.side("paint", polygon([[base - 0.52, roof - 0.07], [base - 0.74, roof], [deck + 0.58, roof], [deck + 0.3, roof - 0.07]]), width - 0.3, 0.03);
   const pillar = (x: number, lean: number) => kit.side("paint", polygon([[x, belt - 0.05], [x + lean, roof - 0.04], [x + lean - 0.09, roof - 0.04], [x - 0.11, belt - 0.05]]), width - 0.245, 0.06);
-  pillar((base + deck) / 2 - 0.08, 0);
+  pillar((base + deck) / 2 - 0.12, 0);
   kit.side("dark", polygon([[nose + 0.015, 0.3], [nose + 0.015, 0.44], [nose - 0.1, 0.44], [nose - 0.1, 0.3]]), width - 0.5, 0.02);
   kit.boxes("dark", [base - 0.28, side - 0.1, belt - 0.02], [base - 0.1, side + 0.1, belt + 0.12], 0.04);
   lamps(kit, nose - 0.06, tail + 0.01, side - 0.14, 0.58, 0.2);

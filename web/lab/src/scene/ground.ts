@@ -45,7 +45,7 @@ float lines(float spacing, float width) {
   vec2 distance = abs(fract(at - 0.5) - 0.5);
   vec2 drawn = 1.0 - smoothstep(width * change, (width + 1.0) * change, distance);
   // Lines closer than pixels become their mean.
-  drawn *= clamp(0.5 / max(change, vec2(1e-6)), 0.0, 1.0);
+  drawn *= clamp(0.25 / max(change, vec2(1e-6)), 0.0, 1.0);
   return max(drawn.x, drawn.y);
 }
 void main() {
@@ -53,7 +53,7 @@ void main() {
   float small = lines(2.0, 0.35) * (1.0 - smoothstep(15.0, 55.0, away));
   float large = lines(10.0, 0.6);
   vec3 color = mix(ground, line, max(0.38 * small, 0.85 * large));
-  gl_FragColor = vec4(mix(color, far, smoothstep(40.0, 170.0, away)), 1.0);
+  gl_FragColor = vec4(mix(color, far, smoothstep(25.0, 130.0, away)), 1.0);
   #include <colorspace_fragment>
 }`;
 

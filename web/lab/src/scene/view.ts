@@ -13,10 +13,10 @@ import { VehicleModel } from "./vehicle";
 
 /** Directions of the camera from the vehicle, in its frame; lengths in vehicle lengths. */
 export const CAMERAS = {
-  chase: { title: "Behind", offset: [-1.9, 0.55, 0.75] },
-  rear: { title: "Rear", offset: [-2.1, 0, 0.22] },
-  front: { title: "Front", offset: [1.9, -0.75, 0.6] },
-  side: { title: "Side", offset: [0, -2.1, 0.3] },
+  chase: { title: "Behind", offset: [-1.75, 0.75, 0.52] },
+  rear: { title: "Rear", offset: [-2, 0, 0.2] },
+  front: { title: "Front", offset: [1.75, -0.9, 0.42] },
+  side: { title: "Side", offset: [0, -1.9, 0.26] },
   above: { title: "Above", offset: [-0.02, 0, 3.6] },
 } as const;
 export type Camera = keyof typeof CAMERAS;
@@ -37,7 +37,9 @@ export class View {
   readonly #camera = new PerspectiveCamera(36, 16 / 9, 0.3, 600);
   readonly #controls: OrbitControls;
   readonly #light = new DirectionalLight(0xffffff, 2.1);
-  readonly #sky = new HemisphereLight(0xffffff, 0x8a94a0, 1.5);
+  readonly #sky = new HemisphereLight(0xffffff, 0x9aa3ad, 1.5);
+  /** Light from the camera, so that no visible side is black. */
+  readonly #fill = new DirectionalLight(0xffffff, 0.8);
   readonly #ground: Ground;
   #own: Subject | null = null;
   #other: Subject | null = null;
@@ -62,8 +64,8 @@ export class View {
     this.#light.castShadow = true;
     this.#light.shadow.mapSize.set(1024, 1024);
     Object.assign(this.#light.shadow.camera, { left: -8, right: 8, top: 8, bottom: -8, near: 1, far: 40 });
-    this.#light.shadow.radius = 4;
-    this.#scene.add(this.#ground.root, this.#light, this.#light.target, this.#sky);
+    this.#light.shadow.radius = 6;
+    this.#scene.add(this.#ground.root, this.#light, this.#light.target, this.#sky, this.#fill, this.#fill.target);
     this.#controls = new OrbitControls(this.#camera, canvas);
     this.#controls.enablePan = false;
     // The wheel scrolls the page.
@@ -91,8 +93,9 @@ export class View {
   #recolor(): void {
     this.#renderer.setClearColor(color("sky"));
     this.#ground.recolor(this.#colors());
-    this.#light.intensity = darkMode.matches ? 1.7 : 2.3;
-    this.#sky.intensity = darkMode.matches ? 1.1 : 1.7;
+    this.#light.intensity = darkMode.matches ? 1.5 : 1.8;
+    this.#sky.intensity = darkMode.matches ? 1.0 : 1.6;
+    this.#fill.intensity = darkMode.matches ? 0.8 : 1.1;
     this.redraw();
   }
 
@@ -207,7 +210,9 @@ export class View {
     this.#camera.lookAt(target);
     this.#ground.follow(x, y);
     this.#light.target.position.copy(target);
-    this.#light.position.copy(target).add(new Vector3(-5, 7, 14));
+    this.#light.position.copy(target).add(new Vector3(-4, 5, 17));
+    this.#fill.target.position.copy(target);
+    this.#fill.position.copy(this.#camera.position);
   }
 
   #drawTrails(time: number, branch: number, otherBranch: number): void {
