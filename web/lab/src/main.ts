@@ -84,6 +84,15 @@ window.addEventListener("keydown", (event) => {
   else void model.play();
 });
 
+/** Nobody watches a hidden page: the simulation waits. */
+let wasPlaying = false;
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) {
+    wasPlaying = model.playing;
+    model.pause();
+  } else if (wasPlaying) void model.play();
+});
+
 let last = performance.now();
 function frame(now: number): void {
   const seconds = Math.min(LONGEST_FRAME, (now - last) / 1000);

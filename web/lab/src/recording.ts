@@ -9,9 +9,12 @@ interface Spin {
   factor: number;
 }
 
+/** Rows of a block: memory grows by blocks, so that nothing is copied. */
+const BLOCK = 2048;
+
 /** Rows from a time on, on the grid of times `rowStep`. */
 class Track {
-  data: Float32Array;
+  readonly #blocks: Float32Array[] = [];
   count = 0;
 
   constructor(
@@ -19,36 +22,31 @@ class Track {
     /** Index of the first row. */
     readonly first: number,
     readonly parent: Track | null,
-  ) {
-    this.data = new Float32Array(width * 256);
-  }
+  ) {}
 
   get end(): number {
     return this.first + this.count;
   }
 
-  /** The track with a row: this one, or that from which it branched off. */
-  owner(index: number): Track | null {
-    if (index >= this.end) return null;
-    return index >= this.first ? this : (this.parent?.owner(index) ?? null);
-  }
-
   value(index: number, column: number): number {
-    const owner = this.owner(index);
-    return owner === null ? NaN : owner.data[(index - owner.first) * this.width + column]!;
+    if (index < this.first) return this.parent?.value(index, column) ?? NaN;
+    if (index >= this.end) return NaN;
+    const row = index - this.first;
+    return this.#blocks[Math.floor(row / BLOCK)]![(row % BLOCK) * this.width + column]!;
   }
 
-  /** Place of a row in `data`, which grows if necessary; rows left out are not a number. */
-  place(index: number): number {
-    const wanted = (index - this.first + 1) * this.width;
-    if (wanted > this.data.length) {
-      const grown = new Float32Array(Math.max(wanted, Math.ceil(1.5 * this.data.length)));
-      grown.set(this.data);
-      this.data = grown;
+  /** The place of a row to be written; rows left out are not a number. */
+  row(index: number): Float32Array {
+    for (;;) {
+      const last = Math.min(index - this.first, this.count);
+      const block = Math.floor(last / BLOCK);
+      this.#blocks[block] ??= new Float32Array(BLOCK * this.width).fill(NaN);
+      if (last === index - this.first) {
+        this.count = Math.max(this.count, last + 1);
+        return this.#blocks[block]!.subarray((last % BLOCK) * this.width, ((last % BLOCK) + 1) * this.width);
+      }
+      this.count += 1;
     }
-    if (index > this.end) this.data.fill(NaN, this.count * this.width, wanted - this.width);
-    this.count = Math.max(this.count, index - this.first + 1);
-    return wanted - this.width;
   }
 }
 
@@ -107,12 +105,12 @@ export class Recording {
       let track = this.#tracks.get(branch);
       if (track === undefined) this.#tracks.set(branch, (track = new Track(this.#width, index, null)));
       if (index < track.first) continue;
-      const place = track.place(index);
-      track.data.set(rows.subarray(at + 1, at + 1 + columns), place);
+      const place = track.row(index);
+      place.set(rows.subarray(at + 1, at + 1 + columns));
       this.#spins.forEach(({ column, factor }, wheel) => {
         const angle = track.value(index - 1, columns + wheel);
         const rate = column < 0 ? 0 : factor * rows[at + 1 + column]!;
-        track.data[place + columns + wheel] = Number.isNaN(angle) ? 0 : angle + rate * this.rowStep;
+        place[columns + wheel] = Number.isNaN(angle) ? 0 : angle + rate * this.rowStep;
       });
     }
   }

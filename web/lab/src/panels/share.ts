@@ -10,6 +10,7 @@ import { button } from "./controls";
 export class SharePanel {
   readonly #link = element("input", { type: "text", readOnly: true, className: "link" });
   readonly #twin: HTMLButtonElement;
+  #timer = 0;
 
   constructor(
     readonly model: Model,
@@ -39,7 +40,9 @@ export class SharePanel {
     if (setup === null) return;
     this.#link.value = location.href.replace(/#.*$/, "") + encode(setup);
     this.#twin.hidden = (this.model.opened?.systems.length ?? 0) < 2;
-    history.replaceState(null, "", encode(setup));
+    // Browsers limit how often the address may change.
+    clearTimeout(this.#timer);
+    this.#timer = window.setTimeout(() => history.replaceState(null, "", encode(setup)), 400);
   }
 
   async #copy(): Promise<void> {
