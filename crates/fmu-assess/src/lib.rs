@@ -1,4 +1,6 @@
 #![doc = include_str!("../README.md")]
+// A series of runs needs processes; a single run needs a part of each maneuver only.
+#![cfg_attr(target_family = "wasm", allow(dead_code))]
 
 #[cfg(not(target_family = "wasm"))]
 pub mod assess;

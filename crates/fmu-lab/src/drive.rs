@@ -1,6 +1,6 @@
 //! The visitor as driver: steering and pedals take the place of the driver's signals.
 
-use crate::requests::Driving;
+use crate::requests::{Adjustable, Display, Driving};
 use fmu_system::plan::{Origin, Plan};
 use std::collections::BTreeMap;
 
@@ -24,8 +24,11 @@ pub(crate) struct Driver {
     driving: Option<Driving>,
 }
 
+/// The signal of a prescribed speed.
+pub(crate) const SPEED: &str = "driver.speed";
+
 /// Outputs of a driver that the visitor replaces.
-const SIGNALS: [&str; 4] = ["driver.steer", "driver.speed", "driver.throttle", "driver.brake"];
+const SIGNALS: [&str; 4] = ["driver.steer", SPEED, "driver.throttle", "driver.brake"];
 
 impl Driver {
     pub(crate) fn new(component: &str, plan: &Plan, largest_steer: f64, speed: f64) -> Self {
@@ -66,11 +69,24 @@ impl Driver {
         let driving = self.driving?;
         match signal {
             "driver.steer" => Some(driving.steer * self.largest_steer),
-            "driver.speed" => Some(self.speed),
+            SPEED => Some(self.speed),
             "driver.throttle" => Some(driving.throttle),
             "driver.brake" => Some(driving.brake),
             _ => None,
         }
+    }
+
+    /// The slider of the speed; `None` if nothing reads it.
+    pub(crate) fn slider(&self) -> Option<Adjustable> {
+        self.readers.contains_key(SPEED).then(|| Adjustable {
+            id: format!("{}:{SPEED}", self.component),
+            title: "Speed".to_owned(),
+            unit: "m/s".to_owned(),
+            min: 1.0,
+            max: 40.0,
+            value: self.speed,
+            display: Display::new("km/h", 3.6),
+        })
     }
 
     /// Sets the speed that a plant with prescribed speed is given.

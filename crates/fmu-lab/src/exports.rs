@@ -29,6 +29,30 @@ fn with<T>(otherwise: T, work: impl FnOnce(&mut State) -> T) -> T {
     caught.unwrap_or(otherwise)
 }
 
+#[cfg(target_family = "wasm")]
+#[link(wasm_import_module = "host")]
+unsafe extern "C" {
+    /// Size of the module of an FMU; copies it if `to` is not null.
+    fn read_module(name: *const u8, length: usize, to: *mut u8) -> usize;
+}
+
+/// The module of an FMU, which the worker keeps.
+#[cfg(target_family = "wasm")]
+pub(crate) fn module(fmu: &str) -> Vec<u8> {
+    // SAFETY: the worker reads the name, and writes as many bytes as it has said.
+    unsafe {
+        let mut bytes = vec![0; read_module(fmu.as_ptr(), fmu.len(), std::ptr::null_mut())];
+        read_module(fmu.as_ptr(), fmu.len(), bytes.as_mut_ptr());
+        bytes
+    }
+}
+
+/// There is no worker.
+#[cfg(not(target_family = "wasm"))]
+pub(crate) fn module(_fmu: &str) -> Vec<u8> {
+    Vec::new()
+}
+
 /// Memory for a request.
 #[unsafe(no_mangle)]
 pub extern "C" fn lab_allocate(size: usize) -> *mut u8 {

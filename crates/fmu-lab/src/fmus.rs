@@ -22,6 +22,8 @@ pub(crate) type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
 pub(crate) struct Fmus {
     pub(crate) descriptions: Descriptions,
     texts: BTreeMap<String, String>,
+    /// Names of those that a visitor has dropped.
+    pub(crate) dropped: Vec<String>,
 }
 
 /// Name of an FMU in the path that a plan has.
@@ -49,8 +51,8 @@ impl Fmus {
         self.texts.get(name).map(String::as_str)
     }
 
-    /// Reads an archive that a visitor has dropped, and adds it. Returns its module, too.
-    pub(crate) fn drop(&mut self, file: &str, bytes: &[u8]) -> Result<(Dropped, Vec<u8>), Failure> {
+    /// Reads an archive that a visitor has dropped. Returns its module, too.
+    pub(crate) fn read(&self, file: &str, bytes: &[u8]) -> Result<(Dropped, Vec<u8>), Failure> {
         const PACK: &str = "FMUs for the lab contain WebAssembly: `cargo fmu pack --platforms wasm32`.";
         let failed = |error: ArchiveError| Failure::with_help(error.to_string(), PACK);
         let mut archive = Archive::read(Path::new(file), Cursor::new(bytes)).map_err(failed)?;
@@ -86,7 +88,6 @@ impl Fmus {
         // It takes the name of its file, and never the place of one of ours.
         let stem = name_of(file).to_owned();
         let name = if self.texts.contains_key(&stem) { format!("{stem} (dropped)") } else { stem };
-        self.add(name.clone(), text.clone())?;
         Ok((Dropped { name, description: text, documentation }, module))
     }
 }

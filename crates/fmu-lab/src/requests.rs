@@ -14,13 +14,18 @@ pub enum Request {
         /// Scenarios and the files they include.
         texts: BTreeMap<String, String>,
     },
-    /// An archive, which is the body. Response: [`Dropped`], the module is the body.
+    /// Reads an archive, which is the body. Response: [`Dropped`], the module is the body.
     Drop {
         /// Name of the file.
         name: String,
     },
-    /// Another catalog after an FMU was added.
-    Catalog,
+    /// Adds an FMU whose module can be used. Response: [`Catalog`].
+    Add {
+        /// Its name.
+        name: String,
+        /// modelDescription.xml
+        description: String,
+    },
     /// Ends the systems that run and makes others. Response: [`Opened`], or [`Needs`].
     Open {
         /// What to simulate.

@@ -1,7 +1,7 @@
 //! A system that runs: steps, rows, recording, saved states and the way back to them.
 
 use crate::columns::Shown;
-use crate::drive::Driver;
+use crate::drive::{Driver, SPEED};
 use crate::fmus::{Descriptions, Modules, name_of};
 use crate::requests::{Driving, Failure};
 use fmu_import::description::{Causality, Value, Variable};
@@ -44,6 +44,7 @@ pub(crate) struct Stopped {
 
 pub(crate) struct Running {
     pub(crate) simulation: Simulation,
+    /// With a slot for each output.
     pub(crate) run: Run,
     pub(crate) shown: Vec<Shown>,
     session: Session,
@@ -96,6 +97,11 @@ impl Running {
 
     pub(crate) fn time(&self) -> f64 {
         self.session.time()
+    }
+
+    /// The run.
+    pub(crate) fn planned(&self) -> &Run {
+        &self.run
     }
 
     pub(crate) fn recording(&self) -> &Recording {
@@ -230,6 +236,10 @@ impl Running {
     }
 
     fn set(&mut self, component: &str, name: &str, value: f64) -> Result<(), Failure> {
+        if let Some(driver) = self.driver.as_mut().filter(|driver| driver.component == component && name == SPEED) {
+            driver.set_speed(value);
+            return Ok(());
+        }
         let missing = || Failure::new(format!("the system has no `{component}:{name}`"));
         let variable = self.variable(component, name).ok_or_else(missing)?;
         if variable.causality == Causality::Input {

@@ -71,16 +71,29 @@ mod files {
     use super::Content;
     use std::collections::BTreeMap;
     use std::io;
-    use std::path::Path;
+    use std::path::{Component, Path};
     use std::sync::{Mutex, PoisonError};
 
     static TEXTS: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
 
     pub(super) fn read(path: &Path, limit: u64) -> io::Result<Content> {
         let texts = TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
-        let text = texts.get(&*path.to_string_lossy()).ok_or(io::ErrorKind::NotFound)?;
+        let text = texts.get(&plain(path)).ok_or(io::ErrorKind::NotFound)?;
         let size = text.len() as u64;
         Ok(if size > limit { Content::TooLarge(Some(size)) } else { Content::Text(text.clone()) })
+    }
+
+    /// A path without `.` and `..`.
+    fn plain(path: &Path) -> String {
+        let mut parts: Vec<String> = Vec::new();
+        for part in path.components() {
+            match part {
+                Component::ParentDir => drop(parts.pop()),
+                Component::CurDir => {}
+                other => parts.push(other.as_os_str().to_string_lossy().into_owned()),
+            }
+        }
+        parts.join("/")
     }
 
     /// Provides the text of a file.

@@ -1,0 +1,125 @@
+// Systems of the lab in Node.js: every vehicle and maneuver, rewinding, driving, and measurements.
+import assert from "node:assert/strict";
+import { before, test } from "node:test";
+import { Client, free } from "./lab";
+
+const client = new Client();
+before(() => client.start());
+
+/** The last row of each column by name. */
+function last(system = 0, branch = 0): Record<string, number> {
+  const rows = client.rows(system, branch);
+  const columns = client.opened?.systems[system]?.columns ?? [];
+  return Object.fromEntries(columns.map(({ name }, index) => [name, rows.at(-1)?.[index + 1] ?? Number.NaN]));
+}
+
+function failures(): string[] {
+  return client.events.flatMap((event) => (event.kind === "failed" ? [`${event.system} ${event.time} ${event.component}: ${event.message}`] : []));
+}
+
+test("every vehicle runs every maneuver that it can drive, with its controllers", async (context) => {
+  for (const { fmu, defaults, maneuvers } of client.catalog?.vehicles ?? []) {
+    for (const id of maneuvers) {
+      await context.test(`${fmu} ${id}`, async () => {
+        const { systems } = await client.open(free(fmu, defaults, id));
+        assert.equal(systems.length, defaults.length > 0 ? 2 : 1);
+        for (let i = 0; i < 40; i++) await client.play(Number.POSITIVE_INFINITY, 5);
+        assert.deepEqual(failures(), []);
+        assert.ok(client.time > 0.1, `${client.time} s`);
+        assert.ok(Object.values(last()).every(Number.isFinite));
+        for (const { title, values, reason } of await client.metrics()) {
+          assert.ok(title !== "" && (values[0] !== null || reason !== ""), `${title} has neither a value nor a reason`);
+        }
+      });
+    }
+  }
+});
+
+test("each controller can be swapped in alone with what it needs", async (context) => {
+  for (const { fmu, controllers } of client.catalog?.vehicles ?? []) {
+    for (const { fmu: controller, needs } of controllers) {
+      await context.test(`${fmu} with ${controller}`, async () => {
+        const chosen = new Set([controller]);
+        const add = (names: string[]): void => {
+          for (const name of names) {
+            const other = controllers.find((known) => known.fmu === name);
+            if (other === undefined || chosen.has(name) || other.excludes.some((excluded) => chosen.has(excluded))) continue;
+            chosen.add(name);
+            add(other.needs);
+          }
+        };
+        add(needs);
+        await client.open(free(fmu, [...chosen], "free"));
+        await client.play(Number.POSITIVE_INFINITY, 50);
+        assert.deepEqual(failures(), []);
+        assert.ok(client.time > 0.1);
+      });
+    }
+  }
+});
+
+test("rewound and replayed, a run has the same rows; continued otherwise, another branch", async () => {
+  const setup = free("RescueVehicle", client.catalog?.vehicles.find(({ fmu }) => fmu === "RescueVehicle")?.defaults ?? [], "free", {}, "c");
+  await client.open(setup);
+  const drive = (steer: number) => client.engine.receive({ kind: "drive", driving: { steer, throttle: 0.2, brake: 0 } });
+  drive(0.1);
+  while (client.time < 4) await client.play(Number.POSITIVE_INFINITY, 20);
+  const original = client.rows(0, 0);
+  const { time } = await client.expect("sought", "seek", { time: 2.5 });
+  assert.ok(Math.abs(time - 2.5) < 1e-9);
+  await client.play(Number.POSITIVE_INFINITY, 200);
+  const again = client.rows(0, 1);
+  assert.ok(again.length > 10);
+  const from = original.findIndex(([at]) => (at ?? 0) === again[0]?.[0]);
+  const common = Math.min(again.length, original.length - from);
+  assert.ok(common > 10);
+  assert.deepEqual(again.slice(0, common), original.slice(from, from + common));
+  await client.expect("sought", "seek", { time: 2.5 });
+  drive(-0.3);
+  await client.play(Number.POSITIVE_INFINITY, 100);
+  const other = client.rows(0, 2);
+  assert.notDeepEqual(other.slice(5, 20), again.slice(5, 20));
+  assert.deepEqual(
+    client.events.filter((event) => event.kind === "branch").map((event) => event.branch),
+    [1, 2],
+  );
+});
+
+test("sliders and driving change the run", async () => {
+  const { systems } = await client.open(free("EspCar", ["DirectYawControl"], "free"));
+  const ids = systems[0]?.adjustables.map(({ id }) => id) ?? [];
+  assert.ok(ids.includes("plant:road_friction.*"), ids.join(" "));
+  client.engine.receive({ kind: "drive", driving: { steer: 0.3, throttle: 0, brake: 0 } });
+  await client.play(Number.POSITIVE_INFINITY, 100);
+  const yaw = Math.abs(last()["vehicle.yaw_rate"] ?? 0);
+  assert.ok(yaw > 0.01, `yaw rate ${yaw}`);
+  for (const { id, max } of systems[0]?.adjustables ?? []) client.engine.receive({ kind: "set", system: 0, adjustable: id, value: max });
+  await client.play(Number.POSITIVE_INFINITY, 50);
+  assert.deepEqual(failures(), []);
+});
+
+test("files and descriptions", async () => {
+  await client.open(free("EspCar", ["DirectYawControl", "AntilockBraking"], "step_steer"));
+  await client.play(Number.POSITIVE_INFINITY, 100);
+  const [header, first] = (await client.csv()).split("\n");
+  assert.ok(header?.startsWith("time,") && first?.startsWith("0.0,"));
+  const ssp = await client.expect("file", "ssp", { system: 0 });
+  assert.ok(ssp.name.endsWith(".ssp"));
+  assert.equal(Buffer.from(ssp.bytes.subarray(0, 2)).toString(), "PK");
+  const { variables } = await client.expect("described", "describe", { fmu: "EspCar" });
+  assert.ok(variables.some(({ name, causality }) => name === "steer.front" && causality === "input"));
+});
+
+test("measurements", async () => {
+  const defaults = client.catalog?.vehicles.find(({ fmu }) => fmu === "RescueVehicle")?.defaults ?? [];
+  await client.open(free("RescueVehicle", defaults, "free", {}, "c"));
+  const begin = performance.now();
+  while (performance.now() - begin < 4000) await client.play(Number.POSITIVE_INFINITY, 200);
+  const speed = (1000 * client.time) / (performance.now() - begin);
+  const size = client.engine.size / 1e6;
+  const now = client.time;
+  const sought = performance.now();
+  await client.expect("sought", "seek", { time: Math.floor(now / 2) + 0.5 });
+  const back = performance.now() - sought;
+  console.log(`truck and twin: ${speed.toFixed(1)} times real time; ${size.toFixed(1)} MB after ${now.toFixed(0)} s; half a second behind a saved state in ${back.toFixed(1)} ms`);
+});
