@@ -3,12 +3,12 @@
 //   node build-lab.mjs --in FOLDER --out FOLDER [--worker FILE]
 //
 // The first folder has core.wasm, texts.json ({path: text} of scenarios and what they include) and fmus/NAME.fmu with binaries for
-// wasm32. The site is index.html, lab.js, lab.css and fmus/NAME.js, a script of each FMU that the page loads when the FMU is chosen.
-// Everything is in scripts, because a page from file:// may not fetch other files.
+// wasm32. The site is index.html, lab.js, lab.css, and for each FMU fmus/NAME.module.js, loaded when a system needs it, and
+// fmus/NAME.documentation.js, loaded when it is read. Everything is in scripts, because a page from file:// may not fetch other files.
 import { mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { basename, join } from "node:path";
 import { parseArgs } from "node:util";
-import { inflateRawSync } from "node:zlib";
+import { deflateRawSync, inflateRawSync } from "node:zlib";
 import { build } from "esbuild";
 
 const { values: options } = parseArgs({
@@ -37,6 +37,9 @@ function archive(path) {
   };
 }
 
+/** Bytes as text of a script: compressed, because base64 alone compresses badly on a server. */
+const packed = (bytes) => deflateRawSync(bytes, { level: 9 }).toString("base64");
+
 const fmus = readdirSync(join(options.in, "fmus"))
   .filter((file) => file.endsWith(".fmu"))
   .map((file) => {
@@ -47,9 +50,8 @@ const fmus = readdirSync(join(options.in, "fmus"))
     return {
       name,
       description: read("modelDescription.xml").toString("utf8"),
-      documentation: read("documentation/index.html")?.toString("utf8") ?? "",
-      picture: read("model.png")?.toString("base64") ?? "",
-      module: module.toString("base64"),
+      documentation: { html: read("documentation/index.html")?.toString("utf8") ?? "", picture: read("model.png")?.toString("base64") ?? "" },
+      module: packed(module),
     };
   });
 
@@ -58,16 +60,16 @@ const worker = await build({ ...bundled, entryPoints: [options.worker] });
 
 /** What the page contains besides its code. */
 const data = {
-  core: readFileSync(join(options.in, "core.wasm")).toString("base64"),
+  core: packed(readFileSync(join(options.in, "core.wasm"))),
   worker: worker.outputFiles[0].text,
-  texts: JSON.parse(readFileSync(join(options.in, "texts.json"), "utf8")),
-  descriptions: Object.fromEntries(fmus.map(({ name, description }) => [name, description])),
+  texts: packed(readFileSync(join(options.in, "texts.json"))),
+  descriptions: packed(Buffer.from(JSON.stringify(Object.fromEntries(fmus.map(({ name, description }) => [name, description]))))),
+  names: fmus.map(({ name }) => name),
 };
 const dataModule = {
   name: "data",
   setup(builder) {
     builder.onResolve({ filter: /^lab:data$/ }, () => ({ path: "data", namespace: "lab" }));
-    // Text that is parsed: faster to load than the same data as code.
     builder.onLoad({ filter: /.*/, namespace: "lab" }, () => ({ contents: JSON.stringify(data), loader: "json" }));
   },
 };
@@ -86,7 +88,8 @@ rmSync(join(options.out, "fmus"), { recursive: true, force: true });
 mkdirSync(join(options.out, "fmus"), { recursive: true });
 for (const file of page.outputFiles) writeFileSync(file.path, file.contents);
 writeFileSync(join(options.out, "index.html"), readFileSync("lab/src/index.html"));
-for (const { name, documentation, picture, module } of fmus) {
-  const content = JSON.stringify({ documentation, picture, module });
-  writeFileSync(join(options.out, "fmus", `${name}.js`), `chassisLab.register(${JSON.stringify(name)}, ${content});\n`);
+for (const { name, documentation, module } of fmus) {
+  const write = (kind, content) => writeFileSync(join(options.out, "fmus", `${name}.${kind}.js`), `chassisLab.register(${JSON.stringify(`${name}.${kind}`)}, ${JSON.stringify(content)});\n`);
+  write("module", module);
+  write("documentation", documentation);
 }

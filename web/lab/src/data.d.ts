@@ -1,11 +1,13 @@
-/** Data that build-lab.mjs puts into the bundle. */
+/** Data that build-lab.mjs puts into the bundle; what is packed is deflated, as base64. */
 declare module "lab:data" {
-  /** The core as WebAssembly, base64. */
+  /** The core as WebAssembly, packed. */
   export const core: string;
   /** Code of the worker. */
   export const worker: string;
-  /** Scenarios and what they include, by path. */
-  export const texts: Record<string, string>;
-  /** modelDescription.xml of all FMUs. */
-  export const descriptions: Record<string, string>;
+  /** JSON of scenarios and what they include, by path, packed. */
+  export const texts: string;
+  /** JSON of the modelDescription.xml of all FMUs, by name, packed. */
+  export const descriptions: string;
+  /** Names of the FMUs. */
+  export const names: string[];
 }

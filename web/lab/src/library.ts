@@ -1,55 +1,71 @@
-/** The FMUs beside the page. Each has a script, because a page from `file://` may not read other files. */
+/** The FMUs beside the page. Their parts are scripts, because a page from `file://` may not read other files. */
 
-import { descriptions } from "lab:data";
+import { descriptions, names } from "lab:data";
 import type { FmuFile } from "./protocol";
 
-/** The rest of an FMU: what its script contains. */
-interface Content {
-  /** HTML; empty if it has none. */
-  documentation: string;
+export interface Documentation {
+  /** Empty if it has none. */
+  html: string;
   /** PNG, base64. */
   picture: string;
-  /** WebAssembly, base64. */
-  module: string;
 }
 
-const loaded = new Map<string, Promise<Content>>();
-const waiting = new Map<string, (content: Content) => void>();
+/** What the scripts of an FMU contain: `module` is WebAssembly, packed. */
+interface Parts {
+  module: string;
+  documentation: Documentation;
+}
 
-Object.assign(window, { chassisLab: { register: (name: string, content: Content) => waiting.get(name)?.(content) } });
+const loaded = new Map<string, Promise<unknown>>();
+const waiting = new Map<string, (content: unknown) => void>();
 
-export function bytes(base64: string): Uint8Array {
+Object.assign(window, { chassisLab: { register: (name: string, content: unknown) => waiting.get(name)?.(content) } });
+
+/** Bytes that build-lab.mjs packed. */
+export async function unpack(base64: string): Promise<Uint8Array> {
   const text = atob(base64);
-  const result = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i++) result[i] = text.charCodeAt(i);
-  return result;
+  const packed = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) packed[i] = text.charCodeAt(i);
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+export async function unpackJson<T>(base64: string): Promise<T> {
+  return JSON.parse(new TextDecoder().decode(await unpack(base64))) as T;
 }
 
 /** Whether an FMU is part of the lab; others were dropped by the visitor. */
-export const isOurs = (name: string): boolean => descriptions[name] !== undefined;
+export const isOurs = (name: string): boolean => names.includes(name);
 
-export const allFmus = (): FmuFile[] => Object.entries(descriptions).map(([name, description]) => ({ name, description, module: null }));
+let known: Promise<Record<string, string>> | null = null;
+const allDescriptions = () => (known ??= unpackJson<Record<string, string>>(descriptions));
 
-export function content(name: string): Promise<Content> {
-  let found = loaded.get(name);
+export async function allFmus(): Promise<FmuFile[]> {
+  return Object.entries(await allDescriptions()).map(([name, description]) => ({ name, description, module: null }));
+}
+
+/** A part of an FMU, from its script. */
+export function part<K extends keyof Parts>(name: string, kind: K): Promise<Parts[K]> {
+  const key = `${name}.${kind}`;
+  let found = loaded.get(key);
   if (found === undefined) {
-    found = new Promise<Content>((resolve, reject) => {
+    found = new Promise<unknown>((resolve, reject) => {
       const script = document.createElement("script");
-      waiting.set(name, resolve);
+      waiting.set(key, resolve);
       script.addEventListener("error", () => {
-        loaded.delete(name);
-        reject(new Error(`fmus/${name}.js cannot be loaded. It belongs beside this page.`));
+        loaded.delete(key);
+        reject(new Error(`fmus/${key}.js cannot be loaded. It belongs beside this page.`));
       });
-      script.src = `fmus/${name}.js`;
+      script.src = `fmus/${key}.js`;
       document.head.append(script);
     });
-    loaded.set(name, found);
+    loaded.set(key, found);
   }
-  return found;
+  return found as Promise<Parts[K]>;
 }
 
 /** The files of FMUs with their modules. */
-export async function withModules(names: string[]): Promise<FmuFile[]> {
-  const file = async (name: string) => ({ name, description: descriptions[name] ?? "", module: bytes((await content(name)).module) });
-  return Promise.all(names.map(file));
+export async function withModules(wanted: string[]): Promise<FmuFile[]> {
+  const texts = await allDescriptions();
+  return Promise.all(wanted.map(async (name) => ({ name, description: texts[name] ?? "", module: await unpack(await part(name, "module")) })));
 }

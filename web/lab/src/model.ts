@@ -2,7 +2,7 @@
 
 import { core, texts, worker } from "lab:data";
 import { Engine, EngineError, type Query } from "./engine-client";
-import { allFmus, bytes, isOurs, withModules } from "./library";
+import { allFmus, isOurs, unpack, unpackJson, withModules } from "./library";
 import type { Catalog, Driving, Event, FreeSystem, Metric, Opened, Setup, VariableInfo, Vehicle } from "./protocol";
 import { Recording, wheelPlaces } from "./recording";
 import { shapeOf } from "./shape";
@@ -83,7 +83,8 @@ export class Model {
   }
 
   async start(): Promise<void> {
-    const started = await this.#engine.ask({ kind: "start", core: bytes(core), fmus: allFmus(), texts }, [], "started");
+    const [code, fmus, files] = await Promise.all([unpack(core), allFmus(), unpackJson<Record<string, string>>(texts)]);
+    const started = await this.#engine.ask({ kind: "start", core: code, fmus, texts: files }, [code.buffer as ArrayBuffer], "started");
     this.#setCatalog(started.catalog);
   }
 

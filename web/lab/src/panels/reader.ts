@@ -1,7 +1,7 @@
 /** Documentation and variables of the FMUs of the system. */
 
 import { element, field, fill } from "../dom";
-import { content, isOurs } from "../library";
+import { isOurs, part } from "../library";
 import type { Model } from "../model";
 import type { VariableInfo } from "../protocol";
 
@@ -88,9 +88,9 @@ export class ReaderPanel {
         this.#variables = variables;
         this.#showVariables();
       } else {
-        const { documentation, picture } = await content(fmu);
+        const { html, picture } = await part(fmu, "documentation");
         if (order !== this.#order) return;
-        this.#showDocumentation(fmu, documentation, picture);
+        this.#showDocumentation(fmu, html, picture);
       }
     } catch (error) {
       if (order === this.#order) this.#body.replaceChildren(element("p", { className: "note", textContent: (error as Error).message }));
