@@ -191,7 +191,8 @@ fn artifacts(messages: &str) -> Result<BTreeMap<String, PathBuf>> {
             serde_json::from_str(line).into_diagnostic().wrap_err("reading the messages of cargo")?;
         let (Some(id), Some(target)) = (message.package_id, message.target) else { continue };
         let is_library = |path: &PathBuf| {
-            path.extension().is_some_and(|extension| ["so", "dll", "dylib", "wasm"].iter().any(|known| extension == *known))
+            path.extension()
+                .is_some_and(|extension| ["so", "dll", "dylib", "wasm"].iter().any(|known| extension == *known))
         };
         if let Some((package, _)) = name_and_version(&id)
             && target.crate_types.iter().any(|kind| kind == "cdylib")

@@ -34,14 +34,17 @@ impl Wasm {
     /// # Errors
     /// Something is missing; the message says what, where it was looked for, and how to install it.
     pub(crate) fn find() -> Result<Self> {
-        let linker = std::env::var_os(VARIABLE).map(PathBuf::from).or_else(|| toolchain::in_use().and_then(|root| linker(&root)));
+        let linker = std::env::var_os(VARIABLE)
+            .map(PathBuf::from)
+            .or_else(|| toolchain::in_use().and_then(|root| linker(&root)));
         match (Toolchain::find(Platform::Wasm32), linker) {
             (Ok(toolchain), Some(linker)) => Ok(Self { toolchain, linker }),
             (toolchain, linker) => {
                 let mut missing = Vec::new();
                 let mut help = Vec::new();
                 if let Err(rejected) = toolchain {
-                    missing.push(format!("there is no Rust that can build its standard library for {TARGET}: {rejected}"));
+                    missing
+                        .push(format!("there is no Rust that can build its standard library for {TARGET}: {rejected}"));
                     help.push(format!(
                         "On Debian: `apt-get install --no-install-recommends {PACKAGES}`; with rustup: `rustup component add \
                          rust-src`. A toolchain elsewhere that has the sources of its standard library is named by {}=FOLDER, \
@@ -75,6 +78,7 @@ impl Wasm {
 /// The linker of a toolchain, which is in a folder named like the machine.
 fn linker(root: &Path) -> Option<PathBuf> {
     let targets = std::fs::read_dir(root.join("lib/rustlib")).ok()?.filter_map(Result::ok);
-    let mut linkers = targets.map(|target| target.path().join("bin").join(format!("{LINKER}{}", std::env::consts::EXE_SUFFIX)));
+    let mut linkers =
+        targets.map(|target| target.path().join("bin").join(format!("{LINKER}{}", std::env::consts::EXE_SUFFIX)));
     linkers.find(|path| path.is_file())
 }

@@ -107,7 +107,8 @@ impl Bench<'_> {
                 (Setting::Number(number), BaseType::Boolean) => Value::Boolean(*number > 0.5),
                 (Setting::Number(number), _) => Value::Real(*number),
             };
-            run.set_described(&|path| self.fmus.description(path), component, name, value).map_err(|error| error.to_string())
+            run.set_described(&|path| self.fmus.description(path), component, name, value)
+                .map_err(|error| error.to_string())
         };
         let number = Setting::Number;
         set("plant", "vehicle.initial_speed", &number(course.speed), true)?;

@@ -3,8 +3,8 @@
 use crate::Trace;
 use crate::bench::Bench;
 use crate::wiring::{Driving, STEP};
-use fmu_system::master::Recording;
 use fmu_system::failure::{Failure, FailureKind};
+use fmu_system::master::Recording;
 use std::collections::BTreeMap;
 
 /// Yaw rate beyond which a simulation has diverged, rad/s.

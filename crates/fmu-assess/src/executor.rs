@@ -2,10 +2,10 @@
 
 use crate::bench::Runs;
 use fmu_import::worker::Settings;
+use fmu_system::failure::{Failure, FailureKind};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
-use fmu_system::failure::{Failure, FailureKind};
 use fmu_system::worker::{Pool, Task};
 use std::num::NonZeroUsize;
 use std::sync::mpsc::{Receiver, Sender, channel};

@@ -290,11 +290,7 @@ impl Chosen<'_> {
 ///
 /// # Errors
 /// The FMU is not there or is not a plant that can be driven.
-pub fn hindrance(
-    plant: &str,
-    maneuver: &Maneuver,
-    source: &dyn Descriptions,
-) -> Result<Option<String>, SetupError> {
+pub fn hindrance(plant: &str, maneuver: &Maneuver, source: &dyn Descriptions) -> Result<Option<String>, SetupError> {
     let subject = Subject { plant: plant.to_owned(), ..Subject::default() };
     let found = Systems::found(&subject, source)?;
     let plant = &found.plant;
@@ -428,7 +424,8 @@ pub fn single(
         "iso3888_2" => Some(double_lane_change::Part::Two),
         _ => None,
     };
-    let cones = part.and_then(|part| double_lane_change::cones(part, &bench)).map_or(Vec::new(), |cones| cones.to_vec());
+    let cones =
+        part.and_then(|part| double_lane_change::cones(part, &bench)).map_or(Vec::new(), |cones| cones.to_vec());
     // Rows of free driving need no evaluator, only figures.
     let every = if maneuver.is_free { 10 } else { simulation.every };
     made.simulation = Simulation { every, ..simulation };

@@ -81,7 +81,8 @@ fn adjustable(
         Value::Boolean(value) => f64::from(u8::from(*value)),
         Value::String(_) => 0.0,
     };
-    let value = set.map(|setting| number(&setting.value)).or_else(|| variable.start.as_ref().map(number)).unwrap_or(0.0);
+    let value =
+        set.map(|setting| number(&setting.value)).or_else(|| variable.start.as_ref().map(number)).unwrap_or(0.0);
     let (min, max) = limits(variable, value);
     Adjustable {
         id: format!("{}:{name}", component.name),
@@ -106,7 +107,7 @@ fn limits(variable: &Variable, value: f64) -> (f64, f64) {
         return (0.05, 1.2);
     }
     let extent = if value == 0.0 { variable.nominal.unwrap_or(1.0) } else { 3.0 * value.abs() };
-    let has_sign = value < 0.0 || value == 0.0;
+    let has_sign = value <= 0.0;
     let near = |limit: f64| limit.abs() <= 100.0 * extent;
     let min = variable.min.filter(|min| near(*min)).unwrap_or(if has_sign { -extent } else { 0.0 });
     let max = variable.max.filter(|max| near(*max)).unwrap_or(extent);

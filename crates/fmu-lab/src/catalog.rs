@@ -150,11 +150,13 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
     let base = single::base(name, &fmus.descriptions).ok()?;
     let fits = |row: usize| systems.fits[row][index] == Fit::Fits;
     let is_controller = |name: &String| !OTHERS.contains(&name.as_str()) && !base.contains(name);
-    let fitting: Vec<&String> = systems.components.iter().enumerate().filter(|(row, _)| fits(*row)).map(|(_, name)| name).collect();
+    let fitting: Vec<&String> =
+        systems.components.iter().enumerate().filter(|(row, _)| fits(*row)).map(|(_, name)| name).collect();
     let controllers: Vec<&String> = fitting.into_iter().filter(|name| is_controller(name)).collect();
     let others = |of: &str, shares: &dyn Fn(&ModelDescription, &ModelDescription) -> bool| -> Vec<String> {
         let own = &fmus.descriptions[of];
-        let others = controllers.iter().filter(|other| other.as_str() != of && shares(own, &fmus.descriptions[**other]));
+        let others =
+            controllers.iter().filter(|other| other.as_str() != of && shares(own, &fmus.descriptions[**other]));
         others.map(|name| (*name).clone()).collect()
     };
     // What the plant, its base, drivers and the road write, no controller is needed for.
@@ -201,9 +203,11 @@ fn vehicle(index: usize, fmus: &Fmus, systems: &Systems, scenarios: &[Scenario])
 /// Controllers of the paper: of the scenario of this vehicle that has most of those that fit, in the last case that has them.
 fn defaults(vehicle: &str, controllers: &[&String], scenarios: &[Scenario]) -> Vec<String> {
     let mut best: Vec<String> = Vec::new();
-    for scenario in scenarios.iter().filter(|scenario| scenario.vehicle == vehicle && !scenario.id.starts_with("swap_")) {
+    for scenario in scenarios.iter().filter(|scenario| scenario.vehicle == vehicle && !scenario.id.starts_with("swap_"))
+    {
         for run in &scenario.plan.runs {
-            let mut used: Vec<String> = run.components.iter().map(|component| name_of(&component.fmu).to_owned()).collect();
+            let mut used: Vec<String> =
+                run.components.iter().map(|component| name_of(&component.fmu).to_owned()).collect();
             used.retain(|name| controllers.contains(&name));
             used.sort();
             used.dedup();

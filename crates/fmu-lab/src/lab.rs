@@ -78,7 +78,9 @@ impl Lab {
                 }
                 json(&Sought { time: self.systems.first().map_or(0.0, |open| open.running.time()) })
             }
-            Request::Set { system, adjustable, value } => self.set(system, &adjustable, value).map(|()| "null".to_owned()),
+            Request::Set { system, adjustable, value } => {
+                self.set(system, &adjustable, value).map(|()| "null".to_owned())
+            }
             Request::Drive { driving } => self.drive(driving).map(|()| "null".to_owned()),
             Request::Metrics => json(&metrics::of(&self.recorded())),
             Request::Csv { system } => {
@@ -98,11 +100,17 @@ impl Lab {
         }
     }
 
-    fn start(&mut self, descriptions: BTreeMap<String, String>, texts: BTreeMap<String, String>) -> Result<String, Failure> {
+    fn start(
+        &mut self,
+        descriptions: BTreeMap<String, String>,
+        texts: BTreeMap<String, String>,
+    ) -> Result<String, Failure> {
         for (name, text) in descriptions {
             self.fmus.add(name, text)?;
         }
-        let is_scenario = |path: &&String| path.starts_with("scenarios/") && path.ends_with(".toml") && path.matches('/').count() == 1;
+        let is_scenario = |path: &&String| {
+            path.starts_with("scenarios/") && path.ends_with(".toml") && path.matches('/').count() == 1
+        };
         self.paths = texts.keys().filter(is_scenario).cloned().collect();
         #[cfg(target_family = "wasm")]
         for (path, text) in texts {
@@ -139,7 +147,10 @@ impl Lab {
                     .run
                     .components
                     .iter()
-                    .map(|component| ComponentInfo { name: component.name.clone(), fmu: name_of(&component.fmu).to_owned() })
+                    .map(|component| ComponentInfo {
+                        name: component.name.clone(),
+                        fmu: name_of(&component.fmu).to_owned(),
+                    })
                     .collect(),
                 columns: shown.iter().map(|shown| shown.column.clone()).collect(),
                 adjustables: {
@@ -148,8 +159,7 @@ impl Lab {
                 },
             });
             let descriptions = &self.fmus.descriptions;
-            let mut running =
-                Running::new(index, &system.simulation, system.run, shown, system.driver, descriptions)?;
+            let mut running = Running::new(index, &system.simulation, system.run, shown, system.driver, descriptions)?;
             if is_driven {
                 running.act(Action::Drive(Driving::default()))?;
             }
@@ -161,7 +171,8 @@ impl Lab {
             let version = description.version.clone().unwrap_or_default();
             Some(Origin { fmu: name.clone(), version, guid: description.guid.clone() })
         });
-        let middle = |[begin, end, right, left]: &[f64; 4]| [[*begin, 0.5 * (right + left)], [*end, 0.5 * (right + left)]];
+        let middle =
+            |[begin, end, right, left]: &[f64; 4]| [[*begin, 0.5 * (right + left)], [*end, 0.5 * (right + left)]];
         json(&Opened {
             step: simulation.step,
             stop: simulation.stop,
@@ -251,7 +262,8 @@ impl Lab {
     pub(crate) fn failure(&self, system: usize) -> String {
         let stopped = self.systems.get(system).and_then(|open| open.running.stopped.clone());
         stopped.map_or("null".to_owned(), |stopped| {
-            serde_json::json!({ "time": stopped.time, "component": stopped.component, "message": stopped.message }).to_string()
+            serde_json::json!({ "time": stopped.time, "component": stopped.component, "message": stopped.message })
+                .to_string()
         })
     }
 }

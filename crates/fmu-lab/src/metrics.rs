@@ -83,7 +83,10 @@ fn of_scenario(systems: &[Recorded<'_>]) -> Vec<Metric> {
             title: metric.title.clone(),
             unit: metric.unit.clone().unwrap_or_default(),
             definition: definition(plan, &metric.source),
-            verdict: metric.requirement.as_ref().and_then(|requirement| verdict(requirement, case(&systems[0]), values[0])),
+            verdict: metric
+                .requirement
+                .as_ref()
+                .and_then(|requirement| verdict(requirement, case(&systems[0]), values[0])),
             reason: if values[0].is_none() { reason } else { String::new() },
             values,
         });

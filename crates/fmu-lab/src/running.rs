@@ -43,6 +43,10 @@ pub(crate) struct Stopped {
 }
 
 pub(crate) struct Running {
+    /// Distinguishes the systems.
+    modules: usize,
+    /// The driver at the start.
+    first_driver: Option<Driver>,
     pub(crate) simulation: Simulation,
     /// With a slot for each output.
     pub(crate) run: Run,
@@ -76,6 +80,8 @@ impl Running {
         let steps = |time: f64| ((time / simulation.step).round() as u64).max(1);
         let columns = run.columns.iter().map(|slot| slot.map(|_| Vec::new())).collect();
         let mut running = Self {
+            modules,
+            first_driver: driver.clone(),
             simulation: *simulation,
             row_every: steps(BETWEEN_ROWS),
             state_every: steps(BETWEEN_STATES),
@@ -139,7 +145,7 @@ impl Running {
 
     fn step(&mut self) -> Result<(), RunError> {
         let step = self.session.steps();
-        let is_due = step % self.state_every == 0 && self.checkpoints.last().is_none_or(|last| last.step < step);
+        let is_due = step.is_multiple_of(self.state_every) && self.checkpoints.last().is_none_or(|last| last.step < step);
         // An FMU that cannot save its state can be run, but not rewound.
         if is_due && let Ok(saved) = self.session.save() {
             self.checkpoints.push(Checkpoint { step, saved, driver: self.driver.clone() });
@@ -161,7 +167,7 @@ impl Running {
     /// Keeps the signals of this time, if it is that of a row.
     fn record(&mut self) {
         let (step, time) = (self.session.steps(), self.session.time());
-        if step % self.simulation.every == 0 {
+        if step.is_multiple_of(self.simulation.every) {
             self.recording.time.push(time);
             let bus = self.session.bus();
             for (slot, column) in self.run.columns.iter().zip(&mut self.recording.columns) {
@@ -170,7 +176,7 @@ impl Running {
                 }
             }
         }
-        if step % self.row_every == 0 {
+        if step.is_multiple_of(self.row_every) {
             let bus = self.session.bus();
             let shown = self.shown.iter().find(|shown| !bus[shown.slot].is_finite());
             if let Some(shown) = shown {
@@ -255,23 +261,18 @@ impl Running {
     pub(crate) fn seek(&mut self, time: f64) -> Result<(), Failure> {
         let target = ((time - self.simulation.start) / self.simulation.step).round().max(0.0) as u64;
         let target = target.min(self.session.steps());
-        let Some(at) = self.checkpoints.iter().rposition(|checkpoint| checkpoint.step <= target) else {
-            let reason = "an FMU of it cannot save its state, or nothing is simulated yet";
-            return if target == self.session.steps() { Ok(()) } else { Err(Failure::new(format!("cannot rewind: {reason}"))) };
-        };
-        let failed = |error: RunError| Failure::new(format!("cannot rewind: {error}"));
-        for later in self.checkpoints.split_off(at + 1) {
-            self.session.free(later.saved).map_err(failed)?;
+        if target == self.session.steps() && self.stopped.is_none() {
+            return Ok(());
         }
-        let checkpoint = &self.checkpoints[at];
-        self.session.restore(&checkpoint.saved).map_err(failed)?;
-        self.driver.clone_from(&checkpoint.driver);
+        let failed = |error: RunError| Failure::new(format!("cannot rewind: {error}"));
+        let at = self.checkpoints.iter().rposition(|checkpoint| checkpoint.step <= target);
+        // An instance that has ended for good restores nothing, and some FMUs save nothing: another one begins.
+        if at.is_none_or(|at| self.restore(at).is_err()) {
+            self.restart().map_err(failed)?;
+        }
         self.stopped = None;
         // Rows up to the saved state are there; the way from it to the time is repeated with what the visitor did.
-        let from = checkpoint.step;
-        let rows = usize::try_from(from / self.simulation.every + 1).unwrap_or(usize::MAX);
-        self.recording.time.truncate(rows);
-        self.recording.columns.iter_mut().flatten().for_each(|column| column.truncate(rows));
+        let from = self.session.steps();
         let actions = std::mem::take(&mut self.actions);
         let mut next = actions.iter().filter(|(step, _)| *step >= from && *step < target).peekable();
         while self.session.steps() < target {
@@ -284,6 +285,36 @@ impl Running {
         self.actions.retain(|(step, _)| *step < target);
         self.rows.clear();
         Ok(())
+    }
+
+    /// Restores a saved state and frees those after it.
+    fn restore(&mut self, at: usize) -> Result<(), RunError> {
+        for later in self.checkpoints.split_off(at + 1) {
+            self.session.free(later.saved)?;
+        }
+        let checkpoint = &self.checkpoints[at];
+        self.session.restore(&checkpoint.saved)?;
+        self.driver.clone_from(&checkpoint.driver);
+        let rows = usize::try_from(checkpoint.step / self.simulation.every + 1).unwrap_or(usize::MAX);
+        self.truncate(rows);
+        Ok(())
+    }
+
+    /// Begins anew, with other instances.
+    fn restart(&mut self) -> Result<(), RunError> {
+        let instances = Modules::new(self.modules, self.descriptions.clone());
+        self.checkpoints.clear();
+        self.session = Session::new(&self.simulation, &self.run, &instances)?;
+        self.overwrites.clear();
+        self.driver.clone_from(&self.first_driver);
+        self.truncate(0);
+        self.record();
+        Ok(())
+    }
+
+    fn truncate(&mut self, rows: usize) {
+        self.recording.time.truncate(rows);
+        self.recording.columns.iter_mut().flatten().for_each(|column| column.truncate(rows));
     }
 
     /// Stops a system whose code has failed elsewhere.

@@ -26,7 +26,8 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     let text = match files::read(path, limit)? {
         Content::Text(text) => text,
         Content::TooLarge(size) => {
-            let size = size.map_or_else(|| "the file is too large".to_string(), |size| format!("the file has {size} bytes"));
+            let size =
+                size.map_or_else(|| "the file is too large".to_string(), |size| format!("the file has {size} bytes"));
             return Err(reject(format!("{size}, the limit is {limit}")));
         }
     };

@@ -336,8 +336,12 @@ impl Session {
         if variable.causality != Causality::Parameter || variable.variability != Variability::Tunable {
             return Err(rejected(format!("`{}` is not a tunable parameter", variable.name)));
         }
-        let setting =
-            Setting { name: variable.name.clone(), base_type: variable.base_type, reference: variable.reference, value };
+        let setting = Setting {
+            name: variable.name.clone(),
+            base_type: variable.base_type,
+            reference: variable.reference,
+            value,
+        };
         member.set(&setting).map_err(|error| rejected(error.to_string()))
     }
 

@@ -55,9 +55,8 @@ pub(crate) fn split_course(bench: &Bench<'_>, id: String, speed: f64, slippery_l
 }
 
 pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
-    let courses = [("left", true), ("right", false)].map(|(side, slippery_left)| {
-        split_course(bench, format!("split_friction.{side}"), 50.0 / 3.6, slippery_left)
-    });
+    let courses = [("left", true), ("right", false)]
+        .map(|(side, slippery_left)| split_course(bench, format!("split_friction.{side}"), 50.0 / 3.6, slippery_left));
     let mut spun = false;
     let mut is_finished = true;
     let mut worst: [Option<f64>; 4] = [None; 4];

@@ -32,7 +32,9 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let mut last: Option<(Ended, Evaluation)> = None;
     let mut is_reached = false;
     for index in 1..=MOST_RUNS {
-        let Some(run) = drive(bench, vec![course(format!("step_steer.{index}"), bench.speed(), steer)]).pop() else { return };
+        let Some(run) = drive(bench, vec![course(format!("step_steer.{index}"), bench.speed(), steer)]).pop() else {
+            return;
+        };
         let metrics = evaluated("step_steer", &run, &json!({}));
         results.note(&run, &metrics);
         let steady = number(&metrics, "lateral_acceleration.steady");

@@ -197,7 +197,12 @@ pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
 /// Imports of a WebAssembly module, which an importer would have to provide.
 fn imports(module: &Path) -> Option<Finding> {
     let names = Names::read(&std::fs::read(module).ok()?)?;
-    let message = || format!("the module for WebAssembly imports {}; FMI has functions that it exports only", names.imports.join(", "));
+    let message = || {
+        format!(
+            "the module for WebAssembly imports {}; FMI has functions that it exports only",
+            names.imports.join(", ")
+        )
+    };
     (!names.imports.is_empty()).then(|| Finding::error("binary", message()))
 }
 

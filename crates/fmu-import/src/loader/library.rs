@@ -56,7 +56,8 @@ impl Library {
         let path = &unpacked.binary;
         let opened = system::open(path);
         // Functions are looked up when they are called first, and ending the process is how the system reports a missing one.
-        if let Some(symbol) = python::undefined_symbol(path).filter(|symbol| !system::has_symbol(opened.as_ref().ok(), symbol))
+        if let Some(symbol) =
+            python::undefined_symbol(path).filter(|symbol| !system::has_symbol(opened.as_ref().ok(), symbol))
         {
             return Err(LoadError::Python { path: path.clone(), symbol });
         }
