@@ -40,7 +40,17 @@ export const isOurs = (name: string): boolean => names.includes(name);
 let known: Promise<Record<string, string>> | null = null;
 const allDescriptions = () => (known ??= unpackJson<Record<string, string>>(descriptions));
 
+/** Descriptions of the FMUs in a sentence, by name; there when the engine has started. */
+const summaries = new Map<string, string>();
+
+/** An FMU in a sentence; empty if its description has none. */
+export const summary = (name: string): string => summaries.get(name) ?? "";
+
 export async function allFmus(): Promise<FmuFile[]> {
+  const parser = new DOMParser();
+  for (const [name, text] of Object.entries(await allDescriptions())) {
+    summaries.set(name, parser.parseFromString(text, "text/xml").documentElement.getAttribute("description") ?? "");
+  }
   return Object.entries(await allDescriptions()).map(([name, description]) => ({ name, description, module: null }));
 }
 

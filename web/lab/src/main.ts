@@ -65,7 +65,7 @@ model.on("opened", () => {
     system.kind === "scenario"
       ? (catalog.scenarios.find(({ id }) => id === system.scenario)?.title ?? system.scenario)
       : (catalog.maneuvers.find(({ id }) => id === system.maneuver)?.title ?? "");
-  const title = opened.systems[0]?.title ?? "";
+  const title = model.titleOf(0);
   byId("title").textContent = `${title} · ${what}`;
   document.body.dataset["state"] = "open";
   byId("status").textContent = `Opened: ${title}, ${what}`;

@@ -106,10 +106,10 @@ export class Model {
     return this.catalog?.vehicles.find(({ fmu }) => fmu === name);
   }
 
-  /** The setup with which a vehicle begins: the controllers of its paper and its first maneuver. */
+  /** The setup with which a vehicle begins: the controllers of its paper and its first maneuver of the test bench. */
   defaultSetup(vehicle: Vehicle): Setup {
-    const known = this.catalog?.maneuvers ?? [];
-    const maneuver = vehicle.maneuvers.find((id) => known.some((one) => one.id === id)) ?? "";
+    const known = (this.catalog?.maneuvers ?? []).filter(({ id }) => vehicle.maneuvers.includes(id));
+    const maneuver = (known.find(({ kind }) => kind === "bench") ?? known[0])?.id ?? "";
     const system: FreeSystem = {
       kind: "free",
       vehicle: vehicle.fmu,
@@ -187,7 +187,7 @@ export class Model {
         this.#emit("clock");
         break;
       case "failed": {
-        const failure = { ...event, title: this.opened?.systems[event.system]?.title ?? "" };
+        const failure = { ...event, title: this.titleOf(event.system) };
         this.failures.push(failure);
         this.#emit("failed", failure);
         break;
@@ -265,6 +265,15 @@ export class Model {
     this.#engine.tell({ kind: "drive", driving });
   }
 
+  /** A short title of a system: an enumeration of controllers is too long for a line. */
+  titleOf(index: number): string {
+    const title = this.opened?.systems[index]?.title ?? "";
+    const system = this.setup?.system;
+    if (system?.kind !== "free") return title;
+    const count = index === 0 ? system.controllers.length : 0;
+    return `${system.vehicle} ${count === 0 ? "without control" : count === 1 ? `with ${system.controllers[0]}` : `with ${count} controllers`}`;
+  }
+
   /** The setup with the present values, which act from its start on. */
   currentSetup(): Setup | null {
     if (this.setup === null) return null;
@@ -301,7 +310,7 @@ export class Model {
   /** Starts a new worker after one that did not return, without the FMU that is probably the reason. */
   async #restart(during: Query["kind"] | "play"): Promise<void> {
     const foreign = this.#foreign();
-    const culprit = foreign.length > 0 ? foreign.join(" or ") : (this.opened?.systems[0]?.title ?? "the system");
+    const culprit = foreign.length > 0 ? foreign.join(" or ") : (this.opened === null ? "The system" : this.titleOf(0));
     const place = during === "play" ? `after ${this.end.toFixed(2)} s` : `during "${during}"`;
     this.say("error", `${culprit} did not return from a call ${place}. The simulation was ended and restarted.`,
       foreign.length > 0 ? "It was taken out of the system. Look for a loop without end in its step." : "Choose other values.");

@@ -33,10 +33,8 @@ export class Traces {
     const { opened, branch, branches } = this.model;
     const traces: Trace[] = [];
     if (opened === null) return traces;
-    const title = opened.systems[0]?.title ?? "";
-    traces.push({ key: "own", title, system: 0, branch, color: "own", isOwn: true });
-    const twin = opened.systems[1];
-    if (twin !== undefined) traces.push({ key: "twin", title: twin.title, system: 1, branch, color: "twin", isOwn: false });
+    traces.push({ key: "own", title: this.model.titleOf(0), system: 0, branch, color: "own", isOwn: true });
+    if (opened.systems.length > 1) traces.push({ key: "twin", title: this.model.titleOf(1), system: 1, branch, color: "twin", isOwn: false });
     branches
       .filter(({ id }) => id !== branch)
       .slice(-BRANCHES)

@@ -80,6 +80,9 @@ describe("systems", () => {
       await runTo(page, 1);
       await page.getByRole("button", { name: "Pause" }).click();
       await picture(page, vehicle);
+      // Some are in a list that is closed at first.
+      const more = page.locator("#setup fieldset summary");
+      if (await more.isVisible()) await more.click();
       const boxes = page.locator("#setup .controllers input");
       const names = await boxes.evaluateAll((all) => all.map((one) => (one as HTMLElement).dataset["key"]!));
       for (const name of names) {
@@ -179,7 +182,9 @@ describe("while it runs", () => {
     await runTo(page, 0.5);
     await page.locator("#title").click();
     await page.keyboard.down("ArrowLeft");
-    await runTo(page, 2);
+    // Steering takes time on the clock of the wall.
+    await page.waitForFunction(() => document.querySelector<HTMLInputElement>("#driving .mirrored")!.valueAsNumber > 0.9);
+    await runTo(page, (await clock(page)) + 1.5);
     await page.keyboard.up("ArrowLeft");
     const yaw = page.locator(".plot").first();
     await yaw.locator("select").selectOption("vehicle.yaw");

@@ -12,6 +12,7 @@ test("a message takes the place of the view, and the plots go on", async () => {
   await runTo(page, 0.5);
   assert.match(await page.locator("#cover").innerText(), /WebGL/);
   assert.equal(await page.locator(".plot canvas").count(), 4);
+  await page.locator(".plot select").first().selectOption("vehicle.position_x");
   const value = page.locator(".plot-readout b").first();
   const before = await value.innerText();
   await runTo(page, 1.5);

@@ -52,7 +52,7 @@ export class MetricsPanel {
   }
 
   #show(metrics: Metric[]): void {
-    const titles = (this.model.opened?.systems ?? []).map(({ title }) => title);
+    const titles = (this.model.opened?.systems ?? []).map((_, i) => this.model.titleOf(i));
     const shown = JSON.stringify([titles, metrics]);
     if (shown === this.#shown) return;
     this.#shown = shown;

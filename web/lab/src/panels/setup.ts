@@ -1,6 +1,8 @@
 /** Choice of the system: vehicle, controllers, maneuver, road; or a scenario of the library. */
 
+import { Choice } from "../choice";
 import { element, field, fill } from "../dom";
+import { summary } from "../library";
 import type { Model } from "../model";
 import type { Controller, FreeSystem, ScenarioSystem, Vehicle } from "../protocol";
 import { button, slider } from "./controls";
@@ -11,6 +13,8 @@ export class SetupPanel {
   readonly #kind = element("select", { id: "setup-kind" });
   readonly #body = element("div", { className: "fields" });
   #timer = 0;
+  /** Whether controllers are listed that neither are chosen nor belong to the vehicle's paper. */
+  #showsMore = false;
 
   constructor(
     readonly model: Model,
@@ -83,7 +87,7 @@ export class SetupPanel {
     const vehicle = this.model.vehicle(system.vehicle);
     const change = (part: Partial<FreeSystem>) => void this.#run({ ...system, ...part });
     const parts: HTMLElement[] = [
-      this.#select("Vehicle", "vehicle", catalog.vehicles.map(({ fmu, title }) => ({ value: fmu, title: title === "" ? fmu : `${fmu}: ${title}` })), system.vehicle, (name) => {
+      this.#select("Vehicle", "vehicle", catalog.vehicles.map(({ fmu }) => ({ value: fmu, title: fmu })), system.vehicle, (name) => {
         const next = this.model.vehicle(name);
         if (next === undefined) return;
         const fresh = this.model.defaultSetup(next).system as FreeSystem;
@@ -92,7 +96,9 @@ export class SetupPanel {
         void this.#run(stays ? { ...fresh, maneuver: system.maneuver, road: system.road, seed: system.seed } : fresh);
       }),
     ];
-    if (vehicle !== undefined) parts.push(this.#controllers(vehicle, system, change));
+    if (vehicle !== undefined) {
+      parts.push(element("p", { className: "note", textContent: summary(vehicle.fmu) || vehicle.title }), this.#controllers(vehicle, system, change));
+    }
     const maneuvers = catalog.maneuvers.filter(({ id }) => vehicle?.maneuvers.includes(id) ?? true);
     const maneuver = maneuvers.find(({ id }) => id === system.maneuver);
     parts.push(
@@ -115,25 +121,19 @@ export class SetupPanel {
   }
 
   #controllers(vehicle: Vehicle, system: FreeSystem, change: (part: Partial<FreeSystem>) => void): HTMLElement {
-    const chosen = new Set(system.controllers);
-    const of = (name: string) => vehicle.controllers.find(({ fmu }) => fmu === name);
-    const add = (name: string, into: Set<string>) => {
-      if (into.has(name)) return;
-      for (const other of of(name)?.excludes ?? []) remove(other, into);
-      into.add(name);
-      for (const need of of(name)?.needs ?? []) add(need, into);
-    };
-    const remove = (name: string, from: Set<string>) => {
-      if (!from.delete(name)) return;
-      for (const other of [...from]) if (of(other)?.needs.includes(name) === true) remove(other, from);
-    };
-    const list = element("ul", { className: "controllers" });
-    for (const controller of vehicle.controllers) list.append(this.#controller(controller, chosen, (isOn) => {
-      const next = new Set(chosen);
-      if (isOn) add(controller.fmu, next);
-      else remove(controller.fmu, next);
-      change({ controllers: [...next] });
-    }));
+    const entry = (controller: Controller) =>
+      this.#controller(controller, new Choice(vehicle, system.controllers), (isOn) => {
+        const next = new Choice(vehicle, system.controllers);
+        if (isOn) next.add(controller.fmu);
+        else next.remove(controller.fmu);
+        change({ controllers: next.names });
+      });
+    const isMain = ({ fmu }: Controller) => vehicle.defaults.includes(fmu) || system.controllers.includes(fmu);
+    const others = vehicle.controllers.filter((controller) => !isMain(controller));
+    const list = element("ul", { className: "controllers" }, ...vehicle.controllers.filter(isMain).map(entry));
+    const more = element("details", { open: this.#showsMore }, element("summary", { textContent: `Others that fit: ${others.length}` }), element("ul", { className: "controllers" }, ...others.map(entry)));
+    more.addEventListener("toggle", () => (this.#showsMore = more.open));
+    more.hidden = others.length === 0;
     const set = (title: string, key: string, controllers: string[]) => {
       const result = button(title, () => change({ controllers }));
       result.dataset["key"] = key;
@@ -142,20 +142,20 @@ export class SetupPanel {
     const buttons = element("div", { className: "row" }, set("Those of the paper", "defaults", [...vehicle.defaults]), set("None", "none", []));
     const box = element("fieldset", {}, element("legend", { textContent: "Controllers" }));
     if (vehicle.controllers.length === 0) box.append(element("p", { className: "note", textContent: "No controller of the library fits this vehicle by its signals." }));
-    else box.append(list, buttons);
+    else box.append(list, more, buttons);
     return box;
   }
 
-  #controller({ fmu, title, needs, excludes }: Controller, chosen: Set<string>, change: (isOn: boolean) => void): HTMLElement {
-    const box = element("input", { type: "checkbox", checked: chosen.has(fmu) });
+  #controller({ fmu, title }: Controller, chosen: Choice, change: (isOn: boolean) => void): HTMLElement {
+    const isOn = chosen.has(fmu);
+    const box = element("input", { type: "checkbox", checked: isOn });
     box.dataset["key"] = `controller ${fmu}`;
     box.addEventListener("change", () => change(box.checked));
-    const notes = [title];
-    const missing = needs.filter((name) => !chosen.has(name));
-    const replaced = excludes.filter((name) => chosen.has(name));
-    if (!chosen.has(fmu) && missing.length > 0) notes.push(`Adds ${missing.join(", ")}.`);
-    if (!chosen.has(fmu) && replaced.length > 0) notes.push(`Replaces ${replaced.join(", ")}.`);
-    return element("li", {}, element("label", { className: "check" }, box, element("span", {}, element("b", { textContent: fmu }), element("small", { textContent: notes.filter((note) => note !== "").join(" ") }))));
+    const about = (summary(fmu) || title).replace(/\.?$/, ".");
+    const notes = [about];
+    if (!isOn && chosen.missing(fmu).length > 0) notes.push(`Adds ${chosen.missing(fmu).join(", ")}.`);
+    if (!isOn && chosen.replaced(fmu).length > 0) notes.push(`Replaces ${chosen.replaced(fmu).join(", ")}.`);
+    return element("li", {}, element("label", { className: "check" }, box, element("span", {}, element("b", { textContent: fmu }), element("small", { textContent: notes.join(" ") }))));
   }
 
   #showScenario(system: ScenarioSystem): void {

@@ -1,5 +1,6 @@
 /** Link, files, and FMUs of the visitor. */
 
+import { Choice } from "../choice";
 import { byId, download, element } from "../dom";
 import { encode } from "../link";
 import type { Model } from "../model";
@@ -118,12 +119,8 @@ export class SharePanel {
     const fresh = this.model.defaultSetup(vehicle).system as FreeSystem;
     if (vehicle === own) return fresh;
     const base = current?.vehicle === vehicle.fmu ? current : fresh;
-    const controller = vehicle.controllers.find(({ fmu }) => fmu === name)!;
-    const kept = base.controllers.filter((other) => other !== name && !controller.excludes.includes(other));
-    const needed = controller.needs.filter((need) => !kept.includes(need));
-    // Controllers that read the outputs of one that was replaced go, too.
-    const all = [...kept, ...needed, name];
-    const of = (fmu: string) => vehicle.controllers.find((one) => one.fmu === fmu);
-    return { ...base, controllers: all.filter((fmu) => fmu === name || (of(fmu)?.needs ?? []).every((need) => all.includes(need))) };
+    const choice = new Choice(vehicle, base.controllers);
+    choice.add(name);
+    return { ...base, controllers: choice.names };
   }
 }
