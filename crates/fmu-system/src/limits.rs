@@ -124,7 +124,7 @@ mod tests {
         std::fs::write(&path, "12345").unwrap();
         assert_eq!(read_text(&path, 5).unwrap(), "12345");
         // As sparse as it is, it would not fit into memory.
-        File::create(&path).unwrap().set_len(1 << 40).unwrap();
+        std::fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
         assert!(read_text(&path, INPUT_FILE).unwrap_err().to_string().contains("the limit is 256000000"));
     }
 

@@ -195,8 +195,8 @@ export class Engine {
     this.#post({ kind: "clock", time: Math.max(...times), rate: this.#rate, playing: this.#rate > 0 }, []);
   }
 
-  /** Memory in use, in bytes, for measurements. */
-  get size(): number {
-    return this.#core?.size ?? 0;
+  /** The core, for measurements. */
+  get core(): Core | null {
+    return this.#core;
   }
 }
