@@ -10,6 +10,7 @@ pub(crate) mod sine_with_dwell;
 pub(crate) mod steady_state;
 pub(crate) mod step_steer;
 
+#[cfg(not(target_family = "wasm"))]
 pub(crate) use steady_state::{Increasing, slowly_increasing_steer};
 
 use crate::Trace;
