@@ -1,12 +1,14 @@
 """Measures what a study costs beyond its runs: `scripts/bench studies`, see `--help`.
 
 The runs are those of the step steer of the rescue vehicle (eight FMUs, steps of 1 ms): 20 s of it as the closed loop,
-the first second as a short run of about 6 ms. A command that is compared with another one runs in turn with it.
+the first four seconds as a short run of about 20 ms. Commands that are compared run in turn, and ratios are medians of
+these pairs, of wall time and of CPU time, which other work on the machine disturbs less.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import pickle
@@ -23,14 +25,17 @@ import pyarrow.parquet
 from chassis_fmu.scenario import Outcome, processors
 from chassis_fmu.shell import ROOT, positive
 from chassis_fmu.study import cluster, file
-from chassis_fmu.study.job import Done, Job
+from chassis_fmu.study.job import Job
 from chassis_fmu.study.journal import Journal
 
 SCENARIO = ROOT / "scenarios" / "rescue_vehicle_step_steer.toml"
 FOLDER = ROOT / "target" / "bench" / "studies"
 
-# Runs of `cargo fmu run`, which writes 4 MB for each.
-WRITTEN = 64
+# Runs of `cargo fmu run` and of a study that are compared with each other, and those that show what a call takes once.
+MANY, FEW = 96, 16
+
+# Of about 20 ms each.
+SHORT = 'stop = 4.0\ncases = ["coordination"]\n'
 
 VARY = """
 [[vary]]
@@ -53,10 +58,25 @@ def row(*cells: str) -> str:
 
 
 class Measured(NamedTuple):
-    """Time a command took (s), and the memory of its largest process (bytes)."""
+    """Time a command took (s), CPU time of all its processes (s), and the memory of its largest process (bytes)."""
 
     seconds: float
+    cpu: float
     memory: int
+
+
+def ratios(pairs: Sequence[tuple[Measured, Measured]]) -> str:
+    """Return median and range of the first to the second time, of wall time and of CPU time."""
+    texts = []
+    for name, of in (("wall", [a.seconds / b.seconds for a, b in pairs]), ("CPU", [a.cpu / b.cpu for a, b in pairs])):
+        of.sort()
+        texts.append(f"{name} time {of[len(of) // 2]:.3f} ({of[0]:.3f} to {of[-1]:.3f})")
+    return ", ".join(texts)
+
+
+def less(many: Measured, few: Measured) -> Measured:
+    """Return the difference of two calls, which leaves out what every call takes once."""
+    return Measured(many.seconds - few.seconds, many.cpu - few.cpu, many.memory)
 
 
 def run(command: Sequence[str]) -> Measured:
@@ -70,7 +90,7 @@ def run(command: Sequence[str]) -> Measured:
     if process.returncode != 0:
         text = message.decode(errors="replace")
         raise SystemExit(f"{text}error: {' '.join(command)}: exit code {process.returncode}")
-    return Measured(time.perf_counter() - begin, 1024 * usage.ru_maxrss)
+    return Measured(time.perf_counter() - begin, usage.ru_utime + usage.ru_stime, 1024 * usage.ru_maxrss)
 
 
 def write_study(name: str, lines: str) -> Path:
@@ -100,35 +120,43 @@ def size(path: Path, name: str) -> int:
     return (FOLDER / "results" / path.stem / name).stat().st_size
 
 
-def closed_loop(runs: int) -> Iterator[str]:
-    """Compare the rate of a study with that of `cargo fmu run`, which also writes the signals."""
+def of_metrics() -> Path:
+    """Write the scenario with enough seeds, and the signals of its metrics only."""
+    text = SCENARIO.read_text(encoding="utf-8").partition("[[figure]]")[0]
+    seeds = ", ".join(str(seed) for seed in range(1, MANY // 2 + 1))
+    signals = ", ".join(f'"{name}"' for name in re.findall(r'^signal = "(.*)"$', text, re.MULTILINE))
+    text = re.sub(r"values = \[[\d, ]*\]", f"values = [{seeds}]", text, count=1)
+    text = re.sub(r"signals = \[.*\]", f"signals = [{signals}]", text, count=1)
+    path = FOLDER / "metrics_only.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def closed_loop(runs: int, rounds: int) -> Iterator[str]:
+    """Compare a study with `cargo fmu run`, which also writes the signals."""
     path = write_study("closed_loop", "")
-    seeds = ", ".join(str(seed) for seed in range(1, WRITTEN // 2 + 1))
-    text = SCENARIO.read_text(encoding="utf-8")
-    scenario = FOLDER / "closed_loop_scenario.toml"
-    scenario.write_text(re.sub(r"values = \[[\d, ]*\]", f"values = [{seeds}]", text, count=1), encoding="utf-8")
+    native = ["cargo", "fmu", "run", str(of_metrics()), "--no-warnings", "--out", str(FOLDER / "results")]
     jobs = processors()
-    # Two cases each. The difference of two calls leaves out what every call takes once.
-    few = study(path, WRITTEN // 4)
-    native = ["cargo", "fmu", "run", str(scenario), "--no-warnings", "--out", str(FOLDER / "results")]
-    native_few = run([*native, "--seeds", str(WRITTEN // 4)])
-    native_all = run(native)
-    many = study(path, runs // 2)
+    pairs = []
+    for _ in range(rounds):
+        # Two cases each.
+        few, many = (study(path, count // 2) for count in (FEW, MANY))
+        native_few, native_many = (run([*native, "--seeds", str(count // 2)]) for count in (FEW, MANY))
+        pairs.append((less(native_many, native_few), less(many, few)))
+    yield row("rate of a study, to that of `cargo fmu run` with the signals of the metrics only", ratios(pairs))
+    few, many = (study(path, count // 2) for count in (FEW, runs))
     inside = seconds_of_runs(path)
-    rate = (runs - WRITTEN // 2) / (many.seconds - few.seconds)
-    native_rate = (WRITTEN // 2) / (native_all.seconds - native_few.seconds)
     took = f"{many.seconds:.1f} s, {runs / many.seconds:.2f} runs/s"
     memory = f"{few.memory / 1e6:.0f}, {many.memory / 1e6:.0f} MB"
     yield row(f"study of {runs} runs of 20 s, {jobs} processes", took)
     yield row("time of the runs themselves, to time of the processes", f"{inside / (jobs * many.seconds):.3f}")
-    yield row("runs per second without start-up, to `cargo fmu run`", f"{rate / native_rate:.2f}")
-    yield row(f"memory of the largest process, {WRITTEN // 2} and {runs} runs", memory)
+    yield row(f"memory of the largest process, {FEW} and {runs} runs", memory)
     yield row("`runs.parquet`, bytes per run", f"{size(path, 'runs.parquet') / runs:.0f}")
 
 
 def growth(counts: Sequence[int]) -> Iterator[str]:
     """Show how the costs grow with the number of short runs."""
-    path = write_study("short", 'stop = 1.0\ncases = ["coordination"]\n')
+    path = write_study("short", SHORT)
     jobs = processors()
     header = ("time, s", "of a run, ms", "beyond the runs, ms per run", "tables and page, s", "memory, MB")
     yield row("short runs", *header, "journal, bytes per run", "`runs.parquet`, bytes per run")
@@ -151,19 +179,23 @@ def growth(counts: Sequence[int]) -> Iterator[str]:
 
 def with_dask(runs: int, rounds: int) -> Iterator[str]:
     """Compare Dask with the processes of this machine."""
-    path = write_study("short", 'stop = 1.0\ncases = ["coordination"]\n')
-    ratios = []
-    for _ in range(rounds):
-        times = {}
-        for engine in ("local", "dask"):
-            # Start-up, tables and page are in both.
-            few, many = (study(path, count, "--engine", engine).seconds for count in (runs // 10, runs))
-            times[engine] = many - few
-        ratios.append(times["dask"] / times["local"])
-    ratios.sort()
-    middle = ratios[len(ratios) // 2]
-    found = f"{middle:.3f} ({ratios[0]:.3f} to {ratios[-1]:.3f})"
-    yield row(f"time of {runs - runs // 10} short runs with Dask, to processes of this machine", found)
+    path = write_study("short", SHORT)
+    for jobs in dict.fromkeys((1, processors())):
+        pairs = []
+        for _ in range(rounds):
+            found = []
+            for engine in ("dask", "local"):
+                # Start-up, tables and page are in both.
+                options = ("--engine", engine, "--jobs", str(jobs))
+                few, many = (study(path, count, *options) for count in (runs // 10, runs))
+                found.append(less(many, few))
+            pairs.append((found[0], found[1]))
+        each = 1e3 * seconds_of_runs(path) / runs
+        workers = "one worker" if jobs == 1 else f"{jobs} workers"
+        yield row(
+            f"{runs - runs // 10} runs of {each:.0f} ms with Dask, to processes of this machine, {workers}",
+            ratios(pairs),
+        )
 
 
 def _echo(_content: bytes, samples: Sequence[object]) -> Sequence[object]:
@@ -175,10 +207,10 @@ def overheads() -> Iterator[str]:
     import distributed
 
     dask: Any = distributed
-    path = write_study("short", 'stop = 1.0\ncases = ["coordination"]\n')
+    path = write_study("short", SHORT)
     job = Job(file.read(path), path, [ROOT / "target" / "fmu"])
     task = job.task(0, {"mass": 3e4, "road": 5})
-    outcome = Outcome(0, task.sample.runs[0], (0.123456789012345,) * 5, "ok", None, None, 0.0205)
+    outcome = Outcome(0, task.sample.runs[0], (0.123456789012345,) * 5, "ok", None, None, None, None, 0.0205)
     content = cluster.bundle(job)
     with (
         dask.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as here,
@@ -187,7 +219,7 @@ def overheads() -> Iterator[str]:
         begin = time.perf_counter()
         client.scatter(os.urandom(50_000_000), broadcast=True, hash=True)
         scattered = time.perf_counter() - begin
-        data = client.scatter(content, broadcast=True, hash=True)
+        data = client.submit(cluster.keep, content)
         batches = 2000
         for each in (1, 50):
             samples = [task.sample] * each
@@ -209,11 +241,11 @@ def overheads() -> Iterator[str]:
     del tasks
     target = FOLDER / "journal.jsonl"
     target.unlink(missing_ok=True)
-    with Journal(target, "benchmark", resume=False) as journal:
+    with Journal(target, "benchmark", None, resume=False) as journal:
         begin = time.perf_counter()
         for number in range(count):
             done = job.done(task, outcome)
-            journal.add(Done(number, done.cell, done.numbers, done.status, done.time, done.message, done.seconds))
+            journal.add(dataclasses.replace(done, number=number))
         taken = time.perf_counter() - begin
     yield row("to take a row and write it down", f"{1e6 * taken / count:.1f} µs")
     lines = target.read_text(encoding="utf-8").splitlines()
@@ -222,9 +254,15 @@ def overheads() -> Iterator[str]:
     yield row("to read a row again", f"{1e6 * (time.perf_counter() - begin) / count:.1f} µs")
 
 
+PARTS = ("closed_loop", "growth", "dask", "overheads")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    parser = argparse.ArgumentParser(prog="scripts/bench studies", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="scripts/bench studies", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument(
+        "--parts", choices=PARTS, nargs="+", default=PARTS, metavar="PART", help=f"{', '.join(PARTS)} (default: all)"
+    )
     parser.add_argument(
         "--runs", type=positive, default=1000, metavar="N", help="runs of the closed loop (default: 1000)"
     )
@@ -236,19 +274,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar="N",
         help="numbers of short runs (default: 1000 10000)",
     )
-    parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="comparisons with Dask (default: 3)")
+    parser.add_argument("--dask", type=positive, default=1000, metavar="N", help="runs with Dask (default: 1000)")
+    parser.add_argument("--rounds", type=positive, default=3, metavar="N", help="comparisons (default: 3)")
     options = parser.parse_args(argv)
-    if options.runs <= WRITTEN:
-        parser.error(f"--runs has to be more than {WRITTEN}")
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for head, part in (
-        ("| closed loop | |\n|---|---|", closed_loop(options.runs)),
-        ("", growth(options.growth)),
-        ("| Dask | |\n|---|---|", with_dask(10 * options.growth[0], options.rounds)),
-        ("| part | |\n|---|---|", overheads()),
+    for part, head, lines in (
+        ("closed_loop", "| closed loop | |\n|---|---|", closed_loop(options.runs, options.rounds)),
+        ("growth", "", growth(options.growth)),
+        ("dask", "| Dask | |\n|---|---|", with_dask(options.dask, options.rounds)),
+        ("overheads", "| part | |\n|---|---|", overheads()),
     ):
+        if part not in options.parts:
+            continue
         print(head, flush=True)
-        for line in part:
+        for line in lines:
             print(line, flush=True)
     return 0
 

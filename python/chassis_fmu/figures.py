@@ -18,11 +18,14 @@ from .results import Recording
 # A line is drawn from at most this many pairs of extremes: finer than the width of a panel in points.
 BUCKETS = 600
 
-# Seeds whose runs a page contains one by one; more of them would make it large.
-MOST_SEEDS = 12
+# Seeds whose runs a page contains one by one; more of them would make it larger than 1 MB. It says so.
+MOST_SEEDS = 48
 
 # Pairs of extremes of a run other than that of the first seed, and instants at which its spread is taken.
 FEW_BUCKETS = 200
+
+# So many seeds have all of these pairs; more of them share their number.
+FEW_SEEDS = 12
 
 # Longer titles do not fit beside an axis.
 MOST_LETTERS = 40
@@ -34,8 +37,8 @@ Array = NDArray[np.floating[Any]]
 Key = tuple[str, "str | None"]
 """Case and point."""
 
-PanelKind: TypeAlias = Literal["function", "curve", "map"]
-"""One value for each abscissa, a curve that may go back, a curve with the same scale on both axes."""
+PanelKind: TypeAlias = Literal["function", "curve", "map", "heat"]
+"""One value for each abscissa, a curve that may go back, a curve with the same scale on both axes, colored cells."""
 
 LineKind: TypeAlias = Literal["run", "mean", "paper", "reference"]
 """A run, the mean over the seeds, numbers of the paper, what the others are compared with."""
@@ -68,6 +71,8 @@ class Line:
     """Standard deviation over the seeds."""
     t: Array | None = None
     """Times of the points of a curve, s."""
+    z: Array | None = None
+    """Values of the cells of a heat map, whose centers are the points."""
     marks: bool = False
     steps: bool = False
     """Whether a value holds until the next one."""
@@ -78,6 +83,8 @@ class Line:
     run: str | None = None
     """The run whose file has all samples, and its column."""
     signal: str | None = None
+    over: str | None = None
+    """The column of the abscissa of a curve."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +102,8 @@ class Panel:
     kind: PanelKind = "function"
     right: Axis | None = None
     """A second vertical axis."""
+    z: Axis | None = None
+    """What the colors of a heat map mean."""
 
 
 # Frequencies (Hz) and densities by figure, column, case and point.
@@ -187,7 +196,8 @@ class Recordings:
                     continue
                 seeds = self._seeds.setdefault((figure.name, index, run.case, run.point), _Seeds())
                 if run.seed in self._plan.seeds[1:MOST_SEEDS]:
-                    seeds.lines[run.seed] = decimate(times, values[of_window], FEW_BUCKETS)
+                    buckets = FEW_BUCKETS * FEW_SEEDS // max(FEW_SEEDS, min(len(self._plan.seeds), MOST_SEEDS))
+                    seeds.lines[run.seed] = decimate(times, values[of_window], buckets)
                 seeds.times = times[::every]
                 seeds.samples.append(values[of_window][::every])
 
@@ -378,7 +388,8 @@ def _xy(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iter
             for shown in _shown_runs(plan, figure, recordings, _cases(plan, figure), point, column.name, over.name):
                 across, up = (shown.recording.values[name][shown.rows] for name in (over.name, column.name))
                 times = shown.recording.times[shown.rows]
-                lines.append(Line("run", _title_of(plan, shown.case), across, up, shown.case, t=times))
+                line = Line("run", _title_of(plan, shown.case), across, up, shown.case, t=times)
+                lines.append(replace(line, run=shown.run.stem, signal=column.name, over=over.name))
             if lines:
                 title = f"{brief(column)} over {_in_sentence(brief(over))}"
                 yield Panel(title, titles[point], x, y, tuple(lines), kind=kind)
@@ -551,6 +562,39 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[Row]) -> Iterator[Panel]:
         yield Panel(metric.title, "", x, y, tuple(lines), ticks=tuple(p.value for p in points))
 
 
+def cells(
+    title: str, note: str, axes: tuple[Axis, Axis, Axis], values: tuple[Array, Array, Array], case: Case | None = None
+) -> Panel:
+    """Return a heat map: the axes across, up and of the colors; the centers of the cells and their values."""
+    x, y, z = axes
+    across, up, colors = values
+    name = title if case is None else case.title
+    return Panel(title, note, x, y, (Line("run", name, across, up, case, z=colors),), kind="heat", z=z)
+
+
+def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
+    if plan.sweep is None or plan.sweep.second is None:
+        return
+    first, second = (Axis(axis.title, (Conversion(axis_unit(axis.unit)),)) for axis in (plan.sweep, plan.sweep.second))
+    for index in figure.metrics:
+        metric = plan.metrics[index]
+        found = []
+        for case in _cases(plan, figure):
+            ours = [(point, numbers.statistic(Cell(index, case.name, point.name))) for point in plan.points]
+            known = [(p.value, p.second, s.mean) for p, s in ours if p.second is not None and s is not None]
+            if known:
+                found.append((case, np.array(known, np.float64).T))
+        if not found:
+            continue
+        # Colors are there to be compared: those of all cases mean the same.
+        everything = np.concatenate([values[2] for _, values in found])
+        limits = (float(everything.min()), float(everything.max()))
+        colors = replace(_metric_axis(metric, metric.title), range=limits)
+        for case, (across, up, values) in found:
+            note = case.title if len(plan.cases) > 1 else ""
+            yield cells(metric.title, note, (first, second, colors), (across, up, values), case)
+
+
 def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:
     titles = _points(plan)
     for index in figure.metrics:
@@ -628,6 +672,8 @@ def panels(plan: Plan, figure: Figure, recordings: Recordings, numbers: Numbers)
         found = _distribution(plan, figure, numbers)
     elif figure.kind == "scatter":
         found = _scatter(plan, figure, numbers)
+    elif figure.kind == "heat_map":
+        found = _heat_map(plan, figure, numbers)
     else:
         found = _sweep(plan, figure, numbers.table())
     return _scaled(figure, list(found))

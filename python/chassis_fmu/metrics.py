@@ -20,6 +20,7 @@ __all__ = [
     "columns_of",
     "cross",
     "formula",
+    "formula_of",
     "of_metrics",
     "of_recording",
     "running",
@@ -76,7 +77,12 @@ def of_metrics(metric: Metric, plan: Plan, values: Mapping[str, float]) -> float
 
 def formula(metric: Metric) -> str:
     """Return in words how the number is computed from the rows of its window; empty for one made of other metrics."""
-    return "" if metric.kind is None else _native.formula(metric.kind)
+    return "" if metric.kind is None else formula_of(metric.kind)
+
+
+def formula_of(kind: str) -> str:
+    """Return in words how a kind of metric is computed from the rows of its window."""
+    return _native.formula(kind)
 
 
 def running(metric: Metric, plan: Plan, recording: Recording) -> tuple[Array, Array] | None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import functools
-import math
 import statistics
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from . import verdict
+from . import _native, verdict
 from .plan import Cell, Check, Finding, Metric, Plan
 from .verdict import Status
 
@@ -263,24 +262,17 @@ class Numbers:
     def _judged(self, cell: Cell) -> Verdict:
         metric = self.metric(cell)
         limits = metric.requirement
-        least = -math.inf if limits is None or limits.min is None else limits.min
-        greatest = math.inf if limits is None or limits.max is None else limits.max
         found = self.by_seed(cell)
         done = [seed for seed in self.plan.seed_values if (cell.case, cell.point, seed) in self._finished_seeds]
-        missing = sum(seed not in found for seed in done)
-        # Written so that a NaN is the worst of all.
-        margins = {seed: min(value - least, greatest - value) for seed, value in found.items()}
-        worst = min(margins, key=lambda seed: -math.inf if math.isnan(margins[seed]) else margins[seed], default=None)
-        kept = sum(margin >= 0.0 for margin in margins.values())
-        holds = kept >= (1.0 if limits is None else limits.share) * len(done)
-        if self._is_cut_off(metric):
-            status = Status.OPEN
-        elif not holds:
-            status = Status.FAILED
-        else:
-            status = Status.PASSED if len(done) == len(self.plan.seed_values) else Status.OPEN
-        number = found[worst] if margins else None
-        return Verdict(metric, cell.case, cell.point, status, number, missing)
+        status, worst, missing = _native.judge(
+            None if limits is None else limits.min,
+            None if limits is None else limits.max,
+            1.0 if limits is None else limits.share,
+            [found.get(seed) for seed in done],
+            len(self.plan.seed_values),
+            self._is_cut_off(metric),
+        )
+        return Verdict(metric, cell.case, cell.point, Status(status), worst, missing)
 
     def table(self) -> list[Row]:
         """Put the numbers of all metrics beside those of the paper, ordered by metric, point, case."""

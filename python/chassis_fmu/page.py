@@ -17,7 +17,7 @@ import markupsafe
 from . import page_data, plots, tables, texts
 from .describe import Description, Variable, describe, sha256
 from .numbers import Numbers, Row
-from .plan import Component, Plan, Run, Setting
+from .plan import Component, Plan, Point, Run, Setting
 from .verdict import MEANINGS, TITLES, Status
 
 
@@ -86,6 +86,8 @@ class TableRow:
     status: Status | None
     negligible: bool
     first_of_point: bool
+    places: tuple[str, str] | None
+    """Row and column in the matrix of a sweep over two parameters."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,7 @@ def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
         rows: list[TableRow] = []
         for cell in (c for c in cells if c.metric is metric):
             point = points.get(cell.point, "")
+            place = next((p for p in plan.points if p.name == cell.point), None)
             rows.append(
                 TableRow(
                     case=cases[cell.case].title,
@@ -141,12 +144,22 @@ def headline(plan: Plan, cells: Sequence[Row]) -> list[TableGroup]:
                     status=cell.status,
                     negligible=cell.negligible,
                     first_of_point=not rows or rows[-1].point != point,
+                    places=_places(plan, place),
                 )
             )
         source = (metric.paper.table or "") if metric.paper else ""
         unit = tables.pretty_unit(metric.conversion.unit)
         groups.append(TableGroup(metric.title, unit, source, texts.definition(metric, plan), rows))
     return groups
+
+
+def _places(plan: Plan, point: Point | None) -> tuple[str, str] | None:
+    """Return the row and the column of a point in the matrix of a sweep over two parameters."""
+    if point is None or point.second is None or plan.sweep is None or plan.sweep.second is None:
+        return None
+    ends = ((point.second, plan.sweep.second.unit), (point.value, plan.sweep.unit))
+    row, column = (f"{tables.scientific(value)} {tables.pretty_unit(unit)}".rstrip() for value, unit in ends)
+    return row, column
 
 
 def _value(setting: Setting, variable: Variable | None) -> str:
@@ -194,6 +207,15 @@ def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple
         by_point.setdefault(point, set()).add(value)
     if all(len(v) == 1 for v in by_case.values()):
         return tuple((cases[c], v.pop()) for c, v in by_case.items())
+    # Of a sweep over two parameters most values depend on one of them.
+    by_axis: tuple[dict[str, set[str]], dict[str, set[str]]] = ({}, {})
+    for (_, name), value in values.items():
+        place = _places(plan, next((p for p in plan.points if p.name == name), None))
+        for own, at in zip(by_axis, place or (), strict=False):
+            own.setdefault(at, set()).add(value)
+    for own in by_axis:
+        if own and all(len(v) == 1 for v in own.values()):
+            return tuple((at, v.pop()) for at, v in own.items())
     if all(len(v) == 1 for v in by_point.values()):
         return tuple((points[p], v.pop()) for p, v in by_point.items())
     return tuple((f"{cases[c]}, {points.get(p, '')}", v) for (c, p), v in values.items())

@@ -84,9 +84,18 @@ def _axis(axis: Axis) -> dict[str, Any]:
     }
 
 
+def _distance(values: Array) -> float:
+    """Return the least distance of different values; 1 if they are all the same."""
+    return float(np.diff(np.unique(values)).min(initial=np.inf)) if np.unique(values).size > 1 else 1.0
+
+
 def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any]:
     times = line.t
-    if panel.kind != "function":
+    own_grids = (grid, 1.0)
+    if panel.kind == "heat":
+        x, y = line.x, line.y
+        own_grids = (_distance(x), _distance(y))
+    elif panel.kind != "function":
         rows = rows_of_curve(line.x, line.y)
         x, y, times = line.x[rows], line.y[rows], None if times is None else times[rows]
     elif line.marks or line.steps or line.spread is not None:
@@ -98,9 +107,11 @@ def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any
         "kind": line.kind,
         "case": None if line.case is None else line.case.name,
         "seed": line.seed,
-        "x": block.column(x, grid=grid, log=panel.x.log),
-        "y": block.column(y, log=panel.y.log),
+        "x": block.column(x, grid=own_grids[0], log=panel.x.log),
+        "y": block.column(y, grid=own_grids[1], log=panel.y.log),
     }
+    if line.z is not None:
+        data["z"] = block.column(line.z, log=panel.z is not None and panel.z.log)
     if times is not None:
         data["t"] = block.column(times, grid=grid)
     if line.spread is not None:
@@ -116,6 +127,8 @@ def _line(line: Line, panel: Panel, block: _Block, grid: float) -> dict[str, Any
     if line.run is not None and line.signal is not None:
         data["file"] = f"runs/{quote(line.run)}.csv"
         data["signal"] = line.signal
+        if line.over is not None:
+            data["over"] = line.over
     return data
 
 
@@ -129,6 +142,8 @@ def _panel(panel: Panel, block: _Block, grid: float) -> dict[str, Any]:
         "lines": [_line(line, panel, block, grid) for line in panel.lines],
         "levels": [{"value": level.value, "title": level.title} for level in panel.levels],
     }
+    if panel.z is not None:
+        data["z"] = _axis(panel.z)
     if panel.right is not None:
         data["right"] = _axis(panel.right)
     return data

@@ -139,18 +139,27 @@ class Case(_Part, frozen=True):
 
 
 class Point(_Part, frozen=True):
-    """A point of the sweep."""
+    """A point of the sweep; `second` is its place on the second axis, if there is one."""
 
     name: str
     title: str
     value: float
+    second: float | None = None
 
 
-class Sweep(_Part, frozen=True):
-    """The abscissa of the points."""
+class SecondSweep(_Part, frozen=True):
+    """The second axis of a sweep over two parameters."""
 
     title: str
     unit: str
+
+
+class Sweep(_Part, frozen=True):
+    """The abscissa of the points, and the second axis of a sweep over two parameters."""
+
+    title: str
+    unit: str
+    second: SecondSweep | None = None
 
 
 class DisplayUnit(_Part, frozen=True):
@@ -335,7 +344,7 @@ class Figure(_Part, frozen=True):
 
     name: str
     title: str
-    kind: Literal["time", "spectrum", "sweep", "running", "xy", "transfer", "distribution", "scatter"]
+    kind: Literal["time", "spectrum", "sweep", "heat_map", "running", "xy", "transfer", "distribution", "scatter"]
     cases: tuple[str, ...]
     separate: bool
     columns: tuple[int, ...]

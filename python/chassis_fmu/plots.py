@@ -14,6 +14,7 @@ from typing import Protocol
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
@@ -40,6 +41,10 @@ MOST_TICKS = 8
 # A legend with entries of up to so many characters fits in one row, if a line and the gaps beside count as so many.
 LEGEND_ROOM = 106
 LEGEND_HANDLE = 7
+
+# Colors of heat maps, those of the page; up to so many cells in a row have their numbers in them.
+COLORS = "viridis"
+MOST_NUMBERS = 9
 
 # A line whose way up and down is longer than this many times its height is noise and drawn thin.
 NOISY = 20.0
@@ -235,7 +240,53 @@ def _draw_points(ax: Axes, plan: Drawn, line: Line, y: Array, key: _Key) -> None
     key.add(line, line.title, color=color, marker="o", linewidth=1.5)
 
 
+def borders(centers: Array, *, log: bool) -> Array:
+    """Return the borders of cells about their centers, which rise: half way between them, by ratio on a log axis."""
+    at = np.log10(centers) if log else centers
+    if len(at) < 2:
+        found = np.array([at[0] - 0.5, at[0] + 0.5])
+    else:
+        inner = 0.5 * (at[1:] + at[:-1])
+        found = np.concatenate([[2.0 * at[0] - inner[0]], inner, [2.0 * at[-1] - inner[-1]]])
+    return 10.0**found if log else found
+
+
+def _draw_cells(ax: Axes, panel: Panel) -> None:
+    """Draw a heat map with the bar of its colors."""
+    line, z = panel.lines[0], panel.z or panel.y
+    units = [axis.units[0] for axis in (panel.x, panel.y, z)]
+    columns = (line.x, line.y, line.y if line.z is None else line.z)
+    x, y, values = (v * u.factor + u.offset for v, u in zip(columns, units, strict=True))
+    across, up = np.unique(x), np.unique(y)
+    cells = np.full((len(up), len(across)), np.nan)
+    cells[np.searchsorted(up, y), np.searchsorted(across, x)] = values
+    low, high = z.range or (float(np.nanmin(cells)), float(np.nanmax(cells)))
+    sides = borders(across, log=panel.x.log), borders(up, log=panel.y.log)
+    mesh = ax.pcolormesh(*sides, cells, cmap=COLORS, vmin=low, vmax=high, edgecolors="face", linewidth=0.3)
+    ax.grid(visible=False)
+    if len(across) <= MOST_NUMBERS:
+        for place, value in np.ndenumerate(cells):
+            if np.isfinite(value):
+                share = (value - low) / (high - low) if high > low else 0.5
+                red, green, blue, _ = colormaps[COLORS](share)
+                # Black or white, whichever is easier to read.
+                color = "black" if 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 else "white"
+                text = tables.scientific(float(f"{value:.3g}"))
+                ax.text(across[place[1]], up[place[0]], text, ha="center", va="center", color=color, fontsize=7.0)
+    if ax.figure is not None:
+        bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+        bar.set_label(tables.with_unit(z.title, units[2].unit))
+        bar.outline.set_visible(False)  # type: ignore[operator]
+
+
 def _draw_panel(ax: Axes, plan: Drawn, figure: Figure, panel: Panel, key: _Key) -> None:
+    if panel.kind == "heat":
+        _draw_cells(ax, panel)
+        for axis, scale in ((panel.x, ax.set_xscale), (panel.y, ax.set_yscale)):
+            if axis.log:
+                scale("log")
+        ax.set_ylabel(tables.with_unit(panel.y.title, panel.y.units[0].unit))
+        return
     across, unit = panel.x.units[0], panel.y.units[0]
     shown = _lines(panel)
     runs = [line for line in shown if line.kind == "run"]
@@ -298,7 +349,7 @@ def _right_axis(ax: Axes, axis: Axis) -> Axes:
 
 def draw(plan: Drawn, figure: Figure, panels: Sequence[Panel]) -> Drawing:
     """Draw a figure, which has at least one panel."""
-    is_of_points = figure.kind in ("sweep", "distribution", "scatter", "xy")
+    is_of_points = figure.kind in ("sweep", "heat_map", "distribution", "scatter", "xy")
     is_wide = len(panels) > 1 if is_of_points else len(plan.points) > 1
     across = 2 if is_wide and figure.kind != "transfer" else 1
     height = 2.7 if is_of_points else 2.9 if len(panels) == 1 else 1.75 if figure.kind in ("time", "transfer") else 2.2

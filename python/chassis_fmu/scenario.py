@@ -21,6 +21,11 @@ Value: TypeAlias = "float | int | bool | str"
 Values: TypeAlias = Mapping[str, Value]
 """Values by `component:variable`, in the units of the variables; modes by their names or numbers."""
 
+Column: TypeAlias = "NDArray[np.float64]"
+
+Recorded: TypeAlias = "tuple[Column, list[Column | None]]"
+"""Times of a run, and the columns of the plan; None where the case has no such component."""
+
 Status = Literal["ok", "rejected", "diverged", "crashed", "timed_out"]
 
 ScenarioError = _native.ScenarioError
@@ -95,6 +100,10 @@ class Outcome:
     """Of the metrics of the plan; empty if the run failed."""
     status: Status
     time: float | None
+    component: str | None
+    """That the failure is about, if known."""
+    variable: str | None
+    """Recorded signal that is not finite."""
     message: str | None
     seconds: float
 
@@ -271,13 +280,23 @@ class Scenario:
         """Execute samples in the processes of `start`; `take` gets outcomes in no order and says whether to go on."""
         self._native.execute([(_changes(s), list(s.runs)) for s in samples], lambda row: take(self._outcome(row)))
 
+    def record_many(self, runs: Sequence[tuple[tuple[tuple[str, Value], ...], int]]) -> list[Recorded | str]:
+        """Execute runs with other values in the processes of `start`; returns the signals of each, or its failure."""
+        found: dict[int, Recorded | str] = {}
+
+        def take(index: int, times: Column | None, columns: list[Column | None], message: str | None) -> None:
+            found[index] = (times, columns) if times is not None else message or ""
+
+        self._native.record([(_changes(Sample(values, (run,))), run) for values, run in runs], take)
+        return [found[index] for index in range(len(runs))]
+
     def _outcome(self, row: _native.Row) -> Outcome:
         """Return a row as an outcome; its message is the same wherever the FMUs lie."""
-        sample, run, numbers, status, time, message, seconds = row
+        sample, run, numbers, status, time, place, variable, message, seconds = row
         if message is not None:
             for component in self.plan.runs[run].components:
                 message = message.replace(str(component.fmu), component.fmu.name)
-        return Outcome(sample, run, tuple(numbers), status, time, message, seconds)
+        return Outcome(sample, run, tuple(numbers), status, time, place, variable, message, seconds)
 
     def simulate(
         self,

@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from . import index, page_data, plots, results, shell, tables
+from . import index, metrics, page_data, plots, results, shell, tables
 from .describe import sha256
 from .figures import Axis, Line, Panel
 from .plan import Case, Conversion, Level
@@ -403,6 +403,21 @@ def _value(value: float | None) -> str:
     return "–" if value is None else tables.scientific(value)
 
 
+def definitions(raw: dict[str, Any]) -> list[str]:
+    """Say how each term of the objective is computed: formula, window and how many rows are used."""
+    found = []
+    for term, rows in zip(raw["terms"], raw.get("rows") or [None] * len(raw["terms"]), strict=True):
+        squared = "²" if term["kind"] == "mean_square" else ""
+        formula = metrics.formula_of(term["kind"])
+        text = f"{_short(term['weight'])} times the magnitude of: {formula} of x: {term['signal']}"
+        text += f", over {_short(term['reference'])}{squared}"
+        window = term["window"]
+        text += "; all rows" if window is None else f"; rows from {_short(window[0])} s to {_short(window[1])} s"
+        count = "" if rows is None else f" ({rows:,} rows)".replace(",", " ")
+        found.append(f"{text}{count} of each run; the objective is the sum of the terms, in the mean over the runs")
+    return found
+
+
 def render(study: Study, svg: str | None, data: str, command: str) -> str:
     """Return the page. `data` is what the figure shows, as JSON (`page_data`)."""
     environment = jinja2.Environment(
@@ -429,6 +444,7 @@ def render(study: Study, svg: str | None, data: str, command: str) -> str:
         command=command,
         hashes={path.stem: sha256(path) for path in (shell.ROOT / name for name in study.raw["fmus"])},
         versions=shell.versions(),
+        definitions=definitions(study.raw),
         value=_value,
         breakable=_breakable,
         unit=tables.pretty_unit,

@@ -96,6 +96,20 @@ pub(crate) fn formula(kind: &str) -> PyResult<&'static str> {
     Ok(found.map_err(|error| MetricError::new_err(error.to_string()))?.formula())
 }
 
+/// Judges numbers of runs against limits: status, worst number, runs without a number.
+#[pyfunction]
+pub(crate) fn judge(
+    min: Option<f64>,
+    max: Option<f64>,
+    share: f64,
+    numbers: Vec<Option<f64>>,
+    runs: usize,
+    is_cut_off: bool,
+) -> (&'static str, Option<f64>, usize) {
+    let judgment = fmu_system::requirements::judge([min, max], share, &numbers, runs, is_cut_off);
+    (judgment.status.name(), judgment.worst, judgment.missing)
+}
+
 /// The number of an expression for numbers of metrics by their names.
 #[pyfunction]
 pub(crate) fn evaluate(text: &str, values: BTreeMap<String, Option<f64>>) -> PyResult<Option<f64>> {

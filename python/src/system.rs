@@ -4,7 +4,7 @@ use fmu_import::description::{BaseType, Value, Variable};
 use fmu_import::worker::{Launch, Settings};
 use fmu_system::batch::{Batch, Change, End, Row, Sample};
 use fmu_system::fmus::{Fmus, FmusError};
-use fmu_system::master::{self, RunError};
+use fmu_system::master::{self, Recording, RunError};
 use fmu_system::parameter;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{FmuFolder, Options, OtherFmu, ResolveError, resolve};
@@ -94,11 +94,12 @@ fn given<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
 /// Component, variable, value.
 pub(crate) type Changed = (String, String, Given);
 
-/// A run that is done: sample, run, numbers, status, time, message, seconds.
-type Done = (usize, usize, Vec<Option<f64>>, &'static str, Option<f64>, Option<String>, f64);
+/// A run that is done: sample, run, numbers, status, time, component, variable, message, seconds.
+type Done =
+    (usize, usize, Vec<Option<f64>>, &'static str, Option<f64>, Option<String>, Option<String>, Option<String>, f64);
 
 fn done(row: Row) -> Done {
-    let Row { sample, run, numbers, end, seconds } = row;
+    let Row { sample, run, numbers, end, place, seconds } = row;
     let (status, time, message) = match end {
         End::Ok => ("ok", None, None),
         End::Rejected { message } => ("rejected", None, Some(message)),
@@ -106,7 +107,7 @@ fn done(row: Row) -> Done {
         End::Crashed { time, message } => ("crashed", time, Some(message)),
         End::TimedOut { time, message } => ("timed_out", time, Some(message)),
     };
-    (sample, run, numbers, status, time, message, seconds)
+    (sample, run, numbers, status, time, place.component, place.variable, message, seconds)
 }
 
 /// A resolved scenario with its FMUs.
@@ -220,6 +221,34 @@ impl System {
         let samples = self.samples(vec![(changes, runs)])?;
         let batch = self.here()?;
         Ok(py.detach(|| batch.execute_here(0, &samples[0])).into_iter().map(done).collect())
+    }
+
+    /// Executes runs, each a list of changes and a run of the plan, in worker processes. `take` gets the index of each, its times
+    /// and columns, and a message if it failed, when it is done.
+    fn record(&self, py: Python<'_>, runs: Vec<(Vec<Changed>, usize)>, take: Py<PyAny>) -> PyResult<()> {
+        let samples = self.samples(runs.into_iter().map(|(changes, run)| (changes, vec![run])).collect())?;
+        let runs: Vec<(Vec<Change>, usize)> =
+            samples.into_iter().map(|sample| (sample.changes, sample.runs[0])).collect();
+        let pool = self.pool.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some(pool) = pool else { return Err(error("no worker processes were prepared")) };
+        let columns: Vec<_> = self.plan.runs.iter().map(|run| run.columns.clone()).collect();
+        let failed = Mutex::new(None);
+        py.detach(|| {
+            self.batch.record(&pool, &columns, &runs, &|index, outcome| {
+                let taken = Python::attach(|py| match outcome {
+                    Ok(Recording { time, columns, .. }) => {
+                        let columns: Vec<_> =
+                            columns.into_iter().map(|column| column.map(|values| values.into_pyarray(py))).collect();
+                        take.call1(py, (index, time.into_pyarray(py), columns, py.None()))
+                    }
+                    Err(failure) => take.call1(py, (index, py.None(), Vec::<Option<f64>>::new(), failure.message)),
+                });
+                if let Err(error) = taken {
+                    *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                }
+            });
+        });
+        failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
     }
 
     /// Executes a run in this process and returns its times and columns.

@@ -67,7 +67,7 @@ def build(folder: Path, value: str = "a + 10 * b + 100 * c", before: str = "", n
     fmus = folder / "fmus"
     fmus.mkdir(exist_ok=True)
     library, source = folder / f"{name}.so", folder / f"{name}.c"
-    source.write_text(f"#include <math.h>\n{SOURCE.read_text()}")
+    source.write_text(f"#include <math.h>\n#include <signal.h>\n{SOURCE.read_text()}")
     step = f"do {{ {NAMES} {before}; i->v.real[1] = {value}; return 0; }} while (0)"
     options = ["-shared", "-fPIC", "-DSTATES", '-DVERSION="2.0"', f'-DGUID="{name}"', f"-DSTEP={step}"]
     subprocess.run(["cc", *options, "-o", str(library), str(source), "-lm"], check=True)

@@ -11,18 +11,23 @@ import math
 import pickle
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import gymnasium
+import joblib
 import numpy as np
+import optuna
 import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 import chassis_fmu as cf
 from chassis_fmu.scenario import worker_program
+from tests.study_system import build, write
 
 ROOT = Path(__file__).parents[2]
 STEP_STEER = ROOT / "scenarios/rescue_vehicle_step_steer.toml"
@@ -131,6 +136,70 @@ def test_processes_and_pickles_do_not_change_the_bits(steer: cf.Scenario) -> Non
     assert None not in numbers[0][0]
     assert len(set(numbers[0])) == 3
     assert [outcome.sample for outcome in there] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("workers", [None, 2])
+def test_progress_is_the_number_of_finished_runs(steer: cf.Scenario, workers: int | None) -> None:
+    told: list[int] = []
+    steer.run_many([STEERING] * 3, workers=workers, progress=told.append)
+    assert told == [1, 2, 3]
+
+
+@pytest.mark.parametrize("workers", [None, 1])
+def test_an_exception_of_progress_ends_the_runs(steer: cf.Scenario, workers: int | None) -> None:
+    told: list[int] = []
+
+    def progress(count: int) -> None:
+        told.append(count)
+        raise KeyError("enough")
+
+    with pytest.raises(KeyError, match="enough"):
+        steer.run_many([STEERING] * 20, workers=workers, progress=progress)
+    assert told == [1]
+
+
+def test_another_thread_goes_on_during_a_run(tmp_path: Path) -> None:
+    inside, go = tmp_path / "inside", tmp_path / "go"
+    # A step that waits for a file, which another thread of this process writes when the step has begun. With Python's
+    # lock it would wait in vain, and return an error after a minute.
+    waits = f'for (int n = 0; access("{go}", 0); n++) {{ if (n > 60000) return 3; usleep(1000); }}'
+    build(tmp_path, before=f'FILE *f = fopen("{inside}", "w"); if (f) fclose(f); {waits}')
+    write(tmp_path, "")
+    loop = cf.Scenario(tmp_path / "function.toml", fmus=[tmp_path / "fmus"])
+
+    def answer() -> None:
+        while not inside.exists():
+            time.sleep(0.001)
+        go.touch()
+
+    other = threading.Thread(target=answer, daemon=True)
+    other.start()
+    assert loop.run()["y"] == 1.0 + 20.0 + 300.0
+    other.join()
+
+
+class Objective:
+    """What Optuna minimizes; it can travel to other processes."""
+
+    def __init__(self, loop: cf.Scenario) -> None:
+        self.loop = loop
+
+    def __call__(self, trial: Any) -> float:
+        start = trial.suggest_float("start", 0.0, 0.2)
+        return self.loop.run({"driver:steer.start": start}, case="coordination")["roll_rms"] or math.nan
+
+
+def test_joblib_and_optuna_can_send_a_scenario_to_other_processes(steer: cf.Scenario) -> None:
+    values = [{"driver:steer.start": start} for start in (0.0, 0.1, 0.2)]
+    here = [steer.run(v, case="coordination") for v in values]
+    there = joblib.Parallel(n_jobs=2)(joblib.delayed(steer.run)(v, case="coordination") for v in values)
+    assert there == here
+    found = []
+    for objective in (Objective(steer), pickle.loads(pickle.dumps(Objective(steer)))):
+        study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=1))
+        study.optimize(objective, n_trials=3)
+        found.append([trial.value for trial in study.trials])
+    assert found[0] == found[1]
 
 
 def test_errors_say_what_and_where(steer: cf.Scenario, tmp_path: Path) -> None:

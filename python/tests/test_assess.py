@@ -1,5 +1,6 @@
 """The page of an assessment. Reference: the file of the assessment, which Rust writes and tests."""
 
+import html
 import json
 import math
 import os
@@ -17,6 +18,7 @@ from chassis_fmu.assess import app, charts, report
 from chassis_fmu.assess.assessment import AssessmentError, Folder
 from chassis_fmu.describe import sha256
 from chassis_fmu.results import read_csv
+from tests.page_schema import data_of
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path(os.environ.get("CHASSIS_FMU_DIR") or ROOT / "target" / "fmu")
@@ -51,6 +53,62 @@ def test_the_page_shows_all_metrics_and_figures(folder: Path, page: str) -> None
     assert names == {path.stem for path in (folder / "figures").glob("*.svg")}
     data = json.loads(re.findall(r'<script type="application/json" id="page-data">(.*?)</script>', page, re.DOTALL)[0])
     assert {figure["name"] for figure in data["figures"]} == names
+
+
+def test_the_page_has_data_by_the_schema_and_the_seeds(folder: Path, page: str) -> None:
+    data = data_of(folder / "index.html")
+    assert {panel.get("kind") for figure in data["figures"] for panel in figure["panels"]} >= {
+        "function",
+        "curve",
+        "map",
+    }
+    seeds = {run.parameters["seed"] for run in Folder(folder).read().runs if "seed" in run.parameters}
+    assert len(seeds) > 1
+    assert f"<dd>{', '.join(f'{seed:g}' for seed in sorted(seeds))}</dd>" in page
+
+
+def test_the_page_has_the_verdicts_of_both_systems(folder: Path, page: str) -> None:
+    """A car without antilock brakes misses the distance of UN R13-H, with them it does not."""
+    table = re.findall(r'<table class="verdicts">.*?</table>', page, re.DOTALL)[0]
+    (row,) = re.findall(r"<tr>\s*<th>Braking: braking distance.*?</tr>", table, re.DOTALL)
+    assert re.findall(r'class="badge [a-z]+">([A-Za-z]+)<', row) == ["Failed", "Passed", "better"]
+    found = Folder(folder).read()
+    judged = [row for row in found.metrics if row.verdict != "info" or row.verdict_without != "info"]
+    assert table.count("<tr>") == 1 + len(judged)
+    # Above the figures: what was assessed.
+    head = html.unescape(page[: page.index('<table class="verdicts">')])
+    assert head.index(found.plant.guid or "-") < head.index("<th>wheelbase</th>") < head.index("road_height.fl")
+    for name, _ in found.data:
+        assert report.DATA[name] in head
+    assert set(report.DATA) >= {name for name, _ in found.data}
+
+
+def test_the_line_of_regression_gives_the_amplitude(folder: Path) -> None:
+    """Reference: A_raw of the evaluator, for the angle at 0.3 g; the angles are 13.5 °/s times the time since 1 s."""
+    found = Folder(folder).read()
+    chart = charts.slowly_increasing_steer(charts.Source(found, Folder(folder), report.systems(found)))
+    assert chart is not None
+    lines = [line for line in chart.panels[0].lines if line.kind == "reference"]
+    assert len(lines) == 4
+    run = next(run for run in found.runs if run.name == "slowly_increasing_steer.left")
+    x, y = lines[0].x, lines[0].y
+    at = math.degrees(float(np.interp(0.3 * 9.81, x, y)))
+    assert at == pytest.approx(run.metrics["A_raw"], rel=1e-9)
+    # The slope is that of the filtered signals, but for the noise, of which there is none.
+    recording = Folder(folder).recording("without", run.name)
+    assert recording is not None
+    across, wheel = recording.values["vehicle.lateral_acceleration"], recording.values["driver.steering_wheel"]
+    assert float(np.interp(0.2 * 9.81, x, y)) == pytest.approx(float(np.interp(0.2 * 9.81, across, wheel)), rel=0.01)
+
+
+def test_captions_say_the_speed(folder: Path) -> None:
+    found = Folder(folder).read()
+    source = charts.Source(found, Folder(folder), report.systems(found))
+    for makes in charts.CHARTS.values():
+        for make in makes:
+            chart = make(source)
+            assert chart is not None
+            assert re.search(r"\d (km/h|mph)", chart.caption), chart.caption
 
 
 def test_the_page_is_on_the_list_of_results(folder: Path) -> None:

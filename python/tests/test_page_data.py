@@ -6,10 +6,8 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
-from lxml import html
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
@@ -18,14 +16,7 @@ from chassis_fmu.figures import Axis, Line, Panel, Recordings
 from chassis_fmu.numbers import Numbers
 from chassis_fmu.plan import Conversion, Plan
 from chassis_fmu.results import Recording
-
-SCHEMA = Path(__file__).parents[2] / "web" / "page-data.schema.json"
-
-
-def read(text: str) -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(text)
-    jsonschema.validate(data, json.loads(SCHEMA.read_text(encoding="utf-8")), jsonschema.Draft202012Validator)
-    return data
+from tests.page_schema import SCHEMA, data_of, read
 
 
 def numbers(data: dict[str, Any], column: dict[str, Any]) -> NDArray[np.float64]:
@@ -120,9 +111,7 @@ def test_the_page_of_a_linear_model_has_the_bode_plot_of_numpy(tmp_path: Path) -
     outputs = [argument for name in ("json", "html") for argument in ("--out", f"{tmp_path}/car.{name}")]
     code, _ = shell.cargo_fmu(["linearize", fmu, "--bode", f"{source}:{target}", *outputs], "test", capture=True)
     assert code == 0
-    tree = html.document_fromstring((tmp_path / "car.html").read_text(encoding="utf-8"))
-    (text,) = tree.xpath("//script[@id='page-data']/text()")
-    data = read(text)
+    data = data_of(tmp_path / "car.html")
     assert [figure["name"] for figure in data["figures"]] == ["poles", "bode_1"]
     gain, phase = (panel["lines"][0] for panel in data["figures"][1]["panels"])
     frequencies = numbers(data, gain["x"])
@@ -136,3 +125,50 @@ def test_the_page_of_a_linear_model_has_the_bode_plot_of_numpy(tmp_path: Path) -
     # 16 bits of the frequency change.
     np.testing.assert_allclose(numbers(data, gain["y"]), np.abs(response), rtol=2e-3)
     np.testing.assert_allclose(numbers(data, phase["y"]), np.degrees(np.unwrap(np.angle(response))), atol=0.1)
+
+
+def test_centers_of_cells_are_exact_and_their_values_rounded() -> None:
+    x, y = np.repeat([0.5, 1.0, 1.5], 2), np.tile([30.0, 32.5], 3)
+    z = np.random.default_rng(2).normal(size=6)
+    z[4] = np.nan
+    axes = (
+        Axis("Angle", (Conversion("deg"),)),
+        Axis("Speed", (Conversion("km/h"),)),
+        Axis("Roll", (Conversion("deg"),)),
+    )
+    panel = figures.cells("Roll", "", axes, (x, y, z))
+    data = read(page_data.render([], [], [("map", [panel])]))
+    (panel_data,) = data["figures"][0]["panels"]
+    line = panel_data["lines"][0]
+    assert (panel_data["kind"], panel_data["z"]["title"]) == ("heat", "Roll")
+    # Small multiples of the least distance: only floating-point errors.
+    np.testing.assert_allclose(numbers(data, line["x"]), x, rtol=1e-14)
+    np.testing.assert_allclose(numbers(data, line["y"]), y, rtol=1e-14)
+    # Half a step, by definition of rounding.
+    half = 0.5 * np.ptp(z[np.isfinite(z)]) / page_data.LARGEST
+    np.testing.assert_allclose(numbers(data, line["z"]), z, atol=half * (1.0 + 1e-9))
+
+
+def test_of_many_seeds_the_first_ones_are_lines(scenario: Plan) -> None:
+    count = figures.MOST_SEEDS + 5
+    plan = replace(scenario, seeds=tuple(range(1, count + 1)))
+    runs = [
+        replace(plan.runs[0], id=f"{case.name}#{seed}", case=case.name, seed=seed)
+        for case in plan.cases
+        for seed in plan.seeds
+    ]
+    plan = replace(plan, runs=tuple(runs))
+    recordings = Recordings(plan)
+    times = np.arange(2000) * 0.1
+    for run in plan.runs:
+        noise = np.random.default_rng(run.seed).normal(size=2000)
+        recordings.add(run, Recording(times, {"body.roll": noise, "source.count": noise}))
+    figure = next(figure for figure in plan.figures if figure.kind == "time")
+    panels = figures.panels(plan, figure, recordings, Numbers(plan, {}))
+    lines = [line for line in panels[0].lines if line.case == plan.cases[0] and line.kind == "run"]
+    assert [line.seed for line in lines] == list(plan.seeds[: figures.MOST_SEEDS])
+    # All of them have as many samples as twelve had.
+    most = 2 * figures.FEW_BUCKETS * figures.FEW_SEEDS + 2 * figures.MOST_SEEDS * 2
+    assert sum(len(line.x) for line in lines[1:]) <= most
+    # Mean and deviation are of all seeds.
+    assert any(line.title.endswith(f"mean of {count}") for line in panels[0].lines)

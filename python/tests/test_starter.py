@@ -1,8 +1,11 @@
 """`cargo fmu new --kind scenario`: what it writes runs, for every plant of the library."""
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from chassis_fmu import results, shell
 
@@ -11,23 +14,59 @@ def cargo_fmu(*arguments: str | Path) -> tuple[int, str]:
     return shell.cargo_fmu([str(argument) for argument in arguments], "test", capture=True)
 
 
-@pytest.mark.parametrize("plant", ["EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"])
+PLANTS = ["BicycleCar", "EspCar", "HeavyVehicle", "HydroPneumaticHalfCar", "RescueVehicle"]
+
+# The maneuvers of the driver; a table of angles needs a file and is none of them.
+MANEUVERS = ["straight", "ramp_step", "fishhook", "double_lane_change", "slalom", "sine_with_dwell", "sine_sweep"]
+
+
+def start(plant: str, maneuver: str, folder: Path) -> Path:
+    """Write a scenario of at most 20 lines."""
+    name = folder / f"{plant}_{maneuver}".lower()
+    code, _ = cargo_fmu("new", name, "--kind", "scenario", "--plant", plant, "--maneuver", maneuver)
+    assert code == 0
+    scenario = name.with_suffix(".toml")
+    assert len(scenario.read_text(encoding="utf-8").splitlines()) <= 20
+    return scenario
+
+
+def lateral_acceleration(scenario: Path, out: Path, *options: str) -> NDArray[np.floating[Any]]:
+    code, _ = cargo_fmu("run", scenario, "--out", out, *options)
+    assert code == 0
+    file = out / scenario.stem / "runs" / "open_loop.csv"
+    return results.read_csv(file, ["vehicle.lateral_acceleration"]).values["vehicle.lateral_acceleration"]
+
+
+@pytest.mark.parametrize("plant", PLANTS)
 def test_a_new_scenario_runs(plant: str, tmp_path: Path) -> None:
-    options = ("--kind", "scenario", "--plant", plant, "--maneuver", "sine_with_dwell")
-    code, _ = cargo_fmu("new", tmp_path / "my-test", *options)
-    assert code == 0
-    scenario = tmp_path / "my-test.toml"
-    assert len(scenario.read_text(encoding="utf-8").splitlines()) < 25
-    code, _ = cargo_fmu("run", scenario, "--out", tmp_path / "out")
-    assert code == 0
-    recording = results.read_csv(tmp_path / "out/my-test/runs/open_loop.csv", ["vehicle.lateral_acceleration"])
+    scenario = start(plant, "sine_with_dwell", tmp_path)
     # The driver steers: the vehicle is pushed to both sides.
-    acceleration = recording.values["vehicle.lateral_acceleration"]
+    acceleration = lateral_acceleration(scenario, tmp_path / "out")
     assert acceleration.min() < -0.5
     assert acceleration.max() > 0.5
     # Nothing is overwritten.
-    code, _ = cargo_fmu("new", tmp_path / "my-test", *options)
+    code, _ = cargo_fmu("new", scenario.with_suffix(""), "--kind", "scenario", "--plant", plant)
     assert code == 1
+
+
+@pytest.mark.parametrize("maneuver", MANEUVERS)
+def test_every_maneuver_runs_with_every_plant(maneuver: str, tmp_path: Path) -> None:
+    for plant in PLANTS:
+        acceleration = lateral_acceleration(start(plant, maneuver, tmp_path), tmp_path / "out", "--stop", "3")
+        # On a rough road a straight vehicle moves a little, too.
+        assert (np.abs(acceleration).max() > 0.5) == (maneuver != "straight"), plant
+
+
+def test_the_maneuvers_are_those_of_the_driver(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    code, _ = cargo_fmu("new", tmp_path / "a", "--kind", "scenario", "--plant", "EspCar", "--maneuver", "none_of_them")
+    assert code == 1
+    text = " ".join(capfd.readouterr().err.replace("│", " ").split())
+    for name in MANEUVERS:
+        assert f"`{name}`" in text
+    # What needs more than its name is refused with what it needs.
+    code, _ = cargo_fmu("new", tmp_path / "a", "--kind", "scenario", "--plant", "EspCar", "--maneuver", "table")
+    assert code == 1
+    assert "table.file" in " ".join(capfd.readouterr().err.replace("│", " ").split())
 
 
 @pytest.mark.parametrize(

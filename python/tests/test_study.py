@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from chassis_fmu.study import app
+from chassis_fmu.study import app, report, search
 from chassis_fmu.study.engines import Local
 from chassis_fmu.study.job import Done
 from tests.study_system import SCENARIO, build, vary, write
@@ -268,9 +269,7 @@ def test_sobol_indices_of_the_ishigami_function(tmp_path: Path) -> None:
     study = file.read(tmp_path / "study.toml")
     y = np.array([float(str(r["y"])) for r in rows(tmp_path)])
     assert len(y) == 1024 * 5
-    effects = statistics.sensitivities(study, design.shares(study), y)
-    assert effects is not None
-    found = {e.factor: e for e in effects}
+    found = {e.factor: e for e in statistics.sensitivities(study, design.shares(study), y).effects}
     for i, name in enumerate(("x1", "x2", "x3")):
         effect = found[name]
         assert effect.interval is not None
@@ -289,8 +288,7 @@ def test_morris_finds_the_effects_of_a_linear_function(tmp_path: Path) -> None:
 
     study = file.read(tmp_path / "study.toml")
     y = np.array([float(str(r["y"])) for r in rows(tmp_path)])
-    effects = statistics.sensitivities(study, design.shares(study), y)
-    assert effects is not None
+    effects = statistics.sensitivities(study, design.shares(study), y).effects
     assert {e.factor: e.value for e in effects} == pytest.approx(
         {"x1": 2 * np.pi, "x2": 20 * np.pi, "x3": 200 * np.pi}, rel=1e-5
     )
@@ -323,12 +321,231 @@ def test_a_search_finds_the_extreme(tmp_path: Path, method: str, direction: str,
     assert expected >= 0.0
 
 
-def test_an_unknown_sampler_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+SEARCH = '[search]\nmetric = "y"\ndirection = "minimize"\nbatch = 4\n'
+LEVELS = vary("level", "f:b", "values = [1.0, 2.0, 3.0]")
+
+
+@pytest.mark.parametrize("sampler", sorted(set(search.SAMPLERS) - {"GPSampler"}))
+def test_every_sampler_searches_the_same_for_any_number_of_processes(tmp_path: Path, sampler: str) -> None:
+    # Every fifth run or so fails: samplers have to take that, too.
+    build(tmp_path, "(a - 0.3) * (a - 0.3) + b", before="if (a > 0.8) return 3")
+    study = f'method = "optimize"\nruns = 24\ncases = ["plain"]\n{vary("p", "f:a", UNIFORM)}{LEVELS}'
+    path = write(tmp_path, f'{study}{SEARCH}sampler = "{sampler}"\n')
+    tables = []
+    for jobs in ("1", "3"):
+        assert run(tmp_path, path, "--jobs", jobs, "--overwrite") == 0
+        tables.append(table(tmp_path))
+    assert tables[0] == tables[1]
+    found = rows(tmp_path)
+    assert len(found) == 24
+    assert len({r["p"] for r in found}) > 20
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ('sampler = "Magic"', "unknown sampler `Magic`, expected one of TPESampler, CmaEsSampler"),
+        ('sampler = "BaseSampler"', "unknown sampler `BaseSampler`"),
+        ('sampler = "PartialFixedSampler"', "unknown sampler `PartialFixedSampler`"),
+        ('sampler = "BruteForceSampler"', 'tries all combinations of values; method = "sweep" does that'),
+        ('sampler = "GridSampler"', 'tries all combinations of values; method = "sweep" does that'),
+        ("options = { wrong = 1 }", "TPESampler cannot be made with the options {'wrong': 1}: TypeError"),
+        ("options = { n_ei_candidates = -1, n_startup_trials = 4 }", "TPESampler cannot propose samples: "),
+    ],
+)
+def test_a_sampler_that_cannot_work_is_explained(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], settings: str, expected: str
+) -> None:
     build(tmp_path)
-    study = 'method = "optimize"\ncases = ["plain"]\n' + vary("p", "f:a", UNIFORM)
-    study += '[search]\nmetric = "y"\ndirection = "minimize"\nsampler = "Magic"\n'
+    study = f'method = "optimize"\nruns = 12\ncases = ["plain"]\n{vary("p", "f:a", UNIFORM)}{SEARCH}{settings}\n'
     assert run(tmp_path, write(tmp_path, study)) == 2
-    assert "unknown sampler `Magic`, expected one of" in capsys.readouterr().err
+    assert expected in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("package", "study", "options", "expected"),
+    [
+        (
+            "torch",
+            'method = "optimize"\n{}[search]\nmetric = "y"\ndirection = "minimize"\nsampler = "GPSampler"\n',
+            (),
+            "GPSampler needs the Python package torch",
+        ),
+        (
+            "cmaes",
+            'method = "optimize"\n{}[search]\nmetric = "y"\ndirection = "minimize"\nsampler = "CmaEsSampler"\n',
+            (),
+            "CmaEsSampler needs the Python package cmaes",
+        ),
+        (
+            "optuna",
+            'method = "worst_case"\n{}[search]\nmetric = "y"\ndirection = "minimize"\n',
+            (),
+            "method worst_case with [search] needs the Python package optuna",
+        ),
+        (
+            "SALib",
+            'method = "sensitivity"\nanalysis = "morris"\nruns = 4\n{}',
+            (),
+            "method sensitivity needs the Python package SALib",
+        ),
+        (
+            "distributed",
+            'method = "sample"\n{}',
+            ("--engine", "dask"),
+            "--engine dask needs the Python package distributed",
+        ),
+    ],
+)
+def test_a_package_that_is_missing_is_explained(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    package: str,
+    study: str,
+    options: tuple[str, ...],
+    expected: str,
+) -> None:
+    build(tmp_path)
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == package else find(name, *more))
+    assert run(tmp_path, write(tmp_path, study.format(vary("p", "f:a", UNIFORM))), *options) == 2
+    error = capsys.readouterr().err
+    assert expected in error
+    assert f"-m pip install {package}" in error
+
+
+@pytest.mark.parametrize(("direction", "sign"), [("maximize", 1.0), ("minimize", -1.0)])
+def test_a_run_that_fails_is_the_worst_case(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], direction: str, sign: float
+) -> None:
+    # The numbers lead away from where it fails.
+    build(tmp_path, f"{-sign} * a", before="if (a > 0.7) return 3")
+    study = f'method = "worst_case"\nruns = 40\ncases = ["plain"]\n{vary("p", "f:a", UNIFORM)}'
+    assert run(tmp_path, write(tmp_path, f'{study}[search]\nmetric = "y"\ndirection = "{direction}"\n')) == 0
+    failed = [r for r in rows(tmp_path) if r["status"] == "diverged"]
+    # Ten random samples first, of which three fail on average; a search that goes where it fails finds more.
+    assert len(failed) > 15
+    assert all(float(str(r["p"])) > 0.7 for r in failed)
+    assert (
+        f"Found in sample {failed[0]['sample']}: a run that fails (Plain: diverged at 0 s: " in capsys.readouterr().out
+    )
+    page = (tmp_path / "out" / "study" / "index.html").read_text()
+    assert "A run that fails</b>, which is worse than any number of y" in page
+    assert f"{len(failed)} samples have runs that fail" in page
+
+
+def test_an_optimum_is_a_run_that_does_not_fail(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path, "-a", before="if (a > 0.7) return 3")
+    study = f'method = "optimize"\nruns = 20\ncases = ["plain"]\n{vary("p", "f:a", UNIFORM)}{SEARCH}'
+    assert run(tmp_path, write(tmp_path, study)) == 0
+    best = max(float(str(r["p"])) for r in rows(tmp_path) if r["status"] == "ok")
+    assert best <= 0.7
+    assert f"y {-best:g} at p {best:g}" in capsys.readouterr().out
+
+
+def test_the_design_that_was_written_is_what_is_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path)
+    study = write(tmp_path, SAMPLE + vary("p", "f:a", UNIFORM))
+    assert run(tmp_path, study, "--shard", "1/2") == 0
+    path = tmp_path / "out" / "study" / "design.parquet"
+    sampled = pyarrow.parquet.read_table(path)
+    # Another shard does not sample again: it runs what the file has, and says so where the rows that are there do not.
+    moved = [v / 2.0 for v in sampled["p"].to_pylist()]
+    changed = sampled.set_column(1, sampled.schema.field(1), pyarrow.array(moved))
+    pyarrow.parquet.write_table(changed, path)
+    assert run(tmp_path, study, "--shard", "2/2") == 2
+    assert "has rows of another design.parquet" in capsys.readouterr().err
+    assert run(tmp_path, study, "--shard", "1/2", "--resume") == 2
+    (tmp_path / "out" / "study" / "rows-1-of-2.jsonl").unlink()
+    assert run(tmp_path, study, "--shard", "1/2") == 0
+    assert run(tmp_path, study, "--shard", "2/2") == 0
+    merge = ["merge", str(study), "--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out")]
+    assert app.main(merge) == 0
+    assert [r["p"] for r in rows(tmp_path)[::2]] == moved
+    assert [r["y"] for r in rows(tmp_path)[::2]] == [v + 320.0 for v in moved]
+    pyarrow.parquet.write_table(sampled, path)
+    assert app.main(merge) == 2
+    assert "has rows of another design.parquet" in capsys.readouterr().err
+
+
+def test_resuming_reads_the_design(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path)
+    study = write(tmp_path, SAMPLE + vary("p", "f:a", UNIFORM))
+    assert run(tmp_path, study) == 0
+    path = tmp_path / "out" / "study" / "design.parquet"
+    whole = path.read_bytes()
+    # One that is lost is sampled again, one that was changed is noticed, one that is no Parquet file is replaced.
+    path.unlink()
+    assert run(tmp_path, study, "--resume") == 0
+    assert path.read_bytes() == whole
+    pyarrow.parquet.write_table(pyarrow.parquet.read_table(path).slice(0, 19), path)
+    assert run(tmp_path, study, "--resume") == 2
+    assert "rows.jsonl belongs to another design.parquet" in capsys.readouterr().err
+    path.write_bytes(b"damaged")
+    assert run(tmp_path, study, "--report-only") == 0
+    assert path.read_bytes() == whole
+
+
+def test_a_failure_names_component_and_variable(tmp_path: Path) -> None:
+    build(
+        tmp_path,
+        before="if (a > 2.5) abort(); if (a > 1.5) return 3; if (a > 0.5) { i->v.real[1] = 0.0 / 0.0; break; }",
+    )
+    study = 'method = "sweep"\ncases = ["plain"]\n' + vary("p", "f:a", "values = [0.0, 1.0, 2.0, 3.0]")
+    assert run(tmp_path, write(tmp_path, study)) == 0
+    assert [(r["status"], r["time"], r["component"], r["variable"]) for r in rows(tmp_path)] == [
+        ("ok", None, None, None),
+        ("diverged", 0.1, "f", "y"),
+        ("diverged", 0.0, "f", None),
+        ("crashed", 0.0, "f", None),
+    ]
+
+
+def test_the_seed_of_the_scenario_is_a_column(tmp_path: Path) -> None:
+    build(tmp_path)
+    scenario = SCENARIO + '[seeds]\nparameter = "f:seed"\nvalues = [7, 8]\n'
+    assert run(tmp_path, write(tmp_path, SAMPLE + vary("p", "f:a", UNIFORM), scenario)) == 0
+    assert {r["seed"] for r in rows(tmp_path)} == {7}
+
+
+@pytest.mark.parametrize("options", [("--engine", "dask"), ("--runs", "3"), ("--shard", "1/2"), ("--runs=3",)])
+def test_a_tuning_study_has_no_options_of_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...]
+) -> None:
+    path = tmp_path / "tuning.toml"
+    path.write_text('method = "optimize"\n[[parameter]]\nname = "f:a"\n')
+    assert app.main([str(path), *options]) == 2
+    error = capsys.readouterr().err
+    assert f"is a tuning study ([[parameter]]): PACSA, GA and CMA-ES run on this machine, without {options[0]}" in error
+    assert "--budget N" in error
+
+
+def test_a_mistake_of_the_program_is_no_requirement_that_is_missed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build(tmp_path)
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("broken")
+
+    monkeypatch.setattr(report, "write", broken)
+    assert run(tmp_path, write(tmp_path, SAMPLE + TWO)) == 2
+    assert "ZeroDivisionError: broken" in capsys.readouterr().err
+
+
+def test_the_page_shows_the_worst_runs_without_being_asked(tmp_path: Path) -> None:
+    build(tmp_path)
+    path = write(tmp_path, SAMPLE + 'cases = ["plain"]\n' + TWO)
+    assert run(tmp_path, path) == 0
+    page = (tmp_path / "out" / "study" / "index.html").read_text()
+    worst = sorted(rows(tmp_path), key=lambda r: -float(str(r["y"])))[:3]
+    assert "Time histories" in page
+    for row in worst:
+        assert f"Plain, sample {row['sample']}" in page
+    path.write_text(path.read_text() + "[series]\nworst = 0\n")
+    assert run(tmp_path, path, "--resume") == 0
+    assert "Time histories" not in (tmp_path / "out" / "study" / "index.html").read_text()
 
 
 def test_a_journal_reads_back_the_same_numbers(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -11,9 +12,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import distributed
+import pyarrow.parquet
 import pytest
 
+from chassis_fmu.scenario import PACKAGE
 from chassis_fmu.study import app
 from tests.study_system import build, vary, write
 
@@ -21,6 +26,7 @@ pytestmark = pytest.mark.ci
 
 DASK = Path(sys.executable).with_name("dask")
 STUDY = 'method = "sample"\nruns = 60\n' + vary("p", "f:a", 'distribution = "uniform"\nmin = 0.0\nmax = 1.0')
+TWELVE = 'method = "sample"\nruns = 12\ncases = ["plain"]\n' + STUDY.partition("runs = 60\n")[2]
 # A fifth of a second for the two steps of a run, so that there is a middle in which something can be killed.
 SLOW = "usleep(100000)"
 
@@ -62,19 +68,36 @@ class Cluster:
         self.scheduler.wait()
         self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard")
 
-    def worker(self) -> subprocess.Popen[bytes]:
-        """Start a worker without a nanny, which would start it anew."""
-        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--death-timeout", "60"]
-        return self._start("worker", self.address, *options)
+    def worker(self, nanny: str = "--no-nanny", **environment: str) -> subprocess.Popen[bytes]:
+        """Start a worker, by default without a nanny, which would start it anew."""
+        options = ["--nthreads", "1", nanny, "--no-dashboard", "--death-timeout", "60"]
+        return self._start("worker", self.address, *options, **environment)
 
-    def _start(self, *arguments: str) -> subprocess.Popen[bytes]:
+    def workers(self) -> int:
+        """Return the number of workers that the scheduler knows."""
+        dask: Any = distributed
+        with dask.Client(self.address) as client:
+            return len(client.nthreads())
+
+    def _start(self, *arguments: str, **environment: str) -> subprocess.Popen[bytes]:
         log = (self._folder / f"{arguments[0]}.log").open("ab")
         self._stack.callback(log.close)
-        process = subprocess.Popen([DASK, *arguments], cwd=self._folder, stdout=log, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(
+            [DASK, *arguments],
+            cwd=self._folder,
+            env={**os.environ, **environment},
+            stdout=log,
+            stderr=subprocess.STDOUT,
+        )
 
         def end() -> None:
-            process.kill()
-            process.wait()
+            # A nanny ends its worker when it is asked to.
+            process.terminate()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
         self._stack.callback(end)
         return process
@@ -153,3 +176,109 @@ def test_no_scheduler_is_explained(tmp_path: Path) -> None:
     done = subprocess.run([*program, *given], capture_output=True, encoding="utf-8", env=os.environ, check=False)
     assert done.returncode == 2
     assert f"no Dask scheduler at {address}" in done.stderr
+
+
+def text_of(study: subprocess.Popen[str], seconds: float = 120.0) -> tuple[int, str]:
+    """Wait for a study; returns its exit code and what it wrote."""
+    out, _ = study.communicate(timeout=seconds)
+    return study.returncode, out
+
+
+def begin(folder: Path, address: str, *options: str) -> subprocess.Popen[str]:
+    """Start the study as a process whose text is read."""
+    program = [sys.executable, "-m", "chassis_fmu.study"]
+    given = arguments(folder, "dask", "--engine", "dask", "--scheduler", address, *options)
+    return subprocess.Popen(
+        [*program, *given], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8"
+    )
+
+
+def test_a_worker_without_the_package_is_explained(tmp_path: Path, cluster: Cluster) -> None:
+    build(tmp_path)
+    write(tmp_path, STUDY)
+    empty = tmp_path / "empty" / "chassis_fmu"
+    empty.mkdir(parents=True)
+    (empty / "__init__.py").write_text('raise ModuleNotFoundError("No module named chassis_fmu")\n')
+    cluster.worker(PYTHONPATH=str(empty.parent))
+    with begin(tmp_path, cluster.address) as study:
+        code, text = text_of(study)
+    assert code == 2
+    assert "cannot load this package: " in text
+    assert "No module named chassis_fmu" in text
+    assert "install the same wheel on all machines" in text
+    assert "scheduler is lost" not in text
+
+
+def test_a_worker_with_another_version_is_explained(tmp_path: Path, cluster: Cluster) -> None:
+    build(tmp_path)
+    write(tmp_path, STUDY)
+    other = tmp_path / "other"
+    shutil.copytree(PACKAGE, other / "chassis_fmu", ignore=shutil.ignore_patterns("__pycache__", "web"))
+    changed = other / "chassis_fmu" / "study" / "table.py"
+    changed.write_text(changed.read_text() + "\n# Another version.\n")
+    cluster.worker()
+    cluster.worker(PYTHONPATH=str(other))
+    until(lambda: cluster.workers() == 2, "two workers")
+    with begin(tmp_path, cluster.address) as study:
+        code, text = text_of(study)
+    assert code == 2
+    assert "has chassis_fmu " in text
+    assert "install the same version on all machines" in text
+    assert rows(tmp_path) == 0
+
+
+def test_a_worker_that_cannot_open_the_scenario_is_explained(tmp_path: Path, cluster: Cluster) -> None:
+    # It has the package, but no room for the FMUs.
+    build(tmp_path)
+    write(tmp_path, STUDY)
+    cluster.worker(TMPDIR="/proc")
+    with begin(tmp_path, cluster.address) as study:
+        code, text = text_of(study)
+    assert code == 2
+    assert "a Dask worker could not execute a batch: " in text
+    assert "--resume goes on" in text
+
+
+def test_a_run_that_kills_its_worker_is_a_row(tmp_path: Path, cluster: Cluster) -> None:
+    # The FMU ends the worker of Dask, the parent of its process, as when the system is out of memory.
+    build(tmp_path, before="if (a > 11.0 / 12.0) { kill(getppid(), SIGKILL); sleep(30); }")
+    write(tmp_path, TWELVE)
+    # With a nanny, which starts the worker anew.
+    cluster.worker("--nanny")
+    cluster.worker("--nanny")
+    with begin(tmp_path, cluster.address) as study:
+        code, text = text_of(study, 200.0)
+    assert code == 0, text
+    found = pyarrow.parquet.read_table(tmp_path / "dask" / "study" / "runs.parquet").to_pylist()
+    assert len(found) == 12
+    for row in found:
+        assert row["status"] == ("crashed" if row["p"] > 11.0 / 12.0 else "ok")
+    # A Latin hypercube has one sample in the last twelfth.
+    (killed,) = [row for row in found if row["status"] == "crashed"]
+    assert "the Dask worker that executed it ended each time" in killed["message"]
+
+
+def test_a_cluster_without_workers_is_reported(tmp_path: Path, cluster: Cluster) -> None:
+    build(tmp_path)
+    write(tmp_path, TWELVE)
+    with begin(tmp_path, cluster.address) as study:
+        assert study.stdout is not None
+        line = next(line for line in study.stdout if "no workers" in line)
+        assert f"the Dask scheduler at {cluster.address} has no workers; waiting for some" in line
+        cluster.worker()
+        code, _ = text_of(study)
+    assert code == 0
+
+
+def test_a_cluster_of_this_machine_runs_choices_of_fmus(tmp_path: Path) -> None:
+    build(tmp_path)
+    build(tmp_path, "-a", name="Other")
+    study = 'method = "sample"\nruns = 8\n[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["Function", "Other"]\n'
+    write(tmp_path, study + vary("p", "f:a", 'distribution = "uniform"\nmin = 0.0\nmax = 1.0'))
+    assert app.main(arguments(tmp_path, "dask", "--engine", "dask", "--jobs", "2")) == 0
+    assert app.main(arguments(tmp_path, "local")) == 0
+    for name in ("design.parquet", "runs.parquet"):
+        found, expected = ((tmp_path / out / "study" / name).read_bytes() for out in ("dask", "local"))
+        assert found == expected, name
+    # The page has the signals that the workers recorded.
+    assert "Time histories" in (tmp_path / "dask" / "study" / "index.html").read_text()

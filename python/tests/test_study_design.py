@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.stats
+from numpy.typing import NDArray
 
 from chassis_fmu.study import design, file
 from chassis_fmu.study.factors import Factor, FactorError
@@ -21,6 +22,19 @@ def study(*factors: Factor, **keys: object) -> Study:
     """Return a study of method sample with factors."""
     given = {"title": "", "scenario": "", "method": "sample", "vary": list(factors), **keys}
     return Study(**given)  # type: ignore[arg-type]
+
+
+def lognormal_moment(order: int, low: float, high: float) -> float:
+    """Return a moment of the part of a lognormal distribution (median 3, deviation 0.5) between two limits.
+
+    Johnson, Kotz: Continuous univariate distributions, section 14.3: that of the whole one, times the share of a normal
+    distribution moved by `order` deviations.
+    """
+    of, deviation = scipy.stats.norm, 0.5
+    ends = [(math.log(v / 3.0) / deviation if v < math.inf else math.inf) for v in (low, high)]
+    moved = of.cdf(ends[1] - order * deviation) - of.cdf(ends[0] - order * deviation)
+    whole = 3.0**order * math.exp(0.5 * (order * deviation) ** 2)
+    return float(whole * moved / (of.cdf(ends[1]) - of.cdf(ends[0])))
 
 
 FACTORS = [
@@ -49,6 +63,27 @@ FACTORS = [
         5.0,
         4.0 * (1.0 - 2.0 * scipy.stats.norm.pdf(1.0) / (2.0 * scipy.stats.norm.cdf(1.0) - 1.0)),
     ),
+    # Cut off at its mean: half a normal distribution, to either side (section 13.10.2).
+    (
+        Factor(name="x", variable="f:a", distribution="normal", mean=5.0, deviation=2.0, min=5.0),
+        5.0 + 2.0 * math.sqrt(2.0 / math.pi),
+        4.0 * (1.0 - 2.0 / math.pi),
+    ),
+    (
+        Factor(name="x", variable="f:a", distribution="normal", mean=5.0, deviation=2.0, max=5.0),
+        5.0 - 2.0 * math.sqrt(2.0 / math.pi),
+        4.0 * (1.0 - 2.0 / math.pi),
+    ),
+    (
+        Factor(name="x", variable="f:a", distribution="lognormal", median=3.0, deviation=0.5, min=2.0, max=5.0),
+        lognormal_moment(1, 2.0, 5.0),
+        lognormal_moment(2, 2.0, 5.0) - lognormal_moment(1, 2.0, 5.0) ** 2,
+    ),
+    (
+        Factor(name="x", variable="f:a", distribution="lognormal", median=3.0, deviation=0.5, min=3.0),
+        lognormal_moment(1, 3.0, math.inf),
+        lognormal_moment(2, 3.0, math.inf) - lognormal_moment(1, 3.0, math.inf) ** 2,
+    ),
 ]
 
 
@@ -69,7 +104,17 @@ def test_a_stratified_design_has_one_sample_in_each_stratum() -> None:
     assert np.array_equal(np.sort(np.floor(100 * shares), axis=0), np.tile(np.arange(100.0)[:, None], 3))
 
 
-def test_correlations_are_those_of_the_study() -> None:
+@pytest.mark.parametrize("factor", [f for f, _, _ in FACTORS if f.min is not None or f.max is not None])
+@pytest.mark.parametrize("chosen", ["random", "latin_hypercube", "sobol"])
+def test_no_value_passes_a_limit(factor: Factor, chosen: str) -> None:
+    of = study(factor, runs=N, design=chosen)
+    (values,) = design.values(of, design.shares(of))
+    assert min(values) >= (-math.inf if factor.min is None else factor.min)
+    assert max(values) <= (math.inf if factor.max is None else factor.max)
+
+
+@pytest.mark.parametrize("chosen", ["random", "latin_hypercube", "sobol"])
+def test_correlations_are_those_of_the_study(chosen: str) -> None:
     factors = [
         Factor(name=n, variable=f"f:{n}", distribution="normal", mean=1.0, deviation=d)
         for n, d in zip("abc", (1.0, 2.0, 3.0), strict=True)
@@ -78,11 +123,31 @@ def test_correlations_are_those_of_the_study() -> None:
         file.Correlation(between=("a", "c"), coefficient=0.8),
         file.Correlation(between=("b", "c"), coefficient=-0.3),
     ]
-    of = study(*factors, runs=N, correlation=wanted, design="random")
-    found = np.corrcoef(design.values(of, design.shares(of)))
+    of = study(*factors, runs=N, correlation=wanted, design=chosen)
+    values = design.values(of, design.shares(of))
+    found = np.corrcoef(values)
     # Five standard errors of a coefficient of correlation, (1 - r^2)/sqrt(n).
     for (i, j), r in {(0, 2): 0.8, (1, 2): -0.3, (0, 1): 0.0}.items():
         assert abs(found[i, j] - r) < 5.0 * (1.0 - r * r) / math.sqrt(N)
+    # Correlated or not, each keeps its own distribution.
+    for of_one, deviation in zip(values, (1.0, 2.0, 3.0), strict=True):
+        assert scipy.stats.kstest(of_one, scipy.stats.norm(1.0, deviation).cdf).pvalue > 1e-6
+
+
+@pytest.mark.parametrize("analysis", ["morris", "sobol"])
+def test_a_seed_decides_about_a_design_of_sensitivities(analysis: str) -> None:
+    factors = [Factor(name=n, variable=f"f:{n}", distribution="uniform", min=0.0, max=1.0) for n in "abc"]
+
+    def of(seed: int) -> NDArray[np.float64]:
+        return design.shares(study(*factors, runs=16, seed=seed, method="sensitivity", analysis=analysis))
+
+    first = of(1)
+    assert first.shape == (16 * (4 if analysis == "morris" else 5), 3)
+    assert np.array_equal(first, of(1))
+    assert not np.array_equal(first, of(2))
+    # Neither depends on random numbers that others have drawn.
+    np.random.seed(5)
+    assert np.array_equal(first, of(1))
 
 
 @pytest.mark.parametrize("chosen", ["random", "latin_hypercube", "sobol"])

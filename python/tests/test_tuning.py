@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from chassis_fmu import shell, tuning
+from tests.page_schema import data_of
 
 HISTORY = """evaluation,generation,a:x,"b:y, z",objective,feasible,reason
 1,0,0.1,1e-300,1000000.0,false,"constraint one, or so"
@@ -242,6 +243,20 @@ def test_the_page_says_what_was_found(folder: Path) -> None:
     ):
         assert text in page, text
     assert "#0072b2" not in page.split("</style>")[1], "colors follow the theme"
+
+
+def test_the_page_has_data_by_the_schema_and_definitions(folder: Path) -> None:
+    tuning.report(folder, "scripts/study trial")
+    data = data_of(folder / "index.html")
+    assert [figure["name"] for figure in data["figures"]] == ["convergence"]
+    raw = summary()
+    texts = tuning.definitions({**raw, "rows": [1001] * len(raw["terms"])})
+    assert len(texts) == len(raw["terms"])
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    assert page.count('<details class="definition">') == len(texts)
+    for term, text in zip(raw["terms"], texts, strict=True):
+        assert term["signal"] in text
+        assert "(1 001 rows)" in text
 
 
 def test_reports_repeat_to_the_byte(folder: Path) -> None:

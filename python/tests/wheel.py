@@ -1,13 +1,51 @@
-"""Runs a scenario with the FMUs and the worker program of an installed wheel: `python wheel.py SCENARIO`."""
+"""Uses an installed wheel in every way it has, its FMUs and worker program included: `python wheel.py ROOT FOLDER`."""
 
+import json
 import sys
+from pathlib import Path
+
+import pyarrow.parquet
+from gymnasium.utils.env_checker import check_env
 
 import chassis_fmu as cf
+from chassis_fmu.study import app
 
+root, folder = (Path(argument) for argument in sys.argv[1:])
+scenario = root / "scenarios" / "esp_car_braking.toml"
 package = next(iter(cf.fmus().values())).parents[1]
 assert "site-packages" in package.parts, package
-loop = cf.Scenario(sys.argv[1], stop=2.0)
+loop = cf.Scenario(scenario, stop=2.0)
 here = loop.run({"plant:body.mass": 1300.0})
 (there,) = loop.run_many([{"plant:body.mass": 1300.0}], workers=1)
 assert here == loop.numbers(there), (here, there)
-print(f"{len(cf.fmus())} FMUs in {package.name}, the worker program gives the same numbers")
+
+model = cf.linearize(cf.fmus()["RescueVehicle"])
+assert model.A.shape[0] == model.A.shape[1] > 0
+
+short = cf.Scenario(root / "scenarios" / "rescue_vehicle_step_steer.toml", stop=0.3)
+act = {"plant:steer.front": (-1.0, 1.0)}
+env = cf.Env(short, act=act, observe=["body.roll"], reward="body.roll_acceleration", case="coordination")
+check_env(env, skip_render_check=True)
+
+study = folder / "study.toml"
+study.write_text(
+    f"""title = "Mass"
+scenario = {json.dumps(str(scenario))}
+method = "sample"
+runs = 4
+stop = 2.0
+points = ["rough"]
+[[vary]]
+name = "mass"
+variable = "plant:body.mass"
+distribution = "uniform"
+min = 1200.0
+max = 1400.0
+"""
+)
+assert app.main([str(study), "--out", str(folder), "--no-fail"]) == 0
+rows = pyarrow.parquet.read_table(folder / "study" / "runs.parquet").to_pylist()
+assert len(rows) >= 4
+assert {row["status"] for row in rows} == {"ok"}, rows
+assert (folder / "study" / "index.html").stat().st_size > 10_000
+print(f"{len(cf.fmus())} FMUs in {package.name}: Scenario, workers, linearize, Env and a study of {len(rows)} runs")

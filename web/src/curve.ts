@@ -4,7 +4,8 @@ import uPlot from "uplot";
 import { digits, numbers } from "./data";
 import { axisTitle, convert, text } from "./format";
 import type { Line, PageData, Panel } from "./page-data";
-import { type Range, Frame, axisStyle, coordinates, tickTexts } from "./panel";
+import { type Range, type Values, Frame, axisStyle, coordinates, tickTexts } from "./panel";
+import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
 
 /** The cursor that plots over time share. */
@@ -41,8 +42,12 @@ function withRoom([low, high]: Range): Range {
 export class Curve extends Frame {
   readonly #words: Uint16Array;
   #drawn: Drawn[] = [];
+  /** Lines of which all recorded samples are there; null: they cannot be had. */
+  readonly #recorded = new Map<Line, { x: Values; y: Values; times: number[] } | null>();
   /** The points at the cursor: of each line an index. */
   #at = new Map<Drawn, number>();
+  /** Whether the cursor is at a point of this plot, not where another plot has it. */
+  #isOwn = false;
   /** The mark of each line. */
   #marks = new Map<Drawn, HTMLElement>();
 
@@ -52,6 +57,9 @@ export class Curve extends Frame {
     // The cursor of plots over time; uPlot calls its members by this function.
     const follower = { pub: (_: string, plot: uPlot, x: number) => this.#follow(x < 0 ? null : plot.posToVal(x, "x")) };
     uPlot.sync(TIME).sub(follower as unknown as uPlot);
+    state.watch((time, source) => {
+      if (source !== this) this.#follow(time);
+    });
   }
 
   protected get height(): number {
@@ -71,9 +79,10 @@ export class Curve extends Frame {
     this.#drawn = this.panel.lines
       .filter((line) => this.state.shows(line))
       .map((line) => {
-        const { x, y } = coordinates(this.#words, line);
+        const recorded = this.#recorded.get(line) ?? null;
+        const { x, y } = recorded ?? coordinates(this.#words, line);
         const known = x.map((value, i) => value !== null && y[i] !== null && y[i] !== undefined);
-        const times = line.t === undefined ? [] : numbers(this.#words, line.t);
+        const times = recorded?.times ?? (line.t === undefined ? [] : numbers(this.#words, line.t));
         const begins = new Set<number>();
         let count = 0;
         known.forEach((here, i) => {
@@ -86,12 +95,13 @@ export class Curve extends Frame {
           xs: x.filter((_, i) => known[i]).map((value) => convert(value!, across)),
           ys: y.filter((_, i) => known[i]).map((value) => convert(value!, up)),
           begins,
-          digits: [digits(line.x), digits(line.y)],
+          digits: recorded === null ? [digits(line.x), digits(line.y)] : [6, 6],
         };
       });
     const fixed = this.panel.x.range;
     this.full = fixed === null ? withRoom(extent(this.#drawn.flatMap((drawn) => drawn.xs))) : [fixed[0], fixed[1]];
     this.#at.clear();
+    this.#isOwn = false;
     this.plot?.destroy();
     const axis = axisStyle();
     const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
@@ -153,6 +163,26 @@ export class Curve extends Frame {
     this.note([min, max], range !== null);
     this.element.dataset["vertical"] = `${low} ${high}`;
     this.#place();
+    if (isReadable && max - min <= CLOSE * (this.full[1] - this.full[0])) void this.#refine();
+  }
+
+  /** Replaces the samples of the page by all that were recorded within their times. */
+  async #refine(): Promise<void> {
+    const coarse = this.#drawn.map((drawn) => drawn.line).filter((line) => !this.#recorded.has(line));
+    const found = coarse.map(async (line) => {
+      this.#recorded.set(line, null);
+      const { file, signal, over, t } = line;
+      if (file === undefined || signal === undefined || over === undefined || t === undefined) return false;
+      const [across, up] = await Promise.all([samples(file, over), samples(file, signal)]);
+      if (across === null || up === null) return false;
+      const [begin, end] = extent(numbers(this.#words, t).filter((time) => time !== null));
+      const inside = (_: number, i: number) => up.times[i]! >= begin && up.times[i]! <= end;
+      this.#recorded.set(line, { x: across.values.filter(inside), y: up.values.filter(inside), times: up.times.filter(inside) });
+      return true;
+    });
+    if (!(await Promise.all(found)).includes(true)) return;
+    this.element.dataset["resolution"] = "full";
+    this.draw();
   }
 
   /** Draws a line. */
@@ -197,12 +227,23 @@ export class Curve extends Frame {
         });
       }
     }
+    this.#point(found);
+  }
+
+  /** Goes to a point of a line, and tells plots over time when that was. */
+  #point(found: [Drawn, number] | null): void {
+    const wasOwn = this.#isOwn;
+    this.#isOwn = found !== null;
+    if (found === null && !wasOwn) return;
+    const time = found === null ? null : found[0].times[found[1]];
     this.#at = new Map(found === null ? [] : [found]);
+    this.state.point(time === undefined || Number.isNaN(time) ? null : time, this);
     this.#read();
   }
 
   /** Goes to the points of a time, s; null: to none. */
   #follow(time: number | null): void {
+    this.#isOwn = false;
     this.#at.clear();
     for (const drawn of time === null ? [] : this.#drawn) {
       let nearest = -1;
@@ -221,8 +262,7 @@ export class Curve extends Frame {
     // Some hundred presses go through a curve.
     const step = Math.max(1, Math.round(last / 200));
     const wanted = to === "start" ? 0 : to === "end" ? last : index + step * to;
-    this.#at = new Map([[drawn, Math.max(0, Math.min(last, wanted))]]);
-    this.#read();
+    this.#point([drawn, Math.max(0, Math.min(last, wanted))]);
   }
 
   #place(): void {

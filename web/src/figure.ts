@@ -2,6 +2,7 @@
 
 import { button } from "./controls";
 import { Curve } from "./curve";
+import { Heat } from "./heat";
 import type { Figure, PageData } from "./page-data";
 import { type Range, type View, scaled, shifted } from "./panel";
 import { Plot } from "./plot";
@@ -9,8 +10,10 @@ import type { State } from "./state";
 
 /** Makes a figure interactive. `place` is the element with the static picture. */
 export function enhance(place: HTMLElement, figure: Figure, data: PageData, state: State, words: Uint16Array): void {
-  const view = (panel: Figure["panels"][number]): View =>
-    panel.kind === "curve" || panel.kind === "map" ? new Curve(data, panel, state, words) : new Plot(data, panel, state, words);
+  const view = (panel: Figure["panels"][number]): View => {
+    if (panel.kind === "heat") return new Heat(data, panel, state, words);
+    return new (panel.kind === "curve" || panel.kind === "map" ? Curve : Plot)(data, panel, state, words);
+  };
   const plots = figure.panels.map(view);
   // All panels show the same part of the abscissa.
   const zoom = (range: Range | null) => {

@@ -79,6 +79,11 @@ export abstract class Frame implements View {
   /** Moves the cursor by a step of the keyboard: backward or forward, or to one of the ends. */
   protected abstract move(to: -1 | 1 | "start" | "end"): void;
 
+  /** Moves the cursor up or down by a step of the keyboard; false: this plot has no such steps. */
+  protected rise(_by: -1 | 1): boolean {
+    return false;
+  }
+
   abstract zoom(range: Range | null): void;
 
   /** Height of the plot, px. */
@@ -182,9 +187,11 @@ export abstract class Frame implements View {
     const left = plot.cursor.left ?? -1;
     const at = left >= 0 ? plot.posToVal(left, "x") : null;
     const scale = (factor: number) => this.onZoom(scaled(range, factor, this.isLog ? null : at));
-    const actions: Record<string, () => void> = {
+    const actions: Record<string, () => boolean | void> = {
       ArrowLeft: () => (event.shiftKey ? this.onZoom(shifted(range, -0.25, this.isLog)) : this.move(-1)),
       ArrowRight: () => (event.shiftKey ? this.onZoom(shifted(range, 0.25, this.isLog)) : this.move(1)),
+      ArrowUp: () => this.rise(1),
+      ArrowDown: () => this.rise(-1),
       Home: () => this.move("start"),
       End: () => this.move("end"),
       "+": () => scale(0.5),
@@ -193,9 +200,7 @@ export abstract class Frame implements View {
       Escape: () => this.onZoom(null),
     };
     const action = actions[event.key];
-    if (action === undefined) return;
-    event.preventDefault();
-    action();
+    if (action !== undefined && action() !== false) event.preventDefault();
   }
 }
 

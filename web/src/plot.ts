@@ -5,13 +5,11 @@ import { digits, numbers } from "./data";
 import { axisTitle, convert, revert, text } from "./format";
 import type { Line, PageData, Panel } from "./page-data";
 import { type Range, type Values, Frame, axisStyle, color, coordinates, tickTexts } from "./panel";
-import { isReadable, samples } from "./recording";
+import { CLOSE, isReadable, samples } from "./recording";
 import type { State } from "./state";
 
 const HEIGHT = 240;
 const AXIS_WIDTH = 62;
-/** In less than this share of the abscissa, lines are drawn from the recorded signals. */
-const CLOSE = 0.5;
 /** A line whose way up and down is longer than this many times its height is noise and drawn thin. */
 const NOISY = 20;
 /** Steps of the cursor by the keyboard, px. */
@@ -67,6 +65,18 @@ export class Plot extends Frame {
         series: 0,
       };
     });
+    if (panel.x.title === "Time" && this.#xUnit.name === "s") state.watch((time) => this.#follow(time));
+  }
+
+  /** Puts the cursor at a time, s; null: nowhere. */
+  #follow(time: number | null): void {
+    const plot = this.plot;
+    if (plot === null) return;
+    const [min, max] = this.range;
+    const left = time === null || time < min || time > max ? -10 : plot.valToPos(time, "x");
+    // Not published: the other plots are told, too.
+    const set = plot.setCursor as (at: { left: number; top: number }, fire: boolean, publish: boolean) => void;
+    set({ left, top: left < 0 ? -10 : plot.bbox.height / devicePixelRatio / 2 }, true, false);
   }
 
   protected get height(): number {
@@ -209,7 +219,10 @@ export class Plot extends Frame {
     }
     if (this.panel.y.log) {
       // Whole decades.
-      return min === null || max === null || min <= 0 ? [0.1, 10] : [10 ** Math.floor(Math.log10(min)), 10 ** Math.ceil(Math.log10(max))];
+      if (min === null || max === null || min <= 0) return [0.1, 10];
+      const [low, high] = [Math.floor(Math.log10(min)), Math.ceil(Math.log10(max))];
+      // A constant that is a power of ten has a decade on both sides.
+      return low < high ? [10 ** low, 10 ** high] : [10 ** (low - 1), 10 ** (high + 1)];
     }
     let [low, high] = [min ?? 0, max ?? 1];
     for (const level of this.panel.levels) {

@@ -1,5 +1,8 @@
 /** Recorded signals in full resolution, from the files beside the page. A page on a web server can read them; one in a folder cannot. */
 
+/** In less than this share of the abscissa, lines are drawn from the recorded signals. */
+export const CLOSE = 0.5;
+
 type Columns = Map<string, number[]>;
 
 const files = new Map<string, Promise<Columns>>();

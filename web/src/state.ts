@@ -10,6 +10,7 @@ export class State {
   /** Whether numbers are in base units. */
   base = false;
   readonly #listeners: (() => void)[] = [];
+  readonly #watchers: ((time: number | null, source: object) => void)[] = [];
 
   constructor(data: PageData) {
     for (const one of data.cases) this.cases.add(one.name);
@@ -26,6 +27,16 @@ export class State {
   change(what: () => void): void {
     what();
     for (const listener of this.#listeners) listener();
+  }
+
+  /** Calls a function when the cursor in a plot without a time axis, `source`, is at a time, s; null: at none any more. */
+  watch(watcher: (time: number | null, source: object) => void): void {
+    this.#watchers.push(watcher);
+  }
+
+  /** Tells the others where the cursor of a plot without a time axis is. */
+  point(time: number | null, source: object): void {
+    for (const watcher of this.#watchers) watcher(time, source);
   }
 
   /** Whether a line is to be seen. */

@@ -12,6 +12,25 @@ function put<T>(set: Set<T>, value: T, on: boolean): void {
   else set.delete(value);
 }
 
+function seedToggle(seed: number, state: State): HTMLElement {
+  return toggle(String(seed), `seed ${seed}`, state.seeds.has(seed), (on) => state.change(() => put(state.seeds, seed, on)));
+}
+
+/** A list to choose one seed of many from, or none. */
+function seedList(seeds: number[], state: State): HTMLElement {
+  const list = document.createElement("select");
+  list.setAttribute("aria-label", "Seed");
+  list.append(new Option("none", ""), ...seeds.map((seed) => new Option(String(seed), String(seed))));
+  list.value = String([...state.seeds][0] ?? "");
+  list.addEventListener("change", () => {
+    state.change(() => {
+      state.seeds.clear();
+      if (list.value !== "") state.seeds.add(Number(list.value));
+    });
+  });
+  return list;
+}
+
 /** The bar of switches; empty if there is nothing to switch. */
 export function switches(data: PageData, state: State): HTMLElement {
   const bar = document.createElement("div");
@@ -32,9 +51,13 @@ export function switches(data: PageData, state: State): HTMLElement {
   const seeds = data.seeds.filter((seed) => lines.some((line) => line.seed === seed));
   if (seeds.length > 1) {
     const mean = toggle("mean ± deviation", "mean ± deviation over the seeds", state.mean, (on) => state.change(() => (state.mean = on)));
-    const one = (seed: number) =>
-      toggle(String(seed), `seed ${seed}`, state.seeds.has(seed), (on) => state.change(() => put(state.seeds, seed, on)));
-    bar.append(group("Seeds", [...(lines.some((line) => line.kind === "mean") ? [mean] : []), ...seeds.slice(0, FEW_SEEDS).map(one)]));
+    const all = seeds.length <= FEW_SEEDS ? seeds.map((seed) => seedToggle(seed, state)) : [seedList(seeds, state)];
+    bar.append(group("Seeds", [...(lines.some((line) => line.kind === "mean") ? [mean] : []), ...all]));
+    if (seeds.length < data.seeds.length) {
+      const rest = document.createElement("small");
+      rest.textContent = `The page has ${seeds.length} of ${data.seeds.length} seeds one by one; mean and deviation are of all.`;
+      bar.append(rest);
+    }
   }
   if (data.figures.some((figure) => figure.panels.some((panel) => panel.y.units.length > 1))) {
     bar.append(group("Units", [toggle("SI", "SI base units", state.base, (on) => state.change(() => (state.base = on)))]));

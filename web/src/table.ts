@@ -1,4 +1,4 @@
-/** Tables: sorting, copying, and a matrix of colors for long ones. The table is there without this code, too. */
+/** Tables: sorting, copying, lists on narrow screens, and a matrix of colors for long ones. The table is there without this code, too. */
 
 import { button, group } from "./controls";
 
@@ -10,26 +10,51 @@ function textOf(cell: HTMLTableCellElement): string {
   return cell.dataset["text"] ?? (cell.innerText ?? "").replace(/\s+/g, " ").trim();
 }
 
-/** The first number in a text; NaN without one. */
+/** Digits that are written above the line, as in 10⁻⁵. */
+const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+
+/** The number at the beginning of a text; NaN without one. */
 export function numberIn(text: string): number {
-  const found = /[−-]?\d+(\.\d+)?([eE][−+-]?\d+)?/.exec(text);
-  return found === null ? NaN : Number(found[0].replaceAll("−", "-"));
+  const found = /^(?:over )?([+−-]?\d+(?:\.\d+)?)(?:[eE]([−+-]?\d+)|×10(⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹]+))?/.exec(text.trim());
+  if (found === null) return NaN;
+  const raised = [...(found[3] ?? "0")].map((letter) => (letter === "⁻" ? "-" : RAISED.includes(letter) ? RAISED.indexOf(letter) : letter));
+  return Number(`${found[1]}e${found[2] ?? raised.join("")}`.replaceAll("−", "-"));
 }
 
-/** Titles, then rows, as texts; a cell over several rows is in each of them. */
+/** Order of two texts: numbers by their size, then other texts by their letters, then those without any. */
+function compare(one: string, other: string, direction: 1 | -1): number {
+  const rank = (text: string) => (/^[–-]?$/.test(text) ? 2 : Number.isNaN(numberIn(text)) ? 1 : 0);
+  const [first, second] = [rank(one), rank(other)];
+  if (first !== second) return first - second;
+  return direction * (first === 0 ? numberIn(one) - numberIn(other) : one.localeCompare(other, "en", { numeric: true }));
+}
+
+/** The title of a column. */
+function titleOf(head: HTMLTableCellElement): string {
+  return head.dataset["text"] ?? textOf(head);
+}
+
+/** Whether the first cell of a group of rows is its title. */
+function isGrouped(table: HTMLTableElement): boolean {
+  return table.querySelector("tbody th[rowspan]") !== null;
+}
+
+/** Titles, then rows, as texts; a cell over several rows is in each of them, and so is the title of a group. */
 export function matrix(table: HTMLTableElement): string[][] {
-  const head = [...(table.tHead?.rows[0]?.cells ?? [])].map((cell) => cell.dataset["text"] ?? textOf(cell));
+  const head = [...(table.tHead?.rows[0]?.cells ?? [])].map(titleOf);
+  const grouped = isGrouped(table);
+  const group = table.dataset["group"];
   const rows = [...table.tBodies].flatMap((body) => {
     let first = "";
-    return [...body.rows].map((row) => {
+    return [...body.rows].flatMap((row) => {
       const cells = [...row.cells];
-      const spans = cells[0]?.rowSpan ?? 1;
-      if (cells[0]?.tagName === "TH") first = textOf(cells[0]);
-      const isWhole = cells[0]?.tagName === "TH" || spans > 1;
-      return isWhole ? cells.map(textOf) : [first, ...cells.map(textOf)];
+      if (cells[0]?.tagName === "TH" && (grouped || row.className === "group")) first = textOf(cells[0]);
+      if (row.className === "group") return [];
+      const texts = cells.flatMap((cell) => [textOf(cell), ...Array.from({ length: cell.colSpan - 1 }, () => "")]);
+      return [group !== undefined || (grouped && cells[0]?.tagName !== "TH") ? [first, ...texts] : texts];
     });
   });
-  return [head, ...rows];
+  return [group === undefined ? head : [group, ...head], ...rows];
 }
 
 export function csv(rows: string[][]): string {
@@ -49,100 +74,154 @@ async function copy(text: string, control: HTMLButtonElement): Promise<void> {
   setTimeout(() => (control.textContent = title), 1500);
 }
 
-/** Sorts the rows of each group by a column; the title of a group stays in its first row. */
-function sort(table: HTMLTableElement, column: number, direction: 1 | -1): void {
+/** Sorts the rows of each group by a column, or as they were; its title stays at its first row, a summary at its end. */
+function sort(table: HTMLTableElement, column: number | null, direction: 1 | -1): void {
+  const grouped = isGrouped(table);
   for (const body of table.tBodies) {
-    const rows = [...body.rows];
-    const title = rows[0]?.cells[0]?.tagName === "TH" ? rows[0].cells[0] : null;
+    const all = [...body.rows];
+    const first = all.filter((row) => row.className === "group");
+    const last = all.filter((row) => row.classList.contains("summary"));
+    const rows = all.filter((row) => !first.includes(row) && !last.includes(row));
+    const title = grouped && rows[0]?.cells[0]?.tagName === "TH" ? rows[0].cells[0] : null;
     title?.remove();
-    const at = title === null ? column : column - 1;
+    const at = column === null ? 0 : grouped ? column - 1 : column;
     const key = (row: HTMLTableRowElement) => {
       // Of the paper's change and ours, ours counts.
       const ours = row.cells[at]?.querySelector<HTMLElement>(".ours .text")?.innerText;
       return ours ?? (row.cells[at] === undefined ? "" : textOf(row.cells[at]!));
     };
-    rows.sort((a, b) => {
-      const [one, other] = [key(a), key(b)];
-      const difference = numberIn(one) - numberIn(other);
-      return direction * (Number.isNaN(difference) ? one.localeCompare(other) : difference);
-    });
+    const keys = new Map(rows.map((row) => [row, key(row)]));
+    const given = (row: HTMLTableRowElement) => Number((row.dataset["given"] ??= String(rows.indexOf(row))));
+    rows.forEach(given);
+    rows.sort((a, b) => (column === null ? given(a) - given(b) : compare(keys.get(a)!, keys.get(b)!, direction)));
     if (title !== null) rows[0]?.prepend(title);
     // Left out where it repeats the row above.
-    for (const cell of body.querySelectorAll<HTMLElement>("td[data-text]")) cell.textContent = cell.dataset["text"]!;
-    rows.forEach((row, i) => row.classList.toggle("first", i === 0));
-    body.append(...rows);
+    for (const cell of body.querySelectorAll<HTMLElement>("td[data-text], th[scope=row][data-text]")) cell.textContent = cell.dataset["text"]!;
+    if (grouped) rows.forEach((row, i) => row.classList.toggle("first", i === 0));
+    body.append(...first, ...rows, ...last);
   }
 }
 
-function makeSortable(table: HTMLTableElement): void {
+/** Makes the titles of columns buttons that sort, and returns a list for narrow screens, which have no titles of columns. */
+function makeSortable(table: HTMLTableElement): HTMLElement {
   const heads = [...(table.tHead?.rows[0]?.cells ?? [])];
+  const choice = document.createElement("select");
+  choice.setAttribute("aria-label", "Sort by");
+  choice.append(new Option("as given", ""));
+  const by = (column: number | null, direction: 1 | -1) => {
+    for (const other of heads) other.removeAttribute("aria-sort");
+    if (column !== null) heads[column]?.setAttribute("aria-sort", direction === 1 ? "ascending" : "descending");
+    choice.value = column === null ? "" : `${column} ${direction}`;
+    sort(table, column, direction);
+  };
+  const grouped = isGrouped(table);
   heads.forEach((head, column) => {
-    // The first column has the titles of the groups.
-    if (column === 0) return;
+    // The first column may have the titles of groups.
+    if (column === 0 && grouped) return;
     const text = [...head.childNodes].find((node) => node.nodeType === Node.TEXT_NODE && node.textContent?.trim() !== "");
     if (text === undefined) return;
     const title = text.textContent!.trim();
-    const control = button(title, title, () => {
-      const direction = head.getAttribute("aria-sort") === "ascending" ? -1 : 1;
-      for (const other of heads) other.removeAttribute("aria-sort");
-      head.setAttribute("aria-sort", direction === 1 ? "ascending" : "descending");
-      sort(table, column, direction);
-    });
+    const control = button(title, title, () => by(column, head.getAttribute("aria-sort") === "ascending" ? -1 : 1));
     control.className = "sort";
     control.title = "Sort";
     head.dataset["text"] = title;
     text.replaceWith(control);
+    choice.append(new Option(`${title}, rising`, `${column} 1`), new Option(`${title}, falling`, `${column} -1`));
   });
+  choice.addEventListener("change", () => {
+    const [column = "", direction] = choice.value.split(" ");
+    by(column === "" ? null : Number(column), direction === "-1" ? -1 : 1);
+  });
+  const place = group("Sort by", [choice]);
+  place.classList.add("sort-choice");
+  return place;
 }
 
-/** For each group a matrix of the sweep's points and cases, colored from the least to the greatest number. */
+/** Gives cells the titles of their columns, which a narrow screen shows beside them instead of above. */
+function label(table: HTMLTableElement): void {
+  const titles = [...(table.tHead?.rows[0]?.cells ?? [])].map(titleOf);
+  for (const row of [...table.tBodies].flatMap((body) => [...body.rows])) {
+    let column = 0;
+    for (const cell of row.cells) {
+      const title = titles[column];
+      if (cell.tagName === "TD" && title !== undefined && title !== "" && textOf(cell) !== "") cell.dataset["label"] ??= title;
+      column += cell.colSpan;
+    }
+  }
+  table.classList.add("is-labeled");
+}
+
+/** A number of a sweep: its place in a matrix. */
+interface Place {
+  title: string;
+  row: string;
+  column: string;
+  text: string;
+}
+
+/** The numbers of a group of rows, by matrix: rows are the points of the sweep and columns the cases, or each case has a matrix of
+ * the values of both parameters. */
+function places(body: HTMLTableSectionElement): Map<string, Place[]> {
+  const metric = body.rows[0]?.cells[0] === undefined ? "" : textOf(body.rows[0].cells[0]);
+  const found = [...body.rows].map((row) => {
+    const cell = (name: string) => row.querySelector<HTMLTableCellElement>(`td.${name}`);
+    const of = (name: string) => (cell(name) === null ? "" : textOf(cell(name)!));
+    const { row: across, column } = cell("point")?.dataset ?? {};
+    const text = of("strong");
+    if (across === undefined || column === undefined) return { title: metric, row: of("point"), column: of("case"), text };
+    return { title: `${metric}, ${of("case")}`, row: across, column, text };
+  });
+  const titles = [...new Set(found.map((place) => place.title))];
+  return new Map(titles.map((title) => [title, found.filter((place) => place.title === title)]));
+}
+
+/** Matrices of the numbers of a sweep, colored from the least to the greatest of each. */
 function heatMap(table: HTMLTableElement): HTMLElement {
-  const place = document.createElement("div");
-  place.className = "matrices";
-  for (const body of table.tBodies) {
-    const cells = [...body.rows].map((row) => {
-      const of = (name: string) => {
-        const cell = row.querySelector<HTMLTableCellElement>(`td.${name}`);
-        return cell === null ? "" : textOf(cell);
-      };
-      return { point: of("point"), name: of("case"), text: of("strong") };
-    });
-    const [points, names] = [[...new Set(cells.map((cell) => cell.point))], [...new Set(cells.map((cell) => cell.name))]];
+  const all = document.createElement("div");
+  all.className = "matrices";
+  for (const [title, cells] of [...table.tBodies].flatMap((body) => [...places(body)])) {
+    const [rowTitles, columnTitles] = [[...new Set(cells.map((cell) => cell.row))], [...new Set(cells.map((cell) => cell.column))]];
     const values = cells.map((cell) => numberIn(cell.text)).filter((value) => !Number.isNaN(value));
     const [low, high] = [Math.min(...values), Math.max(...values)];
     const found = document.createElement("table");
     found.className = "matrix";
-    const caption = found.createCaption();
-    caption.textContent = body.rows[0]?.cells[0] === undefined ? "" : textOf(body.rows[0].cells[0]);
+    found.createCaption().textContent = title;
     const head = found.createTHead().insertRow();
-    for (const name of ["", ...names]) head.append(Object.assign(document.createElement("th"), { textContent: name, scope: "col" }));
+    head.append(document.createElement("td"));
+    for (const name of columnTitles) head.append(Object.assign(document.createElement("th"), { textContent: name, scope: "col" }));
     const rows = found.createTBody();
-    for (const point of points) {
+    for (const name of rowTitles) {
       const row = rows.insertRow();
-      row.append(Object.assign(document.createElement("th"), { textContent: point, scope: "row" }));
-      for (const name of names) {
+      row.append(Object.assign(document.createElement("th"), { textContent: name, scope: "row" }));
+      for (const column of columnTitles) {
         const cell = row.insertCell();
-        cell.textContent = cells.find((one) => one.point === point && one.name === name)?.text ?? "";
-        const share = (numberIn(cell.textContent) - low) / (high - low);
+        cell.textContent = cells.find((one) => one.row === name && one.column === column)?.text ?? "";
+        const share = high > low ? (numberIn(cell.textContent) - low) / (high - low) : NaN;
         if (!Number.isNaN(share)) cell.style.setProperty("--share", `${Math.round(55 * share)}%`);
       }
     }
-    place.append(found);
+    const scroll = document.createElement("div");
+    scroll.className = "scroll";
+    scroll.tabIndex = 0;
+    scroll.append(found);
+    all.append(scroll);
   }
-  return place;
+  return all;
 }
 
 /** Makes a table sortable, and adds its buttons. */
 export function enhanceTable(table: HTMLTableElement): void {
-  makeSortable(table);
+  if (!table.classList.contains("headline")) label(table);
+  const choice = makeSortable(table);
   const asCsv = button("CSV", "Copy the table as CSV", () => void copy(csv(matrix(table)), asCsv));
   const asMarkdown = button("Markdown", "Copy the table as Markdown", () => void copy(markdown(matrix(table)), asMarkdown));
   const bar = document.createElement("div");
   bar.className = "table-buttons";
-  bar.append(group("Copy as", [asCsv, asMarkdown]));
+  const count = [...table.tBodies].reduce((sum, body) => sum + body.rows.length, 0);
+  // A single row has no order.
+  bar.append(...(count > 1 ? [choice] : []), group("Copy as", [asCsv, asMarkdown]));
   const frame = table.closest<HTMLElement>(".scroll") ?? table;
-  const rows = [...table.tBodies].reduce((sum, body) => sum + body.rows.length, 0);
-  if (rows > LONG && table.querySelector("td.point") !== null) {
+  if (count > LONG && table.querySelector("td.point") !== null) {
     const map = heatMap(table);
     const control = button("Matrix", "Matrix of the points and cases", () => {
       const shows = control.getAttribute("aria-pressed") !== "true";

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import type { BrowserContextOptions } from "playwright-core";
-import { Results, assertAccessible, hover } from "./browser";
+import { Results, catchCopies, hover } from "./browser";
 
 interface Row {
   title: string;
@@ -15,11 +15,14 @@ interface Row {
 const folder = process.env["CHASSIS_FMU_ASSESSMENT"] ?? "../results/assess_EspCar";
 const results = new Results(folder);
 const open = (options?: BrowserContextOptions) => results.open(options);
-const assessment = JSON.parse(readFileSync(`${folder}/assessment.json`, "utf8")) as { metrics: Row[] };
+const assessment = JSON.parse(readFileSync(`${folder}/assessment.json`, "utf8")) as {
+  metrics: Row[];
+  runs: { parameters: Record<string, number> }[];
+};
 
 test("every metric has a row with its verdict and its definition", async () => {
   const page = await open();
-  const rows = page.locator(".metrics tbody tr:has(td)");
+  const rows = page.locator(".metrics tbody tr:not(.group)");
   assert.equal(await rows.count(), assessment.metrics.length);
   const failed = assessment.metrics.filter((row) => row.verdict === "fail").length;
   assert.ok(failed > 0);
@@ -29,6 +32,34 @@ test("every metric has a row with its verdict and its definition", async () => {
   assert.equal(await definition.isVisible(), false);
   await first.locator("summary").click();
   assert.equal(await definition.innerText(), assessment.metrics[0]!.definition);
+});
+
+test("metrics are sorted within their maneuver, and copied with its name", async () => {
+  const page = await open();
+  const table = page.locator(".metrics").first();
+  const groups = table.locator("tbody");
+  const titles = await groups.locator("tr.group th").allInnerTexts();
+  await table.getByRole("button", { name: "Metric" }).click();
+  for (const [i, title] of titles.entries()) {
+    const rows = groups.nth(i).locator("tr");
+    assert.equal(await rows.first().innerText(), title);
+    const names = await rows.locator("summary").allInnerTexts();
+    assert.deepEqual(names, [...names].sort((a, b) => a.localeCompare(b, "en", { numeric: true })));
+  }
+  const copied = await catchCopies(page);
+  await page.getByRole("button", { name: "Copy the table as CSV" }).first().click();
+  const [head, ...lines] = await copied();
+  assert.match(head!, /^Maneuver,Metric,/);
+  assert.equal(lines.length, await groups.locator("tr:not(.group)").count());
+  assert.ok(lines[0]!.startsWith(titles[0]!));
+});
+
+test("the seeds of the roads are among what is needed to repeat it", async () => {
+  const page = await open();
+  const seeds = new Set(assessment.runs.map((run) => run.parameters["seed"]).filter((seed) => seed !== undefined));
+  assert.ok(seeds.size > 1);
+  const shown = page.locator("dt", { hasText: "Seeds of the roads" }).locator("+ dd");
+  assert.equal(await shown.innerText(), [...seeds].join(", "));
 });
 
 test("a place of the track is found by the mouse", async () => {
@@ -51,14 +82,5 @@ test("one of many lines has a key", async () => {
   ]);
 });
 
-for (const width of [400, 1400]) {
-  for (const colorScheme of ["light", "dark"] as const) {
-    test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
-      await assertAccessible(await open({ viewport: { width, height: 900 }, colorScheme }));
-    });
-  }
-}
-
-test("no page writes an error or asks for anything", () => {
-  assert.deepEqual(results.faults, []);
-});
+results.testLayouts("assessment");
+results.testSilence();

@@ -1,12 +1,16 @@
 /** What tests of pages share: a browser, the page of a scenario, its recorded signals, and the rules of accessibility. */
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { after, before } from "node:test";
+import { mkdirSync, readFileSync } from "node:fs";
+import { createServer } from "node:http";
+import type { AddressInfo } from "node:net";
+import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
 import axe from "axe-core";
 import { type Browser, type BrowserContextOptions, type Locator, type Page, chromium } from "playwright-core";
 
+/** Where pictures of the pages go. */
+const SCREENSHOTS = "../target/screenshots";
 const CHROMIUM = process.env["CHROMIUM"] ?? "/usr/bin/chromium";
 
 /** The results of a scenario in a browser. */
@@ -39,11 +43,97 @@ export class Results {
     return page;
   }
 
+  /** Opens the page on a web server of this computer, which has the recorded signals, too. */
+  async serve(): Promise<{ page: Page; close: () => Promise<void> }> {
+    const server = createServer((request, response) => {
+      const path = decodeURIComponent((request.url ?? "/").slice(1));
+      response.setHeader("Content-Type", path.endsWith(".html") ? "text/html" : "text/csv");
+      // Browsers also ask for an icon.
+      response.end(path === "favicon.ico" ? "" : readFileSync(`${this.folder}/${path}`));
+    });
+    await new Promise<void>((done) => server.listen(0, "127.0.0.1", done));
+    const { port } = server.address() as AddressInfo;
+    const page = await (await this.browser.newContext({ viewport: { width: 1400, height: 900 } })).newPage();
+    await page.goto(`http://127.0.0.1:${port}/index.html`);
+    const close = async () => {
+      await page.close();
+      server.closeAllConnections();
+      server.close();
+    };
+    return { page, close };
+  }
+
+  /**
+   * Tests that nothing is wider than the page, that it has no serious violation of accessibility and is not blank, on a desktop
+   * and on a phone, light and dark. Pictures go to target/screenshots, for people.
+   */
+  testLayouts(name: string): void {
+    for (const width of [400, 1400]) {
+      for (const colorScheme of ["light", "dark"] as const) {
+        test(`layout, accessibility and picture, ${width} px, ${colorScheme}`, async () => {
+          const page = await this.open({ viewport: { width, height: 900 }, colorScheme });
+          await assertAccessible(page);
+          await screenshot(page, `${name}-${width}-${colorScheme}`);
+        });
+      }
+    }
+  }
+
+  /** Tests, after all others, that no page wrote an error or asked for anything. */
+  testSilence(): void {
+    test("no page writes an error or asks for anything", () => {
+      assert.deepEqual(this.faults, []);
+    });
+  }
+
   /** The recorded signals of a run. */
   recording(run: string): { names: string[]; rows: number[][] } {
     const [head, ...lines] = readFileSync(`${this.folder}/runs/${run}.csv`, "utf8").trim().split("\n");
     return { names: head!.split(","), rows: lines.map((line) => line.split(",").map(Number)) };
   }
+}
+
+/** Makes a picture of the whole page, and asserts that every screen of it shows something. */
+async function screenshot(page: Page, name: string): Promise<void> {
+  mkdirSync(SCREENSHOTS, { recursive: true });
+  const picture = await page.screenshot({ path: `${SCREENSHOTS}/${name}.png`, fullPage: true });
+  const reader = await page.context().newPage();
+  // Colors of each strip as high as half a window, of every fifth pixel.
+  const colors = await reader.evaluate(async (source) => {
+    const image = new Image();
+    image.src = source;
+    await image.decode();
+    const canvas = document.createElement("canvas");
+    const strip = 450;
+    [canvas.width, canvas.height] = [image.width, strip];
+    const context = canvas.getContext("2d", { willReadFrequently: true })!;
+    const found: number[] = [];
+    for (let top = 0; top + strip <= image.height; top += strip) {
+      context.drawImage(image, 0, -top);
+      const pixels = new Uint32Array(context.getImageData(0, 0, canvas.width, strip).data.buffer);
+      found.push(new Set(pixels.filter((_, i) => i % 5 === 0)).size);
+    }
+    return found;
+  }, `data:image/png;base64,${picture.toString("base64")}`);
+  await reader.close();
+  assert.ok(colors.length > 0);
+  // Smoothed letters alone have more shades than these; a blank strip has one, with the borders of a section few.
+  colors.forEach((count, i) => assert.ok(count > 8, `${name}: ${count} colors from ${450 * i} px on`));
+}
+
+/** The texts that a page copies, instead of the clipboard. */
+export async function catchCopies(page: Page): Promise<() => Promise<string[]>> {
+  await page.evaluate(() => {
+    Object.defineProperty(navigator, "clipboard", {
+      value: { writeText: (text: string) => void (document.documentElement.dataset["copied"] = text) },
+    });
+  });
+  return async () => (await page.locator("html").getAttribute("data-copied"))!.trim().split("\n");
+}
+
+/** A number as pages write it. */
+export function number(text: string): number {
+  return Number.parseFloat(text.replace("−", "-"));
 }
 
 /** Puts the cursor in the middle of a plot. */

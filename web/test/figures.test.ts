@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import type { BrowserContextOptions, Locator } from "playwright-core";
-import { Results, assertAccessible, hover, range } from "./browser";
+import { Results, hover, range } from "./browser";
 
 const results = new Results(process.env["CHASSIS_FMU_FIGURES"] ?? "../results/figures");
 const open = (options?: BrowserContextOptions) => results.open(options);
@@ -52,6 +52,45 @@ test("the cursor in plots over time is on curves, too", async () => {
     assert.ok(Math.abs(x - row[names.indexOf("vehicle.position_x")]!) < 0.3, `${run} ${x}`);
   }
   assert.equal(await page.locator("#path .plot-mark:visible").count(), 2);
+});
+
+test("the cursor on a curve is in plots over time, too", async () => {
+  const page = await open();
+  const plot = page.locator("#path .plot").first();
+  await plot.locator(".plot-body").focus();
+  await page.keyboard.press("Home");
+  for (let i = 0; i < 100; i++) await page.keyboard.press("ArrowRight");
+  const x = Number(await plot.locator(".plot-readout span[data-x]").getAttribute("data-x"));
+  const readouts = await page.locator("#response .plot-readout").allInnerTexts();
+  const times = readouts.map((text) => Number(/^Time ([\d.]+) s/.exec(text)?.[1]));
+  assert.ok(times.length > 1 && times.every((time) => time === times[0]), readouts.join("\n"));
+  const { names, rows } = results.recording("slow_1");
+  const row = rows.find((values) => Math.abs(values[0]! - times[0]!) < 1e-9)!;
+  // The nearest sample in plots over time is some samples away at most; one is 8 cm of the path.
+  assert.ok(Math.abs(row[names.indexOf("vehicle.position_x")]! - x) < 0.5, `${x} at ${times[0]} s`);
+  // A curve without the cursor follows, and all lose it with the mouse.
+  assert.ok((await page.locator("#hysteresis .plot-mark:visible").count()) > 0);
+  await hover(plot);
+  await page.mouse.move(2, 2);
+  assert.equal(await page.locator("#hysteresis .plot-mark:visible").count(), 0);
+});
+
+test("on a web server a closer look at a curve reads the recorded signals", async () => {
+  const { page, close } = await results.serve();
+  const figure = page.locator("#path");
+  for (let i = 0; i < 3; i++) await figure.getByRole("button", { name: "Zoom in" }).click();
+  await figure.locator('.plot[data-resolution="full"]').waitFor();
+  const plot = figure.locator(".plot").first();
+  await hover(plot);
+  const [x, y] = await coordinates(plot);
+  const points = ["slow_1", "fast_1"].flatMap((run) => {
+    const { names, rows } = results.recording(run);
+    const [across, up] = ["vehicle.position_x", "vehicle.position_y"].map((name) => names.indexOf(name));
+    return rows.map((row) => [row[across!]!, row[up!]!] as const);
+  });
+  // Six digits of up to 140 m and 10 m.
+  assert.ok(points.some(([across, up]) => Math.abs(across - x) < 1e-3 && Math.abs(up - y) < 1e-4), `${x} ${y}`);
+  await close();
 });
 
 test("the keyboard goes along a curve", async () => {
@@ -155,14 +194,5 @@ test("requirements and definitions are on the page", async () => {
   assert.match(await definition.innerText(), /largest magnitude of x: body\.roll.*1 001 rows/s);
 });
 
-for (const width of [400, 1400]) {
-  for (const colorScheme of ["light", "dark"] as const) {
-    test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
-      await assertAccessible(await open({ viewport: { width, height: 900 }, colorScheme }));
-    });
-  }
-}
-
-test("no page writes an error or asks for anything", () => {
-  assert.deepEqual(results.faults, []);
-});
+results.testLayouts("figures");
+results.testSilence();

@@ -2,15 +2,17 @@
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
-import { createServer } from "node:http";
-import type { AddressInfo } from "node:net";
 import { describe, test } from "node:test";
 import type { BrowserContextOptions, Locator } from "playwright-core";
-import { Results, assertAccessible, hover, range } from "./browser";
+import { Results, catchCopies, hover, range } from "./browser";
 
 const results = new Results(process.env["CHASSIS_FMU_PAGE"] ?? "../results/rescue_vehicle_step_steer");
 const open = (options?: BrowserContextOptions) => results.open(options);
 const recording = (run: string) => results.recording(run);
+
+test("the page is one file of at most 1 MB", () => {
+  assert.ok(readFileSync(`${results.folder}/index.html`).length <= 1e6);
+});
 
 describe("figures", () => {
   test("the readout shows the recorded value", async () => {
@@ -102,16 +104,7 @@ describe("figures", () => {
   });
 
   test("on a web server a closer look reads the recorded signals", async () => {
-    const server = createServer((request, response) => {
-      const path = decodeURIComponent((request.url ?? "/").slice(1));
-      response.setHeader("Content-Type", path.endsWith(".html") ? "text/html" : "text/csv");
-      // Browsers also ask for an icon.
-      response.end(path === "favicon.ico" ? "" : readFileSync(`${results.folder}/${path}`));
-    });
-    await new Promise<void>((done) => server.listen(0, "127.0.0.1", done));
-    const { port } = server.address() as AddressInfo;
-    const page = await (await results.browser.newContext({ viewport: { width: 1400, height: 900 } })).newPage();
-    await page.goto(`http://127.0.0.1:${port}/index.html`);
+    const { page, close } = await results.serve();
     const figure = page.locator("#figure_6c");
     for (let i = 0; i < 4; i++) await figure.getByRole("button", { name: "Zoom in" }).click();
     await figure.locator('.plot[data-resolution="full"]').waitFor();
@@ -126,9 +119,7 @@ describe("figures", () => {
     const expected = row[names.indexOf("body.roll_acceleration")]! * factor;
     // Six digits.
     assert.ok(Math.abs(shown - expected) <= 5e-6 * Math.abs(expected), `${shown} ${expected}`);
-    await page.close();
-    server.closeAllConnections();
-    server.close();
+    await close();
   });
 
   test("print and pages without JavaScript show the pictures", async () => {
@@ -168,13 +159,8 @@ describe("the table of numbers", () => {
 
   test("copies have a row for each row of the table", async () => {
     const page = await open();
-    await page.evaluate(() => {
-      Object.defineProperty(navigator, "clipboard", {
-        value: { writeText: (text: string) => void (document.documentElement.dataset["copied"] = text) },
-      });
-    });
+    const copied = await catchCopies(page);
     const rows = await page.locator("table.headline tbody tr").count();
-    const copied = async () => (await page.locator("html").getAttribute("data-copied"))!.trim().split("\n");
     await page.getByRole("button", { name: "Copy the table as CSV" }).click();
     const csv = await copied();
     assert.equal(csv.length, rows + 1);
@@ -203,7 +189,7 @@ test("a long table can be shown as a matrix of points and cases", async () => {
   await page.getByRole("button", { name: "Matrix of the points and cases" }).click();
   assert.ok(await matrix.isVisible());
   assert.ok(!(await page.locator("table.headline").isVisible()));
-  assert.deepEqual(await matrix.locator("thead th").allInnerTexts(), ["", "A", "B"]);
+  assert.deepEqual(await matrix.locator("thead th").allInnerTexts(), ["A", "B"]);
   assert.deepEqual(await matrix.locator("tbody tr").nth(20).locator("th, td").allInnerTexts(), ["20 km/h", "10", "20"]);
   const share = (cell: Locator) => cell.evaluate((element) => (element as HTMLElement).style.getPropertyValue("--share"));
   assert.equal(await share(matrix.locator("tbody tr").nth(0).locator("td").nth(1)), "0%");
@@ -214,15 +200,5 @@ test("a long table can be shown as a matrix of points and cases", async () => {
   assert.deepEqual(await page.locator("table.headline tbody tr").first().locator("td").allInnerTexts(), ["0 km/h", "B", "-20"]);
 });
 
-for (const width of [400, 1400]) {
-  for (const colorScheme of ["light", "dark"] as const) {
-    test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
-      const page = await open({ viewport: { width, height: 900 }, colorScheme });
-      await assertAccessible(page);
-    });
-  }
-}
-
-test("no page writes an error or asks for anything", () => {
-  assert.deepEqual(results.faults, []);
-});
+results.testLayouts("scenario");
+results.testSilence();

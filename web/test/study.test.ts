@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import type { BrowserContextOptions } from "playwright-core";
-import { Results, assertAccessible, hover } from "./browser";
+import { Results, hover } from "./browser";
 
 const results = new Results(process.env["CHASSIS_FMU_STUDY"] ?? "../results/robust_rescue_vehicle");
 const open = (options?: BrowserContextOptions) => results.open(options);
@@ -32,14 +32,5 @@ test("verdicts, effects and time histories are on the page", async () => {
   assert.ok((await page.locator("#histories .plot").count()) > 0);
 });
 
-for (const width of [400, 1400]) {
-  for (const colorScheme of ["light", "dark"] as const) {
-    test(`no overflow and no serious violation of accessibility, ${width} px, ${colorScheme}`, async () => {
-      await assertAccessible(await open({ viewport: { width, height: 900 }, colorScheme }));
-    });
-  }
-}
-
-test("no page writes an error or asks for anything", () => {
-  assert.deepEqual(results.faults, []);
-});
+results.testLayouts("study");
+results.testSilence();

@@ -52,16 +52,28 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// The command that makes the same page again.
+    /// The command that makes the same page again, for a shell.
     fn command(&self) -> String {
-        let settings = self.set.iter().map(|setting| format!(" --set {setting}"));
-        let pairs = self.bode.iter().map(|pair| format!(" --bode {pair}"));
-        let files = self.out.iter().map(|file| format!(" --out {}", file.display()));
-        let trim = self.trim.then(|| " --trim".to_owned());
-        let free = self.free.iter().map(|inputs| format!(" --free {inputs}"));
-        let options: String = settings.chain(trim).chain(free).chain(pairs).chain(files).collect();
-        format!("cargo fmu linearize {}{options}", self.fmu)
+        let mut words = vec!["cargo".to_owned(), "fmu".to_owned(), "linearize".to_owned(), self.fmu.clone()];
+        let mut add = |option: &str, value: &str| words.extend([option.to_owned(), value.to_owned()]);
+        self.set.iter().for_each(|setting| add("--set", setting));
+        self.free.iter().for_each(|inputs| add("--free", inputs));
+        self.bode.iter().for_each(|pair| add("--bode", pair));
+        self.out.iter().for_each(|file| add("--out", &file.display().to_string()));
+        self.workers.given().iter().for_each(|(option, value)| add(option, value));
+        let flags = [("--trim", self.trim), ("--matrices", self.matrices), ("--json", self.json)];
+        words.extend(flags.into_iter().filter(|(_, is_given)| *is_given).map(|(flag, _)| flag.to_owned()));
+        words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
     }
+}
+
+/// A word for a POSIX shell, as Python's `shlex.quote` writes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "@%+=:,./-_".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\"'\"'"))
 }
 
 /// Formats of files.
@@ -174,5 +186,47 @@ fn print_matrix(title: &str, of: &str, matrix: &DMatrix<f64>, rows: &[Signal], c
         for (j, value) in elements {
             outln!("    {value:>15.8e}  {}", columns[j].name);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    /// The words of the command are those that were given, whatever they contain: read by the rules of POSIX.
+    #[test]
+    fn the_command_is_complete_and_quoted() {
+        let given = [
+            "it's my.fmu",
+            "--set",
+            "table.file=a b$c",
+            "--set",
+            "x=1",
+            "--free",
+            "a,b",
+            "--bode",
+            "u:y",
+            "--out",
+            "my page.html",
+            "--timeout",
+            "7.5",
+            "--libpython",
+            "lib python.so",
+            "--trim",
+            "--matrices",
+            "--json",
+        ];
+        let command = Command::try_parse_from(["linearize"].iter().chain(&given)).unwrap().arguments.command();
+        let expected = r#"cargo fmu linearize 'it'"'"'s my.fmu' --set 'table.file=a b$c' --set x=1 --free a,b --bode u:y --out 'my page.html' --timeout 7.5 --libpython 'lib python.so' --trim --matrices --json"#;
+        assert_eq!(command, expected);
+        let short = Command::try_parse_from(["linearize", "EspCar"]).unwrap().arguments.command();
+        assert_eq!(short, "cargo fmu linearize EspCar");
     }
 }

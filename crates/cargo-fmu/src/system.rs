@@ -33,7 +33,10 @@ pub(crate) enum Command {
     /// says in which order the components of a step follow each other: Ecos and libcosim step all at once (`--order jacobi`
     /// of `cargo fmu run`). What is recorded becomes a connector; metrics and figures are left out.
     Export(export::Arguments),
-    /// Searches parameters of a scenario as a study describes
+    /// Tunes parameters of a scenario as a study describes, by PACSA, a genetic algorithm or CMA-ES
+    ///
+    /// For studies of method `optimize` with `[[parameter]]`. All other studies, with `[[vary]]`, need Python: `scripts/study`
+    /// carries out sweeps, samples, sensitivities and searches by samplers of Optuna, here or on a cluster.
     Study(study::Arguments),
     /// Drives a plant through standard maneuvers, without and with controllers, and compares
     ///

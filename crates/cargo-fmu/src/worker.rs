@@ -26,6 +26,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     serve(&arguments.board).into_diagnostic().wrap_err("a worker is started by other commands")
 }
 
+/// Longest time for a step, unless another is given.
+const DEFAULT_TIMEOUT: Duration = Duration::from_secs(60);
+
 /// What the commands say that start workers.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Options {
@@ -47,7 +50,7 @@ fn timeout(text: &str) -> Result<Duration, String> {
 #[cfg(feature = "system")]
 impl Default for Options {
     fn default() -> Self {
-        Self { timeout: Duration::from_secs(60), libpython: None }
+        Self { timeout: DEFAULT_TIMEOUT, libpython: None }
     }
 }
 
@@ -57,6 +60,13 @@ pub(crate) fn printed() -> Printed {
 }
 
 impl Options {
+    /// The options that differ from the defaults, with their values.
+    pub(crate) fn given(&self) -> Vec<(&'static str, String)> {
+        let timeout = (self.timeout != DEFAULT_TIMEOUT).then(|| ("--timeout", self.timeout.as_secs_f64().to_string()));
+        let library = self.libpython.as_ref().map(|file| ("--libpython", file.display().to_string()));
+        timeout.into_iter().chain(library).collect()
+    }
+
     /// Settings of workers that start this program. `printed` takes what FMUs print.
     pub(crate) fn settings(&self, printed: Printed) -> Result<Settings> {
         let program = std::env::current_exe().into_diagnostic().wrap_err("finding this program")?;

@@ -7,7 +7,7 @@ use crate::evaluators::weighting::Weighting;
 use crate::executor::Executor;
 use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver, Results};
 use crate::metric::Direction;
-use crate::report::{Assessment, Limit, Measured, Row, SCHEMA, Suite, row};
+use crate::report::{Assessment, Limit, Measured, Pair, REQUIRED, Row, SCHEMA, Suite, row};
 use crate::vehicle::{Datum, Vehicle};
 use crate::wiring::{Driving, STEP, SetupError, Subject, System, Systems, Unit};
 use fmu_import::temporary::Folder;
@@ -72,14 +72,15 @@ pub fn assess(
         let place = Place { executor, fmus: &fmus, systems: &systems, folder: folder.path(), options };
         let mut vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, None);
         if vehicle.mass.is_none() {
-            let mass = place.bench(&systems.systems[0], &vehicle, None).weighed();
+            let mass = place.bench(&systems.systems[0], &vehicle, None, None).weighed();
             vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, mass);
         }
         // What it tells, braking and ride need only of a vehicle that nobody knows.
         let is_known = vehicle.understeer_gradient.is_some() && !options.wants_steering();
         let steered = if is_known { Vec::new() } else { systems.systems.iter().collect() };
         let increasing = in_threads(steered, |system| {
-            let result = maneuvers::slowly_increasing_steer(&place.bench(system, &vehicle, None));
+            let bench = place.bench(system, &vehicle, None, None);
+            let result = maneuvers::slowly_increasing_steer(&bench, options.suite_of_steering());
             finished.fetch_add(1, Ordering::Relaxed);
             tell();
             result
@@ -89,14 +90,16 @@ pub fn assess(
             let source = "slowly increasing steer".to_owned();
             vehicle.understeer_gradient = measured.map(|value| Datum { value, source });
         }
-        // The driver is the same in both systems, so that the difference is the controllers'.
-        let of_system = |index: usize| if options.adapts { index } else { 0 };
+        // The amplitude is the same in both systems, so that the difference is the controllers', and so is what the driver knows,
+        // unless it adapts.
+        let of_first = increasing.first().map(|(_, known)| *known);
         let tasks: Vec<(usize, &Maneuver)> = (0..systems.systems.len())
             .flat_map(|index| chosen.iter().map(move |maneuver| (index, *maneuver)))
             .collect();
         let mut found: Vec<Results> = in_threads(tasks, |(index, maneuver)| {
-            let known = increasing.get(of_system(index)).map(|(_, known)| *known);
-            let result = maneuvers::carry_out(maneuver, &place.bench(&systems.systems[index], &vehicle, known));
+            let own = increasing.get(index).map(|(_, known)| *known);
+            let bench = place.bench(&systems.systems[index], &vehicle, of_first, own);
+            let result = maneuvers::carry_out(maneuver, &bench);
             finished.fetch_add(1, Ordering::Relaxed);
             tell();
             result
@@ -126,7 +129,16 @@ impl Options {
 
     /// Whether a maneuver takes its amplitude from the slowly increasing steer.
     fn wants_steering(&self) -> bool {
-        [Suite::Handling, Suite::Stability, Suite::Rollover].into_iter().any(|suite| self.wants(suite))
+        self.steering().is_some()
+    }
+
+    /// The suite that has the numbers of the slowly increasing steer: the first that needs it.
+    fn suite_of_steering(&self) -> Suite {
+        self.steering().unwrap_or(Suite::Handling)
+    }
+
+    fn steering(&self) -> Option<Suite> {
+        [Suite::Handling, Suite::Stability, Suite::Rollover].into_iter().find(|suite| self.wants(*suite))
     }
 }
 
@@ -140,9 +152,16 @@ struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    fn bench(&self, system: &'a System, vehicle: &'a Vehicle, known: Option<Increasing>) -> Bench<'a> {
+    /// `first` is what the slowly increasing steer of the system without controllers says, `own` that of this one.
+    fn bench(
+        &self,
+        system: &'a System,
+        vehicle: &'a Vehicle,
+        first: Option<Increasing>,
+        own: Option<Increasing>,
+    ) -> Bench<'a> {
         let given = vehicle.understeer_gradient.as_ref().map(|datum| datum.value);
-        let own = known.filter(|_| self.options.adapts).and_then(|known| known.understeer_gradient);
+        let own = own.filter(|_| self.options.adapts).and_then(|known| known.understeer_gradient);
         Bench {
             executor: self.executor,
             fmus: self.fmus,
@@ -150,7 +169,8 @@ impl<'a> Place<'a> {
             system,
             vehicle,
             understeer_gradient: own.or(given).unwrap_or(0.0),
-            amplitude: known.and_then(|known| known.amplitude),
+            amplitude: first.and_then(|known| known.amplitude),
+            is_mirrored: self.systems.is_mirrored,
             other_speed: self.options.speed,
             is_quick: self.options.is_quick,
             folder: self.folder,
@@ -198,11 +218,7 @@ fn assembled(
     let of = |system: &str| -> Vec<&Measured> {
         found.iter().filter(|results| results.system == system).flat_map(|results| &results.metrics).collect()
     };
-    let (without, with) = (of("without"), of("with"));
-    let mut rows: Vec<Row> = Vec::new();
-    for metric in &without {
-        rows.push(row(metric, with.iter().find(|other| other.id == metric.id).copied()));
-    }
+    let rows = rows(&of("without"), (systems.systems.len() > 1).then(|| of("with")).as_deref());
     let mut dropped: Vec<_> = found.iter().filter_map(|results| results.dropped.clone()).collect();
     dropped.dedup();
     let unit = |unit: &Unit| {
@@ -236,6 +252,20 @@ fn assembled(
     })
 }
 
+/// The metrics of both systems side by side; those of the system with controllers only behind the one before them there.
+fn rows(without: &[&Measured], with: Option<&[&Measured]>) -> Vec<Row> {
+    let Some(with) = with else { return without.iter().map(|metric| row(Pair::One(metric))).collect() };
+    let of = |metrics: &[&'_ Measured], id: &str| metrics.iter().position(|metric| metric.id == id);
+    let mut rows: Vec<Row> = (without.iter())
+        .map(|metric| row(Pair::Two(Some(metric), of(with, &metric.id).map(|index| with[index]))))
+        .collect();
+    for (index, metric) in with.iter().enumerate().filter(|(_, metric)| of(without, &metric.id).is_none()) {
+        let before = index.checked_sub(1).and_then(|before| rows.iter().position(|row| row.id == with[before].id));
+        rows.insert(before.map_or(rows.len(), |before| before + 1), row(Pair::Two(None, Some(metric))));
+    }
+    rows
+}
+
 /// W_k at 24 frequencies in each decade from 0.1 to 100 Hz.
 fn weighting() -> [Vec<f64>; 2] {
     let frequencies: Vec<f64> = (0..=72).map(|index| fmu_math::exp((f64::from(index) / 24.0 - 1.0) * LN_10)).collect();
@@ -259,8 +289,8 @@ fn require(found: &mut [Results], name: &str, limit: f64) -> Result<(), SetupErr
     for metric in found.iter_mut().flat_map(|results| &mut results.metrics).filter(|metric| metric.id == name) {
         is_found = true;
         metric.limit = Some(match metric.direction {
-            Direction::Up => Limit::at_least(limit, "--require"),
-            Direction::Down => Limit::at_most(limit, "--require"),
+            Direction::Up => Limit::at_least(limit, REQUIRED),
+            Direction::Down => Limit::at_most(limit, REQUIRED),
             Direction::None => {
                 return Err(SetupError::new(format!(
                     "`{name}` cannot be required: neither more nor less of it is better"

@@ -46,6 +46,8 @@ pub(crate) struct Bench<'a> {
     pub(crate) understeer_gradient: f64,
     /// A of the slowly increasing steer, deg at the steering wheel; `None` until it is known.
     pub(crate) amplitude: Option<f64>,
+    /// Whether the paths of the driver are mirrored.
+    pub(crate) is_mirrored: bool,
     /// Speed of handling maneuvers instead of the usual one, m/s.
     pub(crate) other_speed: Option<f64>,
     /// Ends the series of sine with dwell after the first unstable runs.
@@ -67,6 +69,18 @@ impl Bench<'_> {
     /// Whether it has pedals.
     pub(crate) fn has_pedals(&self) -> bool {
         self.system.speed == Speed::Pedals
+    }
+
+    /// Why limits for cars that coast do not apply; `None` if they do.
+    pub(crate) fn foreign(&self) -> Option<&'static str> {
+        match self.system.speed {
+            _ if !self.is_car() => Some("the limit is that of cars"),
+            Speed::Prescribed => Some("the speed is prescribed, the vehicle cannot coast"),
+            Speed::Own if self.plant.unit.found.description.variable("vehicle.initial_speed").is_none() => {
+                Some("nothing sets the speed of the vehicle")
+            }
+            Speed::Pedals | Speed::Own => None,
+        }
     }
 
     /// Speed of maneuvers that have no other, m/s.
@@ -114,7 +128,10 @@ impl Bench<'_> {
         set("plant", "vehicle.initial_speed", &number(course.speed), true)?;
         set("driver", "speed.initial", &number(course.speed), false)?;
         if course.driving != Driving::OpenLoop {
-            set("driver", "geometry.wheelbase", &number(self.wheelbase()?), false)?;
+            // Without one no path is followed, and the driver does not need it.
+            if let Some(wheelbase) = &self.vehicle.wheelbase {
+                set("driver", "geometry.wheelbase", &number(wheelbase.value), false)?;
+            }
             set("driver", "vehicle.understeer_gradient", &number(self.understeer_gradient), false)?;
             set("driver", "steer.ratio", &number(self.ratio()), false)?;
             if let Some(width) = &self.vehicle.width {
@@ -124,16 +141,31 @@ impl Bench<'_> {
         for (component, name, setting) in &course.values {
             set(component, name, setting, false)?;
         }
+        if course.driving != Driving::OpenLoop && course.values.iter().all(|(_, name, _)| name != "speed.final") {
+            self.start_at_speed(&mut run, course.speed);
+        }
         Ok((simulation, run))
+    }
+
+    /// Makes a prescribed speed that does not change a constant of the plant. The driver of paths gives it from its first sample on
+    /// only, and the plant would be initialized at a standstill.
+    fn start_at_speed(&self, run: &mut Run, speed: f64) {
+        let name = self.plant.variable("driver.speed");
+        let Some(variable) = self.plant.unit.found.description.variable(name) else { return };
+        let Some(plant) = run.components.iter_mut().find(|component| component.name == "plant") else { return };
+        let is_read = |input: &fmu_system::run::Wire| {
+            (input.reference, input.base_type) == (variable.reference, variable.base_type)
+        };
+        if let Some(at) = plant.inputs.iter().position(is_read).filter(|_| variable.base_type == BaseType::Real) {
+            let fmu_system::run::Wire { base_type, reference, .. } = plant.inputs.remove(at);
+            let name = name.to_owned();
+            plant.constants.push(fmu_system::run::Setting { name, base_type, reference, value: Value::Real(speed) });
+        }
     }
 
     /// Wheelbase, m.
     pub(crate) fn wheelbase(&self) -> Result<f64, String> {
         let found = self.vehicle.wheelbase.as_ref().map(|datum| datum.value);
         found.ok_or_else(|| "the wheelbase is not known; give it in the vehicle data (--vehicle)".to_owned())
-    }
-    /// The same for evaluators; without a wheelbase there are no runs that they could be asked about.
-    pub(crate) fn wheelbase_or_one(&self) -> f64 {
-        self.wheelbase().unwrap_or(1.0)
     }
 }

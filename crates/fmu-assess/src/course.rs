@@ -166,6 +166,11 @@ fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
 /// Cuts a recording where the run ends. `failure` is what came after its last row.
 pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
     let names = bench.system.columns(course.driving);
+    cut(course, names, recording, bench.ratio(), failure)
+}
+
+/// Cuts a recording, whose columns have these names, where the run ends. `failure` is what came after its last row.
+fn cut(course: Course, names: &[String], recording: &Recording, ratio: f64, failure: Option<String>) -> Ended {
     // No row at the start: what a row says of the driver was held during the step before it.
     let of = |name: &str| {
         let index = names.iter().position(|column| column == name)?;
@@ -237,7 +242,6 @@ pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, fa
     if error.is_some() {
         flags.push("diverged");
     }
-    let ratio = bench.ratio();
     let mut trace = Trace::new(time[..rows].to_vec());
     for (name, values) in recorded {
         let values = &values[..rows];
@@ -268,5 +272,128 @@ fn ground_speed(x: Option<&[f64]>, y: Option<&[f64]>) -> Option<Vec<f64>> {
 
 /// A time without the rounding of its steps.
 fn shown_time(time: f64) -> f64 {
-    (time / STEP).round() * STEP
+    (time / STEP).round() / (1.0 / STEP).round()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A signal: its name, its value, and from which row on another value.
+    type Signal = (&'static str, f64, Option<(usize, f64)>);
+
+    /// A recording of 1 s, cut: a signal has its value in all rows, or from a row on another one. Its rows begin at 0 s, those of
+    /// a run one step later.
+    fn run(course: Course, signals: &[Signal], failure: Option<&str>) -> Ended {
+        let rows = 1001;
+        let column = |before: f64, change: Option<(usize, f64)>| {
+            let of = |row| change.filter(|(from, _)| row >= *from).map_or(before, |(_, after)| after);
+            Some((0..rows).map(of).collect())
+        };
+        let recording = Recording {
+            time: (0..rows).map(|row| row as f64 * STEP).collect(),
+            columns: signals.iter().map(|(_, before, change)| column(*before, *change)).collect(),
+            messages: Vec::new(),
+            seconds: 0.0,
+        };
+        let names: Vec<String> = signals.iter().map(|(name, _, _)| (*name).to_owned()).collect();
+        cut(course, &names, &recording, 16.0, failure.map(str::to_owned))
+    }
+
+    fn course() -> Course {
+        Course::new("run", Driving::Path, 20.0, 1.0)
+    }
+
+    const CALM: Signal = ("vehicle.speed", 20.0, None);
+
+    #[test]
+    fn a_calm_run_lasts_to_its_end() {
+        let ended = run(course(), &[CALM, ("driver.steer", 0.5, None)], None);
+        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "time"));
+        assert_eq!((ended.flags.len(), ended.error), (0, None));
+        assert_eq!(ended.trace.column("driver.steering_wheel").unwrap()[0], 8.0);
+    }
+
+    /// The rows before the first value that is none are kept.
+    #[test]
+    fn a_value_that_is_not_finite_ends_the_run() {
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let ended = run(course(), &[CALM, ("body.roll", 0.0, Some((500, value)))], None);
+            assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (499, "diverged"));
+            assert_eq!(ended.flags, ["diverged"]);
+            assert_eq!(ended.error.as_deref(), Some("`body.roll` is not finite at 0.5 s"));
+        }
+        // From the first row on: nothing is left, and nothing breaks.
+        let ended = run(course(), &[("vehicle.speed", f64::NAN, None)], None);
+        assert_eq!((ended.trace.times().len(), ended.flags), (0, vec!["diverged"]));
+    }
+
+    #[test]
+    fn a_yaw_rate_that_no_vehicle_has_ends_the_run() {
+        let of = |rate: f64| run(course(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((500, rate)))], None);
+        for sign in [1.0, -1.0] {
+            let ended = of(sign * 50.1);
+            assert_eq!(ended.flags, ["diverged"]);
+            assert_eq!(ended.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.5 s"));
+            let ended = run(course(), &[CALM, ("vehicle.yaw_rate", 0.1, Some((3, sign * 51.0)))], None);
+            assert_eq!(ended.error.as_deref(), Some("`vehicle.yaw_rate` is above 50 rad/s at 0.003 s"));
+            assert_eq!(of(sign * 50.0).flags.len(), 0);
+        }
+    }
+
+    /// What was recorded before the call that failed is kept. A failure after the end of the run does not concern it.
+    #[test]
+    fn a_call_that_fails_ends_the_run() {
+        let message = "plant: fmi2DoStep returned fmi2Error";
+        let ended = run(course(), &[CALM], Some(message));
+        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "failed"));
+        assert_eq!((ended.flags, ended.error.as_deref()), (vec!["diverged"], Some(message)));
+        let position = ("vehicle.position_x", 0.0, Some((500, 60.0)));
+        let ended = run(course().end(EndAt::Position(50.0)), &[CALM, position], Some(message));
+        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "finished"));
+        assert_eq!((ended.flags.len(), ended.error), (0, None));
+    }
+
+    #[test]
+    fn a_driver_off_the_path_ends_the_run_where_the_maneuver_asks_for_it() {
+        let lost = ("path.lost", 0.0, Some((500, 1.0)));
+        let ended = run(course().end(EndAt::Lost).with_end(), &[CALM, lost, ("path.finished", 0.0, None)], None);
+        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "lost"));
+        assert_eq!((ended.flags, ended.error), (vec!["lost", "not_finished"], None));
+        let ended = run(course(), &[CALM, lost], None);
+        assert_eq!((ended.trace.times().len(), ended.flags), (1000, vec!["lost"]));
+    }
+
+    /// A spin is a flag; the run goes on. At less than 3 m/s over ground a large sideslip angle is none.
+    #[test]
+    fn a_spin_is_a_flag() {
+        let of = |speed: f64, sideslip: f64| {
+            let sideslip = ("vehicle.sideslip", 0.0, Some((500, sideslip)));
+            run(course(), &[("vehicle.speed", speed, None), sideslip], None)
+        };
+        let ended = of(20.0, -0.71);
+        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (1000, "time"));
+        assert_eq!((ended.flags, ended.error), (vec!["spun"], None));
+        assert_eq!(of(20.0, 0.7).flags.len(), 0);
+        assert_eq!(of(2.9, 2.0).flags.len(), 0);
+        // Sideways the forward speed is small, that over ground is not.
+        let rows = 1001;
+        let x: Vec<f64> = (0..rows).map(|row| 0.02 * f64::from(row)).collect();
+        let recording = Recording {
+            time: (0..rows).map(|row| f64::from(row) * STEP).collect(),
+            columns: vec![Some(vec![0.0; x.len()]), Some(vec![1.5; x.len()]), Some(vec![0.0; x.len()]), Some(x)],
+            messages: Vec::new(),
+            seconds: 0.0,
+        };
+        let names =
+            ["vehicle.speed", "vehicle.sideslip", "vehicle.position_y", "vehicle.position_x"].map(str::to_owned);
+        assert_eq!(cut(course(), &names, &recording, 16.0, None).flags, ["spun"]);
+    }
+
+    #[test]
+    fn a_vehicle_that_tips_over_ends_the_run() {
+        let ended = run(course(), &[CALM, ("body.roll", 0.0, Some((500, -0.81)))], None);
+        assert_eq!((ended.trace.times().len(), ended.stop_reason.as_str()), (500, "rolled over"));
+        assert_eq!((ended.flags, ended.error), (vec!["rolled_over"], None));
+    }
 }

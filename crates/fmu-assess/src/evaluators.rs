@@ -19,6 +19,7 @@ mod step_steer;
 pub(crate) mod weighting;
 
 pub use reference::reference;
+pub(crate) use ride::comfort;
 pub use sine_with_dwell::is_responsive;
 
 use crate::json;

@@ -71,6 +71,7 @@ impl Runs for Executor {
         let lost = |name: String| Failure {
             run: name,
             time: None,
+            component: None,
             message: "no process could execute it".to_owned(),
             kind: FailureKind::Error,
         };

@@ -33,8 +33,28 @@ pub(crate) struct Maneuver {
     /// Outputs that the plant needs for it.
     pub(crate) outputs: &'static [&'static str],
     /// Why a plant that has them cannot be driven like this; `None` if it can.
-    pub(crate) hindrance: fn(&Bench<'_>) -> Option<String>,
+    pub(crate) hindrance: fn(&Bench<'_>) -> Option<Hindrance>,
     pub(crate) carry_out: fn(&Bench<'_>, &mut Results),
+}
+
+/// Why a plant cannot be driven in a maneuver.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Hindrance {
+    /// Signals that are missing, if signals are.
+    missing: Vec<String>,
+    reason: String,
+}
+
+impl Hindrance {
+    fn new(reason: impl Into<String>) -> Self {
+        Self { missing: Vec::new(), reason: reason.into() }
+    }
+
+    /// The plant has none of these signals.
+    fn without(missing: &[&str], reason: &str) -> Self {
+        let missing = missing.iter().map(|name| (*name).to_owned()).collect();
+        Self { missing, reason: reason.to_owned() }
+    }
 }
 
 const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
@@ -45,7 +65,7 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         name: "constant_radius",
         suite: Suite::Handling,
         outputs: POSITION,
-        hindrance: needs_speed,
+        hindrance: needs_path,
         carry_out: steady_state::constant_radius,
     },
     Maneuver {
@@ -59,14 +79,14 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         name: "single_lane_change",
         suite: Suite::Handling,
         outputs: POSITION,
-        hindrance: needs_speed,
+        hindrance: needs_path,
         carry_out: lane_change::carry_out,
     },
     Maneuver {
         name: "sine_with_dwell",
         suite: Suite::Stability,
         outputs: &[],
-        hindrance: needs_amplitude,
+        hindrance: |bench| needs_amplitude(bench).or_else(|| sine_with_dwell::hindrance(bench)),
         carry_out: sine_with_dwell::carry_out,
     },
     Maneuver {
@@ -87,14 +107,14 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         name: "fishhook",
         suite: Suite::Rollover,
         outputs: ROLLOVER,
-        hindrance: needs_amplitude,
+        hindrance: needs_both_sides,
         carry_out: rollover::fishhook,
     },
     Maneuver {
         name: "j_turn",
         suite: Suite::Rollover,
         outputs: ROLLOVER,
-        hindrance: needs_amplitude,
+        hindrance: needs_both_sides,
         carry_out: rollover::j_turn,
     },
     Maneuver {
@@ -108,10 +128,7 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         name: "split_friction",
         suite: Suite::Braking,
         outputs: POSITION,
-        hindrance: |bench| {
-            let has_sides = !bench.inputs("road_friction.").is_empty();
-            needs_pedals(bench).or_else(|| (!has_sides).then(|| "the plant has no input `road_friction.*`".to_owned()))
-        },
+        hindrance: |bench| needs_pedals(bench).or_else(|| needs_inputs(bench, "road_friction.")),
         carry_out: braking::split_friction,
     },
     Maneuver {
@@ -125,33 +142,59 @@ pub(crate) const MANEUVERS: [Maneuver; 12] = [
         name: "ride",
         suite: Suite::Ride,
         outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
-        hindrance: |bench| {
-            let has_road = !bench.inputs("road_height.").is_empty();
-            needs_speed(bench).or_else(|| (!has_road).then(|| "the plant has no input `road_height.*`".to_owned()))
-        },
+        hindrance: |bench| needs_path(bench).or_else(|| needs_inputs(bench, "road_height.")),
         carry_out: ride::carry_out,
     },
 ];
 
-const ROLLOVER: &[&str] = &["vehicle.load_transfer_ratio", "tire_load."];
+const ROLLOVER: &[&str] = &["tire_load."];
 
-fn needs_speed(bench: &Bench<'_>) -> Option<String> {
-    (bench.system.speed == Speed::Own).then(|| "nothing holds the speed: neither `driver.speed` nor pedals".to_owned())
+fn needs_speed(bench: &Bench<'_>) -> Option<Hindrance> {
+    let reason = "nothing holds the speed: neither `driver.speed` nor pedals";
+    (bench.system.speed == Speed::Own).then(|| Hindrance::without(&["driver.speed"], reason))
 }
 
-fn needs_pedals(bench: &Bench<'_>) -> Option<String> {
-    (!bench.has_pedals()).then(|| "the plant has no pedals".to_owned())
+/// To follow a path, the driver knows the wheelbase.
+fn needs_path(bench: &Bench<'_>) -> Option<Hindrance> {
+    needs_speed(bench).or_else(|| bench.wheelbase().err().map(Hindrance::new))
 }
 
-fn needs_amplitude(bench: &Bench<'_>) -> Option<String> {
-    bench.amplitude.is_none().then(|| "the slowly increasing steer gave no amplitude".to_owned())
+fn needs_pedals(bench: &Bench<'_>) -> Option<Hindrance> {
+    if !bench.has_pedals() {
+        return Some(Hindrance::without(
+            &["drive_torque.*", "brake_torque.*"],
+            "there are no pedals: nothing writes `drive_torque.*` or `brake_torque.*`",
+        ));
+    }
+    needs_path(bench)
 }
 
-fn needs_footprint(bench: &Bench<'_>) -> Option<String> {
+fn needs_inputs(bench: &Bench<'_>, start: &str) -> Option<Hindrance> {
+    let name = format!("{start}*");
+    let reason = format!("the plant has no input `{name}`");
+    bench.inputs(start).is_empty().then(|| Hindrance::without(&[&name], &reason))
+}
+
+fn needs_amplitude(bench: &Bench<'_>) -> Option<Hindrance> {
+    bench.amplitude.is_none().then(|| Hindrance::new("the slowly increasing steer gave no amplitude"))
+}
+
+fn needs_both_sides(bench: &Bench<'_>) -> Option<Hindrance> {
+    let outputs = bench.plant.outputs();
+    let has = |side: char| outputs.iter().any(|name| name.starts_with("tire_load.") && name.ends_with(side));
+    let missing = ['l', 'r'].into_iter().find(|side| !has(*side));
+    let reason = |side| format!("the plant has no output `tire_load.*` of the side `{side}`");
+    let sides = missing.map(|side| Hindrance::without(&["tire_load.*"], &reason(side)));
+    sides.or_else(|| needs_amplitude(bench))
+}
+
+fn needs_footprint(bench: &Bench<'_>) -> Option<Hindrance> {
     let vehicle = bench.vehicle;
-    let is_known = vehicle.width.is_some() && vehicle.front.is_some() && vehicle.rear.is_some();
-    needs_speed(bench).or_else(|| {
-        (!is_known).then(|| "width, front or rear of the vehicle is not known; give it in the vehicle data".to_owned())
+    let data = [("width", &vehicle.width), ("front", &vehicle.front), ("rear", &vehicle.rear)];
+    let unknown: Vec<&str> = data.into_iter().filter(|(_, datum)| datum.is_none()).map(|(name, _)| name).collect();
+    needs_path(bench).or_else(|| {
+        let reason = format!("of the vehicle data {} is not known; give it by --vehicle", unknown.join(", "));
+        (!unknown.is_empty()).then(|| Hindrance::new(reason))
     })
 }
 
@@ -165,13 +208,14 @@ pub(crate) fn carry_out(maneuver: &Maneuver, bench: &Bench<'_>) -> Results {
         })
         .map(|name| if name.ends_with('.') { format!("{name}*") } else { (*name).to_owned() })
         .collect();
-    let reason = if missing.is_empty() {
+    let hindrance = if missing.is_empty() {
         (maneuver.hindrance)(bench)
     } else {
-        Some(format!("the plant has no output `{}`", missing.join("`, `")))
+        let reason = format!("the plant has no output `{}`", missing.join("`, `"));
+        Some(Hindrance { missing, reason })
     };
-    match reason {
-        Some(reason) => results.dropped = Some(Dropped { run: maneuver.name.to_owned(), missing, reason }),
+    match hindrance {
+        Some(hindrance) => results.drop_out(hindrance),
         None => (maneuver.carry_out)(bench, &mut results),
     }
     results
@@ -198,6 +242,17 @@ impl Results {
         Self { maneuver, suite, system, metrics, runs, dropped: None, shown, track: None }
     }
 
+    /// Leaves the maneuver out. A metric of the name of the maneuver has the verdict.
+    fn drop_out(&mut self, Hindrance { missing, reason }: Hindrance) {
+        self.metrics.push(Measured {
+            id: self.maneuver.to_owned(),
+            ..Measured::new(self.suite, "The maneuver", "", Direction::None, Value::Null)
+        });
+        self.dropped(&reason);
+        self.defined("A maneuver that is left out has no metrics.");
+        self.dropped = Some(Dropped { run: self.maneuver.to_owned(), missing, reason });
+    }
+
     /// Notes a run with the metrics of its evaluator.
     pub(crate) fn note(&mut self, ended: &Ended, metrics: &Evaluation) {
         self.runs.push(RunRecord {
@@ -222,14 +277,7 @@ impl Results {
     pub(crate) fn metric(&mut self, name: &str, title: &str, unit: &'static str, direction: Direction, value: Value) {
         self.metrics.push(Measured {
             id: format!("{}.{name}", self.maneuver),
-            title: title.to_owned(),
-            definition: String::new(),
-            unit,
-            suite: self.suite,
-            value,
-            direction,
-            reason: None,
-            limit: None,
+            ..Measured::new(self.suite, title, unit, direction, value)
         });
     }
 

@@ -43,6 +43,9 @@ impl Suite {
     }
 }
 
+/// Source of the limits of the caller.
+pub(crate) const REQUIRED: &str = "--require";
+
 /// A limit of a regulation or of the caller.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Limit {
@@ -77,8 +80,14 @@ impl Limit {
         Self::new(Kind::AtMost(limit), source)
     }
 
+    /// Whether the caller has set it. A number that is not there does not keep it.
+    fn is_required(&self) -> bool {
+        self.source == REQUIRED
+    }
+
     fn is_kept(&self, value: &Value) -> Option<bool> {
         match (self.kind, value) {
+            (_, Value::Null) if self.is_required() => Some(false),
             (Kind::Holds, Value::Bool(value)) => Some(*value),
             (Kind::AtLeast(limit), value) => value.as_f64().map(|value| value >= limit),
             (Kind::AtMost(limit), value) => value.as_f64().map(|value| value <= limit),
@@ -109,6 +118,32 @@ pub(crate) struct Measured {
     /// Why there is no value.
     pub(crate) reason: Option<String>,
     pub(crate) limit: Option<Limit>,
+    /// The plant lacks a signal that it needs.
+    pub(crate) is_dropped: bool,
+    /// That there is no number is the best that it can be.
+    pub(crate) is_best_without: bool,
+    /// What a standard calls the number.
+    pub(crate) words: Option<&'static str>,
+}
+
+impl Measured {
+    /// A metric without a name.
+    pub(crate) fn new(suite: Suite, title: &str, unit: &'static str, direction: Direction, value: Value) -> Self {
+        Self {
+            id: String::new(),
+            title: title.to_owned(),
+            definition: String::new(),
+            unit,
+            suite,
+            value,
+            direction,
+            reason: None,
+            limit: None,
+            is_dropped: false,
+            is_best_without: false,
+            words: None,
+        }
+    }
 }
 
 impl crate::maneuvers::Results {
@@ -123,6 +158,29 @@ impl crate::maneuvers::Results {
     pub(crate) fn defined(&mut self, definition: &str) {
         if let Some(metric) = self.metrics.last_mut() {
             metric.definition = definition.to_owned();
+        }
+    }
+
+    /// Says that the last metric has no value because the plant lacks a signal.
+    pub(crate) fn dropped(&mut self, reason: &str) {
+        self.because(reason);
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.is_dropped = true;
+        }
+    }
+
+    /// Says that the last metric has no value because nothing is wrong.
+    pub(crate) fn best(&mut self, reason: &str) {
+        self.because(reason);
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.is_best_without = true;
+        }
+    }
+
+    /// Says what a standard calls the last metric.
+    pub(crate) fn called(&mut self, words: &'static str) {
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.words = Some(words);
         }
     }
 
@@ -162,7 +220,7 @@ pub struct RunRecord {
 pub struct Dropped {
     /// Name of the maneuver.
     pub run: String,
-    /// Outputs that are missing.
+    /// Signals that are missing.
     pub missing: Vec<String>,
     /// Why.
     pub reason: String,
@@ -215,7 +273,9 @@ pub struct Row {
     pub without: Value,
     /// With them; null if there are none.
     pub with: Value,
-    /// Change, percent; null if there is no direction or no number.
+    /// What a standard calls the numbers, by system.
+    pub words: BTreeMap<&'static str, &'static str>,
+    /// Change, percent; null if a number is missing or the first one is 0.
     pub change: Value,
     /// Which change is better.
     #[serde(serialize_with = "direction")]
@@ -230,6 +290,11 @@ pub struct Row {
     pub limit: Value,
     /// Why there is no number, or why the limit does not apply.
     pub reason: Option<String>,
+    /// Why there is no number without the controllers.
+    pub reason_without: Option<String>,
+    /// Whether each of the systems has it at all: some metrics come of maneuvers that go well, others of those that do not.
+    #[serde(skip)]
+    present: [bool; 2],
 }
 
 fn direction<S: serde::Serializer>(direction: &Direction, serializer: S) -> Result<S::Ok, S::Error> {
@@ -294,43 +359,99 @@ fn all_rounded(value: &Value) -> Value {
     }
 }
 
-/// A metric of one system or of two.
-pub(crate) fn row(without: &Measured, with: Option<&Measured>) -> Row {
-    let decisive = with.unwrap_or(without);
-    let pair = with.and_then(|with| without.value.as_f64().zip(with.value.as_f64()));
-    let change = pair.filter(|(old, _)| *old != 0.0).map(|(old, new)| 100.0 * (new - old) / old.abs());
-    let judgment = change.filter(|_| decisive.direction != Direction::None).map(|change| {
-        if change.abs() < COUNTS {
-            Judgment::Same
-        } else if (change > 0.0) == (decisive.direction == Direction::Up) {
-            Judgment::Better
-        } else {
-            Judgment::Worse
-        }
-    });
-    let foreign = decisive.limit.as_ref().and_then(|limit| limit.foreign.clone());
-    Row {
+/// A metric of the only system, or of two of which one may lack it.
+pub(crate) fn row(of: Pair<'_>) -> Row {
+    let (without, with) = match of {
+        Pair::One(without) => (Some(without), None),
+        Pair::Two(without, with) => (without, with),
+    };
+    let decisive = with.or(without).expect("a metric is of a system");
+    let value = |metric: Option<&Measured>| metric.map_or(Value::Null, |metric| metric.value.clone());
+    let (old, new) = (value(without), value(with));
+    let change = old.as_f64().zip(new.as_f64()).filter(|(old, _)| *old != 0.0);
+    let change = change.map(|(old, new)| 100.0 * (new - old) / old.abs());
+    let judgment = match of {
+        Pair::Two(..) if decisive.direction != Direction::None => judgment(&old, &new, change, decisive),
+        _ => None,
+    };
+    let reason = |metric: &Measured| {
+        metric.reason.clone().or_else(|| metric.limit.as_ref().and_then(|limit| limit.foreign.clone()))
+    };
+    let mut row = Row {
         id: decisive.id.clone(),
         title: decisive.title.clone(),
         definition: decisive.definition.clone(),
         unit: decisive.unit.to_owned(),
         suite: decisive.suite,
-        without: without.value.clone(),
-        with: with.map_or(Value::Null, |with| with.value.clone()),
+        words: [("without", without), ("with", with)]
+            .into_iter()
+            .filter_map(|(system, metric)| Some((system, metric?.words?)))
+            .collect(),
+        without: old,
+        with: new,
         change: change.map_or(Value::Null, |change| json!(change)),
         direction: decisive.direction,
         judgment,
         verdict: verdict(decisive),
-        verdict_without: verdict(without),
+        verdict_without: without.map_or(Verdict::Info, verdict),
         limit: decisive.limit.as_ref().map_or(Value::Null, Limit::to_json),
-        reason: decisive.reason.clone().or(foreign),
+        reason: reason(decisive),
+        reason_without: without.map_or_else(|| Some(ONLY_WITH.to_owned()), reason),
+        present: [without.is_some(), with.is_some()],
+    };
+    if let Pair::Two(Some(without), None) = of {
+        // What the system with the controllers does not have keeps no limit, but neither does it miss that of a regulation.
+        let is_required = without.limit.as_ref().is_some_and(Limit::is_required);
+        row.verdict = if is_required { Verdict::Fail } else { Verdict::Info };
+        row.reason = Some(ONLY_WITHOUT.to_owned());
+    }
+    row
+}
+
+/// A metric of the only system, or of those without and with controllers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Pair<'a> {
+    One(&'a Measured),
+    Two(Option<&'a Measured>, Option<&'a Measured>),
+}
+
+/// Why a system has no number that the other one has.
+const ONLY_WITHOUT: &str = "only the runs without controllers have it";
+const ONLY_WITH: &str = "only the runs with controllers have it";
+
+/// Whether a metric is better with the controllers. A number that is missing is worse than any, unless nothing has gone wrong.
+fn judgment(old: &Value, new: &Value, change: Option<f64>, metric: &Measured) -> Option<Judgment> {
+    let is_up = metric.direction == Direction::Up;
+    match (old, new) {
+        (Value::Null, Value::Null) => None,
+        (_, Value::Null) | (Value::Null, _) => {
+            Some(if new.is_null() == metric.is_best_without { Judgment::Better } else { Judgment::Worse })
+        }
+        (Value::Bool(old), Value::Bool(new)) if old == new => Some(Judgment::Same),
+        (Value::Bool(_), Value::Bool(new)) => Some(if *new == is_up { Judgment::Better } else { Judgment::Worse }),
+        _ => change.map(|change| {
+            if change.abs() < COUNTS {
+                Judgment::Same
+            } else if (change > 0.0) == is_up {
+                Judgment::Better
+            } else {
+                Judgment::Worse
+            }
+        }),
     }
 }
 
 fn verdict(metric: &Measured) -> Verdict {
     // The words of a trace whose column is missing.
-    let is_missing = metric.reason.as_ref().is_some_and(|reason| reason.contains("has no column"));
+    let is_missing = metric.is_dropped || metric.reason.as_ref().is_some_and(|reason| reason.contains("has no column"));
     match &metric.limit {
+        Some(limit) if metric.value.is_null() && limit.is_required() => {
+            if metric.is_best_without {
+                Verdict::Pass
+            } else {
+                Verdict::Fail
+            }
+        }
         _ if metric.value.is_null() && is_missing => Verdict::Dropped,
         None => Verdict::Info,
         Some(limit) if limit.foreign.is_some() => Verdict::Comparison,
@@ -375,7 +496,8 @@ impl Assessment {
 
     fn junit_suite(&self, suite: Suite, system: &str, text: &mut String) {
         let is_with = system == "with";
-        let rows: Vec<&Row> = self.metrics.iter().filter(|row| row.suite == suite).collect();
+        let is_present = |row: &&Row| row.present[usize::from(is_with)];
+        let rows: Vec<&Row> = self.metrics.iter().filter(|row| row.suite == suite).filter(is_present).collect();
         let broken: Vec<&RunRecord> =
             self.runs.iter().filter(|run| run.suite == suite && run.system == system && run.error.is_some()).collect();
         if rows.is_empty() && broken.is_empty() {
@@ -394,9 +516,17 @@ impl Assessment {
         );
         for row in rows {
             let value = if is_with { &row.with } else { &row.without };
-            let said = format!("{value} {}", row.unit);
+            let is_first = !is_with && self.systems.len() > 1;
+            let reason = if is_first { &row.reason_without } else { &row.reason };
+            let reason = reason.as_deref().unwrap_or_default();
+            let mut said = format!("{value} {}", row.unit);
+            if let Some(words) = row.words.get(system) {
+                let _ = write!(said, " ({words})");
+            }
+            if value.is_null() {
+                let _ = write!(said, "({reason})");
+            }
             let limit = if row.limit.is_null() { String::new() } else { format!(", limit {}", row.limit) };
-            let reason = row.reason.as_deref().unwrap_or_default();
             let (class, name) = (escaped(&row.id), escaped(&row.title));
             let _ = write!(text, "    <testcase classname=\"{class}\" name=\"{name}\">");
             let _ = match of(row) {
@@ -430,15 +560,15 @@ mod tests {
     use super::*;
 
     fn measured(value: Value, direction: Direction, limit: Option<Limit>) -> Measured {
-        let (id, title) = ("braking.mfdd".to_owned(), "Deceleration".to_owned());
-        let definition = String::new();
-        Measured { id, title, definition, unit: "m/s2", suite: Suite::Braking, value, direction, reason: None, limit }
+        let metric = Measured::new(Suite::Braking, "Deceleration", "m/s2", direction, value);
+        Measured { id: "braking.mfdd".to_owned(), limit, ..metric }
     }
 
     #[test]
     fn changes_are_judged_by_the_direction() {
         let of = |old: f64, new: f64, direction| {
-            row(&measured(json!(old), direction, None), Some(&measured(json!(new), direction, None))).judgment
+            let (old, new) = (measured(json!(old), direction, None), measured(json!(new), direction, None));
+            row(Pair::Two(Some(&old), Some(&new))).judgment
         };
         assert_eq!(of(5.0, 6.0, Direction::Up), Some(Judgment::Better));
         assert_eq!(of(5.0, 6.0, Direction::Down), Some(Judgment::Worse));
@@ -446,6 +576,43 @@ mod tests {
         assert_eq!(of(-5.0, -4.0, Direction::Up), Some(Judgment::Better));
         assert_eq!(of(0.0, 6.0, Direction::Up), None);
         assert_eq!(of(5.0, 6.0, Direction::None), None);
+    }
+
+    /// A number that gets lost is worse, unless its absence is the best result. A truth value is judged, too.
+    #[test]
+    fn numbers_that_come_and_go_are_judged() {
+        let of = |old: Value, new: Value, direction, is_best_without| {
+            let of = |value| Measured { is_best_without, ..measured(value, direction, None) };
+            row(Pair::Two(Some(&of(old)), Some(&of(new)))).judgment
+        };
+        for direction in [Direction::Up, Direction::Down] {
+            assert_eq!(of(json!(5.0), Value::Null, direction, false), Some(Judgment::Worse));
+            assert_eq!(of(Value::Null, json!(5.0), direction, false), Some(Judgment::Better));
+            assert_eq!(of(json!(5.0), Value::Null, direction, true), Some(Judgment::Better));
+            assert_eq!(of(Value::Null, json!(5.0), direction, true), Some(Judgment::Worse));
+            assert_eq!(of(Value::Null, Value::Null, direction, false), None);
+        }
+        assert_eq!(of(json!(5.0), Value::Null, Direction::None, false), None);
+        assert_eq!(of(json!(false), json!(true), Direction::Up, false), Some(Judgment::Better));
+        assert_eq!(of(json!(true), json!(false), Direction::Up, false), Some(Judgment::Worse));
+        assert_eq!(of(json!(true), json!(true), Direction::Up, false), Some(Judgment::Same));
+    }
+
+    /// What only one system has keeps the verdict of that system; the other one has none.
+    #[test]
+    fn a_metric_of_one_system_has_its_verdict() {
+        let failed = measured(json!(false), Direction::Up, Some(Limit::holds("R140")));
+        let only_with = row(Pair::Two(None, Some(&failed)));
+        assert_eq!((only_with.verdict, only_with.verdict_without), (Verdict::Fail, Verdict::Info));
+        assert_eq!((&only_with.without, &only_with.with), (&Value::Null, &json!(false)));
+        let only_without = row(Pair::Two(Some(&failed), None));
+        assert_eq!((only_without.verdict, only_without.verdict_without), (Verdict::Info, Verdict::Fail));
+        assert_eq!((&only_without.without, &only_without.with), (&json!(false), &Value::Null));
+        assert_eq!(only_without.reason.as_deref(), Some(ONLY_WITHOUT));
+        assert_eq!(row(Pair::One(&failed)).verdict, Verdict::Fail);
+        // The caller asked for it.
+        let required = measured(json!(7.0), Direction::Up, Some(Limit::at_least(6.0, REQUIRED)));
+        assert_eq!(row(Pair::Two(Some(&required), None)).verdict, Verdict::Fail);
     }
 
     #[test]
@@ -456,6 +623,13 @@ mod tests {
         assert_eq!(of(json!(70.0), Limit::at_most(70.0, "R13-H")), Verdict::Pass);
         assert_eq!(of(json!(false), Limit::holds("R140")), Verdict::Fail);
         assert_eq!(of(Value::Null, Limit::holds("R140")), Verdict::Error);
+        // What the caller requires has to be there.
+        assert_eq!(of(Value::Null, Limit::at_least(1.0, REQUIRED)), Verdict::Fail);
+        let best = Measured {
+            is_best_without: true,
+            ..measured(Value::Null, Direction::Up, Some(Limit::at_least(1.0, REQUIRED)))
+        };
+        assert_eq!(verdict(&best), Verdict::Pass);
         let foreign = Limit { foreign: Some("a truck".to_owned()), ..Limit::holds("R140") };
         assert_eq!(of(json!(false), foreign), Verdict::Comparison);
     }

@@ -204,7 +204,7 @@ pub static MANEUVERS: [Maneuver; 13] = [
         outputs: POSITION,
         needs_pedals: false,
         evaluator: "constant_radius",
-        make: |bench, _| Some(steady_state::circle(bench)),
+        make: |bench, _| steady_state::circle(bench),
     },
     Maneuver {
         id: "braking",
@@ -447,6 +447,7 @@ impl Single {
             vehicle: &self.vehicle,
             understeer_gradient: self.vehicle.understeer_gradient.as_ref().map_or(0.0, |datum| datum.value),
             amplitude: None,
+            is_mirrored: self.systems.is_mirrored,
             other_speed: None,
             is_quick: false,
             folder: std::path::Path::new(""),

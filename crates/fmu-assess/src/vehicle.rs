@@ -6,13 +6,29 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A file about a vehicle: data that its FMU does not have, and names of signals that are others than the bench's.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Debug, Clone, Default)]
 pub struct VehicleFile {
     /// Data.
     pub vehicle: Given,
-    /// Name of a signal of the bench -> name of the FMU's variable.
+    /// Name of a signal of the bench -> name of the plant's variable.
     pub signals: BTreeMap<String, String>,
+    /// The same of the other FMUs, by their names.
+    pub controllers: BTreeMap<String, BTreeMap<String, String>>,
+}
+
+/// The file as it is written: `[signals]` has names of the plant, and tables of other FMUs.
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct Written {
+    vehicle: Given,
+    signals: BTreeMap<String, Named>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a name of a variable, or a table of an FMU with such names")]
+enum Named {
+    Variable(String),
+    OfFmu(BTreeMap<String, String>),
 }
 
 /// Data of a vehicle as a file gives them; what is absent comes from the plant.
@@ -102,7 +118,14 @@ impl VehicleFile {
     /// # Errors
     /// The text is no such file; the message says where.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let file: Self = toml::from_str(text).map_err(|error| error.to_string())?;
+        let Written { vehicle, signals } = toml::from_str(text).map_err(|error| error.to_string())?;
+        let mut file = Self { vehicle, ..Self::default() };
+        for (name, named) in signals {
+            match named {
+                Named::Variable(variable) => drop(file.signals.insert(name, variable)),
+                Named::OfFmu(names) => drop(file.controllers.insert(name, names)),
+            }
+        }
         let Given { mass, width, front, rear, wheelbase, steer_ratio, .. } = &file.vehicle;
         for (name, value) in [
             ("mass", mass),
@@ -127,6 +150,27 @@ impl VehicleFile {
     pub fn of_library(fmu: &str) -> Self {
         let text = KNOWN.iter().find(|(name, _)| *name == fmu).map(|(_, text)| *text);
         text.map_or_else(Self::default, |text| Self::parse(text).expect("the file is tested"))
+    }
+
+    /// These data, and those of another file where they are absent.
+    #[must_use]
+    pub fn over(self, other: Self) -> Self {
+        let (own, rest) = (self.vehicle, other.vehicle);
+        let vehicle = Given {
+            class: own.class.or(rest.class),
+            mass: own.mass.or(rest.mass),
+            width: own.width.or(rest.width),
+            front: own.front.or(rest.front),
+            rear: own.rear.or(rest.rear),
+            wheelbase: own.wheelbase.or(rest.wheelbase),
+            steer_ratio: own.steer_ratio.or(rest.steer_ratio),
+            understeer_gradient: own.understeer_gradient.or(rest.understeer_gradient),
+        };
+        let mut signals = other.signals;
+        signals.extend(self.signals);
+        let mut controllers = other.controllers;
+        controllers.extend(self.controllers);
+        Self { vehicle, signals, controllers }
     }
 }
 
@@ -220,6 +264,18 @@ mod tests {
             assert!(given.width.is_some() && given.understeer_gradient.is_some(), "{name}");
         }
         assert!(VehicleFile::of_library("Stranger").vehicle.width.is_none());
+    }
+
+    #[test]
+    fn a_file_stands_above_the_data_of_the_library() {
+        let file =
+            "[vehicle]\nwidth = 1.7\n[signals]\n\"steer.front\" = \"delta\"\n[signals.Mine]\n\"steer.rear\" = \"d2\"\n";
+        let found = VehicleFile::parse(file).unwrap().over(VehicleFile::of_library("EspCar"));
+        assert_eq!((found.vehicle.width, found.vehicle.front), (Some(1.7), Some(1.95)));
+        assert_eq!(found.signals, BTreeMap::from([("steer.front".to_owned(), "delta".to_owned())]));
+        assert_eq!(found.controllers["Mine"], BTreeMap::from([("steer.rear".to_owned(), "d2".to_owned())]));
+        let wrong = VehicleFile::parse("[signals]\n\"steer.front\" = 1\n").unwrap_err();
+        assert!(wrong.contains("a name of a variable, or a table of an FMU"), "{wrong}");
     }
 
     #[test]

@@ -48,6 +48,8 @@ pub struct Subject {
     pub with: Vec<String>,
     /// Values for parameters: component, parameter, value as written; a number may have a unit behind it, after a space.
     pub set: Vec<(String, String, String)>,
+    /// FMUs of `with` and `base` in the order in which they were named; empty: those of `with` first.
+    pub order: Vec<String>,
     /// Vehicle data and names of signals.
     pub vehicle: VehicleFile,
 }
@@ -60,6 +62,8 @@ pub(crate) struct Unit {
     /// Name of the FMU.
     pub(crate) fmu: String,
     pub(crate) found: Found,
+    /// Name of the FMU's variable -> name of the bench's signal, where they differ.
+    renamed: BTreeMap<String, String>,
 }
 
 impl Unit {
@@ -71,8 +75,24 @@ impl Unit {
         self.description().variables.iter().filter(move |variable| variable.causality == causality)
     }
 
-    fn has(&self, causality: Causality, name: &str) -> bool {
-        self.variables(causality).any(|variable| variable.name == name)
+    /// Inputs or outputs, by the names of the bench.
+    fn signals(&self, causality: Causality) -> impl Iterator<Item = &str> {
+        self.variables(causality).map(|variable| self.signal(&variable.name))
+    }
+
+    /// Whether it has an input or output, by the name of the bench.
+    fn has(&self, causality: Causality, signal: &str) -> bool {
+        self.signals(causality).any(|name| name == signal)
+    }
+
+    /// The bench's name of a variable.
+    fn signal<'a>(&'a self, variable: &'a str) -> &'a str {
+        self.renamed.get(variable).map_or(variable, String::as_str)
+    }
+
+    /// The FMU's name of a signal.
+    fn variable<'a>(&'a self, signal: &'a str) -> &'a str {
+        self.renamed.iter().find(|(_, of)| *of == signal).map_or(signal, |(variable, _)| variable)
     }
 }
 
@@ -80,32 +100,30 @@ impl Unit {
 #[derive(Debug, Clone)]
 pub(crate) struct Plant {
     pub(crate) unit: Unit,
-    /// Name of the FMU's variable -> name of the bench's signal, where they differ.
-    renamed: BTreeMap<String, String>,
     /// Parameters that the caller has set.
     set: BTreeMap<String, f64>,
 }
 
 impl Plant {
     fn signal<'a>(&'a self, variable: &'a str) -> &'a str {
-        self.renamed.get(variable).map_or(variable, String::as_str)
+        self.unit.signal(variable)
     }
 
     pub(crate) fn variable<'a>(&'a self, signal: &'a str) -> &'a str {
-        self.renamed.iter().find(|(_, of)| *of == signal).map_or(signal, |(variable, _)| variable)
+        self.unit.variable(signal)
     }
 
     pub(crate) fn has_input(&self, signal: &str) -> bool {
-        self.unit.has(Causality::Input, self.variable(signal))
+        self.unit.has(Causality::Input, signal)
     }
 
     pub(crate) fn has_output(&self, signal: &str) -> bool {
-        self.unit.has(Causality::Output, self.variable(signal))
+        self.unit.has(Causality::Output, signal)
     }
 
     /// Whether an input begins with this.
     fn has_inputs(&self, start: &str) -> bool {
-        self.unit.variables(Causality::Input).any(|variable| self.signal(&variable.name).starts_with(start))
+        self.unit.signals(Causality::Input).any(|signal| signal.starts_with(start))
     }
 
     /// Value of a Real parameter.
@@ -121,12 +139,12 @@ impl Plant {
 
     /// Outputs, by the names of the bench.
     pub(crate) fn outputs(&self) -> Vec<String> {
-        self.unit.variables(Causality::Output).map(|variable| self.signal(&variable.name).to_owned()).collect()
+        self.unit.signals(Causality::Output).map(str::to_owned).collect()
     }
 
     /// Inputs, by the names of the bench.
     pub(crate) fn inputs(&self) -> Vec<String> {
-        self.unit.variables(Causality::Input).map(|variable| self.signal(&variable.name).to_owned()).collect()
+        self.unit.signals(Causality::Input).map(str::to_owned).collect()
     }
 }
 
@@ -167,7 +185,7 @@ pub(crate) struct System {
     pub(crate) name: &'static str,
     pub(crate) speed: Speed,
     plans: Vec<(Driving, Plan)>,
-    /// Inputs that nothing writes, and what they get instead.
+    /// Inputs that nothing writes, and what they get instead, of all kinds of driving.
     pub(crate) unwritten: Vec<(String, String)>,
     /// Units that have no effect.
     pub(crate) idle: Vec<String>,
@@ -196,6 +214,13 @@ pub(crate) struct Systems {
     pub(crate) plant: Plant,
     pub(crate) base: Vec<Unit>,
     pub(crate) with: Vec<Unit>,
+    /// Controllers and base units, in the caller's order.
+    all: Vec<Unit>,
+    drivers: Vec<Unit>,
+    /// Values of the caller, by the components of the scenarios.
+    set: Vec<(String, String, String)>,
+    /// Whether the paths of the driver are mirrored, by the caller.
+    pub(crate) is_mirrored: bool,
     /// The one without the controllers, and the one with them if there are any.
     pub(crate) systems: Vec<System>,
 }
@@ -219,7 +244,8 @@ pub(crate) fn component_name(fmu: &str) -> String {
     name
 }
 
-fn find(source: &dyn Descriptions, fmu: &str) -> Result<Unit, SetupError> {
+/// Finds an FMU. `names` has the FMU's names of signals, where they differ from those of the bench.
+fn find(source: &dyn Descriptions, fmu: &str, names: Option<&BTreeMap<String, String>>) -> Result<Unit, SetupError> {
     let found = source.find(fmu).map_err(SetupError::new)?;
     let Some(found) = found else {
         let names = source.names();
@@ -233,7 +259,16 @@ fn find(source: &dyn Descriptions, fmu: &str) -> Result<Unit, SetupError> {
     if found.description.co_simulation.is_none() {
         return Err(SetupError::new(format!("{} has no co-simulation", found.path)));
     }
-    Ok(Unit { name: component_name(fmu), fmu: fmu.to_owned(), found })
+    let mut renamed = BTreeMap::new();
+    for (signal, variable) in names.into_iter().flatten() {
+        if found.description.variable(variable).is_none() {
+            return Err(SetupError::new(format!(
+                "the vehicle data name `{signal}` `{variable}`, but {fmu} has no such variable"
+            )));
+        }
+        renamed.insert(variable.clone(), signal.clone());
+    }
+    Ok(Unit { name: component_name(fmu), fmu: fmu.to_owned(), found, renamed })
 }
 
 impl Systems {
@@ -241,31 +276,44 @@ impl Systems {
     #[cfg(not(target_family = "wasm"))]
     pub(crate) fn new(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
         let mut found = Self::found(subject, source)?;
-        let has_road = found.plant.inputs().iter().any(|input| input.starts_with("road_height."));
         let mut drivings = vec![(Driving::OpenLoop, Road::Flat), (Driving::Path, Road::Flat)];
-        if has_road {
+        if found.plant.has_inputs("road_height.") {
             drivings.push((Driving::Ride, Road::Rough));
         }
-        found.systems.push(system("without", &found.plant, &found.base, subject, source, &drivings)?);
+        found.wire("without", &found.base.clone(), source, &drivings)?;
         if !found.with.is_empty() {
-            found.systems.push(system("with", &found.plant, &found.units(), subject, source, &drivings)?);
+            found.wire("with", &found.all.clone(), source, &drivings)?;
         }
         Ok(found)
     }
 
+    /// Wires one system, with all its controllers, for one kind of driving.
+    pub(crate) fn only(
+        subject: &Subject,
+        source: &dyn Descriptions,
+        driving: Driving,
+        road: Road,
+    ) -> Result<Self, SetupError> {
+        let mut found = Self::found(subject, source)?;
+        found.wire("with", &found.all.clone(), source, &[(driving, road)])?;
+        Ok(found)
+    }
+
+    fn wire(
+        &mut self,
+        name: &'static str,
+        units: &[Unit],
+        source: &dyn Descriptions,
+        drivings: &[(Driving, Road)],
+    ) -> Result<(), SetupError> {
+        let system = system(name, &self.plant, units, &self.drivers, &self.set, source, drivings)?;
+        self.systems.push(system);
+        Ok(())
+    }
+
     /// Finds the FMUs.
     pub(crate) fn found(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
-        let unit = find(source, &subject.plant)?;
-        let mut renamed = BTreeMap::new();
-        for (signal, variable) in &subject.vehicle.signals {
-            if unit.description().variable(variable).is_none() {
-                return Err(SetupError::new(format!(
-                    "the vehicle data name `{signal}` `{variable}`, but {} has no such variable",
-                    subject.plant
-                )));
-            }
-            renamed.insert(variable.clone(), signal.clone());
-        }
+        let unit = find(source, &subject.plant, Some(&subject.vehicle.signals))?;
         let mut set = BTreeMap::new();
         for (_, name, value) in subject.set.iter().filter(|(component, _, _)| *component == unit.name) {
             let (number, given) = value.split_once(' ').map_or((value.as_str(), None), |(n, unit)| (n, Some(unit)));
@@ -281,33 +329,131 @@ impl Systems {
             }
             set.insert(name.clone(), number);
         }
-        let plant = Plant { unit, renamed, set };
+        let plant = Plant { unit, set };
         check_plant(&plant)?;
-        let mut base = subject.base.iter().map(|fmu| find(source, fmu)).collect::<Result<Vec<_>, _>>()?;
+        let of = |fmu: &String| find(source, fmu, subject.vehicle.controllers.get(fmu));
+        let mut base = subject.base.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         let needs_torques = plant.has_inputs("brake_torque.") || plant.has_inputs("drive_torque.");
         if base.is_empty() && needs_torques && source.names().iter().any(|name| name == ACTUATORS) {
-            base.push(find(source, ACTUATORS)?);
+            base.push(of(&ACTUATORS.to_owned())?);
         }
-        let with = subject.with.iter().map(|fmu| find(source, fmu)).collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { plant, base, with, systems: Vec::new() })
+        let with = subject.with.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let mut all: Vec<Unit> = with.iter().chain(&base).cloned().collect();
+        all.sort_by_key(|unit| subject.order.iter().position(|fmu| *fmu == unit.fmu).unwrap_or(usize::MAX));
+        let drivers = DRIVERS.into_iter().filter_map(|fmu| find(source, fmu, None).ok()).collect::<Vec<_>>();
+        let set = settings(subject, &plant, &all, &drivers)?;
+        let is_mirrored = set.iter().any(|(component, name, value)| {
+            let is_true = value == "true" || value.parse::<f64>().is_ok_and(|number| number > 0.5);
+            component == "driver" && name == "path.mirror" && is_true
+        });
+        Ok(Self { plant, base, with, all, drivers, set, is_mirrored, systems: Vec::new() })
     }
+}
 
-    /// Wires one system, with all its controllers, for one kind of driving.
-    pub(crate) fn only(
-        subject: &Subject,
-        source: &dyn Descriptions,
-        driving: Driving,
-        road: Road,
-    ) -> Result<Self, SetupError> {
-        let mut found = Self::found(subject, source)?;
-        found.systems.push(system("with", &found.plant, &found.units(), subject, source, &[(driving, road)])?);
-        Ok(found)
-    }
+/// FMUs of the drivers: steering as a function of time, and along a path.
+const DRIVERS: [&str; 2] = ["Driver", "PathDriver"];
 
-    /// Controllers and base units.
-    fn units(&self) -> Vec<Unit> {
-        self.with.iter().chain(&self.base).cloned().collect()
+/// Parameters that the bench gives to drivers and plants itself, and what to do instead of setting them.
+const GIVEN: [(&str, &str, &str); 6] = [
+    ("driver", "geometry.wheelbase", "Give `wheelbase` in the table [vehicle] of a file, by --vehicle."),
+    (
+        "driver",
+        "vehicle.understeer_gradient",
+        "Give `understeer_gradient` in the table [vehicle] of a file, by --vehicle.",
+    ),
+    ("driver", "steer.ratio", "Give `steer_ratio` in the table [vehicle] of a file, by --vehicle."),
+    ("driver", "path.vehicle_width", "Give `width` in the table [vehicle] of a file, by --vehicle."),
+    ("driver", "speed.initial", "Use --speed."),
+    ("plant", "vehicle.initial_speed", "Use --speed."),
+];
+
+/// Parameters of drivers and road that the procedures of the maneuvers prescribe.
+const PRESCRIBED: [(&str, &[&str]); 2] = [
+    (
+        "driver",
+        &[
+            "maneuver",
+            "table.file",
+            "path.start",
+            "path.radius",
+            "path.turn_in",
+            "path.arc",
+            "path.overlap",
+            "path.offset",
+            "path.change_distance",
+            "path.run_out",
+            "path.lost_distance",
+            "steer.amplitude",
+            "steer.start",
+            "steer.rise_time",
+            "steer.frequency",
+            "steer.dwell_time",
+            "steer.wheel_amplitude",
+            "steer.wheel_rate",
+            "steer.maximum_dwell",
+            "steer.hold_start",
+            "roll_rate.threshold",
+            "speed.control",
+            "speed.final",
+            "speed.start",
+            "speed.rise_time",
+            "release.distance",
+            "brake.amplitude",
+            "brake.start",
+            "brake.rise_time",
+        ],
+    ),
+    (
+        "road",
+        &[
+            "profile",
+            "tracks",
+            "roughness.start",
+            "roughness.class",
+            "seed",
+            "geometry.axle_offset.middle",
+            "geometry.axle_offset.rear",
+        ],
+    ),
+];
+
+/// The values of the caller, by the components of the scenarios.
+fn settings(
+    subject: &Subject,
+    plant: &Plant,
+    units: &[Unit],
+    drivers: &[Unit],
+) -> Result<Vec<(String, String, String)>, SetupError> {
+    let mut known = vec![plant.unit.name.as_str(), "driver"];
+    if plant.has_inputs("road_height.") {
+        known.push("road");
     }
+    known.extend(units.iter().map(|unit| unit.name.as_str()));
+    let mut set = Vec::new();
+    for (component, name, value) in &subject.set {
+        if !known.contains(&component.as_str()) {
+            let message = format!("there is no component `{component}` whose `{name}` could be set");
+            return Err(SetupError::with_help(message, format!("There are `{}`.", known.join("`, `"))));
+        }
+        let own = if *component == plant.unit.name { "plant" } else { component.as_str() };
+        let given = GIVEN.iter().find(|(of, parameter, _)| *of == own && parameter == name).map(|(_, _, help)| *help);
+        let is_prescribed = PRESCRIBED.iter().any(|(of, names)| *of == own && names.contains(&name.as_str()));
+        if given.is_some() || is_prescribed {
+            return Err(SetupError::with_help(
+                format!("`{component}:{name}` cannot be set: the bench gives it a value"),
+                given.unwrap_or("The procedures of the maneuvers prescribe it."),
+            ));
+        }
+        let is_known = |driver: &Unit| driver.description().variable(name).is_some();
+        if own == "driver" && !drivers.is_empty() && !drivers.iter().any(is_known) {
+            let names = drivers.iter().flat_map(|driver| driver.variables(Causality::Parameter));
+            let suggestion = fmu_import::names::suggestion(name, names.map(|variable| variable.name.as_str()));
+            let message = format!("neither Driver nor PathDriver has a parameter `{name}`");
+            return Err(SetupError { message, help: suggestion });
+        }
+        set.push((own.to_owned(), name.clone(), value.clone()));
+    }
+    Ok(set)
 }
 
 fn check_plant(plant: &Plant) -> Result<(), SetupError> {
@@ -334,19 +480,34 @@ fn check_plant(plant: &Plant) -> Result<(), SetupError> {
     ))
 }
 
-/// Units in the order of a step: who writes a signal comes before who reads it. A circle is cut at its first unit; ties keep the
-/// order.
+/// Units in the order of a step: who writes a signal comes before who reads it. A cycle is cut at the one of its units that was
+/// named first; ties keep the order.
 fn ordered(units: &[Unit]) -> Vec<&Unit> {
-    let mut left: Vec<&Unit> = units.iter().collect();
+    let writes = |unit: &Unit, other: &Unit| {
+        unit.name != other.name && unit.signals(Causality::Output).any(|output| other.has(Causality::Input, output))
+    };
+    let edges: Vec<Vec<bool>> =
+        units.iter().map(|unit| units.iter().map(|other| writes(unit, other)).collect()).collect();
+    order(&edges).into_iter().map(|index| &units[index]).collect()
+}
+
+/// The order of a graph: `edges[i][j]` says that i comes before j, unless both are in a cycle that is cut there.
+fn order(edges: &[Vec<bool>]) -> Vec<usize> {
+    let mut left: Vec<usize> = (0..edges.len()).collect();
     let mut order = Vec::new();
     while !left.is_empty() {
-        let waits = |unit: &Unit| {
-            left.iter().any(|other| {
-                other.name != unit.name
-                    && other.variables(Causality::Output).any(|output| unit.has(Causality::Input, &output.name))
-            })
-        };
-        let next = left.iter().position(|unit| !waits(unit)).unwrap_or(0);
+        // Who comes before whom, also by way of others.
+        let mut reaches = edges.to_vec();
+        for via in &left {
+            for from in &left {
+                for to in &left {
+                    reaches[*from][*to] |= reaches[*from][*via] && reaches[*via][*to];
+                }
+            }
+        }
+        // All that come before it are in its cycle.
+        let is_next = |unit: &usize| left.iter().all(|other| !reaches[*other][*unit] || reaches[*unit][*other]);
+        let next = left.iter().position(is_next).unwrap_or(0);
         order.push(left.remove(next));
     }
     order
@@ -399,7 +560,7 @@ impl Wiring<'_> {
         }
         let unit = self.units.iter().find(|unit| unit.has(Causality::Output, signal));
         if let Some(unit) = unit {
-            return Some((&unit.name, signal.to_owned()));
+            return Some((&unit.name, unit.variable(signal).to_owned()));
         }
         let of_road = signal.starts_with("road_height.") || signal.starts_with("road_friction.");
         (self.road == Road::Rough && of_road).then(|| ("road", signal.to_owned()))
@@ -422,7 +583,8 @@ impl Wiring<'_> {
             match self.units.iter().find(|unit| unit.has(Causality::Output, "brake.master_pressure")) {
                 Some(unit) => {
                     self.unwritten.push((signal.to_owned(), "brake.master_pressure".to_owned()));
-                    return Source::Signal(unit.name.clone(), "brake.master_pressure".to_owned());
+                    let variable = unit.variable("brake.master_pressure").to_owned();
+                    return Source::Signal(unit.name.clone(), variable);
                 }
                 None => None,
             }
@@ -480,6 +642,7 @@ impl Wiring<'_> {
                     connect(&mut connections, "plant", self.plant.variable(signal), "driver", signal);
                 } else {
                     missing.push((signal.to_owned(), "0.0".to_owned()));
+                    self.unwritten.push((format!("driver:{signal}"), "0.0".to_owned()));
                 }
             }
         }
@@ -494,8 +657,7 @@ impl Wiring<'_> {
             let name = if is_plant { "plant" } else { unit.name.as_str() };
             let mut constants = Vec::new();
             for variable in unit.variables(Causality::Input) {
-                let signal =
-                    if is_plant { self.plant.signal(&variable.name).to_owned() } else { variable.name.clone() };
+                let signal = unit.signal(&variable.name).to_owned();
                 match self.source(name, variable, &signal) {
                     Source::Signal(from, output) => connect(&mut connections, &from, &output, name, &variable.name),
                     Source::Constant(value) => constants.push((variable.name.clone(), value)),
@@ -559,27 +721,30 @@ fn system(
     name: &'static str,
     plant: &Plant,
     units: &[Unit],
-    subject: &Subject,
+    drivers: &[Unit],
+    set: &[(String, String, String)],
     source: &dyn Descriptions,
     drivings: &[(Driving, Road)],
 ) -> Result<System, SetupError> {
     let mut written: BTreeMap<&str, &str> = BTreeMap::new();
+    for unit in drivers.iter().rev().chain([&plant.unit]) {
+        written.extend(unit.signals(Causality::Output).map(|output| (output, unit.fmu.as_str())));
+    }
     for unit in units {
-        for output in unit.variables(Causality::Output) {
-            if let Some(other) = written.insert(&output.name, &unit.fmu) {
+        for output in unit.signals(Causality::Output) {
+            if let Some(other) = written.insert(output, &unit.fmu) {
                 return Err(SetupError::with_help(
-                    format!("{other} and {} both write `{}`", unit.fmu, output.name),
+                    format!("{other} and {} both write `{output}`", unit.fmu),
                     "Leave one of them out.",
                 ));
             }
         }
     }
     let reads = |signal: &str| plant.has_input(signal) || units.iter().any(|unit| unit.has(Causality::Input, signal));
-    let acts = |unit: &&Unit| unit.variables(Causality::Output).any(|output| reads(&output.name));
+    let acts = |unit: &&Unit| unit.signals(Causality::Output).any(reads);
     let idle = units.iter().filter(|unit| !acts(unit)).map(|unit| unit.fmu.clone()).collect();
     let has_pedals = units.iter().any(|unit| {
-        unit.variables(Causality::Output)
-            .any(|o| o.name.starts_with("drive_torque.") || o.name.starts_with("brake_torque."))
+        unit.signals(Causality::Output).any(|o| o.starts_with("drive_torque.") || o.starts_with("brake_torque."))
     });
     let speed = if plant.has_input("driver.speed") {
         Speed::Prescribed
@@ -588,16 +753,18 @@ fn system(
     } else {
         Speed::Own
     };
-    let set: Vec<_> = (subject.set.iter().cloned())
-        .map(|(component, name, value)| {
-            (if component == plant.unit.name { "plant".to_owned() } else { component }, name, value)
-        })
-        .collect();
     let mut plans = Vec::new();
     let mut columns = Vec::new();
-    let mut unwritten = Vec::new();
+    let mut unwritten: Vec<(String, String)> = Vec::new();
     for &(driving, road) in drivings {
-        let driver = if driving == Driving::OpenLoop { "Driver" } else { "PathDriver" };
+        let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
+        // Each of the drivers has parameters that the other one does not have, and no run has all units.
+        let description = drivers.iter().find(|unit| unit.fmu == driver).map(Unit::description);
+        let is_of_system = |(component, name, _): &&(String, String, String)| match component.as_str() {
+            "driver" => description.is_none_or(|description| description.variable(name).is_some()),
+            _ => true,
+        };
+        let set: Vec<_> = set.iter().filter(is_of_system).cloned().collect();
         let mut wiring = Wiring { plant, units: ordered(units), driving, road, driver, unwritten: Vec::new() };
         let text = wiring.scenario(&set);
         let options = Options::default();
@@ -605,8 +772,10 @@ fn system(
             .map_err(|error| SetupError::new(explained(&error)))?;
         columns.push((driving, plan.columns.iter().map(|column| signal_of(&column.name, plant)).collect()));
         plans.push((driving, plan));
-        if unwritten.is_empty() {
-            unwritten = wiring.unwritten;
+        for entry in wiring.unwritten {
+            if !unwritten.iter().any(|(signal, _)| *signal == entry.0) {
+                unwritten.push(entry);
+            }
         }
     }
     Ok(System { name, speed, plans, unwritten, idle, columns })
@@ -649,6 +818,31 @@ mod tests {
         ] {
             assert_eq!(component_name(fmu), name);
         }
+    }
+
+    /// By hand. `"ab"`: a writes what b reads.
+    #[test]
+    fn writers_come_before_readers_and_cycles_are_cut_where_they_are_named_first() {
+        let of = |count: usize, edges: &[&str]| {
+            let mut graph = vec![vec![false; count]; count];
+            for edge in edges {
+                let ends: Vec<usize> = edge.bytes().map(|letter| usize::from(letter - b'a')).collect();
+                graph[ends[0]][ends[1]] = true;
+            }
+            order(&graph).into_iter().map(|index| char::from(b'a' + index as u8)).collect::<String>()
+        };
+        assert_eq!(of(3, &[]), "abc");
+        assert_eq!(of(3, &["ca", "cb"]), "cab");
+        assert_eq!(of(4, &["dc", "cb", "ba"]), "dcba");
+        // A cycle of b and c: b was named first.
+        assert_eq!(of(3, &["bc", "cb"]), "abc");
+        // a waits for the cycle of b and c; it is not a place to cut it.
+        assert_eq!(of(3, &["ba", "bc", "cb"]), "bac");
+        assert_eq!(of(3, &["ca", "bc", "cb"]), "bca");
+        // The cycle of a and b waits for that of c and d.
+        assert_eq!(of(4, &["ab", "ba", "cd", "dc", "da"]), "cdab");
+        // All in one cycle a, b, c: after the cut the others keep their direction.
+        assert_eq!(of(3, &["ac", "cb", "ba"]), "acb");
     }
 
     #[test]

@@ -130,6 +130,8 @@ pub struct Summary {
     pub limits: Vec<Limit>,
     /// Terms of the objective.
     pub terms: Vec<Term>,
+    /// Recorded rows in the window of each term.
+    pub rows: Vec<usize>,
     /// Weights from judgments.
     pub judged: Option<ahp::Weights>,
     /// The scenario's own values.
@@ -328,6 +330,13 @@ fn search(
     Ok((end, progress))
 }
 
+/// Recorded rows in the window of a term.
+fn rows(times: &fmu_system::run::Simulation, term: &Term) -> usize {
+    let distance = times.step * times.every as f64;
+    let all: Vec<f64> = (0..=times.steps / times.every).map(|row| times.start + distance * row as f64).collect();
+    fmu_system::metrics::window(&all, term.window, times.step).len()
+}
+
 /// All but the results of the methods.
 fn summary(study: &Study) -> Summary {
     let simulation = &study.simulation;
@@ -359,6 +368,7 @@ fn summary(study: &Study) -> Summary {
         constraints: study.constraints.clone(),
         limits: simulation.limits.clone(),
         terms: simulation.terms.clone(),
+        rows: simulation.terms.iter().map(|term| rows(&simulation.times, term)).collect(),
         judged: study.judged.clone(),
         baseline: Baseline {
             title: study.baseline.clone(),

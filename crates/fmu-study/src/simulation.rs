@@ -117,6 +117,7 @@ impl Simulation {
                 changed.map_err(|e| Failure {
                     run: run.id.clone(),
                     time: None,
+                    component: None,
                     message: e.to_string(),
                     kind: FailureKind::Error,
                 })?;

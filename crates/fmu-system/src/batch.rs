@@ -48,8 +48,19 @@ pub struct Row {
     pub numbers: Vec<Option<f64>>,
     /// How it ended.
     pub end: End,
+    /// Where it failed.
+    pub place: Place,
     /// Time that the run took, s; 0 if it failed.
     pub seconds: f64,
+}
+
+/// Component and variable that a failure is about, if known.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Name of the component.
+    pub component: Option<String>,
+    /// Name of the variable: a recorded signal that is not finite.
+    pub variable: Option<String>,
 }
 
 /// How a run of a sample ended.
@@ -175,6 +186,7 @@ impl Batch {
             let failed = |message: String| Failure {
                 run: self.plan.runs[run].id.clone(),
                 time: None,
+                component: None,
                 message,
                 kind: FailureKind::Error,
             };
@@ -199,19 +211,44 @@ impl Batch {
         pool.execute(&self.plan.simulation, tasks.len(), &task, &|_| (), &finish);
     }
 
+    /// Executes runs with other values in worker processes and hands over their signals. `columns` are the slots to record
+    /// for each run of the plan.
+    pub fn record(
+        &self,
+        pool: &Pool,
+        columns: &[Vec<Option<usize>>],
+        runs: &[(Vec<Change>, usize)],
+        take: &(dyn Fn(usize, Result<Recording, Failure>) + Sync),
+    ) {
+        let task = |index: usize| {
+            let (changes, at) = &runs[index];
+            let changed = self.changed(*at, changes).map_err(|error| Failure {
+                run: self.plan.runs[*at].id.clone(),
+                time: None,
+                component: None,
+                message: error.to_string(),
+                kind: FailureKind::Error,
+            });
+            changed.map(|run| Task { run: Run { columns: columns[*at].clone(), ..run }, csv: None })
+        };
+        pool.execute(&self.plan.simulation, runs.len(), &task, &|_| (), take);
+    }
+
     /// Executes the runs of a sample in this process: the FMUs have to be loaded, and one that crashes ends it.
     #[must_use]
     pub fn execute_here(&self, index: usize, sample: &Sample) -> Vec<Row> {
         let outcome = |run: &usize| {
-            let failed = |time, message| Failure {
+            let failed = |time, component, message| Failure {
                 run: self.plan.runs[*run].id.clone(),
                 time,
+                component,
                 message,
                 kind: FailureKind::Error,
             };
-            let changed = self.changed(*run, &sample.changes).map_err(|error| failed(None, error.to_string()))?;
-            master::execute(&self.plan.simulation, &changed, &self.fmus)
-                .map_err(|error| failed(error.time, error.cause.to_string()))
+            let changed = self.changed(*run, &sample.changes).map_err(|error| failed(None, None, error.to_string()))?;
+            master::execute(&self.plan.simulation, &changed, &self.fmus).map_err(|error| {
+                failed(error.time, error.cause.component().map(str::to_owned), error.cause.to_string())
+            })
         };
         let outcomes: Vec<_> = self.executed(sample).iter().map(|run| (*run, outcome(run))).collect();
         self.rows(index, sample, &outcomes)
@@ -228,23 +265,48 @@ impl Batch {
         let of = |run: usize| outcomes.iter().find(|(of, _)| *of == run).map(|(_, outcome)| outcome);
         let row = |run: usize| {
             let outcome = of(run)?;
-            let (numbers, end, seconds) = match outcome {
-                Err(failure) => (Vec::new(), failure.clone().into(), 0.0),
+            let (numbers, end, place, seconds) = match outcome {
+                Err(failure) => {
+                    let place = Place { component: failure.component.clone(), variable: None };
+                    (Vec::new(), failure.clone().into(), place, 0.0)
+                }
                 Ok(recording) => {
                     let baseline = self.baselines[run].and_then(of).and_then(|outcome| outcome.as_ref().ok());
-                    match self.numbers(recording, baseline) {
-                        Ok(numbers) => (numbers, End::Ok, recording.seconds),
-                        Err(end) => (Vec::new(), end, 0.0),
+                    match self.numbers(run, recording, baseline) {
+                        Ok(numbers) => (numbers, End::Ok, Place::default(), recording.seconds),
+                        Err((end, place)) => (Vec::new(), end, place, 0.0),
                     }
                 }
             };
-            Some(Row { sample: index, run, numbers, end, seconds })
+            Some(Row { sample: index, run, numbers, end, place, seconds })
         };
         sample.runs.iter().filter_map(|run| row(*run)).collect()
     }
 
+    /// The component and variable that a column of a run records.
+    fn source(&self, run: usize, column: usize) -> Place {
+        let run = &self.plan.runs[run];
+        let name = &self.plan.columns[column].name;
+        let (component, variable) = match name.split_once(':') {
+            Some((component, variable)) => (Some(component), variable),
+            None => {
+                let writes = |slot: usize| {
+                    run.components.iter().find(|other| other.outputs.iter().any(|output| output.slot == slot))
+                };
+                let component = run.columns[column].and_then(writes);
+                (component.map(|component| component.name.as_str()), name.as_str())
+            }
+        };
+        Place { component: component.map(str::to_owned), variable: Some(variable.to_owned()) }
+    }
+
     /// The numbers of the metrics of a run.
-    fn numbers(&self, recording: &Recording, baseline: Option<&Recording>) -> Result<Vec<Option<f64>>, End> {
+    fn numbers(
+        &self,
+        run: usize,
+        recording: &Recording,
+        baseline: Option<&Recording>,
+    ) -> Result<Vec<Option<f64>>, (End, Place)> {
         let columns = columns(recording);
         // The first row decides, then the first column.
         let not_finite = columns
@@ -252,7 +314,7 @@ impl Batch {
             .filter_map(|(index, values)| values.iter().position(|value| !value.is_finite()).map(|row| (row, *index)));
         if let Some((row, column)) = not_finite.min() {
             let message = format!("`{}` is {}", self.plan.columns[column].name, columns[&column][row]);
-            return Err(End::Diverged { time: recording.time[row], message });
+            return Err((End::Diverged { time: recording.time[row], message }, self.source(run, column)));
         }
         let of_baseline = baseline.map(self::columns);
         let simulation = &self.plan.simulation;
@@ -263,7 +325,10 @@ impl Batch {
                 Source::Signals(Definition { window: Some([from, _]), .. }) if *from >= simulation.stop => None,
                 Source::Signals(definition) => definition
                     .value(&recording.time, &columns, of_baseline.as_ref(), simulation.step)
-                    .map_err(|error| End::Rejected { message: format!("metric {}: {error}", metric.name) })?,
+                    .map_err(|error| {
+                        let message = format!("metric {}: {error}", metric.name);
+                        (End::Rejected { message }, Place::default())
+                    })?,
                 Source::Metrics { value, .. } => value.value(|index| numbers.get(index).copied().flatten()),
             };
             numbers.push(number);

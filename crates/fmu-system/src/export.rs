@@ -2,10 +2,11 @@
 //!
 //! [`System`] is a run in names instead of numbers. [`System::write`] makes a folder with
 //!
-//! - `NAME.ssp`, System Structure and Parameterization 1.0: the structure with connectors, units of measure and
+//! - `NAME.ssp`, System Structure and Parameterization 1.0, or 2.0 with a component of FMI 3.0: the structure with connectors, units of measure and
 //!   connections, a parameter set for every component, the FMUs, and the annotations from which OMSimulator and libcosim take
 //!   the step (Ecos and FMPy are told),
-//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs beside it.
+//! - `OspSystemStructure.xml`, the configuration of libcosim, with the FMUs beside it; not with a component of FMI 3.0, which
+//!   libcosim does not take.
 //!
 //! Inputs that keep one value are start values in both. Neither format says in which order the components of a step follow
 //! each other, nor what is recorded how often and computed from it; outputs that are recorded are connectors, so that a
@@ -39,18 +40,6 @@ pub enum ExportError {
     /// An FMU cannot be read.
     #[error(transparent)]
     Fmu(#[from] ArchiveError),
-    /// An FMU of a version that the formats do not take.
-    #[error(
-        "{fmu} of `{component}` is of FMI {fmi}, but SSP 1.0 and libcosim take FMI 2.0 only; pack the model for FMI 2.0"
-    )]
-    Version {
-        /// The file.
-        fmu: String,
-        /// Component.
-        component: String,
-        /// Its version.
-        fmi: FmiVersion,
-    },
     /// The description is not that of the plan.
     #[error("{fmu}: the FMU has changed since the plan was made: it has no {what} {base_type} {reference}")]
     Changed {
@@ -152,10 +141,14 @@ pub struct Component {
     pub fmu: PathBuf,
     /// Its file name.
     pub file: String,
+    /// Its version of FMI.
+    pub fmi: FmiVersion,
     /// Inputs that are written, and outputs that are read or recorded.
     pub connectors: Vec<Connector>,
     /// Values of parameters and of inputs that nothing writes.
     pub values: Vec<Parameter>,
+    /// Their types, as FMI and SSP name them.
+    value_types: HashMap<String, String>,
 }
 
 /// An input or output of a component.
@@ -167,6 +160,8 @@ pub struct Connector {
     pub output: bool,
     /// Base type, not `String`.
     pub base_type: BaseType,
+    /// Its type, as FMI and SSP name it.
+    type_name: String,
     /// Unit of measure.
     pub unit: Option<String>,
 }
@@ -184,7 +179,7 @@ impl System {
     /// The run of a plan.
     ///
     /// # Errors
-    /// An FMU cannot be read, is of FMI 3.0 or another one than that of the plan, a file writes signals, an FMU has a name that is
+    /// An FMU cannot be read or is another one than that of the plan, a file writes signals, an FMU has a name that is
     /// no part of a URI, an enumeration is set or wired, a connection converts Real or Boolean, a unit of measure is
     /// defined in two ways.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
@@ -211,17 +206,15 @@ impl System {
         let mut components = Vec::new();
         for planned in &run.components {
             let description = describe(&planned.fmu)?;
-            if description.fmi != FmiVersion::V2 {
-                let (fmu, component, fmi) = (planned.fmu.clone(), planned.name.clone(), description.fmi);
-                return Err(ExportError::Version { fmu, component, fmi });
-            }
             let fmu = PathBuf::from(&planned.fmu);
             let mut component = Component {
                 name: planned.name.clone(),
                 file: file_name(&fmu)?,
                 fmu,
+                fmi: description.fmi,
                 connectors: Vec::new(),
                 values: Vec::new(),
+                value_types: HashMap::new(),
             };
             let wirable = wirable(&description);
             for wire in &planned.inputs {
@@ -242,6 +235,9 @@ impl System {
                 let variable = description.variable(&setting.name);
                 reject_enumeration(variable, &planned.name)?;
                 let unit = variable.and_then(|v| v.unit.clone()).filter(|name| defined(&description, name).is_some());
+                if let Some(variable) = variable {
+                    component.value_types.insert(variable.name.clone(), type_name(variable, description.fmi));
+                }
                 component.values.push(Parameter { name: setting.name.clone(), value: setting.value.clone(), unit });
             }
             let used = component.connectors.iter().map(|c| &c.unit).chain(component.values.iter().map(|v| &v.unit));
@@ -290,12 +286,22 @@ impl System {
         ssp::write_to(output, self, copy)
     }
 
-    /// Writes the files into a folder, which appears complete or not at all, and returns their paths. With `overwrite`
-    /// it may hold the files of an earlier call.
+    /// Whether a component is of FMI 3.0.
+    fn has_fmi_3(&self) -> bool {
+        self.components.iter().any(|component| component.fmi == FmiVersion::V3)
+    }
+
+    /// Version of SSP: the first that has the types of all components.
+    fn version(&self) -> &'static str {
+        if self.has_fmi_3() { "2.0" } else { "1.0" }
+    }
+
+    /// Writes the files into a folder, which appears complete or not at all, and returns their paths: the SSP file, and with
+    /// components of FMI 2.0 only the configuration of libcosim. With `overwrite` it may hold the files of an earlier call.
     ///
     /// # Errors
     /// The folder is not empty, or holds something else than an earlier call wrote; a file cannot be read or written.
-    pub fn write(&self, folder: &Path, overwrite: bool) -> Result<[PathBuf; 2], ExportError> {
+    pub fn write(&self, folder: &Path, overwrite: bool) -> Result<Vec<PathBuf>, ExportError> {
         let at = |path: &Path| {
             let path = path.to_path_buf();
             move |cause| ExportError::Write { path, cause }
@@ -319,9 +325,13 @@ impl System {
         }
         let package = format!("{}.ssp", self.name);
         ssp::write(self, &fmus, &new.join(&package)).map_err(at(&folder.join(&package)))?;
-        osp::structure(self)
-            .and_then(|xml| std::fs::write(new.join(OSP_STRUCTURE), xml))
-            .map_err(at(&folder.join(OSP_STRUCTURE)))?;
+        let mut files = vec![folder.join(package)];
+        if !self.has_fmi_3() {
+            osp::structure(self)
+                .and_then(|xml| std::fs::write(new.join(OSP_STRUCTURE), xml))
+                .map_err(at(&folder.join(OSP_STRUCTURE)))?;
+            files.push(folder.join(OSP_STRUCTURE));
+        }
 
         let old = work.path().join("old");
         let replaced = folder.exists();
@@ -335,12 +345,16 @@ impl System {
             }
             return Err(at(folder)(cause));
         }
-        Ok([folder.join(package), folder.join(OSP_STRUCTURE)])
+        Ok(files)
     }
 
     /// The values of a component as a parameter set.
     fn parameter_set(&self, component: &Component) -> io::Result<String> {
-        ParameterSet { name: PARAMETERS.to_string(), parameters: component.values.clone() }.to_xml(&self.units)
+        let set = ParameterSet { name: PARAMETERS.to_string(), parameters: component.values.clone() };
+        set.to_xml_of(self.version(), &self.units, |parameter| {
+            let known = component.value_types.get(&parameter.name).cloned();
+            known.unwrap_or_else(|| parameter.value.base_type().to_string())
+        })
     }
 }
 
@@ -400,8 +414,17 @@ fn connector(
         name: variable.name.clone(),
         output,
         base_type: variable.base_type,
+        type_name: type_name(variable, description.fmi),
         unit: variable.unit.clone().filter(|name| defined(description, name).is_some()),
     })
+}
+
+/// Name of the type in FMI and SSP.
+fn type_name(variable: &Variable, fmi: FmiVersion) -> String {
+    match fmi {
+        FmiVersion::V2 => variable.base_type.to_string(),
+        FmiVersion::V3 => variable.data_type.to_string(),
+    }
 }
 
 fn reject_enumeration(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
@@ -446,7 +469,7 @@ fn reject_foreign(folder: &Path, overwrite: bool) -> Result<(), ExportError> {
     let ours = |name: &&String| *name == OSP_STRUCTURE || name.ends_with(".fmu") || name.ends_with(".ssp");
     let hint = match names.iter().find(|name| !ours(name)) {
         Some(other) => format!(", and `{other}` is not from an earlier call; choose another one"),
-        None if names.is_empty() || (overwrite && names.iter().any(|name| name == OSP_STRUCTURE)) => return Ok(()),
+        None if names.is_empty() || (overwrite && names.iter().any(|name| name.ends_with(".ssp"))) => return Ok(()),
         None => "; `--overwrite` replaces an earlier system".to_string(),
     };
     Err(ExportError::Occupied { path: folder.to_path_buf(), hint })

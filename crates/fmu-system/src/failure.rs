@@ -8,6 +8,8 @@ pub struct Failure {
     pub run: String,
     /// Start of the step that failed, s; `None` before the first step.
     pub time: Option<f64>,
+    /// Name of the component, if one is the cause.
+    pub component: Option<String>,
     /// Component, call, and what happened.
     pub message: String,
     /// What kind of failure it is.

@@ -37,6 +37,18 @@ pub enum FmusError {
     NotLoaded(String),
 }
 
+impl FmusError {
+    /// Name of the component that it is about.
+    #[must_use]
+    pub fn component(&self) -> Option<&str> {
+        match self {
+            Self::Fmu(FmuError::Call(call)) => Some(&call.instance),
+            Self::Steady { component, .. } => Some(component),
+            _ => None,
+        }
+    }
+}
+
 impl From<CallError> for FmusError {
     fn from(error: CallError) -> Self {
         Self::Fmu(error.into())

@@ -1,8 +1,8 @@
-//! Parameter sets: files of values for the parameters of a system, SSV of SSP 1.0.
+//! Parameter sets: files of values for the parameters of a system, SSV of SSP 1.0 and 2.0.
 //!
-//! System Structure and Parameterization 1.0, section 6 (SystemStructureParameterValues). A value may come with a unit;
-//! without one it is in the unit of the variable. An enumeration, and an Integer whose values have names, may be given by
-//! name. Binary values are not read: FMI 2.0 has none.
+//! System Structure and Parameterization 1.0, section 6 (SystemStructureParameterValues); 2.0 adds the types of FMI 3.0. A
+//! value may come with a unit; without one it is in the unit of the variable. An enumeration, and an Integer whose values have
+//! names, may be given by name. Binary values are not read, because no scenario sets them.
 
 use crate::limits;
 use fmu_import::description::{BaseUnit, Unit, Value};
@@ -73,15 +73,15 @@ impl ParameterSet {
     /// Parses the text of a file.
     ///
     /// # Errors
-    /// The text is no parameter set of SSP 1.0, holds a value that cannot be read, or has a name twice.
+    /// The text is no parameter set of SSP 1.0 or 2.0, holds a value that cannot be read, or has a name twice.
     pub fn parse(text: &str) -> Result<Self, XmlError> {
         let root = xml::parse(text)?;
         if local(&root) != "ParameterSet" {
             return Err(root.place.error(format!("expected <ssv:ParameterSet>, got <{}>", root.name)));
         }
         let version = root.required("version")?;
-        if !version.starts_with("1.") {
-            return Err(root.place.error(format!("version {version} of the format, expected 1.0")));
+        if !version.starts_with("1.") && !version.starts_with("2.") {
+            return Err(root.place.error(format!("version {version} of the format, expected 1.0 or 2.0")));
         }
         let list = root
             .children
@@ -99,19 +99,29 @@ impl ParameterSet {
         Ok(Self { name: root.required("name")?.to_string(), parameters })
     }
 
-    /// The text of the file. `units` are the definitions of the units of measure the values may have; a unit that is
+    /// The text of the file, as SSP 1.0. `units` are the definitions of the units of measure the values may have; a unit that is
     /// not among them, or not in terms of SI units, is left out, which leaves the value in the unit of its variable.
     ///
     /// # Errors
     /// None in practice: it is written to memory.
     pub fn to_xml(&self, units: &[Unit]) -> io::Result<String> {
+        self.to_xml_of("1.0", units, |parameter| parameter.value.base_type().to_string())
+    }
+
+    /// The text of the file in a version of SSP, with these names of the types. SSP names them as FMI does.
+    pub(crate) fn to_xml_of(
+        &self,
+        version: &str,
+        units: &[Unit],
+        type_name: impl Fn(&Parameter) -> String,
+    ) -> io::Result<String> {
         let defined = |name: &str| units.iter().find(|u| u.name == name && u.base.is_some());
         let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
         xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
         let root = BytesStart::new("ssv:ParameterSet").with_attributes([
             ("xmlns:ssv", NAMESPACE),
             ("xmlns:ssc", COMMON),
-            ("version", "1.0"),
+            ("version", version),
             ("name", self.name.as_str()),
         ]);
         xml.write_event(Event::Start(root))?;
@@ -121,13 +131,14 @@ impl ParameterSet {
         for parameter in &self.parameters {
             let start = BytesStart::new("ssv:Parameter").with_attributes([("name", parameter.name.as_str())]);
             xml.write_event(Event::Start(start))?;
-            let (tag, text) = match &parameter.value {
-                Value::Real(v) => ("ssv:Real", format!("{v:?}")),
-                Value::Integer(v) => ("ssv:Integer", v.to_string()),
-                Value::Boolean(v) => ("ssv:Boolean", v.to_string()),
-                Value::String(v) => ("ssv:String", v.clone()),
+            let text = match &parameter.value {
+                Value::Real(v) => format!("{v:?}"),
+                Value::Integer(v) => v.to_string(),
+                Value::Boolean(v) => v.to_string(),
+                Value::String(v) => v.clone(),
             };
-            let mut value = BytesStart::new(tag).with_attributes([("value", text.as_str())]);
+            let mut value =
+                BytesStart::new(format!("ssv:{}", type_name(parameter))).with_attributes([("value", text.as_str())]);
             if let (Value::Real(_), Some(unit)) = (&parameter.value, parameter.unit.as_deref().and_then(defined)) {
                 value.push_attribute(("unit", unit.name.as_str()));
                 if !used.contains(&unit) {
@@ -185,13 +196,16 @@ fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
         .ok_or_else(|| element.place.error(format!("the parameter `{name}` has no value")))?;
     let value = match local(typed) {
         // XML Schema also writes INF and NaN, which no parameter takes.
-        "Real" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
-        "Integer" => typed.parsed("value", "a whole number of 32 bits")?.map(Value::Integer),
+        "Real" | "Float64" | "Float32" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
+        "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
+            typed.parsed("value", "a whole number of 32 bits")?.map(Value::Integer)
+        }
         "Boolean" => typed.boolean("value")?.map(Value::Boolean),
         "String" | "Enumeration" => Some(Value::String(typed.required("value")?.to_string())),
         other => {
             return Err(typed.place.error(format!(
-                "the parameter `{name}` is given as <{other}>, expected Real, Integer, Boolean, String or Enumeration"
+                "the parameter `{name}` is given as <{other}>, expected Real, Integer, Boolean, String, Enumeration, or \
+                 Float64, Int32 and the like"
             )));
         }
     };
@@ -202,6 +216,7 @@ fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fmu_import::description::{BaseType, DataType};
 
     fn unit(name: &str, exponents: [i32; 8], factor: f64) -> Unit {
         Unit {
@@ -230,8 +245,20 @@ mod tests {
             ],
         };
         let units = [unit("rad/s2", [0, 0, -2, 0, 0, 0, 0, 1], 1.0), unit("km", [0, 1, 0, 0, 0, 0, 0, 0], 1000.0)];
+        let text = set
+            .to_xml_of("2.0", &units, |parameter| match parameter.value.base_type() {
+                BaseType::Real => DataType::Float64.to_string(),
+                BaseType::Integer => DataType::Int8.to_string(),
+                other => other.to_string(),
+            })
+            .unwrap();
+        assert_eq!(ParameterSet::parse(&text).unwrap(), set);
+        assert!(text.contains("version=\"2.0\""), "{text}");
+        assert!(text.contains("<ssv:Float64 value=\"0.30000000000000004\" unit=\"rad/s2\"/>"), "{text}");
+        assert!(text.contains("<ssv:Int8 value=\"-3\"/>"), "{text}");
         let text = set.to_xml(&units).unwrap();
         assert_eq!(ParameterSet::parse(&text).unwrap(), set);
+        assert!(text.contains("version=\"1.0\""), "{text}");
         assert!(text.contains("<ssv:Real value=\"0.30000000000000004\" unit=\"rad/s2\"/>"), "{text}");
         assert!(text.contains("<ssc:BaseUnit s=\"-2\" rad=\"1\"/>"), "{text}");
         assert!(!text.contains("km"), "only units that are used: {text}");
@@ -264,7 +291,7 @@ mod tests {
         let real = |value: &str| around(&format!("<s:Parameter name=\"x\"><s:Real {value}/></s:Parameter>"));
         for (text, expected) in [
             ("<a/>".to_string(), "expected <ssv:ParameterSet>"),
-            ("<ParameterSet version=\"2.0\" name=\"a\"/>".to_string(), "version 2.0"),
+            ("<ParameterSet version=\"3.0\" name=\"a\"/>".to_string(), "version 3.0"),
             ("<ParameterSet name=\"a\"/>".to_string(), "lacks the attribute `version`"),
             ("<ParameterSet version=\"1.0\" name=\"a\"/>".to_string(), "lacks <ssv:Parameters>"),
             (around("<s:Parameter name=\"x\"/>"), "line 2, column 1: the parameter `x` has no value"),

@@ -141,11 +141,24 @@ pub struct Point {
     pub title: String,
     /// Abscissa.
     pub value: f64,
+    /// Place on the second axis; `None` without one.
+    pub second: Option<f64>,
 }
 
 /// Abscissa of the sweep.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Sweep {
+    /// Title.
+    pub title: String,
+    /// Unit of measure of the values.
+    pub unit: String,
+    /// Second axis of a sweep over two parameters.
+    pub second: Option<SecondSweep>,
+}
+
+/// Second axis of a sweep.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct SecondSweep {
     /// Title.
     pub title: String,
     /// Unit of measure of the values.

@@ -125,6 +125,8 @@ pub enum FigureKind {
     Spectrum,
     /// Metrics over the points of the sweep, cases overlaid.
     Sweep,
+    /// Metrics over the points of a sweep of two axes, as colors, a panel for each case.
+    HeatMap,
     /// Metrics over windows that end at each time, cases overlaid.
     Running,
     /// Signals over another signal, cases overlaid.
@@ -146,6 +148,7 @@ impl FigureKind {
             Self::Time => "time",
             Self::Spectrum => "spectrum",
             Self::Sweep => "sweep",
+            Self::HeatMap => "heat_map",
             Self::Running => "running",
             Self::Xy => "xy",
             Self::Transfer => "transfer",

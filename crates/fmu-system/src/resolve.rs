@@ -207,10 +207,7 @@ pub fn resolve_text(
         simulation,
         cases: scenario.cases.iter().map(plan_case).collect(),
         points: scenario.points.iter().map(plan_point).collect(),
-        sweep: scenario
-            .sweep
-            .as_ref()
-            .map(|sweep| plan::Sweep { title: sweep.get_ref().title.clone(), unit: sweep.get_ref().unit.clone() }),
+        sweep: scenario.sweep.as_ref().map(|sweep| plan_sweep(sweep.get_ref())),
         seeds,
         columns: columns.into_iter().map(|c| c.plan).collect(),
         runs,
@@ -232,7 +229,20 @@ fn plan_case(case: &Case) -> plan::Case {
 }
 
 fn plan_point(point: &scenario::Point) -> plan::Point {
-    plan::Point { name: point.name.get_ref().clone(), title: point.title.clone(), value: *point.value.get_ref() }
+    plan::Point {
+        name: point.name.get_ref().clone(),
+        title: point.title.clone(),
+        value: *point.value.get_ref(),
+        second: point.second.as_ref().map(|second| *second.get_ref()),
+    }
+}
+
+fn plan_sweep(sweep: &scenario::Sweep) -> plan::Sweep {
+    let second = sweep.second.as_ref().map(|second| {
+        let second = second.get_ref();
+        plan::SecondSweep { title: second.title.clone(), unit: second.unit.clone() }
+    });
+    plan::Sweep { title: sweep.title.clone(), unit: sweep.unit.clone(), second }
 }
 
 /// Times and order, with the options applied. The scenario has been checked.

@@ -93,6 +93,35 @@ pub fn remove_parts(path: &Path) {
     }
 }
 
+/// Reads columns of a file that [`write_csv`] has written: the times, and the columns by name. A column that the run does not
+/// have is left out.
+///
+/// # Errors
+/// The file cannot be read or is none of these; the path is in the text.
+pub fn read_csv(path: &Path, names: &[&str]) -> io::Result<(Vec<f64>, Vec<Option<Vec<f64>>>)> {
+    let wrong = |error: &dyn std::fmt::Display| {
+        io::Error::new(io::ErrorKind::InvalidData, format!("{}: {error}", path.display()))
+    };
+    let mut reader = csv::Reader::from_path(path).map_err(|error| wrong(&error))?;
+    let head = reader.headers().map_err(|error| wrong(&error))?.clone();
+    let of = |name: &str| head.iter().position(|other| other == name);
+    let places: Vec<Option<usize>> = names.iter().map(|name| of(name)).collect();
+    let at = of("time").ok_or_else(|| wrong(&"there is no column `time`"))?;
+    let mut times = Vec::new();
+    let mut columns: Vec<Option<Vec<f64>>> = places.iter().map(|place| place.map(|_| Vec::new())).collect();
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).map_err(|error| wrong(&error))? {
+        let number = |place: usize| record.get(place).unwrap_or_default().parse::<f64>().map_err(|error| wrong(&error));
+        times.push(number(at)?);
+        for (place, column) in places.iter().zip(&mut columns) {
+            if let (Some(place), Some(column)) = (place, column) {
+                column.push(number(*place)?);
+            }
+        }
+    }
+    Ok((times, columns))
+}
+
 fn write_hidden(path: &Path, names: &[String], recording: &Recording) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;

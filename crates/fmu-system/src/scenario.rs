@@ -2,6 +2,7 @@
 
 mod check;
 mod layout;
+mod sweep;
 
 pub(crate) use check::{unknown, whole_steps};
 pub(crate) use layout::*;
@@ -111,6 +112,7 @@ fn assembled(own: Written, files: Vec<Written>, problems: &mut Collector) -> Opt
             problems.add(0..0, format!("missing key `{key}`"));
         }
     }
+    all.points.append(&mut sweep::points(all.sweep.as_ref(), &all.points, problems));
     Some(Scenario {
         title: title?.into_inner(),
         description: description.map_or(String::new(), Spanned::into_inner),

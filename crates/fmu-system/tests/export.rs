@@ -127,7 +127,7 @@ fn entries(path: &Path) -> BTreeMap<String, Vec<u8>> {
 fn the_ssp_file_holds_structure_values_and_fmus() {
     let folder = fmus();
     let out = folder.path().join("deep/out");
-    let [package, _] = system(&folder, "free#7").write(&out, false).unwrap();
+    let package = system(&folder, "free#7").write(&out, false).unwrap().swap_remove(0);
     assert_eq!(package, out.join("my_ring.ssp"));
     let entries = entries(&package);
     let names: Vec<&str> = entries.keys().map(String::as_str).collect();
@@ -236,7 +236,7 @@ fn the_ssp_file_holds_structure_values_and_fmus() {
 fn the_structure_of_libcosim_stands_beside_the_fmus() {
     let folder = fmus();
     let out = folder.path().join("out");
-    let [_, structure] = system(&folder, "free#0").write(&out, false).unwrap();
+    let structure = system(&folder, "free#0").write(&out, false).unwrap().swap_remove(1);
     assert_eq!(structure, out.join(OSP_STRUCTURE));
     let text = std::fs::read_to_string(structure).unwrap();
     // The order of the schema.
@@ -307,7 +307,8 @@ fn a_case_has_its_own_fmus_components_and_constants() {
 fn the_same_run_gives_the_same_bytes() {
     let folder = fmus();
     let write = |name: &str| {
-        let [package, structure] = system(&folder, "free#0").write(&folder.path().join(name), false).unwrap();
+        let written = system(&folder, "free#0").write(&folder.path().join(name), false).unwrap();
+        let [package, structure] = <[_; 2]>::try_from(written).unwrap();
         [package, structure].map(|path| std::fs::read(path).unwrap())
     };
     assert_eq!(write("one"), write("two"));
@@ -334,6 +335,7 @@ fn a_folder_that_holds_something_is_kept() {
     rejected(true, "`thesis.txt` is not from an earlier call");
     std::fs::remove_file(out.join("thesis.txt")).unwrap();
     std::fs::remove_file(out.join(OSP_STRUCTURE)).unwrap();
+    std::fs::remove_file(out.join("my_ring.ssp")).unwrap();
     // Only FMUs: a folder of packed models is no earlier system.
     rejected(true, "not empty");
     assert!(out.join("Position.fmu").exists());

@@ -231,6 +231,8 @@ fn a_signal_that_is_not_finite_is_a_row_without_numbers() {
     let rows = batch.execute_here(0, &Sample { changes, runs: vec![0] });
     let End::Diverged { time, message } = &rows[0].end else { panic!("{:?}", rows[0].end) };
     assert!(*time > 0.0 && message.starts_with("`y` is "), "{time}: {message}");
+    let place = &rows[0].place;
+    assert!(place.component.is_some() && place.variable.as_deref() == Some("y"), "{place:?}");
     assert!(rows[0].numbers.is_empty());
 }
 

@@ -8,7 +8,7 @@ mod support;
 
 use decay::Decay;
 use fmu_import::description::FmiVersion;
-use fmu_system::export::System;
+use fmu_system::export::{OSP_STRUCTURE, STRUCTURE, System};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::{self, Recording};
 use fmu_system::plan::Plan;
@@ -118,14 +118,41 @@ fn arrays_are_not_part_of_scenarios() {
 
 /// SSP 1.0 and libcosim are of the time before FMI 3.0.
 #[test]
-fn other_masters_do_not_take_fmi_3() {
+fn fmi_3_is_exported_as_ssp_2() {
     let folder = folder();
-    let exported = plan(&folder, &scenario(FmiVersion::V3)).unwrap();
-    let error = System::new(&exported, &exported.runs[0]).unwrap_err().to_string();
-    let expected = "of `decay` is of FMI 3.0, but SSP 1.0 and libcosim take FMI 2.0 only; pack the model for FMI 2.0";
-    assert!(error.ends_with(expected), "{error}");
-    let exported = plan(&folder, &scenario(FmiVersion::V2)).unwrap();
-    System::new(&exported, &exported.runs[0]).unwrap();
+    // Without its enumerations, which are not exported.
+    let edits = [
+        (
+            "name=\"mode\" valueReference=\"16\" causality=\"input\"",
+            "name=\"mode\" valueReference=\"16\" causality=\"parameter\"",
+        ),
+        ("    <Enumeration name=\"next\" valueReference=\"17\" causality=\"output\" declaredType=\"Mode\"/>\n", ""),
+        ("    <Output valueReference=\"17\" dependencies=\"16\"/>\n", ""),
+        ("    <InitialUnknown valueReference=\"17\" dependencies=\"16\"/>\n", ""),
+    ];
+    Decay { edits: &edits, ..Decay::new(FmiVersion::V3) }.pack(folder.path());
+    // Reference: SSP 2.0, which adds the types of FMI 3.0. The structure without FMI 3.0 stays one of SSP 1.0.
+    for (fmi, version, value, types, osp) in [
+        (FmiVersion::V2, "1.0", "<ssv:Real value=\"2.0\"", &["<ssc:Real"][..], true),
+        (FmiVersion::V3, "2.0", "<ssv:Float64 value=\"2.0\"", &["<ssc:Float64", "<ssc:Real"], false),
+    ] {
+        let text = scenario(fmi).replace(", mode = \"second\"", "");
+        let exported = plan(&folder, &text).unwrap();
+        let out = folder.path().join(version);
+        let files = System::new(&exported, &exported.runs[0]).unwrap().write(&out, false).unwrap();
+        assert_eq!(out.join(OSP_STRUCTURE).exists(), osp);
+        assert_eq!(files.len(), if osp { 2 } else { 1 });
+        let mut package = zip::ZipArchive::new(std::fs::File::open(&files[0]).unwrap()).unwrap();
+        let mut text = |name: &str| std::io::read_to_string(package.by_name(name).unwrap()).unwrap();
+        let structure = text(STRUCTURE);
+        assert!(structure.contains(&format!("version=\"{version}\"")), "{structure}");
+        // The component `integral` is of FMI 2.0 in both.
+        assert!(types.iter().all(|name| structure.contains(name)), "{structure}");
+        assert_eq!(structure.contains("ssc:Float64"), !osp);
+        let values = text("resources/decay.ssv");
+        assert!(values.contains(&format!("version=\"{version}\"")), "{values}");
+        assert!(values.contains(value), "{values}");
+    }
 }
 
 /// A component has to be steppable.

@@ -81,6 +81,7 @@ class Row(msgspec.Struct, frozen=True, rename={"name": "id", "with_": "with"}):
     verdict_without: str
     limit: Limit | None
     reason: str | None
+    words: dict[Name, str] = {}
 
     @property
     def maneuver(self) -> str:
@@ -89,10 +90,11 @@ class Row(msgspec.Struct, frozen=True, rename={"name": "id", "with_": "with"}):
 
 
 class Dropped(msgspec.Struct, frozen=True):
-    """A maneuver that was left out."""
+    """A maneuver that was left out, and the signals that it lacks."""
 
     run: str
     reason: str
+    missing: tuple[str, ...] = ()
 
 
 class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=True):

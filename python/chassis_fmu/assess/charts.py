@@ -26,6 +26,8 @@ LATERAL = Axis("Lateral acceleration", ACCELERATION)
 NO_UNIT = (Conversion(""),)
 KMH = (Conversion("km/h", 3.6), Conversion("m/s"))
 
+GRAVITY = 9.81
+
 # Time between two footprints, s.
 FOOTPRINTS = 0.25
 
@@ -85,10 +87,13 @@ def _chart(source: Source, name: str, title: str, kind: str, caption: str, panel
 
 
 def _speed(source: Source, maneuver: str) -> str:
-    """Say at which speed a maneuver begins."""
-    speeds = {run.parameters.get("speed") for _, runs in source.runs(maneuver) for run in runs}
-    speed = speeds.pop() if len(speeds) == 1 else None
-    return "" if speed is None else f"At {3.6 * speed:.4g} km/h."
+    """Say at which speed a maneuver begins, or at which speeds its runs do."""
+    parameters = [run.parameters for _, runs in source.runs(maneuver) for run in runs]
+    speeds = [3.6 * known["speed"] for known in parameters if "speed" in known]
+    if not speeds:
+        return ""
+    low, high = f"{min(speeds):.4g}", f"{max(speeds):.4g}"
+    return f"At {low} km/h." if low == high else f"At {low} to {high} km/h."
 
 
 def _over_time(source: Source, run: str, signals: Sequence[tuple[str, str, tuple[Conversion, ...]]]) -> list[Panel]:
@@ -108,6 +113,7 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
     """Steering wheel angle over lateral acceleration, and the handling diagram with the understeer gradient."""
     wheelbase = source.assessment.datum("wheelbase")
     steering: list[Line] = []
+    regressions: list[Line] = []
     handling: list[Line] = []
     gradients: list[Line] = []
     for case in source.cases:
@@ -122,6 +128,11 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
             if "driver.steering_wheel" in v:
                 wheel = sign * v["driver.steering_wheel"]
                 steering.append(Line("run", title, across, wheel, case, t=recording.times))
+                at = _of(source.assessment.runs_of("slowly_increasing_steer", case.name), run, "A_raw")
+                fitted = _regression(across, wheel, at)
+                if fitted is not None:
+                    name = "" if regressions else "line of least squares, 0.1 g to 0.375 g"
+                    regressions.append(Line("reference", name, *fitted, case))
             if wheelbase is None:
                 continue
             up = sign * (v["driver.steer"] - wheelbase * v["vehicle.yaw_rate"] / v["vehicle.speed"])
@@ -134,7 +145,7 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
                 line = float(up[inside].mean()) + gradient * (ends - float(across[inside].mean()))
                 gradients.append(Line("reference", "" if gradients else "slope from 1 to 3 m/s²", ends, line, case))
     panels = [
-        Panel("Steering wheel angle", "", LATERAL, Axis("", ANGLE), tuple(steering), kind="curve"),
+        Panel("Steering wheel angle", "", LATERAL, Axis("", ANGLE), (*steering, *regressions), kind="curve"),
         Panel(
             "Handling diagram: angle of the front wheels less wheelbase · yaw rate / speed",
             "",
@@ -145,8 +156,28 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
         ),
     ]
     speed = _speed(source, "slowly_increasing_steer")
-    caption = f"{speed} Both directions. The slope of the handling diagram is the understeer gradient."
+    caption = (
+        f"{speed} Both directions. The line of least squares gives A at 0.3 g. The slope of the handling diagram is "
+        "the understeer gradient."
+    )
     return _chart(source, "slowly_increasing_steer", "Slowly increasing steer", "xy", caption, panels)
+
+
+def _regression(across: Array, wheel: Array, angle: float | None) -> tuple[Array, Array] | None:
+    """Return the ends of the line of least squares that goes through an angle (deg) at 0.3 g.
+
+    The evaluator has fitted the line to filtered signals, and says where it is at 0.3 g. Its slope is that of the
+    signals of the figure in the same window.
+    """
+    low, high = (share * GRAVITY for share in (0.1, 0.375))
+    begin = int(np.argmax(across >= low))
+    beyond = np.flatnonzero(across[begin:] > high)
+    if angle is None or across[begin] < low or beyond.size == 0 or beyond[0] < 2:
+        return None
+    rows = slice(begin, begin + int(beyond[0]))
+    slope = float(np.polyfit(across[rows], wheel[rows], 1)[0])
+    ends = np.array([low, high])
+    return ends, math.radians(angle) + slope * (ends - 0.3 * GRAVITY)
 
 
 def _of(runs: Sequence[Run], name: str, metric: str) -> float | None:
@@ -291,7 +322,8 @@ def sine_with_dwell_amplitudes(source: Source) -> Chart | None:
         axis = Axis("", (Conversion(unit),), zero=True)
         panels.append(Panel(title, "", amplitude, axis, tuple(lines), levels))
     caption = (
-        "Limits of FMVSS 126 and UN R140. To both sides. The displacement counts from five times the amplitude A on."
+        f"{_speed(source, 'sine_with_dwell')} Limits of FMVSS 126 and UN R140. To both sides. The displacement counts "
+        "from five times the amplitude A on."
     )
     return _chart(source, "sine_with_dwell_limits", "Sine with dwell over the amplitude", "sweep", caption, panels)
 
@@ -357,8 +389,8 @@ def double_lane_change(maneuver: str, title: str) -> Make:
                 if panel is not None:
                     panels.append(panel)
         caption = (
-            "The highest speed that is passed and the lowest that is not. The vehicle's footprint every "
-            f"{FOOTPRINTS} s, in ink where it is tightest. The axes have different scales."
+            f"{_speed(source, maneuver)} The highest speed that is passed and the lowest that is not. The vehicle's "
+            f"footprint every {FOOTPRINTS} s, in ink where it is tightest. The axes have different scales."
         )
         return _chart(source, maneuver, title, "time", caption, panels)
 
@@ -381,7 +413,11 @@ def margins(source: Source) -> Chart | None:
                 lines.append(Line("run", case.title, x, y, case, marks=True))
         speed = Axis("Entry speed", (Conversion("km/h"),))
         panels.append(Panel(title, "", speed, Axis("", METERS), tuple(lines), (Level(0.0, "cone"),)))
-    caption = "Smallest distance between footprint and cones; negative where a cone is hit."
+    first, second = (_speed(source, maneuver).replace("At", "at") for maneuver in ("iso3888_1", "iso3888_2"))
+    caption = (
+        f"ISO 3888-1 {first} ISO 3888-2 {second} Smallest distance between footprint and cones; negative where a cone "
+        "is hit."
+    )
     return _chart(source, "margins", "Margins to the cones", "sweep", caption, panels)
 
 

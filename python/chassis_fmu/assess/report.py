@@ -30,11 +30,26 @@ VERDICTS = {
     "fail": ("failed", "Failed"),
     "error": ("failed", "Error"),
     "comparison": ("open", "Comparison"),
-    "dropped": ("open", "No number"),
+    "dropped": ("open", "Left out"),
+    "info": ("open", "No limit"),
 }
 """Class and text of the badges."""
 
 CHANGES = {"better": ("passed", "better"), "worse": ("failed", "worse"), "same": ("same", "same")}
+
+DATA = {
+    "class": "Car up to 3,500 kg, truck above; limits of regulations are those of cars.",
+    "mass": "Mass of the vehicle, or the sum of its tire loads in the first row over 9.81 m/s².",
+    "width": "Largest width: that of the footprint between cones, and of the driver's lanes.",
+    "front": "From the reference point to the front bumper.",
+    "rear": "From the reference point to the rear bumper.",
+    "wheelbase": "Distance of two axles; of more axles that of two which turn as well (Winkler): "
+    "L (1 + (T/L²) (1 + C_r/C_f)), with L from the front axle to the mean of the others, T their mean square distance "
+    "from it, and the cornering stiffness C.",
+    "steer_ratio": "Angle of the steering wheel over that of the front wheels.",
+    "understeer_gradient": "What the driver knows: steering angle at the front wheels per lateral acceleration.",
+}
+"""Definitions of the data of the vehicle."""
 
 FLAGS = {
     "spun": "spun",
@@ -205,6 +220,9 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         verdict_badges=VERDICTS,
         change_badges=CHANGES,
         road=ROAD.upper(),
+        verdicts=[row for row in found.metrics if {row.verdict, row.verdict_without} != {"info"}],
+        data_definitions=DATA,
+        seeds=list(dict.fromkeys(f"{run.parameters['seed']:g}" for run in found.runs if "seed" in run.parameters)),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,6 +26,14 @@ from .statistics import Numbers
 
 # What a call means that could not do its work; 1 is a requirement that is not met.
 UNABLE = 2
+
+# Options of studies that no tuning study has.
+NOT_OF_TUNING = ("--engine", "--scheduler", "--runs", "--shard")
+
+# Without `[series]`, the page shows the signals of so many worst runs of each case and point, if these runs took no
+# longer than this, s.
+WORST = 3
+CHEAP = 10.0
 
 
 def _shard(text: str) -> Shard:
@@ -85,10 +94,10 @@ def _job(options: argparse.Namespace) -> Job:
     return Job(study, options.study.resolve(), folders)
 
 
-def _engine(options: argparse.Namespace, job: Job) -> tuple[Engine, str]:
-    if options.report_only:
-        return Nothing(), "rows of an earlier call"
+def _engine(options: argparse.Namespace, job: Job, *, merging: bool) -> tuple[Engine, str]:
     jobs = options.jobs or scenario.processors()
+    if options.report_only or merging:
+        return Nothing(job, jobs, options.timeout), "rows of earlier calls"
     if options.engine == "local":
         return Local(job, jobs, options.timeout), f"local, {jobs} {'process' if jobs == 1 else 'processes'}"
     from .cluster import Dask
@@ -106,11 +115,9 @@ def _total(job: Job, shard: Shard) -> int:
     return count * len(job.cells)
 
 
-def _execute(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard) -> tuple[Result, str]:
-    folder.prepare(shard, resume=options.resume or options.report_only, overwrite=options.overwrite)
-    engine, name = _engine(options, job)
+def _execute(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, engine: Engine) -> Result:
     total = _total(job, shard)
-    with execute.closing(engine), tqdm(total=total, unit="run", disable=None, smoothing=0.05) as bar:
+    with tqdm(total=total, unit="run", disable=None, smoothing=0.05) as bar:
         failed = 0
 
         def progress(done: Done) -> None:
@@ -120,42 +127,55 @@ def _execute(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard
                 bar.set_postfix(failed=failed, refresh=False)
             bar.update()
 
-        return execute.run(job, folder, engine, shard, progress, resume=options.resume or options.report_only), name
+        return execute.run(job, folder, engine, shard, progress, resume=options.resume or options.report_only)
 
 
-def _series(job: Job, numbers: Numbers, folder: Path) -> tuple[Recorded, list[str]]:
-    """Record the runs that `[series]` asks for, as Parquet files."""
-    series = job.study.series
-    if series is None:
-        return {}, []
+def _chosen(job: Job, numbers: Numbers) -> list[tuple[int, int]]:
+    """Return samples and cells whose signals are recorded: those of `[series]`, or the worst ones if they are cheap."""
+    series = job.study.series or file.Series(worst=WORST)
     metric = report.series_metric(numbers)
-    recorded: dict[tuple[int, int], History] = {}
-    files = []
-    target = folder / "series"
-    for old in target.glob("*.parquet"):
-        old.unlink()
-    for cell, run in enumerate(job.cells):
+    found = []
+    for cell in range(len(job.cells)):
         order = report.worst_first(numbers, metric, cell)
         chosen = order[: series.worst]
         rest = np.array(sorted(set(order) - set(chosen)), np.int64)
         drawn = np.random.default_rng(job.study.seed).permutation(rest)[: series.random]
-        for number in sorted({*chosen, *(int(n) for n in drawn)}):
-            values = dict(zip((f.name for f in job.study.vary), (c[number] for c in numbers.values), strict=True))
-            task = job.task(number, values)
-            source = job.scenarios[task.variant]
-            times, columns = source.record(task.sample.values, task.sample.runs[cell])
-            recorded[number, cell] = (times, columns)
-            point = "" if run.point is None else f"_{run.point}"
-            path = target / f"{number}_{run.case}{point}.parquet"
-            known = [(c, v) for c, v in zip(job.plan.columns, columns, strict=True) if v is not None]
-            results.write_parquet(
-                path,
-                [c.name for c, _ in known],
-                [c.unit or "1" for c, _ in known],
-                times,
-                np.stack([v for _, v in known], axis=1),
+        found += [(number, cell) for number in sorted({*chosen, *(int(n) for n in drawn)})]
+    if job.study.series is None and sum(numbers.rows[key].seconds for key in found) > CHEAP:
+        return []
+    return found
+
+
+def _series(job: Job, numbers: Numbers, folder: Path, engine: Engine) -> tuple[Recorded, list[str]]:
+    """Record runs with an engine, and write those that `[series]` asks for as Parquet files."""
+    target = folder / "series"
+    for old in target.glob("*.parquet"):
+        old.unlink()
+    keys = _chosen(job, numbers)
+    tasks = [(job.task(number, numbers.sample(number)), cell) for number, cell in keys]
+    recorded: dict[tuple[int, int], History] = {}
+    files = []
+    for (number, cell), found in zip(keys, engine.record(tasks) if tasks else [], strict=True):
+        run = job.cells[cell]
+        if isinstance(found, str):
+            raise StudyError(
+                f"sample {number}, {run.case}, has metrics, but failed when its signals were recorded: {found}"
             )
-            files.append(path.relative_to(folder).as_posix())
+        times, columns = found
+        recorded[number, cell] = found
+        if job.study.series is None:
+            continue
+        point = "" if run.point is None else f"_{run.point}"
+        path = target / f"{number}_{run.case}{point}.parquet"
+        known = [(c, v) for c, v in zip(job.plan.columns, columns, strict=True) if v is not None]
+        results.write_parquet(
+            path,
+            [c.name for c, _ in known],
+            [c.unit or "1" for c, _ in known],
+            times,
+            np.stack([v for _, v in known], axis=1),
+        )
+        files.append(path.relative_to(folder).as_posix())
     return recorded, files
 
 
@@ -165,28 +185,33 @@ def _run(options: argparse.Namespace, *, merging: bool) -> int:
     shard = options.shard or WHOLE
     if shard != WHOLE and job.study.is_adaptive:
         raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
-    if merging:
-        result, engine = execute.merge(job, folder), f"{len(folder.journals())} shards"
-    else:
-        result, engine = _execute(options, job, folder, shard)
-    if shard != WHOLE:
-        print(
-            f"{folder.journal(shard)}\n`scripts/study merge {options.study}` makes the tables when all parts are there"
-        )
-        return 0
-    execute.write(job, folder, result)
-    numbers = Numbers(job, result.values, result.rows)
-    recorded, files = _series(job, numbers, folder.path)
+    if not merging:
+        folder.prepare(shard, resume=options.resume or options.report_only, overwrite=options.overwrite)
+    engine, name = _engine(options, job, merging=merging)
+    with execute.closing(engine):
+        if merging:
+            result, name = execute.merge(job, folder), f"{len(folder.journals())} shards"
+        else:
+            result = _execute(options, job, folder, shard, engine)
+        if shard != WHOLE:
+            print(
+                f"{folder.journal(shard)}\n"
+                f"`scripts/study merge {options.study}` makes the tables when all parts are there"
+            )
+            return 0
+        execute.write(job, folder, result)
+        numbers = Numbers(job, result.values, result.rows)
+        recorded, files = _series(job, numbers, folder.path, engine)
     given = shell.from_root([str(options.study.resolve())])
     given += shell.set_options(options, ("runs",))
     for path in options.fmus or ():
         given += shell.from_root(["--fmus", str(path.resolve())])
-    context = report.Context(shlex.join(["scripts/study", *given]), engine, shell.versions(), files)
+    context = report.Context(shlex.join(["scripts/study", *given]), name, shell.versions(), files)
     report.write(numbers, recorded, context, folder.path)
     print(escaped(report.console(numbers)))
     print(f"\n{folder.path / 'index.html'}")
     failed = [share for share in numbers.shares() if not share.holds]
-    if not any(done.status == "ok" for done in result.rows.values()):
+    if not any(done.status == "ok" for done in result.rows.values()) and job.study.method != "worst_case":
         raise StudyError("all runs failed, the page says how")
     return 1 if failed and not options.no_fail else 0
 
@@ -198,7 +223,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = given[1:] if merging else given
     path = next((Path(a) for a in given if not a.startswith("-")), None)
     if path is not None and path.is_file() and file.is_tuning(path):
-        return tuning.main(given)
+        wrong = [a for a in given if a.partition("=")[0] in NOT_OF_TUNING] + ["merge"] * merging
+        if wrong:
+            print(
+                f"error: {escaped(path)} is a tuning study ([[parameter]]): PACSA, GA and CMA-ES run on this machine, "
+                f"without {wrong[0]}. --budget N sets the number of evaluations, --jobs N that of processes; "
+                'method = "optimize" with [search] and [[vary]] takes an engine and --runs',
+                file=sys.stderr,
+            )
+            return UNABLE
+        # No requirement can be missed: what it cannot do is what no study could.
+        return UNABLE if (code := tuning.main(given)) == 1 else code
     try:
         return _run(arguments(given), merging=merging)
     except (StudyError, ScenarioError, RunError, results.ResultsError, OSError, pa.ArrowException) as error:
@@ -207,3 +242,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; --resume goes on", file=sys.stderr)
         return 130
+    except Exception:
+        # A mistake of this program. Python's own exit code would mean that a requirement is not met.
+        traceback.print_exc()
+        print(
+            "error: this is a mistake of the program, please report it; the rows that are there stay", file=sys.stderr
+        )
+        return UNABLE

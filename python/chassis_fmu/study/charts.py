@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
@@ -10,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tables
-from ..figures import Axis, Line, Panel
+from ..figures import Axis, Line, Panel, PanelKind
 from ..plan import Case, Conversion, Metric, Run
 from . import statistics
+from .job import Limits
 from .statistics import Numbers
 
 Array = NDArray[np.floating[Any]]
@@ -50,16 +52,30 @@ def distributions(numbers: Numbers, index: int) -> list[Panel]:
         for limit in (r.min, r.max)
         if limit is not None
     ]
+    values = {i: numbers.of(index, i) for i in range(len(job.cells))}
+    return _distributions(numbers, metric.title, _axis(metric), values, limits)
+
+
+def changes(numbers: Numbers, requirement: Limits) -> list[Panel]:
+    """Return the distribution of the change of a metric against the baseline, with the limits it has to keep."""
+    job = numbers.job
+    title = f"{job.plan.metrics[requirement.metric].title}, change against the baseline"
+    values = {i: numbers.changes(requirement, i) for i, run in enumerate(job.cells) if run.case in requirement.cases}
+    limits = [limit for limit in (requirement.min, requirement.max) if limit is not None]
+    return _distributions(numbers, title, Axis("Change against the baseline", (Conversion("%"),)), values, limits)
+
+
+def _distributions(
+    numbers: Numbers, title: str, x: Axis, values: Mapping[int, Array], limits: Sequence[float]
+) -> list[Panel]:
     found = []
     for point in _points(numbers):
-        cells = [(i, run) for i, run in enumerate(job.cells) if run.point == point]
-        values = {i: numbers.of(index, i) for i, _ in cells}
-        known = {i: np.sort(v[np.isfinite(v)]) for i, v in values.items()}
+        cells = [(i, run) for i, run in enumerate(numbers.job.cells) if run.point == point and i in values]
+        known = {i: np.sort(values[i][np.isfinite(values[i])]) for i, _ in cells}
         if not any(v.size for v in known.values()):
             continue
         note = _note(numbers, cells[0][1])
-        everything = np.concatenate(list(known.values()))
-        edges = _edges(everything)
+        edges = _edges(np.concatenate(list(known.values())))
         cumulative, histogram = [], []
         for i, run in cells:
             v = known[i]
@@ -78,8 +94,8 @@ def distributions(numbers: Numbers, index: int) -> list[Panel]:
                 for limit in dict.fromkeys(limits)
             ]
             y = Axis("Share of the runs", (Conversion(""),), range=(0.0, 1.0) if name == "cumulative" else None)
-            title = f"{metric.title}: {'share of the runs up to a value' if name == 'cumulative' else 'histogram'}"
-            found.append(Panel(title, note, _axis(metric), y, (*panel_lines, *marked), kind="curve"))
+            what = "share of the runs up to a value" if name == "cumulative" else "histogram"
+            found.append(Panel(f"{title}: {what}", note, x, y, (*panel_lines, *marked), kind="curve"))
     return found
 
 
@@ -113,40 +129,85 @@ def _outline(values: Array, edges: Array) -> tuple[Array, Array]:
 
 def over_factors(numbers: Numbers, index: int) -> list[Panel]:
     """Return a metric over each factor: a point for each sample, or means where the factor has levels."""
+    factors = [i for i in range(len(numbers.job.study.vary)) if _is_number(numbers, i)]
+    return [panel for at in factors for panel in _over_factor(numbers, index, at, means=True)]
+
+
+def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[Panel]:
     job = numbers.job
-    metric = job.plan.metrics[index]
+    metric, factor = job.plan.metrics[index], job.study.vary[at]
+    x, of = _factor_axis(numbers, at), np.array(numbers.values[at], np.float64)
+    has_means = means and bool(factor.levels)
     found = []
-    for factor, values in zip(job.study.vary, numbers.values, strict=True):
-        if factor.distribution == "seed" or isinstance(values[0], str | bool):
-            continue
-        unit = "times its own value" if factor.relative else factor.unit or ""
-        x = Axis(factor.name, (Conversion(unit),))
-        of = np.array(values, np.float64)
-        for point in _points(numbers):
-            lines = []
-            for i, run in enumerate(job.cells):
-                if run.point != point:
-                    continue
-                case = _case(numbers, run)
-                line = _means(numbers, index, i, factor.name, case) if factor.levels else None
-                line = line or _cloud(of, numbers.of(index, i), case)
-                if line is not None:
-                    lines.append(line)
-            if lines:
-                note = next((p.title for p in job.plan.points if p.name == point), "")
-                kind = "function" if factor.levels else "curve"
-                title = f"{metric.title} over {factor.name}"
-                found.append(Panel(title, note, x, _axis(metric), tuple(lines), kind=kind))  # type: ignore[arg-type]
+    for point in _points(numbers):
+        lines = []
+        for i, run in enumerate(job.cells):
+            if run.point != point:
+                continue
+            case = _case(numbers, run)
+            line = _means(numbers, index, i, factor.name, case) if has_means else None
+            line = line or _cloud(of, numbers.of(index, i), case)
+            if line is not None:
+                lines.append(line)
+        if lines:
+            note = next((p.title for p in job.plan.points if p.name == point), "")
+            kind: PanelKind = "function" if has_means else "curve"
+            title = f"{metric.title} over {factor.name}"
+            found.append(Panel(title, note, x, _axis(metric), tuple(lines), kind=kind))
     return found
 
 
-def _cloud(x: Array, y: Array, case: Case) -> Line | None:
+def matrix(numbers: Numbers, shown: Sequence[int]) -> list[Panel]:
+    """Return the scatter matrix: every pair of some factors and metrics, a point for each sample."""
+    job = numbers.job
+    factors = [i for i in range(len(job.study.vary)) if _is_number(numbers, i)]
+    pairs = list(itertools.combinations(factors, 2))
+    found = [panel for first, second in pairs for panel in _between_factors(numbers, first, second)]
+    for index in shown:
+        for at in factors:
+            found += _over_factor(numbers, index, at, means=False)
+    for first, second in itertools.combinations(shown, 2):
+        found += trade_off(numbers, first, second)
+    return found
+
+
+def _is_number(numbers: Numbers, factor: int) -> bool:
+    of = numbers.job.study.vary[factor]
+    return of.distribution != "seed" and not isinstance(numbers.values[factor][0], str | bool)
+
+
+def _factor_axis(numbers: Numbers, factor: int) -> Axis:
+    of = numbers.job.study.vary[factor]
+    return Axis(of.name, (Conversion("times its own value" if of.relative else of.unit or ""),))
+
+
+def _between_factors(numbers: Numbers, first: int, second: int) -> list[Panel]:
+    """Return one factor over another, and which samples failed in which case."""
+    job = numbers.job
+    x, y = (np.array(numbers.values[i], np.float64) for i in (first, second))
+    failed: dict[str, set[int]] = {}
+    for (number, cell), done in numbers.rows.items():
+        if done.status != "ok":
+            failed.setdefault(job.cells[cell].case, set()).add(number)
+    some = set().union(*failed.values())
+    whole = np.array([number for number in range(numbers.count) if number not in some], np.intp)
+    lines = [_cloud(x[whole], y[whole], None, title="samples")]
+    for case in job.plan.cases:
+        rows = np.array(sorted(failed.get(case.name, ())), np.intp)
+        lines.append(_cloud(x[rows], y[rows], case, title=f"{case.title}: failed"))
+    names = [job.study.vary[i].name for i in (first, second)]
+    axes = [_factor_axis(numbers, i) for i in (first, second)]
+    return [Panel(f"{names[1]} over {names[0]}", "", axes[0], axes[1], tuple(filter(None, lines)), kind="curve")]
+
+
+def _cloud(x: Array, y: Array, case: Case | None, *, title: str | None = None) -> Line | None:
     known = np.flatnonzero(np.isfinite(y))
     if not known.size:
         return None
     rows = known[:: -(-known.size // MOST_POINTS)]
     rows = rows[np.argsort(x[rows], kind="stable")]
-    return Line("run", case.title, x[rows], y[rows], case, marks=True, apart=True)
+    name = title or ("" if case is None else case.title)
+    return Line("run", name, x[rows], y[rows], case, marks=True, apart=True)
 
 
 def _means(numbers: Numbers, index: int, cell: int, name: str, case: Case) -> Line | None:

@@ -2,14 +2,22 @@
 
 A worker gets scenario and FMUs once, as one bundle that is named by its content, and opens them in a folder of its own.
 Every thread of a worker has a process that executes the FMUs. Tasks are batches of about a second, so that the
-scheduler costs little. A worker that is lost costs nothing but time: Dask gives its batches to others. If the scheduler
-is lost, the rows that are there stay, and the rest is submitted again when it is back.
+scheduler costs little. What can go wrong:
+
+- A worker is lost: Dask gives its batches to others.
+- A batch whose workers end again and again (`KilledWorker`) is halved until a single run is left; its rows have the
+  status `crashed`, and the study goes on.
+- The scheduler is lost: the rows that are there stay, and the rest is submitted again when it is back.
+- Workers have no package, another version of it, or raise an exception: the study ends and says so, for no number of
+  repetitions would help. The rows stay for `--resume`.
 """
 
 from __future__ import annotations
 
 import atexit
+import concurrent.futures
 import contextlib
+import functools
 import hashlib
 import io
 import shutil
@@ -19,15 +27,17 @@ import threading
 import time
 import zipfile
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..scenario import Outcome, Sample, Scenario
+from .. import shell
+from ..scenario import PACKAGE, Outcome, Recorded, Sample, Scenario, Value
+from . import packages
 from .engines import Take
 from .file import StudyError, load
-from .job import Job, Source, Task
+from .job import Done, Job, Source, Task
 
 # A batch takes about so long, s, and has at most so many tasks.
 BATCH = 1.0
@@ -38,6 +48,20 @@ AHEAD = 3
 
 # How long a scheduler that is lost may take to come back, s.
 PATIENCE = 300.0
+
+# A cluster without workers is reported after so long, s.
+NOTICE = 15.0
+
+# Scheduler and workers of this machine do not watch themselves, which takes 3 % of a processor for client, scheduler and
+# one worker: there is no dashboard that would show it.
+QUIET = {
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.profile.enabled": False,
+}
+
+# How often a batch that raises an exception is tried again, on any worker.
+RETRIES = 2
 
 
 def bundle(job: Job) -> bytes:
@@ -83,6 +107,19 @@ def scenario_files(file: Path) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
+LOST = "the Dask worker that executed it ended each time; its memory may not suffice (the log of the worker says more)"
+
+
+def _advice(what: str, error: BaseException, here: str) -> str:
+    """Say what went wrong at a worker or the scheduler, and what to do."""
+    kind = type(error).__name__
+    version = sys.version.partition(" ")[0]
+    return (
+        f"{what}: {kind}: {error}\nScheduler and workers need chassis_fmu {here}, as this client with Python "
+        f"{version}: install the same wheel on all machines, or start them from the same .venv; --resume goes on"
+    )
+
+
 class _Opened:
     """Bundles and scenarios that a process of a worker has opened. Every thread has scenarios of its own."""
 
@@ -116,12 +153,49 @@ class _Opened:
 _opened = _Opened()
 
 
-def run_batch(
-    content: bytes, key: str, source: Source, variant: int, samples: Sequence[Sample], timeout: float
-) -> tuple[list[Outcome], float]:
+class OtherVersionError(Exception):
+    """A worker whose package differs from that of the client."""
+
+
+@functools.cache
+def identity() -> str:
+    """Return version and hash of the Python sources of this package: rows are the same only if they are."""
+    content = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        content.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes())
+    return f"{dict(shell.versions())['Chassis FMU']} ({content.hexdigest()[:12]})"
+
+
+def _same(expected: str) -> None:
+    if identity() != expected:
+        raise OtherVersionError(f"this worker has chassis_fmu {identity()}, the client {expected}")
+
+
+@dataclass(frozen=True)
+class Work:
+    """What the runs of a batch have in common."""
+
+    identity: str
+    key: str
+    source: Source
+    variant: int
+    timeout: float
+
+    def scenario(self, content: bytes) -> Scenario:
+        """Open the scenario in a worker."""
+        _same(self.identity)
+        return _opened.scenario(self.key, content, self.source, self.variant, self.timeout)
+
+
+def keep(content: bytes) -> bytes:
+    """Return the bundle, in a worker. As a task it is done again when all workers that had it are lost."""
+    return content
+
+
+def run_batch(content: bytes, work: Work, samples: Sequence[Sample]) -> tuple[list[Outcome], float]:
     """Execute samples in a worker; returns the outcomes and the time it took, s."""
     began = time.perf_counter()
-    scenario = _opened.scenario(key, content, source, variant, timeout)
+    scenario = work.scenario(content)
     found: list[Outcome] = []
 
     def take(outcome: Outcome) -> bool:
@@ -132,12 +206,24 @@ def run_batch(
     return found, time.perf_counter() - began
 
 
+def record_run(content: bytes, work: Work, values: tuple[tuple[str, Value], ...], run: int) -> Recorded | str:
+    """Execute a run in a worker; returns its signals, or how it failed."""
+    return work.scenario(content).record_many([(values, run)])[0]
+
+
+class _LostError(Exception):
+    """The scheduler is gone."""
+
+
 class Dask:
     """A Dask cluster: that of a scheduler, or one of this machine."""
 
     def __init__(self, job: Job, address: str | None, jobs: int, timeout: float) -> None:
+        packages.needed("distributed", "--engine dask")
+        import dask
         import distributed
 
+        self._dask: Any = dask
         self._distributed: Any = distributed
         self._job = job
         self._timeout = timeout
@@ -147,9 +233,10 @@ class Dask:
         self._key = hashlib.sha256(self._content).hexdigest()
         try:
             if address is None:
-                self._cluster = self._distributed.LocalCluster(
-                    n_workers=jobs, threads_per_worker=1, dashboard_address=None
-                )
+                with dask.config.set(QUIET):
+                    self._cluster = self._distributed.LocalCluster(
+                        n_workers=jobs, threads_per_worker=1, dashboard_address=None
+                    )
             self._client: Any = self._distributed.Client(self._cluster or address, timeout="10s")
         except (OSError, ValueError) as error:
             raise StudyError(f"no Dask scheduler at {address}: {error}") from error
@@ -157,31 +244,123 @@ class Dask:
     def execute(self, tasks: Sequence[Task], take: Take) -> None:
         """Execute the tasks, in batches that become as long as they should."""
         missing = {task.number: task for task in tasks}
-        while missing:
+
+        def kept(done: Done) -> None:
             try:
-                self._submit(missing, take)
-            except (OSError, RuntimeError) as error:
+                take(done)
+            except OSError as error:
+                # A full disk here, not a lost scheduler.
+                raise StudyError(f"cannot keep a row: {error}") from error
+
+        def turn() -> None:
+            suspects = self._submit(missing, kept)
+            for batch in suspects:
+                self._find(batch, missing, kept)
+
+        self._repeat(turn)
+
+    def record(self, runs: Sequence[tuple[Task, int]]) -> list[Recorded | str]:
+        """Execute a run of each task again, in workers."""
+        found: list[Recorded | str] = []
+
+        def turn() -> None:
+            content = self._share()
+            futures = [
+                self._client.submit(
+                    record_run,
+                    content,
+                    self._work(task.variant),
+                    task.sample.values,
+                    task.sample.runs[cell],
+                    pure=False,
+                    retries=RETRIES,
+                )
+                for task, cell in runs
+            ]
+            found[:] = [self._result(future) for future in futures]
+
+        self._repeat(turn)
+        return found
+
+    def _repeat(self, turn: Callable[[], None]) -> None:
+        """Do something with the cluster, again if the scheduler is lost meanwhile."""
+        while True:
+            try:
+                with self._connected():
+                    return turn()
+            except _LostError as error:
                 if self._cluster is not None:
-                    raise
+                    raise StudyError(f"the Dask scheduler of this machine ended ({error}); --resume goes on") from error
                 self._reconnect(error)
 
-    def _submit(self, missing: dict[int, Task], take: Take) -> None:
-        content = self._client.scatter(self._content, broadcast=True, hash=True)
+    @contextlib.contextmanager
+    def _connected(self) -> Iterator[None]:
+        """Tell a scheduler that is gone from all else: what workers raise is a StudyError already."""
+        try:
+            yield
+        # A client without scheduler raises OSError, or RuntimeError when it has noticed; a future, CancelledError.
+        except (OSError, RuntimeError, concurrent.futures.CancelledError) as error:
+            raise _LostError(str(error) or type(error).__name__) from error
+
+    def _share(self) -> Any:
+        """Wait for workers, compare their versions, and send them scenario and FMUs."""
+        began = time.monotonic()
+        told = False
+        while not self._client.nthreads():
+            if not told and time.monotonic() - began > NOTICE:
+                told = True
+                print(f"the Dask scheduler at {self._address} has no workers; waiting for some", file=sys.stderr)
+            time.sleep(0.2)
+        self._compare()
+        # In the graph, which is otherwise a mistake of that size.
+        with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "10GB"}):
+            return self._client.submit(keep, self._content, key=f"chassis-fmu-{self._key}")
+
+    def _compare(self) -> None:
+        here = identity()
+        found = self._client.run(identity, on_error="return")
+        for worker, answer in sorted(found.items()):
+            if isinstance(answer, OSError):
+                # It left meanwhile.
+                continue
+            if isinstance(answer, BaseException):
+                raise StudyError(_advice(f"the Dask worker {worker} cannot load this package", answer, here))
+            if answer != here:
+                raise StudyError(
+                    f"the Dask worker {worker} has chassis_fmu {answer}, this client {here}: "
+                    "install the same version on all machines"
+                )
+
+    def _work(self, variant: int) -> Work:
+        source = replace(self._job.sources[variant], folders=())
+        return Work(identity(), self._key, source, variant, self._timeout)
+
+    def _result(self, future: Any, *, suspicious: bool = False) -> Any:
+        """Return the result of a future; None if it is `suspicious` that its workers ended and they did."""
+        if future.cancelled():
+            raise _LostError("it has lost a batch")
+        # Not `result`: what a worker raises must not be taken for an error of this client.
+        error = future.exception()
+        if error is None:
+            return future.result()
+        if isinstance(error, self._distributed.scheduler.KilledWorker) and suspicious:
+            return None
+        raise StudyError(_advice("a Dask worker could not execute a batch", error, identity())) from error
+
+    def _submit(self, missing: dict[int, Task], take: Take) -> list[list[Task]]:
+        """Execute what is missing; returns the batches whose workers ended."""
+        content = self._share()
         waiting = deque(sorted(missing.values(), key=lambda task: (task.variant, task.number)))
         size, threads = 1, max(1, sum(self._client.nthreads().values()))
         pending: dict[Any, list[Task]] = {}
+        suspects: list[list[Task]] = []
         completed = self._distributed.as_completed(with_results=False)
 
         def submit() -> None:
             batch = [waiting.popleft()]
             while waiting and len(batch) < size and waiting[0].variant == batch[0].variant:
                 batch.append(waiting.popleft())
-            variant = batch[0].variant
-            source = replace(self._job.sources[variant], folders=())
-            samples = [task.sample for task in batch]
-            future = self._client.submit(
-                run_batch, content, self._key, source, variant, samples, self._timeout, pure=False, retries=5
-            )
+            future = self._begin(content, batch)
             pending[future] = batch
             completed.add(future)
 
@@ -190,19 +369,47 @@ class Dask:
         while pending:
             future = next(completed)
             batch = pending.pop(future)
-            if future.cancelled():
-                raise OSError("the scheduler has lost a batch")
-            outcomes, seconds = future.result()
-            for outcome in outcomes:
-                task = batch[outcome.sample]
-                take(self._job.done(task, outcome))
-            for task in batch:
-                missing.pop(task.number, None)
-            # As many tasks as fill the time of a batch, but no jump by more than four.
-            size = max(1, min(LARGEST, 4 * size, round(BATCH * len(batch) / max(seconds, 1e-3))))
+            found = self._result(future, suspicious=True)
+            if found is None:
+                suspects.append(batch)
+            else:
+                seconds = self._take(batch, found, missing, take)
+                # As many tasks as fill the time of a batch, but no jump by more than four.
+                size = max(1, min(LARGEST, 4 * size, round(BATCH * len(batch) / max(seconds, 1e-3))))
             threads = max(1, sum(self._client.nthreads().values()))
             while waiting and len(pending) < AHEAD * threads:
                 submit()
+        return suspects
+
+    def _find(self, batch: list[Task], missing: dict[int, Task], take: Take) -> None:
+        """Execute a batch whose workers ended, with nothing beside it, and find the run that ends them."""
+        content = self._share()
+        found = self._result(self._begin(content, batch), suspicious=True)
+        if found is not None:
+            self._take(batch, found, missing, take)
+        elif len(batch) == 1:
+            for done in self._job.lost(batch[0], LOST):
+                take(done)
+            missing.pop(batch[0].number)
+        else:
+            middle = len(batch) // 2
+            for part in (batch[:middle], batch[middle:]):
+                self._find(part, missing, take)
+
+    def _begin(self, content: Any, batch: Sequence[Task]) -> Any:
+        samples = [task.sample for task in batch]
+        work = self._work(batch[0].variant)
+        return self._client.submit(run_batch, content, work, samples, pure=False, retries=RETRIES)
+
+    def _take(
+        self, batch: Sequence[Task], found: tuple[list[Outcome], float], missing: dict[int, Task], take: Take
+    ) -> float:
+        outcomes, seconds = found
+        for outcome in outcomes:
+            take(self._job.done(batch[outcome.sample], outcome))
+        for task in batch:
+            missing.pop(task.number, None)
+        return seconds
 
     def _reconnect(self, cause: BaseException) -> None:
         """Wait for a scheduler that is gone."""
@@ -224,6 +431,6 @@ class Dask:
 
     def close(self) -> None:
         """Leave the cluster, and end it if it is one of this machine."""
-        self._client.close()
+        self._client.close(timeout=5)
         if self._cluster is not None:
             self._cluster.close()

@@ -1,15 +1,19 @@
 """Designs: the values of all samples of a study, chosen before the first run.
 
 A design is a table with a row for each sample and a column for each factor. It depends on the study alone, to the bit:
-on its seed and number of samples, not on machine, engine or order.
+on its seed and number of samples, not on machine, engine or order. It is sampled once and written as `design.parquet`,
+which every engine, `--resume`, every shard and `merge` read.
 """
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
@@ -18,18 +22,36 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from .. import results
-from ..scenario import Value
-from .file import SAMPLES, Study, StudyError
+from . import packages
+from .factors import Factor
+from .file import DESIGNS, SAMPLES, Study, StudyError
 
 Array = NDArray[np.float64]
 
 
 def shares(study: Study) -> Array:
-    """Return the shares of the distributions, a row for each sample and a column for each factor."""
-    count = study.runs or SAMPLES
-    factors = len(study.vary)
+    """Return the shares of the distributions, a row for each sample and a column for each factor.
+
+    In samples every choice of FMUs gets the same values of all other factors, so choices are compared in pairs. Weights
+    make the choice of an FMU random instead.
+    """
     if study.method == "sensitivity":
         return sensitivity(study)
+    if study.chosen_design not in DESIGNS["sample"]:
+        return by_levels(study)
+    crossed = [i for i, factor in enumerate(study.vary) if factor.fmu is not None and factor.weights is None]
+    others = [i for i in range(len(study.vary)) if i not in crossed]
+    own = samples(study, len(others)) if others else np.empty((1, 0))
+    choices = list(itertools.product(*(middles(study.vary[i]) for i in crossed)))
+    found = np.empty((len(own) * len(choices), len(study.vary)))
+    found[:, others] = np.repeat(own, len(choices), axis=0)
+    found[:, crossed] = np.tile(np.array(choices).reshape(len(choices), len(crossed)), (len(own), 1))
+    return found
+
+
+def samples(study: Study, factors: int) -> Array:
+    """Return shares of some factors that vary at random."""
+    count = study.runs or SAMPLES
     design = study.chosen_design
     if design == "random":
         # Neither 0 nor 1: a normal value would be infinite.
@@ -37,29 +59,30 @@ def shares(study: Study) -> Array:
     if design == "latin_hypercube":
         sampler: Any = qmc.LatinHypercube(factors, rng=np.random.default_rng(study.seed))
         return np.asarray(sampler.random(count))
-    if design == "sobol":
-        sampler = qmc.Sobol(factors, rng=np.random.default_rng(study.seed))
-        # All points of the next power of two, of which the first ones are taken.
-        return np.asarray(sampler.random_base2(max(0, (count - 1).bit_length()))[:count])
-    return by_levels(study)
+    sampler = qmc.Sobol(factors, rng=np.random.default_rng(study.seed))
+    # All points of the next power of two, of which the first ones are taken.
+    return np.asarray(sampler.random_base2(max(0, (count - 1).bit_length()))[:count])
+
+
+def middles(factor: Factor) -> list[float]:
+    """Return a share in the middle of each level of a factor."""
+    values = factor.levels or []
+    weights = np.ones(len(values)) if factor.weights is None else np.array(factor.weights)
+    ends = np.cumsum(weights / weights.sum())
+    return [float(v) for v in 0.5 * (ends + np.concatenate([[0.0], ends[:-1]]))]
 
 
 def by_levels(study: Study) -> Array:
     """Return the shares of a design that takes every factor at its levels."""
-    levels = [factor.levels or [] for factor in study.vary]
-    middles = []
-    for factor, values in zip(study.vary, levels, strict=True):
-        weights = np.ones(len(values)) if factor.weights is None else np.array(factor.weights)
-        ends = np.cumsum(weights / weights.sum())
-        middles.append(0.5 * (ends + np.concatenate([[0.0], ends[:-1]])))
+    levels = [middles(factor) for factor in study.vary]
     if study.chosen_design == "full_factorial":
-        return np.array(list(itertools.product(*middles)), np.float64)
+        return np.array(list(itertools.product(*levels)), np.float64)
     if study.chosen_design == "list":
-        return np.array(list(zip(*middles, strict=True)), np.float64)
+        return np.array(list(zip(*levels, strict=True)), np.float64)
     # One at a time: all at their middle level, then each at all of its others.
-    center = [values[len(values) // 2] for values in middles]
+    center = [values[len(values) // 2] for values in levels]
     rows = [center]
-    for at, values in enumerate(middles):
+    for at, values in enumerate(levels):
         rows += [[*center[:at], value, *center[at + 1 :]] for value in values if value != center[at]]
     return np.array(rows, np.float64)
 
@@ -72,6 +95,7 @@ def problem(study: Study) -> dict[str, Any]:
 
 def sensitivity(study: Study) -> Array:
     """Return the shares of a study of sensitivities."""
+    packages.needed("SALib", "method sensitivity")
     import SALib.sample.morris
     import SALib.sample.sobol
 
@@ -141,13 +165,38 @@ def table(study: Study, columns: list[list[Any]]) -> pa.Table:
     return pa.table(arrays, schema=pa.schema(fields))
 
 
+def key(study: Study) -> str:
+    """Return a hash of all that decides about the samples."""
+    raw = msgspec.to_builtins(study)
+    parts = {name: raw[name] for name in ("method", "design", "analysis", "runs", "seed", "vary", "correlation")}
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def store(study: Study, path: Path) -> None:
+    """Sample the design of a study and write it, unless the file has it already."""
+    try:
+        is_there = (pyarrow.parquet.read_schema(path).metadata or {}).get(b"study") == key(study).encode()
+    except (OSError, pa.ArrowException):
+        is_there = False
+    if not is_there:
+        found = table(study, values(study, shares(study)))
+        write(found.replace_schema_metadata({"study": key(study)}), path)
+
+
+def read(study: Study, path: Path) -> tuple[list[list[Any]], str]:
+    """Read the values of each factor from the file that `store` has written, and return them with its hash."""
+    try:
+        content = path.read_bytes()
+        found = pyarrow.parquet.read_table(pa.BufferReader(content))
+    except (OSError, pa.ArrowException) as error:
+        raise StudyError(f"cannot read {path}: {error}; --overwrite samples it again") from error
+    names = ["sample", *(factor.name for factor in study.vary)]
+    if found.column_names != names or not found.num_rows:
+        raise StudyError(f"{path} is not the design of this study; --overwrite samples it again")
+    return [found[name].to_pylist() for name in names[1:]], hashlib.sha256(content).hexdigest()
+
+
 def write(found: pa.Table, path: Path) -> None:
     """Write a table as Parquet: the same bytes for the same values."""
     with results.replacing(path) as temporary:
         pyarrow.parquet.write_table(found, temporary, compression="zstd")
-
-
-def rows(found: pa.Table) -> list[dict[str, Value]]:
-    """Return the values of each sample by factor."""
-    rows: list[dict[str, Value]] = found.drop_columns(["sample"]).to_pylist()
-    return rows

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
-from ..scenario import Outcome
+from ..scenario import Outcome, Recorded
 from .file import StudyError
 from .job import Done, Job, Task
 
@@ -20,10 +20,16 @@ Take = Callable[[Done], None]
 
 
 class Engine(Protocol):
-    """Executes tasks."""
+    """Executes tasks.
+
+    All values of a task come from `design.parquet`, or from the search that proposes them.
+    """
 
     def execute(self, tasks: Sequence[Task], take: Take) -> None:
         """Execute tasks; `take` gets every row once, in no order, in the thread of the caller."""
+
+    def record(self, runs: Sequence[tuple[Task, int]]) -> list[Recorded | str]:
+        """Execute a run of each task again; returns its signals, or how it failed."""
 
     def close(self) -> None:
         """End all processes."""
@@ -43,28 +49,38 @@ class Local:
         for variant in sorted({task.variant for task in tasks}):
             chosen = [task for task in tasks if task.variant == variant]
             scenario = self._job.scenarios[variant]
-            if variant not in self._started:
-                scenario.start(self._jobs, self._timeout)
-                self._started.add(variant)
+            self._start(variant)
             samples = [task.sample for task in chosen]
             for outcome in stream(functools.partial(scenario.execute, samples)):
                 take(self._job.done(chosen[outcome.sample], outcome))
+
+    def record(self, runs: Sequence[tuple[Task, int]]) -> list[Recorded | str]:
+        """Execute a run of each task again, in processes of this machine."""
+        found: dict[int, Recorded | str] = {}
+        for variant in sorted({task.variant for task, _ in runs}):
+            self._start(variant)
+            chosen = [i for i, (task, _) in enumerate(runs) if task.variant == variant]
+            of = [(runs[i][0].sample.values, runs[i][0].sample.runs[runs[i][1]]) for i in chosen]
+            found |= dict(zip(chosen, self._job.scenarios[variant].record_many(of), strict=True))
+        return [found[i] for i in range(len(runs))]
+
+    def _start(self, variant: int) -> None:
+        if variant not in self._started:
+            self._job.scenarios[variant].start(self._jobs, self._timeout)
+            self._started.add(variant)
 
     def close(self) -> None:
         """End all processes."""
         self._started.clear()
 
 
-class Nothing:
-    """Executes nothing: for a report of the rows that are there."""
+class Nothing(Local):
+    """Executes no tasks: for a report of the rows that are there."""
 
     def execute(self, tasks: Sequence[Task], take: Take) -> None:  # noqa: ARG002, a method of the protocol
         """Raise StudyError if there is something to do."""
         if tasks:
             raise StudyError(f"{len(tasks)} samples are missing: --resume runs them")
-
-    def close(self) -> None:
-        """Do nothing."""
 
 
 class _End:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import pyarrow as pa
-import pyarrow.parquet
 
 from ..scenario import Value
 from . import design, search, table
@@ -71,6 +69,8 @@ class Folder:
         """Remove results."""
         for path in (self.journal(shard), self.runs, self.timing):
             path.unlink(missing_ok=True)
+        if shard == WHOLE and not self.journals():
+            self.design.unlink(missing_ok=True)
 
     def prepare(self, shard: Shard, *, resume: bool, overwrite: bool) -> None:
         """Make room for results; raises StudyError if there are some that nobody said what to do with."""
@@ -88,9 +88,25 @@ class Result:
     rows: dict[tuple[int, int], Done]
 
 
-def planned(job: Job) -> list[list[Any]]:
-    """Return the values of a study whose samples are known before."""
-    return design.values(job.study, design.shares(job.study))
+def _header(path: Path) -> dict[str, Any]:
+    """Read the header of a journal."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            found = json.loads(file.readline())
+    except (OSError, ValueError) as error:
+        raise StudyError(f"cannot read {path}: {error}") from error
+    return found if isinstance(found, dict) else {}
+
+
+def designed(job: Job, folder: Folder) -> tuple[list[list[Any]], str]:
+    """Return the values in `design.parquet`, which is written if it is not there, and its hash."""
+    design.store(job.study, folder.design)
+    values, found = design.read(job.study, folder.design)
+    for path in folder.journals():
+        header = _header(path)
+        if header.get("study") == job.fingerprint() and header.get("design") != found:
+            raise StudyError(f"{path} has rows of another {folder.design.name}: run that shard again with --overwrite")
+    return values, found
 
 
 def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progress, *, resume: bool) -> Result:
@@ -100,7 +116,8 @@ def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progre
     def wanted(journal: Journal, tasks: Sequence[Task]) -> list[Task]:
         return [t for t in tasks if any((t.number, cell) not in journal.rows for cell in range(cells))]
 
-    with Journal(folder.journal(shard), job.fingerprint(), resume=resume) as journal:
+    known = None if job.study.is_adaptive else designed(job, folder)
+    with Journal(folder.journal(shard), job.fingerprint(), known[1] if known else None, resume=resume) as journal:
 
         def take(done: Done) -> None:
             is_new = (done.number, done.cell) not in journal.rows
@@ -108,7 +125,7 @@ def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progre
             if is_new:
                 progress(done)
 
-        if job.study.is_adaptive:
+        if known is None:
 
             def evaluate(first: int, values: Sequence[dict[str, Value]]) -> list[list[Done]]:
                 tasks = [job.task(first + i, v) for i, v in enumerate(values)]
@@ -118,9 +135,7 @@ def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progre
             values = search.run(job.study, job, evaluate)
             design.write(design.table(job.study, values), folder.design)
             return Result(values, dict(journal.rows))
-        values = planned(job)
-        found = design.table(job.study, values)
-        design.write(found, folder.design)
+        values, _ = known
         names = [f.name for f in job.study.vary]
         rows = [dict(zip(names, row, strict=True)) for row in zip(*values, strict=True)]
         tasks = [job.task(number, row) for number, row in enumerate(rows) if number % shard.of == shard.number - 1]
@@ -135,13 +150,14 @@ def merge(job: Job, folder: Folder) -> Result:
     journals = folder.journals()
     if not journals:
         raise StudyError(f"{folder.path} has no shards: `--shard 1/20` makes the first of twenty")
+    for path in journals:
+        if _header(path).get("study") != job.fingerprint():
+            raise StudyError(f"{path} belongs to another version of the study, its scenario or its FMUs")
+    values, _ = designed(job, folder)
     rows: dict[tuple[int, int], Done] = {}
     for path in journals:
-        header, *lines = path.read_bytes().decode("utf-8").rpartition("\n")[0].splitlines() or [""]
-        if job.fingerprint() not in header:
-            raise StudyError(f"{path} belongs to another version of the study, its scenario or its FMUs")
+        _, *lines = path.read_bytes().decode("utf-8").rpartition("\n")[0].splitlines()
         rows |= {(done.number, done.cell): done for done in parse(lines)}
-    values = planned(job)
     count, cells = len(values[0]), len(job.cells)
     missing = sorted({n for n in range(count) if any((n, cell) not in rows for cell in range(cells))})
     if missing:
@@ -150,7 +166,6 @@ def merge(job: Job, folder: Folder) -> Result:
             f"{len(missing)} of {count} samples are missing ({some}): run the shards they belong to, "
             f"or `--resume` those that were interrupted"
         )
-    design.write(design.table(job.study, values), folder.design)
     return Result(values, rows)
 
 
@@ -158,14 +173,6 @@ def write(job: Job, folder: Folder, result: Result) -> None:
     """Write the tables."""
     design.write(table.runs(job, result.values, result.rows), folder.runs)
     design.write(table.timing(job, result.rows), folder.timing)
-
-
-def read_design(folder: Folder) -> pa.Table:
-    """Read the design that was written."""
-    try:
-        return pyarrow.parquet.read_table(folder.design)
-    except (OSError, pa.ArrowException) as error:
-        raise StudyError(f"cannot read {folder.design}: {error}") from error
 
 
 @contextlib.contextmanager

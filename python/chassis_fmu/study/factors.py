@@ -149,6 +149,13 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
             return [float(v) for v in space(self.min, self.max, self.count or 2)]
         return None
 
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Return the shares that a search looks at: to the limits, and on a side without one to 1 or 99 %."""
+        is_open = self.distribution in ("normal", "lognormal")
+        low = 0.01 if is_open and self.min is None else 0.0
+        return low, 0.99 if is_open and self.max is None else 1.0
+
     def value(self, u: float) -> Value:
         """Return the value at a share u of the distribution, from 0 to 1."""
         found: Value = self.column(np.array([u]))[0]

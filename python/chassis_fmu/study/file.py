@@ -28,7 +28,7 @@ DESIGNS: dict[str, tuple[str, ...]] = {
 SAMPLES = 100
 
 # A name that a column of the tables has.
-TAKEN = ("sample", "case", "point", "seed", "status", "time", "message", "seconds")
+TAKEN = ("sample", "case", "point", "seed", "status", "time", "component", "variable", "message", "seconds")
 
 
 class StudyError(Exception):

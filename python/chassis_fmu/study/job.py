@@ -46,7 +46,7 @@ class Task:
     sample: Sample
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Done:
     """What came of a run: number of the sample, index of the cell, and the outcome."""
 
@@ -55,6 +55,8 @@ class Done:
     numbers: tuple[float | None, ...]
     status: str
     time: float | None
+    component: str | None
+    variable: str | None
     message: str | None
     seconds: float
 
@@ -257,7 +259,23 @@ class Job:
         """Return the row of an outcome: with the metrics that the study reports."""
         cell = task.sample.runs.index(outcome.run)
         numbers = tuple(outcome.numbers[m] for m in self.metrics) if outcome.numbers else ()
-        return Done(task.number, cell, numbers, outcome.status, outcome.time, outcome.message, outcome.seconds)
+        return Done(
+            task.number,
+            cell,
+            numbers,
+            outcome.status,
+            outcome.time,
+            outcome.component,
+            outcome.variable,
+            outcome.message,
+            outcome.seconds,
+        )
+
+    def lost(self, task: Task, message: str) -> list[Done]:
+        """Return the rows of a task whose processes ended, whatever it was that ended them."""
+        return [
+            Done(task.number, cell, (), "crashed", None, None, None, message, 0.0) for cell in range(len(self.cells))
+        ]
 
     def fmu_files(self) -> list[Path]:
         """Return all FMUs, each once."""

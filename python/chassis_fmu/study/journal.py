@@ -15,17 +15,17 @@ from typing import IO
 from .file import StudyError
 from .job import Done
 
-FORMAT = 1
+FORMAT = 2
 
 
 class Journal:
     """The rows of a study or of a shard of it."""
 
-    def __init__(self, path: Path, fingerprint: str, *, resume: bool) -> None:
-        """Open a journal; without `resume` there must be none."""
+    def __init__(self, path: Path, fingerprint: str, design: str | None, *, resume: bool) -> None:
+        """Open a journal of a study and its design (None: a search); without `resume` there must be none."""
         self.path = path
         self.rows: dict[tuple[int, int], Done] = {}
-        header = json.dumps({"format": FORMAT, "study": fingerprint})
+        header = json.dumps({"format": FORMAT, "study": fingerprint, "design": design})
         kept = 0
         if path.exists() and resume:
             kept = self._read(header)
@@ -45,11 +45,7 @@ class Journal:
         lines = content[:end].decode("utf-8").splitlines()
         if not lines:
             return 0
-        if lines[0] != header:
-            raise StudyError(
-                f"{self.path} belongs to another version of the study, its scenario or its FMUs: "
-                "--overwrite begins anew, another folder (--out) keeps both"
-            )
+        check(self.path, lines[0], header)
         for done in parse(lines[1:]):
             self.rows[done.number, done.cell] = done
         return end
@@ -59,7 +55,8 @@ class Journal:
         if (done.number, done.cell) in self.rows:
             return
         self.rows[done.number, done.cell] = done
-        row = [done.number, done.cell, done.numbers, done.status, done.time, done.message, done.seconds]
+        row = [done.number, done.cell, done.numbers, done.status, done.time]
+        row += [done.component, done.variable, done.message, done.seconds]
         self._file.write(json.dumps(row) + "\n")
         self._file.flush()
 
@@ -72,8 +69,21 @@ class Journal:
         self._file.close()
 
 
+def check(path: Path, found: str, expected: str) -> None:
+    """Raise StudyError if the header of a journal is not that of the study."""
+    if found == expected:
+        return
+    try:
+        of, wanted = json.loads(found), json.loads(expected)
+        is_other_design = {**of, "design": None} == {**wanted, "design": None}
+    except (ValueError, TypeError):
+        is_other_design = False
+    what = "another design.parquet" if is_other_design else "another version of the study, its scenario or its FMUs"
+    raise StudyError(f"{path} belongs to {what}: --overwrite begins anew, another folder (--out) keeps both")
+
+
 def parse(lines: list[str]) -> Iterator[Done]:
     """Read the rows of a journal."""
     for line in lines:
-        number, cell, numbers, status, time, message, seconds = json.loads(line)
-        yield Done(number, cell, tuple(numbers), status, time, message, seconds)
+        number, cell, numbers, *rest = json.loads(line)
+        yield Done(number, cell, tuple(numbers), *rest)

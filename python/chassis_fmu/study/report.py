@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,17 +12,20 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from .. import index, page, page_data, plots, results, tables
+from .. import index, page, page_data, plots, results, tables, texts
 from ..charts import Chart, figure
 from ..describe import sha256
 from ..plan import Metric
 from . import charts, design, search, statistics
 from .charts import Recorded
+from .file import Study, StudyError
 from .job import Done
-from .statistics import Compared, Distribution, Effect, Numbers, Share
+from .statistics import Choice, Compared, Distribution, Effect, Numbers, Sensitivities, Share, Swing
 
 # A study with more metrics than this shows figures of those with requirements, else of the first ones.
 MOST_METRICS = 4
+
+DESIGN = "design.parquet"
 
 STATUS = {
     "rejected": "values that an FMU does not accept",
@@ -51,6 +53,7 @@ class EffectTable:
     kind: str
     effects: Sequence[Effect]
     scale: float
+    note: str = ""
 
     def place(self, value: float) -> float:
         """Return the place of a value on the bar, in percent."""
@@ -60,12 +63,38 @@ class EffectTable:
 
 
 @dataclass(frozen=True)
+class Tornado:
+    """How far each factor moves a metric in a case."""
+
+    title: str
+    swings: Sequence[Swing]
+
+    def bar(self, swing: Swing) -> tuple[float, float]:
+        """Return both ends of the bar of a factor, in percent."""
+        ends = [v for s in self.swings for v in (s.at_low, s.at_high)]
+        low, span = min(ends), max(ends) - min(ends)
+        first, second = sorted((swing.at_low, swing.at_high))
+        return (100.0 * (first - low) / span, 100.0 * (second - low) / span) if span else (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Changes:
+    """The change of a metric against the baseline that a requirement is about."""
+
+    rows: Sequence[tuple[str, Distribution | None, int]]
+    drawing: tuple[Chart, Any] | None
+
+
+@dataclass(frozen=True)
 class Section:
     """What is said of a metric."""
 
     metric: Metric
     rows: Sequence[tuple[str, Distribution | None, int]]
     compared: Sequence[tuple[str, str, Compared]]
+    changes: Sequence[Changes]
+    choices: Sequence[tuple[str, Sequence[Choice]]]
+    tornados: Sequence[Tornado]
     effects: Sequence[EffectTable]
     drawings: Sequence[tuple[Chart, Any]]
 
@@ -95,20 +124,74 @@ def _titles(numbers: Numbers, case: str, point: str | None) -> str:
 def _effect_tables(numbers: Numbers, metric: int) -> list[EffectTable]:
     job = numbers.job
     found = []
-    shares = design.shares(job.study) if job.study.method == "sensitivity" else None
+    shares = _shares(numbers) if job.study.method == "sensitivity" else None
     for cell, run in enumerate(job.cells):
         title = _titles(numbers, run.case, run.point)
         if shares is not None:
-            effects = statistics.sensitivities(job.study, shares, numbers.of(metric, cell))
-            if effects:
-                ends = [e.total_interval or e.interval or (0.0, 0.0) for e in effects]
-                scale = max([1.0 if job.study.analysis == "sobol" else 0.0, *(end[1] for end in ends)])
-                found.append(EffectTable(title, job.study.analysis or "", effects, scale))
+            of = statistics.sensitivities(job.study, shares, numbers.of(metric, cell))
+            ends = [e.total_interval or e.interval or (0.0, 0.0) for e in of.effects]
+            scale = max([1.0 if job.study.analysis == "sobol" else 0.0, *(end[1] for end in ends)])
+            found.append(EffectTable(title, job.study.analysis or "", of.effects, scale, _left_out(job.study, of)))
         elif job.study.method == "sample":
             effects = statistics.effects(numbers, metric, cell)
             if effects:
                 found.append(EffectTable(title, "correlation", effects, 1.0))
     return found
+
+
+def _shares(numbers: Numbers) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the shares that the design of a sensitivity is made of; raises StudyError if it is not that design."""
+    study = numbers.job.study
+    shares = design.shares(study)
+    if design.values(study, shares) != [list(column) for column in numbers.values]:
+        raise StudyError(
+            f"{DESIGN} was sampled by another version of SALib or SciPy, with which the indices would be wrong: "
+            "make the page with that version, or --overwrite"
+        )
+    return shares
+
+
+def _left_out(study: Study, of: Sensitivities) -> str:
+    """Say which samples a sensitivity leaves out."""
+    if not of.missing:
+        return ""
+    some = ", ".join(map(str, of.missing[:10])) + (", …" if len(of.missing) > 10 else "")
+    groups = "trajectories" if study.analysis == "morris" else "groups of samples"
+    text = f"{len(of.missing)} samples have no number ({some}), so {of.left_out} of {of.groups} {groups} are left out"
+    return f"{text}." if of.effects else f"{text}; too few are left for indices."
+
+
+def _changes(numbers: Numbers, metric: int, drawing: Callable[[Chart], tuple[Chart, Any]]) -> list[Changes]:
+    """Return the changes that requirements of a metric are about."""
+    job = numbers.job
+    found = []
+    for requirement in job.requirements:
+        if requirement.metric != metric or not requirement.of_change:
+            continue
+        rows = []
+        for cell, run in enumerate(job.cells):
+            if run.case in requirement.cases:
+                done = sum((n, cell) in numbers.rows for n in range(numbers.count))
+                of = Distribution.of(numbers.changes(requirement, cell))
+                rows.append((_titles(numbers, run.case, run.point), of, done))
+        of_metric = job.plan.metrics[metric]
+        panels = charts.changes(numbers, requirement)
+        own = figure(f"{of_metric.name}_change", f"{of_metric.title}: change", "xy", job.plan.cases)
+        caption = "Change against the baseline of the case in the same sample. Dashed: the limits of the requirement."
+        found.append(Changes(rows, drawing(Chart(own, caption, panels)) if panels else None))
+    return found
+
+
+def _choices(numbers: Numbers, metric: int) -> list[tuple[str, list[Choice]]]:
+    cells = enumerate(numbers.job.cells)
+    found = [(_titles(numbers, r.case, r.point), statistics.choices(numbers, metric, cell)) for cell, r in cells]
+    return [(title, rows) for title, rows in found if rows]
+
+
+def _tornados(numbers: Numbers, metric: int) -> list[Tornado]:
+    cells = enumerate(numbers.job.cells)
+    found = [Tornado(_titles(numbers, r.case, r.point), statistics.swings(numbers, metric, cell)) for cell, r in cells]
+    return [tornado for tornado in found if tornado.swings]
 
 
 def _charts(numbers: Numbers, metric: int) -> list[Chart]:
@@ -137,9 +220,12 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
 
 
 def _scatter_matrix(numbers: Numbers, shown: Sequence[int]) -> Chart | None:
-    panels = [p for first, second in itertools.combinations(shown, 2) for p in charts.trade_off(numbers, first, second)]
-    own = figure("scatter_matrix", "Metrics over each other", "scatter", numbers.job.plan.cases)
-    caption = "A point for each run. Dashed: the Pareto front, the runs of all cases than which none is better in both."
+    panels = charts.matrix(numbers, shown)
+    own = figure("scatter_matrix", "Scatter matrix", "scatter", numbers.job.plan.cases)
+    caption = (
+        f"Every pair of factors and metrics; a point for each run, at most {charts.MOST_POINTS} of a case. "
+        "Dashed, between metrics: the Pareto front, the runs of all cases than which none is better in both."
+    )
     return Chart(own, caption, panels) if panels else None
 
 
@@ -148,6 +234,10 @@ def worst_first(numbers: Numbers, metric: int, cell: int) -> list[int]:
     values = numbers.of(metric, cell)
     limits = next((r for r in numbers.job.requirements if r.metric == metric), None)
     sign = 1.0 if limits is not None and limits.max is None else -1.0
+    wanted = numbers.job.study.search
+    if wanted is not None and wanted.metric == numbers.job.plan.metrics[metric].name:
+        # What is searched for comes first.
+        sign = -1.0 if wanted.direction == "maximize" else 1.0
     known = np.flatnonzero(np.isfinite(values))
     order = np.argsort(sign * values[known], kind="stable")
     return [int(n) for n in known[order]]
@@ -182,6 +272,9 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
                 job.plan.metrics[metric],
                 rows,
                 pairs,
+                _changes(numbers, metric, drawing),
+                _choices(numbers, metric),
+                _tornados(numbers, metric) if is_shown else (),
                 _effect_tables(numbers, metric) if is_shown else (),
                 [drawing(c) for c in _charts(numbers, metric)] if is_shown else (),
             )
@@ -218,17 +311,20 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         scatter_matrix=matrix_drawing,
         history=history_drawing,
         best=best(numbers),
+        failure_text=lambda done: failure_text(numbers, done),
         percentiles=statistics.PERCENTILES,
         confidence=100 * statistics.CONFIDENCE,
         interactive=page_data.Interactive.of(page_data.render(job.plan.cases, [], drawn)),
         context=context,
         hashes={path.stem: sha256(path) for path in job.fmu_files()},
         title_of=lambda case, point: _titles(numbers, case, point),
+        definition=texts.definition,
         number=number,
         limit=tables.scientific,
         unit=tables.pretty_unit,
         percent=percent,
-        index=lambda value: f"{value:.3g}".replace("-", "−"),
+        index=lambda value: "–" if value is None else f"{value:.3g}".replace("-", "−"),
+        end=lambda value: f"{value:.5g}".replace("-", "−"),
         effect_title=EFFECTS.get,
         is_search=job.study.is_adaptive,
     )
@@ -236,7 +332,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
 
 EFFECTS = {
     "correlation": "Rank correlation with what varies",
-    "morris": "Mean magnitude of the elementary effects (Morris)",
+    "morris": "Elementary effects (Morris)",
     "sobol": "Share of the variance (Sobol): first-order and total index",
 }
 
@@ -288,8 +384,21 @@ def _failed(numbers: Numbers) -> list[tuple[str, list[Done]]]:
     return [(status, found[status]) for status in STATUS if status in found]
 
 
-def best(numbers: Numbers) -> tuple[int, float, Mapping[str, Any]] | None:
-    """Return sample, metric and values of what a search has found; None without a search, or if nothing was found."""
+@dataclass(frozen=True)
+class Found:
+    """What a search has found."""
+
+    sample: int
+    value: float
+    values: Mapping[str, Any]
+    failure: Done | None
+    """The run that failed, of a worst case."""
+    failed: int
+    """Samples with such a run."""
+
+
+def best(numbers: Numbers) -> Found | None:
+    """Return what a search has found; None without a search, or if nothing was found."""
     wanted = numbers.job.study.search
     if wanted is None:
         return None
@@ -302,8 +411,18 @@ def best(numbers: Numbers) -> tuple[int, float, Mapping[str, Any]] | None:
     if not found:
         return None
     value, sample = (max if wanted.direction == "maximize" else min)(found, key=lambda pair: pair[0])
-    names = [f.name for f in numbers.job.study.vary]
-    return sample, value, dict(zip(names, (column[sample] for column in numbers.values), strict=True))
+    failure = None
+    if math.isinf(value):
+        cells = (c for c, run in enumerate(numbers.job.cells) if wanted.case in (None, run.case))
+        failure = next(numbers.rows[sample, c] for c in cells if numbers.rows[sample, c].status != "ok")
+    return Found(sample, value, numbers.sample(sample), failure, sum(math.isinf(v) for v, _ in found))
+
+
+def failure_text(numbers: Numbers, done: Done) -> str:
+    """Say which run failed and how."""
+    run = numbers.job.cells[done.cell]
+    at = "" if done.time is None else f" at {done.time:g} s"
+    return f"{_titles(numbers, run.case, run.point)}: {done.status.replace('_', ' ')}{at}: {done.message}"
 
 
 def write(numbers: Numbers, recorded: Recorded, context: Context, folder: Path) -> None:
@@ -345,11 +464,12 @@ def console(numbers: Numbers) -> str:
         parts.append("\nRequirements\n" + "\n".join(verdicts))
     found_best = best(numbers)
     if found_best is not None:
-        sample, value, values = found_best
-        words = ", ".join(f"{name} {v:g}" if isinstance(v, float) else f"{name} {v}" for name, v in values.items())
-        parts.append(
-            f"\nFound in sample {sample}: {job.study.search.metric if job.study.search else ''} {value:g} at {words}"
-        )
+        values = found_best.values.items()
+        words = ", ".join(f"{name} {v:g}" if isinstance(v, float) else f"{name} {v}" for name, v in values)
+        what = f"{job.study.search.metric if job.study.search else ''} {found_best.value:g}"
+        if found_best.failure is not None:
+            what = f"a run that fails ({failure_text(numbers, found_best.failure)})"
+        parts.append(f"\nFound in sample {found_best.sample}: {what} at {words}")
     failed = {status: len(rows) for status, rows in _failed(numbers)}
     if failed:
         words = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in failed.items())

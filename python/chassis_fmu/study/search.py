@@ -6,12 +6,16 @@ study alone, not on engine or number of processes.
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import math
+import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ..scenario import Value
+from . import packages
 from .factors import Factor
 from .file import SAMPLES, Search, Study, StudyError
 from .job import Done, Job
@@ -20,23 +24,51 @@ Evaluate = Callable[[int, Sequence[dict[str, Value]]], list[list[Done]]]
 """Takes the number of the first sample and values of a batch, gives the rows of each."""
 
 
+# Samplers of Optuna that propose batches, and the packages that they need beside it.
+SAMPLERS: dict[str, tuple[str, ...]] = {
+    "TPESampler": (),
+    "CmaEsSampler": ("cmaes",),
+    "GPSampler": ("torch", "scipy"),
+    "NSGAIISampler": (),
+    "NSGAIIISampler": (),
+    "QMCSampler": ("scipy",),
+    "RandomSampler": (),
+}
+
+# Those that try all combinations, which a sweep does.
+EXHAUSTIVE = ("BruteForceSampler", "GridSampler")
+
+
 def _sampler(search: Search, seed: int) -> Any:
+    """Make the sampler; raises StudyError if that is not possible."""
     import optuna
 
-    known = [
-        n for n in dir(optuna.samplers) if n.endswith("Sampler") and n not in ("BaseSampler", "PartialFixedSampler")
-    ]
-    if search.sampler not in known:
-        raise StudyError(f"search: unknown sampler `{search.sampler}`, expected one of {', '.join(known)}")
-    options = dict(search.options)
-    if search.sampler != "BruteForceSampler" or "seed" not in options:
-        options.setdefault("seed", seed)
+    name = search.sampler
+    if name in EXHAUSTIVE:
+        raise StudyError(f'search: {name} tries all combinations of values; method = "sweep" does that')
+    if name not in SAMPLERS:
+        raise StudyError(f"search: unknown sampler `{name}`, expected one of {', '.join(SAMPLERS)}")
+    missing = [package for package in SAMPLERS[name] if importlib.util.find_spec(package) is None]
+    if missing:
+        raise StudyError(
+            f"search: {name} needs the Python package {' and '.join(missing)}, which is not installed: "
+            f"`{sys.executable} -m pip install {' '.join(missing)}`, or choose another sampler"
+        )
+    with _explained(f"{name} cannot be made with the options {dict(search.options)}"):
+        return getattr(optuna.samplers, name)(**{"seed": seed, **search.options})
+
+
+@contextlib.contextmanager
+def _explained(what: str) -> Iterator[None]:
+    """Raise StudyError for whatever Optuna or a sampler raises: they document no set of exceptions."""
     try:
         with warnings.catch_warnings():
+            # Options of samplers that may change, in the words of Optuna.
             warnings.simplefilter("ignore")
-            return getattr(optuna.samplers, search.sampler)(**options)
-    except (TypeError, ValueError, ImportError) as error:
-        raise StudyError(f"search: {search.sampler} cannot be made with these options: {error}") from error
+            yield
+    except Exception as error:
+        kind = type(error).__name__
+        raise StudyError(f"search: {what}: {kind}: {error}") from error
 
 
 def _suggest(trial: Any, factor: Factor) -> Value:
@@ -50,29 +82,31 @@ def _suggest(trial: Any, factor: Factor) -> Value:
         found: Value = trial.suggest_float(factor.name, factor.min, factor.max, log=log)
         return found
     # A search has no probabilities, but the limits of a distribution: its share is searched between its ends.
-    return factor.value(trial.suggest_float(factor.name, 0.01, 0.99))
+    return factor.value(trial.suggest_float(factor.name, *factor.reach))
 
 
 def run(study: Study, job: Job, evaluate: Evaluate) -> list[list[Any]]:
     """Search; returns the values of all samples, by factor. Raises StudyError if the sampler cannot do it."""
+    packages.needed("optuna", f"method {study.method} with [search]")
     import optuna
 
     search = study.search
     if search is None:
         raise AssertionError("the study is checked")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    with warnings.catch_warnings():
-        # Options of samplers that may change, in the words of Optuna.
-        warnings.simplefilter("ignore")
-        trials = optuna.create_study(direction=search.direction, sampler=_sampler(search, study.seed))
-        count = study.runs or SAMPLES
-        columns: list[list[Any]] = [[] for _ in study.vary]
-        for first in range(0, count, search.batch):
+    sampler = _sampler(search, study.seed)
+    trials = optuna.create_study(direction=search.direction, sampler=sampler)
+    count = study.runs or SAMPLES
+    columns: list[list[Any]] = [[] for _ in study.vary]
+    for first in range(0, count, search.batch):
+        with _explained(f"{search.sampler} cannot propose samples"):
             asked = [trials.ask() for _ in range(min(search.batch, count - first))]
             values = [{f.name: _suggest(trial, f) for f in study.vary} for trial in asked]
-            for column, factor in zip(columns, study.vary, strict=True):
-                column += [v[factor.name] for v in values]
-            for trial, rows in zip(asked, evaluate(first, values), strict=True):
+        for column, factor in zip(columns, study.vary, strict=True):
+            column += [v[factor.name] for v in values]
+        done = evaluate(first, values)
+        with _explained(f"{search.sampler} cannot use the results"):
+            for trial, rows in zip(asked, done, strict=True):
                 found = objective(job, search, rows)
                 if found is None:
                     trials.tell(trial, state=optuna.trial.TrialState.FAIL)
@@ -82,19 +116,20 @@ def run(study: Study, job: Job, evaluate: Evaluate) -> list[list[Any]]:
 
 
 def objective(job: Job, search: Search, rows: Sequence[Done]) -> float | None:
-    """Return the metric of a sample, of the case named or the extreme of all cells; None if it has none."""
+    """Return the metric of a sample, of the case named or the extreme of all cells; None if it has none.
+
+    A run that fails is the worst case, whatever the numbers of others: it counts as infinite in the direction of the
+    search.
+    """
+    is_worst_case = job.study.method == "worst_case"
     index = [m.name for m in job.plan.metrics].index(search.metric)
     at = job.metrics.index(index)
-    found = []
-    for row in rows:
-        if search.case is not None and job.cells[row.cell].case != search.case:
-            continue
-        number = row.numbers[at] if row.numbers else None
-        if number is None or not math.isfinite(number):
-            return None
-        found.append(number)
-    if not found:
+    chosen = [row for row in rows if search.case is None or job.cells[row.cell].case == search.case]
+    if is_worst_case and any(row.status != "ok" for row in chosen):
+        return math.inf if search.direction == "maximize" else -math.inf
+    numbers = [row.numbers[at] if row.numbers else None for row in chosen]
+    found = [number for number in numbers if number is not None and math.isfinite(number)]
+    if not found or len(found) < len(numbers):
         return None
     # Of an optimum the worst cell counts, of a worst case the extreme itself.
-    is_worst_case = job.study.method == "worst_case"
     return max(found) if (search.direction == "maximize") == is_worst_case else min(found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 
 # Confidence of all intervals.
 CONFIDENCE = 0.95
+
+# Groups of samples that sensitivities need at least.
+FEWEST_GROUPS = 4
 
 PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 
@@ -70,6 +73,10 @@ class Numbers:
         self.rows = rows
         self.count = len(values[0])
 
+    def sample(self, number: int) -> dict[str, Any]:
+        """Return the values of a sample by factor."""
+        return {f.name: column[number] for f, column in zip(self.job.study.vary, self.values, strict=True)}
+
     def of(self, metric: int, cell: int) -> Array:
         """Return the numbers of a metric in a cell, one for each sample; NaN where there is none."""
         at = self.job.metrics.index(metric)
@@ -92,6 +99,11 @@ class Numbers:
                 met = sum(limits.holds(self.job.judged(limits, self.rows, number, cell)) for number in done)
                 found.append(Share(limits, run.case, run.point, met, len(done)))
         return found
+
+    def changes(self, limits: Limits, cell: int) -> Array:
+        """Return the numbers of a cell that a requirement is about; NaN where there is none."""
+        found = [self.job.judged(limits, self.rows, number, cell) for number in range(self.count)]
+        return np.array([math.nan if value is None else value for value in found])
 
     def statuses(self) -> dict[str, int]:
         """Return the number of rows of each status."""
@@ -142,6 +154,26 @@ class Compared:
         return self.interval[0] > 0.0 or self.interval[1] < 0.0
 
 
+def student(values: Array) -> tuple[float, tuple[float, float]]:
+    """Return the mean of some values, at least two, and its interval of confidence (Student)."""
+    mean, deviation = float(values.mean()), float(values.std(ddof=1))
+    quantile = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, values.size - 1))
+    half = quantile * deviation / math.sqrt(values.size)
+    return mean, (mean - half, mean + half)
+
+
+def welch(first: Array, second: Array) -> tuple[float, tuple[float, float]]:
+    """Return the difference of the means of two independent groups, second minus first, and its interval (Welch)."""
+    difference = float(second.mean() - first.mean())
+    parts = [float(v.var(ddof=1)) / v.size for v in (first, second)]
+    error = sum(parts)
+    if error == 0.0:
+        return difference, (difference, difference)
+    degrees = error**2 / sum(part**2 / (v.size - 1) for part, v in zip(parts, (first, second), strict=True))
+    half = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, degrees)) * math.sqrt(error)
+    return difference, (difference - half, difference + half)
+
+
 def compared(numbers: Numbers, metric: int) -> list[Compared]:
     """Compare every case with its baseline, by samples that both have."""
     found = []
@@ -154,17 +186,146 @@ def compared(numbers: Numbers, metric: int) -> list[Compared]:
         difference = difference[np.isfinite(difference)]
         if difference.size < 2:
             continue
-        mean, deviation = float(difference.mean()), float(difference.std(ddof=1))
-        half = (
-            float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2.0, difference.size - 1))
-            * deviation
-            / math.sqrt(difference.size)
-        )
+        mean, interval = student(difference)
         lower = int((difference < 0.0).sum())
-        found.append(
-            Compared(run.case, cells[at].case, run.point, difference.size, mean, (mean - half, mean + half), lower)
-        )
+        found.append(Compared(run.case, cells[at].case, run.point, difference.size, mean, interval, lower))
     return found
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A metric with one choice of a factor without order, as an FMU or a name, and against the first choice."""
+
+    factor: str
+    level: str
+    count: int
+    mean: float
+    interval: tuple[float, float] | None
+    against: str | None = None
+    """The first choice; None for itself."""
+    difference: float | None = None
+    difference_interval: tuple[float, float] | None = None
+    pairs: int = 0
+    """Samples that differ in this factor only; 0 if there are none and the groups were compared as independent ones."""
+    lower: int = 0
+    """Pairs in which this choice has the lower number."""
+
+    @property
+    def is_clear(self) -> bool:
+        """Tell whether the interval of the difference leaves out zero."""
+        ends = self.difference_interval
+        return ends is not None and (ends[0] > 0.0 or ends[1] < 0.0)
+
+
+def choices(numbers: Numbers, metric: int, cell: int) -> list[Choice]:
+    """Return the means of a metric for each choice of every factor without order, and the differences to the first one.
+
+    Samples that have the same values of all other factors are pairs.
+    """
+    y = numbers.of(metric, cell)
+    found = []
+    for at, (factor, values) in enumerate(zip(numbers.job.study.vary, numbers.values, strict=True)):
+        if not isinstance(values[0], str | bool):
+            continue
+        others = [column for i, column in enumerate(numbers.values) if i != at]
+        keys = list(zip(*others, strict=True)) if others else [()] * numbers.count
+        levels = [level for level in factor.levels or () if level in set(values)]
+        # The number of each other setting, for each choice.
+        rows: dict[Any, dict[Any, float]] = {level: {} for level in levels}
+        groups: dict[Any, list[float]] = {level: [] for level in levels}
+        for level, key, value in zip(values, keys, y, strict=True):
+            if math.isfinite(value):
+                rows[level][key] = float(value)
+                groups[level].append(float(value))
+        first = levels[0]
+        for level in levels:
+            of = np.array(groups[level])
+            if not of.size:
+                continue
+            interval = student(of)[1] if of.size > 1 else None
+            row = Choice(factor.name, str(level), of.size, float(of.mean()), interval)
+            if level != first:
+                shared = [key for key in rows[level] if key in rows[first]]
+                difference = np.array([rows[level][key] - rows[first][key] for key in shared])
+                row = replace(row, against=str(first))
+                if difference.size > 1:
+                    mean, ends = student(difference)
+                    lower = int((difference < 0.0).sum())
+                    row = replace(row, difference=mean, difference_interval=ends, pairs=difference.size, lower=lower)
+                elif of.size > 1 and len(groups[first]) > 1:
+                    mean, ends = welch(np.array(groups[first]), of)
+                    row = replace(row, difference=mean, difference_interval=ends)
+            found.append(row)
+    return found
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A bar of a tornado: a metric at the low and at the high end of a factor, in its own unit."""
+
+    factor: str
+    low: float
+    """Value of the factor at its low end, or the mean of those there."""
+    high: float
+    at_low: float
+    """The metric there."""
+    at_high: float
+    interval: tuple[float, float] | None = None
+    """Of the difference, high minus low; None where the samples are not random."""
+
+    @property
+    def difference(self) -> float:
+        """Return the change of the metric from the low to the high end."""
+        return self.at_high - self.at_low
+
+
+# The lowest and the highest share of the samples that stand for the ends of a factor, and how many they have to be.
+END = 0.2
+FEWEST = 3
+
+
+def swings(numbers: Numbers, metric: int, cell: int) -> list[Swing]:
+    """Return how far each factor moves a metric, the largest change first.
+
+    In a sweep: from its lowest to its highest value, the others at their middle (one at a time) or averaged (all
+    combinations). In samples: from the mean over the lowest fifth of its values to that over the highest fifth, or
+    between its lowest and its highest value if it has few. Lists whose factors vary together have none.
+    """
+    study = numbers.job.study
+    if study.method not in ("sweep", "sample") or study.chosen_design == "list":
+        return []
+    y = numbers.of(metric, cell)
+    known = np.isfinite(y)
+    found = []
+    for factor, values in zip(study.vary, numbers.values, strict=True):
+        if isinstance(values[0], str | bool) or factor.distribution == "seed":
+            continue
+        x = np.array(values, np.float64)
+        if factor.levels:
+            low, high = x == x.min(), x == x.max()
+            if study.chosen_design == "one_at_a_time":
+                low, high = _alone(numbers, factor.name, low), _alone(numbers, factor.name, high)
+        else:
+            low, high = x <= np.quantile(x, END), x >= np.quantile(x, 1.0 - END)
+        low, high = low & known, high & known
+        is_random = study.method == "sample"
+        fewest = FEWEST if is_random else 1
+        if x.min() == x.max() or low.sum() < fewest or high.sum() < fewest:
+            continue
+        interval = welch(y[low], y[high])[1] if is_random else None
+        start, end, at_start, at_end = (float(v.mean()) for v in (x[low], x[high], y[low], y[high]))
+        found.append(Swing(factor.name, start, end, at_start, at_end, interval))
+    return sorted(found, key=lambda s: -abs(s.difference))
+
+
+def _alone(numbers: Numbers, name: str, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Of some samples of a design that changes one factor at a time, return those in which no other one is changed."""
+    out = chosen.copy()
+    for factor, values in zip(numbers.job.study.vary, numbers.values, strict=True):
+        if factor.name != name:
+            # The first sample has all factors at their middle value.
+            out &= np.array([value == values[0] for value in values])
+    return out
 
 
 @dataclass(frozen=True)
@@ -177,6 +338,8 @@ class Effect:
     interval: tuple[float, float] | None = None
     total: float | None = None
     total_interval: tuple[float, float] | None = None
+    sigma: float | None = None
+    """Standard deviation of the elementary effects (Morris): large where a factor is not linear or acts with others."""
 
 
 def effects(numbers: Numbers, metric: int, cell: int) -> list[Effect]:
@@ -212,28 +375,52 @@ def main_effects(numbers: Numbers, metric: int, cell: int) -> dict[str, list[tup
     return found
 
 
-def sensitivities(study: Study, shares: Array, y: Array) -> list[Effect] | None:
-    """Return the sensitivities that SALib computes; None if a run failed, because the indices need all.
+@dataclass(frozen=True)
+class Sensitivities:
+    """Sensitivities of a metric, and what they leave out."""
 
-    Morris: mean of the magnitudes of the elementary effects, in the unit of the metric. Sobol: first-order and total
-    index.
+    effects: list[Effect]
+    """Largest first; empty if too few groups of samples are left."""
+    missing: list[int]
+    """Samples without a number."""
+    left_out: int
+    """Groups of samples without the number of one of them, which the indices leave out."""
+    groups: int
+
+
+def sensitivities(study: Study, shares: Array, y: Array) -> Sensitivities:
+    """Return the sensitivities that SALib computes.
+
+    Morris: mean of the magnitudes of the elementary effects, in the unit of the metric, and their deviation. Sobol:
+    first-order and total index. Both are made of groups of samples, a trajectory or a point with its exchanges; a group
+    of which a number is missing is left out.
     """
     import SALib.analyze.morris
     import SALib.analyze.sobol
 
-    if not np.isfinite(y).all():
-        return None
     problem = design.problem(study)
-    if study.analysis == "morris":
-        of = SALib.analyze.morris.analyze(problem, shares, y, num_levels=4, seed=study.seed)
-        rows = zip(problem["names"], of["mu_star"], of["mu_star_conf"], strict=True)
-        return sorted((Effect(n, float(m), (float(m - c), float(m + c))) for n, m, c in rows), key=lambda e: -e.value)
-    if np.ptp(y) == 0.0:
-        return [Effect(name, 0.0, (0.0, 0.0), 0.0, (0.0, 0.0)) for name in problem["names"]]
-    of = SALib.analyze.sobol.analyze(problem, y, calc_second_order=False, seed=study.seed)
-    found = []
-    for i, name in enumerate(problem["names"]):
-        first, total = float(of["S1"][i]), float(of["ST"][i])
-        half, wide = float(of["S1_conf"][i]), float(of["ST_conf"][i])
-        found.append(Effect(name, first, (first - half, first + half), total, (total - wide, total + wide)))
-    return sorted(found, key=lambda e: -(e.total or 0.0))
+    # Both have a group of one sample more than there are factors; that of Sobol has another one.
+    size = len(study.vary) + (1 if study.analysis == "morris" else 2)
+    missing = np.flatnonzero(~np.isfinite(y))
+    groups = y.size // size
+    kept = np.isfinite(y).reshape(groups, size).all(axis=1)
+    rows = np.repeat(kept, size)
+    x, y = shares[rows], y[rows]
+    names = problem["names"]
+    found: list[Effect] = []
+    if kept.sum() < FEWEST_GROUPS:
+        pass
+    elif study.analysis == "morris":
+        of = SALib.analyze.morris.analyze(problem, x, y, num_levels=4, seed=study.seed)
+        for n, m, c, sigma in zip(names, of["mu_star"], of["mu_star_conf"], of["sigma"], strict=True):
+            found.append(Effect(n, float(m), (float(m - c), float(m + c)), sigma=float(sigma)))
+    elif np.ptp(y) == 0.0:
+        found = [Effect(name, 0.0, (0.0, 0.0), 0.0, (0.0, 0.0)) for name in names]
+    else:
+        of = SALib.analyze.sobol.analyze(problem, y, calc_second_order=False, seed=study.seed)
+        for i, name in enumerate(names):
+            first, total = float(of["S1"][i]), float(of["ST"][i])
+            half, wide = float(of["S1_conf"][i]), float(of["ST_conf"][i])
+            found.append(Effect(name, first, (first - half, first + half), total, (total - wide, total + wide)))
+    found.sort(key=lambda e: -(e.value if e.total is None else e.total))
+    return Sensitivities(found, [int(n) for n in missing], int(groups - kept.sum()), groups)

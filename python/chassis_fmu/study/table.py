@@ -20,10 +20,12 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
     done = [rows[key] for key in keys]
     cells = [job.cells[cell] for _, cell in keys]
     fields = [pa.field("sample", pa.int64()), pa.field("case", pa.string()), pa.field("point", pa.string())]
+    fields.append(pa.field("seed", pa.int64()))
     arrays = [
         pa.array([number for number, _ in keys], pa.int64()),
         pa.array([cell.case for cell in cells], pa.string()),
         pa.array([cell.point for cell in cells], pa.string()),
+        pa.array([cell.seed for cell in cells], pa.int64()),
     ]
     for factor, of in zip(job.study.vary, values, strict=True):
         field, array = design.column(job.study, factor.name, [of[number] for number, _ in keys])
@@ -42,10 +44,12 @@ def runs(job: Job, values: Sequence[Sequence[Any]], rows: Rows) -> pa.Table:
         fields.append(pa.field(f"meets:{name}:change" if limits.of_change else f"meets:{name}", pa.bool_()))
         arrays.append(pa.array(held, pa.bool_()))
     fields += [pa.field("status", pa.string()), pa.field("time", pa.float64(), metadata={"unit": "s"})]
-    fields.append(pa.field("message", pa.string()))
+    fields += [pa.field(name, pa.string()) for name in ("component", "variable", "message")]
     arrays += [
         pa.array([row.status for row in done], pa.string()),
         pa.array([row.time for row in done], pa.float64()),
+        pa.array([row.component for row in done], pa.string()),
+        pa.array([row.variable for row in done], pa.string()),
         pa.array([row.message for row in done], pa.string()),
     ]
     return pa.table(arrays, schema=pa.schema(fields))

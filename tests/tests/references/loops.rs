@@ -1,6 +1,7 @@
 //! Closed loops of PathDriver and a vehicle, through the master, against an independent implementation of both.
 
 use super::table::Table;
+use fmu_assess::{Evaluation, Trace, Value, evaluators};
 use fmu_system::fmus::Fmus;
 use fmu_system::master;
 use fmu_system::resolve::{FmuFolder, Options, resolve_text};
@@ -11,6 +12,10 @@ use std::path::Path;
 /// whose speed a plant with prescribed speed has one step later here; and its vehicles are integrated more finely.
 const TOLERANCE: f64 = 1e-4;
 
+/// Share of a metric, and of margins to the cones in m: by the finer integration of the reference's vehicles.
+const METRIC: f64 = 1e-3;
+const MARGIN: f64 = 2e-3;
+
 struct Loop {
     file: &'static str,
     plant: &'static str,
@@ -18,6 +23,8 @@ struct Loop {
     driver: &'static str,
     parameters: &'static str,
     has_pedals: bool,
+    /// Angle of the steering wheel over that of the front wheels.
+    ratio: f64,
 }
 
 /// The scenario of a loop: driver, brakes and drive if there are pedals, plant.
@@ -66,6 +73,53 @@ fn scenario(case: &Loop, columns: &[String], stop: f64) -> String {
     text
 }
 
+/// The metrics of the whole run that we made, with those of the reference.
+fn compare_metrics(file: &str, recording: &master::Recording, names: &[&str], ratio: f64) {
+    let path = tests::workspace().join("tests/references/driving/loops.json");
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let entries: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
+    let entry = &entries[file.rsplit('/').next().expect("a name")];
+    let columns: Vec<(&str, &[f64])> =
+        names.iter().enumerate().map(|(index, name)| (*name, &recording.column(index).unwrap()[1..])).collect();
+    let mut trace = Trace::new(&recording.time[1..]);
+    for (name, values) in &columns {
+        trace = trace.with(*name, *values).unwrap();
+    }
+    let steer = columns.iter().find(|(name, _)| *name == "driver.steer").expect("it is recorded").1;
+    let trace =
+        trace.with("driver.steering_wheel", steer.iter().map(|steer| ratio * steer).collect::<Vec<_>>()).unwrap();
+    let evaluator = evaluators::find(entry["evaluator"].as_str().expect("a name")).expect("an evaluator");
+    // The driver of this loop is on the mirrored track.
+    let mut options = entry["options"].clone();
+    if file.ends_with("rescue_vehicle_iso3888_1") {
+        options["path.mirror"] = 1.into();
+    }
+    let found = evaluator.evaluate(&trace, &options).expect("the options are allowed");
+    for (name, expected) in entry["expected"].as_object().expect("an object") {
+        let found = found.value(name).unwrap_or_else(|| panic!("there is no metric {name}"));
+        let near = |found: f64, expected: f64, limit: f64| {
+            assert!((found - expected).abs() <= limit, "{file}: {name} is {found} instead of {expected}");
+        };
+        match (expected, found) {
+            (serde_json::Value::Number(number), Value::Number(found)) => {
+                let expected = number.as_f64().expect("a number");
+                near(*found, expected, METRIC * expected.abs());
+            }
+            (serde_json::Value::Bool(expected), Value::Boolean(found)) => assert_eq!(found, expected, "{file}: {name}"),
+            (serde_json::Value::Null, Value::Null(_)) => (),
+            (serde_json::Value::Array(expected), Value::Numbers(found)) => {
+                assert_eq!(found.len(), expected.len(), "{file}: {name}");
+                for (found, expected) in found.iter().zip(expected) {
+                    let expected = expected.as_f64().expect("a number");
+                    let limit = if name == "margins" { MARGIN } else { METRIC * expected.abs() };
+                    near(found.expect("a number"), expected, limit);
+                }
+            }
+            (expected, found) => panic!("{file}: {name} is {found:?} instead of {expected}"),
+        }
+    }
+}
+
 fn compare(case: &Loop) {
     let table = Table::read(case.file);
     let columns: Vec<String> = table.names[1..].to_vec();
@@ -90,6 +144,70 @@ fn compare(case: &Loop) {
         }
     }
     assert!(worst.is_empty(), "{}: {}", case.file, worst.join(", "));
+    let names: Vec<&str> = plan.columns.iter().map(|column| column.name.as_str()).collect();
+    compare_metrics(case.file, &recording, &names, case.ratio);
+}
+
+/// The margins of BicycleCar in ISO 3888-1 at 20 m/s, on a road of friction 0.9, with a sample time of the driver, s, that is the
+/// communication step, too.
+fn margins(step: f64) -> Vec<f64> {
+    let text = format!(
+        r#"
+title = "Margins"
+[simulation]
+stop = 13.0
+step = {step:?}
+[[component]]
+name = "driver"
+fmu = "PathDriver"
+[component.parameters]
+maneuver = 2
+"path.vehicle_width" = 1.75
+"geometry.wheelbase" = 2.7
+"vehicle.understeer_gradient" = 0.003198653
+"speed.initial" = 20.0
+sample_time = {step:?}
+[[component]]
+name = "plant"
+fmu = "BicycleCar"
+parameters = {{ "tire.friction" = 0.9 }}
+inputs = {{ "road_friction.fl" = 1.0 }}
+[[connection]]
+from = "driver:driver.steer"
+to = "plant:steer.front"
+[[case]]
+name = "only"
+title = "Only"
+[record]
+signals = ["plant:vehicle.*"]
+"#
+    );
+    let plan = resolve_text(Path::new("margins.toml"), &text, &FmuFolder::new([tests::folder()]), &Options::default())
+        .unwrap_or_else(|error| panic!("{error:?}\n{text}"));
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let recording = master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap();
+    let trace = plan.columns.iter().enumerate().fold(Trace::new(&recording.time[1..]), |trace, (index, column)| {
+        trace.with(column.name.clone(), &recording.column(index).unwrap()[1..]).unwrap()
+    });
+    let options = serde_json::json!({
+        "maneuver": 2, "path.start": 50.0, "vehicle.width": 1.75, "footprint.front": 2.05, "footprint.rear": 2.35,
+    });
+    let found: Evaluation = evaluators::find("cones").unwrap().evaluate(&trace, &options).unwrap();
+    let Some(Value::Numbers(margins)) = found.value("margins") else { panic!("{found:?}") };
+    margins.iter().map(|margin| margin.expect("the car reaches all sections")).collect()
+}
+
+/// Reference: the limit of a small step. Delay and lag of the driver are those of continuous time at any sample time, so that the
+/// margins are within 2e-5 m (the tolerance of the specification) at 1 and 2 ms.
+#[test]
+fn margins_do_not_depend_on_the_sample_time() {
+    let (fine, coarse) = (margins(0.001), margins(0.002));
+    assert_eq!((fine.len(), coarse.len()), (3, 3));
+    for (fine, coarse) in fine.iter().zip(&coarse) {
+        assert!((fine - coarse).abs() <= 2e-5, "{fine} {coarse}");
+    }
+    // It is a lane change at the limit of the track.
+    assert!(fine.iter().all(|margin| margin.abs() < 0.5), "{fine:?}");
 }
 
 #[test]
@@ -103,6 +221,7 @@ fn esp_car_through_iso3888_1() {
                  \"path.overlap\" = 6.0",
         parameters: "\"vehicle.initial_speed\" = 20.833333333333332",
         has_pedals: true,
+        ratio: 16.0,
     });
 }
 
@@ -117,6 +236,7 @@ fn rescue_vehicle_through_iso3888_1_mirrored() {
                  \"path.overlap\" = 6.0, \"path.mirror\" = true",
         parameters: "",
         has_pedals: false,
+        ratio: 20.0,
     });
 }
 
@@ -131,5 +251,6 @@ fn heavy_vehicle_in_a_lane_change() {
                  \"path.change_distance\" = 48.61111111111111, \"path.offset\" = 1.4637",
         parameters: "",
         has_pedals: false,
+        ratio: 20.0,
     });
 }

@@ -64,6 +64,16 @@ fn phase(response: &[Complex<f64>]) -> Vec<f64> {
     unwrapped.collect()
 }
 
+/// The unit of a gain; empty for a number.
+fn ratio(to: Option<&str>, from: Option<&str>) -> String {
+    let bracketed = |unit: &str| if unit.contains('/') { format!("({unit})") } else { unit.to_owned() };
+    match (to, from) {
+        (to, from) if to == from => String::new(),
+        (to, None) => to.unwrap_or_default().to_owned(),
+        (to, Some(from)) => format!("{}/{}", bracketed(to.unwrap_or("1")), bracketed(from)),
+    }
+}
+
 /// A panel for the page, and its picture.
 struct Plot<'a> {
     title: &'a str,
@@ -129,8 +139,7 @@ pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result
     for (k, (input, output)) in pairs.iter().enumerate() {
         let (from, to) = (&model.inputs[*input], &model.outputs[*output]);
         let response = model.response(*input, *output, &frequencies);
-        let unit = |signal: &Signal| signal.unit.clone().unwrap_or_else(|| "1".to_owned());
-        let ratio = format!("({})/({})", unit(to), unit(from));
+        let ratio = ratio(to.unit.as_deref(), from.unit.as_deref());
         let over = |values: Vec<f64>| frequencies.iter().copied().zip(values).collect();
         let x = ("Frequency", "Hz", true);
         let gain = over(response.iter().map(|g| g.norm()).collect());
@@ -158,7 +167,7 @@ pub(super) fn page(model: &LinearModel, pairs: &[Pair], command: &str) -> Result
          <p class=\"overline\">Chassis FMU <span>linearize</span></p>\n<h1>{name}, linearized</h1>\n\
          <p class=\"lead\">x' = A x + B u, y = C x + D u at {point}.</p>\n<ul class=\"facts\">\
          <li><b>{}</b> states</li><li><b>{}</b> inputs</li><li><b>{}</b> outputs</li><li><b>{}</b></li></ul>\n</header>\n<main>\n\
-         <section>\n<h2>Modes</h2>\n<div class=\"scroll\">\n{}</div>\n\
+         <section>\n<h2>Modes</h2>\n<div class=\"scroll\" tabindex=\"0\">\n{}</div>\n\
          <p class=\"note\">Damping is minus the real part of a pole over its magnitude. A pole at 0 has none. The time constant is \
          that of the decay.</p>\n</section>\n\
          <section>\n<h2>Poles and frequency response</h2>\n{html}<p class=\"note\">{choose}</p>\n</section>\n\
@@ -195,7 +204,7 @@ fn modes(model: &LinearModel) -> String {
         let cells: String = cells.iter().map(|cell| format!("<td class=\"number\">{cell}</td>")).collect();
         let _ = writeln!(rows, "<tr>{cells}</tr>");
     }
-    format!("<table>\n<thead><tr>{heads}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n")
+    format!("<table class=\"results\">\n<thead><tr>{heads}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n")
 }
 
 #[cfg(test)]
@@ -208,6 +217,13 @@ mod tests {
         let turns: Vec<_> = (0..40).map(|k| Complex::from_polar(1.0, -0.3 * f64::from(k))).collect();
         let found = phase(&turns);
         assert!((found[39] + 0.3 * 39.0 * 180.0 / PI).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn the_unit_of_a_gain_is_a_ratio() {
+        assert_eq!(ratio(Some("rad/s"), Some("rad")), "(rad/s)/rad");
+        assert_eq!(ratio(Some("m/s"), Some("m/s")), "");
+        assert_eq!((ratio(None, Some("N")), ratio(Some("N"), None)), ("1/N".to_owned(), "N".to_owned()));
     }
 
     #[test]

@@ -14,6 +14,7 @@ use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use super::folders::folders;
@@ -29,13 +30,13 @@ pub(crate) struct Arguments {
     plant: String,
 
     /// Controller that is compared with the plant without it; may be given several times
-    #[arg(long, value_name = "NAME")]
-    with: Vec<String>,
+    #[arg(long, value_name = "NAME", value_parser = placed)]
+    with: Vec<Placed>,
 
     /// FMU that belongs to the vehicle, such as its brakes; may be given several times [default: BrakeAndDriveActuators for a
     /// plant with brake and drive torques]
-    #[arg(long, value_name = "NAME")]
-    base: Vec<String>,
+    #[arg(long, value_name = "NAME", value_parser = placed)]
+    base: Vec<Placed>,
 
     /// Group of maneuvers; may be given several times [default: all that the plant can do]
     #[arg(long, value_name = "SUITE")]
@@ -54,7 +55,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     parameters: Option<PathBuf>,
 
-    /// File with data of the vehicle and its names of signals: the tables `vehicle` and `signals`
+    /// File with data of the vehicle and its names of signals, the tables `vehicle` and `signals`; it stands above the data that
+    /// the bench has of the vehicles of the library
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
 
@@ -119,6 +121,19 @@ impl From<SuiteName> for Suite {
             SuiteName::Ride => Self::Ride,
         }
     }
+}
+
+/// The name of an FMU, and its place among all of `--with` and `--base`.
+#[derive(Debug, Clone)]
+struct Placed {
+    name: String,
+    place: usize,
+}
+
+fn placed(text: &str) -> Result<Placed, String> {
+    // Values are parsed in the order of the command line.
+    static NEXT: AtomicUsize = AtomicUsize::new(0);
+    Ok(Placed { name: text.to_owned(), place: NEXT.fetch_add(1, Ordering::Relaxed) })
 }
 
 fn setting(text: &str) -> Result<(String, String, String), String> {
@@ -189,23 +204,31 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
 
 fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
     let mut places = arguments.fmus.clone();
-    let mut all = |names: &[String]| names.iter().map(|name| named(name, &mut places)).collect::<Vec<_>>();
+    let mut order = Vec::new();
+    let mut all = |units: &[Placed]| {
+        let names: Vec<String> = units.iter().map(|unit| named(&unit.name, &mut places)).collect();
+        order.extend(units.iter().map(|unit| unit.place).zip(names.clone()));
+        names
+    };
     let with = all(&arguments.with);
     let base = all(&arguments.base);
+    order.sort();
+    let order = order.into_iter().map(|(_, name)| name).collect();
     let plant = named(&arguments.plant, &mut places);
     let vehicle = match &arguments.vehicle {
         None => VehicleFile::of_library(&plant),
         Some(path) => {
             let text = std::fs::read_to_string(path).into_diagnostic();
             let text = text.wrap_err_with(|| format!("cannot read {}", path.display()))?;
-            VehicleFile::parse(&text).map_err(|error| miette!("{}: {error}", path.display()))?
+            let file = VehicleFile::parse(&text).map_err(|error| miette!("{}: {error}", path.display()))?;
+            file.over(VehicleFile::of_library(&plant))
         }
     };
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("results").join(format!("assess_{plant}")));
     let mut set = arguments.parameters.as_deref().map_or(Ok(Vec::new()), parameters)?;
     set.retain(|(component, name, _)| !arguments.set.iter().any(|(of, own, _)| (of, own) == (component, name)));
     set.extend(arguments.set.iter().cloned());
-    let subject = Subject { plant, base, with, set, vehicle };
+    let subject = Subject { plant, base, with, set, order, vehicle };
     let options = Options {
         suites: arguments.suite.iter().map(|suite| (*suite).into()).collect(),
         speed: arguments.speed.map(|speed| speed / 3.6),
@@ -280,7 +303,9 @@ fn write(assessment: &Assessment, shown: &Shown, out: &Path, arguments: &Argumen
 fn print(assessment: &Assessment) {
     let has_both = assessment.systems.len() > 1;
     for suite in Suite::ALL {
-        let rows: Vec<&Row> = assessment.metrics.iter().filter(|row| row.suite == suite).collect();
+        // A maneuver that was left out is listed below.
+        let is_shown = |row: &&Row| row.suite == suite && row.id.contains('.');
+        let rows: Vec<&Row> = assessment.metrics.iter().filter(is_shown).collect();
         if rows.is_empty() {
             continue;
         }
@@ -321,7 +346,9 @@ fn print(assessment: &Assessment) {
                 Verdict::Comparison => "no limit applies",
                 Verdict::Info | Verdict::Dropped => "",
             };
-            let _ = write!(line, " {judged:<7} {verdict}");
+            let of_last = if has_both { "with" } else { "without" };
+            let words = row.words.get(of_last).copied().unwrap_or_default();
+            let _ = write!(line, " {judged:<7} {verdict}{words}");
             outln!("{}", line.trim_end());
         }
     }

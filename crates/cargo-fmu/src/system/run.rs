@@ -4,12 +4,14 @@ use super::jobs::jobs;
 use super::plan::print_warnings;
 use super::selection::Selection;
 use crate::output::{errln, outln};
+use crate::pack::write_whole;
 use crate::worker;
 use clap::Args;
-use fmu_import::terminal::indented;
+use fmu_import::terminal::{escaped, indented};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::plan::{Plan, Signal};
+use fmu_system::requirements::{self, Signals, Status};
 use fmu_system::results;
 use fmu_system::run::Run;
 use fmu_system::worker::{Failure, Pool, Task};
@@ -41,6 +43,18 @@ pub(crate) struct Arguments {
     /// Number of processes [default: that of the processors]
     #[arg(long, short, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+
+    /// Exits with 0 although a requirement of the scenario is not met
+    #[arg(long)]
+    no_fail: bool,
+
+    /// Writes the requirements as JUnit XML, too
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+
+    /// Leaves the requirements to the caller
+    #[arg(long, hide = true, conflicts_with_all = ["no_fail", "junit"])]
+    no_verdicts: bool,
 
     #[command(flatten)]
     workers: worker::Options,
@@ -101,15 +115,56 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     for (index, outcome) in outcomes.into_inner().unwrap_or_else(PoisonError::into_inner) {
         match outcome {
             Ok(result) => done.push((&plan.runs[index], result)),
-            Err(error) => failures.push(error.to_string()),
+            Err(error) => failures.push((plan.runs[index].id.clone(), error.to_string())),
         }
     }
     print_summary(&plan, &done, &folder, began.elapsed());
-    if failures.is_empty() {
-        Ok(())
-    } else {
-        Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), failures.join("\n\n")))
+    let failed = if arguments.no_verdicts { 0 } else { judge(&plan, &folder, &failures, arguments)? };
+    if !failures.is_empty() {
+        let messages: Vec<&str> = failures.iter().map(|(_, message)| message.as_str()).collect();
+        return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), messages.join("\n\n")));
     }
+    match failed {
+        0 => Ok(()),
+        _ if arguments.no_fail => Ok(()),
+        1 => Err(miette!(help = NO_FAIL, "1 requirement is not met")),
+        _ => Err(miette!(help = NO_FAIL, "{failed} requirements are not met")),
+    }
+}
+
+/// What to do about requirements that are not met.
+const NO_FAIL: &str = "With `--no-fail` the exit code is 0 all the same.";
+
+/// Prints the verdicts on the requirements and writes them as JUnit XML. Returns how many are not met. `failures` are ids of runs
+/// with messages.
+fn judge(plan: &Plan, folder: &Path, failures: &[(String, String)], arguments: &Arguments) -> miette::Result<usize> {
+    let read = |run: &Run, columns: &BTreeSet<usize>| {
+        if failures.iter().any(|(failed, _)| *failed == run.id) {
+            return None;
+        }
+        let names: Vec<&str> = columns.iter().map(|index| plan.columns[*index].name.as_str()).collect();
+        let read = results::read_csv(&folder.join(results::file_name(run)), &names);
+        Some(read.map(|(times, values)| {
+            let columns = columns.iter().zip(values).filter_map(|(index, values)| Some((*index, values?)));
+            Signals { times, columns: columns.collect() }
+        }))
+    };
+    let verdicts = if plan.metrics.iter().any(|metric| metric.requirement.is_some()) {
+        requirements::verdicts(plan, arguments.selection.is_cut(), &read).into_diagnostic()?
+    } else {
+        Vec::new()
+    };
+    if let Some(path) = &arguments.junit {
+        write_whole(path, requirements::junit(plan, &verdicts, failures).as_bytes())?;
+    }
+    if !verdicts.is_empty() {
+        let width = verdicts.iter().map(|verdict| verdict.judgment.status.title().len()).max().unwrap_or(0);
+        outln!("\nRequirements");
+        for verdict in &verdicts {
+            outln!("{:width$}  {}", verdict.judgment.status.title(), escaped(&verdict.text(plan)));
+        }
+    }
+    Ok(verdicts.iter().filter(|verdict| verdict.judgment.status == Status::Failed).count())
 }
 
 /// Removes the files of an earlier call, so that a failed run leaves no old results behind.

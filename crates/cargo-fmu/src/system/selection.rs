@@ -47,6 +47,11 @@ enum Order {
 }
 
 impl Selection {
+    /// Whether the runs end before the scenario says.
+    pub(crate) fn is_cut(&self) -> bool {
+        self.stop.is_some()
+    }
+
     /// Resolves the scenario and adds the warnings that only trial runs give.
     pub(crate) fn plan_with_warnings(&self, workers: &worker::Options) -> miette::Result<Plan> {
         let mut plan = self.plan()?;

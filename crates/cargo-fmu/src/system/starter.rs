@@ -161,10 +161,10 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
         let words = output.name.replace(['.', '_'], " ");
         let name = &output.name;
         lines.push(format!(
-            "\n[[metric]]\nname = \"peak\"\ntitle = \"Peak of {words}\"\nsignal = \"plant:{name}\"\nkind = \"peak\""
+            "metric = [{{ name = \"peak\", title = \"Peak of {words}\", signal = \"plant:{name}\", kind = \"peak\" }}]"
         ));
         lines.push(format!(
-            "\n[[figure]]\nname = \"response\"\ntitle = \"Response\"\nkind = \"time\"\nsignals = [{}]",
+            "figure = [{{ name = \"response\", title = \"Response\", kind = \"time\", signals = [{}] }}]",
             signals.join(", ")
         ));
     }
@@ -175,6 +175,11 @@ fn check_maneuver(name: &str, driver: &ModelDescription) -> Result<()> {
     let parameter = of(driver, Causality::Parameter).find(|parameter| parameter.name == "maneuver");
     let names: Vec<&str> =
         parameter.map_or(Vec::new(), |p| p.named_values().into_iter().map(|(_, name)| name).collect());
+    let is_file = |parameter: &&Variable| parameter.name == format!("{name}.file");
+    if let Some(file) = of(driver, Causality::Parameter).find(is_file).filter(|_| names.contains(&name)) {
+        let help = format!("Start with another maneuver, then set `maneuver = \"{name}\"` and `\"{}\"`.", file.name);
+        return Err(miette!(help = help, "the maneuver `{name}` needs a file, the parameter `{}`", file.name));
+    }
     if names.contains(&name) {
         return Ok(());
     }

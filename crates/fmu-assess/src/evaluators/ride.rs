@@ -13,6 +13,20 @@ const VIBRATIONS: [(&str, &str, Weighting, f64); 3] = [
     ("pitch", "body.pitch_acceleration", Weighting::Angular, 0.4),
 ];
 
+/// Words of ISO 2631-1 for the total, with the value below which they hold, m/s2. Its ranges overlap; these are their lower ends.
+const COMFORT: [(f64, &str); 5] = [
+    (0.315, "not uncomfortable"),
+    (0.5, "a little uncomfortable"),
+    (0.8, "fairly uncomfortable"),
+    (1.25, "uncomfortable"),
+    (2.0, "very uncomfortable"),
+];
+
+/// What ISO 2631-1 calls a total vibration, m/s2.
+pub(crate) fn comfort(total: f64) -> &'static str {
+    COMFORT.iter().find(|(limit, _)| total < *limit).map_or("extremely uncomfortable", |(_, words)| words)
+}
+
 pub(super) const EVALUATOR: Evaluator = Evaluator {
     name: "ride",
     title: "Ride comfort",
@@ -44,7 +58,7 @@ pub(super) const EVALUATOR: Evaluator = Evaluator {
         Definition::new("roll_weighted", "Roll acceleration, weighted", "m/s2", "As `heave_weighted`, weighted by W_e, times 0.63 m/rad.").down(),
         Definition::new("pitch_rms", "Pitch acceleration", "rad/s2", "Standard deviation of the pitch acceleration."),
         Definition::new("pitch_weighted", "Pitch acceleration, weighted", "m/s2", "As `heave_weighted`, weighted by W_e, times 0.4 m/rad.").down(),
-        Definition::new("vibration_total", "Vibration total", "m/s2", "Root of the sum of the squares of the three weighted values.").down(),
+        Definition::new("vibration_total", "Vibration total", "m/s2", "Root of the sum of the squares of the three weighted values. ISO 2631-1 calls it not uncomfortable below 0.315 m/s2, a little uncomfortable below 0.5, fairly uncomfortable below 0.8, uncomfortable below 1.25, very uncomfortable below 2, and extremely uncomfortable from there on.").down(),
         Definition::new("suspension_travel_rms", "Suspension travel", "m", "Standard deviation of the deflection of each strut.").each("suspension_deflection"),
         Definition::new("suspension_travel_range", "Range of the suspension travel", "m", "Largest less smallest deflection of each strut.")
             .each("suspension_deflection"),
@@ -107,5 +121,26 @@ fn each(
     }
     if places.is_empty() {
         results.set(metric, Err::<f64, _>(Reason::new(format!("the recording has no column `{group}.*`"))));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reference: the ranges of ISO 2631-1, C.2.3, of which the lower ends count.
+    #[test]
+    fn totals_have_the_words_of_the_standard() {
+        for (total, words) in [
+            (0.0, "not uncomfortable"),
+            (0.3149, "not uncomfortable"),
+            (0.315, "a little uncomfortable"),
+            (0.5, "fairly uncomfortable"),
+            (0.8, "uncomfortable"),
+            (1.25, "very uncomfortable"),
+            (2.0, "extremely uncomfortable"),
+        ] {
+            assert_eq!(comfort(total), words, "{total}");
+        }
     }
 }

@@ -66,6 +66,7 @@ pub(crate) fn course(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Optio
     }
     let options = json!({
         "maneuver": part.maneuver(),
+        "path.mirror": u8::from(bench.is_mirrored),
         "path.start": START,
         "vehicle.width": width,
         "footprint.front": front,
@@ -76,7 +77,15 @@ pub(crate) fn course(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Optio
 
 /// Cones of a track for a vehicle.
 pub(crate) fn cones(part: Part, bench: &Bench<'_>) -> Option<[[f64; 4]; 3]> {
-    bench.vehicle.width.as_ref().map(|width| cones::track(part.maneuver(), START, width.value))
+    bench.vehicle.width.as_ref().map(|width| {
+        let track = cones::track(part.maneuver(), START, width.value);
+        // Mirrored, the left edge becomes the right one.
+        track.map(
+            |[begin, end, right, left]| {
+                if bench.is_mirrored { [begin, end, -left, -right] } else { [begin, end, right, left] }
+            },
+        )
+    })
 }
 
 fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluation, bool)> {
@@ -136,7 +145,8 @@ pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
             results.without("max_entry_speed", title, "km/h", Direction::Up, format!("it fails at {slowest} km/h"));
         }
         (Some(_), None) => {
-            results.without("max_entry_speed", title, "km/h", Direction::Up, format!("it passes up to {limit} km/h"));
+            results.metric("max_entry_speed", title, "km/h", Direction::Up, serde_json::Value::Null);
+            results.best(&format!("it passes up to {limit} km/h"));
         }
     }
     results

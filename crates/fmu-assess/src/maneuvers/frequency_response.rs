@@ -56,6 +56,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, steer: Option<f64>, results: &mut Res
     let Some(steer) = steer else {
         let reason = "there is no step steer to take the amplitude from".to_owned();
         results.without("yaw_rate.bandwidth", "Bandwidth of the yaw rate", "Hz", Direction::None, reason);
+        results.defined("First frequency above 0.2 Hz where the gain falls below that at 0.2 Hz over sqrt(2).");
         results.maneuver = maneuver;
         return;
     };

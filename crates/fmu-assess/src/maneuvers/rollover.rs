@@ -41,7 +41,7 @@ fn series(bench: &Bench<'_>, speeds: &[f64], course: MakeCourse<'_>, results: &m
             break;
         }
     }
-    let applies = (!bench.is_car()).then_some("the programme is for cars");
+    let applies = bench.foreign();
     if is_known {
         results.metric(
             "no_lift",
@@ -52,18 +52,25 @@ fn series(bench: &Bench<'_>, speeds: &[f64], course: MakeCourse<'_>, results: &m
         );
         results.limit(Limit::holds("NHTSA, 49 CFR 575.106"), applies);
     } else {
-        let reason = "the tire loads are not known".to_owned();
+        let reason = "no run tells the tire loads".to_owned();
         results.without("no_lift", "No two-wheel lift up to the highest speed", "", Direction::Up, reason);
+        results.limit(Limit::holds("NHTSA, 49 CFR 575.106"), applies);
     }
     results.defined("Whether the tires of one side never lose the road for 20 ms, at any speed of the series.");
     results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, or_null(lifted));
     if lifted.is_none() {
-        results.because("no wheels lift");
+        results.best("no wheels lift");
     }
     results.defined("First speed of the series at which two wheels of a side lift, or the vehicle rolls over.");
     results.metric("load_transfer_peak", "Largest load transfer ratio", "1", Direction::Down, or_null(load_transfer));
+    if load_transfer.is_none() {
+        unknown(bench, "vehicle.load_transfer_ratio", results);
+    }
     results.defined("Largest magnitude of the load transfer ratio, of all runs.");
     results.metric("roll_peak", "Largest roll angle", "rad", Direction::Down, or_null(roll));
+    if roll.is_none() {
+        unknown(bench, "body.roll", results);
+    }
     results.defined("Largest magnitude of the roll angle, of all runs.");
 }
 
@@ -88,6 +95,15 @@ pub(crate) fn j_turn_course(bench: &Bench<'_>, id: String, speed: f64, wheel: f6
         ("steer.start", 1.0),
         ("steer.rise_time", wheel.abs() / 1000.0),
     ])
+}
+
+/// Says why the last metric, which is of a signal, has no value.
+fn unknown(bench: &Bench<'_>, signal: &str, results: &mut Results) {
+    if bench.has_output(signal) {
+        results.because("no run has it");
+    } else {
+        results.dropped(&format!("the plant has no output `{signal}`"));
+    }
 }
 
 /// Steers to one side, waits until the roll rate is back at zero, and steers to the other side.

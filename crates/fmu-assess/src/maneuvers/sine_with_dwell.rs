@@ -1,6 +1,6 @@
 //! Sine with dwell (FMVSS 126, UN R140): a series of rising amplitudes to both sides, coasting.
 
-use super::{Results, SIDES, evaluated, number, or_null, truth};
+use super::{Hindrance, Results, SIDES, evaluated, number, or_null, reason, truth};
 use crate::bench::Bench;
 use crate::course::{Course, drive};
 use crate::metric::Direction;
@@ -32,13 +32,22 @@ pub(crate) fn course(id: String, speed: f64, steer: f64) -> Course {
     ])
 }
 
+/// Least A, deg: below, the series would have thousands of amplitudes.
+const LEAST: f64 = 0.1;
+
+/// Why there is no series.
+pub(crate) fn hindrance(bench: &Bench<'_>) -> Option<Hindrance> {
+    let small = bench.amplitude.filter(|a| *a <= LEAST)?;
+    Some(Hindrance::new(format!("A is {small} deg, the series needs more than {LEAST} deg")))
+}
+
 pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
-    let Some(a) = bench.amplitude.filter(|a| *a > 0.1) else { return };
+    let Some(a) = bench.amplitude else { return };
     let mut worst: [Option<f64>; 2] = [None, None];
     let mut is_stable = true;
     let mut unstable_from = None;
     let mut least = None;
-    let mut is_known = true;
+    let mut unknown = None;
     for amplitude in amplitudes(a) {
         let courses = SIDES.map(|(side, sign)| {
             let steer = sign * amplitude.to_radians() / bench.ratio();
@@ -60,7 +69,10 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
                 }
                 Some(_) => is_pair_stable = false,
                 None if run.has("spun") || run.has("rolled_over") || run.error.is_some() => is_pair_stable = false,
-                None => is_known = false,
+                None => {
+                    let why = reason(&metrics, "stable").unwrap_or_default();
+                    unknown = unknown.or(Some(format!("{}: {why}", run.course.id)));
+                }
             }
             if amplitude >= COUNTS_FROM * a - 1e-9
                 && let Some(displacement) = number(&metrics, "lateral_displacement")
@@ -81,21 +93,18 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     } else {
         DISPLACEMENT.1
     };
-    let applies = if !bench.is_car() {
-        Some("the regulation is for cars")
-    } else if !bench.has_pedals() {
-        Some("the speed is prescribed, the vehicle cannot coast")
-    } else {
-        None
-    };
-    let stable = if is_known || !is_stable { Value::Bool(is_stable) } else { Value::Null };
+    let applies = bench.foreign();
+    let stable = if unknown.is_none() || !is_stable { Value::Bool(is_stable) } else { Value::Null };
     results.metric("stable", "Stable at all amplitudes", "", Direction::Up, stable);
+    if let Some(reason) = unknown.as_ref().filter(|_| is_stable) {
+        results.because(reason);
+    }
     results.limit(Limit::holds("FMVSS 126 S5.2, UN R140"), applies);
     results.defined("Yes if the yaw rate is at most 35 % of its second peak 1 s after the steering, and 20 % after 1.75 s, in all runs.");
     results.metric("unstable_from", "Unstable from an amplitude of", "A", Direction::None, or_null(unstable_from));
     results.defined("Smallest amplitude at which a run is not stable.");
     if unstable_from.is_none() {
-        results.because("stable at all amplitudes");
+        results.best(unknown.as_deref().unwrap_or("stable at all amplitudes"));
     }
     let [first, second] = worst;
     results.metric(

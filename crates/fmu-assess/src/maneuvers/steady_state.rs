@@ -1,9 +1,9 @@
 //! Slowly increasing steer (FMVSS 126 S7.6, ISO 4138 at constant speed) and constant radius (ISO 4138).
 
-use super::{G, Results, SIDES, evaluated, number, or_null};
+use super::{G, Results, SIDES, evaluated, number, or_null, reason};
 use crate::bench::Bench;
 use crate::course::{Course, EndAt, Ended, drive};
-use crate::metric::Direction;
+use crate::metric::{self, Direction};
 use crate::report::Suite;
 use crate::wiring::{Driving, Speed};
 use serde_json::{Value, json};
@@ -21,8 +21,8 @@ pub(crate) struct Increasing {
 }
 
 /// Steers slowly to both sides.
-pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>) -> (Results, Increasing) {
-    let mut results = Results::new("slowly_increasing_steer", Suite::Handling, bench.system.name);
+pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Results, Increasing) {
+    let mut results = Results::new("slowly_increasing_steer", suite, bench.system.name);
     let holds_speed = if bench.system.speed == Speed::Pedals { 1.0 } else { 0.0 };
     let courses = SIDES.map(|(side, sign)| {
         Course::new(format!("slowly_increasing_steer.{side}"), Driving::Path, bench.speed(), 40.0)
@@ -36,8 +36,16 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>) -> (Results, Increasing
             .end(EndAt::Finished(1.0))
     });
     let ended = drive(bench, courses.into());
-    let options = json!({ "steer.ratio": bench.ratio(), "geometry.wheelbase": bench.wheelbase_or_one() });
-    let found: Vec<_> = ended.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
+    // An understeer gradient that needs a wheelbase nobody knows is taken out again.
+    let wheelbase = bench.wheelbase();
+    let options = json!({ "steer.ratio": bench.ratio(), "geometry.wheelbase": wheelbase.as_ref().unwrap_or(&1.0) });
+    let mut found: Vec<_> = ended.iter().map(|run| evaluated("slowly_increasing_steer", run, &options)).collect();
+    if let Err(reason) = &wheelbase {
+        let gradients = found.iter_mut().flat_map(|metrics| &mut metrics.metrics);
+        for gradient in gradients.filter(|metric| metric.name == "understeer_gradient") {
+            gradient.value = metric::Value::Null(metric::Reason::new(reason.clone()));
+        }
+    }
     for (run, metrics) in ended.iter().zip(&found) {
         results.note(run, metrics);
         results.show(run);
@@ -47,8 +55,12 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>) -> (Results, Increasing
         let values: Option<Vec<f64>> = found.iter().map(|metrics| number(metrics, name)).collect();
         values.map(|values| values.iter().sum::<f64>() / values.len() as f64)
     };
+    let why = |name: &str| found.iter().find_map(|metrics| reason(metrics, name));
     let amplitude = mean("A").map(|mean| (10.0 * mean + 0.5).floor() / 10.0);
     results.metric("A", "Steering wheel angle at 0.3 g", "deg", Direction::None, or_null(amplitude));
+    if let Some(reason) = why("A") {
+        results.because(&reason);
+    }
     results.defined("A: mean of the magnitudes that both directions give, rounded to 0.1 deg.");
     for (name, title, unit) in [
         ("understeer_gradient", "Understeer gradient", "rad/(m/s2)"),
@@ -58,13 +70,16 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>) -> (Results, Increasing
     ] {
         let value = mean(name);
         results.metric(name, title, unit, Direction::None, or_null(value));
+        if let Some(reason) = why(name) {
+            results.because(&reason);
+        }
         results.defined("Mean over both directions of the slope over the lateral acceleration, from 1 to 3 m/s2.");
     }
     (results, Increasing { amplitude, understeer_gradient: mean("understeer_gradient") })
 }
 
 /// A circle with rising speed, and the options of its evaluator.
-pub(crate) fn circle(bench: &Bench<'_>) -> (Course, Value) {
+pub(crate) fn circle(bench: &Bench<'_>) -> Option<(Course, Value)> {
     const RADIUS: f64 = 100.0;
     const BEGIN: f64 = 60.0;
     let highest: f64 = if bench.is_car() { 4.0 } else { 2.0 };
@@ -83,13 +98,13 @@ pub(crate) fn circle(bench: &Bench<'_>) -> (Course, Value) {
         .end(EndAt::Lost)
         .show("radius", RADIUS);
     let class = if bench.is_car() { "car" } else { "truck" };
-    let options = json!({ "geometry.wheelbase": bench.wheelbase_or_one(), "begin": BEGIN, "vehicle.class": class });
-    (course, options)
+    let options = json!({ "geometry.wheelbase": bench.wheelbase().ok()?, "begin": BEGIN, "vehicle.class": class });
+    Some((course, options))
 }
 
 /// Drives on a circle with rising speed.
 pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
-    let (course, options) = circle(bench);
+    let Some((course, options)) = circle(bench) else { return };
     let ended: Vec<Ended> = drive(bench, vec![course]);
     let Some(run) = ended.first() else { return };
     let metrics = evaluated("constant_radius", run, &options);
@@ -98,5 +113,6 @@ pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     results.take(&metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
     if run.error.is_some() {
         results.metric("completed", "Circle driven to the end", "", Direction::None, Value::Bool(false));
+        results.defined("Whether the run gets to its end, 72 s, without breaking down.");
     }
 }

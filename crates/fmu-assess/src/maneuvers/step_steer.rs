@@ -65,6 +65,8 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     } else {
         let reason = format!("target not reached: no steering angle gave {target} m/s2");
         results.without("yaw_rate.overshoot", "Overshoot of the yaw rate", "1", Direction::Down, reason);
+        results
+            .defined("Peak less steady value, over the steady value, of a step that gives the lateral acceleration.");
     }
     let steer = number(&metrics, "steer").filter(|_| is_reached);
     frequency_response::carry_out(bench, steer, results);

@@ -1,4 +1,4 @@
-//! The SSP file (System Structure and Parameterization 1.0, section 5).
+//! The SSP file (System Structure and Parameterization 1.0 and 2.0, section 5).
 
 use super::{Component, STRUCTURE, System, number};
 use crate::parameter_set::{COMMON, base_unit};
@@ -68,7 +68,7 @@ pub(super) fn structure(system: &System) -> io::Result<String> {
             // Here and not where they are used: libcosim takes every attribute of osp:Algorithm for an algorithm.
             ("xmlns:oms", OMS),
             ("xmlns:osp", OSP),
-            ("version", "1.0"),
+            ("version", system.version()),
             ("name", system.name.as_str()),
             ("generationTool", concat!("cargo-fmu ", env!("CARGO_PKG_VERSION"))),
         ])
@@ -169,12 +169,7 @@ fn connectors(xml: &mut Xml, component: &Component) -> io::Result<()> {
         xml.create_element("ssd:Connector")
             .with_attributes([("name", connector.name.as_str()), ("kind", kind)])
             .write_inner_content(|xml| {
-                let mut tag = xml.create_element(match connector.base_type {
-                    BaseType::Real => "ssc:Real",
-                    BaseType::Integer => "ssc:Integer",
-                    BaseType::Boolean => "ssc:Boolean",
-                    BaseType::String => "ssc:String",
-                });
+                let mut tag = xml.create_element(format!("ssc:{}", connector.type_name));
                 if let (BaseType::Real, Some(unit)) = (connector.base_type, &connector.unit) {
                     tag = tag.with_attribute(("unit", unit.as_str()));
                 }

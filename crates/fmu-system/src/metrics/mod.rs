@@ -125,6 +125,12 @@ pub struct Until {
 }
 
 impl Definition {
+    /// Indices of the columns that it needs.
+    pub fn needed_columns(&self) -> impl Iterator<Item = usize> + use<'_> {
+        let until = self.until.as_ref().map(|until| until.column);
+        self.columns.iter().copied().chain(self.minus).chain(until)
+    }
+
     /// The number of a run: of its rows at rising times, s, recorded with a communication step, s.
     ///
     /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`]; a column is missing; or there is no baseline.

@@ -71,19 +71,14 @@ impl Scenario {
         }
         for point in &self.points {
             finite(&point.value, problems);
+            if let Some(second) = &point.second {
+                finite(second, problems);
+            }
             for name in point.parameters.keys() {
                 known("component", name, &components, problems);
             }
         }
-        match (&self.sweep, self.points.first()) {
-            (Some(sweep), None) => {
-                problems.add(sweep.span(), "a [sweep] needs at least one [[point]]");
-            }
-            (None, Some(point)) => {
-                problems.add(point.name.span(), "points need a [sweep] with the title and the unit of their values")
-            }
-            _ => (),
-        }
+        self.check_points(problems);
         if let Some(seeds) = &self.seeds {
             let mut seen = BTreeSet::new();
             for seed in seeds.values.get_ref() {
@@ -167,7 +162,7 @@ impl Scenario {
         cases: &BTreeSet<&str>,
         problems: &mut Collector,
     ) {
-        use FigureKind::{Running, Scatter, Spectrum, Sweep, Time, Transfer, Xy};
+        use FigureKind::{HeatMap, Running, Scatter, Spectrum, Sweep, Time, Transfer, Xy};
         self.check_window(figure.window.as_ref(), problems);
         for name in &figure.metrics {
             known("metric", name, metrics, problems);
@@ -218,8 +213,12 @@ impl Scenario {
             problems.add(at, format!("a figure of kind \"{name}\" has `signals`, no `metrics`"));
         } else if !kind.is_of_signals() && (no_metrics || !no_signals) {
             problems.add(at, format!("a figure of kind \"{name}\" has `metrics`, no `signals`"));
-        } else if kind == Sweep && self.points.is_empty() {
-            problems.add(at, "a figure of kind \"sweep\" needs [[point]]s");
+        } else if matches!(kind, Sweep | HeatMap) && self.points.is_empty() {
+            problems.add(at, format!("a figure of kind \"{name}\" needs a [sweep]"));
+        } else if kind == HeatMap && self.sweep.as_ref().is_some_and(|sweep| sweep.get_ref().second.is_none()) {
+            problems.add(at, "a figure of kind \"heat_map\" needs a [sweep] with a `second` axis");
+        } else if kind == Sweep && self.sweep.as_ref().is_some_and(|sweep| sweep.get_ref().second.is_some()) {
+            problems.add(at, "a [sweep] of two axes is shown by a figure of kind \"heat_map\"");
         } else if !kind.is_of_signals() && figure.window.is_some() {
             problems.add(at, "the `window` of a figure of metrics is that of the metrics");
         }

@@ -173,6 +173,8 @@ pub(crate) struct Point {
     pub(crate) name: Spanned<String>,
     pub(crate) title: String,
     pub(crate) value: Spanned<f64>,
+    /// Place on the second axis of the sweep.
+    pub(crate) second: Option<Spanned<f64>>,
     #[serde(default)]
     pub(crate) parameters: ValuesByComponent,
 }
@@ -182,6 +184,20 @@ pub(crate) struct Point {
 pub(crate) struct Sweep {
     pub(crate) title: String,
     pub(crate) unit: String,
+    /// Parameter that takes the values, as `component:parameter`; the points are those of the values then.
+    pub(crate) parameter: Option<Spanned<String>>,
+    pub(crate) values: Option<Spanned<Vec<f64>>>,
+    pub(crate) second: Option<Spanned<SecondSweep>>,
+}
+
+/// The second axis of a sweep over the values of two parameters.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SecondSweep {
+    pub(crate) title: String,
+    pub(crate) unit: String,
+    pub(crate) parameter: Option<Spanned<String>>,
+    pub(crate) values: Option<Spanned<Vec<f64>>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -49,9 +49,13 @@ impl Written {
     fn publish(self, finish: Finish<'_>) {
         let outcome = match self.part.publish() {
             Ok(()) => Ok(self.recording),
-            Err(error) => {
-                Err(Failure { run: self.run, time: None, message: error.to_string(), kind: FailureKind::Error })
-            }
+            Err(error) => Err(Failure {
+                run: self.run,
+                time: None,
+                component: None,
+                message: error.to_string(),
+                kind: FailureKind::Error,
+            }),
         };
         finish(self.index, outcome);
     }
@@ -166,11 +170,12 @@ impl Pool {
         steps: &mut dyn FnMut(u64),
     ) -> Result<Recording, Failure> {
         let id = run.id.clone();
-        let failed = |time, message| Failure { run: id.clone(), time, message, kind: FailureKind::Error };
+        let failed =
+            |time, component, message| Failure { run: id.clone(), time, component, message, kind: FailureKind::Error };
         let part = csv.as_ref().map(|(_, part)| part.clone());
         let components: Vec<(String, String)> =
             run.components.iter().map(|Component { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
-        let worker = self.worker(slot).map_err(|message| failed(None, message))?;
+        let worker = self.worker(slot).map_err(|message| failed(None, None, message))?;
         let (request, body) = Request::run(simulation, run, csv);
         worker.send(&request, &body);
         drop(body);
@@ -180,25 +185,26 @@ impl Pool {
                 *slot = None;
                 part.iter().for_each(Part::remove);
                 let component = component.and_then(|index| components.get(index));
-                let component = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
+                let place = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
+                let component = component.map(|(name, _)| name.clone());
                 let kind = if is_timeout { FailureKind::TimedOut } else { FailureKind::Crashed };
-                return Err(Failure { kind, ..failed(time, component + &message) });
+                return Err(Failure { kind, ..failed(time, component, place + &message) });
             }
         };
         let unexpected = |slot: &mut Option<Process>| {
             *slot = None;
-            failed(None, "the worker process sent an unexpected response".to_owned())
+            failed(None, None, "the worker process sent an unexpected response".to_owned())
         };
         match response {
             Response::Recorded { rows, columns, messages, seconds } => {
                 protocol::recording(rows, &columns, messages, seconds, worker.body()).map_err(|_| unexpected(slot))
             }
-            Response::Failed { time, message, is_fatal } => {
+            Response::Failed { time, component, message, is_fatal } => {
                 if is_fatal {
                     // No instance of that FMU may be used any more in its process.
                     *slot = None;
                 }
-                Err(failed(time, message))
+                Err(failed(time, component, message))
             }
             Response::Done | Response::Steady(_) | Response::Warnings(_) => Err(unexpected(slot)),
         }

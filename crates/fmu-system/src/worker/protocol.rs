@@ -48,6 +48,8 @@ pub(super) enum Response {
     Failed {
         /// Start of the step that failed, s.
         time: Option<f64>,
+        /// Name of the component.
+        component: Option<String>,
         /// Why.
         message: String,
         /// Whether no library of the worker may be used any more.

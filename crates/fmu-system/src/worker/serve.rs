@@ -26,7 +26,7 @@ pub fn serve(board: &Path) -> io::Result<()> {
 }
 
 fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &mut Replies) -> io::Result<()> {
-    let failed = |message: String| Response::Failed { time: None, message, is_fatal: false };
+    let failed = |message: String| Response::Failed { time: None, component: None, message, is_fatal: false };
     match request {
         Request::Fmus(binaries) => {
             libraries.binaries =
@@ -47,7 +47,8 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
             let (response, body) = match master::execute(&simulation, &run, libraries) {
                 Err(RunError { time, cause, .. }) => {
                     let is_fatal = matches!(&*cause, FmusError::Fmu(FmuError::Call(call)) if call.problem == CallProblem::Status(Status::Fatal));
-                    (Response::Failed { time, message: cause.to_string(), is_fatal }, Vec::new())
+                    let component = cause.component().map(str::to_owned);
+                    (Response::Failed { time, component, message: cause.to_string(), is_fatal }, Vec::new())
                 }
                 Ok(mut recording) => match csv {
                     None => Response::recorded(recording),

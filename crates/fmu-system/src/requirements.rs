@@ -1,0 +1,463 @@
+//! Requirements: whether the numbers of the runs keep the limits of the metrics, in numbers, words and JUnit XML.
+//!
+//! This is the only implementation of the rules: `cargo fmu run` and the Python package call [`judge`].
+
+use crate::metrics::{Columns, Definition, MetricError};
+use crate::plan::Plan;
+use crate::report::{Metric, Requirement, Source};
+use crate::run::Run;
+use fmu_import::terminal::escaped;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+/// Whether a requirement is met.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Enough runs keep the limits.
+    Passed,
+    /// Too few do.
+    Failed,
+    /// A run failed or was cut short.
+    Open,
+}
+
+impl Status {
+    /// The word of a badge.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Passed => "Passed",
+            Self::Failed => "Failed",
+            Self::Open => "Not evaluated",
+        }
+    }
+
+    /// Name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Passed => "passed",
+            Self::Failed => "failed",
+            Self::Open => "open",
+        }
+    }
+}
+
+/// What came of the runs of a case at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Judgment {
+    /// Whether the requirement is met.
+    pub status: Status,
+    /// The number that comes closest to a limit or exceeds it most; `None`: no run has one.
+    pub worst: Option<f64>,
+    /// Runs that took place and have no number.
+    pub missing: usize,
+}
+
+/// Judges the numbers of runs that took place; `None` is a run without a number. `runs` are planned. A metric that
+/// `is_cut_off` has no final numbers, because the runs end before it does.
+#[must_use]
+pub fn judge(
+    [min, max]: [Option<f64>; 2],
+    share: f64,
+    numbers: &[Option<f64>],
+    runs: usize,
+    is_cut_off: bool,
+) -> Judgment {
+    let (least, greatest) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
+    let margin = |value: f64| {
+        if value.is_nan() { f64::NEG_INFINITY } else { (value - least).min(greatest - value) }
+    };
+    let known = || numbers.iter().copied().flatten();
+    let kept = known().filter(|value| margin(*value) >= 0.0).count();
+    let holds = kept as f64 >= share * numbers.len() as f64;
+    let status = match () {
+        () if is_cut_off => Status::Open,
+        () if !holds => Status::Failed,
+        () if numbers.len() < runs => Status::Open,
+        () => Status::Passed,
+    };
+    let worst = known().min_by(|a, b| margin(*a).total_cmp(&margin(*b)));
+    Judgment { status, worst, missing: numbers.len() - known().count() }
+}
+
+/// A requirement of a case at a point, and what came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict<'a> {
+    /// The metric.
+    pub metric: &'a Metric,
+    /// What it must be.
+    pub requirement: &'a Requirement,
+    /// Name of the case.
+    pub case: &'a str,
+    /// Name of the point; `None` without a sweep.
+    pub point: Option<&'a str>,
+    /// What came of it.
+    pub judgment: Judgment,
+}
+
+/// The metrics that requirements are about, and those that they are made of, rising.
+fn needed(plan: &Plan) -> BTreeSet<usize> {
+    let mut all: BTreeSet<usize> =
+        (0..plan.metrics.len()).filter(|index| plan.metrics[*index].requirement.is_some()).collect();
+    // A metric is made of those above it.
+    for index in (0..plan.metrics.len()).rev() {
+        if let (true, Source::Metrics { uses, .. }) = (all.contains(&index), &plan.metrics[index].source) {
+            all.extend(uses);
+        }
+    }
+    all
+}
+
+fn definitions<'a>(plan: &'a Plan, metrics: &BTreeSet<usize>) -> impl Iterator<Item = &'a Definition> {
+    metrics.iter().filter_map(|index| match &plan.metrics[*index].source {
+        Source::Signals(definition) => Some(definition),
+        Source::Metrics { .. } => None,
+    })
+}
+
+/// Recorded signals of a run.
+#[derive(Debug, Clone, Default)]
+pub struct Signals {
+    /// Times, s.
+    pub times: Vec<f64>,
+    /// Columns of the plan, by index.
+    pub columns: BTreeMap<usize, Vec<f64>>,
+}
+
+impl Signals {
+    fn columns(&self) -> Columns<'_> {
+        self.columns.iter().map(|(index, values)| (*index, values.as_slice())).collect()
+    }
+}
+
+/// Why a requirement cannot be judged.
+#[derive(Debug, thiserror::Error)]
+pub enum RequirementError {
+    /// A metric has no number, whatever the signals.
+    #[error("metric {metric}: {source}")]
+    Metric {
+        /// Its name.
+        metric: String,
+        /// Why.
+        source: MetricError,
+    },
+    /// The signals of a run cannot be read.
+    #[error(transparent)]
+    Signals(#[from] std::io::Error),
+}
+
+/// The verdicts on a plan, ordered by metric, case, point. `read` gives signals of a run, columns by index; `None` for one that
+/// failed. `is_cut`: the runs end before the scenario does.
+///
+/// # Errors
+/// Signals cannot be read, or a metric has no number.
+pub fn verdicts<'a>(
+    plan: &'a Plan,
+    is_cut: bool,
+    read: &dyn Fn(&Run, &BTreeSet<usize>) -> Option<std::io::Result<Signals>>,
+) -> Result<Vec<Verdict<'a>>, RequirementError> {
+    let metrics = needed(plan);
+    let columns: BTreeSet<usize> = definitions(plan, &metrics).flat_map(Definition::needed_columns).collect();
+    let compares = definitions(plan, &metrics).any(|definition| definition.from_baseline);
+    let mut numbers: BTreeMap<(&str, Option<&str>), Vec<Vec<Option<f64>>>> = BTreeMap::new();
+    for run in &plan.runs {
+        let place = numbers.entry((run.case.as_str(), run.point.as_deref())).or_default();
+        let Some(signals) = read(run, &columns) else { continue };
+        let signals = signals?;
+        let baseline = plan.cases.iter().find(|case| case.name == run.case).and_then(|case| case.baseline.as_ref());
+        let baseline = baseline.filter(|_| compares).and_then(|name| {
+            plan.runs.iter().find(|other| other.case == *name && other.point == run.point && other.seed == run.seed)
+        });
+        let baseline = baseline.and_then(|other| read(other, &columns)).transpose()?;
+        place.push(of_run(plan, &metrics, &signals, baseline.as_ref())?);
+    }
+    let runs = plan.seeds.len().max(1);
+    let points: Vec<Option<&str>> =
+        if plan.points.is_empty() { vec![None] } else { plan.points.iter().map(|p| Some(p.name.as_str())).collect() };
+    let mut found = Vec::new();
+    for (index, metric) in plan.metrics.iter().enumerate() {
+        let Some(requirement) = &metric.requirement else { continue };
+        let is_cut_off = is_cut && is_cut_off(plan, index);
+        for case in &requirement.cases {
+            for point in &points {
+                let of_runs = numbers.get(&(case.as_str(), *point)).map_or(&[][..], Vec::as_slice);
+                let values: Vec<Option<f64>> = of_runs.iter().map(|run| run[index]).collect();
+                let limits = [requirement.min, requirement.max];
+                let judgment = judge(limits, requirement.share, &values, runs, is_cut_off);
+                found.push(Verdict { metric, requirement, case, point: *point, judgment });
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The numbers of some metrics of a run, by the index of the metric.
+fn of_run(
+    plan: &Plan,
+    metrics: &BTreeSet<usize>,
+    signals: &Signals,
+    baseline: Option<&Signals>,
+) -> Result<Vec<Option<f64>>, RequirementError> {
+    let simulation = &plan.simulation;
+    let (columns, of_baseline) = (signals.columns(), baseline.map(Signals::columns));
+    let mut numbers = vec![None; plan.metrics.len()];
+    for index in metrics {
+        let metric = &plan.metrics[*index];
+        numbers[*index] = match &metric.source {
+            // The runs were cut short.
+            Source::Signals(Definition { window: Some([from, _]), .. }) if *from >= simulation.stop => None,
+            Source::Signals(definition) => definition
+                .value(&signals.times, &columns, of_baseline.as_ref(), simulation.step)
+                .map_err(|source| RequirementError::Metric { metric: metric.name.clone(), source })?,
+            Source::Metrics { value, .. } => value.value(|index| numbers[index]),
+        };
+    }
+    Ok(numbers)
+}
+
+/// Whether runs that end at the stop of the plan end before the rows that a metric is computed from.
+fn is_cut_off(plan: &Plan, index: usize) -> bool {
+    match &plan.metrics[index].source {
+        Source::Metrics { uses, .. } => uses.iter().any(|index| is_cut_off(plan, *index)),
+        Source::Signals(definition) => definition.window.is_none_or(|[_, to]| to > plan.simulation.stop),
+    }
+}
+
+impl Verdict<'_> {
+    /// What the requirement is about and what was found.
+    #[must_use]
+    pub fn text(&self, plan: &Plan) -> String {
+        let Self { metric, requirement, judgment, .. } = self;
+        let case = plan.cases.iter().find(|case| case.name == self.case).map_or("", |case| &case.title);
+        let point = plan.points.iter().find(|point| Some(point.name.as_str()) == self.point);
+        let place: Vec<&str> = [metric.title.as_str(), case, point.map_or("", |point| &point.title)]
+            .into_iter()
+            .filter(|text| !text.is_empty())
+            .collect();
+        let unit = words::unit(metric.unit.as_deref().unwrap_or_default());
+        let seeds = plan.seeds.len();
+        let mut found = Vec::new();
+        if let Some(worst) = judgment.worst {
+            let of = if seeds > 1 { format!(" in the worst of {seeds} seeds") } else { String::new() };
+            found.push(format!("{}{of}", words::with_unit(&words::number(worst, metric.digits), &unit)));
+        }
+        match judgment.missing {
+            0 => (),
+            _ if seeds < 2 => found.push("no number".to_owned()),
+            missing => found.push(format!("no number in {missing} of {seeds} seeds")),
+        }
+        let found = if found.is_empty() { "–".to_owned() } else { found.join("; ") };
+        let ends = [("at least", requirement.min), ("at most", requirement.max)];
+        let limits: Vec<String> = ends
+            .into_iter()
+            .filter_map(|(word, limit)| {
+                Some(format!("{word} {}", words::with_unit(&words::significant(limit?, 6), &unit)))
+            })
+            .collect();
+        let mut text = format!("{}: {found}, required {}", place.join(", "), limits.join(" and "));
+        if requirement.share < 1.0 {
+            let _ = write!(text, " in {} % of the runs", words::significant(100.0 * requirement.share, 6));
+        }
+        if let Some(source) = requirement.source.as_ref().filter(|source| !source.is_empty()) {
+            let _ = write!(text, " ({source})");
+        }
+        text
+    }
+}
+
+/// The verdicts as JUnit XML: a test case for each, and one for each run that failed, with its message.
+#[must_use]
+pub fn junit(plan: &Plan, verdicts: &[Verdict<'_>], failures: &[(String, String)]) -> String {
+    let count = |status: Status| verdicts.iter().filter(|verdict| verdict.judgment.status == status).count();
+    let suite = attribute(&plan.name);
+    let mut out = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"{suite}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"{}\">\n",
+        verdicts.len() + failures.len(),
+        count(Status::Failed),
+        failures.len(),
+        count(Status::Open),
+    );
+    let mut case = |name: &str, inside: String| {
+        let name = attribute(name);
+        let _ = write!(out, "  <testcase classname=\"{suite}\" name=\"{name}\">\n    {inside}\n  </testcase>\n");
+    };
+    for (run, message) in failures {
+        let message = escaped(message);
+        let first = attribute(message.lines().next().unwrap_or_default());
+        case(&escaped(&format!("run {run}")), format!("<error message=\"{first}\">{}</error>", content(&message)));
+    }
+    for verdict in verdicts {
+        let text = verdict.text(plan);
+        let text = escaped(&text);
+        let place = verdict.point.map_or_else(|| verdict.case.to_owned(), |point| format!("{}@{point}", verdict.case));
+        let inside = match verdict.judgment.status {
+            Status::Failed => format!("<failure message=\"{}\">{}</failure>", attribute(&text), content(&text)),
+            Status::Open => format!("<skipped message=\"Not evaluated: {}\" />", attribute(&text)),
+            Status::Passed => format!("<system-out>{}</system-out>", content(&text)),
+        };
+        case(&format!("{}.{place}", verdict.metric.name), inside);
+    }
+    out + "</testsuite>\n"
+}
+
+fn content(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+fn attribute(text: &str) -> String {
+    content(text).replace('"', "&quot;").replace('\r', "&#13;").replace('\n', "&#10;").replace('\t', "&#09;")
+}
+
+/// Numbers and units as text, as `chassis_fmu.tables` writes them.
+mod words {
+    /// Numbers below this are written with a power of ten, and from the other one on.
+    const SMALL: f64 = 1e-4;
+    const LARGE: f64 = 1e9;
+
+    /// With so many decimals, or four significant digits.
+    pub(super) fn number(value: f64, digits: Option<u8>) -> String {
+        let size = value.abs();
+        if size >= LARGE || (digits.is_none() && size > 0.0 && size < SMALL) {
+            return significant(value, 6);
+        }
+        let decimals = digits.map_or_else(
+            || if size > 0.0 && size.is_finite() { (3 - size.log10().floor() as i32).max(0) as usize } else { 3 },
+            usize::from,
+        );
+        minus(&format!("{value:.decimals$}"))
+    }
+
+    /// With up to so many significant digits, and a power of ten where that is shorter: C's format `g`.
+    pub(super) fn significant(value: f64, digits: usize) -> String {
+        if !value.is_finite() {
+            return minus(&value.to_string().to_lowercase());
+        }
+        let scientific = format!("{value:.*e}", digits - 1);
+        let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+        let power: i32 = exponent.parse().unwrap_or(0);
+        let trimmed = |text: &str| {
+            if text.contains('.') {
+                text.trim_end_matches('0').trim_end_matches('.').to_owned()
+            } else {
+                text.to_owned()
+            }
+        };
+        if (-4..digits as i32).contains(&power) {
+            return minus(&trimmed(&format!("{value:.*}", (digits as i32 - 1 - power).max(0) as usize)));
+        }
+        format!("{}×10{}", minus(&trimmed(mantissa)), raised(&power.to_string()))
+    }
+
+    /// The hyphen as a minus sign; a negative zero loses it.
+    fn minus(text: &str) -> String {
+        match text.strip_prefix('-') {
+            Some(size) if size.chars().all(|c| matches!(c, '0' | '.')) => size.to_owned(),
+            _ => text.replace('-', "−"),
+        }
+    }
+
+    fn raised(text: &str) -> String {
+        let of = |c: char| match c.to_digit(10) {
+            Some(digit) => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][digit as usize],
+            None => '⁻',
+        };
+        text.chars().map(of).collect()
+    }
+
+    /// rad/s2 as rad/s², N.m as N·m, deg as °, 1 as nothing.
+    pub(super) fn unit(name: &str) -> String {
+        if name == "1" {
+            return String::new();
+        }
+        let is_word = |c: char| c.is_alphanumeric() || c == '_';
+        let letters: Vec<char> = name.replace('.', "·").chars().collect();
+        let mut out = String::new();
+        let mut at = 0;
+        while at < letters.len() {
+            let before = at.checked_sub(1).map(|i| letters[i]);
+            let end = letters[at..].iter().position(|c| !is_word(*c)).map_or(letters.len(), |length| at + length);
+            let starts_word = is_word(letters[at]) && !before.is_some_and(is_word);
+            if starts_word && letters[at..end] == ['d', 'e', 'g'] {
+                out.push('°');
+                at = end;
+            } else if letters[at].is_ascii_digit() && before.is_some_and(|c| c.is_ascii_alphabetic() || c == ')') {
+                let count = letters[at..].iter().take_while(|c| c.is_ascii_digit()).count();
+                out += &raised(&letters[at..at + count].iter().collect::<String>());
+                at += count;
+            } else {
+                out.push(letters[at]);
+                at += 1;
+            }
+        }
+        out
+    }
+
+    pub(super) fn with_unit(number: &str, unit: &str) -> String {
+        if unit.is_empty() { number.to_owned() } else { format!("{number} {unit}") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AT_MOST: [Option<f64>; 2] = [None, Some(1.0)];
+
+    #[test]
+    fn the_worst_number_decides() {
+        let judged = judge(AT_MOST, 1.0, &[Some(0.5), Some(2.0), Some(-3.0)], 3, false);
+        assert_eq!(judged, Judgment { status: Status::Failed, worst: Some(2.0), missing: 0 });
+        let judged = judge([Some(-1.0), Some(1.0)], 1.0, &[Some(0.0), Some(1.0)], 2, false);
+        assert_eq!(judged, Judgment { status: Status::Passed, worst: Some(1.0), missing: 0 });
+        // A number that is none keeps no limit.
+        assert_eq!(judge(AT_MOST, 1.0, &[Some(f64::NAN), Some(0.0)], 2, false).status, Status::Failed);
+    }
+
+    #[test]
+    fn a_run_without_a_number_keeps_no_limit() {
+        let judged = judge(AT_MOST, 1.0, &[None, Some(0.0)], 2, false);
+        assert_eq!(judged, Judgment { status: Status::Failed, worst: Some(0.0), missing: 1 });
+        assert_eq!(judge(AT_MOST, 0.5, &[None, Some(0.0)], 2, false).status, Status::Passed);
+    }
+
+    #[test]
+    fn what_did_not_take_place_is_open() {
+        assert_eq!(judge(AT_MOST, 1.0, &[Some(0.0)], 2, false).status, Status::Open);
+        assert_eq!(judge(AT_MOST, 1.0, &[], 1, false).status, Status::Open);
+        assert_eq!(judge(AT_MOST, 1.0, &[Some(2.0)], 1, true).status, Status::Open);
+        // One failure is enough, whatever the others would say.
+        assert_eq!(judge(AT_MOST, 1.0, &[Some(2.0)], 2, false).status, Status::Failed);
+    }
+
+    /// References: Python's formats `.6g` and `.2f`, and `chassis_fmu.tables`.
+    #[test]
+    fn numbers_and_units_are_written_as_on_the_page() {
+        for (value, text) in [
+            (0.35, "0.35"),
+            (-0.0, "0"),
+            (123_456.7, "123457"),
+            (1_234_567.0, "1.23457×10⁶"),
+            (1e-5, "1×10⁻⁵"),
+            (-2.5e-7, "−2.5×10⁻⁷"),
+            (999_999.96, "1×10⁶"),
+        ] {
+            assert_eq!(words::significant(value, 6), text);
+        }
+        assert_eq!(words::number(0.012_345, None), "0.01235");
+        assert_eq!(words::number(12_345.6, None), "12346");
+        assert_eq!(words::number(-0.001, Some(2)), "0.00");
+        assert_eq!(words::number(0.0, None), "0.000");
+        assert_eq!(words::number(5e-5, None), "5×10⁻⁵");
+        for (name, text) in [
+            ("1", ""),
+            ("rad/s2", "rad/s²"),
+            ("N.m", "N·m"),
+            ("deg/s", "°/s"),
+            ("(m/s)2", "(m/s)²"),
+            ("10 deg", "10 °"),
+        ] {
+            assert_eq!(words::unit(name), text);
+        }
+    }
+}

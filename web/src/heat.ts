@@ -1,0 +1,247 @@
+/** Heat maps: a value over two others, as the color of the cells of a grid. */
+
+import uPlot from "uplot";
+import { digits, numbers } from "./data";
+import { axisTitle, convert, text } from "./format";
+import type { Axis, Line, PageData, Panel } from "./page-data";
+import { type Range, Frame, axisStyle, coordinates, tickTexts } from "./panel";
+import type { State } from "./state";
+
+const HEIGHT = 340;
+/** Cells narrower or lower than this have no number in them, px. */
+const ROOM: readonly [number, number] = [46, 20];
+/** Up to so many cells in a row have a tick each. */
+const MOST_TICKS = 12;
+/** Viridis, which the color-blind can read, from the least to the greatest value; the static picture has it, too. */
+const COLORS: readonly (readonly [number, number, number])[] = [
+  [68, 1, 84],
+  [59, 82, 139],
+  [33, 145, 140],
+  [94, 201, 98],
+  [253, 231, 37],
+];
+
+/** The color at a share of the range. */
+function colorAt(share: number): [number, number, number] {
+  const place = Math.max(0, Math.min(1, share)) * (COLORS.length - 1);
+  const low = Math.min(COLORS.length - 2, Math.floor(place));
+  return [0, 1, 2].map((i) => Math.round(COLORS[low]![i]! + (place - low) * (COLORS[low + 1]![i]! - COLORS[low]![i]!))) as [number, number, number];
+}
+
+function css([red, green, blue]: readonly [number, number, number]): string {
+  return `rgb(${red}, ${green}, ${blue})`;
+}
+
+/** Whether black is easier to read on a color than white. */
+function isLight([red, green, blue]: readonly [number, number, number]): boolean {
+  return 0.299 * red + 0.587 * green + 0.114 * blue > 128;
+}
+
+/** Borders of cells about their centers, which rise: half way to the neighbors, on a logarithmic axis by ratio. */
+export function borders(centers: number[], log: boolean): number[] {
+  const there = (value: number) => (log ? Math.log10(value) : value);
+  const back = (value: number) => (log ? 10 ** value : value);
+  const at = centers.map(there);
+  if (at.length === 1) return [back(at[0]! - 0.5), back(at[0]! + 0.5)];
+  const inner = at.slice(1).map((value, i) => (value + at[i]!) / 2);
+  const last = at.length - 1;
+  return [2 * at[0]! - inner[0]!, ...inner, 2 * at[last]! - inner[last - 1]!].map(back);
+}
+
+export class Heat extends Frame {
+  readonly #words: Uint16Array;
+  readonly #line: Line;
+  /** Centers of the cells in the units shown, and values by row and column. */
+  #xs: number[] = [];
+  #ys: number[] = [];
+  #values: (number | null)[][] = [];
+  #borders: [number[], number[]] = [[], []];
+  #limits: Range = [0, 1];
+  /** Column and row of the cell at the cursor. */
+  #at: [number, number] | null = null;
+  readonly #mark = document.createElement("div");
+
+  constructor(data: PageData, panel: Panel, state: State, words: Uint16Array) {
+    super(data, panel, state);
+    this.#words = words;
+    this.#line = panel.lines[0];
+    this.#mark.className = "heat-mark";
+    this.body.setAttribute("aria-label", `${panel.title}${panel.note === "" ? "" : `, ${panel.note}`}: heat map with a cursor. Arrow keys go from cell to cell, plus and minus zoom, Escape shows everything.`);
+  }
+
+  protected get height(): number {
+    return HEIGHT;
+  }
+
+  get #z(): Axis {
+    return this.panel.z ?? this.panel.y;
+  }
+
+  #cells(): void {
+    const { x, y } = coordinates(this.#words, this.#line);
+    const z = this.#line.z === undefined ? [] : numbers(this.#words, this.#line.z);
+    const rising = (values: (number | null)[]) => [...new Set(values.filter((value) => value !== null))].sort((a, b) => a - b);
+    const [across, up] = [rising(x), rising(y)];
+    const values: (number | null)[][] = up.map(() => across.map(() => null));
+    const unit = this.unitOf(this.#z);
+    z.forEach((value, i) => {
+      const row = values[up.indexOf(y[i]!)];
+      if (row !== undefined && value !== null) row[across.indexOf(x[i]!)] = convert(value, unit);
+    });
+    this.#xs = across.map((value) => convert(value, this.unitOf(this.panel.x)));
+    this.#ys = up.map((value) => convert(value, this.unitOf(this.panel.y)));
+    this.#values = values;
+    this.#borders = [borders(this.#xs, this.panel.x.log), borders(this.#ys, this.panel.y.log)];
+    const known = values.flat().filter((value) => value !== null);
+    const fixed = this.#z.range;
+    this.#limits = fixed === null ? [Math.min(...known), Math.max(...known)] : [fixed[0], fixed[1]];
+  }
+
+  protected draw(): void {
+    const width = this.body.clientWidth;
+    if (width === 0) return;
+    const kept = this.chosen;
+    this.#cells();
+    const [across, up] = this.#borders;
+    this.full = [across[0] ?? 0, across.at(-1) ?? 1];
+    const vertical: Range = [up[0] ?? 0, up.at(-1) ?? 1];
+    this.plot?.destroy();
+    const axis = axisStyle();
+    const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
+    const ticks = (centers: number[]) => (centers.length <= MOST_TICKS ? { splits: () => centers } : {});
+    const distribution = (of: Axis) => (of.log ? 3 : 1);
+    const options = {
+      mode: 2,
+      width,
+      height: HEIGHT,
+      series: [null, { facets, paths: (plot: uPlot) => this.#paint(plot) }],
+      legend: { show: false },
+      padding: [10, 12, 0, 0],
+      scales: {
+        x: { time: false, auto: false, distr: distribution(this.panel.x), range: this.full },
+        y: { auto: false, distr: distribution(this.panel.y), range: vertical },
+      },
+      axes: [
+        { ...axis, grid: { show: false }, scale: "x", label: axisTitle(this.panel.x, this.unitOf(this.panel.x)), labelSize: 20, size: 32, values: tickTexts, ...ticks(this.#xs) },
+        { ...axis, grid: { show: false }, scale: "y", label: axisTitle(this.panel.y, this.unitOf(this.panel.y)), labelSize: 18, size: 44, values: tickTexts, ...ticks(this.#ys) },
+      ],
+      cursor: { ...this.mouse, x: false, y: false, points: { show: false }, dataIdx: () => null },
+      hooks: { setCursor: [(plot: uPlot) => this.#find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },
+    } as unknown as uPlot.Options;
+    this.plot = new uPlot(options, [null, [this.#xs, this.#xs]] as unknown as uPlot.AlignedData, this.body);
+    this.plot.over.append(this.#mark);
+    this.element.dataset["vertical"] = `${vertical[0]} ${vertical[1]}`;
+    this.zoom(kept);
+    this.#read();
+  }
+
+  protected override resized(): void {
+    this.#read();
+  }
+
+  zoom(range: Range | null): void {
+    const [min, max] = range ?? this.full;
+    this.plot?.setScale("x", { min, max });
+    this.note([min, max], range !== null);
+    this.#read();
+  }
+
+  #share(value: number): number {
+    const [low, high] = this.#limits;
+    return high > low ? (value - low) / (high - low) : 0.5;
+  }
+
+  #paint(plot: uPlot): null {
+    const { ctx, bbox } = plot;
+    const ratio = devicePixelRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.font = `${11 * ratio}px ${getComputedStyle(document.body).fontFamily}`;
+    ctx.textAlign = "center";
+    ctx.textBaseline = "middle";
+    const across = this.#borders[0].map((value) => Math.round(plot.valToPos(value, "x", true)));
+    const up = this.#borders[1].map((value) => Math.round(plot.valToPos(value, "y", true)));
+    this.#values.forEach((row, i) =>
+      row.forEach((value, j) => {
+        if (value === null) return;
+        const [left, right, bottom, top] = [across[j]!, across[j + 1]!, up[i]!, up[i + 1]!];
+        const color = colorAt(this.#share(value));
+        ctx.fillStyle = css(color);
+        ctx.fillRect(left, top, right - left, bottom - top);
+        if (right - left >= ROOM[0] * ratio && bottom - top >= ROOM[1] * ratio) {
+          ctx.fillStyle = isLight(color) ? "#000" : "#fff";
+          ctx.fillText(text(value, 3), (left + right) / 2, (top + bottom) / 2);
+        }
+      }),
+    );
+    ctx.restore();
+    return null;
+  }
+
+  #find(plot: uPlot): void {
+    const { left = -1, top = -1 } = plot.cursor;
+    const inside = (value: number, of: number[]) => of.findIndex((border, i) => value >= border && value <= (of[i + 1] ?? -Infinity));
+    const at: [number, number] =
+      left < 0 || top < 0 ? [-1, -1] : [inside(plot.posToVal(left, "x"), this.#borders[0]), inside(plot.posToVal(top, "y"), this.#borders[1])];
+    this.#at = at[0] < 0 || at[1] < 0 ? null : at;
+    this.#read();
+  }
+
+  #go([across, up]: readonly [number, number]): void {
+    const inside = (value: number, count: number) => Math.max(0, Math.min(count - 1, value));
+    this.#at = [inside(across, this.#xs.length), inside(up, this.#ys.length)];
+    this.#read();
+  }
+
+  protected move(to: -1 | 1 | "start" | "end"): void {
+    const [column, row] = this.#at ?? [typeof to === "number" ? -to : 0, 0];
+    this.#go([to === "start" ? 0 : to === "end" ? this.#xs.length - 1 : column + to, row]);
+  }
+
+  protected override rise(by: -1 | 1): boolean {
+    const [column, row] = this.#at ?? [0, -by];
+    this.#go([column, row + by]);
+    return true;
+  }
+
+  /** Writes the cell at the cursor, or what the colors mean. */
+  #read(): void {
+    const plot = this.plot;
+    if (plot === null) return;
+    const at = this.#at;
+    this.#mark.hidden = at === null;
+    const unit = this.unitOf(this.#z);
+    const size = this.#line.z === undefined ? 4 : digits(this.#line.z);
+    const suffix = unit.name === "" ? "" : ` ${unit.name}`;
+    if (at === null) {
+      const bar = document.createElement("i");
+      bar.className = "heat-bar";
+      bar.style.background = `linear-gradient(to right, ${COLORS.map(css).join(", ")})`;
+      const [low, high] = this.#limits;
+      const key = document.createElement("span");
+      key.className = "heat-key";
+      key.append(text(low, 4), bar, text(high, 4));
+      this.readout.replaceChildren(axisTitle(this.#z, unit), key);
+      return;
+    }
+    const [column, row] = at;
+    const [across, up] = this.#borders;
+    const [left, right] = [column, column + 1].map((i) => plot.valToPos(across[i]!, "x")) as Range;
+    const [bottom, top] = [row, row + 1].map((i) => plot.valToPos(up[i]!, "y")) as Range;
+    Object.assign(this.#mark.style, { left: `${left}px`, top: `${top}px`, width: `${right - left}px`, height: `${bottom - top}px` });
+    const value = this.#values[row]?.[column] ?? null;
+    const number = document.createElement("b");
+    number.textContent = value === null ? "–" : text(value, size);
+    const name = (axis: Axis, place: number) => {
+      const of = this.unitOf(axis);
+      return `${axis.title} ${text(place, 4)}${of.name === "" ? "" : ` ${of.name}`}`;
+    };
+    const entry = document.createElement("span");
+    entry.dataset["x"] = String(this.#xs[column]);
+    entry.dataset["y"] = String(this.#ys[row]);
+    entry.append(`${name(this.panel.x, this.#xs[column]!)}, ${name(this.panel.y, this.#ys[row]!)}: `, number, value === null ? "" : suffix);
+    this.readout.replaceChildren(entry);
+  }
+}
