@@ -145,7 +145,8 @@ impl Running {
 
     fn step(&mut self) -> Result<(), RunError> {
         let step = self.session.steps();
-        let is_due = step.is_multiple_of(self.state_every) && self.checkpoints.last().is_none_or(|last| last.step < step);
+        let is_due =
+            step.is_multiple_of(self.state_every) && self.checkpoints.last().is_none_or(|last| last.step < step);
         // An FMU that cannot save its state can be run, but not rewound.
         if is_due && let Ok(saved) = self.session.save() {
             self.checkpoints.push(Checkpoint { step, saved, driver: self.driver.clone() });
