@@ -25,7 +25,9 @@ class LivePlot {
   readonly #body = element("div", { className: "plot-body" });
   readonly #now = element("div", { className: "now" });
   #plot: uPlot | null = null;
+  /** The visitor's own is the last one, so that it is drawn over the others. */
   #traces: Trace[] = [];
+  #numbers: HTMLElement[] = [];
   #range: [number, number] = [0, 1];
 
   constructor(
@@ -71,8 +73,11 @@ class LivePlot {
     if (column === undefined || width === 0) return;
     this.#traces = this.traces.shown.slice().reverse();
     const unit = unitText(column.display.unit);
+    this.#writeKeys(unit);
+    // Once: reading a color computes the style of the page.
+    const [muted, grid] = [color("muted"), color("grid")];
     const font = `11px ${getComputedStyle(document.body).fontFamily}`;
-    const axis = { stroke: () => color("muted"), grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false }, font };
+    const axis = { stroke: muted, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font };
     this.#plot = new uPlot(
       {
         width,
@@ -83,7 +88,7 @@ class LivePlot {
         series: [
           {},
           ...this.#traces.map((trace) => ({
-            stroke: () => this.traces.colorOf(trace),
+            stroke: this.traces.colorOf(trace),
             width: trace.isOwn ? 1.8 : 1,
             ...(trace.isOwn || trace.key === "twin" ? {} : { dash: [5, 3] }),
             points: { show: false },
@@ -146,6 +151,7 @@ class LivePlot {
     });
     plot.setData([times, ...values] as uPlot.AlignedData);
     this.mark();
+    this.read();
   }
 
   /** Moves the line at the time shown. */
@@ -153,9 +159,9 @@ class LivePlot {
     const plot = this.#plot;
     if (plot === null) return;
     const left = plot.valToPos(this.model.time, "x");
-    this.#now.hidden = !(left >= 0 && left <= plot.over.clientWidth);
+    // Without asking for the layout, which would be computed anew for each plot.
+    this.#now.hidden = !(left >= 0 && left <= plot.bbox.width / devicePixelRatio);
     this.#now.style.transform = `translateX(${left}px)`;
-    this.read();
   }
 
   /** Writes the values at the cursor, or at the time shown. */
@@ -166,18 +172,25 @@ class LivePlot {
     if (column === undefined || plot === null || opened === null) return;
     const left = plot.cursor.left ?? -1;
     const time = left >= 0 ? plot.posToVal(left, "x") : this.model.time;
-    const entries = this.#traces
-      .slice()
-      .reverse()
-      .map((trace) => {
-        const recording = recordings[trace.system];
-        const index = Math.round(time / opened.rowStep);
-        const value = recording?.values(trace.branch, recording.column(this.signal), index, index, 1, column.display.factor)[0] ?? null;
-        const entry = element("span", { title: trace.title }, element("i", { className: "key" }), element("b", { textContent: value === null ? "–" : text(value, 4) }));
-        entry.querySelector("i")!.style.background = this.traces.colorOf(trace);
-        return entry;
-      });
-    this.#readout.replaceChildren(...entries, element("span", { textContent: unitText(column.display.unit) }));
+    this.#traces.forEach((trace, i) => {
+      const recording = recordings[trace.system];
+      const index = Math.round(time / opened.rowStep);
+      const value = recording?.values(trace.branch, recording.column(this.signal), index, index, 1, column.display.factor)[0] ?? null;
+      const written = value === null ? "–" : text(value, 4);
+      const number = this.#numbers[i]!;
+      if (number.textContent !== written) number.textContent = written;
+    });
+  }
+
+  /** Keys of the lines with their numbers. */
+  #writeKeys(unit: string): void {
+    this.#numbers = this.#traces.map(() => element("b"));
+    const entries = this.#traces.map((trace, i) => {
+      const key = element("i", { className: "key" });
+      key.style.background = `var(--${trace.color})`;
+      return element("span", { title: trace.title }, key, this.#numbers[i]!);
+    });
+    this.#readout.replaceChildren(...entries.reverse(), element("span", { textContent: unit }));
   }
 
   dispose(): void {
@@ -259,7 +272,7 @@ export class Plots {
         for (const plot of this.#plots) plot.rebuild();
       });
       const key = element("i", { className: "key" });
-      key.style.background = this.traces.colorOf(trace);
+      key.style.background = `var(--${trace.color})`;
       return element("label", { className: "check" }, box, key, element("span", { textContent: trace.title }));
     });
     this.switches.replaceChildren(...boxes);

@@ -16,6 +16,8 @@ const NUMBERS: [signals: string[], title: string][] = [
   [["vehicle.load_transfer_ratio"], "load transfer"],
 ];
 const FACTORS = [1, 2, 3, 5];
+/** Time between two pictures of a simulation that runs as fast as possible, s. */
+const FAST_PERIOD = 0.15;
 
 export class Stage {
   readonly #view: View | null;
@@ -25,6 +27,7 @@ export class Stage {
   readonly #beside = element("select");
   #besideKey = "";
   #hudText = "";
+  #seconds = 0;
 
   constructor(
     readonly model: Model,
@@ -154,7 +157,11 @@ export class Stage {
   frame(seconds: number): void {
     const { model } = this;
     if (model.opened === null) return;
-    this.#view?.draw(model.time, model.branch, this.traces.besideTrace?.branch ?? model.branch, seconds);
+    this.#seconds += seconds;
+    // As fast as possible: the simulation has the processor, few pictures are enough.
+    if (model.playing && model.rate === Infinity && this.#seconds < FAST_PERIOD) return;
+    this.#view?.draw(model.time, model.branch, this.traces.besideTrace?.branch ?? model.branch, this.#seconds);
+    this.#seconds = 0;
     this.#showNumbers();
   }
 }

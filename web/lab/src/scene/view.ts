@@ -26,6 +26,16 @@ const TURN_TIME = 0.6;
 /** Least time between two redrawings of the tracks, ms. */
 const TRAIL_PERIOD = 200;
 
+/** Levels of quality, the best first: greatest number of pixels per pixel of the page, and whether there are shadows. */
+const QUALITY = [
+  { pixels: 2, shadows: true },
+  { pixels: 1, shadows: true },
+  { pixels: 0.75, shadows: false },
+] as const;
+/** Frames that take longer than this in the mean of so many lower the quality, s. */
+const SLOW_FRAME = 0.055;
+const FRAMES = 20;
+
 interface Subject {
   model: VehicleModel;
   reader: PoseReader;
@@ -52,13 +62,20 @@ export class View {
   #last = "";
   /** How much larger than they are motions of body and wheels are shown. */
   factor = 1;
+  #quality = 0;
+  #frames = 0;
+  #seconds = 0;
   showsArrows = true;
   #isOpenBody = false;
+  /** Objects whose shaders are being compiled; nothing is drawn until then. */
+  #compiling = 0;
 
   /** Throws without WebGL. */
   constructor(readonly canvas: HTMLCanvasElement) {
     this.#renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
     this.#renderer.shadowMap.enabled = true;
+    // Asking for errors waits for the compiler.
+    this.#renderer.debug.checkShaderErrors = false;
     this.#camera.up.set(0, 0, 1);
     this.#ground = new Ground(this.#colors());
     this.#light.castShadow = true;
@@ -102,7 +119,7 @@ export class View {
   #resize(): void {
     const { clientWidth, clientHeight } = this.canvas.parentElement!;
     if (clientWidth === 0 || clientHeight === 0) return;
-    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, QUALITY[this.#quality]!.pixels));
     this.#renderer.setSize(clientWidth, clientHeight, false);
     this.#camera.aspect = clientWidth / clientHeight;
     // A narrow view is farther away instead of cutting off the vehicle.
@@ -132,6 +149,7 @@ export class View {
     this.#scene.add(model.root, this.#arrows.root);
     this.#own = { model, reader: new PoseReader(recording, shape) };
     this.setCamera(this.#kind);
+    this.#compile();
   }
 
   /** Shows something beside the vehicle; `null` removes it. */
@@ -142,8 +160,19 @@ export class View {
       const model = new VehicleModel(shape, true, color("twin"));
       this.#scene.add(model.root);
       this.#other = { model, reader: new PoseReader(recording, shape) };
+      this.#compile();
     }
     this.redraw();
+  }
+
+  /** Compiles shaders beside the page, which would wait for them when it draws. */
+  #compile(): void {
+    this.#compiling += 1;
+    const end = () => {
+      this.#compiling -= 1;
+      this.redraw();
+    };
+    this.#renderer.compileAsync(this.#scene, this.#camera).then(end, end);
   }
 
   set isOpenBody(open: boolean) {
@@ -173,7 +202,7 @@ export class View {
   /** Draws a time. The other vehicle is that of a branch, too. */
   draw(time: number, branch: number, otherBranch: number, seconds: number): void {
     const own = this.#own;
-    if (own === null) return;
+    if (own === null || this.#compiling > 0) return;
     const key = `${time} ${branch} ${otherBranch} ${this.factor} ${this.showsArrows}`;
     if (key === this.#last && !this.#isStale) return;
     this.#last = key;
@@ -188,6 +217,20 @@ export class View {
     this.#drawTrails(time, branch, otherBranch);
     this.#renderer.render(this.#scene, this.#camera);
     this.#isStale = this.#isTurning(pose.yaw);
+    this.#adapt(seconds);
+  }
+
+  /** Fewer pixels and no shadows where frames take long. */
+  #adapt(seconds: number): void {
+    this.#frames += 1;
+    this.#seconds += seconds;
+    if (this.#frames < FRAMES) return;
+    const isSlow = this.#seconds > FRAMES * SLOW_FRAME;
+    this.#frames = this.#seconds = 0;
+    if (!isSlow || this.#quality === QUALITY.length - 1) return;
+    this.#quality += 1;
+    this.#light.castShadow = QUALITY[this.#quality]!.shadows;
+    this.#resize();
   }
 
   #isTurning(yaw: number): boolean {
