@@ -19,6 +19,7 @@ pages! {
     resources = "src/resources.md",
     testing = "src/testing.md",
     interfaces = "src/interfaces.md",
+    lab = "src/lab.md",
     platforms = "src/platforms.md",
     scenarios = "src/scenarios.md",
     swapping = "src/swapping.md",

@@ -11,6 +11,7 @@ use serde::Deserialize;
 
 use crate::platform::Platform;
 use crate::toolchain::{self, Toolchain};
+use crate::wasm32::{self, Wasm};
 use crate::win64::Mingw;
 use crate::workspace::{Model, Workspace};
 use crate::zigbuild::Zigbuild;
@@ -190,7 +191,8 @@ fn artifacts(messages: &str) -> Result<BTreeMap<String, PathBuf>> {
             serde_json::from_str(line).into_diagnostic().wrap_err("reading the messages of cargo")?;
         let (Some(id), Some(target)) = (message.package_id, message.target) else { continue };
         let is_library = |path: &PathBuf| {
-            path.extension().is_some_and(|extension| ["so", "dll", "dylib"].iter().any(|known| extension == *known))
+            path.extension()
+                .is_some_and(|extension| ["so", "dll", "dylib", "wasm"].iter().any(|known| extension == *known))
         };
         if let Some((package, _)) = name_and_version(&id)
             && target.crate_types.iter().any(|kind| kind == "cdylib")
@@ -290,6 +292,8 @@ pub(crate) enum Builder {
     Portable(Zigbuild),
     /// By another toolchain, for Windows.
     Win64(Mingw),
+    /// By a toolchain with the sources of its standard library, for WebAssembly.
+    Wasm32(Wasm),
 }
 
 /// Result of a build.
@@ -332,6 +336,7 @@ pub(crate) fn builders(workspace: &Workspace, wanted: &[Platform], linux: Linux,
             Zigbuild::cross(&workspace.root, platform).map(Builder::Portable)
         }
         (Platform::Win64, _) => Mingw::find().map(Builder::Win64),
+        (Platform::Wasm32, _) => Wasm::find().map(Builder::Wasm32),
         (Platform::X86_64Darwin | Platform::Aarch64Darwin, _) if this.is_darwin() => {
             if toolchain::has_library(platform.target()) {
                 return Ok(Builder::Native(platform));
@@ -378,6 +383,7 @@ impl Builder {
             Self::Native(platform) => *platform,
             Self::Portable(zigbuild) => zigbuild.platform(),
             Self::Win64(_) => Platform::Win64,
+            Self::Wasm32(_) => Platform::Wasm32,
         }
     }
 
@@ -387,6 +393,7 @@ impl Builder {
             Self::Native(_) => None,
             Self::Portable(zigbuild) => zigbuild.toolchain(),
             Self::Win64(mingw) => Some(mingw.toolchain()),
+            Self::Wasm32(wasm) => Some(wasm.toolchain()),
         }
     }
 
@@ -441,6 +448,7 @@ impl Builder {
             }
             Self::Portable(zigbuild) => (zigbuild.cargo_rustc(), platform.target().to_owned()),
             Self::Win64(mingw) => (mingw.cargo_rustc(), platform.target().to_owned()),
+            Self::Wasm32(wasm) => (wasm.cargo_rustc(), platform.target().to_owned()),
         };
         command.args(["--profile", "fmu", "--target-dir"]).arg(&folder);
         for setting in PROFILE {
@@ -466,11 +474,12 @@ impl Builder {
 ///
 /// `-Bsymbolic` keeps calls between the functions of one FMU inside it when several are loaded; on Windows and macOS they
 /// stay inside anyway. Libraries for Windows get no time, so that two builds have the same bytes.
-fn linker_flags(platform: Platform, is_native: bool) -> Option<OsString> {
+fn linker_flags(platform: Platform, is_native: bool) -> Vec<OsString> {
     match platform {
-        Platform::Linux64 | Platform::Aarch64Linux => Some("-Clink-arg=-Wl,-Bsymbolic".into()),
-        Platform::Win64 if !is_native => Some("-Clink-arg=-Wl,--no-insert-timestamp".into()),
-        Platform::Win64 | Platform::X86_64Darwin | Platform::Aarch64Darwin => None,
+        Platform::Linux64 | Platform::Aarch64Linux => vec!["-Clink-arg=-Wl,-Bsymbolic".into()],
+        Platform::Win64 if !is_native => vec!["-Clink-arg=-Wl,--no-insert-timestamp".into()],
+        Platform::Win64 | Platform::X86_64Darwin | Platform::Aarch64Darwin => Vec::new(),
+        Platform::Wasm32 => wasm32::FLAGS.map(Into::into).to_vec(),
     }
 }
 
@@ -531,17 +540,20 @@ mod tests {
 
     #[test]
     fn flags_of_the_linker_follow_the_platform() {
-        let flags = |platform, is_native| linker_flags(platform, is_native).map(|flag| flag.into_string().unwrap());
+        let flags = |platform, is_native| {
+            let flags = linker_flags(platform, is_native).into_iter();
+            flags.map(|flag| flag.into_string().unwrap()).collect::<Vec<_>>().join(" ")
+        };
         for linux in [Platform::Linux64, Platform::Aarch64Linux] {
-            assert_eq!(flags(linux, false).as_deref(), Some("-Clink-arg=-Wl,-Bsymbolic"));
+            assert_eq!(flags(linux, false), "-Clink-arg=-Wl,-Bsymbolic");
             assert_eq!(flags(linux, true), flags(linux, false));
         }
-        assert_eq!(flags(Platform::Win64, false).as_deref(), Some("-Clink-arg=-Wl,--no-insert-timestamp"));
+        assert_eq!(flags(Platform::Win64, false), "-Clink-arg=-Wl,--no-insert-timestamp");
         // The linker of Microsoft does not know it.
-        assert_eq!(flags(Platform::Win64, true), None);
+        assert_eq!(flags(Platform::Win64, true), "");
         for mac in [Platform::X86_64Darwin, Platform::Aarch64Darwin] {
             // The linker of Apple has no `-Bsymbolic`.
-            assert_eq!(flags(mac, true), None);
+            assert_eq!(flags(mac, true), "");
             assert_eq!(library_flags(mac, "Road"), ["-Clink-arg=-Wl,-install_name,@rpath/Road.dylib"]);
         }
         for other in [Platform::Linux64, Platform::Win64, Platform::Aarch64Linux] {

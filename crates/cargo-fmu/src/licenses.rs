@@ -70,8 +70,8 @@ fn toolchain(builder: &Builder) -> Vec<Component> {
     );
     match builder {
         Builder::Native(Platform::Linux64 | Platform::Aarch64Linux) => parts.push(gcc),
-        // Other libraries they link belong to the system.
-        Builder::Native(Platform::Win64 | Platform::X86_64Darwin | Platform::Aarch64Darwin) => {}
+        // Other libraries they link belong to the system; WebAssembly links none.
+        Builder::Native(_) | Builder::Wasm32(_) => {}
         Builder::Portable(_) => parts.push(part(
             "zig: compiler_rt, libunwind, start-up code of glibc",
             "MIT, Apache-2.0 WITH LLVM-exception, LGPL-2.1-or-later with an exception",

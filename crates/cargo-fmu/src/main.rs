@@ -19,6 +19,7 @@ mod system;
 mod toolchain;
 mod trim;
 mod variables;
+mod wasm32;
 mod win64;
 mod worker;
 mod workspace;

@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
+use fmu_import::wasm::FOLDER as WASM_FOLDER;
 use miette::{Result, miette};
 
 /// An operating system and a processor.
@@ -17,10 +18,13 @@ pub(crate) enum Platform {
     X86_64Darwin,
     /// macOS on ARM64.
     Aarch64Darwin,
+    /// WebAssembly with 32-bit addresses, for importers in browsers.
+    Wasm32,
 }
 
 impl Platform {
-    const ALL: [Self; 5] = [Self::Linux64, Self::Win64, Self::Aarch64Linux, Self::X86_64Darwin, Self::Aarch64Darwin];
+    const ALL: [Self; 6] =
+        [Self::Linux64, Self::Win64, Self::Aarch64Linux, Self::X86_64Darwin, Self::Aarch64Darwin, Self::Wasm32];
     /// The Mac that `darwin64` on the command line stands for: this one, on other machines the one of the standard.
     const DARWIN64: Self =
         if cfg!(all(target_os = "macos", target_arch = "aarch64")) { Self::Aarch64Darwin } else { Self::X86_64Darwin };
@@ -52,19 +56,22 @@ impl Platform {
             Self::Aarch64Linux => "aarch64-linux",
             Self::X86_64Darwin => "x86_64-darwin",
             Self::Aarch64Darwin => "aarch64-darwin",
+            Self::Wasm32 => "wasm32",
         }
     }
 
     /// Folder below `binaries/` in FMI 2.0.
     ///
     /// FMI 2.0.4, section 2.3, names the x86 platforms and refers to the tuples of FMI 3.0 for all others. Macs are the
-    /// exception: FMPy 0.3.32 and fmutool 2.0 look for the libraries of either processor in `darwin64`.
+    /// exception: FMPy 0.3.32 and fmutool 2.0 look for the libraries of either processor in `darwin64`. No version names
+    /// WebAssembly; its folder is a convention of this project.
     pub(crate) const fn fmi2(self) -> &'static str {
         match self {
             Self::Linux64 => "linux64",
             Self::Win64 => "win64",
             Self::Aarch64Linux => "aarch64-linux",
             Self::X86_64Darwin | Self::Aarch64Darwin => "darwin64",
+            Self::Wasm32 => WASM_FOLDER,
         }
     }
 
@@ -76,6 +83,7 @@ impl Platform {
             Self::Aarch64Linux => "aarch64-linux",
             Self::X86_64Darwin => "x86_64-darwin",
             Self::Aarch64Darwin => "aarch64-darwin",
+            Self::Wasm32 => WASM_FOLDER,
         }
     }
 
@@ -88,6 +96,7 @@ impl Platform {
             Self::Aarch64Linux => "aarch64-unknown-linux-gnu",
             Self::X86_64Darwin => "x86_64-apple-darwin",
             Self::Aarch64Darwin => "aarch64-apple-darwin",
+            Self::Wasm32 => "wasm32-unknown-unknown",
         }
     }
 
@@ -115,6 +124,7 @@ impl Platform {
             Self::Linux64 | Self::Aarch64Linux => "so",
             Self::Win64 => "dll",
             Self::X86_64Darwin | Self::Aarch64Darwin => "dylib",
+            Self::Wasm32 => "wasm",
         }
     }
 
@@ -160,7 +170,8 @@ mod tests {
                 "binaries/win64/Road.dll",
                 "binaries/aarch64-linux/Road.so",
                 "binaries/darwin64/Road.dylib",
-                "binaries/darwin64/Road.dylib"
+                "binaries/darwin64/Road.dylib",
+                "binaries/wasm32-unknown-unknown/Road.wasm"
             ]
         );
     }
@@ -169,7 +180,9 @@ mod tests {
     #[test]
     fn folders_of_fmi_3_are_platform_tuples() {
         let folders = Platform::ALL.map(Platform::fmi3);
-        assert_eq!(folders, ["x86_64-linux", "x86_64-windows", "aarch64-linux", "x86_64-darwin", "aarch64-darwin"]);
+        let tuples = ["x86_64-linux", "x86_64-windows", "aarch64-linux", "x86_64-darwin", "aarch64-darwin"];
+        assert_eq!(folders[..5], tuples);
+        assert_eq!(folders[5], "wasm32-unknown-unknown", "a convention of this project");
     }
 
     #[test]
@@ -196,7 +209,8 @@ mod tests {
                 "x86_64-win7-windows-gnu",
                 "aarch64-unknown-linux-gnu",
                 "x86_64-apple-darwin",
-                "aarch64-apple-darwin"
+                "aarch64-apple-darwin",
+                "wasm32-unknown-unknown"
             ]
         );
     }

@@ -70,6 +70,11 @@ pub(crate) fn has_library(target: &str) -> bool {
         .is_some_and(|folder| Path::new(folder.trim_end()).is_dir())
 }
 
+/// Folder of the toolchain in use.
+pub(crate) fn in_use() -> Option<PathBuf> {
+    output(&rustc(), &["--print", "sysroot"]).map(|root| PathBuf::from(root.trim_end()))
+}
+
 /// True if a program is on the PATH and succeeds with this argument.
 pub(crate) fn runs(program: &str, argument: &str) -> bool {
     output(OsStr::new(program), &[argument]).is_some()
@@ -88,8 +93,7 @@ fn candidates(variable: &str) -> Vec<PathBuf> {
     if let Some(named) = std::env::var_os(variable) {
         return vec![PathBuf::from(named)];
     }
-    let in_use = output(&rustc(), &["--print", "sysroot"]).map(|root| PathBuf::from(root.trim_end()));
-    let mut candidates: Vec<_> = in_use.into_iter().collect();
+    let mut candidates: Vec<_> = in_use().into_iter().collect();
     let system = PathBuf::from("/usr");
     if !candidates.contains(&system) {
         candidates.push(system);

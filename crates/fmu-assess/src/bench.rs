@@ -1,17 +1,44 @@
 //! One of the two systems on the bench: it makes runs out of the courses of maneuvers.
 
 use crate::course::{Course, Setting};
-use crate::executor::Executor;
 use crate::vehicle::{Class, Vehicle};
 use crate::wiring::{Driving, Plant, STEP, Speed, System};
-use fmu_import::description::{BaseType, Value};
+use fmu_import::description::{BaseType, ModelDescription, Value};
+use fmu_system::failure::Failure;
 use fmu_system::fmus::Fmus;
+use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What executes runs.
+pub(crate) trait Runs: Sync {
+    /// Executes runs; returns their outcomes in the same order.
+    fn execute(&self, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>>;
+}
+
+/// Descriptions of the FMUs of runs.
+pub(crate) trait Described: Sync {
+    /// That of an FMU, by the path that a plan has.
+    fn description(&self, path: &str) -> Option<&ModelDescription>;
+}
+
+impl Described for Fmus {
+    fn description(&self, path: &str) -> Option<&ModelDescription> {
+        Some(self.get(path).ok()?.description())
+    }
+}
+
+impl Described for BTreeMap<String, Arc<ModelDescription>> {
+    fn description(&self, path: &str) -> Option<&ModelDescription> {
+        self.get(path).map(|description| &**description)
+    }
+}
 
 /// A system on the bench, and what all its maneuvers need to know.
 pub(crate) struct Bench<'a> {
-    pub(crate) executor: &'a Executor,
-    pub(crate) fmus: &'a Fmus,
+    pub(crate) executor: &'a dyn Runs,
+    pub(crate) fmus: &'a dyn Described,
     pub(crate) plant: &'a Plant,
     pub(crate) system: &'a System,
     pub(crate) vehicle: &'a Vehicle,
@@ -84,7 +111,7 @@ impl Bench<'_> {
         let mut set = |component: &str, name: &str, setting: &Setting, is_optional: bool| -> Result<(), String> {
             let name = if component == "plant" { self.plant.variable(name) } else { name };
             let found = run.components.iter().find(|other| other.name == component);
-            let found = found.and_then(|other| self.fmus.get(&other.fmu).ok()).map(|fmu| fmu.description());
+            let found = found.and_then(|other| self.fmus.description(&other.fmu));
             let Some(variable) = found.and_then(|description| description.variable(name)) else {
                 return if is_optional { Ok(()) } else { Err(format!("`{component}` has no `{name}`")) };
             };
@@ -94,7 +121,8 @@ impl Bench<'_> {
                 (Setting::Number(number), BaseType::Boolean) => Value::Boolean(*number > 0.5),
                 (Setting::Number(number), _) => Value::Real(*number),
             };
-            run.set_value(self.fmus, component, name, value).map_err(|error| error.to_string())
+            run.set_described(&|path| self.fmus.description(path), component, name, value)
+                .map_err(|error| error.to_string())
         };
         let number = Setting::Number;
         set("plant", "vehicle.initial_speed", &number(course.speed), true)?;

@@ -3,8 +3,8 @@
 use crate::Trace;
 use crate::bench::Bench;
 use crate::wiring::{Driving, STEP};
+use fmu_system::failure::{Failure, FailureKind};
 use fmu_system::master::Recording;
-use fmu_system::worker::{Failure, FailureKind};
 use std::collections::BTreeMap;
 
 /// Yaw rate beyond which a simulation has diverged, rad/s.
@@ -163,7 +163,8 @@ fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
     failed(course, message)
 }
 
-fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
+/// Cuts a recording where the run ends. `failure` is what came after its last row.
+pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
     let names = bench.system.columns(course.driving);
     cut(course, names, recording, bench.ratio(), failure)
 }

@@ -1,10 +1,12 @@
 //! Executes runs in worker processes, for several callers at once. What a caller gets depends on its runs alone.
 
+use crate::bench::Runs;
 use fmu_import::worker::Settings;
+use fmu_system::failure::{Failure, FailureKind};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
-use fmu_system::worker::{Failure, FailureKind, Pool, Task};
+use fmu_system::worker::{Pool, Task};
 use std::num::NonZeroUsize;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, PoisonError};
@@ -47,9 +49,10 @@ impl Executor {
             body(&executor)
         })
     }
+}
 
-    /// Executes runs; returns their outcomes in the same order.
-    pub(crate) fn execute(&self, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
+impl Runs for Executor {
+    fn execute(&self, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
         let (reply, outcomes) = channel();
         let count = runs.len();
         let names: Vec<String> = runs.iter().map(|(_, run)| run.id.clone()).collect();

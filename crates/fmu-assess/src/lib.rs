@@ -1,9 +1,13 @@
 #![doc = include_str!("../README.md")]
+// A series of runs needs processes; a single run needs a part of each maneuver only.
+#![cfg_attr(target_family = "wasm", allow(dead_code))]
 
+#[cfg(not(target_family = "wasm"))]
 pub mod assess;
 mod bench;
 mod course;
 pub mod evaluators;
+#[cfg(not(target_family = "wasm"))]
 mod executor;
 mod json;
 mod maneuvers;
@@ -11,6 +15,7 @@ mod metric;
 mod numerics;
 mod options;
 pub mod report;
+pub mod single;
 mod trace;
 pub mod vehicle;
 mod wiring;

@@ -1,15 +1,16 @@
 //! The maneuvers: which runs they make, and which numbers come of them.
 
-mod braking;
-mod double_lane_change;
+pub(crate) mod braking;
+pub(crate) mod double_lane_change;
 mod frequency_response;
-mod lane_change;
-mod ride;
-mod rollover;
-mod sine_with_dwell;
-mod steady_state;
-mod step_steer;
+pub(crate) mod lane_change;
+pub(crate) mod ride;
+pub(crate) mod rollover;
+pub(crate) mod sine_with_dwell;
+pub(crate) mod steady_state;
+pub(crate) mod step_steer;
 
+#[cfg(not(target_family = "wasm"))]
 pub(crate) use steady_state::{Increasing, slowly_increasing_steer};
 
 use crate::Trace;

@@ -170,7 +170,13 @@ pub(crate) enum Driving {
     Ride,
 }
 
-const DRIVINGS: [Driving; 3] = [Driving::OpenLoop, Driving::Path, Driving::Ride];
+/// What the vehicle drives on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Road {
+    Flat,
+    /// A component, whose parameters tell how rough.
+    Rough,
+}
 
 /// A plant with its units, wired for each kind of driving.
 #[derive(Debug)]
@@ -208,6 +214,11 @@ pub(crate) struct Systems {
     pub(crate) plant: Plant,
     pub(crate) base: Vec<Unit>,
     pub(crate) with: Vec<Unit>,
+    /// Controllers and base units, in the caller's order.
+    all: Vec<Unit>,
+    drivers: Vec<Unit>,
+    /// Values of the caller, by the components of the scenarios.
+    set: Vec<(String, String, String)>,
     /// Whether the paths of the driver are mirrored, by the caller.
     pub(crate) is_mirrored: bool,
     /// The one without the controllers, and the one with them if there are any.
@@ -215,7 +226,7 @@ pub(crate) struct Systems {
 }
 
 /// A name as a component has it: `AntilockBraking` -> `antilock_braking`.
-fn component_name(fmu: &str) -> String {
+pub(crate) fn component_name(fmu: &str) -> String {
     let mut name = String::new();
     let letters: Vec<char> = fmu.chars().collect();
     for (i, letter) in letters.iter().enumerate() {
@@ -262,7 +273,46 @@ fn find(source: &dyn Descriptions, fmu: &str, names: Option<&BTreeMap<String, St
 
 impl Systems {
     /// Finds the FMUs and wires them.
+    #[cfg(not(target_family = "wasm"))]
     pub(crate) fn new(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
+        let mut found = Self::found(subject, source)?;
+        let mut drivings = vec![(Driving::OpenLoop, Road::Flat), (Driving::Path, Road::Flat)];
+        if found.plant.has_inputs("road_height.") {
+            drivings.push((Driving::Ride, Road::Rough));
+        }
+        found.wire("without", &found.base.clone(), source, &drivings)?;
+        if !found.with.is_empty() {
+            found.wire("with", &found.all.clone(), source, &drivings)?;
+        }
+        Ok(found)
+    }
+
+    /// Wires one system, with all its controllers, for one kind of driving.
+    pub(crate) fn only(
+        subject: &Subject,
+        source: &dyn Descriptions,
+        driving: Driving,
+        road: Road,
+    ) -> Result<Self, SetupError> {
+        let mut found = Self::found(subject, source)?;
+        found.wire("with", &found.all.clone(), source, &[(driving, road)])?;
+        Ok(found)
+    }
+
+    fn wire(
+        &mut self,
+        name: &'static str,
+        units: &[Unit],
+        source: &dyn Descriptions,
+        drivings: &[(Driving, Road)],
+    ) -> Result<(), SetupError> {
+        let system = system(name, &self.plant, units, &self.drivers, &self.set, source, drivings)?;
+        self.systems.push(system);
+        Ok(())
+    }
+
+    /// Finds the FMUs.
+    pub(crate) fn found(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
         let unit = find(source, &subject.plant, Some(&subject.vehicle.signals))?;
         let mut set = BTreeMap::new();
         for (_, name, value) in subject.set.iter().filter(|(component, _, _)| *component == unit.name) {
@@ -292,15 +342,11 @@ impl Systems {
         all.sort_by_key(|unit| subject.order.iter().position(|fmu| *fmu == unit.fmu).unwrap_or(usize::MAX));
         let drivers = DRIVERS.into_iter().filter_map(|fmu| find(source, fmu, None).ok()).collect::<Vec<_>>();
         let set = settings(subject, &plant, &all, &drivers)?;
-        let mut systems = vec![system("without", &plant, &base, &drivers, &set, source)?];
-        if !with.is_empty() {
-            systems.push(system("with", &plant, &all, &drivers, &set, source)?);
-        }
         let is_mirrored = set.iter().any(|(component, name, value)| {
             let is_true = value == "true" || value.parse::<f64>().is_ok_and(|number| number > 0.5);
             component == "driver" && name == "path.mirror" && is_true
         });
-        Ok(Self { plant, base, with, is_mirrored, systems })
+        Ok(Self { plant, base, with, all, drivers, set, is_mirrored, systems: Vec::new() })
     }
 }
 
@@ -501,6 +547,7 @@ struct Wiring<'a> {
     plant: &'a Plant,
     units: Vec<&'a Unit>,
     driving: Driving,
+    road: Road,
     driver: &'static str,
     unwritten: Vec<(String, String)>,
 }
@@ -516,7 +563,7 @@ impl Wiring<'_> {
             return Some((&unit.name, unit.variable(signal).to_owned()));
         }
         let of_road = signal.starts_with("road_height.") || signal.starts_with("road_friction.");
-        (self.driving == Driving::Ride && of_road).then(|| ("road", signal.to_owned()))
+        (self.road == Road::Rough && of_road).then(|| ("road", signal.to_owned()))
     }
 
     /// Where an input gets its value from: another component, or a constant.
@@ -600,7 +647,7 @@ impl Wiring<'_> {
             }
         }
         component(&mut text, "driver", self.driver, &missing);
-        if self.driving == Driving::Ride {
+        if self.road == Road::Rough {
             component(&mut text, "road", "Road", &[]);
             connect(&mut connections, "plant", self.plant.variable("vehicle.speed"), "road", "vehicle.speed");
         }
@@ -677,6 +724,7 @@ fn system(
     drivers: &[Unit],
     set: &[(String, String, String)],
     source: &dyn Descriptions,
+    drivings: &[(Driving, Road)],
 ) -> Result<System, SetupError> {
     let mut written: BTreeMap<&str, &str> = BTreeMap::new();
     for unit in drivers.iter().rev().chain([&plant.unit]) {
@@ -708,15 +756,7 @@ fn system(
     let mut plans = Vec::new();
     let mut columns = Vec::new();
     let mut unwritten: Vec<(String, String)> = Vec::new();
-    let has_road = plant.has_inputs("road_height.");
-    for driving in DRIVINGS {
-        let is_possible = match driving {
-            Driving::OpenLoop | Driving::Path => true,
-            Driving::Ride => has_road,
-        };
-        if !is_possible {
-            continue;
-        }
+    for &(driving, road) in drivings {
         let driver = DRIVERS[usize::from(driving != Driving::OpenLoop)];
         // Each of the drivers has parameters that the other one does not have, and no run has all units.
         let description = drivers.iter().find(|unit| unit.fmu == driver).map(Unit::description);
@@ -725,7 +765,7 @@ fn system(
             _ => true,
         };
         let set: Vec<_> = set.iter().filter(is_of_system).cloned().collect();
-        let mut wiring = Wiring { plant, units: ordered(units), driving, driver, unwritten: Vec::new() };
+        let mut wiring = Wiring { plant, units: ordered(units), driving, road, driver, unwritten: Vec::new() };
         let text = wiring.scenario(&set);
         let options = Options::default();
         let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)

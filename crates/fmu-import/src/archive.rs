@@ -8,7 +8,7 @@ use crate::terminal;
 use object::{FileKind, Object as _, ObjectSegment as _, ReadCache};
 use std::collections::HashSet;
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek as _};
+use std::io::{self, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
@@ -149,9 +149,9 @@ pub const fn platform_of(fmi: FmiVersion) -> &'static str {
 }
 
 /// An open `.fmu` file.
-pub struct Archive {
+pub struct Archive<R = BufReader<File>> {
     path: PathBuf,
-    zip: ZipArchive<BufReader<File>>,
+    zip: ZipArchive<R>,
 }
 
 /// What was unpacked; removed from the disk when dropped.
@@ -182,12 +182,24 @@ impl Archive {
     /// within the archive.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
         let io_error = |cause| ArchiveError::Io { path: path.to_path_buf(), cause };
+        let file = File::open(path).map_err(io_error)?;
+        if file.metadata().map_err(io_error)?.is_dir() {
+            let reason = "it is a folder, an FMU is a zip archive".to_owned();
+            return Err(ArchiveError::Rejected { path: path.to_path_buf(), reason });
+        }
+        Self::read(path, BufReader::new(file))
+    }
+}
+
+impl<R: Read + Seek> Archive<R> {
+    /// Reads an archive as [`Archive::open`] does, of a file that is open or in memory. `path` names it in messages.
+    ///
+    /// # Errors
+    /// As [`Archive::open`].
+    pub fn read(path: &Path, mut file: R) -> Result<Self, ArchiveError> {
+        let io_error = |cause| ArchiveError::Io { path: path.to_path_buf(), cause };
         let rejected = |reason| ArchiveError::Rejected { path: path.to_path_buf(), reason };
         let damaged = |reason| ArchiveError::Zip { path: path.to_path_buf(), reason };
-        let mut file = File::open(path).map_err(io_error)?;
-        if file.metadata().map_err(io_error)?.is_dir() {
-            return Err(rejected("it is a folder, an FMU is a zip archive".to_owned()));
-        }
         let entries = directory::read(&mut file).map_err(|error| match error {
             DirectoryError::Io(cause) => io_error(cause),
             DirectoryError::Damaged(reason) => damaged(reason),
@@ -195,7 +207,7 @@ impl Archive {
         })?;
         check_sizes(&entries).map_err(rejected)?;
         file.rewind().map_err(io_error)?;
-        let zip = ZipArchive::new(BufReader::new(file)).map_err(|cause| damaged(cause.to_string()))?;
+        let zip = ZipArchive::new(file).map_err(|cause| damaged(cause.to_string()))?;
         check_entries(&entries, &zip).map_err(rejected)?;
         Ok(Self { path: path.to_path_buf(), zip })
     }
@@ -236,6 +248,26 @@ impl Archive {
             let at = error.utf8_error().valid_up_to();
             rejected(format!("{NAME} is not UTF-8 (byte {}), the encoding of a model description", at + 1))
         })
+    }
+
+    /// The content of an entry; `None` if there is none of this name.
+    ///
+    /// # Errors
+    /// The entry is unreadable, or does not have the size that the archive states.
+    pub fn entry(&mut self, name: &str) -> Result<Option<Vec<u8>>, ArchiveError> {
+        if self.zip.index_for_name(name).is_none() {
+            return Ok(None);
+        }
+        let failed = |cause| ArchiveError::Entry { path: self.path.clone(), entry: name.to_owned(), cause };
+        let entry = self.zip.by_name(name).map_err(|cause| failed(cause.into()))?;
+        let stated = entry.size();
+        let mut bytes = Vec::new();
+        entry.take(stated.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
+        if bytes.len() as u64 == stated {
+            return Ok(Some(bytes));
+        }
+        let reason = format!("the entry `{name}` does not have the {stated} bytes that the archive states");
+        Err(ArchiveError::Rejected { path: self.path.clone(), reason })
     }
 
     /// Reads and parses `modelDescription.xml`.

@@ -42,6 +42,19 @@ pub struct Binary {
 }
 
 impl Binary {
+    /// A binary that the host of this program has, by the name `library`: see `loader/system/wasm.rs`.
+    #[must_use]
+    pub fn of_host(fmu: PathBuf, description: &ModelDescription, library: PathBuf, interface: Interface) -> Self {
+        Self {
+            fmu,
+            guid: description.guid.clone(),
+            only_once: false,
+            library,
+            resources: PathBuf::from("resources"),
+            signature: Signature::new(description, interface),
+        }
+    }
+
     fn load(&self, unpacked: Arc<Unpacked>) -> Result<Arc<Library>, FmuError> {
         Library::load(unpacked).map_err(|cause| FmuError::Load { path: self.fmu.clone(), cause })
     }

@@ -22,6 +22,8 @@ pub mod names;
 pub mod temporary;
 pub mod terminal;
 pub mod trim;
+pub mod wasm;
+#[cfg(not(target_family = "wasm"))]
 pub mod worker;
 pub mod xml;
 

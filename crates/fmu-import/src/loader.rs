@@ -18,11 +18,14 @@ mod special;
 mod states;
 mod status;
 mod strings;
+#[cfg_attr(target_family = "wasm", path = "loader/system/wasm.rs")]
+mod system;
 mod values;
 
 pub(crate) use callbacks::memory_callbacks;
 pub use error::{CallError, CallProblem, LoadError, Message, Status};
 pub use instance::Instance;
-pub use library::{Library, exported_descriptions, flush_prints, not_exported};
+pub use library::{Library, exported_descriptions, not_exported};
 pub use model_exchange::{CompletedStep, EventUpdate};
 pub use states::SavedState;
+pub use system::flush_prints;

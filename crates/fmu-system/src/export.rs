@@ -25,6 +25,7 @@ use fmu_import::description::{BaseType, Causality, FmiVersion, ModelDescription,
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Name of the structure inside an SSP file.
 pub const STRUCTURE: &str = "SystemStructure.ssd";
@@ -182,6 +183,18 @@ impl System {
     /// no part of a URI, an enumeration is set or wired, a connection converts Real or Boolean, a unit of measure is
     /// defined in two ways.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
+        Self::described(plan, run, &|fmu| Ok(read_description(Path::new(fmu))?.into()))
+    }
+
+    /// As [`Self::new`]; `describe` returns the description of an FMU by its path in the plan.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn described(
+        plan: &Plan,
+        run: &Run,
+        describe: &dyn Fn(&str) -> Result<Arc<ModelDescription>, ArchiveError>,
+    ) -> Result<Self, ExportError> {
         if !run.series.is_empty() {
             return Err(ExportError::InputSeries);
         }
@@ -192,7 +205,7 @@ impl System {
         let mut units = Definitions::default();
         let mut components = Vec::new();
         for planned in &run.components {
-            let description = read_description(Path::new(&planned.fmu))?;
+            let description = describe(&planned.fmu)?;
             let fmu = PathBuf::from(&planned.fmu);
             let mut component = Component {
                 name: planned.name.clone(),
@@ -259,6 +272,18 @@ impl System {
             connections,
             units: units.0.into_values().map(|(unit, _)| unit).collect(),
         })
+    }
+
+    /// Writes the SSP file; `copy` writes an FMU by its file name.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write_ssp<W: io::Write + io::Seek>(
+        &self,
+        output: W,
+        copy: &dyn Fn(&str, &mut dyn io::Write) -> io::Result<()>,
+    ) -> io::Result<W> {
+        ssp::write_to(output, self, copy)
     }
 
     /// Whether a component is of FMI 3.0.

@@ -32,9 +32,11 @@
 //! # }
 //! ```
 
+#[cfg(not(target_family = "wasm"))]
 pub mod batch;
 pub mod compat;
 pub mod export;
+pub mod failure;
 pub mod fmus;
 pub mod limits;
 pub mod master;
@@ -51,6 +53,7 @@ pub mod run;
 pub mod session;
 pub mod steady;
 pub mod trial;
+#[cfg(not(target_family = "wasm"))]
 pub mod worker;
 
 mod input_file;

@@ -1,8 +1,7 @@
 //! Sizes beyond which a file or a plan is rejected at once: far above what anybody needs, far below what takes a machine
 //! down.
 
-use std::fs::File;
-use std::io::{self, Read as _};
+use std::io;
 use std::path::Path;
 
 /// Largest scenario, study or parameter set, in bytes.
@@ -24,16 +23,14 @@ pub const RUNS: usize = 10_000;
 /// The file cannot be read, is larger, has a longer line, or is not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     let reject = |message: String| io::Error::new(io::ErrorKind::InvalidData, message);
-    let file = File::open(path)?;
-    let mut text = String::new();
-    // A device or a pipe tells no size: no more than the limit is read of anything.
-    let told = file.metadata()?.len();
-    let read = if told > limit { told } else { file.take(limit + 1).read_to_string(&mut text)? as u64 };
-    if read > limit {
-        let size =
-            if told > limit { format!("the file has {told} bytes") } else { "the file is too large".to_string() };
-        return Err(reject(format!("{size}, the limit is {limit}")));
-    }
+    let text = match files::read(path, limit)? {
+        Content::Text(text) => text,
+        Content::TooLarge(size) => {
+            let size =
+                size.map_or_else(|| "the file is too large".to_string(), |size| format!("the file has {size} bytes"));
+            return Err(reject(format!("{size}, the limit is {limit}")));
+        }
+    };
     for (number, line) in text.lines().enumerate() {
         if line.len() > LINE {
             return Err(reject(format!("line {} has {} bytes, the limit is {LINE}", number + 1, line.len())));
@@ -41,6 +38,73 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     }
     Ok(text)
 }
+
+/// What a file holds.
+enum Content {
+    Text(String),
+    /// More than the limit: bytes, if the system tells how many.
+    TooLarge(Option<u64>),
+}
+
+#[cfg(not(target_family = "wasm"))]
+mod files {
+    use super::Content;
+    use std::fs::File;
+    use std::io::{self, Read as _};
+    use std::path::Path;
+
+    pub(super) fn read(path: &Path, limit: u64) -> io::Result<Content> {
+        let file = File::open(path)?;
+        let told = file.metadata()?.len();
+        if told > limit {
+            return Ok(Content::TooLarge(Some(told)));
+        }
+        let mut text = String::new();
+        // A device or a pipe tells no size: no more than the limit is read of anything.
+        let read = file.take(limit + 1).read_to_string(&mut text)? as u64;
+        Ok(if read > limit { Content::TooLarge(None) } else { Content::Text(text) })
+    }
+}
+
+/// WebAssembly has no files: the program that contains this crate provides texts.
+#[cfg(target_family = "wasm")]
+mod files {
+    use super::Content;
+    use std::collections::BTreeMap;
+    use std::io;
+    use std::path::{Component, Path};
+    use std::sync::{Mutex, PoisonError};
+
+    static TEXTS: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
+
+    pub(super) fn read(path: &Path, limit: u64) -> io::Result<Content> {
+        let texts = TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = texts.get(&plain(path)).ok_or(io::ErrorKind::NotFound)?;
+        let size = text.len() as u64;
+        Ok(if size > limit { Content::TooLarge(Some(size)) } else { Content::Text(text.clone()) })
+    }
+
+    /// A path without `.` and `..`.
+    fn plain(path: &Path) -> String {
+        let mut parts: Vec<String> = Vec::new();
+        for part in path.components() {
+            match part {
+                Component::ParentDir => drop(parts.pop()),
+                Component::CurDir => {}
+                other => parts.push(other.as_os_str().to_string_lossy().into_owned()),
+            }
+        }
+        parts.join("/")
+    }
+
+    /// Provides the text of a file.
+    pub fn provide(path: String, text: String) {
+        TEXTS.lock().unwrap_or_else(PoisonError::into_inner).insert(path, text);
+    }
+}
+
+#[cfg(target_family = "wasm")]
+pub use files::provide;
 
 #[cfg(test)]
 mod tests {
@@ -60,7 +124,7 @@ mod tests {
         std::fs::write(&path, "12345").unwrap();
         assert_eq!(read_text(&path, 5).unwrap(), "12345");
         // As sparse as it is, it would not fit into memory.
-        File::create(&path).unwrap().set_len(1 << 40).unwrap();
+        std::fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
         assert!(read_text(&path, INPUT_FILE).unwrap_err().to_string().contains("the limit is 256000000"));
     }
 

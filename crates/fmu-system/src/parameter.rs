@@ -51,9 +51,34 @@ impl Run {
         self.set(fmus, component, value, |description| settable(description, name))
     }
 
+    /// As [`Self::set_value`], for an FMU that need not be loaded: `describe` returns its description by the path in the plan.
+    ///
+    /// # Errors
+    /// As [`Self::set_value`].
+    pub fn set_described<'d>(
+        &mut self,
+        describe: &dyn Fn(&str) -> Option<&'d ModelDescription>,
+        component: &str,
+        name: &str,
+        value: Value,
+    ) -> Result<(), ParameterError> {
+        let find = |fmu: &str| describe(fmu).ok_or_else(|| FmusError::NotLoaded(fmu.to_string()));
+        self.set_by(find, component, value, |description| settable(description, name))
+    }
+
     fn set(
         &mut self,
         fmus: &Fmus,
+        component: &str,
+        value: Value,
+        of: impl for<'d> Fn(&'d ModelDescription) -> Result<&'d Variable, String>,
+    ) -> Result<(), ParameterError> {
+        self.set_by(|fmu| Ok(fmus.get(fmu)?.description()), component, value, of)
+    }
+
+    fn set_by<'f>(
+        &mut self,
+        find: impl FnOnce(&str) -> Result<&'f ModelDescription, FmusError>,
         component: &str,
         value: Value,
         of: impl for<'d> Fn(&'d ModelDescription) -> Result<&'d Variable, String>,
@@ -63,8 +88,7 @@ impl Run {
             .iter_mut()
             .find(|u| u.name == component)
             .ok_or_else(|| ParameterError::Component(component.to_string()))?;
-        let description = fmus.get(&target.fmu)?.description();
-        let set = of(description).and_then(|variable| {
+        let set = of(find(&target.fmu)?).and_then(|variable| {
             check(variable, &value)?;
             target.set(variable, value)
         });

@@ -126,7 +126,14 @@ fn write_hidden(path: &Path, names: &[String], recording: &Recording) -> io::Res
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;
     }
-    let mut file = File::create(path)?;
+    push_csv(&mut File::create(path)?, names, recording)
+}
+
+/// Writes the content of a file of [`write_csv`].
+///
+/// # Errors
+/// Those of the file.
+pub fn push_csv(file: &mut dyn Write, names: &[String], recording: &Recording) -> io::Result<()> {
     let (names, columns): (Vec<&str>, Vec<&[f64]>) = names
         .iter()
         .zip(&recording.columns)

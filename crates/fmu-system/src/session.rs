@@ -27,7 +27,7 @@ use crate::fmus::{FmusError, Instances};
 use crate::parameter::{self, ParameterError};
 use crate::run::{InputSeries, Order, Run, Setting, Simulation, Wire};
 use fmu_import::c_api::Reference;
-use fmu_import::description::{BaseType, Causality, Value, Variable};
+use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
 use fmu_import::loader::calls::{self, Board};
 use fmu_import::loader::{CallError, Instance, Message, SavedState};
 
@@ -322,6 +322,27 @@ impl Session {
         if let Some(overwritten) = self.overwritten.get_mut(input.0) {
             overwritten.value = Some(value);
         }
+    }
+
+    /// Sets a tunable parameter now.
+    ///
+    /// # Errors
+    /// The run has no such component, the variable is not a tunable parameter, or the FMU returns an error.
+    pub fn tune(&mut self, component: &str, variable: &Variable, value: Value) -> Result<(), ParameterError> {
+        let rejected = |reason| ParameterError::Rejected { component: component.to_owned(), reason };
+        let Some(member) = self.members.iter_mut().find(|member| member.instance.name() == component) else {
+            return Err(ParameterError::Component(component.to_owned()));
+        };
+        if variable.causality != Causality::Parameter || variable.variability != Variability::Tunable {
+            return Err(rejected(format!("`{}` is not a tunable parameter", variable.name)));
+        }
+        let setting = Setting {
+            name: variable.name.clone(),
+            base_type: variable.base_type,
+            reference: variable.reference,
+            value,
+        };
+        member.set(&setting).map_err(|error| rejected(error.to_string()))
     }
 
     /// Makes a step. Nothing is allocated unless it fails. A session that has failed can be restored.

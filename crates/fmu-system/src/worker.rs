@@ -7,7 +7,8 @@ mod pool;
 mod protocol;
 mod serve;
 
-pub use pool::{Failure, FailureKind, Finish, Pool, Task};
+pub use crate::failure::{Failure, FailureKind};
+pub use pool::{Finish, Pool, Task};
 pub use serve::serve;
 
 use crate::run::{Run, Simulation, Trial};

@@ -15,7 +15,8 @@ const STEERING: (f64, f64) = (120.0, 240.0);
 /// Friction of the slippery side.
 const SLIPPERY: f64 = 0.5;
 
-fn course(id: String, speed: f64) -> Course {
+/// Braking on a straight line from a speed, m/s.
+pub(crate) fn course(id: String, speed: f64) -> Course {
     Course::new(id, Driving::Path, speed, 20.0)
         .drivers(&[
             ("maneuver", 0.0),
@@ -44,17 +45,18 @@ pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
     results.take(&metrics, &["lateral_peak", "yaw_peak"]);
 }
 
-pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
+/// Braking with other friction on one side.
+pub(crate) fn split_course(bench: &Bench<'_>, id: String, speed: f64, slippery_left: bool) -> Course {
     let is_left = |name: &str| name.rsplit('.').next().is_some_and(|place| place.ends_with('l'));
-    let inputs = bench.inputs("road_friction.");
-    let courses = [("left", true), ("right", false)].map(|(side, slippery_left)| {
-        let mut course = course(format!("split_friction.{side}"), 50.0 / 3.6);
-        for input in &inputs {
-            let friction = if is_left(input) == slippery_left { SLIPPERY } else { 1.0 };
-            course = course.value("plant", input, friction);
-        }
-        course
-    });
+    bench.inputs("road_friction.").iter().fold(course(id, speed), |course, input| {
+        let friction = if is_left(input) == slippery_left { SLIPPERY } else { 1.0 };
+        course.value("plant", input, friction)
+    })
+}
+
+pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
+    let courses = [("left", true), ("right", false)]
+        .map(|(side, slippery_left)| split_course(bench, format!("split_friction.{side}"), 50.0 / 3.6, slippery_left));
     let mut spun = false;
     let mut is_finished = true;
     let mut worst: [Option<f64>; 4] = [None; 4];
@@ -97,10 +99,11 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
     results.defined("Largest change of the yaw angle from the begin of braking, of both sides.");
 }
 
-pub(crate) fn in_a_turn(bench: &Bench<'_>, results: &mut Results) {
+/// Braking on a circle.
+pub(crate) fn turn_course() -> Course {
     const RADIUS: f64 = 100.0;
     let speed = (5.0 * RADIUS).sqrt();
-    let course = Course::new("brake_in_turn", Driving::Path, speed, 20.0)
+    Course::new("brake_in_turn", Driving::Path, speed, 20.0)
         .drivers(&[
             ("maneuver", 1.0),
             ("path.radius", RADIUS),
@@ -113,8 +116,11 @@ pub(crate) fn in_a_turn(bench: &Bench<'_>, results: &mut Results) {
             ("brake.amplitude", 0.45),
         ])
         .end(EndAt::Speed(1.0))
-        .show("radius", RADIUS);
-    let Some(run) = drive(bench, vec![course]).pop() else { return };
+        .show("radius", RADIUS)
+}
+
+pub(crate) fn in_a_turn(bench: &Bench<'_>, results: &mut Results) {
+    let Some(run) = drive(bench, vec![turn_course()]).pop() else { return };
     let metrics = evaluated("brake_in_turn", &run, &json!({}));
     results.note(&run, &metrics);
     results.show(&run);

@@ -6,7 +6,7 @@ use crate::course::{Course, EndAt, Ended, drive};
 use crate::evaluators::{Evaluation, cones};
 use crate::metric::Direction;
 use crate::wiring::Driving;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Begin of the cones, m.
 const START: f64 = 50.0;
@@ -45,12 +45,11 @@ impl Part {
     }
 }
 
-fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluation, bool)> {
+/// The run at a speed, m/s, and the options of its evaluator.
+pub(crate) fn course(bench: &Bench<'_>, part: Part, id: String, v: f64) -> Option<(Course, Value)> {
     let (front, rear) = (bench.vehicle.front.as_ref()?.value, bench.vehicle.rear.as_ref()?.value);
     let width = bench.vehicle.width.as_ref()?.value;
     let end = part.end() + rear + 1.0;
-    let v = speed / 3.6;
-    let id = format!("{}.{speed:.4}", part.name());
     let mut course = Course::new(id, Driving::Path, v, 1.6 * end / v + 2.0)
         .drivers(&[
             ("maneuver", part.maneuver()),
@@ -65,7 +64,6 @@ fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluati
     if part == Part::Two && bench.has_pedals() {
         course = course.driver("release.distance", START + 2.0);
     }
-    let run = drive(bench, vec![course]).pop()?;
     let options = json!({
         "maneuver": part.maneuver(),
         "path.mirror": u8::from(bench.is_mirrored),
@@ -74,14 +72,12 @@ fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluati
         "footprint.front": front,
         "footprint.rear": rear,
     });
-    let metrics = evaluated("cones", &run, &options);
-    let passed =
-        truth(&metrics, "passed") == Some(true) && !run.has("lost") && !run.has("rolled_over") && run.error.is_none();
-    Some((run, metrics, passed))
+    Some((course, options))
 }
 
-pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
-    results.track = bench.vehicle.width.as_ref().map(|width| {
+/// Cones of a track for a vehicle.
+pub(crate) fn cones(part: Part, bench: &Bench<'_>) -> Option<[[f64; 4]; 3]> {
+    bench.vehicle.width.as_ref().map(|width| {
         let track = cones::track(part.maneuver(), START, width.value);
         // Mirrored, the left edge becomes the right one.
         track.map(
@@ -89,7 +85,20 @@ pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
                 if bench.is_mirrored { [begin, end, -left, -right] } else { [begin, end, right, left] }
             },
         )
-    });
+    })
+}
+
+fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluation, bool)> {
+    let (course, options) = course(bench, part, format!("{}.{speed:.4}", part.name()), speed / 3.6)?;
+    let run = drive(bench, vec![course]).pop()?;
+    let metrics = evaluated("cones", &run, &options);
+    let passed =
+        truth(&metrics, "passed") == Some(true) && !run.has("lost") && !run.has("rolled_over") && run.error.is_none();
+    Some((run, metrics, passed))
+}
+
+pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
+    results.track = cones(part, bench);
     let (mut speed, limit) = if bench.is_car() { (30.0, 150.0) } else { (20.0, 100.0) };
     let mut passed: Option<(f64, Ended, Evaluation)> = None;
     let mut failed: Option<(f64, Ended)> = None;

@@ -13,11 +13,11 @@ const OFFSET: f64 = 1.4637;
 /// Way behind the lane change, m.
 const BEHIND: f64 = 60.0;
 
-pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
-    let speed = bench.other_speed.unwrap_or(if bench.is_car() { 88.0 } else { 80.0 } / 3.6);
+/// The run at a speed, m/s.
+pub(crate) fn course(bench: &Bench<'_>, speed: f64) -> Course {
     let distance = speed / FREQUENCY;
     let end = START + distance + BEHIND;
-    let course = Course::new("single_lane_change", Driving::Path, speed, 1.6 * end / speed + 2.0)
+    Course::new("single_lane_change", Driving::Path, speed, 1.6 * end / speed + 2.0)
         .drivers(&[
             ("maneuver", 4.0),
             ("path.start", START),
@@ -28,8 +28,12 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
         ])
         .end(EndAt::Position(end))
         .end(EndAt::Lost)
-        .with_end();
-    let Some(run) = drive(bench, vec![course]).pop() else { return };
+        .with_end()
+}
+
+pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
+    let speed = bench.other_speed.unwrap_or(if bench.is_car() { 88.0 } else { 80.0 } / 3.6);
+    let Some(run) = drive(bench, vec![course(bench, speed)]).pop() else { return };
     let metrics = evaluated("single_lane_change", &run, &json!({}));
     results.note(&run, &metrics);
     results.show(&run);

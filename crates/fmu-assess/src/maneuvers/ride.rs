@@ -12,24 +12,31 @@ use serde_json::json;
 const CLASSES: [(&str, f64); 4] = [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)];
 const SEEDS: [f64; 3] = [1.0, 2.0, 3.0];
 /// Begin of what is evaluated, and end, s.
-const BEGIN: f64 = 2.0;
+pub(crate) const BEGIN: f64 = 2.0;
 const STOP: f64 = 22.0;
 
-fn course(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) -> Course {
+/// The run on a road of a class, from 1 for A on.
+pub(crate) fn course(bench: &Bench<'_>, class: &str, roughness: f64, seed: f64) -> Course {
     let id = format!("ride.{class}.{seed}");
-    let mut course = Course::new(id, Driving::Ride, bench.speed(), STOP)
+    let course = Course::new(id, Driving::Ride, bench.speed(), STOP)
         .drivers(&[
             ("maneuver", 0.0),
             ("path.start", 2000.0),
             ("speed.control", if bench.has_pedals() { 1.0 } else { 0.0 }),
         ])
+        .show("seed", seed)
+        .show("class", roughness);
+    on_road(bench, course, roughness, seed)
+}
+
+/// Sets the road of a run.
+pub(crate) fn on_road(bench: &Bench<'_>, course: Course, roughness: f64, seed: f64) -> Course {
+    let mut course = course
         .value("road", "profile", 1.0)
         .value("road", "tracks", 1.0)
         .value("road", "roughness.start", 2.0)
         .value("road", "roughness.class", roughness)
-        .value("road", "seed", seed)
-        .show("seed", seed)
-        .show("class", roughness);
+        .value("road", "seed", seed);
     let offsets = &bench.vehicle.axle_offsets;
     if let Some(rear) = offsets.last() {
         course = course.value("road", "geometry.axle_offset.rear", *rear);

@@ -74,6 +74,29 @@ fn series(bench: &Bench<'_>, speeds: &[f64], course: MakeCourse<'_>, results: &m
     results.defined("Largest magnitude of the roll angle, of all runs.");
 }
 
+/// A fishhook at a speed, m/s, with an angle of the steering wheel, deg.
+pub(crate) fn fishhook_course(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> Course {
+    let course = Course::new(id, Driving::Path, speed, 9.0).drivers(&[
+        ("maneuver", 7.0),
+        ("steer.wheel_amplitude", wheel.to_radians()),
+        ("steer.wheel_rate", 720.0_f64.to_radians()),
+    ]);
+    if bench.has_output("body.roll_rate") {
+        return course;
+    }
+    course.drivers(&[("steer.maximum_dwell", 0.25), ("roll_rate.threshold", -1.0)])
+}
+
+/// A J-turn at a speed, m/s, with an angle of the steering wheel, deg.
+pub(crate) fn j_turn_course(bench: &Bench<'_>, id: String, speed: f64, wheel: f64) -> Course {
+    Course::new(id, Driving::OpenLoop, speed, 6.0).drivers(&[
+        ("maneuver", 1.0),
+        ("steer.amplitude", wheel.to_radians() / bench.ratio()),
+        ("steer.start", 1.0),
+        ("steer.rise_time", wheel.abs() / 1000.0),
+    ])
+}
+
 /// Says why the last metric, which is of a signal, has no value.
 fn unknown(bench: &Bench<'_>, signal: &str, results: &mut Results) {
     if bench.has_output(signal) {
@@ -86,20 +109,9 @@ fn unknown(bench: &Bench<'_>, signal: &str, results: &mut Results) {
 /// Steers to one side, waits until the roll rate is back at zero, and steers to the other side.
 pub(crate) fn fishhook(bench: &Bench<'_>, results: &mut Results) {
     let Some(a) = bench.amplitude else { return };
-    let has_roll_rate = bench.has_output("body.roll_rate");
     let course = |side: &str, sign: f64, mph: f64, speed: f64| {
         let wheel = 6.5 * a;
-        let mut course = Course::new(format!("fishhook.{side}.{mph}"), Driving::Path, speed, 9.0)
-            .drivers(&[
-                ("maneuver", 7.0),
-                ("steer.wheel_amplitude", sign * wheel.to_radians()),
-                ("steer.wheel_rate", 720.0_f64.to_radians()),
-            ])
-            .show("amplitude", wheel);
-        if !has_roll_rate {
-            course = course.drivers(&[("steer.maximum_dwell", 0.25), ("roll_rate.threshold", -1.0)]);
-        }
-        course
+        fishhook_course(bench, format!("fishhook.{side}.{mph}"), speed, sign * wheel).show("amplitude", wheel)
     };
     series(bench, &[35.0, 40.0, 45.0, 47.5, 50.0], &course, results);
 }
@@ -109,14 +121,7 @@ pub(crate) fn j_turn(bench: &Bench<'_>, results: &mut Results) {
     let Some(a) = bench.amplitude else { return };
     let course = |side: &str, sign: f64, mph: f64, speed: f64| {
         let wheel = 8.0 * a;
-        Course::new(format!("j_turn.{side}.{mph}"), Driving::OpenLoop, speed, 6.0)
-            .drivers(&[
-                ("maneuver", 1.0),
-                ("steer.amplitude", sign * wheel.to_radians() / bench.ratio()),
-                ("steer.start", 1.0),
-                ("steer.rise_time", wheel / 1000.0),
-            ])
-            .show("amplitude", wheel)
+        j_turn_course(bench, format!("j_turn.{side}.{mph}"), speed, sign * wheel).show("amplitude", wheel)
     };
     series(bench, &[35.0, 40.0, 45.0, 50.0, 55.0, 60.0], &course, results);
 }

@@ -9,7 +9,7 @@ use crate::wiring::Driving;
 use serde_json::{Value, json};
 
 /// Speed, m/s.
-const SPEED: f64 = 80.0 / 3.6;
+pub(crate) const SPEED: f64 = 80.0 / 3.6;
 /// Least displacement of a vehicle up to 3,500 kg and above, m, and the amplitude from which it counts, in A.
 const DISPLACEMENT: (f64, f64) = (1.83, 1.52);
 const COUNTS_FROM: f64 = 5.0;
@@ -19,6 +19,17 @@ fn amplitudes(a: f64) -> Vec<f64> {
     let last = if 6.5 * a > 300.0 { 300.0 } else { (6.5 * a).max(270.0) };
     let steps = (0..).map(|index| (1.5 + 0.5 * f64::from(index)) * a);
     steps.take_while(|amplitude| *amplitude < last - 1e-9).chain([last]).collect()
+}
+
+/// The run with an amplitude, rad at the front wheels, coasting from a speed, m/s.
+pub(crate) fn course(id: String, speed: f64, steer: f64) -> Course {
+    Course::new(id, Driving::OpenLoop, speed, 6.0).drivers(&[
+        ("maneuver", 5.0),
+        ("steer.amplitude", steer),
+        ("steer.start", 1.0),
+        ("steer.frequency", 0.7),
+        ("steer.dwell_time", 0.5),
+    ])
 }
 
 /// Least A, deg: below, the series would have thousands of amplitudes.
@@ -40,15 +51,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     for amplitude in amplitudes(a) {
         let courses = SIDES.map(|(side, sign)| {
             let steer = sign * amplitude.to_radians() / bench.ratio();
-            Course::new(format!("sine_with_dwell.{side}.{amplitude:.1}"), Driving::OpenLoop, SPEED, 6.0)
-                .drivers(&[
-                    ("maneuver", 5.0),
-                    ("steer.amplitude", steer),
-                    ("steer.start", 1.0),
-                    ("steer.frequency", 0.7),
-                    ("steer.dwell_time", 0.5),
-                ])
-                .show("amplitude", amplitude)
+            course(format!("sine_with_dwell.{side}.{amplitude:.1}"), SPEED, steer).show("amplitude", amplitude)
         });
         let mut is_pair_stable = true;
         for run in drive(bench, courses.into()) {

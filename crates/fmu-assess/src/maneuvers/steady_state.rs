@@ -78,8 +78,8 @@ pub(crate) fn slowly_increasing_steer(bench: &Bench<'_>, suite: Suite) -> (Resul
     (results, Increasing { amplitude, understeer_gradient: mean("understeer_gradient") })
 }
 
-/// Drives on a circle with rising speed.
-pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
+/// A circle with rising speed, and the options of its evaluator.
+pub(crate) fn circle(bench: &Bench<'_>) -> Option<(Course, Value)> {
     const RADIUS: f64 = 100.0;
     const BEGIN: f64 = 60.0;
     let highest: f64 = if bench.is_car() { 4.0 } else { 2.0 };
@@ -97,11 +97,16 @@ pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
         ])
         .end(EndAt::Lost)
         .show("radius", RADIUS);
+    let class = if bench.is_car() { "car" } else { "truck" };
+    let options = json!({ "geometry.wheelbase": bench.wheelbase().ok()?, "begin": BEGIN, "vehicle.class": class });
+    Some((course, options))
+}
+
+/// Drives on a circle with rising speed.
+pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
+    let Some((course, options)) = circle(bench) else { return };
     let ended: Vec<Ended> = drive(bench, vec![course]);
     let Some(run) = ended.first() else { return };
-    let class = if bench.is_car() { "car" } else { "truck" };
-    let Ok(wheelbase) = bench.wheelbase() else { return };
-    let options = json!({ "geometry.wheelbase": wheelbase, "begin": BEGIN, "vehicle.class": class });
     let metrics = evaluated("constant_radius", run, &options);
     results.note(run, &metrics);
     results.show(run);

@@ -15,8 +15,9 @@ const NEAR: f64 = 0.01;
 /// Lateral acceleration at which A is measured, m/s2.
 const OF_AMPLITUDE: f64 = 0.3 * super::G;
 
-fn course(bench: &Bench<'_>, index: usize, steer: f64) -> Course {
-    Course::new(format!("step_steer.{index}"), Driving::OpenLoop, bench.speed(), 6.0)
+/// The run with a steering angle of the front wheels, rad, at a speed, m/s.
+pub(crate) fn course(id: String, speed: f64, steer: f64) -> Course {
+    Course::new(id, Driving::OpenLoop, speed, 6.0)
         .drivers(&[("maneuver", 1.0), ("steer.amplitude", steer), ("steer.start", 1.0), ("steer.rise_time", 0.1)])
         .show("steer", steer)
 }
@@ -31,7 +32,9 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let mut last: Option<(Ended, Evaluation)> = None;
     let mut is_reached = false;
     for index in 1..=MOST_RUNS {
-        let Some(run) = drive(bench, vec![course(bench, index, steer)]).pop() else { return };
+        let Some(run) = drive(bench, vec![course(format!("step_steer.{index}"), bench.speed(), steer)]).pop() else {
+            return;
+        };
         let metrics = evaluated("step_steer", &run, &json!({}));
         results.note(&run, &metrics);
         let steady = number(&metrics, "lateral_acceleration.steady");

@@ -13,6 +13,7 @@ use crate::archive::Archive;
 use crate::description::{FmiVersion, Interface, ModelDescription};
 use crate::loader::{self, Library, LoadError};
 use crate::terminal;
+use crate::wasm::Names;
 use std::collections::HashSet;
 use std::fmt;
 use std::path::Path;
@@ -182,12 +183,27 @@ pub fn without_running(description: &str, libraries: &[&Path]) -> Vec<Finding> {
     };
     rules::check(description, &parsed, &mut |finding| findings.push(finding));
     for library in libraries {
+        if library.extension().is_some_and(|extension| extension == "wasm") {
+            findings.extend(imports(library));
+        }
         match loader::not_exported(library, parsed.fmi, &parsed.interfaces()) {
             Ok(functions) => findings.extend(functions.into_iter().map(|function| missing(function, parsed.fmi))),
             Err(error) => findings.push(Finding::error("binary", error.to_string())),
         }
     }
     findings
+}
+
+/// Imports of a WebAssembly module, which an importer would have to provide.
+fn imports(module: &Path) -> Option<Finding> {
+    let names = Names::read(&std::fs::read(module).ok()?)?;
+    let message = || {
+        format!(
+            "the module for WebAssembly imports {}; FMI has functions that it exports only",
+            names.imports.join(", ")
+        )
+    };
+    (!names.imports.is_empty()).then(|| Finding::error("binary", message()))
 }
 
 fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {

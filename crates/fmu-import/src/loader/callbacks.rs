@@ -2,6 +2,7 @@
 
 use super::error::{Message, Status};
 use super::strings::text;
+use super::system;
 use crate::c_api::RawStatus;
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -88,14 +89,13 @@ pub(crate) fn memory_callbacks() -> usize {
 
 pub(super) unsafe extern "C" fn allocate_memory(count: usize, size: usize) -> *mut c_void {
     MEMORY_CALLBACKS.set(MEMORY_CALLBACKS.get() + 1);
-    // SAFETY: `calloc` has no conditions.
-    unsafe { libc::calloc(count, size) }
+    system::allocate(count, size)
 }
 
 pub(super) unsafe extern "C" fn free_memory(memory: *mut c_void) {
     MEMORY_CALLBACKS.set(MEMORY_CALLBACKS.get() + 1);
     // SAFETY: FMI 2.0.4, section 2.1.5: the FMU passes what `allocateMemory` returned, or null.
-    unsafe { libc::free(memory) }
+    unsafe { system::free(memory) }
 }
 
 #[cfg(test)]

@@ -171,10 +171,11 @@ pub fn board() -> Option<&'static Board> {
     BOARD.get()
 }
 
-/// Makes a file into the board of this process, for its whole life.
+/// Makes a file into the board of this process, for its whole life. WebAssembly has neither files nor processes.
 ///
 /// # Errors
 /// The file is not one of [`create`] or cannot be mapped.
+#[cfg(not(target_family = "wasm"))]
 pub fn publish(file: &File) -> io::Result<()> {
     if file.metadata()?.len() != SIZE as u64 {
         return Err(io::Error::new(io::ErrorKind::InvalidData, "the file of the calls has another size"));

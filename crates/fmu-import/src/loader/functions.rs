@@ -3,6 +3,7 @@
 pub(super) mod v2;
 pub(super) mod v3;
 
+use super::system;
 use crate::c_api;
 use crate::description::{FmiVersion, Interface};
 
@@ -18,7 +19,7 @@ impl Functions {
     /// # Safety
     /// Every function of that name has the signature that its version of FMI gives it, and the library outlives the table.
     pub(super) unsafe fn load(
-        library: &libloading::Library,
+        library: &system::Library,
         fmi: FmiVersion,
         interface: Interface,
     ) -> Result<Self, &'static str> {
@@ -110,7 +111,7 @@ macro_rules! table {
             /// # Safety
             /// As [`super::Functions::load`].
             pub(super) unsafe fn load(
-                library: &libloading::Library,
+                library: &crate::loader::system::Library,
                 interface: Interface,
             ) -> Result<Self, &'static str> {
                 let (is_co_simulation, is_model_exchange) = match interface {
@@ -120,12 +121,12 @@ macro_rules! table {
                 // SAFETY: promised by the caller.
                 unsafe {
                     let functions = Self {
-                        $($field: *library.get::<$type>($name).map_err(|_| $name)?,)*
-                        $($other: library.get::<$other_type>($other_name).ok().map(|f| *f),)*
-                        $($cs: library.get::<$cs_type>($cs_name).ok().map(|f| *f).filter(|_| is_co_simulation),)*
-                        $($cs2: library.get::<$cs2_type>($cs2_name).ok().map(|f| *f).filter(|_| is_co_simulation),)*
-                        $($me: library.get::<$me_type>($me_name).ok().map(|f| *f).filter(|_| is_model_exchange),)*
-                        $($me2: library.get::<$me2_type>($me2_name).ok().map(|f| *f).filter(|_| is_model_exchange),)*
+                        $($field: crate::loader::system::symbol::<$type>(library, $name).ok_or($name)?,)*
+                        $($other: crate::loader::system::symbol::<$other_type>(library, $other_name),)*
+                        $($cs: crate::loader::system::symbol::<$cs_type>(library, $cs_name).filter(|_| is_co_simulation),)*
+                        $($cs2: crate::loader::system::symbol::<$cs2_type>(library, $cs2_name).filter(|_| is_co_simulation),)*
+                        $($me: crate::loader::system::symbol::<$me_type>(library, $me_name).filter(|_| is_model_exchange),)*
+                        $($me2: crate::loader::system::symbol::<$me2_type>(library, $me2_name).filter(|_| is_model_exchange),)*
                     };
                     $(if is_co_simulation && functions.$cs.is_none() {
                         return Err($cs_name);

@@ -4,13 +4,14 @@ use super::calls;
 use super::error::LoadError;
 use super::functions::{self, Functions};
 use super::strings::{file_uri, folder_path, text};
+use super::system;
 use crate::archive::Unpacked;
 use crate::description::{FmiVersion, Interface};
 use crate::python;
 use crate::signature::Signature;
+use crate::wasm;
 use object::Object as _;
-use std::ffi::{CString, c_char, c_void};
-use std::ptr;
+use std::ffi::{CString, c_char};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -18,7 +19,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub struct Library {
     pub(super) functions: Functions,
     // Fields are dropped in this order: the library is closed before its file is removed.
-    library: libloading::Library,
+    library: system::Library,
     /// As the version of FMI takes it: a URI or a path. The folder is there, if empty, also for an FMU without resources: some
     /// FMUs of FMI 3.0 crash without a path.
     pub(super) resources: CString,
@@ -53,13 +54,14 @@ impl Library {
 
     fn load_unpacked(unpacked: Arc<Unpacked>) -> Result<Arc<Self>, LoadError> {
         let path = &unpacked.binary;
-        let opened = open(path);
+        let opened = system::open(path);
         // Functions are looked up when they are called first, and ending the process is how the system reports a missing one.
-        if let Some(symbol) = python::undefined_symbol(path).filter(|symbol| !has_symbol(opened.as_ref().ok(), symbol))
+        if let Some(symbol) =
+            python::undefined_symbol(path).filter(|symbol| !system::has_symbol(opened.as_ref().ok(), symbol))
         {
             return Err(LoadError::Python { path: path.clone(), symbol });
         }
-        let library = opened.map_err(|error| LoadError::Library { path: path.clone(), reason: reason(&error) })?;
+        let library = opened.map_err(|reason| LoadError::Library { path: path.clone(), reason })?;
         let signature = unpacked.signature.clone();
         // SAFETY: the signatures are those of the FMI headers; the table is stored beside the
         // library and its pointers are called through `Library` and `Instance` only.
@@ -98,8 +100,7 @@ impl Library {
     #[must_use]
     pub fn missing_functions(&self, interfaces: &[Interface]) -> Vec<&'static str> {
         let names = functions::names(self.signature.fmi, interfaces).into_iter();
-        // SAFETY: the symbol is only looked up, not used.
-        names.filter(|name| unsafe { self.library.get::<*const c_void>(*name) }.is_err()).collect()
+        names.filter(|name| !system::exports(&self.library, name)).collect()
     }
 
     /// Number of living instances.
@@ -121,6 +122,10 @@ pub fn not_exported(
 ) -> Result<Vec<&'static str>, LoadError> {
     let failed = |reason: String| LoadError::Library { path: library.to_path_buf(), reason };
     let bytes = std::fs::read(library).map_err(|error| failed(error.to_string()))?;
+    if let Some(names) = wasm::Names::read(&bytes) {
+        let is_there = |name: &str| names.functions.iter().any(|function| function == name);
+        return Ok(functions::names(fmi, interfaces).into_iter().filter(|name| !is_there(name)).collect());
+    }
     let file = object::File::parse(&*bytes).map_err(|error| failed(error.to_string()))?;
     let exports = file.exports().map_err(|error| failed(error.to_string()))?;
     // macOS puts an underscore in front of every name.
@@ -151,16 +156,16 @@ pub fn exported_descriptions(
     // macOS puts an underscore in front of every name.
     let names = exports.iter().filter_map(|export| std::str::from_utf8(export.name()).ok());
     let names = names.map(|name| name.strip_prefix('_').unwrap_or(name)).filter(|name| name.starts_with(PREFIX));
-    let library = open(path).map_err(|error| failed(reason(&error)))?;
+    let library = system::open(path).map_err(failed)?;
     let mut descriptions = Vec::new();
     for name in names {
         // SAFETY: the exporter defines these functions with these arguments; they return a string that lives until the next
         // call, or null.
         let description = unsafe {
-            let function = library.get::<unsafe extern "C" fn(i32, i32) -> *const c_char>(name.as_bytes());
+            let function = system::symbol::<unsafe extern "C" fn(i32, i32) -> *const c_char>(&library, name);
             function.map(|function| text(function(version, options)))
         };
-        let description = description.map_err(|error| failed(reason(&error)))?;
+        let description = description.ok_or_else(|| failed(format!("it exports no function {name}")))?;
         let model = name[PREFIX.len()..].to_owned();
         if description.is_empty() {
             return Err(failed(format!("{model} cannot be described; its message is above")));
@@ -172,42 +177,4 @@ pub fn exported_descriptions(
     }
     descriptions.sort();
     Ok(descriptions)
-}
-
-/// Loads a library. Those that it brings along in its folder are found under Windows only if that is asked for; elsewhere the
-/// library itself says where they are.
-fn open(path: &std::path::Path) -> Result<libloading::Library, libloading::Error> {
-    #[cfg(windows)]
-    {
-        use libloading::os::windows::{LOAD_WITH_ALTERED_SEARCH_PATH, Library};
-        // SAFETY: loading runs initializers of the library; see the trust stated at the top.
-        unsafe { Library::load_with_flags(path, LOAD_WITH_ALTERED_SEARCH_PATH) }.map(Into::into)
-    }
-    #[cfg(not(windows))]
-    {
-        // SAFETY: as above.
-        unsafe { libloading::Library::new(path) }
-    }
-}
-
-/// Looks up a symbol in a library, its dependencies and the program.
-fn has_symbol(library: Option<&libloading::Library>, symbol: &str) -> bool {
-    // SAFETY: the symbol is only looked up, not used.
-    let found = library.is_some_and(|library| unsafe { library.get::<*const c_void>(symbol) }.is_ok());
-    #[cfg(unix)]
-    // SAFETY: as above.
-    let found = found || unsafe { libloading::os::unix::Library::this().get::<*const c_void>(symbol) }.is_ok();
-    found
-}
-
-/// Writes out what FMUs have printed and the C library still holds.
-pub fn flush_prints() {
-    // SAFETY: a null stream stands for all streams; there are no other conditions.
-    unsafe { libc::fflush(ptr::null_mut()) };
-}
-
-/// The sources of the error contain the system's message, such as the name of a missing symbol or library.
-fn reason(error: &libloading::Error) -> String {
-    let chain = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
-    chain.map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }

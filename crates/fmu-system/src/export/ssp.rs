@@ -5,9 +5,9 @@ use crate::parameter_set::{COMMON, base_unit};
 use fmu_import::description::BaseType;
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Write};
+use std::io::{self, BufReader, BufWriter, Seek, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
@@ -21,22 +21,36 @@ type Xml = Writer<Vec<u8>>;
 
 /// Writes the file.
 pub(super) fn write(system: &System, fmus: &BTreeMap<&str, &Path>, path: &Path) -> io::Result<()> {
+    let copy = |file: &str, output: &mut dyn Write| {
+        let source = fmus.get(file).ok_or(io::ErrorKind::NotFound)?;
+        io::copy(&mut BufReader::new(File::open(source)?), output).map(drop)
+    };
+    write_to(BufWriter::new(File::create(path)?), system, &copy)?.into_inner()?.sync_all()
+}
+
+/// Writes the content of the file. `copy` writes an FMU by its file name.
+pub(super) fn write_to<W: Write + Seek>(
+    output: W,
+    system: &System,
+    copy: &dyn Fn(&str, &mut dyn Write) -> io::Result<()>,
+) -> io::Result<W> {
     let options = SimpleFileOptions::default().last_modified_time(DateTime::default()).unix_permissions(0o644);
     let packed = options.compression_method(CompressionMethod::Deflated);
     // FMUs are compressed already.
     let stored = options.compression_method(CompressionMethod::Stored);
-    let mut zip = ZipWriter::new(BufWriter::new(File::create(path)?));
+    let mut zip = ZipWriter::new(output);
     zip.start_file(STRUCTURE, packed)?;
     zip.write_all(structure(system)?.as_bytes())?;
     for component in system.components.iter().filter(|component| !component.values.is_empty()) {
         zip.start_file(parameter_file(component), packed)?;
         zip.write_all(system.parameter_set(component)?.as_bytes())?;
     }
-    for (file, source) in fmus {
+    let files: BTreeSet<&str> = system.components.iter().map(|component| component.file.as_str()).collect();
+    for file in files {
         zip.start_file(format!("resources/{file}"), stored)?;
-        io::copy(&mut BufReader::new(File::open(source)?), &mut zip)?;
+        copy(file, &mut zip)?;
     }
-    zip.finish()?.into_inner()?.sync_all()
+    Ok(zip.finish()?)
 }
 
 fn parameter_file(component: &Component) -> String {

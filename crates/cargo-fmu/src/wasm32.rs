@@ -1,0 +1,84 @@
+//! Builds WebAssembly: a Rust with the sources of its standard library, and the linker `rust-lld`.
+//!
+//! The compiled standard library for this target ends at a panic, in a trap without a message. One that is built with
+//! `-C panic=unwind` lets the C interface turn a panic into an error status, as on every other platform.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use miette::{Result, miette};
+
+use crate::platform::Platform;
+use crate::toolchain::{self, PACKAGES, Toolchain};
+
+/// The target of the compiler.
+const TARGET: &str = Platform::Wasm32.target();
+const LINKER: &str = "rust-lld";
+/// Names another linker, for this program and for cargo.
+const VARIABLE: &str = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER";
+
+/// Flags for the compiler and its linker. An importer adds its callbacks to the table of functions, which therefore is exported and
+/// may grow.
+pub(crate) const FLAGS: [&str; 3] = ["-Cpanic=unwind", "-Clink-arg=--export-table", "-Clink-arg=--growable-table"];
+
+/// All that a build of WebAssembly needs.
+#[derive(Debug)]
+pub(crate) struct Wasm {
+    toolchain: Toolchain,
+    linker: PathBuf,
+}
+
+impl Wasm {
+    /// Looks for what is needed.
+    ///
+    /// # Errors
+    /// Something is missing; the message says what, where it was looked for, and how to install it.
+    pub(crate) fn find() -> Result<Self> {
+        let linker = std::env::var_os(VARIABLE)
+            .map(PathBuf::from)
+            .or_else(|| toolchain::in_use().and_then(|root| linker(&root)));
+        match (Toolchain::find(Platform::Wasm32), linker) {
+            (Ok(toolchain), Some(linker)) => Ok(Self { toolchain, linker }),
+            (toolchain, linker) => {
+                let mut missing = Vec::new();
+                let mut help = Vec::new();
+                if let Err(rejected) = toolchain {
+                    missing
+                        .push(format!("there is no Rust that can build its standard library for {TARGET}: {rejected}"));
+                    help.push(format!(
+                        "On Debian: `apt-get install --no-install-recommends {PACKAGES}`; with rustup: `rustup component add \
+                         rust-src`. A toolchain elsewhere that has the sources of its standard library is named by {}=FOLDER, \
+                         with FOLDER/bin/cargo in it.",
+                        Platform::Wasm32.variable()
+                    ));
+                }
+                if linker.is_none() {
+                    missing.push(format!("the Rust in use has no {LINKER}"));
+                    help.push(format!("Use a Rust that rustup installed, which has {LINKER}, or name a linker for WebAssembly by {VARIABLE}=FILE."));
+                }
+                Err(miette!(help = help.join(" "), "wasm32 cannot be built here: {}", missing.join("; ")))
+            }
+        }
+    }
+
+    /// A call of cargo that builds WebAssembly, without packages and profile.
+    pub(crate) fn cargo_rustc(&self) -> Command {
+        let mut command = self.toolchain.cargo();
+        command.args(["rustc", "--target", TARGET]).env(VARIABLE, &self.linker);
+        Toolchain::build_library(&mut command);
+        command
+    }
+
+    /// The toolchain, which may be another than the one in use.
+    pub(crate) const fn toolchain(&self) -> &Toolchain {
+        &self.toolchain
+    }
+}
+
+/// The linker of a toolchain, which is in a folder named like the machine.
+fn linker(root: &Path) -> Option<PathBuf> {
+    let targets = std::fs::read_dir(root.join("lib/rustlib")).ok()?.filter_map(Result::ok);
+    let mut linkers =
+        targets.map(|target| target.path().join("bin").join(format!("{LINKER}{}", std::env::consts::EXE_SUFFIX)));
+    linkers.find(|path| path.is_file())
+}

@@ -1,0 +1,470 @@
+//! One run of a maneuver at chosen values, for programs that make its steps themselves: the lab.
+//!
+//! The runs are those of the bench, with the same wiring, courses and evaluators. What a series of runs decides (limits of
+//! regulations, a largest speed) needs the bench.
+
+use crate::bench::{Bench, Runs};
+use crate::course::{self, Course};
+use crate::evaluators::{self, Evaluation};
+use crate::maneuvers::{
+    braking, double_lane_change, lane_change, ride, rollover, sine_with_dwell, steady_state, step_steer,
+};
+use crate::vehicle::Vehicle;
+use crate::wiring::{Driving, Road, SetupError, Speed, Subject, Systems};
+use fmu_import::description::ModelDescription;
+use fmu_system::failure::Failure;
+use fmu_system::master::Recording;
+use fmu_system::plan::Plan;
+use fmu_system::resolve::Descriptions;
+use fmu_system::run::{Run, Simulation};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Time that a visitor drives, s.
+const FREE: f64 = 600.0;
+/// Steering wheel angle at the end of its way, rad: one and a quarter turns.
+const LOCK: f64 = 7.85;
+
+/// A number that can be chosen before a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Choosable {
+    /// Name.
+    pub id: &'static str,
+    /// Title.
+    pub title: &'static str,
+    /// Unit of measure.
+    pub unit: &'static str,
+    /// Limits.
+    pub limits: [f64; 2],
+    /// Value without a choice.
+    pub value: f64,
+    /// Unit to show it in, and the factor to it.
+    pub display: (&'static str, f64),
+}
+
+const fn speed(kilometers: f64) -> Choosable {
+    Choosable {
+        id: "speed",
+        title: "Speed",
+        unit: "m/s",
+        limits: [10.0 / 3.6, 140.0 / 3.6],
+        value: kilometers / 3.6,
+        display: ("km/h", 3.6),
+    }
+}
+
+const fn wheel(degrees: f64) -> Choosable {
+    const RADIANS: f64 = std::f64::consts::PI / 180.0;
+    Choosable {
+        id: "steering_wheel",
+        title: "Steering wheel angle",
+        unit: "rad",
+        limits: [-360.0 * RADIANS, 360.0 * RADIANS],
+        value: degrees * RADIANS,
+        display: ("deg", 1.0 / RADIANS),
+    }
+}
+
+/// A maneuver of which one run can be made.
+#[derive(Debug)]
+pub struct Maneuver {
+    /// Name.
+    pub id: &'static str,
+    /// Title.
+    pub title: &'static str,
+    /// Whether the visitor drives.
+    pub is_free: bool,
+    /// What can be chosen.
+    pub values: &'static [Choosable],
+    driving: Driving,
+    /// Outputs that the plant needs.
+    outputs: &'static [&'static str],
+    needs_pedals: bool,
+    evaluator: &'static str,
+    make: fn(&Bench<'_>, &Chosen<'_>) -> Option<(Course, Value)>,
+}
+
+const POSITION: &[&str] = &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw"];
+
+/// All maneuvers, and free driving.
+pub static MANEUVERS: [Maneuver; 13] = [
+    Maneuver {
+        id: "free",
+        title: "Drive yourself",
+        is_free: true,
+        values: &[speed(60.0)],
+        driving: Driving::OpenLoop,
+        outputs: &[],
+        needs_pedals: false,
+        evaluator: "",
+        make: |_, chosen| {
+            let course = Course::new("free", Driving::OpenLoop, chosen.value("speed"), FREE);
+            Some((course.drivers(&[("maneuver", 1.0), ("steer.amplitude", 0.0)]), json!({})))
+        },
+    },
+    Maneuver {
+        id: "iso3888_1",
+        title: "Double lane change, ISO 3888-1",
+        is_free: false,
+        values: &[speed(60.0)],
+        driving: Driving::Path,
+        outputs: POSITION,
+        needs_pedals: false,
+        evaluator: "cones",
+        make: |bench, chosen| double_lane_change(bench, double_lane_change::Part::One, chosen),
+    },
+    Maneuver {
+        id: "iso3888_2",
+        title: "Obstacle avoidance, ISO 3888-2",
+        is_free: false,
+        values: &[speed(50.0)],
+        driving: Driving::Path,
+        outputs: POSITION,
+        needs_pedals: false,
+        evaluator: "cones",
+        make: |bench, chosen| double_lane_change(bench, double_lane_change::Part::Two, chosen),
+    },
+    Maneuver {
+        id: "single_lane_change",
+        title: "Single lane change, ISO 14791",
+        is_free: false,
+        values: &[speed(80.0)],
+        driving: Driving::Path,
+        outputs: POSITION,
+        needs_pedals: false,
+        evaluator: "single_lane_change",
+        make: |bench, chosen| Some((lane_change::course(bench, chosen.value("speed")), json!({}))),
+    },
+    Maneuver {
+        id: "sine_with_dwell",
+        title: "Sine with dwell, FMVSS 126",
+        is_free: false,
+        values: &[speed(80.0), wheel(90.0)],
+        driving: Driving::OpenLoop,
+        outputs: &[],
+        needs_pedals: false,
+        evaluator: "sine_with_dwell",
+        make: |bench, chosen| {
+            let steer = chosen.value("steering_wheel") / bench.ratio();
+            let course = sine_with_dwell::course("sine_with_dwell".to_owned(), chosen.value("speed"), steer);
+            Some((course, json!({ "steer.ratio": bench.ratio() })))
+        },
+    },
+    Maneuver {
+        id: "step_steer",
+        title: "Step steer, ISO 7401",
+        is_free: false,
+        values: &[speed(60.0), wheel(45.0)],
+        driving: Driving::OpenLoop,
+        outputs: &[],
+        needs_pedals: false,
+        evaluator: "step_steer",
+        make: |bench, chosen| {
+            let steer = chosen.value("steering_wheel") / bench.ratio();
+            Some((step_steer::course("step_steer".to_owned(), chosen.value("speed"), steer), json!({})))
+        },
+    },
+    Maneuver {
+        id: "fishhook",
+        title: "Fishhook, NHTSA",
+        is_free: false,
+        values: &[speed(60.0), wheel(180.0)],
+        driving: Driving::Path,
+        outputs: POSITION,
+        needs_pedals: false,
+        evaluator: "rollover",
+        make: |bench, chosen| {
+            let wheel = chosen.value("steering_wheel").to_degrees();
+            let id = "fishhook".to_owned();
+            Some((rollover::fishhook_course(bench, id, chosen.value("speed"), wheel), json!({})))
+        },
+    },
+    Maneuver {
+        id: "j_turn",
+        title: "J-turn, NHTSA",
+        is_free: false,
+        values: &[speed(60.0), wheel(180.0)],
+        driving: Driving::OpenLoop,
+        outputs: &[],
+        needs_pedals: false,
+        evaluator: "rollover",
+        make: |bench, chosen| {
+            let wheel = chosen.value("steering_wheel").to_degrees();
+            let id = "j_turn".to_owned();
+            Some((rollover::j_turn_course(bench, id, chosen.value("speed"), wheel), json!({})))
+        },
+    },
+    Maneuver {
+        id: "constant_radius",
+        title: "Constant radius, ISO 4138",
+        is_free: false,
+        values: &[],
+        driving: Driving::Path,
+        outputs: POSITION,
+        needs_pedals: false,
+        evaluator: "constant_radius",
+        make: |bench, _| steady_state::circle(bench),
+    },
+    Maneuver {
+        id: "braking",
+        title: "Straight braking, UN R13-H",
+        is_free: false,
+        values: &[speed(100.0)],
+        driving: Driving::Path,
+        outputs: POSITION,
+        needs_pedals: true,
+        evaluator: "braking",
+        make: |_, chosen| Some((braking::course("braking".to_owned(), chosen.value("speed")), json!({}))),
+    },
+    Maneuver {
+        id: "split_friction",
+        title: "Braking on split friction, UN R13-H",
+        is_free: false,
+        values: &[speed(50.0)],
+        driving: Driving::Path,
+        outputs: POSITION,
+        needs_pedals: true,
+        evaluator: "braking",
+        make: |bench, chosen| {
+            let id = "split_friction".to_owned();
+            Some((braking::split_course(bench, id, chosen.value("speed"), true), json!({})))
+        },
+    },
+    Maneuver {
+        id: "brake_in_turn",
+        title: "Braking in a turn, ISO 7975",
+        is_free: false,
+        values: &[],
+        driving: Driving::Path,
+        outputs: &["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.sideslip"],
+        needs_pedals: true,
+        evaluator: "brake_in_turn",
+        make: |_, _| Some((braking::turn_course(), json!({}))),
+    },
+    Maneuver {
+        id: "ride",
+        title: "Ride, ISO 8608 and ISO 2631-1",
+        is_free: false,
+        values: &[speed(60.0)],
+        driving: Driving::Ride,
+        outputs: &["body.heave_acceleration", "vehicle.position_x", "vehicle.position_y", "vehicle.yaw"],
+        needs_pedals: false,
+        evaluator: "ride",
+        make: |bench, chosen| {
+            let course = ride::course(bench, "road", f64::from(chosen.class.unwrap_or(3)), f64::from(chosen.seed));
+            Some((Course { speed: chosen.value("speed"), ..course }, json!({ "begin": ride::BEGIN })))
+        },
+    },
+];
+
+fn double_lane_change(
+    bench: &Bench<'_>,
+    part: double_lane_change::Part,
+    chosen: &Chosen<'_>,
+) -> Option<(Course, Value)> {
+    double_lane_change::course(bench, part, "double_lane_change".to_owned(), chosen.value("speed"))
+}
+
+/// What was chosen.
+struct Chosen<'a> {
+    maneuver: &'a Maneuver,
+    values: &'a BTreeMap<String, f64>,
+    class: Option<i32>,
+    seed: i32,
+}
+
+impl Chosen<'_> {
+    fn value(&self, id: &str) -> f64 {
+        let offered = self.maneuver.values.iter().find(|value| value.id == id);
+        let given = self.values.get(id).copied().filter(|value| value.is_finite());
+        match (offered, given) {
+            (Some(offered), Some(given)) => given.clamp(offered.limits[0], offered.limits[1]),
+            (Some(offered), None) => offered.value,
+            (None, given) => given.unwrap_or(0.0),
+        }
+    }
+}
+
+/// Why a plant cannot drive a maneuver; `None` if it can.
+///
+/// # Errors
+/// The FMU is not there or is not a plant that can be driven.
+pub fn hindrance(plant: &str, maneuver: &Maneuver, source: &dyn Descriptions) -> Result<Option<String>, SetupError> {
+    let subject = Subject { plant: plant.to_owned(), ..Subject::default() };
+    let found = Systems::found(&subject, source)?;
+    let plant = &found.plant;
+    if let Some(missing) = maneuver.outputs.iter().find(|name| !plant.has_output(name)) {
+        return Ok(Some(format!("it has no output `{missing}`")));
+    }
+    let has_pedals = !plant.has_input("driver.speed") && !found.base.is_empty();
+    if maneuver.needs_pedals && !has_pedals {
+        return Ok(Some("it has no pedals".to_owned()));
+    }
+    if maneuver.id == "split_friction" && !plant.inputs().iter().any(|name| name.starts_with("road_friction.")) {
+        return Ok(Some("it has no inputs `road_friction.*`".to_owned()));
+    }
+    if maneuver.driving == Driving::Ride && !can_be_rough(plant) {
+        return Ok(Some("it has no inputs `road_height.*`".to_owned()));
+    }
+    Ok(None)
+}
+
+fn can_be_rough(plant: &crate::wiring::Plant) -> bool {
+    plant.inputs().iter().any(|name| name.starts_with("road_height."))
+}
+
+/// FMUs that a plant needs in every system.
+///
+/// # Errors
+/// The FMU is not there or is not a plant that can be driven.
+pub fn base(plant: &str, source: &dyn Descriptions) -> Result<Vec<String>, SetupError> {
+    let subject = Subject { plant: plant.to_owned(), ..Subject::default() };
+    Ok(Systems::found(&subject, source)?.base.into_iter().map(|unit| unit.fmu).collect())
+}
+
+/// A run that was made.
+#[derive(Debug)]
+pub struct Single {
+    /// Times.
+    pub simulation: Simulation,
+    /// The run.
+    pub run: Run,
+    /// The plan it is from.
+    pub plan: Plan,
+    /// Speed at the start, m/s.
+    pub speed: f64,
+    /// Front steering angle at the end of the steering wheel's way, rad.
+    pub largest_steer: f64,
+    /// Sections of cones, m: begin, end, right and left edge of each.
+    pub cones: Vec<[f64; 4]>,
+    descriptions: BTreeMap<String, Arc<ModelDescription>>,
+    systems: Systems,
+    vehicle: Vehicle,
+    course: Course,
+    evaluator: &'static str,
+    options: Value,
+}
+
+/// Name of the driver in all these runs.
+pub const DRIVER: &str = "driver";
+/// Name of the plant in all these runs.
+pub const PLANT: &str = "plant";
+
+/// Nobody executes runs here.
+struct Nobody;
+
+impl Runs for Nobody {
+    fn execute(&self, _: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>> {
+        Vec::new()
+    }
+}
+
+/// Road and seed of a run: class of roughness, from 1 for A on; `None` for a flat road.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct OnRoad {
+    /// Class.
+    pub class: Option<i32>,
+    /// Seed.
+    pub seed: i32,
+}
+
+/// Makes one run of a maneuver.
+///
+/// # Errors
+/// An FMU is missing or cannot be driven, or a value does not fit.
+pub fn single(
+    subject: &Subject,
+    maneuver: &'static Maneuver,
+    values: &BTreeMap<String, f64>,
+    road: OnRoad,
+    source: &dyn Descriptions,
+) -> Result<Single, SetupError> {
+    let is_rough = road.class.is_some() || maneuver.driving == Driving::Ride;
+    let on = if is_rough { Road::Rough } else { Road::Flat };
+    let systems = Systems::only(subject, source, maneuver.driving, on)?;
+    if is_rough && !can_be_rough(&systems.plant) {
+        return Err(SetupError::new(format!("{} has no inputs `road_height.*`", subject.plant)));
+    }
+    let vehicle = Vehicle::new(&subject.vehicle.vehicle, &systems.plant, None);
+    let plan = systems.systems.first().and_then(|system| system.plan(maneuver.driving)).cloned();
+    let plan = plan.ok_or_else(|| SetupError::new("the plant cannot be driven like this"))?;
+    let mut descriptions = BTreeMap::new();
+    for component in plan.runs.iter().flat_map(|run| &run.components) {
+        let name = component.fmu.strip_suffix(".fmu").unwrap_or(&component.fmu);
+        if let Ok(Some(found)) = source.find(name) {
+            descriptions.insert(component.fmu.clone(), found.description);
+        }
+    }
+    let chosen = Chosen { maneuver, values, class: road.class, seed: road.seed.max(1) };
+    let mut made = Single {
+        simulation: plan.simulation,
+        run: plan.runs.first().cloned().ok_or_else(|| SetupError::new("the system has no run"))?,
+        plan,
+        speed: 0.0,
+        largest_steer: LOCK / vehicle.steer_ratio.value,
+        cones: Vec::new(),
+        descriptions,
+        systems,
+        vehicle,
+        course: Course::new("", maneuver.driving, 0.0, 0.0),
+        evaluator: maneuver.evaluator,
+        options: json!({}),
+    };
+    let bench = made.bench();
+    let made_course = (maneuver.make)(&bench, &chosen);
+    let (mut course, options) =
+        made_course.ok_or_else(|| SetupError::new("width, front or rear of the vehicle is not known"))?;
+    if is_rough && maneuver.driving != Driving::Ride {
+        course = ride::on_road(&bench, course, f64::from(road.class.unwrap_or(3)), f64::from(chosen.seed));
+    }
+    let (simulation, run) = bench.run(&course, course.stop).map_err(SetupError::new)?;
+    let part = match maneuver.id {
+        "iso3888_1" => Some(double_lane_change::Part::One),
+        "iso3888_2" => Some(double_lane_change::Part::Two),
+        _ => None,
+    };
+    let cones =
+        part.and_then(|part| double_lane_change::cones(part, &bench)).map_or(Vec::new(), |cones| cones.to_vec());
+    // Rows of free driving need no evaluator, only figures.
+    let every = if maneuver.is_free { 10 } else { simulation.every };
+    made.simulation = Simulation { every, ..simulation };
+    made.run = run;
+    made.speed = course.speed;
+    made.cones = cones;
+    made.course = course;
+    made.options = options;
+    Ok(made)
+}
+
+impl Single {
+    fn bench(&self) -> Bench<'_> {
+        Bench {
+            executor: &Nobody,
+            fmus: &self.descriptions,
+            plant: &self.systems.plant,
+            system: &self.systems.systems[0],
+            vehicle: &self.vehicle,
+            understeer_gradient: self.vehicle.understeer_gradient.as_ref().map_or(0.0, |datum| datum.value),
+            amplitude: None,
+            is_mirrored: self.systems.is_mirrored,
+            other_speed: None,
+            is_quick: false,
+            folder: std::path::Path::new(""),
+        }
+    }
+
+    /// Whether the speed of the plant is prescribed.
+    #[must_use]
+    pub fn has_prescribed_speed(&self) -> bool {
+        self.systems.systems.first().is_some_and(|system| system.speed == Speed::Prescribed)
+    }
+
+    /// Metrics of the run as far as it was made, up to where the bench would end it; `None` for free driving.
+    #[must_use]
+    pub fn evaluate(&self, recording: &Recording) -> Option<Evaluation> {
+        let evaluator = evaluators::find(self.evaluator)?;
+        let ended = course::ended(&self.bench(), self.course.clone(), recording, None);
+        evaluator.evaluate(&ended.trace, &self.options).ok()
+    }
+}

@@ -1,0 +1,76 @@
+//! What the loader needs of the operating system: libraries, the C library's memory and its streams.
+
+use std::ffi::c_void;
+use std::path::Path;
+use std::ptr;
+
+pub(super) use libloading::Library;
+
+/// Loads a library. Those that it brings along in its folder are found under Windows only if that is asked for; elsewhere the
+/// library itself says where they are.
+///
+/// # Errors
+/// Message of the system.
+pub(super) fn open(path: &Path) -> Result<Library, String> {
+    #[cfg(windows)]
+    let opened = {
+        use libloading::os::windows::{LOAD_WITH_ALTERED_SEARCH_PATH, Library};
+        // SAFETY: loading runs initializers of the library; see the trust stated at the top.
+        unsafe { Library::load_with_flags(path, LOAD_WITH_ALTERED_SEARCH_PATH) }.map(Into::into)
+    };
+    #[cfg(not(windows))]
+    // SAFETY: as above.
+    let opened = unsafe { Library::new(path) };
+    opened.map_err(|error| reason(&error))
+}
+
+/// A function of a library.
+///
+/// # Safety
+/// The function has the type `T`, and the library outlives it.
+pub(super) unsafe fn symbol<T: Copy>(library: &Library, name: &str) -> Option<T> {
+    // SAFETY: promised by the caller.
+    unsafe { library.get::<T>(name) }.ok().map(|symbol| *symbol)
+}
+
+/// Whether a library or one of its dependencies exports a function.
+pub(super) fn exports(library: &Library, name: &str) -> bool {
+    // SAFETY: the symbol is only looked up, not used.
+    unsafe { library.get::<*const c_void>(name) }.is_ok()
+}
+
+/// Whether a library, its dependencies or the program have a symbol.
+pub(super) fn has_symbol(library: Option<&Library>, symbol: &str) -> bool {
+    let found = library.is_some_and(|library| exports(library, symbol));
+    #[cfg(unix)]
+    // SAFETY: the symbol is only looked up, not used.
+    let found = found || unsafe { libloading::os::unix::Library::this().get::<*const c_void>(symbol) }.is_ok();
+    found
+}
+
+/// Writes out what FMUs have printed and the C library still holds.
+pub fn flush_prints() {
+    // SAFETY: a null stream stands for all streams; there are no other conditions.
+    unsafe { libc::fflush(ptr::null_mut()) };
+}
+
+/// Zeroed memory for an FMU.
+pub(super) fn allocate(count: usize, size: usize) -> *mut c_void {
+    // SAFETY: `calloc` has no conditions.
+    unsafe { libc::calloc(count, size) }
+}
+
+/// Frees memory of an FMU.
+///
+/// # Safety
+/// The memory is from [`allocate`], or null.
+pub(super) unsafe fn free(memory: *mut c_void) {
+    // SAFETY: promised by the caller.
+    unsafe { libc::free(memory) }
+}
+
+/// The sources of the error contain the system's message, such as the name of a missing symbol or library.
+fn reason(error: &libloading::Error) -> String {
+    let chain = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
+    chain.map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}

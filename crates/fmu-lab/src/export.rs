@@ -1,0 +1,48 @@
+//! The system as an SSP file. Its FMUs have a description and a module only.
+
+use crate::fmus::{Fmus, name_of};
+use crate::requests::Failure;
+use crate::running::Running;
+use fmu_import::archive::ArchiveError;
+use fmu_import::description::Interface;
+use fmu_import::wasm;
+use fmu_system::export::System;
+use fmu_system::plan::Plan;
+use std::io::{self, Cursor, Write};
+use std::path::PathBuf;
+use std::sync::Arc;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+/// Name and content of the file.
+pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String, Vec<u8>), Failure> {
+    let describe = |path: &str| {
+        let missing = || ArchiveError::Io { path: PathBuf::from(path), cause: io::ErrorKind::NotFound.into() };
+        fmus.described(path).map(Arc::clone).ok_or_else(missing)
+    };
+    let mut plan = plan.clone();
+    plan.simulation = running.simulation;
+    let system =
+        System::described(&plan, running.planned(), &describe).map_err(|error| Failure::new(error.to_string()))?;
+    let copy = |file: &str, output: &mut dyn Write| output.write_all(&fmu(file, fmus)?);
+    let file = system.write_ssp(Cursor::new(Vec::new()), &copy).map_err(|error| Failure::new(error.to_string()))?;
+    Ok((format!("{}.ssp", system.name), file.into_inner()))
+}
+
+/// An archive with what the lab has of an FMU.
+fn fmu(file: &str, fmus: &Fmus) -> io::Result<Vec<u8>> {
+    let name = name_of(file);
+    let description = fmus.described(file).zip(fmus.text(name));
+    let (description, text) = description.ok_or(io::ErrorKind::NotFound)?;
+    let identifier = description.model_identifier(Interface::CoSimulation).unwrap_or(name);
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(DateTime::default())
+        .unix_permissions(0o644);
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    zip.start_file("modelDescription.xml", options)?;
+    zip.write_all(text.as_bytes())?;
+    zip.start_file(wasm::entry(identifier), options)?;
+    zip.write_all(&crate::exports::module(name))?;
+    Ok(zip.finish()?.into_inner())
+}

@@ -1,0 +1,143 @@
+//! The FMUs that the lab knows, and instances of them.
+
+use crate::requests::{Dropped, Failure};
+use fmu_import::archive::{Archive, ArchiveError};
+use fmu_import::description::{Interface, ModelDescription};
+use fmu_import::fmu::{Binary, FmuError};
+use fmu_import::loader::{Instance, Library};
+use fmu_import::wasm;
+use fmu_system::fmus::{FmusError, Instances};
+use fmu_system::run::Component;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Descriptions by name. They are what the resolver looks FMUs up in.
+pub(crate) type Descriptions = BTreeMap<String, Arc<ModelDescription>>;
+
+/// FMUs by name.
+#[derive(Debug, Default)]
+pub(crate) struct Fmus {
+    pub(crate) descriptions: Descriptions,
+    texts: BTreeMap<String, String>,
+    /// Names of those that a visitor has dropped.
+    pub(crate) dropped: Vec<String>,
+}
+
+/// Name of an FMU in the path that a plan has.
+pub(crate) fn name_of(path: &str) -> &str {
+    path.strip_suffix(".fmu").unwrap_or(path)
+}
+
+impl Fmus {
+    /// Adds an FMU by its description.
+    pub(crate) fn add(&mut self, name: String, text: String) -> Result<(), Failure> {
+        let description = ModelDescription::parse(&text)
+            .map_err(|error| Failure::new(format!("{name}: modelDescription.xml: {error}")))?;
+        self.descriptions.insert(name.clone(), Arc::new(description));
+        self.texts.insert(name, text);
+        Ok(())
+    }
+
+    /// The description in the path of a plan.
+    pub(crate) fn described(&self, path: &str) -> Option<&Arc<ModelDescription>> {
+        self.descriptions.get(name_of(path))
+    }
+
+    /// Text of a description.
+    pub(crate) fn text(&self, name: &str) -> Option<&str> {
+        self.texts.get(name).map(String::as_str)
+    }
+
+    /// Reads an archive that a visitor has dropped. Returns its module, too.
+    pub(crate) fn read(&self, file: &str, bytes: &[u8]) -> Result<(Dropped, Vec<u8>), Failure> {
+        const PACK: &str = "FMUs for the lab contain WebAssembly: `cargo fmu pack --platforms wasm32`.";
+        let failed = |error: ArchiveError| Failure::with_help(error.to_string(), PACK);
+        let mut archive = Archive::read(Path::new(file), Cursor::new(bytes)).map_err(failed)?;
+        let text = archive.description_text().map_err(failed)?;
+        if let Some(version) = other_version(&text) {
+            return Err(Failure::with_help(
+                format!("{file} is an FMU of FMI {version}; the lab runs FMI 2.0 for co-simulation"),
+                "Export the model for FMI 2.0.",
+            ));
+        }
+        let description = archive.description().map_err(failed)?;
+        let Some(identifier) = description.model_identifier(Interface::CoSimulation) else {
+            return Err(Failure::with_help(
+                format!("{file} has no co-simulation, only model exchange"),
+                "Export the model for co-simulation.",
+            ));
+        };
+        let entry = wasm::entry(identifier);
+        let Some(module) = archive.entry(&entry).map_err(failed)? else {
+            let platforms = archive.platforms();
+            let found = if platforms.is_empty() { "none".to_owned() } else { platforms.join(", ") };
+            return Err(Failure::with_help(
+                format!("{file} has no binary for a browser ({entry}); it has binaries for {found}"),
+                PACK,
+            ));
+        };
+        if wasm::Names::read(&module).is_none() {
+            return Err(Failure::with_help(format!("{file}: {entry} is not a WebAssembly module"), PACK));
+        }
+        let documentation = ["documentation/index.html", "documentation/_main.html"].into_iter();
+        let documentation = documentation.filter_map(|name| archive.entry(name).ok().flatten()).next();
+        let documentation = documentation.map_or(String::new(), |text| String::from_utf8_lossy(&text).into_owned());
+        // It takes the name of its file, and never the place of one of ours.
+        let stem = name_of(file).to_owned();
+        let name = if self.texts.contains_key(&stem) { format!("{stem} (dropped)") } else { stem };
+        Ok((Dropped { name, description: text, documentation }, module))
+    }
+}
+
+/// The version of FMI in a description, if it is another one than 2.0.
+fn other_version(text: &str) -> Option<&str> {
+    let (_, rest) = text.split_once("fmiVersion")?;
+    let quote = rest.find(['"', '\''])?;
+    let (_, rest) = rest.split_at(quote + 1);
+    let version = &rest[..rest.find(['"', '\''])?];
+    (version != "2.0").then_some(version)
+}
+
+/// Instances of one system: each system has modules of its own, so that one that is trapped in an FMU leaves the other alone.
+pub(crate) struct Modules {
+    prefix: usize,
+    descriptions: Descriptions,
+    loaded: RefCell<BTreeMap<String, (Binary, Arc<Library>)>>,
+}
+
+impl Modules {
+    pub(crate) fn new(prefix: usize, descriptions: Descriptions) -> Self {
+        Self { prefix, descriptions, loaded: RefCell::default() }
+    }
+}
+
+impl Instances for Modules {
+    fn of(&self, component: &Component) -> Result<Instance, FmusError> {
+        let name = name_of(&component.fmu);
+        let mut loaded = self.loaded.borrow_mut();
+        if !loaded.contains_key(name) {
+            let description = self.description(component)?;
+            let library = PathBuf::from(format!("{}/{name}", self.prefix));
+            let path = PathBuf::from(&component.fmu);
+            let binary = Binary::of_host(path, &description, library, Interface::CoSimulation);
+            let library = binary.load_elsewhere()?;
+            loaded.insert(name.to_owned(), (binary, library));
+        }
+        let (binary, library) = &loaded[name];
+        Ok(binary.instantiate(library, &component.name)?)
+    }
+
+    fn description(&self, component: &Component) -> Result<ModelDescription, FmusError> {
+        let found = self.descriptions.get(name_of(&component.fmu));
+        found.map(|description| (**description).clone()).ok_or_else(|| FmusError::NotLoaded(component.fmu.clone()))
+    }
+}
+
+impl From<FmuError> for Failure {
+    fn from(error: FmuError) -> Self {
+        Self::new(error.to_string())
+    }
+}

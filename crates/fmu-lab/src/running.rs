@@ -1,0 +1,344 @@
+//! A system that runs: steps, rows, recording, saved states and the way back to them.
+
+use crate::columns::Shown;
+use crate::drive::{Driver, SPEED};
+use crate::fmus::{Descriptions, Modules, name_of};
+use crate::requests::{Driving, Failure};
+use fmu_import::description::{Causality, Value, Variable};
+use fmu_import::fmu::FmuError;
+use fmu_import::loader::CallError;
+use fmu_system::fmus::FmusError;
+use fmu_system::master::Recording;
+use fmu_system::run::{Run, Simulation};
+use fmu_system::session::{Overwrite, RunError, Saved, Session};
+use std::collections::BTreeMap;
+
+/// Time between two saved states, s.
+const BETWEEN_STATES: f64 = 1.0;
+/// Least time between two rows for the page, s.
+const BETWEEN_ROWS: f64 = 0.01;
+
+/// What the visitor does while a system runs. It is kept, because a way back to a time between two saved states repeats it.
+#[derive(Debug, Clone)]
+pub(crate) enum Action {
+    /// Sets variables of a component.
+    Set { component: String, variables: Vec<String>, value: f64 },
+    /// Steers, accelerates and brakes.
+    Drive(Driving),
+}
+
+/// A state and the number of steps before it.
+struct Checkpoint {
+    step: u64,
+    saved: Saved,
+    driver: Option<Driver>,
+}
+
+/// Why a system cannot go on.
+#[derive(Debug, Clone)]
+pub(crate) struct Stopped {
+    pub(crate) time: f64,
+    pub(crate) component: String,
+    pub(crate) message: String,
+}
+
+pub(crate) struct Running {
+    /// Distinguishes the systems.
+    modules: usize,
+    /// The driver at the start.
+    first_driver: Option<Driver>,
+    pub(crate) simulation: Simulation,
+    /// With a slot for each output.
+    pub(crate) run: Run,
+    pub(crate) shown: Vec<Shown>,
+    session: Session,
+    /// Steps between two rows for the page.
+    pub(crate) row_every: u64,
+    state_every: u64,
+    recording: Recording,
+    rows: Vec<f64>,
+    checkpoints: Vec<Checkpoint>,
+    actions: Vec<(u64, Action)>,
+    overwrites: BTreeMap<(String, String), Overwrite>,
+    driver: Option<Driver>,
+    descriptions: Descriptions,
+    pub(crate) stopped: Option<Stopped>,
+}
+
+impl Running {
+    /// Instantiates and initializes a run. `modules` distinguishes the systems.
+    pub(crate) fn new(
+        modules: usize,
+        simulation: &Simulation,
+        run: Run,
+        shown: Vec<Shown>,
+        driver: Option<Driver>,
+        descriptions: &Descriptions,
+    ) -> Result<Self, Failure> {
+        let instances = Modules::new(modules, descriptions.clone());
+        let session = Session::new(simulation, &run, &instances).map_err(|error| Failure::new(error.to_string()))?;
+        let steps = |time: f64| ((time / simulation.step).round() as u64).max(1);
+        let columns = run.columns.iter().map(|slot| slot.map(|_| Vec::new())).collect();
+        let mut running = Self {
+            modules,
+            first_driver: driver.clone(),
+            simulation: *simulation,
+            row_every: steps(BETWEEN_ROWS),
+            state_every: steps(BETWEEN_STATES),
+            run,
+            shown,
+            session,
+            recording: Recording { time: Vec::new(), columns, messages: Vec::new(), seconds: 0.0 },
+            rows: Vec::new(),
+            checkpoints: Vec::new(),
+            actions: Vec::new(),
+            overwrites: BTreeMap::new(),
+            driver,
+            descriptions: descriptions.clone(),
+            stopped: None,
+        };
+        running.record();
+        Ok(running)
+    }
+
+    pub(crate) fn time(&self) -> f64 {
+        self.session.time()
+    }
+
+    /// The run.
+    pub(crate) fn planned(&self) -> &Run {
+        &self.run
+    }
+
+    pub(crate) fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// New rows: number and values.
+    pub(crate) fn rows(&self) -> (usize, &[f64]) {
+        (self.rows.len() / (self.shown.len() + 1), &self.rows)
+    }
+
+    pub(crate) fn rows_read(&mut self) {
+        self.rows.clear();
+    }
+
+    /// Makes steps until the system is over or fails; returns their number.
+    pub(crate) fn advance(&mut self, steps: u32) -> Option<u32> {
+        if self.stopped.is_some() {
+            return None;
+        }
+        for done in 0..steps {
+            if self.session.is_over() {
+                return Some(done);
+            }
+            if let Err(error) = self.step() {
+                self.stopped = Some(stopped(&error));
+                return None;
+            }
+            if self.stopped.is_some() {
+                return None;
+            }
+        }
+        Some(steps)
+    }
+
+    fn step(&mut self) -> Result<(), RunError> {
+        let step = self.session.steps();
+        let is_due =
+            step.is_multiple_of(self.state_every) && self.checkpoints.last().is_none_or(|last| last.step < step);
+        // An FMU that cannot save its state can be run, but not rewound.
+        if is_due && let Ok(saved) = self.session.save() {
+            self.checkpoints.push(Checkpoint { step, saved, driver: self.driver.clone() });
+        }
+        if let Some(driver) = &mut self.driver {
+            for (signal, value) in driver.step(self.simulation.step) {
+                for (component, variable) in driver.readers(signal) {
+                    if let Some(input) = self.overwrites.get(&(component.clone(), variable.clone())) {
+                        self.session.set(*input, value);
+                    }
+                }
+            }
+        }
+        self.session.step()?;
+        self.record();
+        Ok(())
+    }
+
+    /// Keeps the signals of this time, if it is that of a row.
+    fn record(&mut self) {
+        let (step, time) = (self.session.steps(), self.session.time());
+        if step.is_multiple_of(self.simulation.every) {
+            self.recording.time.push(time);
+            let bus = self.session.bus();
+            for (slot, column) in self.run.columns.iter().zip(&mut self.recording.columns) {
+                if let (Some(slot), Some(column)) = (slot, column) {
+                    column.push(bus[*slot]);
+                }
+            }
+        }
+        if step.is_multiple_of(self.row_every) {
+            let bus = self.session.bus();
+            let shown = self.shown.iter().find(|shown| !bus[shown.slot].is_finite());
+            if let Some(shown) = shown {
+                let message = format!("`{}` is {}", shown.variable, bus[shown.slot]);
+                self.stopped = Some(Stopped { time, component: shown.component.clone(), message });
+            }
+            self.rows.push(time);
+            self.rows.extend(self.shown.iter().map(|shown| match &self.driver {
+                Some(driver) if shown.component == driver.component => {
+                    driver.value(&shown.variable).unwrap_or(bus[shown.slot])
+                }
+                _ => bus[shown.slot],
+            }));
+        }
+    }
+
+    /// Does something from the next step on.
+    pub(crate) fn act(&mut self, action: Action) -> Result<(), Failure> {
+        self.apply(&action)?;
+        let step = self.session.steps();
+        // Each frame of driving replaces the one before it.
+        if matches!(action, Action::Drive(_)) {
+            self.actions.retain(|(of, other)| *of != step || !matches!(other, Action::Drive(_)));
+        }
+        self.actions.push((step, action));
+        Ok(())
+    }
+
+    fn apply(&mut self, action: &Action) -> Result<(), Failure> {
+        match action {
+            Action::Drive(driving) => {
+                if let Some(driver) = &mut self.driver {
+                    driver.drive(*driving);
+                    let readers: Vec<_> = driver.all_readers().cloned().collect();
+                    for (component, variable) in readers {
+                        self.overwrite(&component, &variable)?;
+                    }
+                }
+                Ok(())
+            }
+            Action::Set { component, variables, value } => {
+                variables.iter().try_for_each(|variable| self.set(component, variable, *value))
+            }
+        }
+    }
+
+    fn variable(&self, component: &str, variable: &str) -> Option<Variable> {
+        let planned = self.run.components.iter().find(|planned| planned.name == component)?;
+        self.descriptions.get(name_of(&planned.fmu))?.variable(variable).cloned()
+    }
+
+    /// The input, which from now on gets its value from here.
+    fn overwrite(&mut self, component: &str, name: &str) -> Result<Overwrite, Failure> {
+        let key = (component.to_owned(), name.to_owned());
+        if let Some(input) = self.overwrites.get(&key) {
+            return Ok(*input);
+        }
+        let missing = || Failure::new(format!("the system has no `{component}:{name}`"));
+        let variable = self.variable(component, name).ok_or_else(missing)?;
+        let input = self.session.overwrite(component, &variable).map_err(|error| Failure::new(error.to_string()))?;
+        self.overwrites.insert(key, input);
+        Ok(input)
+    }
+
+    fn set(&mut self, component: &str, name: &str, value: f64) -> Result<(), Failure> {
+        if let Some(driver) = self.driver.as_mut().filter(|driver| driver.component == component && name == SPEED) {
+            driver.set_speed(value);
+            return Ok(());
+        }
+        let missing = || Failure::new(format!("the system has no `{component}:{name}`"));
+        let variable = self.variable(component, name).ok_or_else(missing)?;
+        if variable.causality == Causality::Input {
+            let input = self.overwrite(component, name)?;
+            self.session.set(input, value);
+            return Ok(());
+        }
+        let value = converted(&variable, value);
+        self.session.tune(component, &variable, value).map_err(|error| Failure::new(error.to_string()))
+    }
+
+    /// Goes back to a time, and forgets what came after it.
+    pub(crate) fn seek(&mut self, time: f64) -> Result<(), Failure> {
+        let target = ((time - self.simulation.start) / self.simulation.step).round().max(0.0) as u64;
+        let target = target.min(self.session.steps());
+        if target == self.session.steps() && self.stopped.is_none() {
+            return Ok(());
+        }
+        let failed = |error: RunError| Failure::new(format!("cannot rewind: {error}"));
+        let at = self.checkpoints.iter().rposition(|checkpoint| checkpoint.step <= target);
+        // An instance that has ended for good restores nothing, and some FMUs save nothing: another one begins.
+        if at.is_none_or(|at| self.restore(at).is_err()) {
+            self.restart().map_err(failed)?;
+        }
+        self.stopped = None;
+        // Rows up to the saved state are there; the way from it to the time is repeated with what the visitor did.
+        let from = self.session.steps();
+        let actions = std::mem::take(&mut self.actions);
+        let mut next = actions.iter().filter(|(step, _)| *step >= from && *step < target).peekable();
+        while self.session.steps() < target {
+            while let Some((_, action)) = next.next_if(|(step, _)| *step == self.session.steps()) {
+                self.apply(action)?;
+            }
+            self.step().map_err(failed)?;
+        }
+        self.actions = actions;
+        self.actions.retain(|(step, _)| *step < target);
+        self.rows.clear();
+        Ok(())
+    }
+
+    /// Restores a saved state and frees those after it.
+    fn restore(&mut self, at: usize) -> Result<(), RunError> {
+        for later in self.checkpoints.split_off(at + 1) {
+            self.session.free(later.saved)?;
+        }
+        let checkpoint = &self.checkpoints[at];
+        self.session.restore(&checkpoint.saved)?;
+        self.driver.clone_from(&checkpoint.driver);
+        let rows = usize::try_from(checkpoint.step / self.simulation.every + 1).unwrap_or(usize::MAX);
+        self.truncate(rows);
+        Ok(())
+    }
+
+    /// Begins anew, with other instances.
+    fn restart(&mut self) -> Result<(), RunError> {
+        let instances = Modules::new(self.modules, self.descriptions.clone());
+        self.checkpoints.clear();
+        self.session = Session::new(&self.simulation, &self.run, &instances)?;
+        self.overwrites.clear();
+        self.driver.clone_from(&self.first_driver);
+        self.truncate(0);
+        self.record();
+        Ok(())
+    }
+
+    fn truncate(&mut self, rows: usize) {
+        self.recording.time.truncate(rows);
+        self.recording.columns.iter_mut().flatten().for_each(|column| column.truncate(rows));
+    }
+
+    /// Stops a system whose code has failed elsewhere.
+    pub(crate) fn fail(&mut self, message: &str) {
+        let time = self.time();
+        self.stopped = Some(Stopped { time, component: String::new(), message: message.to_owned() });
+    }
+}
+
+/// A number as a value of a variable.
+pub(crate) fn converted(variable: &Variable, value: f64) -> Value {
+    use fmu_import::description::BaseType;
+    match variable.base_type {
+        BaseType::Integer => Value::Integer(value.round() as i32),
+        BaseType::Boolean => Value::Boolean(value > 0.5),
+        _ => Value::Real(value),
+    }
+}
+
+fn stopped(error: &RunError) -> Stopped {
+    let component = match &*error.cause {
+        FmusError::Fmu(FmuError::Call(CallError { instance, .. })) => instance.clone(),
+        _ => String::new(),
+    };
+    Stopped { time: error.time.unwrap_or(0.0), component, message: error.cause.to_string() }
+}

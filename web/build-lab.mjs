@@ -1,0 +1,95 @@
+// Bundles the lab: a static site that needs no server. Called by scripts/lab.
+//
+//   node build-lab.mjs --in FOLDER --out FOLDER [--worker FILE]
+//
+// The first folder has core.wasm, texts.json ({path: text} of scenarios and what they include) and fmus/NAME.fmu with binaries for
+// wasm32. The site is index.html, lab.js, lab.css, and for each FMU fmus/NAME.module.js, loaded when a system needs it, and
+// fmus/NAME.documentation.js, loaded when it is read. Everything is in scripts, because a page from file:// may not fetch other files.
+import { mkdirSync, readFileSync, readdirSync, rmSync, writeFileSync } from "node:fs";
+import { basename, join } from "node:path";
+import { parseArgs } from "node:util";
+import { deflateRawSync, inflateRawSync } from "node:zlib";
+import { build } from "esbuild";
+
+const { values: options } = parseArgs({
+  options: { in: { type: "string" }, out: { type: "string" }, worker: { type: "string", default: "lab/src/engine/worker.ts" } },
+});
+if (options.in === undefined || options.out === undefined) throw new Error("usage: node build-lab.mjs --in FOLDER --out FOLDER");
+
+/** Reads the files of a ZIP archive on demand. */
+function archive(path) {
+  const bytes = readFileSync(path);
+  const end = bytes.lastIndexOf("PK\x05\x06", undefined, "latin1");
+  const entries = new Map();
+  let at = bytes.readUInt32LE(end + 16);
+  for (let count = bytes.readUInt16LE(end + 10); count > 0; count--) {
+    const lengths = [28, 30, 32].map((offset) => bytes.readUInt16LE(at + offset));
+    const name = bytes.toString("utf8", at + 46, at + 46 + lengths[0]);
+    entries.set(name, { method: bytes.readUInt16LE(at + 10), size: bytes.readUInt32LE(at + 20), header: bytes.readUInt32LE(at + 42) });
+    at += 46 + lengths[0] + lengths[1] + lengths[2];
+  }
+  return (name) => {
+    const entry = entries.get(name);
+    if (entry === undefined) return null;
+    const begin = entry.header + 30 + bytes.readUInt16LE(entry.header + 26) + bytes.readUInt16LE(entry.header + 28);
+    const data = bytes.subarray(begin, begin + entry.size);
+    return entry.method === 0 ? data : inflateRawSync(data);
+  };
+}
+
+/** Bytes as text of a script: compressed, because base64 alone compresses badly on a server. */
+const packed = (bytes) => deflateRawSync(bytes, { level: 9 }).toString("base64");
+
+const fmus = readdirSync(join(options.in, "fmus"))
+  .filter((file) => file.endsWith(".fmu"))
+  .map((file) => {
+    const read = archive(join(options.in, "fmus", file));
+    const name = basename(file, ".fmu");
+    const module = read(`binaries/wasm32-unknown-unknown/${name}.wasm`);
+    if (module === null) throw new Error(`${file} has no binary for wasm32: pack it with --platforms wasm32`);
+    return {
+      name,
+      description: read("modelDescription.xml").toString("utf8"),
+      documentation: { html: read("documentation/index.html")?.toString("utf8") ?? "", picture: read("model.png")?.toString("base64") ?? "" },
+      module: packed(module),
+    };
+  });
+
+const bundled = { bundle: true, minify: true, format: "iife", target: "es2022", charset: "utf8", write: false, legalComments: "none" };
+const worker = await build({ ...bundled, entryPoints: [options.worker] });
+
+/** What the page contains besides its code. */
+const data = {
+  core: packed(readFileSync(join(options.in, "core.wasm"))),
+  worker: worker.outputFiles[0].text,
+  texts: packed(readFileSync(join(options.in, "texts.json"))),
+  descriptions: packed(Buffer.from(JSON.stringify(Object.fromEntries(fmus.map(({ name, description }) => [name, description]))))),
+  names: fmus.map(({ name }) => name),
+};
+const dataModule = {
+  name: "data",
+  setup(builder) {
+    builder.onResolve({ filter: /^lab:data$/ }, () => ({ path: "data", namespace: "lab" }));
+    builder.onLoad({ filter: /.*/, namespace: "lab" }, () => ({ contents: JSON.stringify(data), loader: "json" }));
+  },
+};
+
+const license = (name) => `${name}: ${readFileSync(`node_modules/${name}/LICENSE`, "utf8").trim()}`;
+const notice = `/*! ${license("uplot")}\n\n${license("three")} */`;
+const page = await build({
+  ...bundled,
+  entryPoints: { lab: "lab/src/main.ts" },
+  outdir: options.out,
+  plugins: [dataModule],
+  banner: { js: notice, css: notice },
+});
+
+rmSync(join(options.out, "fmus"), { recursive: true, force: true });
+mkdirSync(join(options.out, "fmus"), { recursive: true });
+for (const file of page.outputFiles) writeFileSync(file.path, file.contents);
+writeFileSync(join(options.out, "index.html"), readFileSync("lab/src/index.html"));
+for (const { name, documentation, module } of fmus) {
+  const write = (kind, content) => writeFileSync(join(options.out, "fmus", `${name}.${kind}.js`), `chassisLab.register(${JSON.stringify(`${name}.${kind}`)}, ${JSON.stringify(content)});\n`);
+  write("module", module);
+  write("documentation", documentation);
+}

@@ -1,0 +1,72 @@
+/** Which controllers are chosen together: those that one reads signals of, without those that write the same signals. */
+
+import type { Controller, Vehicle } from "./protocol";
+
+/** Chosen controllers of a vehicle. Changes keep the choice consistent. */
+export class Choice {
+  readonly #chosen: Set<string>;
+
+  constructor(
+    readonly vehicle: Vehicle,
+    chosen: string[],
+  ) {
+    this.#chosen = new Set(chosen);
+  }
+
+  get names(): string[] {
+    return [...this.#chosen];
+  }
+
+  has(name: string): boolean {
+    return this.#chosen.has(name);
+  }
+
+  #of(name: string): Controller | undefined {
+    return this.vehicle.controllers.find(({ fmu }) => fmu === name);
+  }
+
+  #excludes(one: string, other: string): boolean {
+    return (this.#of(one)?.excludes.includes(other) ?? false) || (this.#of(other)?.excludes.includes(one) ?? false);
+  }
+
+  /**
+   * What a controller still needs. Needs that exclude each other are alternatives, because they write the same signal: one is enough, those that the
+   * vehicle has by default come first.
+   */
+  missing(name: string): string[] {
+    const needs = (this.#of(name)?.needs ?? []).filter((need) => !this.#excludes(name, need));
+    const rank = (need: string) => (this.#chosen.has(need) ? 0 : this.vehicle.defaults.includes(need) ? 1 : 2);
+    const taken: string[] = [];
+    for (const need of [...needs].sort((a, b) => rank(a) - rank(b))) {
+      if (!taken.some((other) => this.#excludes(need, other))) taken.push(need);
+    }
+    return taken.filter((need) => !this.#chosen.has(need));
+  }
+
+  /** What a controller would replace. */
+  replaced(name: string): string[] {
+    return this.names.filter((other) => other !== name && this.#excludes(name, other));
+  }
+
+  add(name: string): void {
+    if (this.#chosen.has(name)) return;
+    for (const other of this.replaced(name)) this.#chosen.delete(other);
+    this.#chosen.add(name);
+    for (const need of this.missing(name)) this.add(need);
+    this.#dropIncomplete();
+  }
+
+  remove(name: string): void {
+    this.#chosen.delete(name);
+    this.#dropIncomplete();
+  }
+
+  /** Takes out controllers that have lost what they need. */
+  #dropIncomplete(): void {
+    for (;;) {
+      const incomplete = this.names.find((name) => this.missing(name).length > 0);
+      if (incomplete === undefined) return;
+      this.#chosen.delete(incomplete);
+    }
+  }
+}

@@ -1,0 +1,202 @@
+// The engine of the lab: answers the page's requests, and lets the systems run in real time.
+import type { Event, Opened, Request, Response } from "../protocol";
+import { Core, Failure } from "./core";
+
+/** Wall-clock time of one turn, ms: messages are read between turns. */
+const TURN = 12;
+const FAST_TURN = 50;
+/** Simulated time that the systems are advanced by in turns, s. */
+const SLICE = 0.02;
+/** Longest time between two states of the clock, ms. */
+const CLOCK = 100;
+
+export type Post = (message: Response | Event, transfer: Transferable[]) => void;
+
+export class Engine {
+  #core: Core | null = null;
+  #opened: Opened | null = null;
+  readonly #post: Post;
+  #rate = 0;
+  #failed: boolean[] = [];
+  #over: boolean[] = [];
+  #branch = 0;
+  /** Time of the latest way back, until the simulation goes on. */
+  #from: number | null = null;
+  /** Wall-clock time up to which the simulated time was reached, ms. */
+  #reached = 0;
+  #told = 0;
+  #scheduled = false;
+
+  constructor(post: Post) {
+    this.#post = post;
+  }
+
+  receive(request: Request): void {
+    const id = "id" in request ? request.id : null;
+    try {
+      this.#answer(request);
+    } catch (error) {
+      const message = error instanceof Error ? error.message : String(error);
+      const help = error instanceof Failure ? error.help : "";
+      if (id === null) console.error(message);
+      else this.#post({ kind: "error", id, message, help }, []);
+    }
+  }
+
+  get #running(): Core {
+    if (this.#core === null) throw new Error("the first request must be `start`");
+    return this.#core;
+  }
+
+  #answer(request: Request): void {
+    switch (request.kind) {
+      case "start": {
+        this.#core = new Core(request.core);
+        this.#add(request.fmus);
+        const descriptions = Object.fromEntries(request.fmus.map((fmu) => [fmu.name, fmu.description]));
+        return this.#post({ kind: "started", id: request.id, catalog: this.#core.start(descriptions, request.texts) }, []);
+      }
+      case "add":
+        this.#add(request.fmus);
+        return this.#post({ kind: "added", id: request.id }, []);
+      case "drop": {
+        const { name, catalog } = this.#running.drop(request.name, request.archive);
+        return this.#post({ kind: "dropped", id: request.id, name, catalog }, []);
+      }
+      case "open":
+        return this.#open(request);
+      case "play":
+        return this.#play(request.rate);
+      case "seek": {
+        const time = this.#running.seek(request.time);
+        this.#from = time;
+        this.#failed = this.#failed.map((_, index) => this.#running.failure(index) !== null);
+        this.#over = this.#over.map(() => false);
+        this.#post({ kind: "sought", id: request.id, time }, []);
+        return this.#tell();
+      }
+      case "set":
+        return this.#running.set(request.system, request.adjustable, request.value);
+      case "drive":
+        return this.#running.drive(request.driving);
+      case "metrics":
+        return this.#post({ kind: "metrics", id: request.id, metrics: this.#running.metrics() }, []);
+      case "csv":
+      case "ssp": {
+        const [name, bytes] = this.#running.file(request.kind, request.system);
+        return this.#post({ kind: "file", id: request.id, name, bytes }, [bytes.buffer]);
+      }
+      case "describe":
+        return this.#post({ kind: "described", id: request.id, variables: this.#running.describe(request.fmu) }, []);
+    }
+  }
+
+  #add(fmus: { name: string; module: Uint8Array | null }[]): void {
+    for (const { name, module } of fmus) if (module !== null) this.#running.addModule(name, module);
+  }
+
+  #open(request: Extract<Request, { kind: "open" }>): void {
+    this.#rate = 0;
+    const opened = this.#running.open(request.setup);
+    if ("missing" in opened) return this.#post({ kind: "needs", id: request.id, missing: opened.missing }, []);
+    this.#opened = opened;
+    this.#branch = 0;
+    this.#from = null;
+    this.#failed = opened.systems.map(() => false);
+    this.#over = opened.systems.map(() => false);
+    this.#post({ kind: "opened", id: request.id, opened }, []);
+    this.#sendRows();
+    this.#tell();
+  }
+
+  #play(rate: number): void {
+    if (this.#opened === null) return;
+    this.#rate = rate;
+    this.#reached = performance.now();
+    if (rate > 0) this.#schedule();
+    this.#tell();
+  }
+
+  #schedule(): void {
+    if (this.#scheduled) return;
+    this.#scheduled = true;
+    setTimeout(() => {
+      this.#scheduled = false;
+      this.#turn();
+    }, this.#rate === Number.POSITIVE_INFINITY ? 0 : 4);
+  }
+
+  /** Advances the systems to where they should be by now, as far as the turn lasts. */
+  #turn(): void {
+    if (this.#opened === null || this.#rate <= 0) return;
+    const { step } = this.#opened;
+    const begin = performance.now();
+    const end = begin + (this.#rate === Number.POSITIVE_INFINITY ? FAST_TURN : TURN);
+    const wanted = this.#rate === Number.POSITIVE_INFINITY ? Number.POSITIVE_INFINITY : ((begin - this.#reached) / 1000) * this.#rate;
+    let steps = Math.floor(wanted / step);
+    const slice = Math.max(1, Math.round(SLICE / step));
+    if (steps > 0) this.#begin();
+    let done = 0;
+    while (steps > 0 && this.#isActive && performance.now() < end) {
+      const now = Math.min(steps, slice);
+      this.#advance(now);
+      steps -= now;
+      done += now;
+    }
+    // What a turn does not manage is not caught up: the simulation is slower than it should be.
+    this.#reached = steps > 0 || done === 0 ? (done === 0 ? this.#reached : performance.now()) : this.#reached + ((done * step) / this.#rate) * 1000;
+    this.#sendRows();
+    if (!this.#isActive) {
+      this.#rate = 0;
+      return this.#tell();
+    }
+    if (performance.now() - this.#told >= CLOCK) this.#tell();
+    this.#schedule();
+  }
+
+  get #isActive(): boolean {
+    return this.#failed.some((failed, index) => !failed && !this.#over[index]);
+  }
+
+  /** The simulation goes on: after a way back in a branch of its own. */
+  #begin(): void {
+    if (this.#from === null) return;
+    this.#branch += 1;
+    this.#post({ kind: "branch", branch: this.#branch, from: this.#from }, []);
+    this.#from = null;
+  }
+
+  #advance(steps: number): void {
+    this.#failed.forEach((failed, system) => {
+      if (failed || this.#over[system]) return;
+      const done = this.#running.advance(system, steps);
+      if (done < 0) {
+        this.#failed[system] = true;
+        this.#sendRows();
+        const failure = this.#running.failure(system);
+        this.#post({ kind: "failed", system, time: failure?.time ?? this.#running.time(system), component: failure?.component ?? "", message: failure?.message ?? "" }, []);
+      } else if (done < steps) {
+        this.#over[system] = true;
+      }
+    });
+  }
+
+  #sendRows(): void {
+    this.#opened?.systems.forEach(({ columns }, system) => {
+      const { count, data } = this.#running.rows(system, columns.length + 1);
+      if (count > 0) this.#post({ kind: "rows", system, branch: this.#branch, count, data }, [data.buffer]);
+    });
+  }
+
+  #tell(): void {
+    if (this.#opened === null) return;
+    this.#told = performance.now();
+    const times = this.#opened.systems.map((_, system) => this.#running.time(system));
+    this.#post({ kind: "clock", time: Math.max(...times), rate: this.#rate, playing: this.#rate > 0 }, []);
+  }
+
+  /** The core, for measurements. */
+  get core(): Core | null {
+    return this.#core;
+  }
+}

@@ -1,0 +1,59 @@
+// A memory of WebAssembly with views that are made anew when it grows.
+
+const DECODER = new TextDecoder();
+const ENCODER = new TextEncoder();
+
+export class Memory {
+  #buffer: ArrayBuffer;
+  bytes: Uint8Array;
+  words: Uint32Array;
+  doubles: Float64Array;
+
+  constructor(readonly memory: WebAssembly.Memory) {
+    this.#buffer = memory.buffer;
+    this.bytes = new Uint8Array(this.#buffer);
+    this.words = new Uint32Array(this.#buffer);
+    this.doubles = new Float64Array(this.#buffer);
+  }
+
+  /** This memory with valid views. To be called after everything that may have made it grow. */
+  get now(): this {
+    const buffer = this.memory.buffer;
+    if (buffer !== this.#buffer) {
+      this.#buffer = buffer;
+      this.bytes = new Uint8Array(buffer);
+      this.words = new Uint32Array(buffer);
+      this.doubles = new Float64Array(buffer);
+    }
+    return this;
+  }
+
+  word(address: number): number {
+    return this.now.words[address >>> 2] ?? 0;
+  }
+
+  setWord(address: number, value: number): void {
+    this.now.words[address >>> 2] = value;
+  }
+
+  /** Length of a C string. */
+  length(address: number): number {
+    const end = this.now.bytes.indexOf(0, address);
+    return (end < 0 ? this.bytes.length : end) - address;
+  }
+
+  /** A C string; empty for null. */
+  text(address: number): string {
+    return address === 0 ? "" : this.slice(address, this.length(address));
+  }
+
+  /** Text of a known length. */
+  slice(address: number, length: number): string {
+    return DECODER.decode(this.now.bytes.subarray(address, address + length));
+  }
+}
+
+/** A C string. */
+export function cString(text: string): Uint8Array {
+  return ENCODER.encode(`${text}\0`);
+}

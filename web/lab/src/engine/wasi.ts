@@ -1,0 +1,49 @@
+// What compilers of C link into a module although an FMU needs no system: functions of WASI (preview 1) that find nothing.
+import type { Memory } from "./memory";
+
+const BAD_DESCRIPTOR = 8;
+
+const FUNCTIONS = (memory: () => Memory | null): Record<string, (...parameters: number[]) => number> => {
+  const zero = (...addresses: number[]): number => {
+    addresses.forEach((address) => memory()?.setWord(address, 0));
+    return 0;
+  };
+  return {
+    args_get: () => 0,
+    args_sizes_get: (count = 0, size = 0) => zero(count, size),
+    environ_get: () => 0,
+    environ_sizes_get: (count = 0, size = 0) => zero(count, size),
+    clock_time_get: () => BAD_DESCRIPTOR,
+    fd_close: () => BAD_DESCRIPTOR,
+    fd_fdstat_get: () => BAD_DESCRIPTOR,
+    fd_fdstat_set_flags: () => BAD_DESCRIPTOR,
+    fd_prestat_get: () => BAD_DESCRIPTOR,
+    fd_prestat_dir_name: () => BAD_DESCRIPTOR,
+    fd_read: () => BAD_DESCRIPTOR,
+    fd_seek: () => BAD_DESCRIPTOR,
+    path_open: () => BAD_DESCRIPTOR,
+    // What is printed goes nowhere, and all of it was written.
+    fd_write: (_descriptor = 0, vectors = 0, count = 0, written = 0) => {
+      let size = 0;
+      for (let i = 0; i < count; i++) size += memory()?.word(vectors + 8 * i + 4) ?? 0;
+      memory()?.setWord(written, size);
+      return 0;
+    },
+    proc_exit: (code = 0) => {
+      throw new Error(`it ended itself with exit code ${code}`);
+    },
+  };
+};
+
+/** The imports that a module can have. */
+export function wasi(memory: () => Memory | null): Record<string, Record<string, (...parameters: number[]) => number | undefined>> {
+  return { wasi_snapshot_preview1: FUNCTIONS(memory), env: { emscripten_notify_memory_growth: () => undefined } };
+}
+
+/** Imports of a module that the lab does not have. */
+export function unknownImports(module: WebAssembly.Module): string[] {
+  const known = wasi(() => null);
+  return WebAssembly.Module.imports(module)
+    .filter(({ module: from, name, kind }) => kind !== "function" || known[from]?.[name] === undefined)
+    .map(({ module: from, name }) => `${from}.${name}`);
+}

@@ -1,0 +1,81 @@
+/** The FMUs beside the page. Their parts are scripts, because a page from `file://` may not read other files. */
+
+import { descriptions, names } from "lab:data";
+import type { FmuFile } from "./protocol";
+
+export interface Documentation {
+  /** Empty if it has none. */
+  html: string;
+  /** PNG, base64. */
+  picture: string;
+}
+
+/** What the scripts of an FMU contain: `module` is WebAssembly, packed. */
+interface Parts {
+  module: string;
+  documentation: Documentation;
+}
+
+const loaded = new Map<string, Promise<unknown>>();
+const waiting = new Map<string, (content: unknown) => void>();
+
+Object.assign(window, { chassisLab: { register: (name: string, content: unknown) => waiting.get(name)?.(content) } });
+
+/** Bytes that build-lab.mjs packed. */
+export async function unpack(base64: string): Promise<Uint8Array> {
+  const text = atob(base64);
+  const packed = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) packed[i] = text.charCodeAt(i);
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+export async function unpackJson<T>(base64: string): Promise<T> {
+  return JSON.parse(new TextDecoder().decode(await unpack(base64))) as T;
+}
+
+/** Whether an FMU is part of the lab; others were dropped by the visitor. */
+export const isOurs = (name: string): boolean => names.includes(name);
+
+let known: Promise<Record<string, string>> | null = null;
+const allDescriptions = () => (known ??= unpackJson<Record<string, string>>(descriptions));
+
+/** Descriptions of the FMUs in a sentence, by name; there when the engine has started. */
+const summaries = new Map<string, string>();
+
+/** An FMU in a sentence; empty if its description has none. */
+export const summary = (name: string): string => summaries.get(name) ?? "";
+
+export async function allFmus(): Promise<FmuFile[]> {
+  const parser = new DOMParser();
+  for (const [name, text] of Object.entries(await allDescriptions())) {
+    summaries.set(name, parser.parseFromString(text, "text/xml").documentElement.getAttribute("description") ?? "");
+  }
+  return Object.entries(await allDescriptions()).map(([name, description]) => ({ name, description, module: null }));
+}
+
+/** A part of an FMU, from its script. */
+export function part<K extends keyof Parts>(name: string, kind: K): Promise<Parts[K]> {
+  const key = `${name}.${kind}`;
+  let found = loaded.get(key);
+  if (found === undefined) {
+    found = new Promise<unknown>((resolve, reject) => {
+      const script = document.createElement("script");
+      waiting.set(key, resolve);
+      script.addEventListener("error", () => {
+        loaded.delete(key);
+        reject(new Error(`fmus/${key}.js cannot be loaded. It belongs beside this page.`));
+      });
+      script.src = `fmus/${key}.js`;
+      document.head.append(script);
+    });
+    loaded.set(key, found);
+  }
+  return found as Promise<Parts[K]>;
+}
+
+/** The files of FMUs with their modules. */
+export async function withModules(wanted: string[]): Promise<FmuFile[]> {
+  const texts = await allDescriptions();
+  return Promise.all(wanted.map(async (name) => ({ name, description: texts[name] ?? "", module: await unpack(await part(name, "module")) })));
+}

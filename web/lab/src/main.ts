@@ -1,0 +1,119 @@
+/** The lab: makes the parts and connects them. */
+
+import "uplot/dist/uPlot.min.css";
+import "./lab.css";
+import { byId, isControl, reducedMotion } from "./dom";
+import { decode } from "./link";
+import { Messages } from "./messages";
+import { Model } from "./model";
+import { AdjustPanel } from "./panels/adjust";
+import { DrivingPanel } from "./panels/driving";
+import { MetricsPanel } from "./panels/metrics";
+import { ReaderPanel } from "./panels/reader";
+import { SetupPanel } from "./panels/setup";
+import { SharePanel } from "./panels/share";
+import { Transport } from "./panels/transport";
+import { Plots } from "./plots";
+import type { Setup } from "./protocol";
+import { Stage } from "./stage";
+import { Traces } from "./traces";
+
+/** A frame after a pause of the browser counts as this long, s. */
+const LONGEST_FRAME = 0.1;
+
+const model = new Model();
+new Messages(model);
+const traces = new Traces(model);
+const plots = new Plots(model, traces, byId("plots"), byId("plot-tools"), byId("traces"));
+const stage = new Stage(model, traces, () => plots.retrace());
+const transport = new Transport(model, byId("transport"), () => {
+  const setup = model.currentSetup();
+  if (setup !== null) void run(setup);
+});
+const driving = new DrivingPanel(model, byId("driving"));
+const metrics = new MetricsPanel(model, byId("metrics"));
+new SetupPanel(model, byId("setup"));
+new AdjustPanel(model, byId("adjust"), byId("adjust-tools"));
+new SharePanel(model, byId("share"));
+new ReaderPanel(model, byId("reader"), byId("reader-tools"));
+
+async function run(setup: Setup, plays = true): Promise<boolean> {
+  const isOpen = await model.open(setup);
+  if (isOpen && plays) await model.play();
+  return isOpen;
+}
+
+/** The setup of the link; without a usable one that of the first vehicle. */
+async function openLink(plays: boolean): Promise<void> {
+  const { catalog } = model;
+  const first = catalog?.vehicles.find(({ fmu }) => fmu === "RescueVehicle") ?? catalog?.vehicles[0];
+  if (catalog === null || first === undefined) return;
+  let setup: Setup | null = null;
+  try {
+    setup = decode(location.hash, catalog);
+  } catch (error) {
+    model.report(error);
+  }
+  if (setup === null || !(await run(setup, plays))) await run(model.defaultSetup(first), plays);
+}
+
+model.on("opened", () => {
+  const { opened, setup, catalog } = model;
+  if (opened === null || setup === null || catalog === null) return;
+  const { system } = setup;
+  const what =
+    system.kind === "scenario"
+      ? (catalog.scenarios.find(({ id }) => id === system.scenario)?.title ?? system.scenario)
+      : (catalog.maneuvers.find(({ id }) => id === system.maneuver)?.title ?? "");
+  const title = model.titleOf(0);
+  byId("title").textContent = `${title} · ${what}`;
+  document.body.dataset["state"] = "open";
+  byId("status").textContent = `Opened: ${title}, ${what}`;
+  const fmus = opened.origin.map(({ fmu, version, guid }) => `${fmu} ${version} ${guid}`);
+  byId("origin").textContent = fmus.join(" · ");
+});
+model.on("message", () => {
+  if (model.opened === null) byId("cover").textContent = "The models could not be opened.";
+});
+
+window.addEventListener("hashchange", () => void openLink(true));
+window.addEventListener("keydown", (event) => {
+  if (event.key !== " " || isControl(event.target) || event.ctrlKey || event.metaKey || event.altKey) return;
+  event.preventDefault();
+  if (model.playing) model.pause();
+  else void model.play();
+});
+
+/** Nobody watches a hidden page: the simulation waits. */
+let wasPlaying = false;
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) {
+    wasPlaying = model.playing;
+    model.pause();
+  } else if (wasPlaying) void model.play();
+});
+
+let last = performance.now();
+function frame(now: number): void {
+  const seconds = Math.min(LONGEST_FRAME, (now - last) / 1000);
+  last = now;
+  driving.frame(seconds);
+  model.advance(seconds);
+  stage.frame(seconds);
+  transport.frame();
+  plots.frame(now);
+  metrics.frame(now);
+  requestAnimationFrame(frame);
+}
+requestAnimationFrame(frame);
+
+async function start(): Promise<void> {
+  try {
+    await model.start();
+    // Who asked for less motion starts it.
+    await openLink(!reducedMotion.matches);
+  } catch (error) {
+    model.report(error);
+  }
+}
+void start();

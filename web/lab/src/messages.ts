@@ -1,0 +1,40 @@
+/** Messages of the lab: errors stay until they are closed. */
+
+import { byId, element } from "./dom";
+import type { Message, Model } from "./model";
+
+/** How long an information stays, ms. */
+const STAY = 8000;
+/** More messages than these push the oldest one out. */
+const MOST = 3;
+
+export class Messages {
+  readonly #root = byId("messages");
+
+  constructor(model: Model) {
+    model.on("message", (message) => this.#show(message));
+    model.on("failed", ({ title, time, component, message }) => {
+      const others = (model.opened?.systems.length ?? 1) > 1 ? " The other system goes on." : "";
+      this.#show({ level: "error", text: `${title}: ${component} failed at ${time.toFixed(3)} s: ${message}`, help: `Rewind, or change the setup.${others}` });
+    });
+    // What was reported about the former system does not hold for the new one; errors of a restart stay.
+    model.on("opened", () => {
+      for (const one of [...this.#root.children]) if ((one as HTMLElement).dataset["level"] === "failed") one.remove();
+    });
+  }
+
+  #show({ level, text, help }: Message): void {
+    for (const one of [...this.#root.children]) if ((one as HTMLElement).dataset["text"] === text) one.remove();
+    const close = element("button", { type: "button", className: "plain", textContent: "×" });
+    close.setAttribute("aria-label", "Close the message");
+    const content = element("p", {}, text);
+    if (help !== "") content.append(" ", element("span", { className: "help", textContent: help }));
+    const message = element("div", { className: `message ${level}` }, content, close);
+    message.setAttribute("role", level === "error" ? "alert" : "status");
+    message.dataset["text"] = text;
+    close.addEventListener("click", () => message.remove());
+    this.#root.append(message);
+    while (this.#root.childElementCount > MOST) this.#root.firstElementChild!.remove();
+    if (level === "info") setTimeout(() => message.remove(), STAY);
+  }
+}

@@ -1,0 +1,93 @@
+/** Sliders of tunable parameters and of inputs, which act while the simulation runs. */
+
+import { element } from "../dom";
+import type { Model } from "../model";
+import type { Adjustable } from "../protocol";
+import { type Slider, button, slider } from "./controls";
+
+/** With more sliders than this, a field finds them by name. */
+const MANY = 8;
+
+export class AdjustPanel {
+  readonly #sliders = new Map<string, Slider>();
+  readonly #search = element("input", { type: "search", placeholder: "Find a value" });
+  readonly #list = element("div", { className: "sliders" });
+  readonly #reset: HTMLButtonElement;
+
+  constructor(
+    readonly model: Model,
+    readonly root: HTMLElement,
+    tools: HTMLElement,
+  ) {
+    this.#search.setAttribute("aria-label", "Find a value by its name");
+    this.#search.addEventListener("input", () => this.#filter());
+    this.#reset = button("Reset", () => this.#resetAll());
+    this.#reset.title = "Sets all values to those of the start";
+    tools.append(this.#reset);
+    root.append(this.#search, this.#list);
+    model.on("opened", () => this.#open());
+    model.on("value", () => (this.#reset.disabled = this.model.changed.size === 0));
+  }
+
+  /** Adjustables of the first system; those of the second one alone cannot be changed. */
+  get #adjustables(): Adjustable[] {
+    return this.model.opened?.systems[0]?.adjustables ?? [];
+  }
+
+  #open(): void {
+    this.#sliders.clear();
+    this.#list.replaceChildren();
+    const components = new Map<string, Adjustable[]>();
+    for (const adjustable of this.#adjustables) {
+      const component = adjustable.id.split(":")[0]!;
+      const list = components.get(component) ?? [];
+      list.push(adjustable);
+      components.set(component, list);
+    }
+    const fmus = new Map(this.model.opened?.systems[0]?.components.map(({ name, fmu }) => [name, fmu]));
+    let isFirst = true;
+    for (const [component, adjustables] of components) {
+      const group = element("details", { open: isFirst });
+      const fmu = fmus.get(component);
+      group.append(element("summary", {}, element("b", { textContent: fmu ?? component }), element("small", { textContent: ` ${adjustables.length}` })));
+      for (const adjustable of adjustables) {
+        const one = slider(adjustable, this.model.changed.get(adjustable.id) ?? adjustable.value, (value) => this.model.set(adjustable.id, value));
+        one.root.dataset["id"] = adjustable.id;
+        this.#sliders.set(adjustable.id, one);
+        group.append(one.root);
+      }
+      this.#list.append(group);
+      isFirst = false;
+    }
+    const count = this.#adjustables.length;
+    if (count === 0) this.#list.append(element("p", { className: "note", textContent: "This system has no value that may change while it runs." }));
+    this.#search.hidden = count <= MANY;
+    this.#reset.hidden = count === 0;
+    this.#reset.disabled = this.model.changed.size === 0;
+    this.#filter();
+  }
+
+  #filter(): void {
+    const words = this.#search.hidden ? [] : this.#search.value.toLowerCase().split(/\s+/).filter((word) => word !== "");
+    for (const group of this.#list.querySelectorAll("details")) {
+      let count = 0;
+      for (const label of group.querySelectorAll<HTMLElement>(".slider")) {
+        const text = `${label.dataset["id"]} ${label.textContent}`.toLowerCase();
+        label.hidden = !words.every((word) => text.includes(word));
+        if (!label.hidden) count += 1;
+      }
+      group.hidden = count === 0;
+      if (words.length > 0) group.open = count > 0;
+    }
+  }
+
+  #resetAll(): void {
+    for (const adjustable of this.#adjustables) {
+      if (!this.model.changed.has(adjustable.id)) continue;
+      this.model.set(adjustable.id, adjustable.value);
+      this.#sliders.get(adjustable.id)?.set(adjustable.value);
+    }
+    this.model.changed.clear();
+    this.#reset.disabled = true;
+  }
+}

@@ -1,0 +1,90 @@
+/** The metrics of the run, updated while it runs. */
+
+import { text } from "../../../src/format";
+import { element, unitText } from "../dom";
+import type { Model } from "../model";
+import type { Metric } from "../protocol";
+
+/** Time between two updates while the simulation runs, ms. */
+const PERIOD = 1000;
+const VERDICTS = { pass: "✓ pass", fail: "× fail", info: "information" } as const;
+
+export class MetricsPanel {
+  #isWaiting = false;
+  #asked = 0;
+  #order = 0;
+  #isStale = false;
+  #shown = "";
+
+  constructor(
+    readonly model: Model,
+    readonly root: HTMLElement,
+  ) {
+    this.root.append(element("p", { className: "note", textContent: "Metrics follow when the simulation runs." }));
+    model.on("opened", () => {
+      this.#order += 1;
+      this.#isWaiting = false;
+      this.#isStale = true;
+      this.#asked = 0;
+    });
+    model.on("rows", () => (this.#isStale = true));
+  }
+
+  /** Called for each frame of the display. */
+  frame(now: number): void {
+    if (this.#isWaiting || !this.#isStale || this.model.opened === null) return;
+    if (this.model.playing && now < this.#asked + PERIOD) return;
+    this.#asked = now;
+    this.#isStale = false;
+    void this.#ask(this.#order);
+  }
+
+  async #ask(order: number): Promise<void> {
+    this.#isWaiting = true;
+    try {
+      const metrics = await this.model.metrics();
+      if (order === this.#order) this.#show(metrics);
+    } catch (error) {
+      if (order === this.#order) this.root.replaceChildren(element("p", { className: "note", textContent: `Metrics cannot be computed: ${(error as Error).message}` }));
+    } finally {
+      if (order === this.#order) this.#isWaiting = false;
+    }
+  }
+
+  #show(metrics: Metric[]): void {
+    const titles = (this.model.opened?.systems ?? []).map((_, i) => this.model.titleOf(i));
+    const shown = JSON.stringify([titles, metrics]);
+    if (shown === this.#shown) return;
+    this.#shown = shown;
+    if (metrics.length === 0) {
+      this.root.replaceChildren(element("p", { className: "note", textContent: "This maneuver has no metrics." }));
+      return;
+    }
+    const cell = (title: string, className = "") => element("th", { scope: "col", textContent: title, className });
+    const hasVerdicts = metrics.some(({ verdict }) => verdict !== null);
+    const head = element("tr", {}, cell("Metric"), ...titles.map((title) => cell(title, "number")), cell("Unit"), ...(hasVerdicts ? [cell("Verdict")] : []));
+    const rows = metrics.map((metric) => {
+      const name = element("th", { scope: "row" }, metric.title);
+      if (metric.definition !== "") name.append(element("small", { textContent: metric.definition }));
+      const values = titles.map((_, i) => {
+        const value = metric.values[i] ?? null;
+        const result = element("td", { className: "number", textContent: value === null ? "–" : text(value, 4) });
+        if (value === null && metric.reason !== "") result.append(element("small", { textContent: metric.reason }));
+        return result;
+      });
+      const verdict = element("td");
+      if (metric.verdict !== null) verdict.append(element("span", { className: `badge ${metric.verdict}`, textContent: VERDICTS[metric.verdict] }));
+      return element("tr", {}, name, ...values, element("td", { className: "unit", textContent: unitText(metric.unit) }), ...(hasVerdicts ? [verdict] : []));
+    });
+    const table = element("table", { className: "metrics" }, element("thead", {}, head), element("tbody", {}, ...rows));
+    const scroll = element("div", { className: "scroll", tabIndex: 0 }, table);
+    scroll.setAttribute("role", "region");
+    scroll.setAttribute("aria-labelledby", "metrics-title");
+    // Someone who reads the table keeps the place.
+    const left = this.root.querySelector(".scroll")?.scrollLeft ?? 0;
+    const hadFocus = this.root.contains(document.activeElement);
+    this.root.replaceChildren(scroll);
+    scroll.scrollLeft = left;
+    if (hadFocus) scroll.focus({ preventScroll: true });
+  }
+}

@@ -1,0 +1,123 @@
+/** Documentation and variables of the FMUs of the system. */
+
+import { element, field, fill } from "../dom";
+import { isOurs, part } from "../library";
+import type { Model } from "../model";
+import type { VariableInfo } from "../protocol";
+
+/** What a documentation may contain; it is HTML of a file. */
+const ALLOWED = new Set("A B BLOCKQUOTE BR CODE DD DIV DL DT EM H1 H2 H3 H4 H5 H6 HR I IMG LI OL P PRE SPAN STRONG SUB SUP TABLE TBODY TD TH THEAD TR UL".split(" "));
+
+/** The text of a documentation without scripts, styles and links to files that are not here. */
+function cleaned(html: string, picture: string): HTMLElement {
+  const { body } = new DOMParser().parseFromString(html, "text/html");
+  for (const one of [...body.querySelectorAll("*")]) {
+    if (!ALLOWED.has(one.tagName)) {
+      one.remove();
+      continue;
+    }
+    const image = one instanceof HTMLImageElement || one.tagName === "IMG";
+    const [target, alternative] = [one.getAttribute("href") ?? "", one.getAttribute("alt") ?? ""];
+    for (const { name } of [...one.attributes]) if (!["colspan", "rowspan", "class"].includes(name)) one.removeAttribute(name);
+    if (one.tagName === "A" && /^https:/.test(target)) one.setAttribute("href", target);
+    if (one.tagName === "PRE") one.setAttribute("tabindex", "0");
+    if (!image) continue;
+    if (picture === "") one.remove();
+    else {
+      one.setAttribute("src", `data:image/png;base64,${picture}`);
+      one.setAttribute("alt", alternative);
+      one.setAttribute("loading", "lazy");
+    }
+  }
+  // Headings of the page enclose those of the text.
+  const result = element("div", { className: "documentation" });
+  for (const child of [...body.childNodes]) result.append(document.adoptNode(child));
+  for (const heading of result.querySelectorAll("h1, h2, h3, h4")) {
+    const level = Math.min(6, Number(heading.tagName[1]) + 2);
+    heading.replaceWith(element(`h${level}` as "h3", {}, ...heading.childNodes));
+  }
+  for (const table of result.querySelectorAll("table")) {
+    const scroll = element("div", { className: "scroll", tabIndex: 0 });
+    table.replaceWith(scroll);
+    scroll.append(table);
+  }
+  return result;
+}
+
+export class ReaderPanel {
+  readonly #select = element("select");
+  readonly #part = element("select");
+  readonly #search = element("input", { type: "search", placeholder: "Find a variable" });
+  readonly #body = element("div");
+  #variables: VariableInfo[] = [];
+  #order = 0;
+
+  constructor(
+    readonly model: Model,
+    root: HTMLElement,
+    tools: HTMLElement,
+  ) {
+    fill(this.#part, [{ value: "documentation", title: "Documentation and equations" }, { value: "variables", title: "Variables" }], "documentation");
+    this.#search.setAttribute("aria-label", "Find a variable by its name or description");
+    this.#search.addEventListener("input", () => this.#showVariables());
+    for (const select of [this.#select, this.#part]) select.addEventListener("change", () => void this.#show());
+    tools.append(field("FMU", this.#select), field("Show", this.#part));
+    root.append(this.#search, this.#body);
+    model.on("opened", () => this.#open());
+  }
+
+  #open(): void {
+    const systems = this.model.opened?.systems ?? [];
+    const fmus = [...new Set(systems.flatMap(({ components }) => components.map(({ fmu }) => fmu)))];
+    const kept = fmus.includes(this.#select.value) ? this.#select.value : (fmus.find((fmu) => fmu === systems[0]?.vehicle) ?? fmus[0] ?? "");
+    const isSame = kept === this.#select.value && this.#body.childElementCount > 0;
+    fill(this.#select, fmus.map((fmu) => ({ value: fmu, title: fmu })), kept);
+    if (!isSame) void this.#show();
+  }
+
+  async #show(): Promise<void> {
+    const order = ++this.#order;
+    const fmu = this.#select.value;
+    if (fmu === "") return;
+    const isVariables = this.#part.value === "variables" || !isOurs(fmu);
+    this.#search.hidden = !isVariables;
+    try {
+      if (isVariables) {
+        const variables = await this.model.describe(fmu);
+        if (order !== this.#order) return;
+        this.#variables = variables;
+        this.#showVariables();
+      } else {
+        const { html, picture } = await part(fmu, "documentation");
+        if (order !== this.#order) return;
+        this.#showDocumentation(fmu, html, picture);
+      }
+    } catch (error) {
+      if (order === this.#order) this.#body.replaceChildren(element("p", { className: "note", textContent: (error as Error).message }));
+    }
+  }
+
+  #showDocumentation(fmu: string, html: string, picture: string): void {
+    if (html === "") {
+      this.#body.replaceChildren(element("p", { className: "note", textContent: `${fmu} has no documentation.` }));
+      return;
+    }
+    const scroll = element("div", { className: "text", tabIndex: 0 }, cleaned(html, picture));
+    scroll.setAttribute("role", "region");
+    scroll.setAttribute("aria-label", `Documentation of ${fmu}`);
+    this.#body.replaceChildren(scroll);
+  }
+
+  #showVariables(): void {
+    const words = this.#search.value.toLowerCase().split(/\s+/).filter((word) => word !== "");
+    const found = this.#variables.filter(({ name, description, causality }) => words.every((word) => `${name} ${description} ${causality}`.toLowerCase().includes(word)));
+    const head = ["Name", "Causality", "Start", "Unit", "Description"].map((title) => element("th", { scope: "col", textContent: title }));
+    const rows = found.map(({ name, causality, start, unit, description }) =>
+      element("tr", {}, element("th", { scope: "row" }, element("code", { textContent: name })), ...[causality, start, unit, description].map((text) => element("td", { textContent: text }))),
+    );
+    const scroll = element("div", { className: "scroll variables", tabIndex: 0 }, element("table", {}, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...rows)));
+    scroll.setAttribute("role", "region");
+    scroll.setAttribute("aria-label", "Variables");
+    this.#body.replaceChildren(element("p", { className: "note", textContent: `${found.length} of ${this.#variables.length} variables` }), scroll);
+  }
+}

@@ -1,0 +1,290 @@
+/** Plots of signals over time that grow while the simulation runs. */
+
+import uPlot from "uplot";
+import { text } from "../../src/format";
+import { color, darkMode, element, fill, unitText } from "./dom";
+import type { Model } from "./model";
+import type { Column } from "./protocol";
+import type { Trace, Traces } from "./traces";
+
+const HEIGHT = 190;
+/** Points of a line; more rows are thinned out. */
+const POINTS = 1600;
+/** Runs longer than this show their last part, s. */
+const WINDOW = 40;
+/** Least time between two drawings, ms. */
+const PERIOD = 90;
+const CURSOR = "lab";
+const PREFERRED = ["body.roll", "vehicle.lateral_acceleration", "vehicle.yaw_rate", "vehicle.load_transfer_ratio", "vehicle.speed", "vehicle.sideslip", "body.heave", "body.pitch"];
+
+class LivePlot {
+  readonly element = element("div", { className: "plot" });
+  readonly #select = element("select");
+  readonly #description = element("span", { className: "plot-note" });
+  readonly #readout = element("p", { className: "plot-readout" });
+  readonly #body = element("div", { className: "plot-body" });
+  readonly #now = element("div", { className: "now" });
+  #plot: uPlot | null = null;
+  /** The visitor's own is the last one, so that it is drawn over the others. */
+  #traces: Trace[] = [];
+  #numbers: HTMLElement[] = [];
+  #range: [number, number] = [0, 1];
+
+  constructor(
+    readonly model: Model,
+    readonly traces: Traces,
+    number: number,
+    public signal: string,
+    onRemove: () => void,
+  ) {
+    this.#select.setAttribute("aria-label", `Signal of plot ${number}`);
+    this.#select.addEventListener("change", () => {
+      this.signal = this.#select.value;
+      this.rebuild();
+    });
+    const remove = element("button", { type: "button", className: "plain", textContent: "×", title: "Remove this plot" });
+    remove.setAttribute("aria-label", `Remove plot ${number}`);
+    remove.addEventListener("click", onRemove);
+    this.#body.setAttribute("role", "img");
+    this.#now.hidden = true;
+    this.element.append(element("div", { className: "plot-head" }, this.#select, remove), this.#description, this.#readout, this.#body);
+    new ResizeObserver(() => this.#resize()).observe(this.#body);
+  }
+
+  get #column(): Column | undefined {
+    const columns = this.model.opened?.systems.flatMap((system) => system.columns) ?? [];
+    return columns.find(({ name }) => name === this.signal);
+  }
+
+  setSignals(columns: Column[]): void {
+    const group = (name: string) => name.replace(/^.*:/, "").split(".")[0]!.replaceAll("_", " ");
+    fill(this.#select, columns.map(({ name }) => ({ value: name, title: name, group: group(name) })), this.signal);
+  }
+
+  /** Makes the plot anew: for another signal, other lines or another theme. */
+  rebuild(): void {
+    const column = this.#column;
+    const width = this.#body.clientWidth;
+    this.#plot?.destroy();
+    this.#plot = null;
+    this.#description.textContent = column?.description ?? "";
+    this.#description.title = column?.description ?? "";
+    this.#body.setAttribute("aria-label", `${this.signal} over time`);
+    if (column === undefined || width === 0) return;
+    this.#traces = this.traces.shown.slice().reverse();
+    const unit = unitText(column.display.unit);
+    this.#writeKeys(unit);
+    // Once: reading a color computes the style of the page.
+    const [muted, grid] = [color("muted"), color("grid")];
+    const font = `11px ${getComputedStyle(document.body).fontFamily}`;
+    const axis = { stroke: muted, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font };
+    this.#plot = new uPlot(
+      {
+        width,
+        height: HEIGHT,
+        legend: { show: false },
+        padding: [8, 20, 0, 0],
+        scales: { x: { time: false, range: () => this.#range }, y: { range: (_, low, high) => this.#room(low, high) } },
+        series: [
+          {},
+          ...this.#traces.map((trace) => ({
+            stroke: this.traces.colorOf(trace),
+            width: trace.isOwn ? 1.8 : 1,
+            ...(trace.isOwn || trace.key === "twin" ? {} : { dash: [5, 3] }),
+            points: { show: false },
+          })),
+        ],
+        axes: [
+          { ...axis, size: 24, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : `${text(tick, 6)} s`)) },
+          { ...axis, size: 50, label: unit, labelSize: unit === "" ? 0 : 14, labelFont: font, labelGap: 0, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : text(tick, 5))) },
+        ],
+        cursor: { sync: { key: CURSOR, setSeries: false }, drag: { x: false, y: false }, points: { size: 6 }, y: false },
+        hooks: { setCursor: [() => this.read()] },
+      },
+      [[0], ...this.#traces.map(() => [null])] as uPlot.AlignedData,
+      this.#body,
+    );
+    this.#plot.over.append(this.#now);
+    this.#plot.over.addEventListener("click", () => {
+      const left = this.#plot?.cursor.left ?? -1;
+      if (left >= 0) this.model.scrub(this.#plot!.posToVal(left, "x"));
+    });
+    this.update();
+  }
+
+  #room(low: number | null, high: number | null): [number, number] {
+    const [bottom, top] = [low ?? 0, high ?? 0];
+    const least = 1e-6 * Math.max(1, Math.abs(bottom), Math.abs(top));
+    const room = Math.max(0.08 * (top - bottom), least);
+    return [bottom - room, top + room];
+  }
+
+  #resize(): void {
+    const width = this.#body.clientWidth;
+    if (width === 0) return;
+    if (this.#plot === null) this.rebuild();
+    else if (this.#plot.width !== width) this.#plot.setSize({ width, height: HEIGHT });
+    this.mark();
+  }
+
+  /** Draws the rows that there are. */
+  update(): void {
+    const { opened, recordings } = this.model;
+    const plot = this.#plot;
+    const column = this.#column;
+    if (plot === null || opened === null || column === undefined) return;
+    const ends = this.#traces.map(({ system, branch }) => recordings[system]?.end(branch) ?? 0);
+    const end = Math.max(0, ...ends);
+    const whole = Math.min(opened.stop, Math.max(end, opened.stop <= WINDOW ? opened.stop : 10));
+    const to = whole <= WINDOW ? whole : Math.max(WINDOW, Math.min(this.model.time + 0.1 * WINDOW, whole));
+    this.#range = [Math.max(0, to - WINDOW), to];
+    const step = opened.rowStep;
+    const [first, last] = [Math.floor(this.#range[0] / step), Math.min(Math.ceil(this.#range[1] / step), Math.round(end / step))];
+    const stride = Math.max(1, Math.ceil((last - first + 1) / POINTS));
+    // On the same rows each time, so that the line does not change its shape when it grows.
+    const begin = first - (first % stride);
+    const times: number[] = [];
+    for (let index = begin; index <= last; index += stride) times.push(index * step);
+    const values = this.#traces.map(({ system, branch }) => {
+      const recording = recordings[system];
+      return recording === undefined ? times.map(() => null) : recording.values(branch, recording.column(this.signal), begin, last, stride, column.display.factor);
+    });
+    plot.setData([times, ...values] as uPlot.AlignedData);
+    this.mark();
+    this.read();
+  }
+
+  /** Moves the line at the time shown. */
+  mark(): void {
+    const plot = this.#plot;
+    if (plot === null) return;
+    const left = plot.valToPos(this.model.time, "x");
+    // Without asking for the layout, which would be computed anew for each plot.
+    this.#now.hidden = !(left >= 0 && left <= plot.bbox.width / devicePixelRatio);
+    this.#now.style.transform = `translateX(${left}px)`;
+  }
+
+  /** Writes the values at the cursor, or at the time shown. */
+  read(): void {
+    const column = this.#column;
+    const plot = this.#plot;
+    const { opened, recordings } = this.model;
+    if (column === undefined || plot === null || opened === null) return;
+    const left = plot.cursor.left ?? -1;
+    const time = left >= 0 ? plot.posToVal(left, "x") : this.model.time;
+    this.#traces.forEach((trace, i) => {
+      const recording = recordings[trace.system];
+      const index = Math.round(time / opened.rowStep);
+      const value = recording?.values(trace.branch, recording.column(this.signal), index, index, 1, column.display.factor)[0] ?? null;
+      const written = value === null ? "–" : text(value, 4);
+      const number = this.#numbers[i]!;
+      if (number.textContent !== written) number.textContent = written;
+    });
+  }
+
+  /** Keys of the lines with their numbers. */
+  #writeKeys(unit: string): void {
+    this.#numbers = this.#traces.map(() => element("b"));
+    const entries = this.#traces.map((trace, i) => {
+      const key = element("i", { className: "key" });
+      key.style.background = `var(--${trace.color})`;
+      return element("span", { title: trace.title }, key, this.#numbers[i]!);
+    });
+    this.#readout.replaceChildren(...entries.reverse(), element("span", { textContent: unit }));
+  }
+
+  dispose(): void {
+    this.#plot?.destroy();
+    this.element.remove();
+  }
+}
+
+export class Plots {
+  #plots: LivePlot[] = [];
+  #signals: string[] = [];
+  #number = 0;
+  #drawn = 0;
+  #isStale = false;
+
+  constructor(
+    readonly model: Model,
+    readonly traces: Traces,
+    readonly root: HTMLElement,
+    tools: HTMLElement,
+    readonly switches: HTMLElement,
+  ) {
+    const add = element("button", { type: "button", textContent: "Add a plot" });
+    add.addEventListener("click", () => this.#add(this.#unused()));
+    tools.append(add);
+    model.on("opened", () => this.#open());
+    model.on("rows", () => (this.#isStale = true));
+    model.on("branch", () => this.retrace());
+    model.on("clock", () => (this.#isStale = true));
+    darkMode.addEventListener("change", () => this.retrace());
+  }
+
+  get #columns(): Column[] {
+    const found = new Map<string, Column>();
+    for (const system of this.model.opened?.systems ?? []) for (const column of system.columns) if (!found.has(column.name)) found.set(column.name, column);
+    return [...found.values()];
+  }
+
+  #unused(): string {
+    const names = this.#columns.map(({ name }) => name);
+    const used = this.#plots.map(({ signal }) => signal);
+    return [...PREFERRED.filter((name) => names.includes(name)), ...names].find((name) => !used.includes(name)) ?? names[0] ?? "";
+  }
+
+  #add(signal: string): void {
+    const plot: LivePlot = new LivePlot(this.model, this.traces, ++this.#number, signal, () => {
+      plot.dispose();
+      this.#plots = this.#plots.filter((one) => one !== plot);
+      (this.#plots[0]?.element.querySelector("select") ?? this.root.closest("section")?.querySelector<HTMLElement>("button"))?.focus();
+    });
+    this.#plots.push(plot);
+    this.root.append(plot.element);
+    plot.setSignals(this.#columns);
+    plot.rebuild();
+  }
+
+  /** Keeps the chosen signals that the new system has. */
+  #open(): void {
+    const columns = this.#columns;
+    const names = columns.map(({ name }) => name);
+    if (this.#plots.length === 0) {
+      this.#signals = [...PREFERRED.filter((name) => names.includes(name)), ...names].slice(0, 4);
+      for (const signal of this.#signals) this.#add(signal);
+    }
+    for (const plot of this.#plots) {
+      if (!names.includes(plot.signal)) plot.signal = this.#unused();
+      plot.setSignals(columns);
+    }
+    this.retrace();
+  }
+
+  /** Lines have changed. */
+  retrace(): void {
+    const boxes = this.traces.all.map((trace) => {
+      const box = element("input", { type: "checkbox", checked: !this.traces.hidden.has(trace.key) });
+      box.addEventListener("change", () => {
+        if (box.checked) this.traces.hidden.delete(trace.key);
+        else this.traces.hidden.add(trace.key);
+        for (const plot of this.#plots) plot.rebuild();
+      });
+      const key = element("i", { className: "key" });
+      key.style.background = `var(--${trace.color})`;
+      return element("label", { className: "check" }, box, key, element("span", { textContent: trace.title }));
+    });
+    this.switches.replaceChildren(...boxes);
+    for (const plot of this.#plots) plot.rebuild();
+  }
+
+  /** Called for each frame of the display. */
+  frame(now: number): void {
+    if (this.#isStale && now > this.#drawn + PERIOD) {
+      this.#isStale = false;
+      this.#drawn = now;
+      for (const plot of this.#plots) plot.update();
+    } else if (this.model.playing) for (const plot of this.#plots) plot.mark();
+  }
+}

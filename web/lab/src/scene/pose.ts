@@ -1,0 +1,86 @@
+/** Position and attitude of a vehicle and its wheels at a time, from signals. Signals that do not exist are zero. */
+
+import type { Recording } from "../recording";
+import type { Shape } from "../shape";
+
+export interface WheelPose {
+  /** Above static equilibrium, m. */
+  height: number;
+  steer: number;
+  spin: number;
+  /** Forces on the vehicle in the wheel's frame, N; `null` without a signal. */
+  load: number | null;
+  lateral: number | null;
+  longitudinal: number | null;
+}
+
+export interface Pose {
+  x: number;
+  y: number;
+  yaw: number;
+  heave: number;
+  roll: number;
+  pitch: number;
+  wheels: WheelPose[];
+  /** Height and pitch of the left and the right walking beam. */
+  beams: [number, number][];
+}
+
+export class PoseReader {
+  readonly #body: Record<"x" | "y" | "yaw" | "heave" | "roll" | "pitch", number>;
+  readonly #wheels: Record<keyof WheelPose, number>[];
+  readonly #beams: [number, number][];
+
+  constructor(
+    readonly recording: Recording,
+    shape: Shape,
+  ) {
+    const column = (...names: string[]) => recording.column(...names);
+    this.#body = {
+      x: column("vehicle.position_x"),
+      y: column("vehicle.position_y"),
+      yaw: column("vehicle.yaw"),
+      heave: column("body.heave"),
+      roll: column("body.roll"),
+      pitch: column("body.pitch"),
+    };
+    this.#wheels = shape.wheels.map(({ place, axle, side }, i) => {
+      // A half car has one wheel for each side.
+      const half = side > 0 ? "l" : "r";
+      return {
+        height: column(`wheel_height.${place}`, `wheel_height.${half}`),
+        steer: axle === "front" ? column("steer.front", "driver.steer") : column(`steer.${axle}`),
+        spin: recording.spinColumn(i),
+        load: column(`tire_load.${place}`, `tire_load.${half}`),
+        lateral: column(`tire_lateral_force.${place}`),
+        longitudinal: column(`tire_longitudinal_force.${place}`),
+      };
+    });
+    this.#beams = ["l", "r"].map((side) => [column(`beam_height.${side}`), column(`beam_pitch.${side}`)]);
+  }
+
+  read(branch: number, time: number): Pose {
+    const get = (column: number): number | null => {
+      const value = this.recording.at(branch, column, time);
+      return Number.isFinite(value) ? value : null;
+    };
+    const { x, y, yaw, heave, roll, pitch } = this.#body;
+    return {
+      x: get(x) ?? 0,
+      y: get(y) ?? 0,
+      yaw: get(yaw) ?? 0,
+      heave: get(heave) ?? 0,
+      roll: get(roll) ?? 0,
+      pitch: get(pitch) ?? 0,
+      wheels: this.#wheels.map((wheel) => ({
+        height: get(wheel.height) ?? 0,
+        steer: get(wheel.steer) ?? 0,
+        spin: get(wheel.spin) ?? 0,
+        load: get(wheel.load),
+        lateral: get(wheel.lateral),
+        longitudinal: get(wheel.longitudinal),
+      })),
+      beams: this.#beams.map(([height, angle]) => [get(height) ?? 0, get(angle) ?? 0]),
+    };
+  }
+}

@@ -1,0 +1,69 @@
+/** Dimensions of a vehicle for its drawing, from the parameters of its FMU. */
+
+import type { Vehicle } from "./protocol";
+import { wheelPlaces } from "./recording";
+
+export interface Wheel {
+  /** fl, fr, ml, mr, rl, rr */
+  place: string;
+  axle: "front" | "middle" | "rear";
+  /** 1: left, -1: right. */
+  side: 1 | -1;
+  x: number;
+  y: number;
+  /** Tires side by side. */
+  count: number;
+}
+
+export interface Shape {
+  kind: "rescue" | "truck" | "car";
+  wheels: Wheel[];
+  radius: number;
+  /** Width of one tire, m. */
+  width: number;
+  track: number;
+  /** Positions of the foremost and the rearmost axle, m. */
+  front: number;
+  rear: number;
+  /** Height of the roll axis, m. */
+  rollAxis: number;
+  /** Walking beams: middle and length, m; `null` without. */
+  beam: { x: number; length: number; z: number } | null;
+  /** Static load of a wheel for the scale of forces, N. */
+  load: number;
+}
+
+export function shapeOf(vehicle: Vehicle): Shape {
+  const get = (...names: string[]): number | undefined => names.map((name) => vehicle.parameters[name]).find((value) => value !== undefined);
+  const places = wheelPlaces(vehicle);
+  const half = get("geometry.half_track.left");
+  const track = get("geometry.track") ?? (half === undefined ? 1.6 : half + (get("geometry.half_track.right") ?? half));
+  const mass = get("vehicle.mass", "body.mass") ?? 1500;
+  const hasThreeAxles = places.includes("ml");
+  const isLarge = hasThreeAxles || mass > 5000;
+  const front = get("geometry.cg_to_front_axle") ?? 1.3;
+  const spacing = get("geometry.middle_to_rear_axle") ?? 1.4;
+  const trunnion = get("geometry.cg_to_rear_suspension");
+  const middle = trunnion === undefined ? front - (get("geometry.front_to_middle_axle") ?? 3) : spacing / 2 - trunnion;
+  const rear = hasThreeAxles ? middle - spacing : -(get("geometry.cg_to_rear_axle") ?? 1.4);
+  const radius = get("wheel.radius", "geometry.wheel_center_height") ?? (isLarge ? 0.52 : 0.31);
+  const axles = { f: "front", m: "middle", r: "rear" } as const;
+  const wheels = places.map((place): Wheel => {
+    const axle = axles[place[0] as "f" | "m" | "r"];
+    const side = place[1] === "l" ? 1 : -1;
+    return { place, axle, side, x: { front, middle, rear }[axle], y: (side * track) / 2, count: get(`tire.count.${axle}`) ?? 1 };
+  });
+  const height = get("geometry.cg_height") ?? (isLarge ? 1.2 : 0.55);
+  return {
+    kind: !isLarge ? "car" : trunnion === undefined ? "rescue" : "truck",
+    wheels,
+    radius,
+    width: isLarge ? 0.32 : 0.2,
+    track,
+    front,
+    rear,
+    rollAxis: get("geometry.roll_center_height") ?? height - (get("geometry.body_cg_to_roll_axis") ?? height / 2),
+    beam: trunnion === undefined ? null : { x: -trunnion, length: spacing, z: radius },
+    load: (mass * 9.81) / Math.max(4, wheels.length),
+  };
+}

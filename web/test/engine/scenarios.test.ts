@@ -1,0 +1,52 @@
+// Every scenario of the library, one seed: the engine writes the file of `cargo fmu run`, byte by byte.
+//
+// CARGO_FMU names the command, FMUS the folder with native FMUs of the same sources.
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdtempSync, readdirSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { Client, ROOT } from "./lab";
+
+const COMMAND = process.env.CARGO_FMU ?? join(ROOT, "target/release/cargo-fmu");
+const NATIVE = process.env.FMUS ?? join(ROOT, "target/fmu");
+
+const client = new Client();
+let folder = "";
+
+before(async () => {
+  folder = mkdtempSync(join(tmpdir(), "lab-"));
+  await client.start();
+});
+after(() => rmSync(folder, { recursive: true }));
+
+test("all scenarios have the bytes of the native master", async (context) => {
+  const wanted = process.env.SCENARIOS?.split(",");
+  const scenarios = client.catalog?.scenarios.filter(({ id }) => wanted?.includes(id) ?? true) ?? [];
+  assert.ok(scenarios.length > 0);
+  for (const { id, cases, seeds } of scenarios) {
+    await context.test(id, async () => {
+      const out = join(folder, id);
+      execFileSync(COMMAND, ["fmu", "run", `scenarios/${id}.toml`, "--seeds", "1", "--out", out, "--fmus", NATIVE], { cwd: ROOT, stdio: "pipe" });
+      for (const { id: name } of cases) {
+        const seed = seeds[0] ?? 0;
+        await client.open({ system: { kind: "scenario", scenario: id, case: name, twin: null, seed }, values: {} });
+        await client.run();
+        const failed = client.events.find((event) => event.kind === "failed");
+        assert.equal(failed, undefined, JSON.stringify(failed));
+        const got = await client.csv();
+        // Of a sweep, the engine runs the first point.
+        const runs = join(out, id, "runs");
+        const files = readdirSync(runs).filter((file) => file === `${name}.csv` || (file.startsWith(`${name}_`) && file.endsWith(seeds.length > 0 ? `_${seed}.csv` : ".csv")));
+        const texts = files.map((file) => readFileSync(join(runs, file), "utf8"));
+        if (!texts.includes(got)) {
+          const expected = texts[0] ?? "";
+          const [a, b] = [got.split("\n"), expected.split("\n")];
+          const row = a.findIndex((line, index) => line !== b[index]);
+          assert.fail(`${id} ${name}: line ${row + 1} of ${a.length}/${b.length}:\n${a[row]}\n${b[row]}`);
+        }
+      }
+    });
+  }
+});

@@ -1,0 +1,168 @@
+// Systems of the lab in Node.js: every vehicle and maneuver, rewinding, driving, and measurements.
+import assert from "node:assert/strict";
+import { before, test } from "node:test";
+import { Client, free } from "./lab";
+
+const client = new Client();
+before(() => client.start());
+
+/** The last row of each column by name. */
+function last(system = 0, branch = 0): Record<string, number> {
+  const rows = client.rows(system, branch);
+  const columns = client.opened?.systems[system]?.columns ?? [];
+  return Object.fromEntries(columns.map(({ name }, index) => [name, rows.at(-1)?.[index + 1] ?? Number.NaN]));
+}
+
+/** Lets the systems run up to a time, s, unless they fail. */
+async function until(time: number): Promise<void> {
+  while (client.time < time && failures().length === 0) await client.play(Number.POSITIVE_INFINITY, 5);
+}
+
+function failures(): string[] {
+  return client.events.flatMap((event) => (event.kind === "failed" ? [`${event.system} ${event.time} ${event.component}: ${event.message}`] : []));
+}
+
+test("every vehicle runs every maneuver that it can drive, with its controllers", async (context) => {
+  for (const { fmu, defaults, maneuvers } of client.catalog?.vehicles ?? []) {
+    for (const id of maneuvers) {
+      await context.test(`${fmu} ${id}`, async () => {
+        const { systems } = await client.open(free(fmu, defaults, id));
+        assert.equal(systems.length, defaults.length > 0 ? 2 : 1);
+        await until(0.2);
+        assert.deepEqual(failures(), []);
+        assert.ok(client.time > 0.1, `${client.time} s`);
+        assert.ok(Object.values(last()).every(Number.isFinite));
+        for (const { title, values, reason } of await client.metrics()) {
+          assert.ok(title !== "" && (values[0] !== null || reason !== ""), `${title} has neither a value nor a reason`);
+        }
+      });
+    }
+  }
+});
+
+test("each controller can be swapped in alone with what it needs", async (context) => {
+  for (const { fmu, controllers } of client.catalog?.vehicles ?? []) {
+    for (const { fmu: controller, needs } of controllers) {
+      await context.test(`${fmu} with ${controller}`, async () => {
+        const chosen = new Set([controller]);
+        const add = (names: string[]): void => {
+          for (const name of names) {
+            const other = controllers.find((known) => known.fmu === name);
+            if (other === undefined || chosen.has(name) || other.excludes.some((excluded) => chosen.has(excluded))) continue;
+            chosen.add(name);
+            add(other.needs);
+          }
+        };
+        add(needs);
+        await client.open(free(fmu, [...chosen], "free"));
+        await until(0.2);
+        assert.deepEqual(failures(), []);
+        assert.ok(client.time > 0.1);
+      });
+    }
+  }
+});
+
+test("rewound and replayed, a run has the same rows; continued otherwise, another branch", async () => {
+  const setup = free("RescueVehicle", client.catalog?.vehicles.find(({ fmu }) => fmu === "RescueVehicle")?.defaults ?? [], "free", {}, "c");
+  await client.open(setup);
+  const drive = (steer: number) => client.engine.receive({ kind: "drive", driving: { steer, throttle: 0.2, brake: 0 } });
+  drive(0.1);
+  await until(4);
+  const original = client.rows(0, 0);
+  const { time } = await client.expect("sought", "seek", { time: 2.5 });
+  assert.ok(Math.abs(time - 2.5) < 1e-9);
+  await until(3.5);
+  const again = client.rows(0, 1);
+  assert.ok(again.length > 10);
+  const from = original.findIndex(([at]) => (at ?? 0) === again[0]?.[0]);
+  const common = Math.min(again.length, original.length - from);
+  assert.ok(common > 10);
+  assert.deepEqual(again.slice(0, common), original.slice(from, from + common));
+  await client.expect("sought", "seek", { time: 2.5 });
+  drive(-0.3);
+  await until(3.5);
+  const other = client.rows(0, 2);
+  assert.notDeepEqual(other.slice(5, 20), again.slice(5, 20));
+  assert.deepEqual(
+    client.events.filter((event) => event.kind === "branch").map((event) => event.branch),
+    [1, 2],
+  );
+});
+
+test("sliders and driving change the run", async () => {
+  const { systems } = await client.open(free("EspCar", ["DirectYawControl"], "free"));
+  const ids = systems[0]?.adjustables.map(({ id }) => id) ?? [];
+  assert.ok(ids.includes("plant:road_friction.*"), ids.join(" "));
+  client.engine.receive({ kind: "drive", driving: { steer: 0.3, throttle: 0, brake: 0 } });
+  await until(1);
+  const yaw = Math.abs(last()["vehicle.yaw_rate"] ?? 0);
+  assert.ok(yaw > 0.01, `yaw rate ${yaw}`);
+  for (const { id, max } of systems[0]?.adjustables ?? []) client.engine.receive({ kind: "set", system: 0, adjustable: id, value: max });
+  await until(1.5);
+  assert.deepEqual(failures(), []);
+});
+
+test("files and descriptions", async () => {
+  await client.open(free("EspCar", ["DirectYawControl", "AntilockBraking"], "step_steer"));
+  await until(1);
+  const [header, first] = (await client.csv()).split("\n");
+  assert.ok(header?.startsWith("time,") && first?.startsWith("0.0,"));
+  const ssp = await client.expect("file", "ssp", { system: 0 });
+  assert.ok(ssp.name.endsWith(".ssp"));
+  assert.equal(Buffer.from(ssp.bytes.subarray(0, 2)).toString(), "PK");
+  const { variables } = await client.expect("described", "describe", { fmu: "EspCar" });
+  assert.ok(variables.some(({ name, causality }) => name === "steer.front" && causality === "input"));
+});
+
+/** The middle one of some numbers. */
+function median(values: number[]): number {
+  return [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)] ?? Number.NaN;
+}
+
+test("measurements of a truck and its twin", async () => {
+  const defaults = client.catalog?.vehicles.find(({ fmu }) => fmu === "RescueVehicle")?.defaults ?? [];
+  await client.open(free("RescueVehicle", defaults, "free", {}, "c"));
+  await until(2);
+  const [began, cpu] = [performance.now(), process.cpuUsage()];
+  const from = client.time;
+  while (client.time < from + 20) await client.play(Number.POSITIVE_INFINITY, 200);
+  const simulated = client.time - from;
+  const { user, system } = process.cpuUsage(cpu);
+  const [wall, busy] = [performance.now() - began, (user + system) / 1000];
+  const speed = (milliseconds: number) => ((1000 * simulated) / milliseconds).toFixed(1);
+  console.log(`${speed(wall)} times real time, ${speed(busy)} by CPU time`);
+  const restored: number[] = [];
+  for (let time = 20; time > 2; time--) {
+    const sought = performance.now();
+    await client.expect("sought", "seek", { time });
+    restored.push(performance.now() - sought);
+  }
+  const core = client.engine.core;
+  assert.ok(core !== null);
+  const timed = (): number => {
+    const start = performance.now();
+    core.advance(0, 1);
+    return performance.now() - start;
+  };
+  // The first step of each second is made after the state was saved.
+  const saved = Array.from({ length: 20 }, () => {
+    core.advance(0, 999 - (Math.round(1000 * core.time(0)) % 1000) + 1);
+    const [first, second] = [timed(), timed()];
+    return first - second;
+  });
+  console.log(`one system is saved in ${median(saved).toFixed(2)} ms, both are restored in ${median(restored).toFixed(2)} ms (medians)`);
+});
+
+test("ten minutes fit into 200 MB", async () => {
+  const defaults = client.catalog?.vehicles.find(({ fmu }) => fmu === "RescueVehicle")?.defaults ?? [];
+  await client.open(free("RescueVehicle", defaults, "free", {}, "c"));
+  await until(60);
+  const [early, at] = [client.engine.core?.size ?? 0, client.time];
+  await until(120);
+  // All that grows with time: rows, and a saved state each second.
+  const later = client.engine.core?.size ?? 0;
+  const all = early + ((later - early) * (600 - at)) / (client.time - at);
+  console.log(`${(later / 1e6).toFixed(1)} MB after ${client.time.toFixed(0)} s, ${(all / 1e6).toFixed(0)} MB after ten minutes`);
+  assert.ok(all < 200e6);
+});

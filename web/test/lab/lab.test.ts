@@ -1,0 +1,364 @@
+/** The lab in a browser, with the engine and all FMUs. `scripts/lab` makes it. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { describe, test } from "node:test";
+import type { Page } from "playwright-core";
+import { assertAccessible } from "../browser";
+import { Lab, clock, link, opening, picture, runTo, screenshot, setup, titles } from "./browser";
+
+const FOLDER = process.env["CHASSIS_FMU_LAB"] ?? "../target/lab";
+const FMUS = process.env["CHASSIS_FMU_LAB_FMUS"] ?? "../target/lab-build/fmus";
+const lab = new Lab(FOLDER);
+const VEHICLES = ["RescueVehicle", "HeavyVehicle", "EspCar", "HydroPneumaticHalfCar", "BicycleCar"];
+
+const faults = () => assert.deepEqual(lab.faults.splice(0), []);
+
+/** Numbers beside a plot: of each line the value at the time shown. */
+async function readout(page: Page, plot: number): Promise<number[]> {
+  const texts = await page.locator(".plot").nth(plot).locator(".plot-readout b").allInnerTexts();
+  return texts.map((text) => Number(text.replace("−", "-")));
+}
+
+async function drop(page: Page, name: string, content: Buffer): Promise<void> {
+  const transfer = await page.evaluateHandle(
+    ([name, base64]) => {
+      const bytes = Uint8Array.from(atob(base64!), (char) => char.charCodeAt(0));
+      const transfer = new DataTransfer();
+      transfer.items.add(new File([bytes], name!));
+      return transfer;
+    },
+    [name, content.toString("base64")] as const,
+  );
+  for (const kind of ["dragover", "drop"]) await page.dispatchEvent("body", kind, { dataTransfer: transfer });
+}
+
+describe("start", () => {
+  test("the rescue vehicle runs with its controllers beside its twin", async () => {
+    const begin = performance.now();
+    const page = await lab.open();
+    console.log(`open after ${Math.round(performance.now() - begin)} ms`);
+    assert.equal(await setup(page, "Vehicle").inputValue(), "RescueVehicle");
+    assert.ok((await page.locator("#setup .controllers input:checked").count()) >= 3);
+    await runTo(page, 1);
+    assert.equal(await page.locator("#traces label").count(), 2);
+    await picture(page, "start");
+    await lab.close(page);
+    faults();
+  });
+
+  test("the simulation waits for those who asked for less motion", async () => {
+    const page = await lab.open({ reducedMotion: "reduce" });
+    await page.waitForTimeout(700);
+    assert.equal(await clock(page), 0);
+    await page.getByRole("button", { name: "Play", exact: true }).click();
+    await runTo(page, 0.3);
+    await lab.close(page);
+    faults();
+  });
+
+  test("it is faster than real time", async () => {
+    const page = await lab.open();
+    await page.getByLabel("Speed", { exact: true }).first().selectOption("Infinity");
+    const [begin, from] = [performance.now(), await clock(page)];
+    await page.getByRole("button", { name: "Replay" }).waitFor({ timeout: 60_000 });
+    const [seconds, simulated] = [(performance.now() - begin) / 1000, (await clock(page)) - from];
+    console.log(`${simulated.toFixed(1)} s in ${seconds.toFixed(2)} s: ${(simulated / seconds).toFixed(1)} times real time, view and plots included`);
+    await lab.close(page);
+    faults();
+  });
+});
+
+describe("systems", () => {
+  for (const vehicle of VEHICLES) {
+    test(`${vehicle} runs, with each of its controllers`, async () => {
+      const page = await lab.open();
+      if (vehicle !== "RescueVehicle") {
+        const title = await opening(page, () => setup(page, "Vehicle").selectOption(vehicle));
+        assert.match(title, new RegExp(vehicle));
+      }
+      await runTo(page, 1);
+      await page.getByRole("button", { name: "Pause" }).click();
+      await picture(page, vehicle);
+      // Some are in a list that is closed at first.
+      const more = page.locator("#setup fieldset summary");
+      if (await more.isVisible()) await more.click();
+      const boxes = page.locator("#setup .controllers input");
+      const names = await boxes.evaluateAll((all) => all.map((one) => (one as HTMLElement).dataset["key"]!));
+      for (const name of names) {
+        const box = page.locator(`#setup input[data-key="${name}"]`);
+        const was = await box.isChecked();
+        await opening(page, () => box.click());
+        assert.equal(await box.isChecked(), !was, name);
+        await runTo(page, 0.2);
+        const { system } = await link(page);
+        assert.equal((system["controllers"] as string[]).includes(name.replace("controller ", "")), !was);
+      }
+      assert.equal(await page.locator(".message.error").count(), 0, (await page.locator(".message").allInnerTexts()).join());
+      await lab.close(page);
+      faults();
+    });
+  }
+
+  test("maneuvers and roads can be chosen", async () => {
+    const page = await lab.open();
+    for (const label of ["Maneuver", "Road"]) {
+      for (const value of await titles(page, label)) {
+        if ((await setup(page, label).inputValue()) === value) continue;
+        await opening(page, () => setup(page, label).selectOption(value));
+        await runTo(page, 0.2);
+      }
+    }
+    assert.equal(await page.locator(".message.error").count(), 0, (await page.locator(".message").allInnerTexts()).join());
+    await lab.close(page);
+    faults();
+  });
+
+  test("a scenario of the library runs with another case beside it", async () => {
+    const page = await lab.open();
+    await opening(page, () => setup(page, "Simulate").selectOption("scenario"));
+    await opening(page, () => setup(page, "Scenario").selectOption("rescue_vehicle_step_steer"));
+    await runTo(page, 1);
+    assert.equal(await page.locator("#traces label").count(), 2);
+    await page.locator("#metrics table").waitFor();
+    await lab.close(page);
+    faults();
+  });
+});
+
+describe("while it runs", () => {
+  test("rewinding and another value make a branch", async () => {
+    const page = await lab.open();
+    await runTo(page, 2.5);
+    await page.getByRole("button", { name: "Pause" }).click();
+    const time = page.getByRole("slider", { name: /^Time/ });
+    await time.focus();
+    await page.keyboard.press("Home");
+    await page.keyboard.press("PageUp");
+    await page.waitForFunction(() => document.querySelector(".clock")!.textContent === "1.00 s");
+    // The first slider that the vehicle follows: any value of the system is one.
+    const slider = page.locator("#adjust .slider input").first();
+    await slider.focus();
+    await page.keyboard.press("Home");
+    await page.getByRole("button", { name: "Play", exact: true }).click();
+    await runTo(page, 2.4);
+    await page.locator("#traces label").nth(2).waitFor();
+    assert.match(await page.locator("#traces label").nth(2).innerText(), /Branch 1/);
+    assert.equal((await readout(page, 0)).length, 3);
+    assert.equal(Object.keys((await link(page)).values).length, 1);
+    await page.getByLabel("Beside it").selectOption({ label: await page.locator("#traces label").nth(2).innerText() });
+    await picture(page, "branches");
+    await lab.close(page);
+    faults();
+  });
+
+  test("rewinding without a change gives the same run", async () => {
+    const page = await lab.open();
+    await runTo(page, 2.5);
+    await page.getByRole("button", { name: "Pause" }).click();
+    const time = page.getByRole("slider", { name: /^Time/ });
+    await time.focus();
+    await page.keyboard.press("Home");
+    await page.keyboard.press("PageUp");
+    await page.getByRole("button", { name: "Play", exact: true }).click();
+    await runTo(page, 2.4);
+    await page.getByRole("button", { name: "Pause" }).click();
+    await time.focus();
+    await page.keyboard.press("Home");
+    for (let i = 0; i < 2; i++) await page.keyboard.press("PageUp");
+    await page.waitForTimeout(300);
+    for (let plot = 0; plot < 4; plot++) {
+      const [own, , branch] = await readout(page, plot);
+      assert.equal(own, branch);
+    }
+    await lab.close(page);
+    faults();
+  });
+
+  test("the vehicle is driven by keys", async () => {
+    const page = await lab.open();
+    await opening(page, () => setup(page, "Maneuver").selectOption("free"));
+    await page.locator("#driving").waitFor();
+    await runTo(page, 0.5);
+    await page.locator("#title").click();
+    await page.keyboard.down("ArrowLeft");
+    // Steering takes time on the clock of the wall.
+    await page.waitForFunction(() => document.querySelector<HTMLInputElement>("#driving .mirrored")!.valueAsNumber > 0.9);
+    await runTo(page, (await clock(page)) + 1.5);
+    await page.keyboard.up("ArrowLeft");
+    const yaw = page.locator(".plot").first();
+    await yaw.locator("select").selectOption("vehicle.yaw");
+    await page.waitForTimeout(300);
+    const [left] = await readout(page, 0);
+    assert.ok(left! > 1, `yaw angle ${left} deg`);
+    await picture(page, "driving");
+    await lab.close(page);
+    faults();
+  });
+
+  test("the vehicle is driven by a gamepad", async () => {
+    const page = await lab.page();
+    await page.addInitScript(() => {
+      const buttons = Array.from({ length: 16 }, () => ({ value: 0 }));
+      Object.assign(navigator, { getGamepads: () => [{ connected: true, axes: [0.9, 0], buttons }] });
+    });
+    await page.goto(lab.url);
+    await page.waitForSelector('body[data-state="open"]', { timeout: 60_000 });
+    await opening(page, () => setup(page, "Maneuver").selectOption("free"));
+    await runTo(page, 2);
+    await page.locator(".plot select").first().selectOption("vehicle.yaw");
+    await page.waitForTimeout(300);
+    const [right] = await readout(page, 0);
+    assert.ok(right! < -1, `yaw angle ${right} deg`);
+    await lab.close(page);
+    faults();
+  });
+
+  test("metrics, files and descriptions", async () => {
+    const page = await lab.open();
+    await runTo(page, 1);
+    await page.locator("#metrics table").waitFor({ timeout: 20_000 });
+    for (const [button, ending] of [["CSV", ".csv"], ["CSV of the twin", ".csv"], ["SSP", ".ssp"]] as const) {
+      const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: button, exact: true }).click()]);
+      assert.ok(download.suggestedFilename().endsWith(ending), download.suggestedFilename());
+      const content = readFileSync(await download.path());
+      assert.ok(content.length > 100);
+      if (ending === ".csv") assert.match(content.toString("utf8", 0, 200), /^time,/);
+      else assert.equal(content.toString("latin1", 0, 2), "PK");
+    }
+    await page.locator(".documentation h3, .documentation h4").first().waitFor();
+    await page.getByLabel("Show", { exact: true }).selectOption("variables");
+    await page.locator(".variables tbody tr").first().waitFor();
+    await page.getByLabel("Find a variable by its name or description").fill("body.roll");
+    assert.match(await page.locator(".variables tbody tr").first().innerText(), /body\.roll/);
+    await lab.close(page);
+    faults();
+  });
+});
+
+describe("FMUs of the visitor", () => {
+  test("a controller takes the place of another one", async () => {
+    const page = await lab.open();
+    const title = await opening(page, () => drop(page, "MySteering.fmu", readFileSync(`${FMUS}/DualSlidingModeSteering.fmu`)));
+    assert.ok(title.length > 0);
+    const { system } = await link(page);
+    const controllers = system["controllers"] as string[];
+    assert.ok(controllers.includes("MySteering"));
+    assert.ok(!controllers.includes("DualSlidingModeSteering"));
+    await runTo(page, 0.5);
+    await lab.close(page);
+    faults();
+  });
+
+  test("what is not an FMU is refused by name, and the system goes on", async () => {
+    const page = await lab.open();
+    await runTo(page, 0.2);
+    await drop(page, "Broken.fmu", Buffer.from("this is not an archive"));
+    const message = page.locator(".message.error").first();
+    await message.waitFor();
+    assert.match(await message.innerText(), /Broken/);
+    const time = await clock(page);
+    await runTo(page, time + 0.3);
+    await lab.close(page);
+    faults();
+  });
+
+  test("a file input does the same", async () => {
+    const page = await lab.open();
+    await opening(page, () => page.locator("#fmu-file").setInputFiles({ name: "Other.fmu", mimeType: "application/zip", buffer: readFileSync(`${FMUS}/DualSlidingModeSteering.fmu`) }));
+    assert.ok(((await link(page)).system["controllers"] as string[]).includes("Other"));
+    await lab.close(page);
+    faults();
+  });
+});
+
+describe("links", () => {
+  test("a link opens the setup that it was made from", async () => {
+    const page = await lab.open();
+    await opening(page, () => setup(page, "Vehicle").selectOption("EspCar"));
+    await opening(page, () => page.getByRole("button", { name: "None", exact: true }).click());
+    await page.locator("#adjust .slider input").first().focus();
+    await page.keyboard.press("ArrowRight");
+    const url = await page.getByLabel("Link to this setup").inputValue();
+    const before = await link(page);
+    assert.equal(Object.keys(before.values).length, 1);
+    const other = await lab.page();
+    await other.goto(url);
+    await other.waitForSelector('body[data-state="open"]');
+    assert.deepEqual(await link(other), before);
+    assert.equal(await setup(other, "Vehicle").inputValue(), "EspCar");
+    await lab.close(page);
+    await lab.close(other);
+    faults();
+  });
+
+  test("a short link opens a case of a scenario", async () => {
+    const page = await lab.open({}, "#scenario=rescue_vehicle_step_steer&seed=2");
+    const { system } = await link(page);
+    assert.equal(system["scenario"], "rescue_vehicle_step_steer");
+    assert.equal(system["seed"], 2);
+    await lab.close(page);
+    faults();
+  });
+
+  test("an unusable link is reported", async () => {
+    const page = await lab.open({}, "#scenario=nowhere");
+    assert.match(await page.locator(".message.error").innerText(), /nowhere/);
+    await lab.close(page);
+    faults();
+  });
+});
+
+describe("everyone", () => {
+  for (const width of [1400, 400]) {
+    for (const colorScheme of ["light", "dark"] as const) {
+      test(`no violation of accessibility at ${width} px in the ${colorScheme} scheme`, async () => {
+        const page = await lab.open({ viewport: { width, height: width > 1000 ? 900 : 800 }, colorScheme });
+        await runTo(page, 1.5);
+        await page.getByRole("button", { name: "Pause" }).click();
+        await page.locator("#metrics table").waitFor({ timeout: 20_000 });
+        await assertAccessible(page);
+        await page.getByLabel("Show", { exact: true }).selectOption("variables");
+        await page.locator(".variables tbody tr").first().waitFor();
+        await assertAccessible(page);
+        await page.evaluate(() => scrollTo(0, 0));
+        await screenshot(page, `${width}-${colorScheme}`);
+        await picture(page, `view-${width}-${colorScheme}`);
+        await lab.close(page);
+        faults();
+      });
+    }
+  }
+
+  test("the keyboard alone reaches everything", async () => {
+    const page = await lab.open();
+    await runTo(page, 0.3);
+    await page.keyboard.press("Space");
+    await page.getByRole("button", { name: "Play", exact: true }).waitFor();
+    // Once around: each control is reached, and each shows that it has the focus.
+    const reached = new Set<string>();
+    const expected = await page.evaluate(() => {
+      const all = [...document.querySelectorAll<HTMLElement>("button, select, input, summary")].filter((one) => one.checkVisibility() && !one.matches(":disabled"));
+      all.forEach((one, i) => (one.dataset["test"] = String(i)));
+      return all.map((one) => one.outerHTML.slice(0, 120));
+    });
+    for (let i = 0; i < expected.length + 60; i++) {
+      await page.keyboard.press("Tab");
+      const [key, outline] = await page.evaluate(() => {
+        const active = document.activeElement as HTMLElement | null;
+        return [active?.dataset["test"] ?? "", active === null ? "" : getComputedStyle(active).outlineStyle] as const;
+      });
+      if (key === "") continue;
+      reached.add(key);
+      assert.notEqual(outline, "none", expected[Number(key)]);
+    }
+    const missed = expected.filter((_, i) => !reached.has(String(i)));
+    assert.deepEqual(missed, []);
+    // A select of the setup keeps the focus when it opens another system.
+    await setup(page, "Vehicle").focus();
+    await opening(page, () => page.keyboard.press("h"));
+    assert.equal(await page.evaluate(() => (document.activeElement as HTMLElement).dataset["key"]), "vehicle");
+    await lab.close(page);
+    faults();
+  });
+});
