@@ -1,6 +1,7 @@
 // Records the view of the lab as an animated picture (WebP) for the README, in headless Chromium.
 //
-//   node record-lab.mjs --lab FOLDER --out FILE [--link '#…'] [--from 0] [--to 6] [--width 760]
+//   node record-lab.mjs --lab FOLDER --out FILE [--link '#…'] [--from 0] [--to 6] [--width 760] [--rate 12]
+//     [--camera chase] [--motion 1]
 //
 // The run is simulated first; frames are taken from its saved rows, so the speed of this machine does not matter.
 import { writeFileSync } from "node:fs";
@@ -19,10 +20,11 @@ const { values: options } = parseArgs({
     width: { type: "string", default: "760" },
     camera: { type: "string", default: "chase" },
     motion: { type: "string", default: "1" },
+    rate: { type: "string", default: "12" },
   },
 });
 if (options.out === undefined) throw new Error("usage: node record-lab.mjs --out FILE");
-const RATE = 15;
+const RATE = Number(options.rate);
 const QUALITY = 0.72;
 
 const browser = await chromium.launch({
