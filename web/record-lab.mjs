@@ -1,6 +1,7 @@
 // Records the view of the lab as an animated picture (WebP) for the README, in headless Chromium.
 //
-//   node record-lab.mjs --lab FOLDER --out FILE [--link '#…'] [--from 0] [--to 6] [--width 760]
+//   node record-lab.mjs --lab FOLDER --out FILE [--link '#…'] [--from 0] [--to 6] [--width 760] [--rate 12]
+//     [--camera chase] [--away 0] [--motion 1]
 //
 // The run is simulated first; frames are taken from its saved rows, so the speed of this machine does not matter.
 import { writeFileSync } from "node:fs";
@@ -19,10 +20,12 @@ const { values: options } = parseArgs({
     width: { type: "string", default: "760" },
     camera: { type: "string", default: "chase" },
     motion: { type: "string", default: "1" },
+    rate: { type: "string", default: "12" },
+    away: { type: "string", default: "0" },
   },
 });
 if (options.out === undefined) throw new Error("usage: node record-lab.mjs --out FILE");
-const RATE = 15;
+const RATE = Number(options.rate);
 const QUALITY = 0.72;
 
 const browser = await chromium.launch({
@@ -32,9 +35,10 @@ const browser = await chromium.launch({
 const page = await (await browser.newContext({ viewport: { width: 1400, height: 900 }, colorScheme: "light" })).newPage();
 await page.goto(pathToFileURL(resolve(options.lab, "index.html")).href + options.link);
 await page.waitForSelector('body[data-state="open"]');
+await page.getByLabel("Speed", { exact: true }).last().selectOption("Infinity");
 await page.getByLabel("Camera").selectOption(options.camera);
 await page.getByLabel("Body motion").selectOption(options.motion);
-await page.getByLabel("Speed", { exact: true }).last().selectOption("Infinity");
+for (let i = 0; i < Number(options.away); i++) await page.getByRole("button", { name: "Farther away" }).click();
 const [from, to] = [Number(options.from), Number(options.to)];
 await page.waitForFunction((to) => Number.parseFloat(document.querySelector(".clock").textContent) >= to, to, { timeout: 120_000 });
 

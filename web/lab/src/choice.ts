@@ -49,11 +49,15 @@ export class Choice {
   }
 
   add(name: string): void {
+    this.#include(name);
+    this.#dropIncomplete();
+  }
+
+  #include(name: string): void {
     if (this.#chosen.has(name)) return;
     for (const other of this.replaced(name)) this.#chosen.delete(other);
     this.#chosen.add(name);
-    for (const need of this.missing(name)) this.add(need);
-    this.#dropIncomplete();
+    for (const need of this.missing(name)) this.#include(need);
   }
 
   remove(name: string): void {

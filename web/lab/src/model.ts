@@ -200,8 +200,9 @@ export class Model {
     return Math.max(0, ...this.recordings.map((recording) => recording.end(this.branch)));
   }
 
+  /** Whether the last row is shown: the end need not be a time of the rows. */
   get isFinished(): boolean {
-    return this.opened !== null && this.time >= this.opened.stop - this.opened.rowStep / 2;
+    return this.opened !== null && this.time > this.opened.stop - this.opened.rowStep * 1.001;
   }
 
   async play(): Promise<void> {

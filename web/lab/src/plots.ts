@@ -114,8 +114,9 @@ class LivePlot {
 
   #room(low: number | null, high: number | null): [number, number] {
     const [bottom, top] = [low ?? 0, high ?? 0];
-    const least = 1e-6 * Math.max(1, Math.abs(bottom), Math.abs(top));
-    const room = Math.max(0.08 * (top - bottom), least);
+    const size = Math.max(Math.abs(bottom), Math.abs(top));
+    // A constant is in the middle of a range that does not magnify its rounding errors.
+    const room = top - bottom > 1e-6 * size && size > 1e-9 ? 0.08 * (top - bottom) : size > 1e-9 ? 0.05 * size : 1;
     return [bottom - room, top + room];
   }
 

@@ -159,8 +159,10 @@ export class Stage {
     if (model.opened === null) return;
     this.#seconds += seconds;
     // As fast as possible: the simulation has the processor, few pictures are enough.
-    if (model.playing && model.rate === Infinity && this.#seconds < FAST_PERIOD) return;
-    this.#view?.draw(model.time, model.branch, this.traces.besideTrace?.branch ?? model.branch, this.#seconds);
+    const isFast = model.playing && model.rate === Infinity;
+    if (isFast && this.#seconds < FAST_PERIOD) return;
+    const other = this.traces.besideTrace?.branch ?? model.branch;
+    this.#view?.draw(model.time, model.branch, other, this.#seconds, model.playing && !isFast);
     this.#seconds = 0;
     this.#showNumbers();
   }

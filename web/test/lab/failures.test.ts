@@ -14,6 +14,7 @@ before(() => {
 
 test("a worker that does not return is ended, and the component is named", async () => {
   const page = await lab.open();
+  await page.locator("#setup fieldset summary").click();
   await opening(page, () => page.getByLabel("Endless").click());
   await page.locator(".message.error").waitFor({ timeout: 15_000 });
   assert.match(await page.locator(".message.error").innerText(), /Endless did not return from a call after 0\.9\d s/);
@@ -27,6 +28,7 @@ test("a worker that does not return is ended, and the component is named", async
 
 test("a failed component is named, and the twin goes on", async () => {
   const page = await lab.open();
+  await page.locator("#setup fieldset summary").click();
   await opening(page, () => page.getByLabel("Broken").click());
   await page.locator(".message.error").waitFor();
   assert.match(await page.locator(".message.error").innerText(), /Broken failed at 1\.000 s: division by zero/);

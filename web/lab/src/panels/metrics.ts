@@ -7,6 +7,8 @@ import type { Metric } from "../protocol";
 
 /** Time between two updates while the simulation runs, ms. */
 const PERIOD = 1000;
+/** Angles are shown in degrees, as in the plots. */
+const DEGREES: Record<string, string> = { rad: "deg", "rad/s": "deg/s" };
 const VERDICTS = { pass: "✓ pass", fail: "× fail", info: "information" } as const;
 
 export class MetricsPanel {
@@ -66,15 +68,16 @@ export class MetricsPanel {
     const rows = metrics.map((metric) => {
       const name = element("th", { scope: "row" }, metric.title);
       if (metric.definition !== "") name.append(element("small", { textContent: metric.definition }));
+      const factor = DEGREES[metric.unit] === undefined ? 1 : 180 / Math.PI;
       const values = titles.map((_, i) => {
         const value = metric.values[i] ?? null;
-        const result = element("td", { className: "number", textContent: value === null ? "–" : text(value, 4) });
+        const result = element("td", { className: "number", textContent: value === null ? "–" : text(value * factor, 4) });
         if (value === null && metric.reason !== "") result.append(element("small", { textContent: metric.reason }));
         return result;
       });
       const verdict = element("td");
       if (metric.verdict !== null) verdict.append(element("span", { className: `badge ${metric.verdict}`, textContent: VERDICTS[metric.verdict] }));
-      return element("tr", {}, name, ...values, element("td", { className: "unit", textContent: unitText(metric.unit) }), ...(hasVerdicts ? [verdict] : []));
+      return element("tr", {}, name, ...values, element("td", { className: "unit", textContent: unitText(DEGREES[metric.unit] ?? metric.unit) }), ...(hasVerdicts ? [verdict] : []));
     });
     const table = element("table", { className: "metrics" }, element("thead", {}, head), element("tbody", {}, ...rows));
     const scroll = element("div", { className: "scroll", tabIndex: 0 }, table);

@@ -131,12 +131,12 @@ function truck(kit: Kit, shape: Shape): void {
   kit.box("dark", [nose - 0.04, -side + 0.15, 0.52], [nose + 0.08, side - 0.15, 0.86], 0.05);
   // Load bed with ribs.
   const head = wall - 0.2;
-  kit.side("metal", polygon([[head, floor], [head, floor + 1.35], [tail - 0.05, floor + 1.25], [tail + 0.12, floor]]), width, 0.04);
-  kit.box("dark", [head - 0.08, -side + 0.1, floor + 1.26], [tail + 0.12, side - 0.1, floor + 1.3]);
+  kit.side("metal", polygon([[head, floor], [head, floor + 1.28], [tail - 0.05, floor + 1.28], [tail + 0.12, floor]]), width, 0.04);
+  kit.box("dark", [head - 0.08, -side + 0.1, floor + 1.2], [tail + 0.05, side - 0.1, floor + 1.29]);
   const ribs = 5;
   for (let i = 0; i <= ribs; i++) {
     const x = head - 0.12 - (i * (head - tail - 0.3)) / ribs;
-    kit.boxes("second", [x - 0.05, side - 0.01, floor + 0.04], [x + 0.05, side + 0.05, floor + 1.22]);
+    kit.boxes("second", [x - 0.05, side - 0.01, floor + 0.04], [x + 0.05, side + 0.05, floor + 1.24]);
   }
   kit.box("second", [wall - 0.05, -side, floor + 1.35], [wall - 0.3, side, floor + 1.47], 0.03);
   // Fuel tank.

@@ -199,8 +199,8 @@ export class View {
     this.redraw();
   }
 
-  /** Draws a time. The other vehicle is that of a branch, too. */
-  draw(time: number, branch: number, otherBranch: number, seconds: number): void {
+  /** Draws a time. The other vehicle is that of a branch, too. `adapts`: whether a long time since the last picture lowers the quality. */
+  draw(time: number, branch: number, otherBranch: number, seconds: number, adapts: boolean): void {
     const own = this.#own;
     if (own === null || this.#compiling > 0) return;
     const key = `${time} ${branch} ${otherBranch} ${this.factor} ${this.showsArrows}`;
@@ -217,7 +217,7 @@ export class View {
     this.#drawTrails(time, branch, otherBranch);
     this.#renderer.render(this.#scene, this.#camera);
     this.#isStale = this.#isTurning(pose.yaw);
-    this.#adapt(seconds);
+    if (adapts) this.#adapt(seconds);
   }
 
   /** Fewer pixels and no shadows where frames take long. */
