@@ -39,12 +39,13 @@ export function decode(hash: string, catalog: Catalog): Setup | null {
   if (scenario === undefined) throw new Error(`The link is to the scenario ${id}, which the lab does not have.`);
   const known = (name: string | null) => scenario.cases.some((one) => one.id === name);
   const chosen = parameters.get("case") ?? scenario.cases[0]?.id ?? "";
-  if (!known(chosen)) throw new Error(`The link is to the case ${chosen}, which the scenario ${id} does not have.`);
   const other = scenario.cases.find((one) => one.id !== chosen)?.id ?? null;
   const twin = parameters.get("twin");
+  const missing = [chosen, twin ?? ""].find((name) => name !== "" && !known(name));
+  if (missing !== undefined) throw new Error(`The link is to the case ${missing}, which the scenario ${id} does not have.`);
   const seed = Number(parameters.get("seed") ?? scenario.seeds[0] ?? 1);
   return {
-    system: { kind: "scenario", scenario: id, case: chosen, twin: twin === null ? other : known(twin) ? twin : null, seed },
+    system: { kind: "scenario", scenario: id, case: chosen, twin: twin === null ? other : twin === "" ? null : twin, seed },
     values: {},
   };
 }
