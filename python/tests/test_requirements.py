@@ -102,9 +102,9 @@ def test_both_commands_have_the_same_verdicts(options: tuple[str, ...], tmp_path
     scenario = tmp_path / "limits.toml"
     scenario.write_text(SCENARIO, encoding="utf-8")
     out, again = tmp_path / "native", tmp_path / "python"
-    shared = [scenario, *options, "--junit"]
+    shared: list[str | Path] = [scenario, *options, "--junit"]
     native, text = run("cargo", "fmu", "run", *shared, tmp_path / "native.xml", "--out", out)
-    python = [sys.executable, "scripts/cosim.py", *shared, tmp_path / "python.xml", "--out", again]
+    python: list[str | Path] = [sys.executable, "scripts/cosim.py", *shared, tmp_path / "python.xml", "--out", again]
     code, words = run(*python, "--from-csv", out / "limits")
     # Runs that were cut short leave open what they would have missed.
     is_cut = "--stop" in options

@@ -147,20 +147,21 @@ pub enum RequirementError {
     Signals(#[from] std::io::Error),
 }
 
-/// The verdicts on a plan, ordered by metric, case, point. `read` gives signals of a run, columns by index; `None` for one that
-/// failed. `is_cut`: the runs end before the scenario does.
+/// Reads columns of a run, by index; `None` for a run that failed.
+pub type Read<'a> = &'a dyn Fn(&Run, &BTreeSet<usize>) -> Option<std::io::Result<Signals>>;
+
+/// Numbers of the metrics of a run, by index.
+type Numbers = Vec<Option<f64>>;
+
+/// The verdicts on a plan, ordered by metric, case, point. `is_cut`: the runs end before the scenario does.
 ///
 /// # Errors
 /// Signals cannot be read, or a metric has no number.
-pub fn verdicts<'a>(
-    plan: &'a Plan,
-    is_cut: bool,
-    read: &dyn Fn(&Run, &BTreeSet<usize>) -> Option<std::io::Result<Signals>>,
-) -> Result<Vec<Verdict<'a>>, RequirementError> {
+pub fn verdicts<'a>(plan: &'a Plan, is_cut: bool, read: Read<'_>) -> Result<Vec<Verdict<'a>>, RequirementError> {
     let metrics = needed(plan);
     let columns: BTreeSet<usize> = definitions(plan, &metrics).flat_map(Definition::needed_columns).collect();
     let compares = definitions(plan, &metrics).any(|definition| definition.from_baseline);
-    let mut numbers: BTreeMap<(&str, Option<&str>), Vec<Vec<Option<f64>>>> = BTreeMap::new();
+    let mut numbers: BTreeMap<(&str, Option<&str>), Vec<Numbers>> = BTreeMap::new();
     for run in &plan.runs {
         let place = numbers.entry((run.case.as_str(), run.point.as_deref())).or_default();
         let Some(signals) = read(run, &columns) else { continue };
@@ -198,7 +199,7 @@ fn of_run(
     metrics: &BTreeSet<usize>,
     signals: &Signals,
     baseline: Option<&Signals>,
-) -> Result<Vec<Option<f64>>, RequirementError> {
+) -> Result<Numbers, RequirementError> {
     let simulation = &plan.simulation;
     let (columns, of_baseline) = (signals.columns(), baseline.map(Signals::columns));
     let mut numbers = vec![None; plan.metrics.len()];

@@ -93,12 +93,14 @@ pub fn remove_parts(path: &Path) {
     }
 }
 
-/// Reads columns of a file that [`write_csv`] has written: the times, and the columns by name. A column that the run does not
-/// have is left out.
+/// Columns of a file, in the order in which they were asked for; `None` for one that the run does not have.
+pub type Columns = Vec<Option<Vec<f64>>>;
+
+/// Reads columns of a file that [`write_csv`] has written: the times, and the columns by name.
 ///
 /// # Errors
 /// The file cannot be read or is none of these; the path is in the text.
-pub fn read_csv(path: &Path, names: &[&str]) -> io::Result<(Vec<f64>, Vec<Option<Vec<f64>>>)> {
+pub fn read_csv(path: &Path, names: &[&str]) -> io::Result<(Vec<f64>, Columns)> {
     let wrong = |error: &dyn std::fmt::Display| {
         io::Error::new(io::ErrorKind::InvalidData, format!("{}: {error}", path.display()))
     };
@@ -108,7 +110,7 @@ pub fn read_csv(path: &Path, names: &[&str]) -> io::Result<(Vec<f64>, Vec<Option
     let places: Vec<Option<usize>> = names.iter().map(|name| of(name)).collect();
     let at = of("time").ok_or_else(|| wrong(&"there is no column `time`"))?;
     let mut times = Vec::new();
-    let mut columns: Vec<Option<Vec<f64>>> = places.iter().map(|place| place.map(|_| Vec::new())).collect();
+    let mut columns: Columns = places.iter().map(|place| place.map(|_| Vec::new())).collect();
     let mut record = csv::StringRecord::new();
     while reader.read_record(&mut record).map_err(|error| wrong(&error))? {
         let number = |place: usize| record.get(place).unwrap_or_default().parse::<f64>().map_err(|error| wrong(&error));
