@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import batch, figures, index, junit, metrics, page, page_data, plan, plots, results, shell, tables, texts
+from . import batch, figures, index, junit, lab, metrics, page, page_data, plan, plots, results, shell, tables, texts
 from .numbers import Numbers, Values, Verdict
 from .plan import Metric, Plan, Run
 from .results import Recording
@@ -146,7 +146,11 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
     for drawing in drawings:
         drawing.write(folder / "figures")
     files = sorted(p for r in scenario.runs for p in (folder / "runs").glob(f"{r.stem}.*") if r.id not in failures)
-    context = dataclasses.replace(context, files=tuple(p.relative_to(folder).as_posix() for p in files))
+    context = dataclasses.replace(
+        context,
+        files=tuple(p.relative_to(folder).as_posix() for p in files),
+        replays=tuple(lab.of_scenario(scenario, folder)),
+    )
     data = page_data.of_plan(scenario, panels)
     results.write_text(folder / "index.html", page.render(numbers, drawings, data, failures, context))
     counts = page.counts(numbers)

@@ -36,6 +36,8 @@ class Context:
     """The recorded signals, as seen from the page."""
     versions: tuple[tuple[str, str], ...] = ()
     """Programs that took part, with their versions."""
+    replays: tuple[tuple[str, str], ...] = ()
+    """Cases, with the address at which the lab replays them."""
 
 
 @dataclass(frozen=True)

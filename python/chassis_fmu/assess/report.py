@@ -10,7 +10,7 @@ from typing import Any
 
 import jinja2
 
-from .. import index, page, page_data, plots, results, tables
+from .. import index, lab, page, page_data, plots, results, tables
 from ..charts import Chart
 from ..plan import Case
 from .assessment import Assessment, Folder, Number, Row, Run, Suite
@@ -80,6 +80,8 @@ class Section:
     maneuvers: Sequence[tuple[str, Sequence[Row]]]
     drawings: Sequence[tuple[Chart, Any]]
     loads: Sequence[tuple[str, Sequence[tuple[Case, float]]]]
+    replays: Sequence[tuple[str, str]]
+    """Maneuvers, with the address at which the lab replays them."""
 
     @property
     def largest_load(self) -> float:
@@ -190,9 +192,10 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         for row in rows:
             maneuvers.setdefault(row.maneuver, []).append(row)
         charts = [chart for make in CHARTS[suite] if (chart := make(source)) is not None]
+        replays = [(name, link) for name in maneuvers if (link := _replay(found, name, folder.path)) is not None]
         loads = list(_loads(found, source.cases)) if suite == "ride" else []
         sections.append(
-            Section(title, procedures, list(maneuvers.items()), [drawing(chart) for chart in charts], loads)
+            Section(title, procedures, list(maneuvers.items()), [drawing(chart) for chart in charts], loads, replays)
         )
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parents[1]),
@@ -224,6 +227,26 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         data_definitions=DATA,
         seeds=list(dict.fromkeys(f"{run.parameters['seed']:g}" for run in found.runs if "seed" in run.parameters)),
     )
+
+
+def _replay(found: Assessment, maneuver: str, folder: Path) -> str | None:
+    """Return the address at which the lab replays a maneuver: the last run, or the one at the largest entry speed.
+
+    The lab has the FMUs of the library, with the start values of their parameters, and one run of each maneuver.
+    """
+    runs = found.runs_of(maneuver, found.systems[-1])
+    units = [unit.fmu for unit in (found.plant, *found.base, *found.with_)]
+    if not runs or maneuver == "slowly_increasing_steer" or not all(lab.has(unit) for unit in units):
+        return None
+    parameters = runs[-1].parameters
+    values = {"speed": parameters["speed"]}
+    entry = found.by_name.get(f"{maneuver}.max_entry_speed")
+    largest = None if entry is None else entry.with_ if len(found.systems) > 1 else entry.without
+    if largest is not None:
+        values["speed"] = largest / 3.6
+    if "amplitude" in parameters:
+        values["steering_wheel"] = math.radians(parameters["amplitude"])
+    return lab.of_system(found.plant.fmu, [unit.fmu for unit in found.with_], maneuver, values, folder)
 
 
 def counts(found: Assessment) -> dict[str, int]:
