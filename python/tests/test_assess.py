@@ -57,11 +57,7 @@ def test_the_page_shows_all_metrics_and_figures(folder: Path, page: str) -> None
 
 def test_the_page_has_data_by_the_schema_and_the_seeds(folder: Path, page: str) -> None:
     data = data_of(folder / "index.html")
-    assert {panel.get("kind") for figure in data["figures"] for panel in figure["panels"]} >= {
-        "function",
-        "curve",
-        "map",
-    }
+    assert {panel.get("kind") for figure in data["figures"] for panel in figure["panels"]} == {"function", "curve"}
     seeds = {run.parameters["seed"] for run in Folder(folder).read().runs if "seed" in run.parameters}
     assert len(seeds) > 1
     assert f"<dd>{', '.join(f'{seed:g}' for seed in sorted(seeds))}</dd>" in page
