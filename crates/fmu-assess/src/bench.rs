@@ -11,7 +11,7 @@ use fmu_system::run::{Run, Simulation};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What executes runs.
+/// Executes runs.
 pub(crate) trait Runs: Sync {
     /// Executes runs; returns their outcomes in the same order.
     fn execute(&self, runs: Vec<(Simulation, Run)>) -> Vec<Result<Recording, Failure>>;
@@ -46,7 +46,7 @@ pub(crate) struct Bench<'a> {
     pub(crate) understeer_gradient: f64,
     /// A of the slowly increasing steer, deg at the steering wheel; `None` until it is known.
     pub(crate) amplitude: Option<f64>,
-    /// Whether the paths of the driver are mirrored.
+    /// True if the paths of the driver are mirrored.
     pub(crate) is_mirrored: bool,
     /// Speed of handling maneuvers instead of the usual one, m/s.
     pub(crate) other_speed: Option<f64>,

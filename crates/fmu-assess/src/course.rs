@@ -341,7 +341,7 @@ mod tests {
         }
     }
 
-    /// What was recorded before the call that failed is kept. A failure after the end of the run does not concern it.
+    /// Keeps the rows before the call that failed. A failure after the end of the run does not concern it.
     #[test]
     fn a_call_that_fails_ends_the_run() {
         let message = "plant: fmi2DoStep returned fmi2Error";

@@ -80,7 +80,7 @@ impl Limit {
         Self::new(Kind::AtMost(limit), source)
     }
 
-    /// Whether the caller has set it. A number that is not there does not keep it.
+    /// True if the caller has set it, which does not need a number.
     fn is_required(&self) -> bool {
         self.source == REQUIRED
     }
@@ -120,9 +120,9 @@ pub(crate) struct Measured {
     pub(crate) limit: Option<Limit>,
     /// The plant lacks a signal that it needs.
     pub(crate) is_dropped: bool,
-    /// That there is no number is the best that it can be.
+    /// A missing number is the best result.
     pub(crate) is_best_without: bool,
-    /// What a standard calls the number.
+    /// Words of a standard for the number.
     pub(crate) words: Option<&'static str>,
 }
 

@@ -132,7 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
 }
 
-/// What to do about requirements that are not met.
+/// Options for requirements that are not met.
 const NO_FAIL: &str = "With `--no-fail` the exit code is 0 all the same.";
 
 /// Prints the verdicts on the requirements and writes them as JUnit XML. Returns how many are not met. `failures` are ids of runs

@@ -47,7 +47,7 @@ enum Order {
 }
 
 impl Selection {
-    /// Whether the runs end before the scenario says.
+    /// True if the runs end before the scenario does.
     pub(crate) fn is_cut(&self) -> bool {
         self.stop.is_some()
     }

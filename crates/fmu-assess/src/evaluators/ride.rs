@@ -22,7 +22,7 @@ const COMFORT: [(f64, &str); 5] = [
     (2.0, "very uncomfortable"),
 ];
 
-/// What ISO 2631-1 calls a total vibration, m/s2.
+/// Words of ISO 2631-1 for a total vibration, m/s2.
 pub(crate) fn comfort(total: f64) -> &'static str {
     COMFORT.iter().find(|(limit, _)| total < *limit).map_or("extremely uncomfortable", |(_, words)| words)
 }
