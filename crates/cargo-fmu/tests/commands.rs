@@ -170,7 +170,8 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
             .current_dir(folder.path())
             .envs([("NO_COLOR", "1"), ("PATH", path), ("RUSTC", "no/rustc/here")])
             .envs(
-                ["WIN64", "LINUX64", "AARCH64_LINUX"].map(|name| (format!("CHASSIS_FMU_{name}_RUST"), "no/rust/here")),
+                ["WIN64", "LINUX64", "AARCH64_LINUX", "WASM32"]
+                    .map(|name| (format!("CHASSIS_FMU_{name}_RUST"), "no/rust/here")),
             )
             .output()
             .unwrap();
@@ -183,12 +184,16 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     };
     let error = pack(&["--platforms", "linux64,win32"], "");
     contains(&error, "'win32'");
-    contains(&error, "[possible values: linux64, win64, aarch64-linux, x86_64-darwin, aarch64-darwin]");
+    contains(&error, "[possible values: linux64, win64, aarch64-linux, x86_64-darwin, aarch64-darwin, wasm32]");
     let error = pack(&["--platforms", "linux64,win64"], "");
     contains(&error, "the linker x86_64-w64-mingw32-gcc is not on the PATH");
     contains(&error, "no/rust/here/bin/cargo does not exist");
     contains(&error, "gcc-mingw-w64-x86-64-win32 cargo-web rustc-web rust-web-src");
     contains(&error, "CHASSIS_FMU_WIN64_RUST=FOLDER");
+    let error = pack(&["--platforms", "linux64,wasm32"], "");
+    contains(&error, "wasm32 cannot be built here");
+    contains(&error, "no/rust/here/bin/cargo does not exist");
+    contains(&error, "CHASSIS_FMU_WASM32_RUST=FOLDER");
     let (this, other, target) = if cfg!(target_arch = "x86_64") {
         ("linux64", "aarch64-linux", "aarch64-unknown-linux-gnu")
     } else {
