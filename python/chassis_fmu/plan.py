@@ -144,7 +144,7 @@ class Point(_Part, frozen=True):
     name: str
     title: str
     value: float
-    second: float | None = None
+    second: float | None
 
 
 class SecondSweep(_Part, frozen=True):
@@ -159,7 +159,7 @@ class Sweep(_Part, frozen=True):
 
     title: str
     unit: str
-    second: SecondSweep | None = None
+    second: SecondSweep | None
 
 
 class DisplayUnit(_Part, frozen=True):

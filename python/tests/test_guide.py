@@ -69,6 +69,7 @@ def test_every_block_has_a_language(path: Path) -> None:
         "toml",
         "python",
         "text",
+        "yaml",
     }
 
 

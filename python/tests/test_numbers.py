@@ -71,7 +71,7 @@ def test_the_paper_is_looked_up_by_case_and_point(scenario: Plan) -> None:
     paper = replace(first.paper, values={"passive@slow": 2.0, "active@slow": 1.0, "active@fast": 5.0})
     swept = replace(
         scenario,
-        points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)),
+        points=(Point("slow", "5 km/h", 5.0, None), Point("fast", "35 km/h", 35.0, None)),
         metrics=(replace(first, paper=paper),),
     )
     cells = Numbers(swept, {}).table()
@@ -179,7 +179,7 @@ def test_claims_without_a_number(
 
 
 def test_a_change_may_be_larger_than_another(scenario: Plan) -> None:
-    points = (Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0))
+    points = (Point("slow", "5 km/h", 5.0, None), Point("fast", "35 km/h", 35.0, None))
     run = scenario.runs[0]
     runs = tuple(replace(run, case=c.name, point=p.name) for c in scenario.cases for p in points)
     values: dict[Key, float] = {

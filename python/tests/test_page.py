@@ -159,7 +159,7 @@ def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None
     first = scenario.runs[0]
     plant = first.components[1]
     gain = plant.parameters[0]
-    points = (Point("slow", "Slow", 1.0), Point("fast", "Fast", 2.0))
+    points = (Point("slow", "Slow", 1.0, None), Point("fast", "Fast", 2.0, None))
 
     def swept(by_case: dict[str, float], by_point: dict[str, float]) -> tuple[tuple[str, str], ...]:
         runs = tuple(

@@ -92,7 +92,9 @@ def test_states_have_whole_ticks(scenario: Plan) -> None:
 
 def test_a_sweep_shows_ours_and_the_papers(scenario: Plan) -> None:
     swept = replace(
-        scenario, points=(Point("slow", "5 km/h", 5.0), Point("fast", "35 km/h", 35.0)), sweep=Sweep("Speed", "km/h")
+        scenario,
+        points=(Point("slow", "5 km/h", 5.0, None), Point("fast", "35 km/h", 35.0, None)),
+        sweep=Sweep("Speed", "km/h", None),
     )
     first = scenario.figures[0]
     figure = replace(
