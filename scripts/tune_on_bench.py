@@ -55,7 +55,10 @@ class Requirement:
         row = found.by_name[self.metric]
         bound = self.least if self.least is not None else self.most
         limit = row.without if bound == WITHOUT else bound
-        if isinstance(limit, str) or limit is None:
+        if limit is None:
+            # The system without controllers fails from the start.
+            return 0.0
+        if isinstance(limit, str):
             raise ValueError(f"{self.metric} has no limit")
         if row.with_ is None:
             return NO_NUMBER
