@@ -273,7 +273,7 @@ pub struct Row {
     pub without: Value,
     /// With them; null if there are none.
     pub with: Value,
-    /// What a standard calls the numbers, by system.
+    /// Words of a standard for the numbers, by system.
     pub words: BTreeMap<&'static str, &'static str>,
     /// Change, percent; null if a number is missing or the first one is 0.
     pub change: Value,
@@ -290,9 +290,9 @@ pub struct Row {
     pub limit: Value,
     /// Why there is no number, or why the limit does not apply.
     pub reason: Option<String>,
-    /// Why there is no number without the controllers.
+    /// Reason for no number without the controllers.
     pub reason_without: Option<String>,
-    /// Whether each of the systems has it at all: some metrics come of maneuvers that go well, others of those that do not.
+    /// True for each system that has the metric: some exist only after a maneuver that went well, others only after one that did not.
     #[serde(skip)]
     present: [bool; 2],
 }
@@ -400,7 +400,7 @@ pub(crate) fn row(of: Pair<'_>) -> Row {
         present: [without.is_some(), with.is_some()],
     };
     if let Pair::Two(Some(without), None) = of {
-        // What the system with the controllers does not have keeps no limit, but neither does it miss that of a regulation.
+        // A metric that the system with the controllers lacks neither keeps nor misses the limit of a regulation.
         let is_required = without.limit.as_ref().is_some_and(Limit::is_required);
         row.verdict = if is_required { Verdict::Fail } else { Verdict::Info };
         row.reason = Some(ONLY_WITHOUT.to_owned());
@@ -419,7 +419,7 @@ pub(crate) enum Pair<'a> {
 const ONLY_WITHOUT: &str = "only the runs without controllers have it";
 const ONLY_WITH: &str = "only the runs with controllers have it";
 
-/// Whether a metric is better with the controllers. A number that is missing is worse than any, unless nothing has gone wrong.
+/// Tells if a metric is better with the controllers. A missing number is worse than any, unless nothing has gone wrong.
 fn judgment(old: &Value, new: &Value, change: Option<f64>, metric: &Measured) -> Option<Judgment> {
     let is_up = metric.direction == Direction::Up;
     match (old, new) {
