@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
-// A series of runs needs processes; a single run needs a part of each maneuver only.
+// Not dead: `assess`, which needs processes and is left out of WebAssembly, calls the rest of each maneuver. There, `single` calls
+// only what makes one run.
 #![cfg_attr(target_family = "wasm", allow(dead_code))]
 
 #[cfg(not(target_family = "wasm"))]

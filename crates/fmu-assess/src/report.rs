@@ -578,9 +578,9 @@ mod tests {
         assert_eq!(of(5.0, 6.0, Direction::None), None);
     }
 
-    /// A number that gets lost is worse, unless its absence is the best result. A truth value is judged, too.
+    /// A number that gets lost is worse, unless its absence is the best result. Truth values are compared, too.
     #[test]
-    fn numbers_that_come_and_go_are_judged() {
+    fn numbers_that_come_and_go_are_compared() {
         let of = |old: Value, new: Value, direction, is_best_without| {
             let of = |value| Measured { is_best_without, ..measured(value, direction, None) };
             row(Pair::Two(Some(&of(old)), Some(&of(new)))).judgment
@@ -598,7 +598,7 @@ mod tests {
         assert_eq!(of(json!(true), json!(true), Direction::Up, false), Some(Judgment::Same));
     }
 
-    /// What only one system has keeps the verdict of that system; the other one has none.
+    /// A metric that only one system has keeps the verdict of that system; the other one has none.
     #[test]
     fn a_metric_of_one_system_has_its_verdict() {
         let failed = measured(json!(false), Direction::Up, Some(Limit::holds("R140")));
@@ -623,7 +623,7 @@ mod tests {
         assert_eq!(of(json!(70.0), Limit::at_most(70.0, "R13-H")), Verdict::Pass);
         assert_eq!(of(json!(false), Limit::holds("R140")), Verdict::Fail);
         assert_eq!(of(Value::Null, Limit::holds("R140")), Verdict::Error);
-        // What the caller requires has to be there.
+        // A metric that the caller requires must have a number.
         assert_eq!(of(Value::Null, Limit::at_least(1.0, REQUIRED)), Verdict::Fail);
         let best = Measured {
             is_best_without: true,

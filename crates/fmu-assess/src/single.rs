@@ -73,9 +73,9 @@ pub struct Maneuver {
     pub id: &'static str,
     /// Title.
     pub title: &'static str,
-    /// Whether the visitor drives.
+    /// True if the visitor drives.
     pub is_free: bool,
-    /// What can be chosen.
+    /// Values to choose.
     pub values: &'static [Choosable],
     driving: Driving,
     /// Outputs that the plant needs.
@@ -266,7 +266,7 @@ fn double_lane_change(
     double_lane_change::course(bench, part, "double_lane_change".to_owned(), chosen.value("speed"))
 }
 
-/// What was chosen.
+/// The choice of the visitor.
 struct Chosen<'a> {
     maneuver: &'a Maneuver,
     values: &'a BTreeMap<String, f64>,
@@ -454,7 +454,7 @@ impl Single {
         }
     }
 
-    /// Whether the speed of the plant is prescribed.
+    /// True if the speed of the plant is prescribed.
     #[must_use]
     pub fn has_prescribed_speed(&self) -> bool {
         self.systems.systems.first().is_some_and(|system| system.speed == Speed::Prescribed)

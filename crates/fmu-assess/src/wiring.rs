@@ -80,7 +80,7 @@ impl Unit {
         self.variables(causality).map(|variable| self.signal(&variable.name))
     }
 
-    /// Whether it has an input or output, by the name of the bench.
+    /// True if it has an input or output of this name of the bench.
     fn has(&self, causality: Causality, signal: &str) -> bool {
         self.signals(causality).any(|name| name == signal)
     }
@@ -170,7 +170,7 @@ pub(crate) enum Driving {
     Ride,
 }
 
-/// What the vehicle drives on.
+/// Surface of the road.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Road {
     Flat,
@@ -219,7 +219,7 @@ pub(crate) struct Systems {
     drivers: Vec<Unit>,
     /// Values of the caller, by the components of the scenarios.
     set: Vec<(String, String, String)>,
-    /// Whether the paths of the driver are mirrored, by the caller.
+    /// True if the caller mirrors the paths of the driver.
     pub(crate) is_mirrored: bool,
     /// The one without the controllers, and the one with them if there are any.
     pub(crate) systems: Vec<System>,

@@ -4,6 +4,7 @@
 //! ([`lab_response`], [`lab_body`]). All code but this module is safe.
 
 #![allow(unsafe_code)]
+// Not dead: these are the exports of the WebAssembly module, which only the worker calls. Other targets build the crate for its tests.
 #![cfg_attr(not(target_family = "wasm"), allow(dead_code))]
 
 use crate::Lab;

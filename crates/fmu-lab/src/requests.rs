@@ -198,7 +198,7 @@ pub struct Maneuver {
     pub title: String,
     /// `bench` or `free`.
     pub kind: &'static str,
-    /// What can be chosen.
+    /// Values to choose.
     pub values: Vec<Adjustable>,
 }
 
