@@ -562,14 +562,18 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[Row]) -> Iterator[Panel]:
         yield Panel(metric.title, "", x, y, tuple(lines), ticks=tuple(p.value for p in points))
 
 
-def cells(
-    title: str, note: str, axes: tuple[Axis, Axis, Axis], values: tuple[Array, Array, Array], case: Case | None = None
-) -> Panel:
-    """Return a heat map: the axes across, up and of the colors; the centers of the cells and their values."""
-    x, y, z = axes
-    across, up, colors = values
-    name = title if case is None else case.title
-    return Panel(title, note, x, y, (Line("run", name, across, up, case, z=colors),), kind="heat", z=z)
+def heat_maps(
+    title: str, axes: tuple[Axis, Axis, Axis], found: Sequence[tuple[Case, str, tuple[Array, Array, Array]]]
+) -> Iterator[Panel]:
+    """Return a heat map for each case with its note: axes across, up and of the colors; centers and values of cells."""
+    if not found:
+        return
+    # Colors are there to be compared: those of all cases mean the same.
+    everything = np.concatenate([values for _, _, (_, _, values) in found])
+    colors = replace(axes[2], range=(float(everything.min()), float(everything.max())))
+    for case, note, (across, up, values) in found:
+        line = Line("run", case.title, across, up, case, z=values)
+        yield Panel(title, note, axes[0], axes[1], (line,), kind="heat", z=colors)
 
 
 def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
@@ -578,21 +582,14 @@ def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
     first, second = (Axis(axis.title, (Conversion(axis_unit(axis.unit)),)) for axis in (plan.sweep, plan.sweep.second))
     for index in figure.metrics:
         metric = plan.metrics[index]
-        found = []
+        found: list[tuple[Case, str, tuple[Array, Array, Array]]] = []
         for case in _cases(plan, figure):
             ours = [(point, numbers.statistic(Cell(index, case.name, point.name))) for point in plan.points]
             known = [(p.value, p.second, s.mean) for p, s in ours if p.second is not None and s is not None]
             if known:
-                found.append((case, np.array(known, np.float64).T))
-        if not found:
-            continue
-        # Colors are there to be compared: those of all cases mean the same.
-        everything = np.concatenate([values[2] for _, values in found])
-        limits = (float(everything.min()), float(everything.max()))
-        colors = replace(_metric_axis(metric, metric.title), range=limits)
-        for case, (across, up, values) in found:
-            note = case.title if len(plan.cases) > 1 else ""
-            yield cells(metric.title, note, (first, second, colors), (across, up, values), case)
+                across, up, values = np.array(known, np.float64).T
+                found.append((case, case.title if len(plan.cases) > 1 else "", (across, up, values)))
+        yield from heat_maps(metric.title, (first, second, _metric_axis(metric, metric.title)), found)
 
 
 def _running(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:

@@ -136,7 +136,8 @@ def test_centers_of_cells_are_exact_and_their_values_rounded() -> None:
         Axis("Speed", (Conversion("km/h"),)),
         Axis("Roll", (Conversion("deg"),)),
     )
-    panel = figures.cells("Roll", "", axes, (x, y, z))
+    line_of_cells = Line("run", "Roll", x, y, z=z)
+    panel = Panel("Roll", "", axes[0], axes[1], (line_of_cells,), kind="heat", z=axes[2])
     data = read(page_data.render([], [], [("map", [panel])]))
     (panel_data,) = data["figures"][0]["panels"]
     line = panel_data["lines"][0]

@@ -160,6 +160,26 @@ def test_a_tornado_of_all_combinations_has_the_means_over_the_others() -> None:
     assert (found["b"].at_low, found["b"].at_high) == pytest.approx((70.0 / 3.0, 140.0 / 3.0), rel=1e-15)
 
 
+def test_a_heat_map_has_the_means_over_the_other_factors() -> None:
+    swept = study(SWEPT[0], factor("c", values=[0.0, 1.0, 2.0]), factor("b", values=[10.0, 20.0]), method="sweep")
+    a, c, b = design.values(swept, design.shares(swept))
+    made = numbers(swept, [a, c, b], [u + 10.0 * v + 0.1 * w for u, v, w in zip(a, c, b, strict=True)])
+    metric = SimpleNamespace(title="Roll", conversion=SimpleNamespace(unit="deg"))
+    case = SimpleNamespace(name="case 0", title="Plain")
+    made.job.plan = SimpleNamespace(metrics=[metric], cases=[case], points=[])  # type: ignore[assignment]
+    # `b` has too few values for a map.
+    (panel,) = charts.over_two_factors(made, 0)
+    assert (panel.title, panel.kind, panel.x.title, panel.y.title) == ("Roll over a and c", "heat", "a", "c")
+    (line,) = panel.lines
+    assert line.z is not None
+    # The mean of b is 15.
+    expected = [(u, v, u + 10.0 * v + 1.5) for u in (1.0, 2.0, 4.0) for v in (0.0, 1.0, 2.0)]
+    cells = [*zip(line.x, line.y, line.z, strict=True)]
+    assert np.ravel(cells).tolist() == pytest.approx(np.ravel(expected).tolist(), rel=1e-14)
+    assert panel.z is not None
+    assert panel.z.range == pytest.approx((2.5, 25.5), rel=1e-14)
+
+
 def test_a_tornado_of_samples_has_the_outer_fifths() -> None:
     sampled = study(uniform("a"), runs=10)
     x = [v / 10.0 for v in range(10)]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tables
-from ..figures import Axis, Line, Panel, PanelKind
+from ..figures import Axis, Line, Panel, PanelKind, heat_maps
 from ..plan import Case, Conversion, Metric, Run
 from . import statistics
 from .job import Limits
@@ -154,6 +154,39 @@ def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[
             kind: PanelKind = "function" if has_means else "curve"
             title = f"{metric.title} over {factor.name}"
             found.append(Panel(title, note, x, _axis(metric), tuple(lines), kind=kind))
+    return found
+
+
+def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
+    """Return heat maps of a metric over each two factors with levels: means over the other factors.
+
+    Only of designs with all combinations, where no factor stands in for another.
+    """
+    job = numbers.job
+    if job.study.method != "sweep" or job.study.chosen_design != "full_factorial":
+        return []
+    metric = job.plan.metrics[index]
+    factors = [
+        i for i in range(len(job.study.vary)) if _is_number(numbers, i) and len(job.study.vary[i].levels or ()) > 2
+    ]
+    found: list[Panel] = []
+    for first, second in itertools.combinations(factors, 2):
+        x, y = (np.array(numbers.values[i], np.float64) for i in (first, second))
+        names = [job.study.vary[i].name for i in (first, second)]
+        axes = (_factor_axis(numbers, first), _factor_axis(numbers, second), _axis(metric))
+        for point in _points(numbers):
+            maps = []
+            for i, run in enumerate(job.cells):
+                values = numbers.of(index, i)
+                known = np.isfinite(values)
+                if run.point != point or not known.any():
+                    continue
+                centers, at = np.unique(np.stack((x[known], y[known])), axis=1, return_inverse=True)
+                means = np.bincount(at.ravel(), weights=values[known]) / np.bincount(at.ravel())
+                case = _case(numbers, run)
+                notes = (case.title if len(job.plan.cases) > 1 else "", _note(numbers, run))
+                maps.append((case, ", ".join(filter(None, notes)), (centers[0], centers[1], means)))
+            found += heat_maps(f"{metric.title} over {names[0]} and {names[1]}", axes, maps)
     return found
 
 

@@ -216,6 +216,13 @@ def _charts(numbers: Numbers, metric: int) -> list[Chart]:
             charts.over_factors(numbers, metric),
         )
     )
+    found.append(
+        Chart(
+            figure(f"{name}_map", f"{title} over two factors", "heat_map", cases),
+            "Means over all other factors. The colors of all cases mean the same.",
+            charts.over_two_factors(numbers, metric),
+        )
+    )
     return [chart for chart in found if chart.panels]
 
 
