@@ -1,8 +1,10 @@
 // FMUs of visitors: wired in, refused by name, and survived when they fail.
 import assert from "node:assert/strict";
 import { before, test } from "node:test";
-import { archive, description, fmu, LOG_AND_FAIL, module, UNREACHABLE } from "./foreign";
-import { Client, free } from "./lab";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, archive, description, fmu, LOG_AND_FAIL, module, UNREACHABLE } from "./foreign";
+import { BUILT, Client, free } from "./lab";
 
 const client = new Client();
 before(() => client.start());
@@ -36,9 +38,7 @@ test("a controller takes the place of another", async () => {
 });
 
 test("a trap stops its system, not the other one, and can be rewound", async () => {
-  // A counter in memory: the step traps when it has been called 300 times.
-  const counted = [0x41, 8, 0x41, 8, 0x28, 2, 0, 0x41, 1, 0x6a, 0x36, 2, 0, 0x41, 8, 0x28, 2, 0, 0x41, 0xac, 0x02, 0x4e, 0x04, 0x40, ...UNREACHABLE, 0x0b, 0x41, 0];
-  assert.equal(await drop("Trap", fmu("Trap", module({ fmi2DoStep: counted }))), "");
+  assert.equal(await drop("Trap", fmu("Trap", module({ fmi2DoStep: after(300, UNREACHABLE) }))), "");
   await client.open(free("EspCar", ["Trap"], "step_steer"));
   await until(1);
   const [failed] = failures();
@@ -52,6 +52,20 @@ test("a trap stops its system, not the other one, and can be rewound", async () 
   assert.ok(Math.abs(time - 0.1) < 1e-9);
   await client.play(Number.POSITIVE_INFINITY, 20);
   assert.ok(client.rows(0, 1).length > 0, "the system goes on from before its end");
+});
+
+test("a panic is an error with its message, and can be rewound", async () => {
+  assert.equal(await drop("PanickingController", readFileSync(join(BUILT, "tests/PanickingController.fmu"))), "");
+  await client.open(free("EspCar", ["PanickingController"], "step_steer"));
+  await until(1);
+  const [failed] = failures();
+  assert.equal(failures().length, 1);
+  assert.equal(failed?.component, "panicking_controller");
+  assert.match(failed?.message ?? "", /fmi2DoStep returned fmi2Error[^]*index out of bounds: the len is 4 but the index is 4/);
+  assert.ok(client.time >= 1, "the twin goes on");
+  await client.expect("sought", "seek", { time: 0.1 });
+  await client.play(Number.POSITIVE_INFINITY, 20);
+  assert.ok(client.rows(0, 1).length > 0, "the system goes on from before the panic");
 });
 
 test("an error is shown with what the FMU has logged", async () => {

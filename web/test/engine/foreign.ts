@@ -13,6 +13,14 @@ const types = (letters: string): number[] => vector([...letters].map((letter) =>
 export const constant = (value: number): number[] => [0x41, ...signed(value)];
 export const UNREACHABLE = [0x00];
 
+/** Code of a function that returns a number in its first calls, counted in memory, and runs other code in the later ones. */
+export const after = (calls: number, code: number[]): number[] => [
+  ...[0x41, 8, 0x41, 8, 0x28, 2, 0, 0x41, 1, 0x6a, 0x36, 2, 0, 0x41, 8, 0x28, 2, 0],
+  ...[...constant(calls), 0x4e, 0x04, 0x40, ...code, 0x0b, 0x41, 0],
+];
+/** Never ends. */
+export const ENDLESS_LOOP = [0x03, 0x40, 0x0c, 0, 0x0b];
+
 const VERSION = 16;
 const PLATFORM = 32;
 const MESSAGE = 48;

@@ -5,7 +5,8 @@ import { readFileSync } from "node:fs";
 import { describe, test } from "node:test";
 import type { Page } from "playwright-core";
 import { assertAccessible } from "../browser";
-import { Lab, clock, link, opening, picture, runTo, screenshot, setup, titles } from "./browser";
+import { after, ENDLESS_LOOP, fmu, module } from "../engine/foreign";
+import { Lab, PATIENCE, clock, link, opening, picture, runTo, screenshot, setup, titles } from "./browser";
 
 const FOLDER = process.env["CHASSIS_FMU_LAB"] ?? "../target/lab";
 const FMUS = process.env["CHASSIS_FMU_LAB_FMUS"] ?? "../target/lab-build/fmus";
@@ -259,6 +260,34 @@ describe("FMUs of the visitor", () => {
     assert.match(await message.innerText(), /Broken/);
     const time = await clock(page);
     await runTo(page, time + 0.3);
+    await lab.close(page);
+    faults();
+  });
+
+  test("a panic is shown, and the twin goes on", async () => {
+    const page = await lab.open();
+    await opening(page, () => setup(page, "Vehicle").selectOption("EspCar"));
+    await opening(page, () => drop(page, "PanickingController.fmu", readFileSync(`${FMUS}/../tests/PanickingController.fmu`)));
+    const message = page.locator(".message.error").first();
+    await message.waitFor();
+    assert.match(await message.innerText(), /panicking_controller[^]*index out of bounds: the len is 4 but the index is 4/);
+    await runTo(page, (await clock(page)) + 0.3);
+    await lab.close(page);
+    faults();
+  });
+
+  test("an endless loop is ended, and its FMU is left out", async () => {
+    const page = await lab.open();
+    await opening(page, () => setup(page, "Vehicle").selectOption("EspCar"));
+    await drop(page, "Endless.fmu", Buffer.from(fmu("Endless", module({ fmi2DoStep: after(100, ENDLESS_LOOP) }))));
+    const message = page.locator(".message.error").first();
+    await message.waitFor({ timeout: PATIENCE });
+    assert.match(await message.innerText(), /[Ee]ndless did not return from a call/);
+    // The system is open again without it.
+    await page.waitForFunction(() => document.querySelector('[data-key="controller Endless"]') === null, null, { timeout: PATIENCE });
+    assert.ok(!((await link(page)).system["controllers"] as string[]).includes("Endless"));
+    await page.getByRole("button", { name: "Play", exact: true }).click();
+    await runTo(page, 0.5);
     await lab.close(page);
     faults();
   });
