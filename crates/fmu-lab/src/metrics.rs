@@ -1,7 +1,7 @@
 //! Numbers of the runs so far.
 
 use crate::free::Source;
-use crate::requests::Metric;
+use crate::requests::{Metric, MetricValue};
 use fmu_assess::{Direction, Value};
 use fmu_system::master::Recording;
 use fmu_system::metrics::Columns;
@@ -88,7 +88,7 @@ fn of_scenario(systems: &[Recorded<'_>]) -> Vec<Metric> {
                 .as_ref()
                 .and_then(|requirement| verdict(requirement, case(&systems[0]), values[0])),
             reason: if values[0].is_none() { reason } else { String::new() },
-            values,
+            values: values.into_iter().map(|value| value.map(MetricValue::Number)).collect(),
         });
     }
     found
@@ -131,9 +131,9 @@ fn of_maneuver(systems: &[Recorded<'_>]) -> Vec<Metric> {
         })
         .collect();
     let Some(Some(first)) = evaluated.first() else { return Vec::new() };
-    let number = |value: &Value| match value {
-        Value::Number(number) => Some(*number),
-        Value::Boolean(value) => Some(f64::from(u8::from(*value))),
+    let shown = |value: &Value| match value {
+        Value::Number(number) => Some(MetricValue::Number(*number)),
+        Value::Boolean(value) => Some(MetricValue::Boolean(*value)),
         Value::Numbers(_) | Value::Null(_) => None,
     };
     first
@@ -142,7 +142,7 @@ fn of_maneuver(systems: &[Recorded<'_>]) -> Vec<Metric> {
         .filter(|metric| !matches!(metric.value, Value::Numbers(_)))
         .map(|metric| {
             let of = |evaluation: &Option<fmu_assess::Evaluation>| {
-                evaluation.as_ref().and_then(|evaluation| evaluation.value(&metric.name)).and_then(number)
+                evaluation.as_ref().and_then(|evaluation| evaluation.value(&metric.name)).and_then(shown)
             };
             let definition = metric.definition;
             let place = metric.name.strip_prefix(definition.name).unwrap_or_default().trim_start_matches('.');

@@ -345,11 +345,21 @@ pub struct Metric {
     /// Definition.
     pub definition: String,
     /// One for each system.
-    pub values: Vec<Option<f64>>,
+    pub values: Vec<Option<MetricValue>>,
     /// Why the first system has none.
     pub reason: String,
     /// `pass`, `fail` or `info`, of the first system.
     pub verdict: Option<&'static str>,
+}
+
+/// Value of a metric.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(untagged)]
+pub enum MetricValue {
+    /// A number.
+    Number(f64),
+    /// Whether something holds.
+    Boolean(bool),
 }
 
 /// An FMU that was dropped.

@@ -147,7 +147,7 @@ export interface Metric {
   unit: string;
   definition: string;
   /** One per system; `null` with a reason if it has none. */
-  values: (number | null)[];
+  values: (number | boolean | null)[];
   reason: string;
   verdict: "pass" | "fail" | "info" | null;
 }

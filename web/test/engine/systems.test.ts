@@ -23,6 +23,7 @@ function failures(): string[] {
 }
 
 test("every vehicle runs every maneuver that it can drive, with its controllers", async (context) => {
+  let yesOrNo = 0;
   for (const { fmu, defaults, maneuvers } of client.catalog?.vehicles ?? []) {
     for (const id of maneuvers) {
       await context.test(`${fmu} ${id}`, async () => {
@@ -32,12 +33,16 @@ test("every vehicle runs every maneuver that it can drive, with its controllers"
         assert.deepEqual(failures(), []);
         assert.ok(client.time > 0.1, `${client.time} s`);
         assert.ok(Object.values(last()).every(Number.isFinite));
-        for (const { title, values, reason } of await client.metrics()) {
+        for (const { title, definition, values, reason } of await client.metrics()) {
           assert.ok(title !== "" && (values[0] !== null || reason !== ""), `${title} has neither a value nor a reason`);
+          const isYesOrNo = typeof values[0] === "boolean";
+          if (values[0] !== null) assert.equal(isYesOrNo, definition.startsWith("Whether "), title);
+          yesOrNo += Number(isYesOrNo);
         }
       });
     }
   }
+  assert.ok(yesOrNo > 0, "some metrics are yes or no");
 });
 
 test("each controller can be swapped in alone with what it needs", async (context) => {

@@ -11,6 +11,11 @@ const PERIOD = 1000;
 const DEGREES: Record<string, string> = { rad: "deg", "rad/s": "deg/s" };
 const VERDICTS = { pass: "✓ pass", fail: "× fail", info: "information" } as const;
 
+function valueText(value: number | boolean | null, factor: number): string {
+  if (typeof value === "boolean") return value ? "yes" : "no";
+  return value === null ? "–" : text(value * factor, 4);
+}
+
 export class MetricsPanel {
   #isWaiting = false;
   #asked = 0;
@@ -71,7 +76,7 @@ export class MetricsPanel {
       const factor = DEGREES[metric.unit] === undefined ? 1 : 180 / Math.PI;
       const values = titles.map((_, i) => {
         const value = metric.values[i] ?? null;
-        const result = element("td", { className: "number", textContent: value === null ? "–" : text(value * factor, 4) });
+        const result = element("td", { className: "number", textContent: valueText(value, factor) });
         if (value === null && metric.reason !== "") result.append(element("small", { textContent: metric.reason }));
         return result;
       });
