@@ -252,19 +252,19 @@ class Numbers:
     def requirements(self) -> list[Verdict]:
         """Judge the metrics that have limits, ordered by metric, case, point."""
         return [
-            self._judged(Cell(index, case, point))
+            self._verdict(Cell(index, case, point))
             for index, metric in enumerate(self.plan.metrics)
             if metric.requirement is not None
             for case in metric.requirement.cases
             for point in self.plan.point_names
         ]
 
-    def _judged(self, cell: Cell) -> Verdict:
+    def _verdict(self, cell: Cell) -> Verdict:
         metric = self.metric(cell)
         limits = metric.requirement
         found = self.by_seed(cell)
         done = [seed for seed in self.plan.seed_values if (cell.case, cell.point, seed) in self._finished_seeds]
-        status, worst, missing = _native.judge(
+        status, worst, missing = _native.requirement_status(
             None if limits is None else limits.min,
             None if limits is None else limits.max,
             1.0 if limits is None else limits.share,

@@ -11,7 +11,9 @@ use pyo3::pymodule;
 #[pymodule(gil_used = false)]
 mod _native {
     #[pymodule_export]
-    use super::metrics::{MetricError, cross, evaluate, formula, judge, running, spectrum, transfer, value, window};
+    use super::metrics::{
+        MetricError, cross, evaluate, formula, requirement_status, running, spectrum, transfer, value, window,
+    };
     #[pymodule_export]
     use super::session::Session;
     #[pymodule_export]

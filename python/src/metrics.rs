@@ -96,9 +96,9 @@ pub(crate) fn formula(kind: &str) -> PyResult<&'static str> {
     Ok(found.map_err(|error| MetricError::new_err(error.to_string()))?.formula())
 }
 
-/// Judges numbers of runs against limits: status, worst number, runs without a number.
+/// Compares numbers of runs with limits: status, worst number, runs without a number.
 #[pyfunction]
-pub(crate) fn judge(
+pub(crate) fn requirement_status(
     min: Option<f64>,
     max: Option<f64>,
     share: f64,
@@ -106,8 +106,8 @@ pub(crate) fn judge(
     runs: usize,
     is_cut_off: bool,
 ) -> (&'static str, Option<f64>, usize) {
-    let judgment = fmu_system::requirements::judge([min, max], share, &numbers, runs, is_cut_off);
-    (judgment.status.name(), judgment.worst, judgment.missing)
+    let outcome = fmu_system::requirements::evaluate([min, max], share, &numbers, runs, is_cut_off);
+    (outcome.status.name(), outcome.worst, outcome.missing)
 }
 
 /// The number of an expression for numbers of metrics by their names.

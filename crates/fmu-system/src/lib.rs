@@ -8,7 +8,7 @@
 //!   [`steady`] the states in which components start that begin at rest,
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
 //! - [`report`] is what the results are to show; nothing that executes runs knows of it; [`metrics`] computes the numbers,
-//!   [`requirements`] judges those that have limits,
+//!   [`requirements`] gives verdicts on those that have limits,
 //! - [`export`] writes a run for other masters, [`compat`] tells which FMUs fit which plants by their signals.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs

@@ -1,6 +1,6 @@
 //! Requirements: whether the numbers of the runs keep the limits of the metrics, in numbers, words and JUnit XML.
 //!
-//! This is the only implementation of the rules: `cargo fmu run` and the Python package call [`judge`].
+//! This is the only implementation of the rules: `cargo fmu run` and the Python package call [`evaluate`].
 
 use crate::metrics::{Columns, Definition, MetricError};
 use crate::plan::Plan;
@@ -45,7 +45,7 @@ impl Status {
 
 /// What came of the runs of a case at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Judgment {
+pub struct Outcome {
     /// Whether the requirement is met.
     pub status: Status,
     /// The number that comes closest to a limit or exceeds it most; `None`: no run has one.
@@ -54,16 +54,16 @@ pub struct Judgment {
     pub missing: usize,
 }
 
-/// Judges the numbers of runs that took place; `None` is a run without a number. `runs` are planned. A metric that
-/// `is_cut_off` has no final numbers, because the runs end before it does.
+/// Compares the numbers of runs that took place with the limits; `None` is a run without a number. `runs` are planned. A
+/// metric that `is_cut_off` has no final numbers, because the runs end before it does.
 #[must_use]
-pub fn judge(
+pub fn evaluate(
     [min, max]: [Option<f64>; 2],
     share: f64,
     numbers: &[Option<f64>],
     runs: usize,
     is_cut_off: bool,
-) -> Judgment {
+) -> Outcome {
     let (least, greatest) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
     let margin = |value: f64| {
         if value.is_nan() { f64::NEG_INFINITY } else { (value - least).min(greatest - value) }
@@ -78,7 +78,7 @@ pub fn judge(
         () => Status::Passed,
     };
     let worst = known().min_by(|a, b| margin(*a).total_cmp(&margin(*b)));
-    Judgment { status, worst, missing: numbers.len() - known().count() }
+    Outcome { status, worst, missing: numbers.len() - known().count() }
 }
 
 /// A requirement of a case at a point, and what came of it.
@@ -93,7 +93,7 @@ pub struct Verdict<'a> {
     /// Name of the point; `None` without a sweep.
     pub point: Option<&'a str>,
     /// What came of it.
-    pub judgment: Judgment,
+    pub outcome: Outcome,
 }
 
 /// The metrics that requirements are about, and those that they are made of, rising.
@@ -131,7 +131,7 @@ impl Signals {
     }
 }
 
-/// Why a requirement cannot be judged.
+/// Why a requirement cannot be evaluated.
 #[derive(Debug, thiserror::Error)]
 pub enum RequirementError {
     /// A metric has no number, whatever the signals.
@@ -185,8 +185,8 @@ pub fn verdicts<'a>(plan: &'a Plan, is_cut: bool, read: Read<'_>) -> Result<Vec<
                 let of_runs = numbers.get(&(case.as_str(), *point)).map_or(&[][..], Vec::as_slice);
                 let values: Vec<Option<f64>> = of_runs.iter().map(|run| run[index]).collect();
                 let limits = [requirement.min, requirement.max];
-                let judgment = judge(limits, requirement.share, &values, runs, is_cut_off);
-                found.push(Verdict { metric, requirement, case, point: *point, judgment });
+                let outcome = evaluate(limits, requirement.share, &values, runs, is_cut_off);
+                found.push(Verdict { metric, requirement, case, point: *point, outcome });
             }
         }
     }
@@ -229,7 +229,7 @@ impl Verdict<'_> {
     /// What the requirement is about and what was found.
     #[must_use]
     pub fn text(&self, plan: &Plan) -> String {
-        let Self { metric, requirement, judgment, .. } = self;
+        let Self { metric, requirement, outcome, .. } = self;
         let case = plan.cases.iter().find(|case| case.name == self.case).map_or("", |case| &case.title);
         let point = plan.points.iter().find(|point| Some(point.name.as_str()) == self.point);
         let place: Vec<&str> = [metric.title.as_str(), case, point.map_or("", |point| &point.title)]
@@ -239,11 +239,11 @@ impl Verdict<'_> {
         let unit = words::unit(metric.unit.as_deref().unwrap_or_default());
         let seeds = plan.seeds.len();
         let mut found = Vec::new();
-        if let Some(worst) = judgment.worst {
+        if let Some(worst) = outcome.worst {
             let of = if seeds > 1 { format!(" in the worst of {seeds} seeds") } else { String::new() };
             found.push(format!("{}{of}", words::with_unit(&words::number(worst, metric.digits), &unit)));
         }
-        match judgment.missing {
+        match outcome.missing {
             0 => (),
             _ if seeds < 2 => found.push("no number".to_owned()),
             missing => found.push(format!("no number in {missing} of {seeds} seeds")),
@@ -270,7 +270,7 @@ impl Verdict<'_> {
 /// The verdicts as JUnit XML: a test case for each, and one for each run that failed, with its message.
 #[must_use]
 pub fn junit(plan: &Plan, verdicts: &[Verdict<'_>], failures: &[(String, String)]) -> String {
-    let count = |status: Status| verdicts.iter().filter(|verdict| verdict.judgment.status == status).count();
+    let count = |status: Status| verdicts.iter().filter(|verdict| verdict.outcome.status == status).count();
     let suite = attribute(&plan.name);
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"{suite}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"{}\">\n",
@@ -292,7 +292,7 @@ pub fn junit(plan: &Plan, verdicts: &[Verdict<'_>], failures: &[(String, String)
         let text = verdict.text(plan);
         let text = escaped(&text);
         let place = verdict.point.map_or_else(|| verdict.case.to_owned(), |point| format!("{}@{point}", verdict.case));
-        let inside = match verdict.judgment.status {
+        let inside = match verdict.outcome.status {
             Status::Failed => format!("<failure message=\"{}\">{}</failure>", attribute(&text), content(&text)),
             Status::Open => format!("<skipped message=\"Not evaluated: {}\" />", attribute(&text)),
             Status::Passed => format!("<system-out>{}</system-out>", content(&text)),
@@ -407,28 +407,28 @@ mod tests {
 
     #[test]
     fn the_worst_number_decides() {
-        let judged = judge(AT_MOST, 1.0, &[Some(0.5), Some(2.0), Some(-3.0)], 3, false);
-        assert_eq!(judged, Judgment { status: Status::Failed, worst: Some(2.0), missing: 0 });
-        let judged = judge([Some(-1.0), Some(1.0)], 1.0, &[Some(0.0), Some(1.0)], 2, false);
-        assert_eq!(judged, Judgment { status: Status::Passed, worst: Some(1.0), missing: 0 });
+        let outcome = evaluate(AT_MOST, 1.0, &[Some(0.5), Some(2.0), Some(-3.0)], 3, false);
+        assert_eq!(outcome, Outcome { status: Status::Failed, worst: Some(2.0), missing: 0 });
+        let outcome = evaluate([Some(-1.0), Some(1.0)], 1.0, &[Some(0.0), Some(1.0)], 2, false);
+        assert_eq!(outcome, Outcome { status: Status::Passed, worst: Some(1.0), missing: 0 });
         // A number that is none keeps no limit.
-        assert_eq!(judge(AT_MOST, 1.0, &[Some(f64::NAN), Some(0.0)], 2, false).status, Status::Failed);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(f64::NAN), Some(0.0)], 2, false).status, Status::Failed);
     }
 
     #[test]
     fn a_run_without_a_number_keeps_no_limit() {
-        let judged = judge(AT_MOST, 1.0, &[None, Some(0.0)], 2, false);
-        assert_eq!(judged, Judgment { status: Status::Failed, worst: Some(0.0), missing: 1 });
-        assert_eq!(judge(AT_MOST, 0.5, &[None, Some(0.0)], 2, false).status, Status::Passed);
+        let outcome = evaluate(AT_MOST, 1.0, &[None, Some(0.0)], 2, false);
+        assert_eq!(outcome, Outcome { status: Status::Failed, worst: Some(0.0), missing: 1 });
+        assert_eq!(evaluate(AT_MOST, 0.5, &[None, Some(0.0)], 2, false).status, Status::Passed);
     }
 
     #[test]
     fn what_did_not_take_place_is_open() {
-        assert_eq!(judge(AT_MOST, 1.0, &[Some(0.0)], 2, false).status, Status::Open);
-        assert_eq!(judge(AT_MOST, 1.0, &[], 1, false).status, Status::Open);
-        assert_eq!(judge(AT_MOST, 1.0, &[Some(2.0)], 1, true).status, Status::Open);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(0.0)], 2, false).status, Status::Open);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[], 1, false).status, Status::Open);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 1, true).status, Status::Open);
         // One failure is enough, whatever the others would say.
-        assert_eq!(judge(AT_MOST, 1.0, &[Some(2.0)], 2, false).status, Status::Failed);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 2, false).status, Status::Failed);
     }
 
     /// References: Python's formats `.6g` and `.2f`, and `chassis_fmu.tables`.

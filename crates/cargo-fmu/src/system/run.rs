@@ -119,7 +119,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         }
     }
     print_summary(&plan, &done, &folder, began.elapsed());
-    let failed = if arguments.no_verdicts { 0 } else { judge(&plan, &folder, &failures, arguments)? };
+    let failed = if arguments.no_verdicts { 0 } else { report_verdicts(&plan, &folder, &failures, arguments)? };
     if !failures.is_empty() {
         let messages: Vec<&str> = failures.iter().map(|(_, message)| message.as_str()).collect();
         return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), messages.join("\n\n")));
@@ -137,7 +137,12 @@ const NO_FAIL: &str = "With `--no-fail` the exit code is 0 all the same.";
 
 /// Prints the verdicts on the requirements and writes them as JUnit XML. Returns how many are not met. `failures` are ids of runs
 /// with messages.
-fn judge(plan: &Plan, folder: &Path, failures: &[(String, String)], arguments: &Arguments) -> miette::Result<usize> {
+fn report_verdicts(
+    plan: &Plan,
+    folder: &Path,
+    failures: &[(String, String)],
+    arguments: &Arguments,
+) -> miette::Result<usize> {
     let read = |run: &Run, columns: &BTreeSet<usize>| {
         if failures.iter().any(|(failed, _)| *failed == run.id) {
             return None;
@@ -158,13 +163,13 @@ fn judge(plan: &Plan, folder: &Path, failures: &[(String, String)], arguments: &
         write_whole(path, requirements::junit(plan, &verdicts, failures).as_bytes())?;
     }
     if !verdicts.is_empty() {
-        let width = verdicts.iter().map(|verdict| verdict.judgment.status.title().len()).max().unwrap_or(0);
+        let width = verdicts.iter().map(|verdict| verdict.outcome.status.title().len()).max().unwrap_or(0);
         outln!("\nRequirements");
         for verdict in &verdicts {
-            outln!("{:width$}  {}", verdict.judgment.status.title(), escaped(&verdict.text(plan)));
+            outln!("{:width$}  {}", verdict.outcome.status.title(), escaped(&verdict.text(plan)));
         }
     }
-    Ok(verdicts.iter().filter(|verdict| verdict.judgment.status == Status::Failed).count())
+    Ok(verdicts.iter().filter(|verdict| verdict.outcome.status == Status::Failed).count())
 }
 
 /// Removes the files of an earlier call, so that a failed run leaves no old results behind.
