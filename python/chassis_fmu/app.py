@@ -32,7 +32,7 @@ class AppError(Exception):
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
-        prog="cosim.py",
+        prog=shell.program("scripts/run"),
         description="Runs a scenario with the FMUs of this repository and reports the results beside the paper's.",
     )
     parser.add_argument(

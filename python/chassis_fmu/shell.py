@@ -28,6 +28,14 @@ class NoCargoError(Exception):
         super().__init__(f"cargo is not on the PATH: install Rust to {purpose}")
 
 
+def program(launcher: str) -> str:
+    """Return the name of this program in usage messages: its launcher, or how Python runs the module."""
+    called = Path(sys.argv[0])
+    if called.name == "__main__.py" and called.resolve().is_relative_to(Path(__file__).parent):
+        return f"python -m chassis_fmu.{called.parent.name}"
+    return launcher
+
+
 def positive(text: str) -> int:
     """Read a whole number of at least 1."""
     value = int(text)

@@ -476,7 +476,7 @@ def report(folder: Path, command: str) -> None:
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
-        prog="study.py",
+        prog=shell.program("scripts/study"),
         description="Searches parameters of FMUs as a study describes, and shows how the methods converged.",
     )
     parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")

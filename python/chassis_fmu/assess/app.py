@@ -24,7 +24,9 @@ page about it. All options are those of `cargo fmu assess`, which does the work:
 
 
 def _arguments(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
-    parser = argparse.ArgumentParser(prog="assess.py", description=HELP, add_help=False, allow_abbrev=False)
+    parser = argparse.ArgumentParser(
+        prog=shell.program("scripts/assess"), description=HELP, add_help=False, allow_abbrev=False
+    )
     parser.add_argument("-h", "--help", action="store_true")
     parser.add_argument("--out", type=Path, metavar="DIR")
     parser.add_argument("--page", type=Path, metavar="FOLDER")

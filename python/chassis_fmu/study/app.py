@@ -45,11 +45,12 @@ def _shard(text: str) -> Shard:
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     """Read the command line."""
+    name = shell.program("scripts/study")
     parser = argparse.ArgumentParser(
-        prog="study.py",
+        prog=name,
         description=(
             "Carries out a study: many runs of a scenario with values that vary, and a page of what they tell. "
-            "`study.py merge STUDY` puts the shards of a study together. "
+            f"`{name} merge STUDY` puts the shards of a study together. "
             "Exit code: 0 if all requirements are met, 1 if one is not, 2 if the study could not run."
         ),
     )
@@ -216,12 +217,19 @@ def _run(options: argparse.Namespace, *, merging: bool) -> int:
     return 1 if failed and not options.no_fail else 0
 
 
+def _study_of(given: Sequence[str]) -> Path | None:
+    """Return the study among arguments, which may come after options with values: as `scripts/build` finds it."""
+    if given and not given[0].startswith("-"):
+        return Path(given[0])
+    return next((Path(a) for a in given if a.endswith(".toml") and not a.startswith("-")), None)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     given = list(sys.argv[1:] if argv is None else argv)
     merging = given[:1] == ["merge"]
     given = given[1:] if merging else given
-    path = next((Path(a) for a in given if not a.startswith("-")), None)
+    path = _study_of(given)
     if path is not None and path.is_file() and file.is_tuning(path):
         wrong = [a for a in given if a.partition("=")[0] in NOT_OF_TUNING] + ["merge"] * merging
         if wrong:
