@@ -137,7 +137,7 @@ def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page
     """Write tables, figures and page of finished runs."""
     values, recordings = _collect(scenario, folder / "runs", failures)
     finished = {r.id for r in scenario.runs} - set(failures)
-    numbers = Numbers(scenario, values, finished, is_cut=context.is_cut)
+    numbers = Numbers(scenario, values, finished)
     cells = numbers.table()
     results.write_text(folder / "table.csv", tables.machine(cells))
     results.write_text(folder / "table.md", tables.markdown(scenario, cells))
@@ -218,7 +218,6 @@ def _run(options: argparse.Namespace) -> int:
         command=shlex.join(repeat),
         inputs=None if options.inputs is None else options.inputs.name,
         shortened=" ".join(cut) or None,
-        is_cut=options.stop is not None,
         versions=shell.versions(),
     )
     made = report(scenario, folder, failures, context)

@@ -84,15 +84,11 @@ class Verdict:
 class Numbers:
     """The numbers of a scenario: those of its metrics in all runs, and those of the paper.
 
-    `finished` has the ids of the runs that took place; None: all of them did. `is_cut`: they end before the scenario
-    does.
+    `finished` has the ids of the runs that took place; None: all of them did.
     """
 
-    def __init__(
-        self, plan: Plan, values: Values, finished: Collection[str] | None = None, *, is_cut: bool = False
-    ) -> None:
+    def __init__(self, plan: Plan, values: Values, finished: Collection[str] | None = None) -> None:
         self.plan = plan
-        self._is_cut = is_cut
         self._values = values
         runs = [r for r in plan.runs if finished is None or r.id in finished]
         self._finished = {(r.case, r.point) for r in runs}
@@ -190,7 +186,7 @@ class Numbers:
         if metric.uses:
             return any(self._is_cut_off(self.plan.metrics[index]) for index in metric.uses)
         window = metric.window
-        return self._is_cut and (window is None or window[1] > self.plan.simulation.stop)
+        return self.plan.is_cut and (window is None or window[1] > self.plan.simulation.stop)
 
     def status(self, check: Check) -> Status:
         """Return the badge of one check."""
@@ -271,6 +267,7 @@ class Numbers:
             [found.get(seed) for seed in done],
             len(self.plan.seed_values),
             self._is_cut_off(metric),
+            metric.kind,
         )
         return Verdict(metric, cell.case, cell.point, Status(status), worst, missing)
 

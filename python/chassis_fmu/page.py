@@ -30,8 +30,6 @@ class Context:
     inputs: str | None = None
     shortened: str | None = None
     """What the run was cut to, such as "--stop 2 --seeds 1"; None: nothing was."""
-    is_cut: bool = False
-    """Whether the runs end before the scenario does."""
     files: tuple[str, ...] = ()
     """The recorded signals, as seen from the page."""
     versions: tuple[tuple[str, str], ...] = ()

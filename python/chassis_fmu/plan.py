@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-FORMAT = 5
+FORMAT = 6
 
 Kind = Literal["Real", "Integer", "Boolean", "String"]
 Version = Literal["2.0", "3.0"]
@@ -445,6 +445,7 @@ class Plan(_Part, frozen=True):
     description: str
     reference: str
     simulation: Simulation
+    is_cut: bool
     cases: tuple[Case, ...]
     points: tuple[Point, ...]
     sweep: Sweep | None

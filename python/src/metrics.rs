@@ -1,6 +1,7 @@
 //! Metrics of arrays, which are not copied. `chassis_fmu.metrics` is the interface for users.
 
 use fmu_system::metrics::{self, Columns, Combine, Definition, Expression, Kind};
+use fmu_system::requirements::{self, Rows};
 use numpy::{IntoPyArray as _, PyArray1, PyReadonlyArray1};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
@@ -92,8 +93,12 @@ pub(crate) fn value(
 /// The formula of a kind of metric in words.
 #[pyfunction]
 pub(crate) fn formula(kind: &str) -> PyResult<&'static str> {
+    Ok(named(kind)?.formula())
+}
+
+fn named(kind: &str) -> PyResult<Kind> {
     let found: Result<Kind, serde::de::value::Error> = Kind::deserialize(kind.into_deserializer());
-    Ok(found.map_err(|error| MetricError::new_err(error.to_string()))?.formula())
+    found.map_err(|error| MetricError::new_err(error.to_string()))
 }
 
 /// Compares numbers of runs with limits: status, worst number, runs without a number.
@@ -105,9 +110,11 @@ pub(crate) fn requirement_status(
     numbers: Vec<Option<f64>>,
     runs: usize,
     is_cut_off: bool,
-) -> (&'static str, Option<f64>, usize) {
-    let outcome = fmu_system::requirements::evaluate([min, max], share, &numbers, runs, is_cut_off);
-    (outcome.status.name(), outcome.worst, outcome.missing)
+    kind: Option<&str>,
+) -> PyResult<(&'static str, Option<f64>, usize)> {
+    let rows = if is_cut_off { Rows::Cut(kind.map(named).transpose()?) } else { Rows::All };
+    let outcome = requirements::evaluate([min, max], share, &numbers, runs, rows);
+    Ok((outcome.status.name(), outcome.worst, outcome.missing))
 }
 
 /// The number of an expression for numbers of metrics by their names.

@@ -234,7 +234,7 @@ def test_a_run_that_was_cut_short_decides_only_on_what_it_covers(scenario: Plan)
     ]:
         changed = tuple(replace(m, window=window) for m in values.plan.metrics)
         plan = replace(values.plan, metrics=changed)
-        cut = Numbers(plan, values._values, is_cut=True)
+        cut = Numbers(replace(plan, is_cut=True), values._values)
         assert cut.status(check) is (Status.REPRODUCED if decided else Status.OPEN), window
         whole = Numbers(plan, values._values)
         assert whole.status(check) is Status.REPRODUCED, window
@@ -288,12 +288,18 @@ def test_a_failed_or_shortened_run_leaves_a_requirement_open(scenario: Plan) -> 
     (found,) = Numbers(limited(scenario, None, 2.0), some, finished).requirements()
     assert found.status is Status.FAILED
     some["roll_rms", "active", None, 2] = number
-    short = replace(limited(scenario, None, 9.0), simulation=replace(scenario.simulation, stop=0.2))
-    (found,) = Numbers(short, some, is_cut=True).requirements()
+    short = replace(limited(scenario, None, 9.0), is_cut=True, simulation=replace(scenario.simulation, stop=0.2))
+    (found,) = Numbers(short, some).requirements()
     assert found.status is Status.OPEN
+    # A peak that is too large already stays so.
+    of_peak = replace(short, metrics=(replace(short.metrics[0], kind="peak"), *short.metrics[1:]))
+    some["roll_rms", "active", None, 2] = 9.5
+    (found,) = Numbers(of_peak, some).requirements()
+    assert found.status is Status.FAILED
+    some["roll_rms", "active", None, 2] = number
     # So does a metric made of one that is cut off.
     doubled = replace(
         short.metrics[0], name="doubled", value="2 * roll_rms", uses=(0,), columns=(), kind=None, window=None
     )
     of_metrics = replace(short, metrics=(*short.metrics, doubled))
-    assert [item.status for item in Numbers(of_metrics, some, is_cut=True).requirements()] == [Status.OPEN, Status.OPEN]
+    assert [item.status for item in Numbers(of_metrics, some).requirements()] == [Status.OPEN, Status.OPEN]

@@ -11,7 +11,7 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
 /// Version of the plan's layout.
-pub const FORMAT: u32 = 5;
+pub const FORMAT: u32 = 6;
 
 /// A resolved scenario.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -30,6 +30,8 @@ pub struct Plan {
     pub reference: String,
     /// Times and order.
     pub simulation: Simulation,
+    /// Whether the runs end before the scenario does, because another stop was asked for.
+    pub is_cut: bool,
     /// Cases in the order of the file.
     pub cases: Vec<Case>,
     /// Points of the sweep; empty without one.

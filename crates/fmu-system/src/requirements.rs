@@ -2,7 +2,7 @@
 //!
 //! This is the only implementation of the rules: `cargo fmu run` and the Python package call [`evaluate`].
 
-use crate::metrics::{Columns, Definition, MetricError};
+use crate::metrics::{Columns, Definition, Kind, MetricError};
 use crate::plan::Plan;
 use crate::report::{Metric, Requirement, Source};
 use crate::run::Run;
@@ -54,16 +54,19 @@ pub struct Outcome {
     pub missing: usize,
 }
 
-/// Compares the numbers of runs that took place with the limits; `None` is a run without a number. `runs` are planned. A
-/// metric that `is_cut_off` has no final numbers, because the runs end before it does.
+/// The rows of the runs that a metric is computed from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rows {
+    /// All of them.
+    All,
+    /// The runs end before the last ones. What the metric, of this kind, exceeds already is failed, everything else is open.
+    /// `None`: it is computed from other metrics.
+    Cut(Option<Kind>),
+}
+
+/// Compares the numbers of runs that took place with the limits; `None` is a run without a number. `runs` are planned.
 #[must_use]
-pub fn evaluate(
-    [min, max]: [Option<f64>; 2],
-    share: f64,
-    numbers: &[Option<f64>],
-    runs: usize,
-    is_cut_off: bool,
-) -> Outcome {
+pub fn evaluate([min, max]: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], runs: usize, rows: Rows) -> Outcome {
     let (least, greatest) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
     let margin = |value: f64| {
         if value.is_nan() { f64::NEG_INFINITY } else { (value - least).min(greatest - value) }
@@ -71,8 +74,18 @@ pub fn evaluate(
     let known = || numbers.iter().copied().flatten();
     let kept = known().filter(|value| margin(*value) >= 0.0).count();
     let holds = kept as f64 >= share * numbers.len() as f64;
+    // More rows do not bring these numbers back.
+    let stays_outside = |kind: Option<Kind>| {
+        let outside = known().filter(|value| match kind {
+            Some(Kind::Peak | Kind::Max | Kind::PeakToPeak | Kind::Changes) => *value > greatest,
+            Some(Kind::Min) => *value < least,
+            _ => false,
+        });
+        let inside = numbers.len() - outside.count();
+        (inside as f64) < share * numbers.len() as f64
+    };
     let status = match () {
-        () if is_cut_off => Status::Open,
+        () if matches!(rows, Rows::Cut(kind) if !stays_outside(kind)) => Status::Open,
         () if !holds => Status::Failed,
         () if numbers.len() < runs => Status::Open,
         () => Status::Passed,
@@ -153,11 +166,11 @@ pub type Read<'a> = &'a dyn Fn(&Run, &BTreeSet<usize>) -> Option<std::io::Result
 /// Numbers of the metrics of a run, by index.
 type Numbers = Vec<Option<f64>>;
 
-/// The verdicts on a plan, ordered by metric, case, point. `is_cut`: the runs end before the scenario does.
+/// The verdicts on a plan, ordered by metric, case, point.
 ///
 /// # Errors
 /// Signals cannot be read, or a metric has no number.
-pub fn verdicts<'a>(plan: &'a Plan, is_cut: bool, read: Read<'_>) -> Result<Vec<Verdict<'a>>, RequirementError> {
+pub fn verdicts<'a>(plan: &'a Plan, read: Read<'_>) -> Result<Vec<Verdict<'a>>, RequirementError> {
     let metrics = needed(plan);
     let columns: BTreeSet<usize> = definitions(plan, &metrics).flat_map(Definition::needed_columns).collect();
     let compares = definitions(plan, &metrics).any(|definition| definition.from_baseline);
@@ -179,13 +192,17 @@ pub fn verdicts<'a>(plan: &'a Plan, is_cut: bool, read: Read<'_>) -> Result<Vec<
     let mut found = Vec::new();
     for (index, metric) in plan.metrics.iter().enumerate() {
         let Some(requirement) = &metric.requirement else { continue };
-        let is_cut_off = is_cut && is_cut_off(plan, index);
+        let kind = match &metric.source {
+            Source::Signals(definition) => Some(definition.kind),
+            Source::Metrics { .. } => None,
+        };
+        let rows = if plan.is_cut && is_cut_off(plan, index) { Rows::Cut(kind) } else { Rows::All };
         for case in &requirement.cases {
             for point in &points {
                 let of_runs = numbers.get(&(case.as_str(), *point)).map_or(&[][..], Vec::as_slice);
                 let values: Vec<Option<f64>> = of_runs.iter().map(|run| run[index]).collect();
                 let limits = [requirement.min, requirement.max];
-                let outcome = evaluate(limits, requirement.share, &values, runs, is_cut_off);
+                let outcome = evaluate(limits, requirement.share, &values, runs, rows);
                 found.push(Verdict { metric, requirement, case, point: *point, outcome });
             }
         }
@@ -407,28 +424,46 @@ mod tests {
 
     #[test]
     fn the_worst_number_decides() {
-        let outcome = evaluate(AT_MOST, 1.0, &[Some(0.5), Some(2.0), Some(-3.0)], 3, false);
+        let outcome = evaluate(AT_MOST, 1.0, &[Some(0.5), Some(2.0), Some(-3.0)], 3, Rows::All);
         assert_eq!(outcome, Outcome { status: Status::Failed, worst: Some(2.0), missing: 0 });
-        let outcome = evaluate([Some(-1.0), Some(1.0)], 1.0, &[Some(0.0), Some(1.0)], 2, false);
+        let outcome = evaluate([Some(-1.0), Some(1.0)], 1.0, &[Some(0.0), Some(1.0)], 2, Rows::All);
         assert_eq!(outcome, Outcome { status: Status::Passed, worst: Some(1.0), missing: 0 });
         // A number that is none keeps no limit.
-        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(f64::NAN), Some(0.0)], 2, false).status, Status::Failed);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(f64::NAN), Some(0.0)], 2, Rows::All).status, Status::Failed);
     }
 
     #[test]
     fn a_run_without_a_number_keeps_no_limit() {
-        let outcome = evaluate(AT_MOST, 1.0, &[None, Some(0.0)], 2, false);
+        let outcome = evaluate(AT_MOST, 1.0, &[None, Some(0.0)], 2, Rows::All);
         assert_eq!(outcome, Outcome { status: Status::Failed, worst: Some(0.0), missing: 1 });
-        assert_eq!(evaluate(AT_MOST, 0.5, &[None, Some(0.0)], 2, false).status, Status::Passed);
+        assert_eq!(evaluate(AT_MOST, 0.5, &[None, Some(0.0)], 2, Rows::All).status, Status::Passed);
     }
 
     #[test]
     fn what_did_not_take_place_is_open() {
-        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(0.0)], 2, false).status, Status::Open);
-        assert_eq!(evaluate(AT_MOST, 1.0, &[], 1, false).status, Status::Open);
-        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 1, true).status, Status::Open);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(0.0)], 2, Rows::All).status, Status::Open);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[], 1, Rows::All).status, Status::Open);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 1, Rows::Cut(None)).status, Status::Open);
         // One failure is enough, whatever the others would say.
-        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 2, false).status, Status::Failed);
+        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(2.0)], 2, Rows::All).status, Status::Failed);
+    }
+
+    #[test]
+    fn what_is_cut_off_fails_if_nothing_can_bring_it_back() {
+        let of =
+            |kind, limits, numbers: &[Option<f64>]| evaluate(limits, 1.0, numbers, 2, Rows::Cut(Some(kind))).status;
+        let (too_high, too_low) = ([Some(2.0), Some(0.0)], [Some(-2.0), Some(0.0)]);
+        let at_least = [Some(-1.0), None];
+        for kind in [Kind::Peak, Kind::Max, Kind::PeakToPeak, Kind::Changes] {
+            assert_eq!(of(kind, AT_MOST, &too_high), Status::Failed);
+            assert_eq!(of(kind, AT_MOST, &too_low), Status::Open);
+            assert_eq!(of(kind, at_least, &too_low), Status::Open);
+        }
+        assert_eq!(of(Kind::Min, at_least, &too_low), Status::Failed);
+        assert_eq!(of(Kind::Min, AT_MOST, &too_high), Status::Open);
+        assert_eq!(of(Kind::Rms, AT_MOST, &too_high), Status::Open);
+        // One of two runs is enough.
+        assert_eq!(evaluate(AT_MOST, 0.5, &too_high, 2, Rows::Cut(Some(Kind::Peak))).status, Status::Open);
     }
 
     /// References: Python's formats `.6g` and `.2f`, and `chassis_fmu.tables`.

@@ -204,6 +204,7 @@ pub fn resolve_text(
         title: scenario.title.clone(),
         description: scenario.description.trim().to_string(),
         reference: scenario.reference.clone(),
+        is_cut: simulation.stop < *scenario.simulation.stop.get_ref(),
         simulation,
         cases: scenario.cases.iter().map(plan_case).collect(),
         points: scenario.points.iter().map(plan_point).collect(),

@@ -155,7 +155,7 @@ fn report_verdicts(
         }))
     };
     let verdicts = if plan.metrics.iter().any(|metric| metric.requirement.is_some()) {
-        requirements::verdicts(plan, arguments.selection.is_cut(), &read).into_diagnostic()?
+        requirements::verdicts(plan, &read).into_diagnostic()?
     } else {
         Vec::new()
     };
@@ -167,6 +167,11 @@ fn report_verdicts(
         outln!("\nRequirements");
         for verdict in &verdicts {
             outln!("{:width$}  {}", verdict.outcome.status.title(), escaped(&verdict.text(plan)));
+        }
+        match verdicts.iter().filter(|verdict| verdict.outcome.status == Status::Open).count() {
+            0 => {}
+            1 => outln!("1 requirement is not evaluated: a run failed or was cut short."),
+            open => outln!("{open} requirements are not evaluated: runs failed or were cut short."),
         }
     }
     Ok(verdicts.iter().filter(|verdict| verdict.outcome.status == Status::Failed).count())

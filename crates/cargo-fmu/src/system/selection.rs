@@ -47,11 +47,6 @@ enum Order {
 }
 
 impl Selection {
-    /// True if the runs end before the scenario does.
-    pub(crate) fn is_cut(&self) -> bool {
-        self.stop.is_some()
-    }
-
     /// Resolves the scenario and adds the warnings that only trial runs give.
     pub(crate) fn plan_with_warnings(&self, workers: &worker::Options) -> miette::Result<Plan> {
         let mut plan = self.plan()?;
