@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -203,7 +204,10 @@ def test_requirements_of_the_scenario_count(tmp_path: Path, capsys: pytest.Captu
     scenario = SCENARIO.replace('kind = "final"', 'kind = "final"\nmax = 325.0\nshare = 0.5\nrequired_of = ["plain"]')
     study = 'method = "sweep"\n' + vary("p", "f:a", "values = [5.0, 6.0]")
     assert run(tmp_path, write(tmp_path, study, scenario)) == 0
-    assert "Passed  Value, Plain: at most 325 in 50.0 % of the runs" in capsys.readouterr().out
+    # A sweep has no interval of confidence.
+    assert "Passed  Value, Plain: at most 325 in 50.0 % of the runs, required 50.0 %" in capsys.readouterr().out
+    page = (tmp_path / "out" / "study" / "index.html").read_text()
+    assert 'Runs that keep them</th><th class="number">Required</th>' in page
     assert [r["meets:y"] for r in rows(tmp_path)] == [True, None, False, None]
 
 
@@ -221,6 +225,7 @@ def test_requirements_of_the_scenario_count(tmp_path: Path, capsys: pytest.Captu
         (SAMPLE + vary("y", "f:a", UNIFORM), "the scenario has a metric of that name"),
         (SAMPLE + 'cases = ["plan"]\n' + TWO, "unknown case `plan`, expected one of `plain`, `shifted`"),
         (SAMPLE + 'metrics = ["z"]\n' + TWO, "unknown metric `z`"),
+        (SAMPLE + 'cases = ["shiftd"]\n' + TWO, "expected one of `plain`, `shifted`; did you mean `shifted`?"),
         (SAMPLE + TWO + '[[requirement]]\nmetric = "z"\nmax = 1.0\n', "requirement: unknown metric `z`"),
         ('method = "sweep"\n[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["None"]\n', "there is no None.fmu"),
         ('method = "sweep"\n[[vary]]\nname = "law"\nfmu = "g"\nvalues = ["Function"]\n', "no component `g`"),
@@ -556,3 +561,24 @@ def test_a_journal_reads_back_the_same_numbers(tmp_path: Path) -> None:
     assert len(json.loads(lines[0])["study"]) == 64
     assert run(tmp_path, tmp_path / "study.toml", "--report-only") == 0
     assert table(tmp_path) == first
+
+
+def test_a_wrong_scenario_names_the_study_and_its_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path)
+    study = write(tmp_path, SAMPLE + TWO)
+    (tmp_path / "wrong.toml").write_text("titel = 3\n")
+    for name, expected in (("none.toml", "there is no file"), ("wrong.toml", "unknown key `titel`")):
+        study.write_text(re.sub('scenario = ".*"', f'scenario = "{name}"', study.read_text()))
+        assert run(tmp_path, study) == 2
+        found = capsys.readouterr().err
+        assert f"error: {study}: scenario: " in found
+        assert expected in found
+
+
+def test_the_interval_of_a_share_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path)
+    path = write(tmp_path, SAMPLE + TWO + '[[requirement]]\nmetric = "y"\nmin = -1e9\n')
+    assert run(tmp_path, path) == 0
+    assert "in 100.0 % of the runs (95 % interval 83.9 % to 100.0 %), required 100.0 %" in capsys.readouterr().out
+    page = (tmp_path / "out" / "study" / "index.html").read_text()
+    assert 'Runs that keep them</th><th class="number">95 % interval</th>' in page

@@ -224,10 +224,32 @@ NORMAL = '[[vary]]\nname = "{}"\nvariable = "f:a"\ndistribution = "normal"\nmean
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ('method = "sample"', "missing required field `vary`"),
+        ('method = "sample"', "study.toml: missing key `vary`"),
         ('method = "sample"\nvary = []', "nothing varies"),
-        ('method = "guess"\n' + UNIFORM, "method"),
-        ('method = "sample"\nrans = 3\n' + UNIFORM, "unknown field `rans`"),
+        (
+            'method = "samples"\n' + UNIFORM,
+            "method: unknown value `samples`, expected one .*; did you mean `sample`",
+        ),
+        (
+            'method = "sample"\nrans = 3\n' + UNIFORM,
+            "unknown key `rans`, expected one of .*; did you mean `runs`",
+        ),
+        (
+            'method = "sample"\n' + UNIFORM + UNIFORM.replace("uniform", "gauss").replace('"x"', '"z"'),
+            r"\[\[vary\]\] 2, `z`: distribution: unknown value `gauss`, expected one of grid, log_uniform",
+        ),
+        (
+            'method = "sample"\n' + UNIFORM.replace("uniform", "unifrom"),
+            r"\[\[vary\]\] 1, `x`: distribution: .*; did you mean `uniform`\?",
+        ),
+        ('method = "sample"\n' + UNIFORM.replace("0.0", '"0"'), "1, `x`: min: expected a number, got text in quotes"),
+        ('method = "sample"\n' + UNIFORM + "mim = 1.0", r"1, `x`: unknown key `mim`, .*; did you mean `min`\?"),
+        ('method = "sample"\ncases = ["a", 1]\n' + UNIFORM, "cases, item 2: expected text in quotes, got a whole"),
+        ('method = "sample"\nvary = 3', "vary: expected a list, got a whole number"),
+        (
+            'method = "sample"\n' + UNIFORM + "[[requirement]]\nmax = 1.0",
+            r"\[\[requirement\]\] 1: missing key `metric`",
+        ),
         ('method = "sample"\nruns = 0\n' + UNIFORM, "runs is 0, expected at least 1"),
         ('method = "sample"\ndesign = "list"\n' + UNIFORM, "expected one of latin_hypercube, random, sobol"),
         ('method = "sweep"\n' + UNIFORM, "a sweep needs values or distribution grid"),

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+import msgspec.inspect
 import numpy as np
 
+from ..names import suggestion
 from .factors import Factor, FactorError
 
 if sys.version_info >= (3, 11):
@@ -29,6 +33,16 @@ SAMPLES = 100
 
 # A name that a column of the tables has.
 TAKEN = ("sample", "case", "point", "seed", "status", "time", "component", "variable", "message", "seconds")
+
+# Types of TOML by the names that msgspec gives them.
+WORDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "str": "text in quotes",
+    "array": "a list",
+    "object": "a table",
+}
 
 
 class StudyError(Exception):
@@ -138,11 +152,64 @@ def read(path: Path) -> Study:
     try:
         study = msgspec.convert(table, Study)
     except msgspec.ValidationError as error:
-        raise StudyError(f"{path}: {error}".replace("$.", "")) from error
+        raise StudyError(f"{path}: {_explained(str(error), table)}") from error
     problems = list(_problems(study))
     if problems:
         raise StudyError("\n".join(f"{path}: {problem}" for problem in problems))
     return study
+
+
+def _explained(message: str, table: dict[str, Any]) -> str:
+    """Say what does not fit the layout of a study, in the words of the other messages: key, value, what is valid."""
+    said, _, where = message.partition(" - at `$")
+    steps = re.findall(r"\.([^.\[]+)|\[(\d+)\]", where.rstrip("`"))
+    place: list[str] = []
+    at: Any = table
+    kind: msgspec.inspect.Type | None = msgspec.inspect.type_info(Study)
+    for key, index in steps:
+        at, kind = at[key or int(index)], _inside(kind, key)
+        if key:
+            place.append(key)
+            continue
+        name = at.get("name") if isinstance(at, dict) else None
+        place[-1] = (
+            f"[[{place[-1]}]] {int(index) + 1}" if isinstance(at, dict) else f"{place[-1]}, item {int(index) + 1}"
+        )
+        place[-1] += f", `{name}`" if isinstance(name, str) else ""
+    before = "".join(f"{part}: " for part in place)
+    if said.startswith("Invalid enum value"):
+        known = [str(v) for of in _kinds(kind) if isinstance(of, msgspec.inspect.LiteralType) for v in of.values]
+        return f"{before}unknown value `{at}`, expected one of {', '.join(known)}{suggestion(str(at), known)}"
+    found = re.fullmatch(r"Object contains unknown field `(.*)`", said)
+    if found:
+        keys = [f.name for of in _kinds(kind) if isinstance(of, msgspec.inspect.StructType) for f in of.fields]
+        return f"{before}unknown key `{found[1]}`, expected one of {', '.join(keys)}{suggestion(found[1], keys)}"
+    found = re.fullmatch(r"Object missing required field `(.*)`", said)
+    if found:
+        return f"{before}missing key `{found[1]}`"
+    found = re.fullmatch(r"Expected `(.*)`, got `(.*)`", said)
+    if found:
+        wanted, given = ([WORDS.get(w, w) for w in of.split(" | ") if w != "null"] for of in found.groups())
+        return f"{before}expected {' or '.join(dict.fromkeys(wanted))}, got {' or '.join(given)}"
+    return f"{before}{said[:1].lower()}{said[1:]}"
+
+
+def _kinds(kind: msgspec.inspect.Type | None) -> Iterator[msgspec.inspect.Type]:
+    """Return the types that a value may have."""
+    if isinstance(kind, msgspec.inspect.UnionType):
+        yield from kind.types
+    elif kind is not None:
+        yield kind
+
+
+def _inside(kind: msgspec.inspect.Type | None, key: str) -> msgspec.inspect.Type | None:
+    """Return the type of a field, or that of the items where the key is empty; None if it is not known."""
+    for of in _kinds(kind):
+        if isinstance(of, msgspec.inspect.StructType) and key:
+            return next((field.type for field in of.fields if field.name == key), None)
+        if isinstance(of, msgspec.inspect.ListType) and not key:
+            return of.item_type
+    return None
 
 
 def _problems(study: Study) -> list[str]:

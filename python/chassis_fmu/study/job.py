@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import plan
+from ..names import unknown
 from ..scenario import Outcome, Sample, Scenario, ScenarioError, Value, Variable
 from .factors import Factor
 from .file import Requirement, Study, StudyError
@@ -104,10 +105,7 @@ class Job:
             for choice in choices
         ]
         self._choices = {choice: index for index, choice in enumerate(choices)}
-        try:
-            self.scenarios = [source.open() for source in self.sources]
-        except ScenarioError as error:
-            raise StudyError(str(error)) from error
+        self.scenarios = [_open(source, path) for source in self.sources]
         self.plan = self.scenarios[0].plan
         problems: list[str] = []
         self.cells = self._cells(problems)
@@ -129,7 +127,7 @@ class Job:
         ):
             for name in wanted or ():
                 if name not in known:
-                    problems.append(f"{kind}s: unknown {kind} `{name}`, expected {_any_of(known)}")
+                    problems.append(f"{kind}s: {unknown(kind, name, known)}")
             if wanted == []:
                 problems.append(f"{kind}s is empty; without the key all {kind}s are run")
         seed = self.plan.seed_values[0]
@@ -148,18 +146,18 @@ class Job:
             problems.append("scenario: it has no [[metric]], so there is nothing to report")
         for name in self.study.metrics or ():
             if name not in names:
-                problems.append(f"metrics: unknown metric `{name}`, expected {_any_of(names)}")
+                problems.append(f"metrics: {unknown('metric', name, names)}")
         wanted = {*(self.study.metrics or names), *(r.metric for r in self.study.requirement)}
         if self.study.search is not None:
             wanted.add(self.study.search.metric)
             if self.study.search.metric not in names:
-                problems.append(f"search: unknown metric `{self.study.search.metric}`, expected {_any_of(names)}")
+                problems.append(f"search: {unknown('metric', self.study.search.metric, names)}")
             cases = {run.case for run in self.cells}
             if self.study.search.case is not None and self.study.search.case not in cases:
-                problems.append(f"search: unknown case `{self.study.search.case}`, expected {_any_of(sorted(cases))}")
+                problems.append(f"search: {unknown('case', self.study.search.case, sorted(cases))}")
         series = self.study.series
         if series is not None and series.metric is not None and series.metric not in names:
-            problems.append(f"series: unknown metric `{series.metric}`, expected {_any_of(names)}")
+            problems.append(f"series: {unknown('metric', series.metric, names)}")
         return [index for index, name in enumerate(names) if name in wanted]
 
     def _requirements(self, problems: list[str]) -> list[Limits]:
@@ -176,13 +174,11 @@ class Job:
                     found.append(Limits(index, limits.min, limits.max, of, limits.share, limits.source))
         for written in self.study.requirement:
             if written.metric not in names:
-                problems.append(f"requirement: unknown metric `{written.metric}`, expected {_any_of(names)}")
+                problems.append(f"requirement: {unknown('metric', written.metric, names)}")
                 continue
             for case in written.cases or ():
                 if case not in cases:
-                    problems.append(
-                        f"requirement of `{written.metric}`: unknown case `{case}`, expected {_any_of(cases)}"
-                    )
+                    problems.append(f"requirement of `{written.metric}`: {unknown('case', case, cases)}")
             known = [c.name for c in self.plan.cases if c.baseline in cases]
             compared = tuple(c for c in cases if c in known)
             if written.of_change and not set(written.cases or compared) <= set(compared):
@@ -292,6 +288,16 @@ class Job:
         return [[_without_paths(s.json(), hashes) for s in self.scenarios], sorted(set(hashes.values()))]
 
 
+def _open(source: Source, path: Path) -> Scenario:
+    """Open a scenario of a study; what is wrong with it is about a key of the study."""
+    try:
+        return source.open()
+    except ScenarioError as error:
+        chosen = " and ".join(f"{fmu} as `{component}`" for component, fmu in source.replace)
+        with_fmus = f" with {chosen}" if chosen else ""
+        raise StudyError(f"{path}: scenario{with_fmus}: {error}") from error
+
+
 def _of_study(study: Study) -> Any:
     import msgspec
 
@@ -309,10 +315,6 @@ def _without_paths(text: str, hashes: Mapping[str, str]) -> str:
         for unit in run["components"]:
             unit["fmu"] = hashes.get(unit["fmu"], unit["fmu"])
     return hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()
-
-
-def _any_of(names: Sequence[str]) -> str:
-    return f"one of {', '.join(f'`{n}`' for n in names)}" if names else "none"
 
 
 def _misfits(factor: Factor, variable: Variable) -> Iterator[str]:

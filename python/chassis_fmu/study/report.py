@@ -490,9 +490,13 @@ def _verdict(numbers: Numbers, share: Share) -> str:
     unit = "%" if share.limits.of_change else tables.pretty_unit(metric.conversion.unit)
     limits = " and ".join(f"{word} {tables.scientific(v)} {unit}".rstrip() for word, v in ends if v is not None)
     limits = f"a change of {limits}" if share.limits.of_change else limits
-    low, high = share.interval
     place = f"{metric.title}, {_titles(numbers, share.case, share.point)}"
+    # A sweep tries given values: there is no larger number of runs that its share is an estimate of.
+    interval = ""
+    if numbers.job.study.method != "sweep":
+        low, high = share.interval
+        interval = f" ({100 * statistics.CONFIDENCE:g} % interval {percent(low)} to {percent(high)})"
     return (
-        f"{'Passed' if share.holds else 'Failed'}  {place}: {limits} in {percent(share.share)} of the runs "
-        f"({percent(low)} to {percent(high)}), required {percent(share.limits.share)}"
+        f"{'Passed' if share.holds else 'Failed'}  {place}: {limits} in {percent(share.share)} of the runs"
+        f"{interval}, required {percent(share.limits.share)}"
     )
