@@ -453,12 +453,14 @@ def tuned_section(tuned: Tuned) -> list[str]:
     """Return the lines of tuned controllers."""
     tuning = TUNINGS[tuned.name]
     file = f"modelDescription/parameters/{tuned.name}.ssv"
-    controllers = ", ".join(f"`{name}`" for name in tuning.controllers)
+    controllers = "".join(f" --with {name}" for name in tuning.controllers)
     lines = [
         "",
         f"### {tuned.title}",
         "",
-        f"`cargo fmu assess {tuning.plant} --parameters {file}` with {controllers}.",
+        "```sh",
+        f"cargo fmu assess {tuning.plant}{controllers} --parameters {file}",
+        "```",
         "",
         "| condition | metric | unit | without | paper | tuned |",
         "|---|---|---|---|---|---|",

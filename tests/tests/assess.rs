@@ -576,6 +576,8 @@ fn a_call_that_cannot_begin_says_why() {
         (set("driver:path.start=15"), vec!["the bench gives it a value", "procedures of the maneuvers prescribe it"]),
         (set("esp_car:vehicle.initial_speed=15"), vec!["the bench gives it a value", "Use --speed"]),
         (vec!["NoSuchCar"], vec!["there is no FMU NoSuchCar in", "cargo fmu pack NoSuchCar"]),
+        (vec!["EspCra"], vec!["there is no FMU EspCra in", "did you mean `EspCar`?"]),
+        (set("esp_car:body.mas=1300"), vec!["EspCar has no parameter `body.mas`", "did you mean `body.mass`?"]),
         (vec!["Road"], vec!["Road cannot be driven"]),
         (
             vec!["EspCar", "--with", "AntilockBraking", "--with", "AntilockBraking"],
@@ -603,6 +605,19 @@ fn a_call_that_cannot_begin_says_why() {
             assert!(found.errors().contains(word), "{arguments:?}: {}", found.errors());
         }
     }
+}
+
+#[test]
+fn values_that_are_set_are_listed_beside_those_of_the_fmu() {
+    let found = assess(&["BicycleCar", "--suite", "handling", "--set", "bicycle_car:vehicle.mass=1.6e3 kg"]);
+    let set = &found.json.as_ref().expect("an assessment")["set"];
+    let expected = serde_json::json!([{
+        "component": "bicycle_car", "fmu": "BicycleCar", "parameter": "vehicle.mass", "value": "1.6e3 kg", "unit": "kg",
+        "start": 1500.0
+    }]);
+    assert_eq!(*set, expected);
+    let said = String::from_utf8_lossy(&found.output.stdout);
+    assert!(said.contains("bicycle_car:vehicle.mass = 1.6e3 kg instead of 1500.0 kg"), "{said}");
 }
 
 #[test]

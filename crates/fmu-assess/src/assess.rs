@@ -10,6 +10,7 @@ use crate::metric::Direction;
 use crate::report::{Assessment, Limit, Measured, Pair, REQUIRED, Row, SCHEMA, Suite, row};
 use crate::vehicle::{Datum, Vehicle};
 use crate::wiring::{Driving, STEP, SetupError, Subject, System, Systems, Unit};
+use fmu_import::description::Value as Start;
 use fmu_import::temporary::Folder;
 use fmu_import::worker::Settings;
 use fmu_system::fmus::Fmus;
@@ -231,6 +232,18 @@ fn assembled(
         });
         json!({ "fmu": unit.fmu, "guid": description.guid, "version": description.version, "sha256": sha256 })
     };
+    let given = |(unit, parameter, value): (&Unit, &str, &str)| {
+        let variable = unit.description().variable(parameter);
+        let start = variable.and_then(|variable| variable.start.as_ref()).map(|start| match start {
+            Start::Integer(start) => json!(start),
+            Start::Real(start) => json!(start),
+            Start::Boolean(start) => json!(start),
+            Start::String(start) => json!(start),
+        });
+        let unit_of_measure = variable.and_then(|variable| variable.unit.as_deref());
+        let (component, fmu) = (&unit.name, &unit.fmu);
+        json!({ "component": component, "fmu": fmu, "parameter": parameter, "value": value, "unit": unit_of_measure, "start": start })
+    };
     let unwritten = |system: &System| (system.name, system.unwritten.iter().cloned().collect::<BTreeMap<_, _>>());
     let decisive = systems.systems.last();
     let runs = found.iter().flat_map(|results| results.runs.clone()).collect();
@@ -239,6 +252,7 @@ fn assembled(
         plant: unit(&systems.plant.unit),
         base: systems.base.iter().map(unit).collect(),
         with: systems.with.iter().map(unit).collect(),
+        set: systems.given().map(given).collect(),
         vehicle,
         driver,
         systems: systems.systems.iter().map(|system| system.name).collect(),

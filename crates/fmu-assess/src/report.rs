@@ -316,6 +316,8 @@ pub struct Assessment {
     pub base: Vec<Value>,
     /// Controllers.
     pub with: Vec<Value>,
+    /// Values of parameters that the caller set: component, FMU, parameter, value as written, unit and start value.
+    pub set: Vec<Value>,
     /// Data of the vehicle and where each comes from.
     pub vehicle: Vehicle,
     /// What the driver knows: understeer gradient, rad/(m/s2), and amplitude A, deg.

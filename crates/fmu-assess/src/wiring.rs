@@ -5,6 +5,7 @@
 
 use crate::vehicle::VehicleFile;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
+use fmu_import::names::suggestion;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{Descriptions, Found, Options, resolve_text};
 use std::collections::BTreeMap;
@@ -67,7 +68,7 @@ pub(crate) struct Unit {
 }
 
 impl Unit {
-    fn description(&self) -> &ModelDescription {
+    pub(crate) fn description(&self) -> &ModelDescription {
         &self.found.description
     }
 
@@ -249,12 +250,12 @@ fn find(source: &dyn Descriptions, fmu: &str, names: Option<&BTreeMap<String, St
     let found = source.find(fmu).map_err(SetupError::new)?;
     let Some(found) = found else {
         let names = source.names();
-        let known =
-            if names.is_empty() { "there are none".to_owned() } else { format!("there are {}", names.join(", ")) };
-        return Err(SetupError::with_help(
-            format!("there is no FMU {fmu} in {}", source.place()),
-            format!("Pack it (`cargo fmu pack {fmu}`), or say where it is by --fmus; {known}."),
-        ));
+        let similar = suggestion(fmu, names.iter().map(String::as_str));
+        let help = similar.unwrap_or_else(|| {
+            let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            format!("Pack it (`cargo fmu pack {fmu}`), or say where it is by --fmus. There are {known}.")
+        });
+        return Err(SetupError::with_help(format!("there is no FMU {fmu} in {}", source.place()), help));
     };
     if found.description.co_simulation.is_none() {
         return Err(SetupError::new(format!("{} has no co-simulation", found.path)));
@@ -272,6 +273,20 @@ fn find(source: &dyn Descriptions, fmu: &str, names: Option<&BTreeMap<String, St
 }
 
 impl Systems {
+    /// The values that the caller gave: unit, parameter, value.
+    pub(crate) fn given(&self) -> impl Iterator<Item = (&Unit, &str, &str)> {
+        self.set.iter().filter_map(|(component, name, value)| {
+            let mut units = self.all.iter().chain(&self.drivers);
+            let is_known = |unit: &&Unit| unit.description().variable(name).is_some();
+            let unit = match component.as_str() {
+                "plant" => Some(&self.plant.unit),
+                "driver" => self.drivers.iter().find(is_known),
+                _ => units.find(|unit| unit.name == *component),
+            };
+            unit.map(|unit| (unit, name.as_str(), value.as_str()))
+        })
+    }
+
     /// Finds the FMUs and wires them.
     #[cfg(not(target_family = "wasm"))]
     pub(crate) fn new(subject: &Subject, source: &dyn Descriptions) -> Result<Self, SetupError> {
@@ -447,9 +462,15 @@ fn settings(
         let is_known = |driver: &Unit| driver.description().variable(name).is_some();
         if own == "driver" && !drivers.is_empty() && !drivers.iter().any(is_known) {
             let names = drivers.iter().flat_map(|driver| driver.variables(Causality::Parameter));
-            let suggestion = fmu_import::names::suggestion(name, names.map(|variable| variable.name.as_str()));
+            let help = suggestion(name, names.map(|variable| variable.name.as_str()));
             let message = format!("neither Driver nor PathDriver has a parameter `{name}`");
-            return Err(SetupError { message, help: suggestion });
+            return Err(SetupError { message, help });
+        }
+        let unit = std::iter::once(&plant.unit).chain(units).find(|unit| unit.name == *component);
+        if let Some(unit) = unit.filter(|unit| unit.description().variable(name).is_none()) {
+            let names = unit.variables(Causality::Parameter).map(|variable| variable.name.as_str());
+            let message = format!("{} has no parameter `{name}`", unit.fmu);
+            return Err(SetupError { message, help: suggestion(name, names) });
         }
         set.push((own.to_owned(), name.clone(), value.clone()));
     }

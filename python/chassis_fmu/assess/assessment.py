@@ -97,6 +97,17 @@ class Dropped(msgspec.Struct, frozen=True):
     missing: tuple[str, ...] = ()
 
 
+class Set(msgspec.Struct, frozen=True):
+    """A parameter with another value than that of its FMU."""
+
+    component: str
+    fmu: str
+    parameter: str
+    value: str
+    unit: str | None
+    start: float | bool | str | None
+
+
 class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=True):
     """An assessment."""
 
@@ -104,6 +115,7 @@ class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=Tru
     plant: Unit
     base: tuple[Unit, ...]
     with_: tuple[Unit, ...]
+    set: tuple[Set, ...]
     vehicle: dict[str, Any]
     driver: dict[str, float | None]
     systems: tuple[Name, ...]

@@ -218,6 +218,7 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         unit_of=unit_of,
         limit=limit,
         words=words,
+        pretty_unit=tables.pretty_unit,
         signed=tables.signed,
         number=lambda value: tables.number(value, None),
         verdict_badges=VERDICTS,

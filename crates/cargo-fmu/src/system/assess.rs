@@ -195,7 +195,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         Ok(assessment) if assessment.is_passed() => return Ok(()),
         Ok(_) => 1,
         Err(error) => {
-            errln!("{error:?}");
+            errln!("Error: {error:?}");
             2
         }
     };
@@ -300,8 +300,62 @@ fn write(assessment: &Assessment, shown: &Shown, out: &Path, arguments: &Argumen
     Ok(())
 }
 
+/// Name of a maneuver.
+fn maneuver_title(name: &str) -> String {
+    match name {
+        "iso3888_1" => "ISO 3888-1".to_owned(),
+        "iso3888_2" => "ISO 3888-2".to_owned(),
+        "j_turn" => "J-turn".to_owned(),
+        _ => {
+            let words = name.replace('_', " ");
+            let (first, rest) = words.split_at(words.chars().next().map_or(0, char::len_utf8));
+            first.to_uppercase() + rest
+        }
+    }
+}
+
+/// Names of FMUs.
+fn names(units: &[serde_json::Value]) -> String {
+    let names: Vec<&str> = units.iter().filter_map(|unit| unit["fmu"].as_str()).collect();
+    names.join(", ")
+}
+
+/// What is compared, and which values are not those of the FMUs.
+fn print_systems(assessment: &Assessment) {
+    let plant = assessment.plant["fmu"].as_str().unwrap_or_default();
+    let base = names(&assessment.base);
+    let base = if base.is_empty() { String::new() } else { format!(" and {base}") };
+    outln!(
+        "{plant}{base}; with: {}",
+        if assessment.with.is_empty() { "nothing".to_owned() } else { names(&assessment.with) }
+    );
+    for set in &assessment.set {
+        let text = |key: &str| set[key].as_str().unwrap_or_default().to_owned();
+        outln!(
+            "  {}:{} = {} instead of {} {}",
+            text("component"),
+            text("parameter"),
+            text("value"),
+            set["start"],
+            text("unit")
+        );
+    }
+}
+
+/// The limit of a metric, where it applies.
+fn limit_text(row: &Row) -> String {
+    match (&row.limit["min"], &row.limit["max"]) {
+        (limit, serde_json::Value::Null) if limit.is_number() => {
+            format!(", at least {}", limit.as_f64().map_or_else(String::new, shown))
+        }
+        (_, limit) if limit.is_number() => format!(", at most {}", limit.as_f64().map_or_else(String::new, shown)),
+        _ => String::new(),
+    }
+}
+
 fn print(assessment: &Assessment) {
     let has_both = assessment.systems.len() > 1;
+    print_systems(assessment);
     for suite in Suite::ALL {
         // A maneuver that was left out is listed below.
         let is_shown = |row: &&Row| row.suite == suite && row.id.contains('.');
@@ -310,12 +364,14 @@ fn print(assessment: &Assessment) {
             continue;
         }
         let width = rows.iter().map(|row| row.title.chars().count()).max().unwrap_or(0);
+        let heading = if has_both { format!("  {:>10}  {:>10}", "with", "change") } else { String::new() };
+        outln!("\n  {:width$}  {:>10}{heading}", "", "without");
         let mut maneuver = "";
         for row in rows {
             let of_row = row.id.split('.').next().unwrap_or_default();
             if of_row != maneuver {
                 maneuver = of_row;
-                outln!("{}", maneuver.replace('_', " "));
+                outln!("{}", maneuver_title(maneuver));
             }
             let unit = if row.unit == "1" { "" } else { row.unit.as_str() };
             let value = |value: &serde_json::Value| match value {
@@ -328,6 +384,7 @@ fn print(assessment: &Assessment) {
             if has_both {
                 let change = row.change.as_f64().map_or(String::new(), |change| match change {
                     change if change > 1000.0 => "> 1000 %".to_owned(),
+                    change if change.abs() < 0.05 => "0.0 %".to_owned(),
                     change => format!("{change:+.1} %"),
                 });
                 let _ = write!(line, "  {:>10}  {change:>10}", value(&row.with));
@@ -340,11 +397,11 @@ fn print(assessment: &Assessment) {
                 None => "",
             };
             let verdict = match row.verdict {
-                Verdict::Pass => "passed",
-                Verdict::Fail => "FAILED",
-                Verdict::Error => "ERROR",
-                Verdict::Comparison => "no limit applies",
-                Verdict::Info | Verdict::Dropped => "",
+                Verdict::Pass => format!("passed{}", limit_text(row)),
+                Verdict::Fail => format!("FAILED{}", limit_text(row)),
+                Verdict::Error => "ERROR".to_owned(),
+                Verdict::Comparison => "no limit applies".to_owned(),
+                Verdict::Info | Verdict::Dropped => String::new(),
             };
             let of_last = if has_both { "with" } else { "without" };
             let words = row.words.get(of_last).copied().unwrap_or_default();
@@ -364,6 +421,15 @@ fn print(assessment: &Assessment) {
     }
     for unit in &assessment.idle {
         errln!("warning: {unit} has no effect: nothing reads what it writes");
+    }
+    let count = |wanted: Verdict| assessment.metrics.iter().filter(|row| row.verdict == wanted).count();
+    let (passed, failed, errors) = (count(Verdict::Pass), count(Verdict::Fail), count(Verdict::Error));
+    if passed + failed + errors > 0 {
+        let errors = if errors > 0 { format!(", {errors} without a number") } else { String::new() };
+        outln!(
+            "\nlimits {} controllers: {passed} kept, {failed} not kept{errors}",
+            if has_both { "with" } else { "without" }
+        );
     }
 }
 
