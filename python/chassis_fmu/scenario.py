@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from . import _native, libpython, plan
+from . import _native, libpython, names, plan
 
 Value: TypeAlias = "float | int | bool | str"
 Values: TypeAlias = Mapping[str, Value]
@@ -211,6 +211,8 @@ class Scenario:
             (self.plan.point_names, point, "point"),
             (self.plan.seed_values, seed, "seed"),
         ):
+            if known == (None,) and given is not None:
+                raise ScenarioError(f"{what} is {given!r}, but the scenario has no {what}s: leave it out")
             if given not in known:
                 raise ScenarioError(f"unknown {what} {given!r}, expected one of {', '.join(map(repr, known))}")
         return next(i for i, r in enumerate(self.plan.runs) if (r.case, r.point, r.seed) == (case, point, seed))
@@ -224,6 +226,9 @@ class Scenario:
         seed: int | None = None,
     ) -> dict[str, float | None]:
         """Run a case with other values and return its metrics.
+
+        A value is a plain number in the unit of its variable, `variable(name).unit`; `variable(name).from_unit(100.0,
+        "km/h")` converts one of another unit. A Boolean variable takes a bool, an enumeration a name or number.
 
         The run takes place in this process, without the interpreter's lock: an FMU that crashes takes the process with
         it; `run_many` with `workers` protects from that. Raises `RunError` if the run fails.
@@ -265,7 +270,8 @@ class Scenario:
 
         if workers is None:
             for number, sample in enumerate(samples):
-                rows = self._native.execute_here(_changes(sample), list(sample.runs))
+                with self._named(sample):
+                    rows = self._native.execute_here(self._changes(sample), list(sample.runs))
                 take(self._outcome((number, *rows[0][1:])))
         else:
             self.start(workers, timeout)
@@ -278,7 +284,9 @@ class Scenario:
 
     def execute(self, samples: Sequence[Sample], take: Callable[[Outcome], bool]) -> None:
         """Execute samples in the processes of `start`; `take` gets outcomes in no order and says whether to go on."""
-        self._native.execute([(_changes(s), list(s.runs)) for s in samples], lambda row: take(self._outcome(row)))
+        changes = [(self._changes(s), list(s.runs)) for s in samples]
+        with self._named(*samples):
+            self._native.execute(changes, lambda row: take(self._outcome(row)))
 
     def record_many(self, runs: Sequence[tuple[tuple[tuple[str, Value], ...], int]]) -> list[Recorded | str]:
         """Execute runs with other values in the processes of `start`; returns the signals of each, or its failure."""
@@ -287,7 +295,10 @@ class Scenario:
         def take(index: int, times: Column | None, columns: list[Column | None], message: str | None) -> None:
             found[index] = (times, columns) if times is not None else message or ""
 
-        self._native.record([(_changes(Sample(values, (run,))), run) for values, run in runs], take)
+        samples = [Sample(values, (run,)) for values, run in runs]
+        changes = [(self._changes(s), s.runs[0]) for s in samples]
+        with self._named(*samples):
+            self._native.record(changes, take)
         return [found[index] for index in range(len(runs))]
 
     def _outcome(self, row: _native.Row) -> Outcome:
@@ -326,8 +337,9 @@ class Scenario:
         self, values: tuple[tuple[str, Value], ...], run: int
     ) -> tuple[NDArray[np.float64], list[NDArray[np.float64] | None]]:
         """Return times and the columns of the plan of a run with other values, executed in this process."""
-        with run_error():
-            return self._native.simulate(_changes(Sample(values, (run,))), run)
+        sample = Sample(values, (run,))
+        with run_error(), self._named(sample):
+            return self._native.simulate(self._changes(sample), run)
 
     def session(
         self, values: Values | None = None, *, run: int = 0, inputs: Sequence[str] = (), columns: Sequence[int] = ()
@@ -337,16 +349,43 @@ class Scenario:
         `inputs` are overwritten by its `step`, each as `component:input`; `columns` are the indices of the columns of
         the plan that its `read` returns. Raises `RunError` if the run cannot be initialized.
         """
-        changes = _changes(Sample(tuple((values or {}).items()), (run,)))
-        with run_error():
+        sample = Sample(tuple((values or {}).items()), (run,))
+        changes = self._changes(sample)
+        with run_error(), self._named(sample):
             return _native.Session(self._native, run, changes, [_split(name) for name in inputs], columns)
+
+    def _changes(self, sample: Sample) -> list[tuple[str, str, Value]]:
+        """Return the changes of a sample; raises `TypeError` for a value that is not a plain one."""
+        for name, value in sample.values:
+            if isinstance(value, bool | int | float | str):
+                continue
+            try:
+                # Numbers of NumPy, for example.
+                float(value)
+            except (TypeError, ValueError):
+                raise TypeError(
+                    f"`{name}` must be a number in the unit of the variable, a bool or a str, got {value!r}; "
+                    f'`variable("{name}").from_unit(number, "unit")` converts a number of another unit'
+                ) from None
+        return [(*_split(name), value) for name, value in sample.values]
+
+    @contextmanager
+    def _named(self, *samples: Sample) -> Iterator[None]:
+        """Say what there is instead of a component or variable that does not exist."""
+        try:
+            yield
+        except ScenarioError as error:
+            for name in dict.fromkeys(name for sample in samples for name, _ in sample.values):
+                component, variable = _split(name)
+                if str(error) == f"no component `{component}` has a variable `{variable}`":
+                    known = dict.fromkeys(c.name for run in self.plan.runs for c in run.components)
+                    if component not in known:
+                        raise ScenarioError(names.unknown("component", component, known)) from None
+                    self.variable(name)
+            raise
 
 
 def default_folders() -> list[Path]:
     """Return the folders in which FMUs are looked for."""
     found = fmus()
     return [next(iter(found.values())).parent] if found else [ROOT / "target" / "fmu"]
-
-
-def _changes(sample: Sample) -> list[tuple[str, str, Value]]:
-    return [(*_split(name), value) for name, value in sample.values]

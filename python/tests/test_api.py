@@ -211,13 +211,36 @@ def test_errors_say_what_and_where(steer: cf.Scenario, tmp_path: Path) -> None:
         steer.run(case="best")
     with pytest.raises(cf.ScenarioError, match=r'"steer\.start", expected "component:variable"'):
         steer.run({"steer.start": 1.0})
-    with pytest.raises(cf.ScenarioError, match=r"`steer\.strat`"):
-        steer.run({"driver:steer.strat": 1.0})
+    with pytest.raises(cf.ScenarioError, match=r"unknown component `drver`, .* did you mean `driver`"):
+        steer.run({"drver:steer.start": 1.0})
+    other: Any = (100, "km/h")
+    executions: list[Callable[[dict[str, Any]], object]] = [steer.run, steer.simulate, steer.session]
+    executions.append(lambda values: steer.run_many([values], workers=1))
+    for execute in executions:
+        with pytest.raises(cf.ScenarioError, match=r"no parameter `steer\.strat`; did you mean `steer\.start`"):
+            execute({"driver:steer.strat": 1.0})
+        with pytest.raises(
+            TypeError, match=r"`driver:speed\.initial` must be a number in the unit .* got \(100, 'km/h'\)"
+        ):
+            execute({"driver:speed.initial": other})
+    with pytest.raises(cf.ScenarioError, match="point is 'x', but the scenario has no points: leave it out"):
+        steer.run(point="x")
+    with pytest.raises(cf.ScenarioError, match="unknown seed 77, expected one of 1"):
+        steer.run(seed=77)
     with pytest.raises(cf.RunError, match=r"rejected: .*`speed\.initial`") as caught:
         steer.run({"driver:speed.initial": -1e9})
     assert (caught.value.status, caught.value.time) == ("rejected", None)
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.status) == (str(caught.value), "rejected")
+
+
+def test_a_scenario_without_seeds_takes_none(tmp_path: Path) -> None:
+    build(tmp_path)
+    write(tmp_path, "")
+    scenario = cf.Scenario(tmp_path / "function.toml", fmus=[tmp_path / "fmus"])
+    with pytest.raises(cf.ScenarioError, match="seed is 3, but the scenario has no seeds: leave it out"):
+        scenario.run(seed=3)
+    assert scenario.run()["y"] is not None
 
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m:UserWarning")
