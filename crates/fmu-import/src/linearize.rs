@@ -120,9 +120,10 @@ fn set(instance: &mut Instance, description: &ModelDescription, name: &str, valu
 
 /// A value as it is written on the command line. An Integer may be written by the name of its value.
 pub(crate) fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
-    let expected = |what: &str| format!("`{}` must be {what}", variable.name);
+    let unit = variable.unit.as_ref().map_or_else(String::new, |unit| format!(" in {unit}, without the unit"));
+    let expected = |what: &str| format!("`{}` must be {what}, got `{text}`", variable.name);
     match variable.base_type {
-        BaseType::Real => text.parse().map(Value::Real).map_err(|_| expected("a number")),
+        BaseType::Real => text.parse().map(Value::Real).map_err(|_| expected(&format!("a number{unit}"))),
         BaseType::Boolean => match text {
             "true" | "1" => Ok(Value::Boolean(true)),
             "false" | "0" => Ok(Value::Boolean(false)),
@@ -151,16 +152,19 @@ mod tests {
         let of = |is_wanted: &dyn Fn(&&Variable) -> bool| description.variables.iter().find(is_wanted).unwrap();
         let real = description.variable("vehicle.mass").unwrap();
         assert_eq!(parse(real, "1e3"), Ok(Value::Real(1000.0)));
-        assert_eq!(parse(real, "true").unwrap_err(), "`vehicle.mass` must be a number");
+        assert_eq!(
+            parse(real, "true").unwrap_err(),
+            "`vehicle.mass` must be a number in kg, without the unit, got `true`"
+        );
         let enumeration = description.variable("tire.mode").unwrap();
         assert_eq!(parse(enumeration, "linear"), Ok(Value::Integer(1)));
         assert_eq!(parse(enumeration, "0"), Ok(Value::Integer(0)));
-        let message = "`tire.mode` must be one of magic (0), linear (1)";
+        let message = "`tire.mode` must be one of magic (0), linear (1), got `linea`";
         assert_eq!(parse(enumeration, "linea").unwrap_err(), message);
         let boolean = of(&|variable| variable.base_type == BaseType::Boolean);
         for (text, value) in [("true", true), ("1", true), ("false", false), ("0", false)] {
             assert_eq!(parse(boolean, text), Ok(Value::Boolean(value)));
         }
-        assert!(parse(boolean, "yes").unwrap_err().ends_with("must be true or false"));
+        assert!(parse(boolean, "yes").unwrap_err().ends_with("must be true or false, got `yes`"));
     }
 }

@@ -149,7 +149,10 @@ pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Re
         Some(variable) if settable(&variable) => Ok(variable),
         Some(variable) => Err(NoParameter {
             message: format!("`{name}` of {model} is not a parameter but {}", role(variable)),
-            help: None,
+            help: (variable.causality == Causality::Input).then(|| {
+                "`inputs` of a component keeps inputs constant, `start = \"steady\"` begins in a steady state"
+                    .to_owned()
+            }),
         }),
         None => Err(NoParameter {
             message: format!("{model} has no parameter `{name}`"),

@@ -19,6 +19,8 @@ const ROAD: &str = "Road";
 
 /// Outputs that are recorded at first.
 const RECORDED: usize = 4;
+/// Those of a vehicle that are recorded before others.
+const WANTED: [&str; 4] = ["vehicle.yaw_rate", "vehicle.lateral_acceleration", "vehicle.sideslip", "body.roll"];
 
 /// Which plant, and what it is to do.
 #[derive(clap::Args, Debug)]
@@ -66,7 +68,12 @@ pub(crate) fn write(path: &Path, arguments: &Scenario) -> Result<()> {
     write_whole(&file, text.as_bytes())?;
     let inside = std::env::current_dir().ok().and_then(|here| file.strip_prefix(here).ok());
     let shown = inside.unwrap_or(&file).display().to_string();
-    outln!("{shown} is ready. Next:\n  cargo fmu plan {shown}\n  cargo fmu run {shown}");
+    outln!(
+        "{shown} is ready. Next:\n  cargo fmu plan {shown}   # what is connected to what\n  cargo fmu run {shown}    # signals and requirements"
+    );
+    if Workspace::find().is_ok_and(|found| found.root.join("scripts/run").is_file()) {
+        outln!("  scripts/run {shown}      # the same with a page");
+    }
     Ok(())
 }
 
@@ -134,7 +141,9 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
     let step = experiment.step_size.unwrap_or(0.001);
     let stop = experiment.stop_time.map_or(10.0, |stop| (stop / step).round().max(1.0) * step);
     let recorded = recorded(&description);
-    let signals: Vec<String> = recorded.iter().map(|output| format!("\"plant:{}\"", output.name)).collect();
+    let steer = steering.iter().map(|(from, _)| format!("\"driver:{from}\""));
+    let signals: Vec<String> =
+        steer.chain(recorded.iter().map(|output| format!("\"plant:{}\"", output.name))).collect();
     let title =
         maneuver.map_or_else(|| plant.to_owned(), |maneuver| format!("{plant}: {}", maneuver.replace('_', " ")));
 
@@ -157,12 +166,16 @@ fn text(plant: &str, maneuver: Option<&str>, fmus: &FmuFolder) -> Result<String>
     if let Some((from, to)) = &steering {
         lines.push(format!("connection = [{{ from = \"driver:{from}\", to = \"plant:{to}\" }}]"));
     }
-    if let Some(output) = recorded.last() {
+    if let Some(output) = recorded.first() {
         let words = output.name.replace(['.', '_'], " ");
         let name = &output.name;
+        lines.push("metric = [".to_owned());
+        lines
+            .push("    # With `max = 1.0` or `min = 0.1` it is a requirement. More metrics are more lines.".to_owned());
         lines.push(format!(
-            "metric = [{{ name = \"peak\", title = \"Peak of {words}\", signal = \"plant:{name}\", kind = \"peak\" }}]"
+            "    {{ name = \"peak\", title = \"Peak of {words}\", signal = \"plant:{name}\", kind = \"peak\" }},"
         ));
+        lines.push("]".to_owned());
         lines.push(format!(
             "figure = [{{ name = \"response\", title = \"Response\", kind = \"time\", signals = [{}] }}]",
             signals.join(", ")
@@ -232,7 +245,10 @@ fn recorded(description: &ModelDescription) -> Vec<&Variable> {
         output.name.ends_with(']') || (1..=2).contains(&last.len())
     };
     let whole = || of(description, Causality::Output).filter(is_scalar);
-    let found: Vec<&Variable> = whole().filter(|output| !is_element(output)).take(RECORDED).collect();
+    let mut found: Vec<&Variable> = whole().filter(|output| !is_element(output)).collect();
+    // A stable order: what is wanted first.
+    found.sort_by_key(|output| WANTED.iter().position(|name| output.name == *name).unwrap_or(WANTED.len()));
+    found.truncate(RECORDED);
     if found.is_empty() { whole().take(RECORDED).collect() } else { found }
 }
 

@@ -18,6 +18,10 @@ pub(super) fn explain(error: &toml::de::Error, text: &str) -> (String, Option<St
     let known: Vec<&str> = quoted.collect();
     let renamed = RENAMED.iter().find(|(old, new)| unknown == Some(old) && known.contains(new));
     let help = match renamed {
+        None if message == "duplicate key" => Some(
+            "A list that is written as `name = [...]` takes its entries there; or write all of them as `[[name]]`"
+                .to_owned(),
+        ),
         Some((old, new)) => Some(format!("`{old}` is called `{new}` now")),
         None => unknown.and_then(|name| suggestion(name, known)),
     };
@@ -154,6 +158,14 @@ mod tests {
         assert_eq!(help.as_deref(), Some("`unit` is called `component` now"));
         let (_, help) = explain(&toml::from_str::<Layout>("unit = 1").unwrap_err(), "unit = 1");
         assert_eq!(help, None);
+    }
+
+    #[test]
+    fn a_list_that_is_written_in_two_ways_has_a_help() {
+        let text = "metric = [{ name = \"a\" }]\n[[metric]]\nname = \"b\"";
+        let (message, help) = explain(&toml::from_str::<toml::Table>(text).unwrap_err(), text);
+        assert_eq!(message, "duplicate key");
+        assert!(help.is_some_and(|help| help.contains("`[[name]]`")));
     }
 
     #[test]
