@@ -56,6 +56,11 @@ class Axis:
     range: tuple[float, float] | None = None
 
 
+def unit_axis(units: tuple[Conversion, ...], *, zero: bool = False) -> Axis:
+    """Return an axis whose title is that of its panel: its label is the unit, and a lone degree sign would be lost."""
+    return Axis("Angle" if units[0].unit == "°" else "", units, zero=zero)
+
+
 @dataclass(frozen=True)
 class Line:
     """A line; the units of both coordinates are those that the first unit of the axis converts from."""
@@ -253,15 +258,9 @@ def brief(column: Column) -> str:
     return text if len(text) <= MOST_LETTERS else column.name
 
 
-def axis_unit(unit: str) -> str:
-    """Return a unit as the label of an axis, where a lone degree sign would be lost."""
-    pretty = tables.pretty_unit(unit)
-    return unit if pretty == "°" else pretty
-
-
 def density_unit(unit: str) -> str:
     """Return the unit of a power spectral density."""
-    pretty = axis_unit(unit)
+    pretty = tables.pretty_unit(unit)
     return f"({pretty})²/Hz" if pretty else "1/Hz"
 
 
@@ -282,7 +281,7 @@ def _own_units(column: Column) -> tuple[Conversion, ...]:
 def _with_base(column: Column, shown: Conversion) -> tuple[Conversion, ...]:
     base = Conversion(column.unit or "")
     units = (shown,) if (shown.factor, shown.offset) == (1.0, 0.0) else (shown, base)
-    return tuple(Conversion(axis_unit(u.unit), u.factor, u.offset) for u in units)
+    return tuple(Conversion(tables.pretty_unit(u.unit), u.factor, u.offset) for u in units)
 
 
 def _cases(plan: Plan, figure: Figure) -> list[Case]:
@@ -368,7 +367,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
                 # A run that stopped before the window leaves its panel empty.
                 if any(found is not None and column.name in found.values for found in recorded):
                     note = ", ".join(t for t in (together[0].title if figure.separate else "", titles[point]) if t)
-                    y = Axis("", _units(column, figure))
+                    y = unit_axis(_units(column, figure))
                     yield Panel(label(column), note, x, y, tuple(lines), figure.levels, right=right)
 
 
@@ -420,7 +419,7 @@ def _transfer(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Pa
             x = Axis("Frequency", (Conversion("Hz"),), log=True, range=band)
             parts = (
                 ("gain", Axis("", (Conversion("" if ratio == "1/1" else ratio),), log=True)),
-                ("phase", Axis("", (Conversion("deg"),))),
+                ("phase", Axis("Phase", (Conversion("°"),))),
                 ("coherence", Axis("", (Conversion(""),), range=(0.0, 1.0))),
             )
             for part, (word, y) in enumerate(parts):
@@ -494,7 +493,8 @@ def cross_of(plan: Plan, run: Run, recording: Recording) -> dict[tuple[str, int]
 
 
 def _metric_axis(metric: Metric, title: str = "", *, zero: bool = False) -> Axis:
-    return Axis(title, (Conversion(axis_unit(metric.conversion.unit)),), zero=zero)
+    units = (Conversion(tables.pretty_unit(metric.conversion.unit)),)
+    return Axis(title, units, zero=zero) if title else unit_axis(units, zero=zero)
 
 
 def _distribution(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
@@ -538,7 +538,7 @@ def _sweep(plan: Plan, figure: Figure, cells: Sequence[Row]) -> Iterator[Panel]:
     if plan.sweep is None:
         return
     points = sorted(plan.points, key=lambda p: p.value)
-    x = Axis(plan.sweep.title, (Conversion(axis_unit(plan.sweep.unit)),))
+    x = Axis(plan.sweep.title, (Conversion(tables.pretty_unit(plan.sweep.unit)),))
     for index in figure.metrics:
         metric = plan.metrics[index]
         found = {(c.case, c.point): c for c in cells if c.metric is metric}
@@ -579,7 +579,9 @@ def heat_maps(
 def _heat_map(plan: Plan, figure: Figure, numbers: Numbers) -> Iterator[Panel]:
     if plan.sweep is None or plan.sweep.second is None:
         return
-    first, second = (Axis(axis.title, (Conversion(axis_unit(axis.unit)),)) for axis in (plan.sweep, plan.sweep.second))
+    first, second = (
+        Axis(axis.title, (Conversion(tables.pretty_unit(axis.unit)),)) for axis in (plan.sweep, plan.sweep.second)
+    )
     for index in figure.metrics:
         metric = plan.metrics[index]
         found: list[tuple[Case, str, tuple[Array, Array, Array]]] = []

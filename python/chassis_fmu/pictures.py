@@ -30,7 +30,7 @@ from PIL import Image
 
 from . import demos, figures, plots
 from .plan import Conversion
-from .tables import SUPERSCRIPTS
+from .tables import SUPERSCRIPTS, pretty_unit
 
 WIDTH = 400.0
 SCALE = 2.0
@@ -344,6 +344,12 @@ def _reference(fmu: Path, names: Sequence[str]) -> tuple[Array, dict[str, Array]
     return (columns["time"], {moving[0]: columns[moving[0]]}) if moving else None
 
 
+def _unit(unit: str) -> str:
+    """Return a unit as the label of an axis, where a lone degree sign would be lost."""
+    pretty = pretty_unit(unit)
+    return unit if pretty == "°" else pretty
+
+
 def read(fmu: Path, folder: str) -> Block:
     """Read what the picture of an FMU shows; `folder` is the top folder of its package.
 
@@ -365,7 +371,7 @@ def read(fmu: Path, folder: str) -> Block:
         times, lines = found
         shown = shown_unit(description, next(iter(lines)))
         converted = {name: values * shown.factor + shown.offset for name, values in lines.items()}
-        result = Result(title, figures.axis_unit(shown.unit), times, converted)
+        result = Result(title, _unit(shown.unit), times, converted)
     return Block(
         name=description.modelName,
         description=description.description or "",

@@ -93,7 +93,8 @@ def test_the_figures_of_a_scenario_follow_the_schema(scenario: Plan, seeds: int)
     found = [(figure, figures.panels(swept, figure, recordings, Numbers(swept, {}))) for figure in swept.figures]
     data = read(page_data.of_plan(swept, found))
     roll = next(p for f in data["figures"] for p in f["panels"] if p["title"] == "Roll angle")
-    assert [unit["name"] for unit in roll["y"]["units"]] == ["deg", "rad"]
+    assert [unit["name"] for unit in roll["y"]["units"]] == ["°", "rad"]
+    assert roll["y"]["title"] == "Angle"
     means = [line for line in roll["lines"] if line["kind"] == "mean"]
     assert len(means) == (0 if seeds == 1 else 2)
     if seeds > 1:

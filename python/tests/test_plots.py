@@ -165,7 +165,7 @@ def test_spectra_are_taken_in_the_unit_shown(scenario: Plan) -> None:
 
 def test_units_of_densities() -> None:
     assert figures.density_unit("m/s2") == "(m/s²)²/Hz"
-    assert figures.density_unit("deg") == "(deg)²/Hz"
+    assert figures.density_unit("deg") == "(°)²/Hz"
     assert figures.density_unit("1") == "1/Hz"
 
 

@@ -582,3 +582,24 @@ def test_the_interval_of_a_share_is_named(tmp_path: Path, capsys: pytest.Capture
     assert "in 100.0 % of the runs (95 % interval 83.9 % to 100.0 %), required 100.0 %" in capsys.readouterr().out
     page = (tmp_path / "out" / "study" / "index.html").read_text()
     assert 'Runs that keep them</th><th class="number">95 % interval</th>' in page
+
+
+def test_the_page_says_what_the_colors_of_effects_mean(tmp_path: Path) -> None:
+    """The output rises with `a` and falls with `c`; the factors are in the unit of their variables."""
+    build(tmp_path, "a - c")
+    study = 'method = "sample"\nruns = 20\ncases = ["plain"]\n'
+    factors = vary("rising", "f:a", UNIFORM) + vary("falling", "f:c", UNIFORM) + vary("share", "f:b", UNIFORM)
+    assert run(tmp_path, write(tmp_path, study + factors)) == 0
+    page = (tmp_path / "out" / "study" / "index.html").read_text()
+    meaning = '<i class="first swatch"></i> The metric rises with the factor, <i class="total swatch"></i> it falls.'
+    # Of the outer fifths and of the rank correlations, for each of both metrics.
+    assert page.count(meaning) == 4
+    (rank,) = re.findall(r"<h3>Rank correlation.*?</table>", page.partition("<h2>Twice")[0], re.DOTALL)
+    rows = dict(re.findall(r'<tr><th>(\w+)</th>.*?<i class="(first|total)"', rank))
+    assert (rows["rising"], rows["falling"]) == ("first", "total")
+    assert "uniform, min 0, max 1 m</td>" in page
+    assert "<tr><th>rising (m)</th>" in page
+    data = json.loads(re.findall(r'id="page-data">(.*?)</script>', page, re.DOTALL)[0])
+    axes = [panel["x"] for figure in data["figures"] for panel in figure["panels"]]
+    units = {axis["title"]: axis["units"][0]["name"] for axis in axes}
+    assert (units["rising"], units["share"]) == ("m", "")

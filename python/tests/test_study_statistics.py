@@ -167,9 +167,11 @@ def test_a_heat_map_has_the_means_over_the_other_factors() -> None:
     metric = SimpleNamespace(title="Roll", conversion=SimpleNamespace(unit="deg"))
     case = SimpleNamespace(name="case 0", title="Plain")
     made.job.plan = SimpleNamespace(metrics=[metric], cases=[case], points=[])  # type: ignore[assignment]
+    made.job.unit = lambda factor: "kg" if factor.name == "a" else ""  # type: ignore[method-assign]
     # `b` has too few values for a map.
     (panel,) = charts.over_two_factors(made, 0)
     assert (panel.title, panel.kind, panel.x.title, panel.y.title) == ("Roll over a and c", "heat", "a", "c")
+    assert panel.x.units[0].unit == "kg"
     (line,) = panel.lines
     assert line.z is not None
     # The mean of b is 15.

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import metrics
 from ..charts import Chart, figure
-from ..figures import Array, Axis, Line, Panel
+from ..figures import Array, Axis, Line, Panel, unit_axis
 from ..plan import Case, Conversion, Level, Point
 from ..results import Recording
 from .assessment import Assessment, Folder, Run, Suite
@@ -105,7 +105,7 @@ def _over_time(source: Source, run: str, signals: Sequence[tuple[str, str, tuple
             for case, recording in source.recordings(run)
             if signal in recording.values
         ]
-        panels.append(Panel(title, "", TIME, Axis("", units), tuple(lines)))
+        panels.append(Panel(title, "", TIME, unit_axis(units), tuple(lines)))
     return panels
 
 
@@ -145,12 +145,12 @@ def slowly_increasing_steer(source: Source) -> Chart | None:
                 line = float(up[inside].mean()) + gradient * (ends - float(across[inside].mean()))
                 gradients.append(Line("reference", "" if gradients else "slope from 1 to 3 m/s²", ends, line, case))
     panels = [
-        Panel("Steering wheel angle", "", LATERAL, Axis("", ANGLE), (*steering, *regressions), kind="curve"),
+        Panel("Steering wheel angle", "", LATERAL, unit_axis(ANGLE), (*steering, *regressions), kind="curve"),
         Panel(
             "Handling diagram: angle of the front wheels less wheelbase · yaw rate / speed",
             "",
             LATERAL,
-            Axis("", ANGLE),
+            unit_axis(ANGLE),
             (*handling, *gradients),
             kind="curve",
         ),
@@ -218,7 +218,7 @@ def frequency_response(source: Source) -> Chart | None:
             if phase is not None:
                 phases.append(Line("run", case.title, frequency, phase, case))
         panels.append(Panel(f"Gain of the {title}", "", hertz, Axis("", unit), tuple(gains)))
-        panels.append(Panel(f"Phase of the {title}", "", hertz, Axis("", (DEGREES,)), tuple(phases)))
+        panels.append(Panel(f"Phase of the {title}", "", hertz, Axis("Phase", (DEGREES,)), tuple(phases)))
     caption = (
         f"{_speed(source, 'frequency_response')} Response to the angle of the front wheels, at the frequencies of the "
         "sum of sines that was steered."

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tables
-from ..figures import Axis, Line, Panel, PanelKind, heat_maps
+from ..figures import Axis, Line, Panel, PanelKind, heat_maps, unit_axis
 from ..plan import Case, Conversion, Metric, Run
 from . import statistics
 from .job import Limits
@@ -211,7 +211,8 @@ def _is_number(numbers: Numbers, factor: int) -> bool:
 
 def _factor_axis(numbers: Numbers, factor: int) -> Axis:
     of = numbers.job.study.vary[factor]
-    return Axis(of.name, (Conversion("times its own value" if of.relative else of.unit or ""),))
+    unit = "times its own value" if of.relative else tables.pretty_unit(numbers.job.unit(of))
+    return Axis(of.name, (Conversion(unit),))
 
 
 def _between_factors(numbers: Numbers, first: int, second: int) -> list[Panel]:
@@ -322,8 +323,9 @@ def histories(numbers: Numbers, columns: Sequence[int], recorded: Recorded) -> I
                 case = _case(numbers, run)
                 lines.append(Line("run", f"{case.title}, sample {number}", times, signal, case))
         if lines:
-            shown = column.shown
+            of = column.shown
+            shown = Conversion(tables.pretty_unit(of.unit), of.factor, of.offset)
             title = column.description or column.name
-            y = Axis("", (shown,))
+            y = unit_axis((shown,))
             x = Axis("Time", (Conversion("s"),), range=(float(lines[0].x[0]), float(lines[0].x[-1])))
             yield Panel(f"{title} ({column.name})", "", x, y, tuple(lines))

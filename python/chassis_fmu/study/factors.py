@@ -189,10 +189,9 @@ class Factor(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tr
             return _Truncated(scipy.stats.lognorm(self.deviation, scale=self.median), low, high)
         raise AssertionError(f"{self.distribution} is checked")
 
-    @property
-    def text(self) -> str:
-        """Describe the distribution in words."""
-        unit = " times the scenario's own value" if self.relative else f" {self.unit}" if self.unit else ""
+    def text(self, unit: str) -> str:
+        """Describe the distribution in words, with values in a unit; empty for none."""
+        unit = " times the scenario's own value" if self.relative else f" {unit}" if unit else ""
         levels = self.levels
         if self.values is not None:
             shares = "" if self.weights is None else f" with weights {', '.join(f'{w:g}' for w in self.weights)}"

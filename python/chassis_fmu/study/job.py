@@ -220,6 +220,14 @@ class Job:
             if f.name in metrics
         ]
 
+    def unit(self, factor: Factor) -> str:
+        """Return the unit of the values of a factor: as written, or that of its variables if it is the same."""
+        if factor.unit is not None or factor.relative or factor.distribution == "seed":
+            return factor.unit or ""
+        known = {variable.unit or "" for variable in self._variables.get(factor.name, ())}
+        is_number = all(not isinstance(level, str | bool) for level in factor.levels or ())
+        return known.pop() if len(known) == 1 and is_number else ""
+
     def baseline(self, cell: int) -> int | None:
         """Return the cell of the baseline of a case, at the same point; None if it is not run."""
         run = self.cells[cell]
