@@ -271,7 +271,7 @@ def _draw_cells(ax: Axes, panel: Panel) -> None:
                 red, green, blue, _ = colormaps[COLORS](share)
                 # Black or white, whichever is easier to read.
                 color = "black" if 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 else "white"
-                text = tables.scientific(float(f"{value:.3g}"))
+                text = tables.significant(float(value), 3)
                 ax.text(across[place[1]], up[place[0]], text, ha="center", va="center", color=color, fontsize=7.0)
     if ax.figure is not None:
         bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)

@@ -76,6 +76,14 @@ def scientific(value: float) -> str:
     return _minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if exponent else "")
 
 
+def significant(value: float, digits: int) -> str:
+    """Format a number with so many significant digits, zeros at the end too, as the cells of a map are."""
+    rounded = float(f"{value:.{digits}g}")
+    if rounded == 0.0 or not 1e-4 <= abs(rounded) < 1e7:
+        return scientific(rounded)
+    return _minus(f"{rounded:.{max(0, digits - 1 - math.floor(math.log10(abs(rounded))))}f}")
+
+
 def _percent_decimals(percent: float) -> int:
     """Return how many decimals a change in percent is shown with: one, unless it has three digits without."""
     return 1 if abs(percent) < 99.95 else 0

@@ -46,6 +46,22 @@ def test_any_size(value: float, text: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (86.0, "86.0"),
+        (86.34, "86.3"),
+        (99.96, "100"),
+        (-0.5, "−0.500"),
+        (0.0, "0"),
+        (12345.0, "12300"),
+        (1e-5, "1×10⁻⁵"),
+    ],
+)
+def test_digits_of_cells(value: float, text: str) -> None:
+    assert tables.significant(value, 3) == text
+
+
+@pytest.mark.parametrize(
     ("unit", "text"),
     [
         ("rad/s2", "rad/s²"),

@@ -13,6 +13,12 @@ export function text(value: number, digits: number): string {
   return plain.replaceAll("-", "−");
 }
 
+/** A number in a cell of a heat map: of as many significant digits as in the other cells, zeros at the end too. */
+export function cell(value: number): string {
+  const plain = value.toPrecision(3);
+  return value === 0 || Math.abs(value) < 1e-4 || plain.includes("e") ? text(value, 3) : plain.replace("-", "−");
+}
+
 /** The title of an axis with its unit. */
 export function axisTitle(axis: Axis, unit: Unit): string {
   if (axis.title === "") return unit.name;

@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import { digits, numbers } from "./data";
-import { axisTitle, convert, text } from "./format";
+import { axisTitle, cell, convert, text } from "./format";
 import type { Axis, Line, PageData, Panel } from "./page-data";
 import { type Range, Frame, axisStyle, coordinates, tickTexts } from "./panel";
 import type { State } from "./state";
@@ -172,7 +172,7 @@ export class Heat extends Frame {
         ctx.fillRect(left, top, right - left, bottom - top);
         if (right - left >= ROOM[0] * ratio && bottom - top >= ROOM[1] * ratio) {
           ctx.fillStyle = isLight(color) ? "#000" : "#fff";
-          ctx.fillText(text(value, 3), (left + right) / 2, (top + bottom) / 2);
+          ctx.fillText(cell(value), (left + right) / 2, (top + bottom) / 2);
         }
       }),
     );
