@@ -309,6 +309,18 @@ def legend(cells: Sequence[Row], articles: Sequence[Article]) -> list[tuple[Stat
     return [(status, meaning) for status, meaning in MEANINGS.items() if status in shown]
 
 
+def verdict_meanings(numbers: Numbers) -> list[tuple[Status, str]]:
+    """Define the badges of the requirements that the page shows."""
+    shown = {verdict.status for verdict in numbers.requirements()}
+    runs = "run and seed" if len(numbers.plan.seeds) > 1 else "run"
+    meanings = {
+        Status.PASSED: f"the number of every {runs} keeps the limits",
+        Status.FAILED: f"a {runs} has a number outside the limits, or none",
+        Status.OPEN: "a run failed, or ended before the metric could be computed",
+    }
+    return [(status, meaning) for status, meaning in meanings.items() if status in shown]
+
+
 def render(
     numbers: Numbers,
     drawings: Sequence[plots.Drawing],
@@ -348,6 +360,7 @@ def render(
         negligible=tables.NEGLIGIBLE if any(c.negligible for c in cells) else "",
         counts=counts(numbers),
         verdicts=[(v.status, texts.requirement(v, numbers)) for v in numbers.requirements()],
+        verdict_meanings=verdict_meanings(numbers),
         findings=findings,
         legend=legend(cells, findings),
         figures=[(d.figure, texts.fill(d.figure.caption or (), numbers), inline_svg(d)) for d in drawings],

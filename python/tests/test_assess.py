@@ -79,6 +79,25 @@ def test_the_page_has_the_verdicts_of_both_systems(folder: Path, page: str) -> N
     assert set(report.DATA) >= {name for name, _ in found.data}
 
 
+def test_the_page_explains_what_it_counts(page: str) -> None:
+    assert re.search(r"<b>\d+</b> passed with controllers</li>", page)
+    assert "Unit A: multiples of the amplitude A. A is the angle of the steering wheel" in page
+    # Inputs that the bench writes, from a signal or with a constant.
+    assert "<dt><code>steer.front</code></dt><dd>signal <code>driver.steer</code></dd>" in page
+    assert "<dt><code>suspension_force.fl</code></dt><dd>constant 0.0</dd>" in page
+    assert [report.is_signal(v) for v in ("driver.steer", "0.5", "-1.0e-3", "true", "Off")] == [True] + 4 * [False]
+    captions = re.findall(r"<figcaption>.*?</figcaption>", page)
+    assert captions
+    assert not any("BrakeAndDriveActuators" in caption for caption in captions)
+
+
+def test_angles_have_one_notation(folder: Path) -> None:
+    panels = [panel for figure in data_of(folder / "index.html")["figures"] for panel in figure["panels"]]
+    axes = [panel["y"] for panel in panels]
+    assert {axis["title"] for axis in axes if axis["units"][0]["name"] == "°"} == {"Angle", "Phase"}
+    assert not any("deg" in unit["name"] for axis in axes for unit in axis["units"])
+
+
 def test_the_line_of_regression_gives_the_amplitude(folder: Path) -> None:
     """Reference: A_raw of the evaluator, for the angle at 0.3 g; the angles are 13.5 °/s times the time since 1 s."""
     found = Folder(folder).read()

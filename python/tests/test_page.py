@@ -155,6 +155,16 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
     assert [h.text for h in tree.xpath("//h2")] == ["Components in the order of execution", "How it was run"]
 
 
+def test_badges_of_requirements_are_explained(scenario: Plan) -> None:
+    # All runs took place without a number, or none took place.
+    for finished, expected in (
+        (None, "Failed: a run and seed has a number outside"),
+        ((), "Not evaluated: a run failed"),
+    ):
+        ((status, meaning),) = page.verdict_meanings(Numbers(scenario, {}, finished))
+        assert f"{status.title}: {meaning}".startswith(expected)
+
+
 def test_parameters_are_said_once_or_by_case_or_by_point(scenario: Plan) -> None:
     first = scenario.runs[0]
     plant = first.components[1]
@@ -196,6 +206,7 @@ def test_requirements_definitions_and_hashes_are_on_the_page(text: str) -> None:
     (requirement,) = tree.xpath("//ul[contains(@class, 'verdicts')]/li")
     assert requirement.get("class") == "passed"
     assert "4.00 ° in the worst of 2 seeds, required at most 400 ° (Standard <1>)" in requirement.text_content()
+    assert "Passed: the number of every run and seed keeps the limits.</p>" in text
     definition = tree.xpath("string(//details[@class='definition']/small)")
     # Four rows from 0 to 0.3 s.
     expected = (

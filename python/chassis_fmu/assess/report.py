@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,6 +83,11 @@ class Section:
     loads: Sequence[tuple[str, Sequence[tuple[Case, float]]]]
     replays: Sequence[tuple[str, str]]
     """Maneuvers, with the address at which the lab replays them."""
+
+    @property
+    def has_amplitude(self) -> bool:
+        """Tell whether a metric is in multiples of the amplitude A."""
+        return any(row.unit == "A" for _, rows in self.maneuvers for row in rows)
 
     @property
     def largest_load(self) -> float:
@@ -219,6 +225,7 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         limit=limit,
         words=words,
         pretty_unit=tables.pretty_unit,
+        is_signal=is_signal,
         signed=tables.signed,
         number=lambda value: tables.number(value, None),
         verdict_badges=VERDICTS,
@@ -248,6 +255,11 @@ def _replay(found: Assessment, maneuver: str, folder: Path) -> str | None:
     if "amplitude" in parameters:
         values["steering_wheel"] = math.radians(parameters["amplitude"])
     return lab.of_system(found.plant.fmu, [unit.fmu for unit in found.with_], maneuver, values, folder)
+
+
+def is_signal(value: str) -> bool:
+    """Tell whether the test bench writes an input from a signal, such as `driver.steer`, not with a constant."""
+    return re.fullmatch(r"[A-Za-z]\w*\.[A-Za-z][\w.]*", value) is not None
 
 
 def counts(found: Assessment) -> dict[str, int]:
