@@ -53,8 +53,8 @@ impl Fmus {
 
     /// Reads an archive that a visitor has dropped. Returns its module, too.
     pub(crate) fn read(&self, file: &str, bytes: &[u8]) -> Result<(Dropped, Vec<u8>), Failure> {
-        const PACK: &str = "FMUs for the lab contain WebAssembly: `cargo fmu pack --platforms wasm32`.";
-        let failed = |error: ArchiveError| Failure::with_help(error.to_string(), PACK);
+        const PACK: &str = "FMUs for the lab contain WebAssembly: cargo fmu pack --platforms linux64,wasm32";
+        let failed = |error: ArchiveError| Failure::with_help(format!("{error}."), "Choose another file, or pack it again.");
         let mut archive = Archive::read(Path::new(file), Cursor::new(bytes)).map_err(failed)?;
         let text = archive.description_text().map_err(failed)?;
         if let Some(version) = other_version(&text) {
@@ -75,12 +75,12 @@ impl Fmus {
             let platforms = archive.platforms();
             let found = if platforms.is_empty() { "none".to_owned() } else { platforms.join(", ") };
             return Err(Failure::with_help(
-                format!("{file} has no binary for a browser ({entry}); it has binaries for {found}"),
+                format!("{file} has no binary for a browser ({entry}); it has binaries for {found}."),
                 PACK,
             ));
         };
         if wasm::Names::read(&module).is_none() {
-            return Err(Failure::with_help(format!("{file}: {entry} is not a WebAssembly module"), PACK));
+            return Err(Failure::with_help(format!("{file}: {entry} is not a WebAssembly module."), PACK));
         }
         let documentation = ["documentation/index.html", "documentation/_main.html"].into_iter();
         let documentation = documentation.filter_map(|name| archive.entry(name).ok().flatten()).next();

@@ -50,7 +50,8 @@ async function openLink(plays: boolean): Promise<void> {
   if (catalog === null || first === undefined) return;
   let setup: Setup | null = null;
   try {
-    setup = decode(location.hash, catalog);
+    const linked = decode(location.hash, catalog);
+    setup = linked === null ? null : model.withoutAbsent(linked);
   } catch (error) {
     model.report(error);
   }

@@ -62,6 +62,8 @@ export class Model {
   /** Whether the next `play` must go to the time shown first. */
   #isBehind = false;
   readonly #archives = new Map<string, Uint8Array>();
+  /** The setup of a link, until the FMUs that it contains have been dropped. */
+  #awaited: Setup | null = null;
   readonly #listeners: { [K in keyof Listeners]: Listeners[K][] } = {
     catalog: [], opened: [], rows: [], clock: [], branch: [], value: [], failed: [], message: [],
   };
@@ -120,6 +122,33 @@ export class Model {
       seed: 1,
     };
     return { system, values: {} };
+  }
+
+  /** FMUs of a setup that are not there. */
+  #absent({ system }: Setup): string[] {
+    const vehicles = this.catalog?.vehicles ?? [];
+    const known = new Set(vehicles.flatMap(({ fmu, controllers }) => [fmu, ...controllers.map((controller) => controller.fmu)]));
+    return system.kind === "free" ? [system.vehicle, ...system.controllers].filter((name) => !known.has(name)) : [];
+  }
+
+  /** The setup of a link without the FMUs that the visitor has to drop first; `null` if its vehicle is one of them. */
+  withoutAbsent(setup: Setup): Setup | null {
+    const absent = this.#absent(setup);
+    const { system } = setup;
+    if (absent.length === 0 || system.kind !== "free") return setup;
+    this.#awaited = setup;
+    const files = absent.map((name) => `${name}.fmu`).join(", ");
+    this.say("error", `The link is to a system with ${absent.join(", ")}, which it does not contain.`, `Drop ${files} into the page; then the system opens.`);
+    if (absent.includes(system.vehicle)) return null;
+    return { ...setup, system: { ...system, controllers: system.controllers.filter((name) => !absent.includes(name)) } };
+  }
+
+  /** The setup of a link whose last FMU has been dropped. */
+  takeAwaited(): Setup | null {
+    const awaited = this.#awaited;
+    if (awaited === null || this.#absent(awaited).length > 0) return null;
+    this.#awaited = null;
+    return awaited;
   }
 
   /** Opens a setup. Only the last of several calls has an effect. */

@@ -321,6 +321,31 @@ describe("links", () => {
     faults();
   });
 
+  test("a link to a system with a dropped FMU opens when that FMU is dropped, too", async () => {
+    const page = await lab.open();
+    const steering = readFileSync(`${FMUS}/DualSlidingModeSteering.fmu`);
+    await opening(page, () => drop(page, "MySteering.fmu", steering));
+    const url = await page.getByLabel("Link to this setup").inputValue();
+    const expected = await link(page);
+    const other = await lab.page();
+    await other.goto(url);
+    await other.waitForSelector('body[data-state="open"]', { timeout: PATIENCE });
+    assert.match(await other.locator(".message.error").innerText(), /MySteering, which it does not contain\. Drop MySteering\.fmu/);
+    assert.deepEqual((await link(other)).system["vehicle"], expected.system["vehicle"]);
+    await opening(other, () => drop(other, "MySteering.fmu", steering));
+    assert.deepEqual(await link(other), expected);
+    await lab.close(page);
+    await lab.close(other);
+    faults();
+  });
+
+  test("sliders have the names of what they move", async () => {
+    const page = await lab.open();
+    assert.ok((await page.getByRole("slider", { name: /speed/i }).count()) > 0);
+    await lab.close(page);
+    faults();
+  });
+
   test("a short link opens a case of a scenario", async () => {
     const page = await lab.open({}, "#scenario=rescue_vehicle_step_steer&seed=2");
     const { system } = await link(page);

@@ -29,6 +29,8 @@ export function slider(adjustable: Adjustable, value: number, onInput: (value: n
   input.min = "0";
   input.max = String(STEPS);
   input.step = "1";
+  // The label would name the output, which comes first.
+  input.setAttribute("aria-label", adjustable.title);
   const output = element("output");
   const show = (value: number) => {
     output.textContent = quantity(adjustable, value);

@@ -126,6 +126,7 @@ export class SetupPanel {
         const next = new Choice(vehicle, system.controllers);
         if (isOn) next.add(controller.fmu);
         else next.remove(controller.fmu);
+        this.#tellOthers(controller.fmu, system.controllers, next.names);
         change({ controllers: next.names });
       });
     const isMain = ({ fmu }: Controller) => vehicle.defaults.includes(fmu) || system.controllers.includes(fmu);
@@ -144,6 +145,17 @@ export class SetupPanel {
     if (vehicle.controllers.length === 0) box.append(element("p", { className: "note", textContent: "No controller of the library fits this vehicle by its signals." }));
     else box.append(list, more, buttons);
     return box;
+  }
+
+  /** Says which other controllers come and go with one. */
+  #tellOthers(name: string, before: string[], after: string[]): void {
+    const added = after.filter((other) => other !== name && !before.includes(other));
+    const removed = before.filter((other) => other !== name && !after.includes(other));
+    if (added.length > 0) this.model.say("info", `${added.join(", ")} added, too: ${name} needs what it writes.`);
+    if (removed.length > 0) {
+      const why = after.includes(name) ? `${name} writes the same signals.` : `it needs what ${name} writes.`;
+      this.model.say("info", `${removed.join(", ")} removed, too: ${why}`);
+    }
   }
 
   #controller({ fmu, title }: Controller, chosen: Choice, change: (isOn: boolean) => void): HTMLElement {

@@ -93,6 +93,14 @@ export class SharePanel {
   async #take(file: File): Promise<void> {
     try {
       const name = await this.model.drop(file.name, new Uint8Array(await file.arrayBuffer()));
+      const awaited = this.model.takeAwaited();
+      if (awaited !== null) {
+        if (await this.model.open(awaited)) {
+          this.model.say("info", `${name} is there: this is the system of the link.`);
+          void this.model.play();
+        }
+        return;
+      }
       const system = this.#with(name);
       if (system === null) {
         const where = this.model.setup?.system.kind === "free" ? this.model.setup.system.vehicle : "this system";
