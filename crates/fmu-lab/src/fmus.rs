@@ -54,7 +54,8 @@ impl Fmus {
     /// Reads an archive that a visitor has dropped. Returns its module, too.
     pub(crate) fn read(&self, file: &str, bytes: &[u8]) -> Result<(Dropped, Vec<u8>), Failure> {
         const PACK: &str = "FMUs for the lab contain WebAssembly: cargo fmu pack --platforms linux64,wasm32";
-        let failed = |error: ArchiveError| Failure::with_help(format!("{error}."), "Choose another file, or pack it again.");
+        let failed =
+            |error: ArchiveError| Failure::with_help(format!("{error}."), "Choose another file, or pack it again.");
         let mut archive = Archive::read(Path::new(file), Cursor::new(bytes)).map_err(failed)?;
         let text = archive.description_text().map_err(failed)?;
         if let Some(version) = other_version(&text) {
