@@ -16,8 +16,6 @@ from chassis_fmu.study import app as study
 ROOT = Path(__file__).parents[2]
 DEFAULT = "scenarios/rescue_vehicle_step_steer.toml"
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs a shell")
-
 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

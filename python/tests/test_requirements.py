@@ -94,7 +94,7 @@ def requirements(text: str) -> list[str]:
     """Return the lines below the heading, up to an empty one."""
     _, _, rest = text.partition("Requirements\n")
     lines = rest.split("\n\n")[0].strip().splitlines()
-    # What follows without one says that the run was cut short, or what is not evaluated.
+    # Notes on shortened runs follow without an empty line.
     return [line for line in lines if not line.startswith("Run with ") and " not evaluated: " not in line]
 
 

@@ -566,8 +566,8 @@ def test_a_journal_reads_back_the_same_numbers(tmp_path: Path) -> None:
 def test_a_wrong_scenario_names_the_study_and_its_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     build(tmp_path)
     study = write(tmp_path, SAMPLE + TWO)
-    (tmp_path / "wrong.toml").write_text("titel = 3\n")
-    for name, expected in (("none.toml", "there is no file"), ("wrong.toml", "unknown key `titel`")):
+    (tmp_path / "wrong.toml").write_text("titles = 3\n")
+    for name, expected in (("none.toml", "there is no file"), ("wrong.toml", "unknown key `titles`")):
         study.write_text(re.sub('scenario = ".*"', f'scenario = "{name}"', study.read_text()))
         assert run(tmp_path, study) == 2
         found = capsys.readouterr().err

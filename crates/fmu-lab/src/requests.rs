@@ -358,7 +358,7 @@ pub struct Metric {
 pub enum MetricValue {
     /// A number.
     Number(f64),
-    /// Whether something holds.
+    /// Yes or no.
     Boolean(bool),
 }
 

@@ -30,7 +30,7 @@ pub struct Plan {
     pub reference: String,
     /// Times and order.
     pub simulation: Simulation,
-    /// Whether the runs end before the scenario does, because another stop was asked for.
+    /// True if an earlier stop was requested than the scenario's.
     pub is_cut: bool,
     /// Cases in the order of the file.
     pub cases: Vec<Case>,

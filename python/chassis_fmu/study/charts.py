@@ -160,7 +160,7 @@ def _over_factor(numbers: Numbers, index: int, at: int, *, means: bool) -> list[
 def over_two_factors(numbers: Numbers, index: int) -> list[Panel]:
     """Return heat maps of a metric over each two factors with levels: means over the other factors.
 
-    Only of designs with all combinations, where no factor stands in for another.
+    Full factorial designs only: in others, the levels of one factor may go with those of another.
     """
     job = numbers.job
     if job.study.method != "sweep" or job.study.chosen_design != "full_factorial":

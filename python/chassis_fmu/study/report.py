@@ -492,7 +492,7 @@ def _verdict(numbers: Numbers, share: Share) -> str:
     limits = " and ".join(f"{word} {tables.scientific(v)} {unit}".rstrip() for word, v in ends if v is not None)
     limits = f"a change of {limits}" if share.limits.of_change else limits
     place = f"{metric.title}, {_titles(numbers, share.case, share.point)}"
-    # A sweep tries given values: there is no larger number of runs that its share is an estimate of.
+    # The values of a sweep are given, not sampled, so its share is no estimate and has no interval.
     interval = ""
     if numbers.job.study.method != "sweep":
         low, high = share.interval

@@ -10,14 +10,14 @@ pub struct PanickingController {
     sample_time: f64,
 }
 
-/// What it reads.
+/// Inputs.
 #[derive(Inputs, Clone, Debug)]
 pub struct U {
     #[var(VEHICLE_YAW_RATE)]
     yaw_rate: f64,
 }
 
-/// What it writes.
+/// Outputs.
 #[derive(Outputs, Clone, Debug)]
 pub struct Y {
     #[var(SUSPENSION_FORCE)]

@@ -320,7 +320,7 @@ fn names(units: &[serde_json::Value]) -> String {
     names.join(", ")
 }
 
-/// What is compared, and which values are not those of the FMUs.
+/// Prints the names of the FMUs and the parameters that were set.
 fn print_systems(assessment: &Assessment) {
     let plant = assessment.plant["fmu"].as_str().unwrap_or_default();
     let base = names(&assessment.base);
