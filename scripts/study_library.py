@@ -41,7 +41,7 @@ def numbers(name: str, out: Path) -> Numbers:
         raise SystemExit(f"error: {path} could not run")
     job = Job(file.read(path), path, scenario.default_folders())
     engine = Nothing(job, 1, 60.0)
-    done = execute.run(job, Folder(out / name), engine, WHOLE, lambda _: None, resume=True)
+    done = execute.run(job, Folder(out / name), engine, WHOLE, execute.Progress(), resume=True)
     return Numbers(job, done.values, done.rows)
 
 
@@ -70,7 +70,7 @@ def robust(name: str, of: Numbers) -> Iterator[str]:
     """Write the section of a study of robustness."""
     study, job = of.job.study, of.job
     yield f"## {study.title}\n"
-    varied = "; ".join(f"{f.name}: {f.text}" for f in study.vary)
+    varied = "; ".join(f"{f.name}: {f.text(tables.pretty_unit(job.unit(f)))}" for f in study.vary)
     failed = sum(done.status != "ok" for done in of.rows.values())
     yield f"`studies/{name}.toml`, {of.count} samples, {len(of.rows)} runs, of which {failed} failed.\n"
     yield f"Varied: {varied}.\n"

@@ -6,8 +6,9 @@ import argparse
 import shlex
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -55,7 +56,7 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
         ),
     )
     parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
-    parser.add_argument("--runs", type=shell.positive, metavar="N", help="samples per case instead of the study's")
+    parser.add_argument("--runs", type=shell.positive, metavar="N", help="instead of the study's `runs`: number of samples")
     parser.add_argument(
         "--engine",
         choices=("local", "dask"),
@@ -116,19 +117,33 @@ def _total(job: Job, shard: Shard) -> int:
     return count * len(job.cells)
 
 
+class _Bar(execute.Progress):
+    """A progress bar. Rows that are there already count, but not for the rate."""
+
+    def __init__(self, bar: Any) -> None:
+        self._bar = bar
+        self._failed = 0
+
+    def begin(self, rows: Collection[Done]) -> None:
+        self._bar.initial = self._bar.n = self._bar.last_print_n = len(rows)
+        for done in rows:
+            self._count(done)
+        self._bar.refresh()
+
+    def add(self, done: Done) -> None:
+        self._count(done)
+        self._bar.update()
+
+    def _count(self, done: Done) -> None:
+        if done.status != "ok":
+            self._failed += 1
+            self._bar.set_postfix(failed=self._failed, refresh=False)
+
+
 def _execute(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, engine: Engine) -> Result:
-    total = _total(job, shard)
-    with tqdm(total=total, unit="run", disable=None, smoothing=0.05) as bar:
-        failed = 0
-
-        def progress(done: Done) -> None:
-            nonlocal failed
-            if done.status != "ok":
-                failed += 1
-                bar.set_postfix(failed=failed, refresh=False)
-            bar.update()
-
-        return execute.run(job, folder, engine, shard, progress, resume=options.resume or options.report_only)
+    with tqdm(total=_total(job, shard), unit="run", disable=None, smoothing=0.05) as bar:
+        resume = options.resume or options.report_only
+        return execute.run(job, folder, engine, shard, _Bar(bar), resume=resume)
 
 
 def _chosen(job: Job, numbers: Numbers) -> list[tuple[int, int]]:
@@ -186,6 +201,11 @@ def _run(options: argparse.Namespace, *, merging: bool) -> int:
     shard = options.shard or WHOLE
     if shard != WHOLE and job.study.is_adaptive:
         raise StudyError(f"a study of method {job.study.method} has no shards: its samples depend on the runs before")
+    with folder.locked(WHOLE if merging else shard):
+        return _write(options, job, folder, shard, merging=merging)
+
+
+def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, *, merging: bool) -> int:
     if not merging:
         folder.prepare(shard, resume=options.resume or options.report_only, overwrite=options.overwrite)
     engine, name = _engine(options, job, merging=merging)

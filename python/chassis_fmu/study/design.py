@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -194,6 +195,15 @@ def read(study: Study, path: Path) -> tuple[list[list[Any]], str]:
     if found.column_names != names or not found.num_rows:
         raise StudyError(f"{path} is not the design of this study; --overwrite samples it again")
     return [found[name].to_pylist() for name in names[1:]], hashlib.sha256(content).hexdigest()
+
+
+def check(study: Study, found: Sequence[Sequence[Any]], path: Path) -> None:
+    """Raise StudyError if a sensitivity has a design from which its indices cannot be calculated."""
+    if study.method == "sensitivity" and values(study, shares(study)) != [list(column) for column in found]:
+        raise StudyError(
+            f"{path} was sampled by another version of SALib or SciPy, with which the indices would be wrong: "
+            "go on with that version, or --overwrite"
+        )
 
 
 def write(found: pa.Table, path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,15 @@ from .file import StudyError
 from .job import Done, Job, Task
 from .journal import Journal, parse
 
-Progress = Callable[[Done], None]
+
+class Progress:
+    """Is told how far a study is; this one ignores it."""
+
+    def begin(self, rows: Collection[Done]) -> None:
+        """Take the rows that are there already, before the first run."""
+
+    def add(self, done: Done) -> None:
+        """Take a new row."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,26 @@ class Folder:
         if shard == WHOLE and not self.journals():
             self.design.unlink(missing_ok=True)
 
+    @contextlib.contextmanager
+    def locked(self, shard: Shard) -> Iterator[None]:
+        """Keep the results for this process; raises StudyError if another one has them."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        with (self.path / f".{self.journal(shard).name}.lock").open("wb") as file:
+            if sys.platform != "win32":
+                import fcntl
+
+                # The system takes the lock back when the process ends, however it ends.
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError as error:
+                    raise StudyError(
+                        f"another process is writing to {self.path}: wait for it, or choose another folder with --out"
+                    ) from error
+                except OSError:
+                    # A file system without locks.
+                    pass
+            yield
+
     def prepare(self, shard: Shard, *, resume: bool, overwrite: bool) -> None:
         """Make room for results; raises StudyError if there are some that nobody said what to do with."""
         if overwrite:
@@ -102,6 +130,7 @@ def designed(job: Job, folder: Folder) -> tuple[list[list[Any]], str]:
     """Return the values in `design.parquet`, which is written if it is not there, and its hash."""
     design.store(job.study, folder.design)
     values, found = design.read(job.study, folder.design)
+    design.check(job.study, values, folder.design)
     for path in folder.journals():
         header = _header(path)
         if header.get("study") == job.fingerprint() and header.get("design") != found:
@@ -118,12 +147,13 @@ def run(job: Job, folder: Folder, engine: Engine, shard: Shard, progress: Progre
 
     known = None if job.study.is_adaptive else designed(job, folder)
     with Journal(folder.journal(shard), job.fingerprint(), known[1] if known else None, resume=resume) as journal:
+        progress.begin(journal.rows.values())
 
         def take(done: Done) -> None:
             is_new = (done.number, done.cell) not in journal.rows
             journal.add(done)
             if is_new:
-                progress(done)
+                progress.add(done)
 
         if known is None:
 

@@ -18,7 +18,7 @@ from ..describe import sha256
 from ..plan import Metric
 from . import charts, design, search, statistics
 from .charts import Recorded
-from .file import Study, StudyError
+from .file import Study
 from .job import Done
 from .statistics import Choice, Compared, Distribution, Effect, Numbers, Sensitivities, Share, Swing
 
@@ -124,7 +124,7 @@ def _titles(numbers: Numbers, case: str, point: str | None) -> str:
 def _effect_tables(numbers: Numbers, metric: int) -> list[EffectTable]:
     job = numbers.job
     found = []
-    shares = _shares(numbers) if job.study.method == "sensitivity" else None
+    shares = design.shares(job.study) if job.study.method == "sensitivity" else None
     for cell, run in enumerate(job.cells):
         title = _titles(numbers, run.case, run.point)
         if shares is not None:
@@ -137,18 +137,6 @@ def _effect_tables(numbers: Numbers, metric: int) -> list[EffectTable]:
             if effects:
                 found.append(EffectTable(title, "correlation", effects, 1.0))
     return found
-
-
-def _shares(numbers: Numbers) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the shares that the design of a sensitivity is made of; raises StudyError if it is not that design."""
-    study = numbers.job.study
-    shares = design.shares(study)
-    if design.values(study, shares) != [list(column) for column in numbers.values]:
-        raise StudyError(
-            f"{DESIGN} was sampled by another version of SALib or SciPy, with which the indices would be wrong: "
-            "make the page with that version, or --overwrite"
-        )
-    return shares
 
 
 def _left_out(study: Study, of: Sensitivities) -> str:
