@@ -13,6 +13,7 @@ import json
 import os
 import pickle
 import re
+import statistics
 import subprocess
 import sys
 import time
@@ -20,9 +21,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import fmpy
+import fmpy.fmi2
 import pyarrow.parquet
 
-from chassis_fmu.scenario import Outcome, processors
+from chassis_fmu import temporary
+from chassis_fmu.scenario import Outcome, Scenario, processors
 from chassis_fmu.shell import ROOT, positive
 from chassis_fmu.study import cluster, file
 from chassis_fmu.study.job import Job
@@ -254,7 +258,45 @@ def overheads() -> Iterator[str]:
     yield row("to read a row again", f"{1e6 * (time.perf_counter() - begin) / count:.1f} µs")
 
 
-PARTS = ("closed_loop", "growth", "dask", "overheads")
+# How often an instance is made, and what is measured, through FMPy.
+TIMES = 200
+INSTANCES = ("instantiate and free, µs", "reset, µs", "initialize, µs")
+
+
+def instances() -> Iterator[str]:
+    """Measure what runs would save if they used the instances of the run before again, after a reset."""
+    components = Scenario(SCENARIO).plan.runs[-1].components
+    saved = 0.0
+    for path in dict.fromkeys(component.fmu for component in components):
+        with temporary.folder() as folder:
+            fmpy.extract(str(path), str(folder))
+            about = fmpy.read_model_description(str(folder))
+            identifier = about.coSimulation.modelIdentifier
+            fmu = fmpy.fmi2.FMU2Slave(guid=about.guid, unzipDirectory=str(folder), modelIdentifier=identifier)
+            times: dict[str, list[float]] = {"instance": [], "initialization": [], "reset": []}
+            for _ in range(TIMES):
+                begin = time.perf_counter()
+                fmu.instantiate()
+                made = time.perf_counter()
+                fmu.setupExperiment(startTime=0.0)
+                fmu.enterInitializationMode()
+                fmu.exitInitializationMode()
+                ready = time.perf_counter()
+                fmu.reset()
+                reset = time.perf_counter()
+                # Not `freeInstance` of FMPy, which unloads the library, too.
+                fmu.fmi2FreeInstance(fmu.component)
+                freed = time.perf_counter()
+                for name, of in zip(times, (made - begin + freed - reset, ready - made, reset - ready), strict=True):
+                    times[name].append(1e6 * of)
+            # The process that has loaded it ends soon.
+            instance, initialization, reset = (statistics.median(of) for of in times.values())
+            saved += sum(component.fmu == path for component in components) * (instance - reset)
+            yield row(f"`{path.stem}`", f"{instance:.0f}", f"{reset:.0f}", f"{initialization:.0f}")
+    yield row("all components of a run, instance less reset", f"{saved:.0f}", "", "")
+
+
+PARTS = ("closed_loop", "growth", "dask", "overheads", "instances")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -283,6 +325,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         ("growth", "", growth(options.growth)),
         ("dask", "| Dask | |\n|---|---|", with_dask(options.dask, options.rounds)),
         ("overheads", "| part | |\n|---|---|", overheads()),
+        ("instances", f"| FMU | {' | '.join(INSTANCES)} |\n|---|---|---|---|", instances()),
     ):
         if part not in options.parts:
             continue
