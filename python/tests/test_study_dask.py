@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import shutil
 import signal
@@ -10,7 +11,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ import pytest
 
 from chassis_fmu.scenario import PACKAGE
 from chassis_fmu.study import app
+from chassis_fmu.study import cluster as study_cluster
+from chassis_fmu.study.job import Task
 from tests.study_system import build, vary, write
 
 pytestmark = pytest.mark.ci
@@ -79,6 +82,12 @@ class Cluster:
         with dask.Client(self.address) as client:
             return len(client.nthreads())
 
+    def is_busy(self) -> bool:
+        """Tell whether every worker has a batch."""
+        dask: Any = distributed
+        with dask.Client(self.address) as client:
+            return all(client.processing().values())
+
     def _start(self, *arguments: str, **environment: str) -> subprocess.Popen[bytes]:
         log = (self._folder / f"{arguments[0]}.log").open("ab")
         self._stack.callback(log.close)
@@ -125,13 +134,22 @@ def rows(folder: Path) -> int:
     return path.read_bytes().count(b"\n") - 1 if path.exists() else 0
 
 
+# Runs of a study: 60 samples in two cases.
+TOTAL = 120
+
+
+def is_unfinished(folder: Path, study: subprocess.Popen[Any]) -> bool:
+    """Tell whether a study is in its middle: its process is alive, and runs are missing."""
+    return study.poll() is None and 0 < rows(folder) < TOTAL
+
+
 def same_tables(folder: Path) -> None:
     assert app.main(arguments(folder, "local")) == 0
     for name in ("design.parquet", "runs.parquet"):
         found, expected = ((folder / out / "study" / name).read_bytes() for out in ("dask", "local"))
         assert found == expected, name
     lines = (folder / "dask" / "study" / "rows.jsonl").read_text().splitlines()
-    assert len(lines) == len(set(lines)) == 1 + 2 * 60
+    assert len(lines) == len(set(lines)) == 1 + TOTAL
 
 
 def test_an_fmu_crashes_and_a_worker_is_killed(tmp_path: Path, cluster: Cluster) -> None:
@@ -140,8 +158,11 @@ def test_an_fmu_crashes_and_a_worker_is_killed(tmp_path: Path, cluster: Cluster)
     first = cluster.worker()
     cluster.worker()
     with start(tmp_path, cluster) as study:
-        until(lambda: rows(tmp_path) > 10, "some rows")
+        until(lambda: rows(tmp_path) > 10 and cluster.is_busy(), "some rows, and batches at both workers")
         first.send_signal(signal.SIGKILL)
+        # It was still at work, so the rows of the worker's batches come from the other one.
+        assert first.wait(10) == -signal.SIGKILL
+        assert is_unfinished(tmp_path, study)
         assert study.wait(120) == 0
     same_tables(tmp_path)
     assert '"crashed"' in (tmp_path / "dask" / "study" / "rows.jsonl").read_text()
@@ -154,16 +175,22 @@ def test_the_client_is_killed_and_resumed_and_the_scheduler_is_restarted(tmp_pat
     cluster.worker()
     with start(tmp_path, cluster) as study:
         until(lambda: rows(tmp_path) > 10, "some rows")
+        assert is_unfinished(tmp_path, study)
         study.kill()
+    assert study.returncode == -signal.SIGKILL
     before = rows(tmp_path)
     assert 10 < before < 100
-    with start(tmp_path, cluster, "--resume") as study:
+    with begin(tmp_path, cluster.address, "--resume") as resumed:
         until(lambda: rows(tmp_path) > before, "more rows")
         cluster.restart_scheduler()
+        # No scheduler, so no rows come: that of the restart was needed.
+        assert is_unfinished(tmp_path, resumed)
         # Workers that have lost their scheduler end.
         cluster.worker()
         cluster.worker()
-        assert study.wait(150) == 0
+        code, text = text_of(resumed, 150.0)
+    assert code == 0, text
+    assert "the Dask scheduler is lost" in text
     same_tables(tmp_path)
 
 
@@ -282,3 +309,57 @@ def test_a_cluster_of_this_machine_runs_choices_of_fmus(tmp_path: Path) -> None:
         assert found == expected, name
     # The page has the signals that the workers recorded.
     assert "Time histories" in (tmp_path / "dask" / "study" / "index.html").read_text()
+
+
+@pytest.mark.parametrize(("seconds", "largest"), [(0.0, 1), (1e9, 2000)])
+def test_tables_do_not_depend_on_the_size_of_batches(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seconds: float, largest: int
+) -> None:
+    """The tables are those of the local engine; each worker gets and unpacks the bundle once, for all its batches."""
+    build(tmp_path)
+    # Without time histories, which are runs of their own.
+    write(tmp_path, f"{STUDY}[series]\n")
+    # The workers unpack the bundle here.
+    unpacked = tmp_path / "unpacked"
+    unpacked.mkdir()
+    monkeypatch.setenv("TMPDIR", str(unpacked))
+    monkeypatch.setattr(study_cluster, "BATCH", seconds)
+    monkeypatch.setattr(study_cluster, "LARGEST", largest)
+    begin_batch, close = study_cluster.Dask._begin, study_cluster.Dask.close
+    sizes: list[int] = []
+    keys: list[str] = []
+    folders: list[int] = []
+    received: list[int] = []
+
+    def counted(self: study_cluster.Dask, content: Any, batch: Sequence[Task]) -> Any:
+        sizes.append(len(batch))
+        keys.append(content.key)
+        return begin_batch(self, content, batch)
+
+    def asked(self: study_cluster.Dask) -> None:
+        (key,) = set(keys)
+        # The name of the bundle is the hash of its content.
+        assert key == f"chassis-fmu-{hashlib.sha256(study_cluster.bundle(self._job)).hexdigest()}"
+
+        def of_worker(dask_worker: Any) -> tuple[int, int]:
+            from chassis_fmu.study import cluster
+
+            transfers = sum(key in transfer["keys"] for transfer in dask_worker.transfer_incoming_log)
+            return len(cluster._opened._folders), transfers
+
+        for opened, transfers in self._client.run(of_worker).values():
+            folders.append(opened)
+            received.append(transfers)
+        assert len(list(unpacked.glob("chassis-fmu-*"))) == sum(folders)
+        close(self)
+
+    monkeypatch.setattr(study_cluster.Dask, "_begin", counted)
+    monkeypatch.setattr(study_cluster.Dask, "close", asked)
+    assert app.main(arguments(tmp_path, "dask", "--engine", "dask", "--jobs", "2")) == 0
+    same_tables(tmp_path)
+    assert sum(sizes) == 60
+    # Sizes grow at most fourfold from 1: six batches wait at first, then come 4, 16 and the rest.
+    assert max(sizes) == 1 if largest == 1 else max(sizes) > 16
+    # Two workers: one made the bundle from the task that has it, the other one got it from there, once.
+    assert folders == [1, 1]
+    assert sorted(received) == [0, 1]
