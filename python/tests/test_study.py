@@ -351,8 +351,8 @@ def ishigami_errors(samples: int) -> dict[str, tuple[float, float]]:
     """Return the standard errors of first-order and total indices of the Ishigami function from so many base samples.
 
     Of the estimators by Saltelli et al. (2010), first-order mean(B (A_i - A)) / V and total mean((A - A_i)^2) / 2 V, by
-    the delta method: the deviation of the term of a sample, less the index times what the sample adds to the variance V,
-    over the root of the number of samples. The deviations are those of 2^18 random samples: within 1 %.
+    the delta method: the deviation of the term of a sample, less the index times what the sample adds to the variance
+    V, over the root of the number of samples. The deviations are those of 2^18 random samples: within 1 %.
     """
     random = np.random.default_rng(1)
     one, other = (random.uniform(-np.pi, np.pi, (3, 2**18)) for _ in range(2))

@@ -129,8 +129,8 @@ def test_correlations_are_those_of_the_study(chosen: str) -> None:
     # Five standard errors of a coefficient of correlation, (1 - r^2)/sqrt(n).
     for (i, j), r in {(0, 2): 0.8, (1, 2): -0.3, (0, 1): 0.0}.items():
         assert abs(found[i, j] - r) < 5.0 * (1.0 - r * r) / math.sqrt(N)
-    # Correlated or not, each keeps its own distribution: its function differs from that of the sample by at most `most`.
-    # A stratified sample has one value in each of N equal parts, so 1/N; mixing keeps the parts of `a` and `b`, which
+    # Correlated or not, each keeps its own distribution, from which that of the sample differs by at most `most`. A
+    # stratified sample has one value in each of N equal parts, so 1/N; mixing keeps the parts of `a` and `b`, which
     # are independent, and not those of `c`. For random samples, Dvoretzky-Kiefer-Wolfowitz: more than `most` in one of
     # 1,000 studies, 2 exp(-2 N most^2) = 0.001 (Massart 1990). That is 0.030, what a mean that is wrong by 0.076
     # deviations or a deviation that is wrong by 13 % gives.
