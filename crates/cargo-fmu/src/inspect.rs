@@ -21,7 +21,7 @@ pub(crate) struct Arguments {
     xml: bool,
 }
 
-/// Path of an FMU given by name or path.
+/// Path of an FMU given by name or path. A model that is packed for FMI 2.0 and 3.0 is found as FMI 2.0.
 ///
 /// # Errors
 /// On a name that is no model, or an FMU that was not packed yet.
@@ -33,11 +33,9 @@ pub(crate) fn locate(fmu: &str) -> Result<PathBuf> {
     }
     let workspace = Workspace::find().wrap_err_with(|| format!("looking for the model {fmu}"))?;
     let model = workspace.select(&[fmu.to_owned()], false)?.remove(0);
-    let path = workspace.fmus().join(format!("{}.fmu", model.name));
-    if !path.exists() {
-        return Err(miette!("{} is not packed; run `cargo fmu pack {}`", model.name, model.name));
-    }
-    Ok(path)
+    let found = [workspace.fmus(), workspace.fmus_of_fmi3()].into_iter();
+    let found = found.map(|folder| folder.join(format!("{}.fmu", model.name))).find(|path| path.exists());
+    found.ok_or_else(|| miette!("{} is not packed; run `cargo fmu pack {}`", model.name, model.name))
 }
 
 /// Prints.

@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         workspace.target = std::path::absolute(target).into_diagnostic()?;
     }
     let format = arguments.format()?;
-    let default = || if format.version == 3 { workspace.target.join("fmu3") } else { workspace.fmus() };
+    let default = || if format.version == 3 { workspace.fmus_of_fmi3() } else { workspace.fmus() };
     let folder = arguments.out.clone().unwrap_or_else(default);
     let models = match &arguments.needed_by {
         None => workspace.select(&arguments.names, arguments.all)?,

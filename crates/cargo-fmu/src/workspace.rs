@@ -131,7 +131,7 @@ impl Workspace {
     /// The models of these names (FMU or package), or all of the default members.
     ///
     /// # Errors
-    /// On a name that is no model, with the nearest one.
+    /// On a name that is no model, with the nearest one, or all names if none is near.
     pub(crate) fn select(&self, names: &[String], all: bool) -> Result<Vec<Model>> {
         if all || names.is_empty() {
             return Ok(self.models.iter().filter(|model| model.is_default).cloned().collect());
@@ -141,9 +141,12 @@ impl Workspace {
             .map(|name| {
                 let found = self.models.iter().find(|model| model.name == *name || model.package == *name);
                 found.cloned().ok_or_else(|| {
-                    let near = suggestion(name, self.models.iter().map(|model| model.name.as_str()));
-                    let hint = near.map_or_else(String::new, |near| format!("; {near}"));
-                    miette!("there is no model named '{name}' in this workspace{hint}")
+                    let names: Vec<&str> = self.models.iter().map(|model| model.name.as_str()).collect();
+                    let hint = suggestion(name, names.iter().copied()).unwrap_or_else(|| match &names[..] {
+                        [] => "a model is a package with the crate type `cdylib` that depends on `fmu`".to_owned(),
+                        names => format!("its models are {}", names.join(", ")),
+                    });
+                    miette!("there is no model named '{name}' in this workspace; {hint}")
                 })
             })
             .collect()
@@ -157,6 +160,11 @@ impl Workspace {
     /// Folder of the packed FMUs.
     pub(crate) fn fmus(&self) -> PathBuf {
         self.target.join("fmu")
+    }
+
+    /// Folder of those that were packed for FMI 3.0.
+    pub(crate) fn fmus_of_fmi3(&self) -> PathBuf {
+        self.target.join("fmu3")
     }
 }
 

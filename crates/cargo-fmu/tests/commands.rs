@@ -249,6 +249,7 @@ fn only_near_names_are_suggested() {
         let far = error(&[name, "Nope"]);
         assert!(far.contains("there is no model named 'Nope' in this workspace"), "{far}");
         assert!(!far.contains("did you mean"), "{far}");
+        assert!(far.contains("; its models are SuspensionMixer"), "{far}");
         let near = error(&[name, "SuspensionMixr"]);
         assert!(near.contains("; did you mean `SuspensionMixer`?"), "{near}");
         let packed = error(&[name, "SuspensionMixer"]);
@@ -257,6 +258,14 @@ fn only_near_names_are_suggested() {
             let missing = error(&[name, path]);
             assert!(missing.contains(&format!("there is no file {path}")), "{missing}");
         }
+    }
+    // No archive, so that the message names the file that a name stands for: FMI 2.0 if both are packed.
+    for version in ["fmu3", "fmu"] {
+        let packed = folder.path().join("target").join(version);
+        std::fs::create_dir_all(&packed).unwrap();
+        std::fs::write(packed.join("SuspensionMixer.fmu"), "").unwrap();
+        let broken = error(&["inspect", "SuspensionMixer"]);
+        assert!(broken.contains(&format!("target/{version}/SuspensionMixer.fmu")), "{broken}");
     }
 }
 

@@ -397,7 +397,10 @@ fn unknown(letters: &str, text: &str, span: Span) -> Error {
             .filter(|(distance, ..)| *distance <= 1 && letters.len() > 1 || *distance == 0)
             .map(|(.., name)| name)
     };
-    let hint = alias.or_else(nearest).map_or(String::new(), |name| format!("; did you mean `{name}`?"));
+    let hint = alias.or_else(nearest).map_or_else(
+        || "; the guide lists all units and tells how to make one of your own".to_owned(),
+        |name| format!("; did you mean `{name}`?"),
+    );
     let whole = if letters == text { String::new() } else { format!(" in `{text}`") };
     Error::new(span, format!("unknown unit `{letters}`{whole}{hint}"))
 }
@@ -462,7 +465,10 @@ mod tests {
         assert_eq!(error("rads"), "unknown unit `rads`; did you mean `rad`?");
         assert_eq!(error("N.mm/ra"), "unknown unit `ra` in `N.mm/ra`; did you mean `rad`?");
         assert_eq!(error("°C"), "unknown unit `°C`; did you mean `degC`?");
-        assert_eq!(error("furlong"), "unknown unit `furlong`");
+        assert_eq!(
+            error("furlong"),
+            "unknown unit `furlong`; the guide lists all units and tells how to make one of your own"
+        );
         assert_eq!(error("degC/s"), "`degC` has an offset, so it cannot be part of the unit `degC/s`; use K");
         assert_eq!(error("1/rad.s"), "write parentheses around the denominator of `1/rad.s`, as in `1/(rad.s)`");
         assert_eq!(error("kkg"), "unknown unit `kkg`; did you mean `kg`?");
