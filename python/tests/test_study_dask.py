@@ -25,7 +25,11 @@ from chassis_fmu.study import cluster as study_cluster
 from chassis_fmu.study.job import Task
 from tests.study_system import build, vary, write
 
-pytestmark = pytest.mark.ci
+pytestmark = [
+    pytest.mark.ci,
+    # A scheduler in this process takes another port where another study or test has the usual one, with a warning.
+    pytest.mark.filterwarnings("ignore:Port 8787 is already in use"),
+]
 
 DASK = Path(sys.executable).with_name("dask")
 STUDY = 'method = "sample"\nruns = 60\n' + vary("p", "f:a", 'distribution = "uniform"\nmin = 0.0\nmax = 1.0')
