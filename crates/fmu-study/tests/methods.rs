@@ -127,6 +127,19 @@ fn a_seed_is_a_search() {
     }
 }
 
+/// All objectives of a search in one number (FNV-1a of their bits).
+fn fingerprint(recorder: &Recorder) -> u64 {
+    let values = recorder.generations.iter().flatten();
+    values.fold(0xcbf2_9ce4_8422_2325, |hash, v| (hash ^ v.to_bits()).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// The reference is the first version of the methods (commit 88c023a): results of earlier studies stay what they are.
+#[test]
+fn searches_are_those_of_the_first_version() {
+    let found = [pacsa_on, ga_on, cmaes_on].map(|search| fingerprint(&search(rosenbrock, 1)));
+    assert_eq!(found, [7065142992357304163, 13331227793405948313, 5138591771957982308]);
+}
+
 /// A flat objective: nobody is better than anybody, and all go on without an error.
 #[test]
 fn flat_objectives_do_no_harm() {
