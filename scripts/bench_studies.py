@@ -28,7 +28,7 @@ import pyarrow.parquet
 from chassis_fmu import temporary
 from chassis_fmu.scenario import Outcome, Scenario, processors
 from chassis_fmu.shell import ROOT, positive
-from chassis_fmu.study import cluster, file
+from chassis_fmu.study import bundle, file
 from chassis_fmu.study.job import Job
 from chassis_fmu.study.journal import Journal
 
@@ -202,7 +202,7 @@ def with_dask(runs: int, rounds: int) -> Iterator[str]:
         )
 
 
-def _echo(_content: bytes, samples: Sequence[object]) -> Sequence[object]:
+def _echo(samples: Sequence[object]) -> Sequence[object]:
     return samples
 
 
@@ -215,28 +215,26 @@ def overheads() -> Iterator[str]:
     job = Job(file.read(path), path, [ROOT / "target" / "fmu"])
     task = job.task(0, {"mass": 3e4, "road": 5})
     outcome = Outcome(0, task.sample.runs[0], (0.123456789012345,) * 5, "ok", None, None, None, None, 0.0205)
-    content = cluster.bundle(job)
+    content = bundle.archive(job)
     with (
         dask.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as here,
         dask.Client(here) as client,
     ):
         begin = time.perf_counter()
-        client.scatter(os.urandom(50_000_000), broadcast=True, hash=True)
-        scattered = time.perf_counter() - begin
-        data = client.submit(cluster.keep, content)
+        client.register_plugin(bundle.Bundle(content))
+        sent = time.perf_counter() - begin
         batches = 2000
         for each in (1, 50):
             samples = [task.sample] * each
             begin = time.perf_counter()
-            futures = [client.submit(_echo, data, samples, pure=False) for _ in range(batches)]
+            futures = [client.submit(_echo, samples, pure=False) for _ in range(batches)]
             client.gather(futures)
             taken = time.perf_counter() - begin
             of = f"an empty batch of {each} {'sample' if each == 1 else 'samples'}, two workers"
             yield row(of, f"{1e3 * taken / batches:.2f} ms")
             del futures
     sizes = f"{len(pickle.dumps(task.sample))}, {len(pickle.dumps(outcome))} bytes"
-    yield row("50 MB to two workers", f"{scattered:.2f} s")
-    yield row("bundle of scenario and FMUs", f"{len(content) / 1e6:.2f} MB")
+    yield row(f"scenario and FMUs, {len(content) / 1e6:.2f} MB, to two workers", f"{sent:.2f} s")
     yield row("a sample, and a row, on their way", sizes)
     count = 100_000
     begin = time.perf_counter()

@@ -15,22 +15,17 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import dask
 import distributed
 import pyarrow.parquet
 import pytest
 
 from chassis_fmu.scenario import PACKAGE
-from chassis_fmu.study import app
+from chassis_fmu.study import app, bundle
 from chassis_fmu.study import cluster as study_cluster
 from chassis_fmu.study.job import Task
 from tests.study_system import build, vary, write
 
-pytestmark = [
-    pytest.mark.ci,
-    # A scheduler in this process takes another port where another study or test has the usual one, with a warning.
-    pytest.mark.filterwarnings("ignore:Port 8787 is already in use"),
-]
+pytestmark = pytest.mark.ci
 
 DASK = Path(sys.executable).with_name("dask")
 STUDY = 'method = "sample"\nruns = 60\n' + vary("p", "f:a", 'distribution = "uniform"\nmin = 0.0\nmax = 1.0')
@@ -320,54 +315,41 @@ def test_a_cluster_of_this_machine_runs_choices_of_fmus(tmp_path: Path) -> None:
 def test_tables_do_not_depend_on_the_size_of_batches(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seconds: float, largest: int
 ) -> None:
-    """The tables are those of the local engine; each worker gets and unpacks the bundle once, for all its batches."""
+    """The tables are those of the local engine; each worker gets scenario and FMUs once, whatever is executed."""
     build(tmp_path)
-    # Without time histories, which are runs of their own.
-    write(tmp_path, f"{STUDY}[series]\n")
-    # The workers unpack the bundle here.
-    unpacked = tmp_path / "unpacked"
-    unpacked.mkdir()
-    monkeypatch.setenv("TMPDIR", str(unpacked))
+    # Two calls of the engine, for the runs and for the signals of the worst ones.
+    write(tmp_path, STUDY)
     monkeypatch.setattr(study_cluster, "BATCH", seconds)
     monkeypatch.setattr(study_cluster, "LARGEST", largest)
-    begin_batch, close = study_cluster.Dask._begin, study_cluster.Dask.close
+    begin_batch, share, close = study_cluster.Dask._begin, study_cluster.Dask._share, study_cluster.Dask.close
     sizes: list[int] = []
-    keys: list[str] = []
-    folders: list[int] = []
-    received: list[int] = []
+    shared: list[str] = []
+    arrived: list[int] = []
 
-    def counted(self: study_cluster.Dask, content: Any, batch: Sequence[Task]) -> Any:
+    def counted(self: study_cluster.Dask, batch: Sequence[Task]) -> Any:
         sizes.append(len(batch))
-        keys.append(content.key)
-        return begin_batch(self, content, batch)
+        return begin_batch(self, batch)
+
+    def named(self: study_cluster.Dask) -> None:
+        shared.append(self._bundle.name)
+        share(self)
 
     def asked(self: study_cluster.Dask) -> None:
-        (key,) = set(keys)
-        # The name of the bundle is the hash of its content.
-        assert key == f"chassis-fmu-{hashlib.sha256(study_cluster.bundle(self._job)).hexdigest()}"
-
-        def of_worker(dask_worker: Any) -> tuple[int, int]:
-            from chassis_fmu.study import cluster
-
-            transfers = sum(key in transfer["keys"] for transfer in dask_worker.transfer_incoming_log)
-            return len(cluster._opened._folders), transfers
-
-        for opened, transfers in self._client.run(of_worker).values():
-            folders.append(opened)
-            received.append(transfers)
-        assert len(list(unpacked.glob("chassis-fmu-*"))) == sum(folders)
+        begun = f"Starting Worker plugin {self._bundle.name}"
+        for log in self._client.get_worker_logs().values():
+            arrived.append(sum(begun in message for _, message in log))
+        # The name is the hash of the content.
+        assert self._bundle.name == f"chassis-fmu-{hashlib.sha256(bundle.archive(self._job)).hexdigest()}"
         close(self)
 
     monkeypatch.setattr(study_cluster.Dask, "_begin", counted)
+    monkeypatch.setattr(study_cluster.Dask, "_share", named)
     monkeypatch.setattr(study_cluster.Dask, "close", asked)
-    # Dask's manager of memory, every two seconds, drops copies that no batch needs just then, as when a worker idles.
-    config: Any = dask.config
-    with config.set({"distributed.scheduler.active-memory-manager.start": False}):
-        assert app.main(arguments(tmp_path, "dask", "--engine", "dask", "--jobs", "2")) == 0
+    assert app.main(arguments(tmp_path, "dask", "--engine", "dask", "--jobs", "2")) == 0
     same_tables(tmp_path)
     assert sum(sizes) == 60
     # Sizes grow at most fourfold from 1: six batches wait at first, then come 4, 16 and the rest.
     assert max(sizes) == 1 if largest == 1 else max(sizes) > 16
-    # Two workers: one made the bundle from the task that has it, the other one got it from there, once.
-    assert folders == [1, 1]
-    assert sorted(received) == [0, 1]
+    assert len(shared) == 2
+    assert len(set(shared)) == 1
+    assert arrived == [1, 1]

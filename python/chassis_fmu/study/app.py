@@ -56,7 +56,9 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
         ),
     )
     parser.add_argument("study", type=Path, metavar="STUDY", help="study file (studies/*.toml)")
-    parser.add_argument("--runs", type=shell.positive, metavar="N", help="instead of the study's `runs`: number of samples")
+    parser.add_argument(
+        "--runs", type=shell.positive, metavar="N", help="instead of the study's `runs`: number of samples"
+    )
     parser.add_argument(
         "--engine",
         choices=("local", "dask"),

@@ -1,6 +1,6 @@
 """The engine for a Dask cluster: one machine, several over SSH, SLURM, Kubernetes.
 
-A worker gets scenario and FMUs once, as one bundle that is named by its content, and opens them in a folder of its own.
+A worker gets scenario and FMUs once, as one bundle that is named by its content (`bundle.py`).
 Every thread of a worker has a process that executes the FMUs. Tasks are batches of about a second, so that the
 scheduler costs little. What can go wrong:
 
@@ -14,29 +14,22 @@ scheduler costs little. What can go wrong:
 
 from __future__ import annotations
 
-import atexit
 import concurrent.futures
 import contextlib
 import functools
 import hashlib
-import io
-import shutil
 import sys
-import tempfile
-import threading
 import time
-import zipfile
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from .. import shell
 from ..scenario import PACKAGE, Outcome, Recorded, Sample, Scenario, Value
 from . import packages
 from .engines import Take
-from .file import StudyError, load
+from .file import StudyError
 from .job import Done, Job, Source, Task
 
 # A batch takes about so long, s, and has at most so many tasks.
@@ -64,49 +57,6 @@ QUIET = {
 RETRIES = 2
 
 
-def bundle(job: Job) -> bytes:
-    """Return scenario, the files that it names, and FMUs as an archive, the same bytes for the same content."""
-    source = job.sources[0]
-    files = {f"fmus/{path.name}": path for path in job.fmu_files()}
-    top = source.file.parent
-    for path in scenario_files(source.file):
-        # Beside each other as they are here, also those in folders above.
-        files[(Path("scenario") / _relative(path, top)).as_posix()] = path
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
-        for name in sorted(files):
-            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), files[name].read_bytes())
-    return out.getvalue()
-
-
-# Folders above that of the scenario, as far as a name may lead.
-DEPTH = 4
-
-
-def _relative(path: Path, top: Path) -> Path:
-    """Return where a file lies in a bundle: the scenario's own folder is so many levels deep, so that `../` works."""
-    tops = [top, *top.parents][: DEPTH + 1]
-    for up, folder in enumerate(tops):
-        if path.is_relative_to(folder):
-            return Path(*(f"l{i}" for i in range(DEPTH - up))) / path.relative_to(folder)
-    raise StudyError(f"{path} is too far from the scenario to be sent to other machines; put it beside the scenario")
-
-
-def scenario_files(file: Path) -> list[Path]:
-    """Return a scenario file and those that it names: included ones and parameter sets."""
-    found = [file]
-    table = load(file)
-    tables = [table]
-    for name in table.get("include", ()):
-        path = (file.parent / name).resolve()
-        found.append(path)
-        tables.append(load(path))
-    for part in tables:
-        places = [part, *part.get("component", ()), *part.get("case", ())]
-        found += [(file.parent / p["parameter_set"]).resolve() for p in places if "parameter_set" in p]
-    return list(dict.fromkeys(found))
-
-
 LOST = "the Dask worker that executed it ended each time; its memory may not suffice (the log of the worker says more)"
 
 
@@ -118,39 +68,6 @@ def _advice(what: str, error: BaseException, here: str) -> str:
         f"{what}: {kind}: {error}\nScheduler and workers need chassis_fmu {here}, as this client with Python "
         f"{version}: install the same wheel on all machines, or start them from the same .venv; --resume goes on"
     )
-
-
-class _Opened:
-    """Bundles and scenarios that a process of a worker has opened. Every thread has scenarios of its own."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._folders: dict[str, Path] = {}
-        self._scenarios: dict[tuple[int, str, int], Scenario] = {}
-
-    def scenario(self, key: str, content: bytes, source: Source, variant: int, timeout: float) -> Scenario:
-        place = (threading.get_ident(), key, variant)
-        with self._lock:
-            known = self._scenarios.get(place)
-            if known is not None:
-                return known
-            folder = self._folders.get(key)
-            if folder is None:
-                folder = Path(tempfile.mkdtemp(prefix="chassis-fmu-"))
-                atexit.register(shutil.rmtree, folder, ignore_errors=True)
-                with zipfile.ZipFile(io.BytesIO(content)) as archive:
-                    archive.extractall(folder)
-                self._folders[key] = folder
-        deep = folder.joinpath("scenario", *(f"l{i}" for i in range(DEPTH)))
-        here = replace(source, file=deep / source.file.name, folders=(folder / "fmus",))
-        scenario = here.open()
-        scenario.start(1, timeout)
-        with self._lock:
-            self._scenarios[place] = scenario
-        return scenario
-
-
-_opened = _Opened()
 
 
 class OtherVersionError(Exception):
@@ -181,21 +98,18 @@ class Work:
     variant: int
     timeout: float
 
-    def scenario(self, content: bytes) -> Scenario:
+    def scenario(self) -> Scenario:
         """Open the scenario in a worker."""
+        from .bundle import opened
+
         _same(self.identity)
-        return _opened.scenario(self.key, content, self.source, self.variant, self.timeout)
+        return opened.scenario(self.key, self.source, self.variant, self.timeout)
 
 
-def keep(content: bytes) -> bytes:
-    """Return the bundle, in a worker. As a task it is done again when all workers that had it are lost."""
-    return content
-
-
-def run_batch(content: bytes, work: Work, samples: Sequence[Sample]) -> tuple[list[Outcome], float]:
+def run_batch(work: Work, samples: Sequence[Sample]) -> tuple[list[Outcome], float]:
     """Execute samples in a worker; returns the outcomes and the time it took, s."""
     began = time.perf_counter()
-    scenario = work.scenario(content)
+    scenario = work.scenario()
     found: list[Outcome] = []
 
     def take(outcome: Outcome) -> bool:
@@ -206,9 +120,9 @@ def run_batch(content: bytes, work: Work, samples: Sequence[Sample]) -> tuple[li
     return found, time.perf_counter() - began
 
 
-def record_run(content: bytes, work: Work, values: tuple[tuple[str, Value], ...], run: int) -> Recorded | str:
+def record_run(work: Work, values: tuple[tuple[str, Value], ...], run: int) -> Recorded | str:
     """Execute a run in a worker; returns its signals, or how it failed."""
-    return work.scenario(content).record_many([(values, run)])[0]
+    return work.scenario().record_many([(values, run)])[0]
 
 
 class _LostError(Exception):
@@ -223,19 +137,20 @@ class Dask:
         import dask
         import distributed
 
+        from .bundle import Bundle
+
         self._dask: Any = dask
         self._distributed: Any = distributed
         self._job = job
         self._timeout = timeout
         self._address = address
         self._cluster: Any = None
-        self._content = bundle(job)
-        self._key = hashlib.sha256(self._content).hexdigest()
+        self._bundle = Bundle.of(job)
         try:
             if address is None:
                 with dask.config.set(QUIET):
                     self._cluster = self._distributed.LocalCluster(
-                        n_workers=jobs, threads_per_worker=1, dashboard_address=None
+                        n_workers=jobs, threads_per_worker=1, dashboard_address=":0"
                     )
             self._client: Any = self._distributed.Client(self._cluster or address, timeout="10s")
         except (OSError, ValueError) as error:
@@ -264,11 +179,10 @@ class Dask:
         found: list[Recorded | str] = []
 
         def turn() -> None:
-            content = self._share()
+            self._share()
             futures = [
                 self._client.submit(
                     record_run,
-                    content,
                     self._work(task.variant),
                     task.sample.values,
                     task.sample.runs[cell],
@@ -302,8 +216,8 @@ class Dask:
         except (OSError, RuntimeError, concurrent.futures.CancelledError) as error:
             raise _LostError(str(error) or type(error).__name__) from error
 
-    def _share(self) -> Any:
-        """Wait for workers, compare their versions, and send them scenario and FMUs."""
+    def _share(self) -> None:
+        """Wait for workers, compare their versions, and send them scenario and FMUs, unless they have them."""
         began = time.monotonic()
         told = False
         while not self._client.nthreads():
@@ -312,9 +226,7 @@ class Dask:
                 print(f"the Dask scheduler at {self._address} has no workers; waiting for some", file=sys.stderr)
             time.sleep(0.2)
         self._compare()
-        # In the graph, which is otherwise a mistake of that size.
-        with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "10GB"}):
-            return self._client.submit(keep, self._content, key=f"chassis-fmu-{self._key}")
+        self._client.register_plugin(self._bundle)
 
     def _compare(self) -> None:
         here = identity()
@@ -333,7 +245,7 @@ class Dask:
 
     def _work(self, variant: int) -> Work:
         source = replace(self._job.sources[variant], folders=())
-        return Work(identity(), self._key, source, variant, self._timeout)
+        return Work(identity(), self._bundle.key, source, variant, self._timeout)
 
     def _result(self, future: Any, *, suspicious: bool = False) -> Any:
         """Return the result of a future; None if it is `suspicious` that its workers ended and they did."""
@@ -349,7 +261,7 @@ class Dask:
 
     def _submit(self, missing: dict[int, Task], take: Take) -> list[list[Task]]:
         """Execute what is missing; returns the batches whose workers ended."""
-        content = self._share()
+        self._share()
         waiting = deque(sorted(missing.values(), key=lambda task: (task.variant, task.number)))
         size, threads = 1, max(1, sum(self._client.nthreads().values()))
         pending: dict[Any, list[Task]] = {}
@@ -360,7 +272,7 @@ class Dask:
             batch = [waiting.popleft()]
             while waiting and len(batch) < size and waiting[0].variant == batch[0].variant:
                 batch.append(waiting.popleft())
-            future = self._begin(content, batch)
+            future = self._begin(batch)
             pending[future] = batch
             completed.add(future)
 
@@ -383,8 +295,8 @@ class Dask:
 
     def _find(self, batch: list[Task], missing: dict[int, Task], take: Take) -> None:
         """Execute a batch whose workers ended, with nothing beside it, and find the run that ends them."""
-        content = self._share()
-        found = self._result(self._begin(content, batch), suspicious=True)
+        self._share()
+        found = self._result(self._begin(batch), suspicious=True)
         if found is not None:
             self._take(batch, found, missing, take)
         elif len(batch) == 1:
@@ -396,10 +308,10 @@ class Dask:
             for part in (batch[:middle], batch[middle:]):
                 self._find(part, missing, take)
 
-    def _begin(self, content: Any, batch: Sequence[Task]) -> Any:
+    def _begin(self, batch: Sequence[Task]) -> Any:
         samples = [task.sample for task in batch]
         work = self._work(batch[0].variant)
-        return self._client.submit(run_batch, content, work, samples, pure=False, retries=RETRIES)
+        return self._client.submit(run_batch, work, samples, pure=False, retries=RETRIES)
 
     def _take(
         self, batch: Sequence[Task], found: tuple[list[Outcome], float], missing: dict[int, Task], take: Take
