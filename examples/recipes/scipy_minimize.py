@@ -1,4 +1,4 @@
-"""The slip band of the antilock brakes with the shortest braking distance, with scipy.optimize."""
+"""A slip band of the antilock brakes with a short braking distance, with scipy.optimize: a local minimum."""
 
 from scipy.optimize import minimize_scalar
 
