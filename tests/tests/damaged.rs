@@ -1,7 +1,7 @@
 //! Scenario and study files with mistakes of every kind: always a message with a place, never a panic.
 //!
 //! The committed files are changed at random, with fixed seeds. What a particular mistake is answered with is tested in
-//! `crates/fmu-system/tests/resolve.rs` and `crates/fmu-study/tests/studies.rs`.
+//! `crates/fmu-system/tests/resolve.rs` and `crates/cargo-fmu/tests/studies.rs`.
 
 use fmu_import::worker::{Launch, Settings};
 use fmu_study::study::Workers;
