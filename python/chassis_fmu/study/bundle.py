@@ -33,9 +33,9 @@ def archive(job: Job) -> bytes:
         # Beside each other as they are here, also those in folders above.
         files[(Path("scenario") / _relative(path, top)).as_posix()] = path
     out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as file:
         for name in sorted(files):
-            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), files[name].read_bytes())
+            file.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), files[name].read_bytes())
     return out.getvalue()
 
 
