@@ -1,8 +1,8 @@
 """The engine for a Dask cluster: one machine, several over SSH, SLURM, Kubernetes.
 
-A worker gets scenario and FMUs once, as one bundle that is named by its content (`bundle.py`).
-Every thread of a worker has a process that executes the FMUs. Tasks are batches of about a second, so that the
-scheduler costs little. What can go wrong:
+A worker gets scenario and FMUs once, as one bundle that is named by its content (`bundle.py`). Every thread of a worker
+has a process that executes the FMUs. Tasks are batches of about a second, so that the scheduler costs little. What can
+go wrong:
 
 - A worker is lost: Dask gives its batches to others.
 - A batch whose workers end again and again (`KilledWorker`) is halved until a single run is left; its rows have the
@@ -55,7 +55,6 @@ QUIET = {
 
 # How often a batch that raises an exception is tried again, on any worker.
 RETRIES = 2
-
 
 LOST = "the Dask worker that executed it ended each time; its memory may not suffice (the log of the worker says more)"
 
