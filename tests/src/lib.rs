@@ -51,12 +51,16 @@ pub fn cargo() -> std::ffi::OsString {
 /// If it does not build.
 #[must_use]
 pub fn cargo_fmu() -> PathBuf {
-    let arguments = ["build", "--locked", "--offline", "--quiet", "--package", "cargo-fmu", "--message-format", "json"];
+    // With a test and all packages, as `cargo test --workspace`: other features would build everything a second time.
+    let targets = ["--workspace", "--bin", "cargo-fmu", "--test", "commands"];
+    let arguments =
+        ["build", "--locked", "--offline", "--quiet", "--message-format", "json"].into_iter().chain(targets);
     let output = successful(Command::new(cargo()).args(arguments).current_dir(workspace()));
     let messages = String::from_utf8(output.stdout).expect("messages are UTF-8");
     let mut executables = messages.lines().filter_map(|line| {
         let message: serde_json::Value = serde_json::from_str(line).expect("messages are JSON");
-        message["executable"].as_str().map(PathBuf::from)
+        let is_program = message["target"]["kind"] == serde_json::json!(["bin"]);
+        message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
     });
     executables.next_back().expect("cargo names the executable")
 }
