@@ -33,7 +33,9 @@ def test_an_interrupt_from_the_keyboard_keeps_the_rows(tmp_path: Path) -> None:
     build(tmp_path, before="usleep(100000)")
     write(tmp_path, STUDY)
     rows = tmp_path / "stopped" / "study" / "rows.jsonl"
-    program = [sys.executable, "-m", "chassis_fmu.study", *arguments(tmp_path, "stopped")]
+    # Who runs the tests in the background may ignore the signal.
+    program = ["env", "--default-signal=INT", sys.executable, "-m", "chassis_fmu.study"]
+    program += arguments(tmp_path, "stopped")
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as study:
         begin = time.monotonic()
         while not rows.exists() or rows.read_text().count("\n") < 10:
