@@ -63,10 +63,13 @@ def add_timeout(parser: argparse.ArgumentParser) -> None:
     )
 
 
+RESULTS = ROOT / "results"
+
+
 def add_out(parser: argparse.ArgumentParser) -> None:
     """Add the folder of the results."""
     parser.add_argument(
-        "--out", type=Path, default=ROOT / "results", metavar="DIR", help="folder of the results (default: results)"
+        "--out", type=Path, default=RESULTS, metavar="DIR", help="folder of the results (default: results)"
     )
 
 

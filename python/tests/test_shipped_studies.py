@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
 import pytest
 
 import study_library
@@ -31,7 +30,7 @@ def carry_out(name: str, out: Path, runs: int) -> Numbers:
     """Carry a study out with few samples, whatever it requires, and read its rows."""
     path = STUDIES / f"{name}.toml"
     assert app.main([str(path), "--runs", str(runs), "--no-fail", "--out", str(out)]) == 0
-    job = Job(msgspec.structs.replace(file.read(path), runs=runs), path, default_folders())
+    job = Job(file.read(path, runs), path, default_folders())
     engine = Nothing(job, 1, 60.0)
     done = execute.run(job, Folder(out / name), engine, WHOLE, execute.Progress(), resume=True)
     assert {row.status for row in done.rows.values()} == {"ok"}

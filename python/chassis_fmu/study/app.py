@@ -87,13 +87,7 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def _job(options: argparse.Namespace) -> Job:
-    study = file.read(options.study)
-    if options.runs is not None:
-        if study.method == "sweep":
-            raise StudyError(f"{options.study}: a sweep has as many samples as its values make, it takes no --runs")
-        import msgspec
-
-        study = msgspec.structs.replace(study, runs=options.runs)
+    study = file.read(options.study, options.runs)
     folders = [f.resolve() for f in options.fmus] if options.fmus else scenario.default_folders()
     return Job(study, options.study.resolve(), folders)
 
@@ -217,9 +211,12 @@ def _write(options: argparse.Namespace, job: Job, folder: Folder, shard: Shard, 
         else:
             result = _execute(options, job, folder, shard, engine)
         if shard != WHOLE:
+            given = [str(options.study), *shell.set_options(options, ("runs",))]
+            given += ["--out", str(options.out)] if options.out.resolve() != shell.RESULTS else []
+            given += [word for path in options.fmus or () for word in ("--fmus", str(path))]
             print(
                 f"{folder.journal(shard)}\n"
-                f"`scripts/study merge {options.study}` makes the tables when all parts are there"
+                f"`scripts/study merge {shlex.join(given)}` makes the tables when all parts are there"
             )
             return 0
         execute.write(job, folder, result)

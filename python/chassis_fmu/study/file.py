@@ -141,8 +141,8 @@ def is_tuning(path: Path) -> bool:
     return table.get("method") == "optimize" and "vary" not in table
 
 
-def read(path: Path) -> Study:
-    """Read a study and check all that needs no scenario."""
+def read(path: Path, runs: int | None = None) -> Study:
+    """Read a study, with another number of samples if there is one, and check all that needs no scenario."""
     try:
         table = load(path)
     except OSError as error:
@@ -153,7 +153,11 @@ def read(path: Path) -> Study:
         study = msgspec.convert(table, Study)
     except msgspec.ValidationError as error:
         raise StudyError(f"{path}: {_explained(str(error), table)}") from error
-    problems = list(_problems(study))
+    if runs is not None:
+        if study.method == "sweep":
+            raise StudyError(f"{path}: a sweep has as many samples as its values make, it takes no --runs")
+        study = msgspec.structs.replace(study, runs=runs)
+    problems = _problems(study)
     if problems:
         raise StudyError("\n".join(f"{path}: {problem}" for problem in problems))
     return study
@@ -265,6 +269,11 @@ def _of_method(study: Study) -> list[str]:
                 found.append(f"`{factor.name}`: a sweep needs values or distribution grid")
         if study.design == "list" and len({len(f.levels or []) for f in study.vary}) > 1:
             found.append("design list needs as many values of each factor as of the others")
+    runs = study.runs or SAMPLES
+    if study.analysis == "sobol" and runs & (runs - 1):
+        below = 1 << (runs.bit_length() - 1)
+        given = f"runs is {runs}" if study.runs else "runs is missing"
+        found.append(f"{given}, expected a power of two for Sobol indices, as {below} or {2 * below}")
     if study.method == "sensitivity":
         found += [
             f"`{f.name}`: sensitivities need a factor with a distribution, not FMUs or seeds"

@@ -181,9 +181,9 @@ class Job:
                     problems.append(f"requirement of `{written.metric}`: {unknown('case', case, cases)}")
             known = [c.name for c in self.plan.cases if c.baseline in cases]
             compared = tuple(c for c in cases if c in known)
-            if written.of_change and not set(written.cases or compared) <= set(compared):
+            if written.of_change and cases and not set(written.cases or compared) <= set(compared):
                 problems.append(f"requirement of `{written.metric}`: a case has no baseline that is run")
-            if written.of_change and not compared:
+            if written.of_change and cases and not compared:
                 problems.append(f"requirement of `{written.metric}`: no case has a baseline that is run")
             found.append(self._limits(written, names.index(written.metric), compared if written.of_change else cases))
         return found

@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+from ..names import suggestion
 from ..scenario import Value
 from . import packages
 from .factors import Factor
@@ -47,7 +48,9 @@ def _sampler(search: Search, seed: int) -> Any:
     if name in EXHAUSTIVE:
         raise StudyError(f'search: {name} tries all combinations of values; method = "sweep" does that')
     if name not in SAMPLERS:
-        raise StudyError(f"search: unknown sampler `{name}`, expected one of {', '.join(SAMPLERS)}")
+        raise StudyError(
+            f"search: unknown sampler `{name}`, expected one of {', '.join(SAMPLERS)}{suggestion(name, SAMPLERS)}"
+        )
     missing = [package for package in SAMPLERS[name] if importlib.util.find_spec(package) is None]
     if missing:
         raise StudyError(
