@@ -599,7 +599,7 @@ def test_an_optimum_is_a_run_that_does_not_fail(tmp_path: Path, capsys: pytest.C
     assert run(tmp_path, write(tmp_path, study)) == 0
     best = max(float(str(r["p"])) for r in rows(tmp_path) if r["status"] == "ok")
     assert best <= 0.7
-    assert f"y {-best:g} at p {best:g}" in capsys.readouterr().out
+    assert f"Value {-best:g} at p {best:g} m\n" in capsys.readouterr().out
 
 
 def test_the_design_that_was_written_is_what_is_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -104,13 +104,32 @@ class Section:
         return any(found is None or found.count < done for _, found, done in self.rows)
 
 
+def _groups(numbers: Numbers, metric: int) -> Iterator[tuple[str, np.ndarray[Any, np.dtype[np.float64]], int]]:
+    """Return titles, numbers of a metric and number of runs for each case, point and choice of FMUs."""
+    job = numbers.job
+    fmus = [values for factor, values in zip(job.study.vary, numbers.values, strict=True) if factor.fmu is not None]
+    choices = list(zip(*fmus, strict=True)) if fmus else [()] * numbers.count
+    for cell, run in enumerate(job.cells):
+        values = numbers.of(metric, cell)
+        for choice in dict.fromkeys(choices):
+            chosen = [number for number, other in enumerate(choices) if other == choice]
+            done = sum((number, cell) in numbers.rows for number in chosen)
+            yield ", ".join((_titles(numbers, run.case, run.point), *choice)), values[chosen], done
+
+
+def _wanted(numbers: Numbers) -> list[int]:
+    """Return the metrics that the study is about: that of its search, and those with requirements."""
+    job = numbers.job
+    found = [r.metric for r in job.requirements]
+    if job.study.search is not None:
+        found.insert(0, [m.name for m in job.plan.metrics].index(job.study.search.metric))
+    return list(dict.fromkeys(found))
+
+
 def shown_metrics(numbers: Numbers) -> list[int]:
     """Return the metrics that have figures."""
     job = numbers.job
-    required = [r.metric for r in job.requirements]
-    if job.study.search is not None:
-        required.insert(0, [m.name for m in job.plan.metrics].index(job.study.search.metric))
-    chosen = list(dict.fromkeys(required)) or job.metrics
+    chosen = _wanted(numbers) or job.metrics
     return chosen[:MOST_METRICS] if len(job.metrics) > MOST_METRICS else job.metrics
 
 
@@ -251,12 +270,8 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         return chart, page.inline_svg(made)
 
     sections = []
-    for metric in job.metrics:
-        rows = []
-        for cell, run in enumerate(job.cells):
-            values = numbers.of(metric, cell)
-            done = sum((n, cell) in numbers.rows for n in range(numbers.count))
-            rows.append((_titles(numbers, run.case, run.point), Distribution.of(values), done))
+    for metric in dict.fromkeys([*_wanted(numbers), *job.metrics]):
+        rows = [(title, Distribution.of(values), done) for title, values, done in _groups(numbers, metric)]
         pairs = [
             (_titles(numbers, c.case, c.point), _titles(numbers, c.against, None), c)
             for c in statistics.compared(numbers, metric)
@@ -280,7 +295,8 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         columns = history_columns(numbers)
         panels = list(charts.histories(numbers, columns, recorded))
         own = figure("histories", "Signals of the chosen runs", "time", job.plan.cases)
-        history = Chart(own, "The runs whose signals were recorded: the worst ones, and some at random.", panels)
+        drawn_runs = " and some at random" if job.study.series is not None and job.study.series.random else ""
+        history = Chart(own, f"The runs whose signals were recorded: the worst ones{drawn_runs}.", panels)
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parents[1]),
         autoescape=True,
@@ -319,7 +335,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         limit=tables.scientific,
         unit=tables.pretty_unit,
         percent=percent,
-        index=lambda value: "–" if value is None else f"{value:.3g}".replace("-", "−"),
+        index=index_text,
         end=lambda value: f"{value:.5g}".replace("-", "−"),
         effect_title=EFFECTS.get,
         is_search=job.study.is_adaptive,
@@ -331,6 +347,11 @@ EFFECTS = {
     "morris": "Elementary effects (Morris)",
     "sobol": "Share of the variance (Sobol): first-order and total index",
 }
+
+
+def index_text(value: float | None) -> str:
+    """Write an index of a sensitivity or a correlation."""
+    return "–" if value is None else f"{value:.3g}".replace("-", "−")
 
 
 def number(value: float | None, metric: Metric) -> str:
@@ -432,45 +453,81 @@ def write(numbers: Numbers, recorded: Recorded, context: Context, folder: Path) 
 
 
 def console(numbers: Numbers) -> str:
-    """Return what the terminal shows: numbers of the metrics, requirements, failed runs."""
+    """Return what the terminal shows: numbers of the metrics, sensitivities, requirements, failed runs."""
     job = numbers.job
     header = ["Metric", "Case", "runs", "mean", "5 %", "50 %", "95 %", "min", "max"]
     rows = []
+    notes = []
     for metric in job.metrics:
         of = job.plan.metrics[metric]
-        for cell, run in enumerate(job.cells):
-            found = Distribution.of(numbers.of(metric, cell))
-            title = tables.with_unit(of.title, of.conversion.unit)
-            if found is None:
-                rows.append([title, _titles(numbers, run.case, run.point), "0", *["–"] * 6])
-                continue
-            picked = (
-                found.mean,
-                found.percentiles[0],
-                found.percentiles[2],
-                found.percentiles[4],
-                found.min,
-                found.max,
+        for title, values, _ in _groups(numbers, metric):
+            found = Distribution.of(values)
+            shown = ["–"] * 6
+            if found is not None:
+                picked = (found.mean, *(found.percentiles[i] for i in (0, 2, 4)), found.min, found.max)
+                shown = [number(value, of) for value in picked]
+            count = "0" if found is None else str(found.count)
+            rows.append([tables.with_unit(of.title, of.conversion.unit), title, count, *shown])
+        at = job.metrics.index(metric)
+        undefined = sum(done.status == "ok" and done.numbers[at] is None for done in numbers.rows.values())
+        if undefined:
+            notes.append(
+                f"{of.title}: not defined in {undefined} of {len(numbers.rows)} runs, which keep no requirement of it"
             )
-            shown = [number(value, of) for value in picked]
-            rows.append([title, _titles(numbers, run.case, run.point), str(found.count), *shown])
-    parts = [tables.text(header, rows, 2, "simple")]
+    parts = [tables.text(header, rows, 2, "simple"), *notes]
+    if job.study.method == "sensitivity":
+        parts += _console_effects(numbers)
     verdicts = [_verdict(numbers, share) for share in numbers.shares()]
     if verdicts:
         parts.append("\nRequirements\n" + "\n".join(verdicts))
     found_best = best(numbers)
     if found_best is not None:
-        values = found_best.values.items()
-        words = ", ".join(f"{name} {v:g}" if isinstance(v, float) else f"{name} {v}" for name, v in values)
-        what = f"{job.study.search.metric if job.study.search else ''} {found_best.value:g}"
-        if found_best.failure is not None:
-            what = f"a run that fails ({failure_text(numbers, found_best.failure)})"
-        parts.append(f"\nFound in sample {found_best.sample}: {what} at {words}")
+        parts.append(f"\n{_found(numbers, found_best)}")
     failed = {status: len(rows) for status, rows in _failed(numbers)}
     if failed:
         words = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in failed.items())
         parts.append(f"\n{sum(failed.values())} of {len(numbers.rows)} runs failed: {words}")
     return "\n".join(parts)
+
+
+def _found(numbers: Numbers, best: Found) -> str:
+    """Say what a search has found."""
+    job = numbers.job
+    units = {factor.name: tables.pretty_unit(job.unit(factor)) for factor in job.study.vary}
+    texts = {name: f"{v:g}" if isinstance(v, float) else str(v) for name, v in best.values.items()}
+    at = ", ".join(f"{name} {text} {units[name]}".rstrip() for name, text in texts.items())
+    if best.failure is not None:
+        what = f"a run that fails ({failure_text(numbers, best.failure)})"
+    else:
+        wanted = job.study.search.metric if job.study.search else ""
+        metric = next(m for m in job.plan.metrics if m.name == wanted)
+        what = f"{metric.title} {best.value:g} {tables.pretty_unit(metric.conversion.unit)}".rstrip()
+    return f"Found in sample {best.sample}: {what} at {at}"
+
+
+def _console_effects(numbers: Numbers) -> Iterator[str]:
+    """Return the sensitivities of the metrics that have figures, as tables for the terminal."""
+
+    def ends(interval: tuple[float, float] | None) -> str:
+        return "–" if interval is None else f"{index_text(interval[0])} to {index_text(interval[1])}"
+
+    of_interval = f"{100 * statistics.CONFIDENCE:g} % interval"
+    for metric in shown_metrics(numbers):
+        for table in _effect_tables(numbers, metric):
+            if table.kind == "sobol":
+                header = ["Factor", "first order", of_interval, "total", of_interval]
+                rows = [
+                    [e.factor, index_text(e.value), ends(e.interval), index_text(e.total), ends(e.total_interval)]
+                    for e in table.effects
+                ]
+            else:
+                header = ["Factor", "µ*", of_interval, "σ"]  # noqa: RUF001, the deviation
+                rows = [[e.factor, index_text(e.value), ends(e.interval), index_text(e.sigma)] for e in table.effects]
+            yield f"\n{numbers.job.plan.metrics[metric].title}, {table.title}: {EFFECTS[table.kind]}"
+            if rows:
+                yield tables.text(header, rows, 1, "simple").rstrip()
+            if table.note:
+                yield table.note
 
 
 def _verdict(numbers: Numbers, share: Share) -> str:
