@@ -256,7 +256,7 @@ def overheads() -> Iterator[str]:
     yield row("to read a row again", f"{1e6 * (time.perf_counter() - begin) / count:.1f} µs")
 
 
-# How often an instance is made, and what is measured, through FMPy.
+# Number of instances that are timed through FMPy, and the calls that are timed.
 TIMES = 200
 INSTANCES = ("instantiate and free, µs", "reset, µs", "initialize, µs")
 

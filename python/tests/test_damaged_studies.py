@@ -22,6 +22,7 @@ CHANGES = 60
 # Samples of a design that is worth trying here.
 MANY = 10_000
 
+# Those of `damaged.rs`, which Python cannot read, and lists that only these studies may contain.
 VALUES = (
     *(
         "0",

@@ -17,7 +17,7 @@ from chassis_fmu.study.statistics import Numbers
 pytestmark = pytest.mark.ci
 
 STUDIES = Path(__file__).parents[2] / "studies"
-# What the page says of the first factor, from the study file and the unit of the variable.
+# How the page describes the first factor: its distribution in the study file, the unit of its variable.
 MASS = {
     "robust_esp_car": "mass: uniform, min 1100, max 1600 kg;",
     "robust_heavy_vehicle": "mass: uniform, min 14000, max 22000 kg;",

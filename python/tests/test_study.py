@@ -454,7 +454,7 @@ def test_a_search_finds_the_extreme(tmp_path: Path, method: str, direction: str,
     assert len(found) == 60
     best = (max if direction == "maximize" else min)(found, key=lambda r: float(str(r["y"])))
     distances = [abs(float(str(r["p"])) - 0.3) for r in found]
-    # What is reported as best is the sample nearest to the extreme.
+    # The search reports the sample closest to the extreme.
     assert abs(float(str(best["p"])) - 0.3) == min(distances)
     # The best of 60 random samples is as near as 0.001 in 11 % of all studies, so it proves little alone. A search that
     # learns puts most samples near the extreme: within 0.1 lies a fifth of the range.

@@ -131,7 +131,7 @@ impl Workspace {
     /// The models of these names (FMU or package), or all of the default members.
     ///
     /// # Errors
-    /// On a name that is no model, with the nearest one, or all names if none is near.
+    /// If no model has one of the names: the error suggests the closest name, or lists all models if none is close.
     pub(crate) fn select(&self, names: &[String], all: bool) -> Result<Vec<Model>> {
         if all || names.is_empty() {
             return Ok(self.models.iter().filter(|model| model.is_default).cloned().collect());

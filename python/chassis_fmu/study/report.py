@@ -537,7 +537,7 @@ def _verdict(numbers: Numbers, share: Share) -> str:
     limits = " and ".join(f"{word} {tables.scientific(v)} {unit}".rstrip() for word, v in ends if v is not None)
     limits = f"a change of {limits}" if share.limits.of_change else limits
     place = f"{metric.title}, {_titles(numbers, share.case, share.point)}"
-    # The values of a sweep are given, not sampled, so its share is no estimate and has no interval.
+    # A sweep's values are chosen, not sampled: its share is exact and needs no confidence interval.
     interval = ""
     if numbers.job.study.method != "sweep":
         low, high = share.interval
