@@ -91,3 +91,17 @@ def test_sobol_indices_need_a_power_of_two(tmp_path: Path, capsys: pytest.Captur
     wanted = "study.toml: {}, expected a power of two for Sobol indices, as 64 or 128"
     assert wanted.format("runs is missing") in shown(tmp_path, study, capsys, code=2)
     assert wanted.format("runs is 100") in shown(tmp_path, study, capsys, "--runs", "100", code=2)
+
+
+def test_the_worst_runs_are_those_of_the_requirement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path)
+    # `square` is least where y, the first metric, is in the middle of its range.
+    middle = '[[metric]]\nname = "square"\ntitle = "Square"\nvalue = "(y - 323) * (y - 323)"\n'
+    values = vary("p", "f:a", "values = [1.0, 2.0, 3.0, 4.0, 5.0]")
+    required = '[[requirement]]\nmetric = "square"\nmin = 1.0\n[series]\nworst = 1\n'
+    study = write(tmp_path, f'method = "sweep"\ncases = ["plain"]\n{values}{required}', SCENARIO + middle)
+    given = ["--fmus", str(tmp_path / "fmus"), "--out", str(tmp_path / "out"), "--no-fail"]
+    assert app.main([str(study), *given]) == 0
+    # With a minimum, the least number is the worst: a = 3, the sample in the middle.
+    assert [path.name for path in (tmp_path / "out" / "study" / "series").iterdir()] == ["2_plain.parquet"]
+    assert capsys.readouterr().err == ""

@@ -376,7 +376,7 @@ def series_metric(numbers: Numbers) -> int:
     series = numbers.job.study.series
     names = [m.name for m in numbers.job.plan.metrics]
     named = None if series is None or series.metric is None else names.index(series.metric)
-    return shown_metrics(numbers)[0] if named is None else named
+    return (_wanted(numbers) or numbers.job.metrics)[0] if named is None else named
 
 
 def history_columns(numbers: Numbers) -> list[int]:
