@@ -31,6 +31,18 @@ pub(crate) fn power_of_two(n: u64) -> f64 {
     f64::from_bits(n.wrapping_add(1023) << 52)
 }
 
+/// The exponential function is infinite above this.
+pub(crate) const OVERFLOW: f64 = 710.0;
+/// The exponential function is 0 below this.
+pub(crate) const UNDERFLOW: f64 = -746.0;
+
+/// `value` times 2^n; n in the lowest bits. In two steps, because 2^n itself may be out of range.
+#[inline(always)]
+pub(crate) fn scaled(value: f64, n: u64) -> f64 {
+    let half = ((n as i64) << 13 >> 13) / 2;
+    value * power_of_two(half as u64) * power_of_two(n.wrapping_sub(half as u64))
+}
+
 /// exp(r) in two parts.
 #[inline(always)]
 pub(crate) fn exponential(high: f64, low: f64) -> (f64, f64) {
@@ -75,16 +87,14 @@ fn exp_full(x: f64) -> f64 {
     if x.is_nan() {
         return f64::NAN;
     }
-    if x > 710.0 {
+    if x > OVERFLOW {
         return f64::INFINITY;
     }
-    if x < -746.0 {
+    if x < UNDERFLOW {
         return 0.0;
     }
     let (n, value) = exp_parts(x);
-    // In two steps, because 2^n itself may be out of range.
-    let half = ((n as i64) << 13 >> 13) / 2;
-    value * power_of_two(half as u64) * power_of_two(n.wrapping_sub(half as u64))
+    scaled(value, n)
 }
 
 function!(

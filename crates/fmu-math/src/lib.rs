@@ -1,13 +1,20 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 
+#[cfg(feature = "alloc")]
+extern crate alloc;
+
 mod bits;
 mod coefficients;
+pub mod dense;
 mod exponential;
 mod inverse;
 mod lanes;
 mod logarithm;
+pub mod ode;
 mod power;
+#[cfg(feature = "alloc")]
+pub mod sparse;
 mod trigonometric;
 
 pub use exponential::{cosh, cosh_each, exp, exp_each, sinh, sinh_each, tanh, tanh_each};

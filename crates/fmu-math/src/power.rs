@@ -2,7 +2,7 @@
 
 use crate::bits::{abs, fast_sum, magnitude, product, sqrt, sum};
 use crate::coefficients::{LN_TAIL, LN2_HI, LN2_LO, THIRD_HI, THIRD_LO};
-use crate::exponential::{exponential, power_of_two, reduce};
+use crate::exponential::{OVERFLOW, UNDERFLOW, exponential, power_of_two, reduce, scaled};
 use crate::lanes::{function2, polynomial8};
 use crate::logarithm;
 
@@ -12,6 +12,12 @@ use crate::logarithm;
 #[inline(always)]
 fn logarithm(x: f64) -> (f64, f64) {
     let (k, m) = logarithm::split(x);
+    combine(k, m)
+}
+
+/// ln(2^k m) in two parts.
+#[inline(always)]
+fn combine(k: f64, m: f64) -> (f64, f64) {
     let f = m - 1.0;
     let (d, d_low) = sum(m, 1.0);
     let s = f / d;
@@ -48,10 +54,64 @@ fn pow_kernel(x: f64, y: f64) -> (f64, u64) {
     ((one + rest) * power_of_two(n), outside)
 }
 
+/// Special values, bases that are negative or subnormal, and results near overflow and underflow.
+#[cold]
+fn pow_full(x: f64, y: f64) -> f64 {
+    let base = abs(x);
+    // Their powers need no logarithm.
+    if base == 0.0 || base == 1.0 || y == 0.0 || !base.is_finite() || !y.is_finite() {
+        return libm::pow(x, y);
+    }
+    let is_odd = match parity(y) {
+        Parity::NotInteger if x < 0.0 => return f64::NAN,
+        parity => x < 0.0 && matches!(parity, Parity::Odd),
+    };
+    let power = if abs(y) > 1e100 {
+        // The logarithm of a number beside 1 is at least 1e-16.
+        if (base > 1.0) == (y > 0.0) { f64::INFINITY } else { 0.0 }
+    } else {
+        let is_subnormal = base < f64::MIN_POSITIVE;
+        let (k, m) = logarithm::split(if is_subnormal { base * 18_014_398_509_481_984.0 } else { base });
+        let (log, log_low) = combine(if is_subnormal { k - 54.0 } else { k }, m);
+        let (t, t_low) = product(y, log);
+        let t_low = t_low + y * log_low;
+        if t > OVERFLOW {
+            f64::INFINITY
+        } else if t < UNDERFLOW {
+            0.0
+        } else {
+            let (n, high, low) = reduce(t, t_low);
+            let (one, rest) = exponential(high, low);
+            scaled(one + rest, n)
+        }
+    };
+    if is_odd { -power } else { power }
+}
+
+enum Parity {
+    Even,
+    Odd,
+    NotInteger,
+}
+
+/// The parity of a finite number. From 2^53 on all are even integers.
+fn parity(y: f64) -> Parity {
+    let y = abs(y);
+    if y >= 9_007_199_254_740_992.0 {
+        return Parity::Even;
+    }
+    let whole = y as u64;
+    match whole as f64 == y {
+        false => Parity::NotInteger,
+        true if whole.is_multiple_of(2) => Parity::Even,
+        true => Parity::Odd,
+    }
+}
+
 function2!(
     /// `x` to the power `y`, within 1.2 ulp. Special values as in C: `pow(x, 0.0)` and `pow(1.0, y)` are 1, a negative `x` has
     /// powers for integers `y` only.
-    pub pow, pow_each, x, y, pow_kernel, libm::pow
+    pub pow, pow_each, x, y, pow_kernel, pow_full
 );
 
 /// `x` to an integer power by repeated squaring. Each of the about 2 log2(n) multiplications rounds.

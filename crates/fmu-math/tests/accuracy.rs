@@ -9,7 +9,7 @@ static VALUES: &[u8] = include_bytes!("values.bin");
 
 type Function = fn(&[f64]) -> f64;
 
-const BOUNDS: [(&str, f64, Function); 14] = [
+const BOUNDS: [(&str, f64, Function); 15] = [
     ("sin", 0.9, |x| math::sin(x[0])),
     ("cos", 0.9, |x| math::cos(x[0])),
     ("tan", 1.2, |x| math::tan(x[0])),
@@ -24,6 +24,7 @@ const BOUNDS: [(&str, f64, Function); 14] = [
     ("atan2", 1.5, |x| math::atan2(x[0], x[1])),
     ("pow", 1.2, |x| math::pow(x[0], x[1])),
     ("hypot", 1.3, |x| math::hypot(x[0], x[1])),
+    ("pow far", 1.2, |x| math::pow(x[0], x[1])),
 ];
 
 /// The distance to `high + low`, where `high` is the exact result rounded.

@@ -83,6 +83,13 @@ def powers() -> tuple[float, float]:
     return x, chance.choice([uniform(-bound, bound), uniform(-min(3, bound), min(3, bound))])()
 
 
+def far_powers() -> tuple[float, float]:
+    """Arguments whose power is near overflow: bases beside 1 with exponents to 1e18, negative and subnormal ones."""
+    x = chance.choice([lambda: 1 + wide(-52, -22)(), uniform(0.5, 2), wide(-1074, 1024, sign=False)])()
+    y = float(chance.uniform(707.9, 709.75) / mpmath.ln(mpf(x))) if x != 1 else 1.0
+    return (-x, float(round(y))) if abs(y) > 1e6 and chance.random() < 0.3 else (x, y)
+
+
 def points() -> tuple[float, float]:
     """Arguments of an angle or a length."""
     x = chance.choice([uniform(-1, 1), wide(-20, 20), wide(-1022, 1023)])()
@@ -100,6 +107,7 @@ TWO: dict[str, tuple[Callable[[mpf, mpf], mpf], Callable[[], tuple[float, float]
     "atan2": (mpmath.atan2, points),
     "pow": (mpmath.power, powers),
     "hypot": (mpmath.hypot, points),
+    "pow far": (mpmath.power, far_powers),
 }
 
 

@@ -1,0 +1,306 @@
+//! Solvers of ordinary differential equations x' = f(t, x), one step at a time.
+//!
+//! All functions work on slices of the caller, allocate nothing and need no `std`. `f` writes the derivatives at a time and a
+//! state; an error that it returns ends the step. Every element is computed by the same operations in the same order, so
+//! results have the same bits on every platform.
+
+/// Numbers of working memory that [`runge_kutta`] needs for each state.
+pub const RUNGE_KUTTA_WORK: usize = 4;
+/// Numbers of working memory that [`dormand_prince`] needs for each state.
+pub const DORMAND_PRINCE_WORK: usize = 7;
+/// Numbers of working memory that [`rodas`] needs for each state.
+pub const RODAS_WORK: usize = 5;
+
+/// to = x + (h a) k, element by element.
+#[inline]
+fn along(to: &mut [f64], x: &[f64], factor: f64, k: &[f64]) {
+    for ((to, x), k) in to.iter_mut().zip(x).zip(k) {
+        *to = x + factor * k;
+    }
+}
+
+/// to = to + factor k, element by element.
+#[inline]
+fn add(to: &mut [f64], factor: f64, k: &[f64]) {
+    for (to, k) in to.iter_mut().zip(k) {
+        *to += factor * k;
+    }
+}
+
+/// to = x + h a1 k1 + h a2 k2 + …
+#[inline]
+fn sum(to: &mut [f64], x: &[f64], h: f64, parts: &[(f64, &[f64])]) {
+    to.copy_from_slice(x);
+    parts.iter().for_each(|&(a, k)| add(to, h * a, k));
+}
+
+/// One step of length `h` with the classical Runge-Kutta method of order 4 (Kutta 1901), from `x` to `end`.
+///
+/// # Errors
+/// The first error of `f`.
+///
+/// # Panics
+/// If the slices are shorter than the state `x`, `work` than [`RUNGE_KUTTA_WORK`] times that.
+#[inline]
+pub fn runge_kutta<E>(
+    mut f: impl FnMut(f64, &[f64], &mut [f64]) -> Result<(), E>,
+    time: f64,
+    x: &[f64],
+    h: f64,
+    end: &mut [f64],
+    work: &mut [f64],
+) -> Result<(), E> {
+    let n = x.len();
+    let (k1, rest) = work.split_at_mut(n);
+    let (k2, rest) = rest.split_at_mut(n);
+    let (k3, rest) = rest.split_at_mut(n);
+    let k4 = &mut rest[..n];
+    f(time, x, k1)?;
+    along(end, x, 0.5 * h, k1);
+    f(time + 0.5 * h, end, k2)?;
+    along(end, x, 0.5 * h, k2);
+    f(time + 0.5 * h, end, k3)?;
+    along(end, x, h, k3);
+    f(time + h, end, k4)?;
+    for i in 0..n {
+        let slope = k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i];
+        end[i] = x[i] + h / 6.0 * slope;
+    }
+    Ok(())
+}
+
+/// One step of length `h` with the pair of orders 5 and 4 of Dormand and Prince 1980 (RK5(4)7M), from `x` to `end`. `error`
+/// becomes the estimate of the error, see [`error_norm`].
+///
+/// # Errors
+/// The first error of `f`.
+///
+/// # Panics
+/// If the slices are shorter than the state `x`, `work` than [`DORMAND_PRINCE_WORK`] times that.
+#[inline]
+pub fn dormand_prince<E>(
+    mut f: impl FnMut(f64, &[f64], &mut [f64]) -> Result<(), E>,
+    time: f64,
+    x: &[f64],
+    h: f64,
+    end: &mut [f64],
+    error: &mut [f64],
+    work: &mut [f64],
+) -> Result<(), E> {
+    let n = x.len();
+    let (k1, rest) = work.split_at_mut(n);
+    let (k2, rest) = rest.split_at_mut(n);
+    let (k3, rest) = rest.split_at_mut(n);
+    let (k4, rest) = rest.split_at_mut(n);
+    let (k5, rest) = rest.split_at_mut(n);
+    let (k6, rest) = rest.split_at_mut(n);
+    let k7 = &mut rest[..n];
+    f(time, x, k1)?;
+    sum(end, x, h, &[(1.0 / 5.0, k1)]);
+    f(time + 1.0 / 5.0 * h, end, k2)?;
+    sum(end, x, h, &[(3.0 / 40.0, k1), (9.0 / 40.0, k2)]);
+    f(time + 3.0 / 10.0 * h, end, k3)?;
+    sum(end, x, h, &[(44.0 / 45.0, k1), (-56.0 / 15.0, k2), (32.0 / 9.0, k3)]);
+    f(time + 4.0 / 5.0 * h, end, k4)?;
+    let parts: [(f64, &[f64]); 4] =
+        [(19372.0 / 6561.0, k1), (-25360.0 / 2187.0, k2), (64448.0 / 6561.0, k3), (-212.0 / 729.0, k4)];
+    sum(end, x, h, &parts);
+    f(time + 8.0 / 9.0 * h, end, k5)?;
+    let parts: [(f64, &[f64]); 5] = [
+        (9017.0 / 3168.0, k1),
+        (-355.0 / 33.0, k2),
+        (46732.0 / 5247.0, k3),
+        (49.0 / 176.0, k4),
+        (-5103.0 / 18656.0, k5),
+    ];
+    sum(end, x, h, &parts);
+    f(time + h, end, k6)?;
+    let parts: [(f64, &[f64]); 5] =
+        [(35.0 / 384.0, k1), (500.0 / 1113.0, k3), (125.0 / 192.0, k4), (-2187.0 / 6784.0, k5), (11.0 / 84.0, k6)];
+    sum(end, x, h, &parts);
+    f(time + h, end, k7)?;
+    let parts: [(f64, &[f64]); 6] = [
+        (71.0 / 57600.0, k1),
+        (-71.0 / 16695.0, k3),
+        (71.0 / 1920.0, k4),
+        (-17253.0 / 339_200.0, k5),
+        (22.0 / 525.0, k6),
+        (-1.0 / 40.0, k7),
+    ];
+    error.fill(0.0);
+    parts.iter().for_each(|&(e, k)| add(error, h * e, k));
+    Ok(())
+}
+
+/// The diagonal that [`rodas`] adds to the negative Jacobian for a step of length `h`.
+#[must_use]
+pub fn rodas_diagonal(h: f64) -> f64 {
+    1.0 / (h * 0.25)
+}
+
+/// One step of length `h` with the stiffly stable method RODAS of order 4 (Hairer, Wanner, "Solving Ordinary Differential
+/// Equations II", 1996, section IV.7, with the coefficients of their program), from `x` to `end`. `error` becomes the estimate
+/// of the error, see [`error_norm`].
+///
+/// `solve` replaces b by the solution u of ([`rodas_diagonal`] I - J) u = b, where J is the Jacobian of `f` at `time` and `x`;
+/// `slope` is the derivative of `f` with respect to the time there.
+///
+/// # Errors
+/// The first error of `f`.
+///
+/// # Panics
+/// If the slices are shorter than the state `x`, `work` than [`RODAS_WORK`] times that.
+#[expect(clippy::too_many_arguments, reason = "the problem, its linearization, the step and three results")]
+#[inline]
+pub fn rodas<E>(
+    mut f: impl FnMut(f64, &[f64], &mut [f64]) -> Result<(), E>,
+    mut solve: impl FnMut(&mut [f64]),
+    time: f64,
+    x: &[f64],
+    slope: &[f64],
+    h: f64,
+    end: &mut [f64],
+    error: &mut [f64],
+    work: &mut [f64],
+) -> Result<(), E> {
+    const A: [&[f64]; 5] = [
+        &[],
+        &[1.544],
+        &[0.946_678_528_081_582_6, 0.255_701_169_898_328_4],
+        &[3.314_825_187_068_521, 2.896_124_015_972_201, 0.998_641_913_997_781_7],
+        &[1.221_224_509_226_641, 6.019_134_481_288_629, 12.537_083_329_320_87, -0.687_886_036_105_895],
+    ];
+    const C: [&[f64]; 6] = [
+        &[],
+        &[-5.6688],
+        &[-2.430_093_356_833_875, -0.206_359_915_709_191_5],
+        &[-0.107_352_905_815_137_5, -9.594_562_251_023_355, -20.470_286_148_096_16],
+        &[7.496_443_313_967_647, -10.246_804_314_643_52, -33.999_903_528_199_05, 11.708_908_932_061_6],
+        &[
+            8.083_246_795_921_522,
+            -7.981_132_988_064_893,
+            -31.521_594_328_743_71,
+            16.319_305_431_231_36,
+            -6.058_818_238_834_054,
+        ],
+    ];
+    /// Times of the stages, and their coefficients of the derivative with respect to time.
+    const TIMES: [f64; 6] = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
+    const D: [f64; 6] = [0.25, -0.1043, 0.1035, -0.036_200_000_000_000_23, 0.0, 0.0];
+
+    let n = x.len();
+    // (1/(h gamma) - J) u = f + sum (c/h) u + h d f_t
+    for stage in 0..6 {
+        let (known, rest) = work.split_at_mut(stage * n);
+        let known = |j: usize| &known[j * n..][..n];
+        let u = if stage < 5 { &mut rest[..n] } else { &mut error[..n] };
+        // The argument of the last stage is that of the one before and its increment.
+        match A.get(stage) {
+            Some(coefficients) => {
+                end.copy_from_slice(x);
+                coefficients.iter().enumerate().for_each(|(j, &a)| add(end, a, known(j)));
+            }
+            None => add(end, 1.0, known(stage - 1)),
+        }
+        f(time + TIMES[stage] * h, end, u)?;
+        C[stage].iter().enumerate().for_each(|(j, &c)| add(u, c / h, known(j)));
+        add(u, h * D[stage], slope);
+        solve(u);
+    }
+    add(end, 1.0, error);
+    Ok(())
+}
+
+/// Weighted root mean square of the error of a step from `x` to `end`: at most 1 if the step keeps the tolerance (Hairer,
+/// Norsett, Wanner, "Solving Ordinary Differential Equations I", eq. II.4.11). Each error is relative to the nominal value of
+/// its state plus the magnitude of the state. 0 without states.
+#[must_use]
+#[inline]
+pub fn error_norm(x: &[f64], end: &[f64], error: &[f64], nominals: &[f64], tolerance: f64) -> f64 {
+    if x.is_empty() {
+        return 0.0;
+    }
+    let mut sum = 0.0;
+    for (((x, end), error), nominal) in x.iter().zip(end).zip(error).zip(nominals) {
+        let ratio = error / (tolerance * (nominal + x.abs().max(end.abs())));
+        sum += ratio * ratio;
+    }
+    crate::bits::sqrt(sum / x.len() as f64)
+}
+
+/// The factor from the length of a step with the error `norm` to that of the next one, 0.2 to 5, for methods whose error
+/// estimate has order 4.
+#[must_use]
+pub fn step_factor(norm: f64) -> f64 {
+    if norm > 0.0 { (0.9 * crate::pow(norm, -0.2)).clamp(0.2, 5.0) } else { 5.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x' = x cos t from 1 at 0, so x = exp(sin t).
+    fn f(time: f64, x: &[f64], to: &mut [f64]) -> Result<(), ()> {
+        to[0] = x[0] * crate::cos(time);
+        Ok(())
+    }
+
+    /// Error of `steps` equal steps to 2.
+    fn error_of(step: impl Fn(f64, f64, f64) -> f64, steps: u32) -> f64 {
+        let h = 2.0 / f64::from(steps);
+        let end = (0..steps).fold(1.0, |x, k| step(f64::from(k) * h, x, h));
+        (end - crate::exp(crate::sin(2.0))).abs()
+    }
+
+    #[test]
+    fn the_error_falls_with_the_order_of_the_method() {
+        let runge_kutta = |time, x, h| {
+            let (mut end, mut work) = ([0.0], [0.0; RUNGE_KUTTA_WORK]);
+            runge_kutta(f, time, &[x], h, &mut end, &mut work).unwrap();
+            end[0]
+        };
+        let dormand_prince = |time, x, h| {
+            let (mut end, mut error, mut work) = ([0.0], [0.0], [0.0; DORMAND_PRINCE_WORK]);
+            dormand_prince(f, time, &[x], h, &mut end, &mut error, &mut work).unwrap();
+            end[0]
+        };
+        let rodas = |time: f64, x: f64, h: f64| {
+            let (mut end, mut error, mut work) = ([0.0], [0.0], [0.0; RODAS_WORK]);
+            let matrix = rodas_diagonal(h) - crate::cos(time);
+            let slope = [-x * crate::sin(time)];
+            rodas(f, |b| b[0] /= matrix, time, &[x], &slope, h, &mut end, &mut error, &mut work).unwrap();
+            end[0]
+        };
+        let errors = |steps| [error_of(runge_kutta, steps), error_of(dormand_prince, steps), error_of(rodas, steps)];
+        let all = [40, 80, 160].map(errors);
+        for (method, order) in [4, 5, 4].into_iter().enumerate() {
+            let errors = all.map(|errors| errors[method]);
+            for pair in errors.windows(2) {
+                let ratio = pair[0] / pair[1];
+                // A step half as long divides the error by 2^order; 30 % for the terms of higher order.
+                assert!((ratio / 2.0_f64.powi(order) - 1.0).abs() < 0.3, "order {order}: {ratio} of {errors:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_error_of_the_equations_ends_the_step() {
+        let mut calls = 0;
+        let failing = |_: f64, _: &[f64], _: &mut [f64]| {
+            calls += 1;
+            if calls == 3 { Err("third") } else { Ok(()) }
+        };
+        let (mut end, mut work) = ([0.0; 2], [0.0; 2 * RUNGE_KUTTA_WORK]);
+        assert_eq!(runge_kutta(failing, 0.0, &[1.0, 2.0], 0.1, &mut end, &mut work), Err("third"));
+        assert_eq!(calls, 3);
+    }
+
+    /// Errors 3 and 4 relative to tolerance times (nominal + magnitude) = 0.1 (1 + 9): the root mean square of 3 and 4.
+    #[test]
+    fn the_norm_is_the_weighted_root_mean_square() {
+        let norm = error_norm(&[9.0, -5.0], &[2.0, 9.0], &[3.0, -4.0], &[1.0, 1.0], 0.1);
+        assert!((norm - 12.5_f64.sqrt()).abs() < 1e-15, "{norm}");
+        assert_eq!(error_norm(&[], &[], &[], &[], 0.1), 0.0);
+        assert_eq!([0.0, 1e-30, 1e30].map(step_factor), [5.0, 5.0, 0.2]);
+    }
+}
