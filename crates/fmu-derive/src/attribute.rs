@@ -1,6 +1,5 @@
 //! The attribute `#[var(…)]` of a field, doc comments, and the path of the crate `fmu`.
 
-use heck::ToSnakeCase as _;
 use proc_macro2::{Span, TokenStream};
 use quote::{ToTokens, quote, quote_spanned};
 use syn::parse::ParseStream;
@@ -260,6 +259,7 @@ impl Variable {
         if !doc.is_empty() {
             spec = quote!(#spec.doc(#doc));
         }
+        errors.keep(self.check_limits());
         for key in ["min", "max", "nominal"] {
             if let Some(Some(value)) = errors.keep(self.value(key)) {
                 let key = Ident::new(key, value.span());
@@ -309,6 +309,44 @@ impl Variable {
             && Unit::parse(&text, Span::call_site()).is_ok_and(|unit| !unit.is_second())
     }
 
+    /// Rejects a nominal value that is not above 0 and limits in the wrong order, as far as they are written as numbers.
+    fn check_limits(&self) -> Result<()> {
+        if let Some(nominal) = self.value("nominal")?
+            && literal(nominal).is_some_and(|number| number <= 0.0)
+        {
+            let message =
+                "the nominal value is the usual magnitude and must be above 0; leave it out if it is not known";
+            return Err(Error::new(nominal.span(), message));
+        }
+        if let (Some(min), Some(max)) = (self.value("min")?, self.value("max")?)
+            && let (Some(least), Some(greatest)) = (literal(min), literal(max))
+            && least > greatest
+        {
+            return Err(Error::new(max.span(), format!("`max` must not be below `min`, which is {least}")));
+        }
+        Ok(())
+    }
+
+    /// Assertions of [`Self::check_limits`] about constants, which only the compiler can look at.
+    pub(crate) fn limit_assertions(&self) -> TokenStream {
+        let constant = |key| self.value(key).ok().flatten().filter(|value| is_constant(value));
+        let is_open = |value: &Expr| literal(value).is_none();
+        let mut assertions = TokenStream::new();
+        if let Some(nominal) = constant("nominal").filter(|nominal| is_open(nominal)) {
+            assertions.extend(quote_spanned! {nominal.span().resolved_at(Span::call_site())=>
+                const _: () = ::core::assert!((#nominal) as f64 > 0.0, "the nominal value must be above 0");
+            });
+        }
+        if let (Some(min), Some(max)) = (constant("min"), constant("max"))
+            && (is_open(min) || is_open(max))
+        {
+            assertions.extend(quote_spanned! {max.span().resolved_at(Span::call_site())=>
+                const _: () = ::core::assert!((#min) as f64 <= (#max) as f64, "`max` must not be below `min`");
+            });
+        }
+        assertions
+    }
+
     /// Rejects a start value outside its limits, as far as both are written as numbers.
     pub(crate) fn check_start(&self, start: &Expr) -> Result<()> {
         if let Expr::Array(elements) = start {
@@ -317,7 +355,8 @@ impl Variable {
         let Some(number) = literal(start) else { return Ok(()) };
         let min = self.value("min")?.and_then(literal).unwrap_or(f64::NEG_INFINITY);
         let max = self.value("max")?.and_then(literal).unwrap_or(f64::INFINITY);
-        if number < min || number > max {
+        // Limits in the wrong order are reported on their own.
+        if min <= max && (number < min || number > max) {
             return Err(Error::new(start.span(), format!("the start value must be in [{min}, {max}]")));
         }
         if self.flag("positive")? && number <= 0.0 {
@@ -351,24 +390,18 @@ impl Source {
     }
 }
 
-/// Dotted words in lower snake case: what the naming convention "structured" and all importers accept.
+/// Rejects what FMI does not allow in a name: it is not empty, and on one line.
 fn check_name(name: &LitStr) -> Result<()> {
     let text = name.value();
-    let is_word = |word: &str| {
-        word.starts_with(|c: char| c.is_ascii_lowercase())
-            && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
-    };
-    if text.split('.').all(is_word) {
-        return Ok(());
+    if text.is_empty() {
+        return Err(Error::new(name.span(), "the name of a variable is empty; leave it out to take that of the field"));
     }
-    let better = text.split('.').map(|word| word.to_snake_case()).collect::<Vec<_>>().join(".");
-    let hint = if better.split('.').all(is_word) && better != text {
-        format!(", for example `{better}`")
-    } else {
-        String::new()
-    };
-    let message = format!("the name of a variable consists of words in lower snake case, joined by dots{hint}");
-    Err(Error::new(name.span(), message))
+    if text.contains(char::is_control) {
+        let message =
+            "the name of a variable has a line break, a tab or another control character, which FMI does not allow";
+        return Err(Error::new(name.span(), message));
+    }
+    Ok(())
 }
 
 /// The value of a number as written.
@@ -378,6 +411,17 @@ pub(crate) fn literal(expression: &Expr) -> Option<f64> {
         Expr::Lit(ExprLit { lit: Lit::Int(number), .. }) => number.base10_parse().ok(),
         Expr::Unary(unary) if matches!(unary.op, UnOp::Neg(_)) => literal(&unary.expr).map(|value| -value),
         _ => None,
+    }
+}
+
+/// Whether the compiler can evaluate a number: literals, constants, and what is computed from them.
+pub(crate) fn is_constant(expression: &Expr) -> bool {
+    match expression {
+        Expr::Lit(_) | Expr::Path(_) => true,
+        Expr::Unary(unary) => is_constant(&unary.expr),
+        Expr::Paren(inner) => is_constant(&inner.expr),
+        Expr::Binary(binary) => is_constant(&binary.left) && is_constant(&binary.right),
+        _ => false,
     }
 }
 

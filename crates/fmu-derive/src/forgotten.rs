@@ -1,20 +1,30 @@
-//! Associated types that the functions of a model use and that its implementation does not declare.
+//! Mistakes in associated types and functions that the compiler would report in generic terms: types that the functions of a model use and that its
+//! implementation does not declare, types with or without the number type, functions with too few or too many arguments.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::{ToTokens, format_ident, quote};
 use syn::visit::{self, Visit};
-use syn::{Error, Expr, FnArg, GenericParam, ImplItem, ImplItemFn, Member, Pat, ReturnType, Type, parse_quote};
+use syn::{
+    Error, Expr, FnArg, GenericArgument, GenericParam, ImplItem, ImplItemFn, ImplItemType, Member, Pat, PathArguments,
+    ReturnType, Type, parse_quote,
+};
 
 use crate::errors::Errors;
 use crate::model::Kind;
 
-/// Reports each missing type. Adds the type and empties the functions, so that the compiler reports no follow-up errors.
+/// Reports each mistake. Corrects the declarations and empties the functions, so that the compiler reports no follow-up errors.
 pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream, errors: &mut Errors) {
+    let mut mistakes = Errors::default();
     let mut added = Vec::new();
     for name in kind.types() {
-        let is_declared = items.iter().any(|item| matches!(item, ImplItem::Type(item) if item.ident == name));
-        if is_declared {
-            continue;
+        let is_generic = kind.is_generic(name);
+        let declared = items.iter().find_map(|item| match item {
+            ImplItem::Type(item) if item.ident == name => Some(item),
+            _ => None,
+        });
+        if let Some(declared) = declared {
+            let Some(message) = wrong_parameters(declared, is_generic) else { continue };
+            mistakes.add(Error::new_spanned(declared, message));
         }
         let functions = || {
             items.iter().filter_map(|item| match item {
@@ -22,24 +32,32 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
                 _ => None,
             })
         };
-        let is_generic = kind == Kind::Continuous && *name != "DiscreteState";
         let parameter = if is_generic { "<T: Scalar>" } else { "" };
-        let declared =
+        let shown =
             functions().find_map(|function| Some((in_signature(name, kind, function)?, number(function).cloned())));
-        let (ty, number) = if let Some((ty, number)) = declared {
-            let shown = without_blanks(&ty);
-            let message = format!("`type {name}` is missing, as in `type {name}{parameter} = {shown};`");
-            errors.add(Error::new_spanned(&ty, message));
+        let (ty, number) = if let Some((ty, number)) = shown {
+            if declared.is_none() {
+                let shown = without_blanks(&ty);
+                let message = format!("`type {name}` is missing, as in `type {name}{parameter} = {shown};`");
+                mistakes.add(Error::new_spanned(&ty, message));
+            }
             (ty, number)
+        } else if declared.is_some() {
+            (parse_quote!(()), None)
         } else if let Some(used) = functions().find_map(|function| in_body(name, kind, function)) {
-            let example =
-                format!("{}{}", if *name == "Inputs" { "U" } else { "X" }, if is_generic { "<T>" } else { "" });
+            let example = match (*name, is_generic) {
+                ("Inputs", true) => "U<T>",
+                ("Inputs", false) => "U",
+                ("Derived", _) => "D",
+                (_, true) => "X<T>",
+                (_, false) => "X",
+            };
             let message = format!(
                 "the model has no `type {name}`, so there is nothing in `{}`; declare it, as in \
                  `type {name}{parameter} = {example};`",
                 without_blanks(&used)
             );
-            errors.add(Error::new_spanned(&used, message));
+            mistakes.add(Error::new_spanned(&used, message));
             (parse_quote!(()), None)
         } else {
             continue;
@@ -47,11 +65,38 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
         let ident = format_ident!("{name}");
         let number = number.unwrap_or_else(|| format_ident!("T"));
         let generics = is_generic.then(|| quote!(<#number: #root::Scalar>));
+        items.retain(|item| !matches!(item, ImplItem::Type(item) if item.ident == ident));
         added.push(quote!(type #ident #generics = #ty;));
+        let has_function = |items: &[ImplItem]| {
+            items
+                .iter()
+                .any(|item| matches!(item, ImplItem::Fn(f) if f.sig.ident == "derived" || f.sig.ident == "load"))
+        };
+        if *name == "Derived" && !has_function(items) {
+            added.push(quote! {
+                fn derived(&self) -> ::core::result::Result<#ty, ::std::string::String> { ::core::unreachable!() }
+            });
+        }
     }
-    if added.is_empty() {
+    for item in items.iter_mut() {
+        if let ImplItem::Fn(function) = item
+            && let Some(signature) = kind.signature(&function.sig.ident)
+            && let Ok(expected) = with_paths(signature, root)
+            && expected.sig.inputs.len() != function.sig.inputs.len()
+        {
+            let name = &function.sig.ident;
+            let (count, given) = (expected.sig.inputs.len(), function.sig.inputs.len());
+            let hint = if signature.contains("Self::Derived") { "; without `type Derived` that is `()`" } else { "" };
+            let message =
+                format!("`{name}` has {count} arguments, `self` counted, this one {given}: write `{signature}`{hint}");
+            mistakes.add(Error::new_spanned(&function.sig, message));
+            *function = expected;
+        }
+    }
+    if mistakes.is_empty() {
         return;
     }
+    errors.keep(mistakes.finish(()));
     for item in items.iter_mut() {
         if let ImplItem::Fn(function) = item {
             function.attrs.push(parse_quote!(#[allow(unused)]));
@@ -59,6 +104,43 @@ pub(crate) fn complete(items: &mut Vec<ImplItem>, kind: Kind, root: &TokenStream
         }
     }
     items.extend(added.into_iter().map(|item| parse_quote!(#item)));
+}
+
+/// The mistake in the type parameters of an associated type.
+fn wrong_parameters(declared: &ImplItemType, is_generic: bool) -> Option<String> {
+    let (name, mut ty) = (&declared.ident, declared.ty.clone());
+    let has_number = declared.generics.type_params().next().is_some();
+    if has_number == is_generic {
+        return None;
+    }
+    let is_unit = matches!(&ty, Type::Tuple(tuple) if tuple.elems.is_empty());
+    if let Type::Path(path) = &mut ty
+        && let Some(last) = path.path.segments.last_mut()
+    {
+        last.arguments = PathArguments::None;
+    }
+    let shown = without_blanks(&ty);
+    Some(if is_generic {
+        let (number, hint) = match is_unit {
+            true => ("", String::new()),
+            false => ("<T>", format!(", or `= {shown};` if it has no real variables")),
+        };
+        format!(
+            "`type {name}` of a continuous-time model has the number type of the equations: write \
+             `type {name}<T: Scalar> = {shown}{number};`{hint}"
+        )
+    } else {
+        format!("`type {name}` has plain numbers here and no number type: write `type {name} = {shown};`")
+    })
+}
+
+/// A function of a model trait, its types with their full path.
+fn with_paths(signature: &str, root: &TokenStream) -> syn::Result<ImplItemFn> {
+    let mut text = signature.replace("&Path", "&::std::path::Path");
+    for name in ["Scalar", "At<", "Event<", "Sample<"] {
+        text = text.replace(name, &format!("{root}::{name}"));
+    }
+    syn::parse_str(&format!("{text} {{ ::core::unreachable!() }}"))
 }
 
 /// Code as the author writes it: `X<T>`, not `X < T >`.
@@ -70,10 +152,55 @@ impl Kind {
     /// The types that are empty if they are not declared.
     const fn types(self) -> &'static [&'static str] {
         match self {
-            Self::Continuous => &["State", "Inputs", "Outputs", "DiscreteState"],
-            Self::Discrete => &["State", "Inputs", "Outputs"],
+            Self::Continuous => &["State", "Inputs", "Outputs", "Derived", "DiscreteState"],
+            Self::Discrete => &["State", "Inputs", "Outputs", "Derived"],
             Self::Stateful => &["Inputs", "Outputs"],
         }
+    }
+
+    /// Whether a type has the number type of the equations.
+    fn is_generic(self, name: &str) -> bool {
+        self == Self::Continuous && ["State", "Inputs", "Outputs"].contains(&name)
+    }
+
+    /// Signature of a function of the trait.
+    fn signature(self, function: &Ident) -> Option<&'static str> {
+        let signature = match (self, function.to_string().as_str()) {
+            (Self::Continuous | Self::Discrete, "derived") => "fn derived(&self) -> Result<Self::Derived, String>",
+            (Self::Continuous | Self::Discrete, "load") => {
+                "fn load(&self, resources: &Path) -> Result<Self::Derived, String>"
+            }
+            (Self::Continuous | Self::Discrete, "fingerprint") => "fn fingerprint(derived: &Self::Derived) -> u64",
+            (Self::Continuous, "initialize") => {
+                "fn initialize(&self, derived: &Self::Derived, state: &mut Self::State<f64>)"
+            }
+            (Self::Continuous, "initial_discrete_state") => {
+                "fn initial_discrete_state(&self, at: At<'_, f64, Self>) -> Self::DiscreteState"
+            }
+            (Self::Continuous, "derivatives") => {
+                "fn derivatives<T: Scalar>(&self, at: At<'_, T, Self>) -> Self::State<T>"
+            }
+            (Self::Continuous, "outputs") => "fn outputs<T: Scalar>(&self, at: At<'_, T, Self>) -> Self::Outputs<T>",
+            (Self::Continuous, "evaluate") => {
+                "fn evaluate<T: Scalar>(&self, at: At<'_, T, Self>) -> (Self::State<T>, Self::Outputs<T>)"
+            }
+            (Self::Continuous, "advance") => "fn advance(&self, at: At<'_, f64, Self>, step: f64) -> Self::State<f64>",
+            (Self::Continuous, "zero_crossings") => {
+                "fn zero_crossings(&self, at: At<'_, f64, Self>) -> Self::Crossings"
+            }
+            (Self::Continuous, "next_time_event") => "fn next_time_event(&self, at: At<'_, f64, Self>) -> Option<f64>",
+            (Self::Continuous, "on_event") => "fn on_event(&self, event: Event<'_, Self>)",
+            (Self::Discrete, "initial_state") => "fn initial_state(&self, derived: &Self::Derived) -> Self::State",
+            (Self::Discrete, "check") => "fn check(&self, sample: &Sample<'_, Self>) -> Result<(), String>",
+            (Self::Discrete, "update") => "fn update(&self, sample: Sample<'_, Self>) -> Self::Outputs",
+            (Self::Stateful, "start") => "fn start(&self, resources: &Path) -> Result<Self::Simulation, String>",
+            (Self::Stateful, "step") => {
+                "fn step(&self, simulation: &mut Self::Simulation, inputs: &Self::Inputs, time: f64, step: f64) -> Result<(), String>"
+            }
+            (Self::Stateful, "outputs") => "fn outputs(&self, simulation: &Self::Simulation) -> Self::Outputs",
+            _ => return None,
+        };
+        Some(signature)
     }
 
     /// The field of the argument in which a function finds values of the type.
@@ -81,6 +208,7 @@ impl Kind {
         match (self, name) {
             (Self::Continuous | Self::Discrete, "State") => Some("state"),
             (Self::Continuous | Self::Discrete, "Inputs") => Some("inputs"),
+            (Self::Continuous | Self::Discrete, "Derived") => Some("derived"),
             (Self::Continuous, "DiscreteState") => Some("discrete"),
             _ => None,
         }
@@ -93,6 +221,17 @@ fn in_signature(name: &str, kind: Kind, function: &ImplItemFn) -> Option<Type> {
         ReturnType::Type(_, ty) => Some((**ty).clone()),
         ReturnType::Default => None,
     };
+    // Without `self`, and the type behind the reference.
+    let argument = |index: usize| {
+        let argument = function.sig.inputs.iter().filter(|argument| matches!(argument, FnArg::Typed(_))).nth(index)?;
+        match argument {
+            FnArg::Typed(argument) => match &*argument.ty {
+                Type::Reference(reference) => Some((*reference.elem).clone()),
+                _ => None,
+            },
+            FnArg::Receiver(_) => None,
+        }
+    };
     let ty = match (kind, name, function.sig.ident.to_string().as_str()) {
         (Kind::Continuous, "State", "derivatives" | "advance")
         | (_, "Outputs", "outputs")
@@ -101,13 +240,10 @@ fn in_signature(name: &str, kind: Kind, function: &ImplItemFn) -> Option<Type> {
         | (Kind::Discrete, "State", "initial_state") => returned()?,
         (Kind::Continuous, "State", "evaluate") => pair(returned()?)?.0,
         (Kind::Continuous, "Outputs", "evaluate") => pair(returned()?)?.1,
-        (Kind::Stateful, "Inputs", "step") => match function.sig.inputs.iter().nth(2)? {
-            FnArg::Typed(argument) => match &*argument.ty {
-                Type::Reference(reference) => (*reference.elem).clone(),
-                _ => return None,
-            },
-            FnArg::Receiver(_) => return None,
-        },
+        (Kind::Stateful, "Inputs", "step") => argument(1)?,
+        (_, "Derived", "derived" | "load") => success(&returned()?)?,
+        (Kind::Continuous, "Derived", "initialize") if function.sig.inputs.len() == 3 => argument(0)?,
+        (Kind::Discrete, "Derived", "initial_state") | (_, "Derived", "fingerprint") => argument(0)?,
         _ => return None,
     };
     let is_empty = matches!(&ty, Type::Tuple(tuple) if tuple.elems.is_empty());
@@ -120,6 +256,16 @@ fn pair(ty: Type) -> Option<(Type, Type)> {
     let Type::Tuple(tuple) = ty else { return None };
     let mut types = tuple.elems.into_iter();
     Some((types.next()?, types.next()?))
+}
+
+/// `D` of `Result<D, String>`.
+fn success(ty: &Type) -> Option<Type> {
+    let Type::Path(path) = ty else { return None };
+    let PathArguments::AngleBracketed(arguments) = &path.path.segments.last()?.arguments else { return None };
+    match arguments.args.first()? {
+        GenericArgument::Type(ty) => Some(ty.clone()),
+        _ => None,
+    }
 }
 
 /// The type parameter of a function.

@@ -33,7 +33,9 @@ mod enumeration;
 mod errors;
 mod forgotten;
 mod model;
+mod reads;
 mod stubs;
+mod unattributed;
 mod unit;
 mod variables;
 
@@ -61,7 +63,7 @@ macro_rules! derives {
 
 derives! {
     /// The parameters of a model: the struct that implements the model trait. Also implements `Default` (the start values).
-    Parameters = |input| variables::variables(input, Block::Parameters), |input| stubs::variables(input, Block::Parameters);
+    Parameters = variables::parameters, |input| stubs::variables(input, Block::Parameters);
     /// The inputs of a model. Also implements `Default` (the start values).
     Inputs = |input| variables::variables(input, Block::Inputs), |input| stubs::variables(input, Block::Inputs);
     /// The outputs of a model that are not states. Also implements `Default` (the start values).
@@ -69,7 +71,7 @@ derives! {
     /// The state of a continuous-time model. States are outputs of the FMU unless they have the flag `local`. Also
     /// implements `Default` (the start values).
     State = |input| variables::variables(input, Block::State), |input| stubs::variables(input, Block::State);
-    /// Derived parameters: values that follow from the fixed parameters. Fields with `#[var]` are calculated parameters of
+    /// Derived parameters: values that follow from the parameters. Fields with `#[var]` are calculated parameters of
     /// the FMU, the others are not visible.
     Derived = variables::derived, stubs::derived;
     /// What a model remembers from one sample or event to the next; not visible outside of the FMU.

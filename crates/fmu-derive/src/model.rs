@@ -15,6 +15,7 @@ use crate::attribute::{doc, literal};
 use crate::comparison;
 use crate::errors::Errors;
 use crate::forgotten;
+use crate::reads;
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
 
@@ -130,6 +131,15 @@ pub(crate) fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
 
 fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -> TokenStream {
     let keys = Keys::parse(arguments, errors);
+    let is_attribute = |attribute: &syn::Attribute| is_model(attribute.path());
+    if let Some(second) = block.attrs.iter().find(|attribute| is_attribute(attribute)) {
+        errors.add(Error::new_spanned(second, "the attribute is there twice; remove one of them"));
+        block.attrs.retain(|attribute| !is_attribute(attribute));
+    }
+    // The derive of the parameters reports type parameters where they are declared.
+    if !block.generics.params.is_empty() {
+        return TokenStream::new();
+    }
     let root = keys.root.as_ref().map_or_else(|| quote!(::fmu), |path| path.to_token_stream());
     let of = block.trait_.as_ref().and_then(|(path, _)| path.segments.last()).map(|last| last.ident.to_string());
     let (kind, runner) = match of.as_deref() {
@@ -183,6 +193,15 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
             if has("next_time_event") {
                 add("HAS_TIME_EVENTS", quote! { const HAS_TIME_EVENTS: bool = true; });
             }
+            if let Some(fields) = reads::of_equations(&declared) {
+                let list = quote!(::core::option::Option::Some(&[#(#fields),*]));
+                add(
+                    "EQUATIONS_READ",
+                    quote! {
+                        const EQUATIONS_READ: ::core::option::Option<&'static [&'static str]> = #list;
+                    },
+                );
+            }
             equations(&has, &root, &mut add);
         }
         Kind::Discrete => {
@@ -208,7 +227,10 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         let result = |ok: TokenStream| quote!(::core::result::Result<#ok, ::std::string::String>);
         if has("load") {
             let result = result(quote!(Self::Derived));
-            add("derived", quote! { fn derived(&self) -> #result { self.load(::std::path::Path::new("")) } });
+            add(
+                "derived",
+                quote! { fn derived(&self) -> #result { self.load(::std::path::Path::new(Self::INFO.resources)) } },
+            );
         }
         if !has("Derived") {
             let result = result(quote!(()));
@@ -233,10 +255,16 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
         let export = export(&block.self_ty, &root, &runner, kind != Kind::Stateful);
         let numbers = crossing_numbers(&block.items, &block.self_ty, &root);
         let starts = starts_of_outputs(kind, &block.items, &root);
-        quote!(#block #export #numbers #starts)
+        let names = shared_names(kind, &block, &root);
+        quote!(#block #export #numbers #starts #names)
     } else {
         block.to_token_stream()
     }
+}
+
+/// Whether an attribute is `#[fmu::model]`, as far as its path tells.
+pub(crate) fn is_model(path: &Path) -> bool {
+    path.segments.last().is_some_and(|last| last.ident == "model")
 }
 
 /// The name of an associated item.
@@ -329,6 +357,51 @@ fn starts_of_outputs(kind: Kind, items: &[ImplItem], root: &TokenStream) -> Toke
     }
 }
 
+/// Rejects a name that two structs of variables have, at the second one.
+fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream {
+    let mut earlier = Vec::new();
+    let mut tokens = TokenStream::new();
+    let model = &block.self_ty;
+    let names = quote!(#root::declare::NamesOf::<#model>::NAMES);
+    let types = block.items.iter().filter_map(|item| match item {
+        ImplItem::Type(item) => Some(item),
+        _ => None,
+    });
+    let mut structs = vec![(model.span(), names)];
+    for name in ["Derived", "Inputs", "Outputs", "State"] {
+        // The state of a discrete-time model has no variables.
+        if name == "State" && kind != Kind::Continuous {
+            continue;
+        }
+        if let Some(item) = types.clone().find(|item| item.ident == name) {
+            let (ty, numbers) = (&item.ty, item.generics.type_params().map(|number| &number.ident));
+            let of = Ident::new(if name == "Derived" { "NamesOfDerived" } else { "NamesOf" }, Span::call_site());
+            let names = quote!({
+                // The constant uses the number type, because a struct without real variables does not.
+                #(type #numbers = f64; const _: #numbers = 0.0;)*
+                #root::declare::#of::<#ty>::NAMES
+            });
+            structs.push((ty.span(), names));
+        }
+    }
+    for (span, names) in structs {
+        tokens.extend(quote_spanned! {span.resolved_at(Span::call_site())=>
+            #[allow(long_running_const_eval)]
+            const _: () = {
+                #[allow(unused_imports)]
+                use #root::declare::NoNames as _;
+                const SHARED: ::core::option::Option<#root::declare::Text> =
+                    #root::declare::shared_name(&[#(#earlier),*], #names);
+                if let ::core::option::Option::Some(text) = &SHARED {
+                    ::core::panic!("{}", text.as_str());
+                }
+            };
+        });
+        earlier.push(names);
+    }
+    tokens
+}
+
 /// Arguments of `fell` and `rose` that are written as numbers.
 struct CrossingNumbers<'a>(&'a mut Vec<LitInt>);
 
@@ -378,15 +451,8 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: 
         "the_declarations_of_{}_do_not_contradict_each_other",
         heck::ToSnakeCase::to_snake_case(name.as_str())
     );
-    let library = std::env::var("CARGO_CRATE_NAME").unwrap_or_default();
-    let variable = format!("{EXPORT}{library}");
-    let wanted = std::env::var(&variable).unwrap_or_default();
+    let (variable, wanted) = wanted();
     let packed = Packed::parse(&wanted).filter(|packed| packed.name == name);
-    // A packed library does not contain the paths of the machine that built it.
-    let resources = match packed {
-        Some(_) => quote!(""),
-        None => quote!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/resources")),
-    };
     let (symbols, facts, exchange) = match &packed {
         Some(packed) => packed.export(model, root),
         None if wanted == "describe" => (description(&name, model, root), quote!(), true),
@@ -396,7 +462,6 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: 
     quote! {
         impl #root::Export for #model {
             type Model = #root::runner::#runner;
-            const RESOURCES: &'static str = #resources;
             #facts
             fn library() -> &'static #root::abi::Library {
                 static LIBRARY: #root::abi::Library = #root::abi::Library::new();
@@ -414,6 +479,14 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: 
             assert!(description.xml.contains(&description.guid));
         }
     }
+}
+
+/// The environment variable that tells the crate what to export, and its value.
+fn wanted() -> (String, String) {
+    let library = std::env::var("CARGO_CRATE_NAME").unwrap_or_default();
+    let variable = format!("{EXPORT}{library}");
+    let wanted = std::env::var(&variable).unwrap_or_default();
+    (variable, wanted)
 }
 
 /// The function by which `cargo fmu pack` asks for the description.
@@ -501,6 +574,20 @@ fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) 
     };
     let stop_time = experiment(&keys.stop_time, "stop_time, the length of the default experiment in s,");
     let step_size = experiment(&keys.step_size, "step_size, the communication step in s,");
+    let is_constant = |value: &&Expr| crate::attribute::is_constant(value);
+    let mut check = TokenStream::new();
+    if let (Some(stop), Some(step)) = (keys.stop_time.as_ref(), keys.step_size.as_ref().filter(is_constant)) {
+        let message = "step_size, the communication step, must not exceed stop_time, the length of the experiment";
+        match (literal(stop), literal(step)) {
+            (Some(length), Some(number)) if number > length => errors.add(Error::new_spanned(step, message)),
+            (Some(_), Some(_)) => {}
+            _ if is_constant(&stop) => {
+                let step_span = step.span().resolved_at(Span::call_site());
+                check = quote_spanned!(step_span=> const _: () = ::core::assert!((#step) as f64 <= (#stop) as f64, #message););
+            }
+            _ => {}
+        }
+    }
     let of_type = match &*block.self_ty {
         Type::Path(path) => path.path.segments.last().map(|last| last.ident.to_string()),
         _ => None,
@@ -528,8 +615,15 @@ fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) 
         let message = "the doc comment is missing: it is the description of the FMU";
         errors.add(Error::new_spanned(&block.self_ty, message));
     }
+    // A packed library does not contain the paths of the machine that built it.
+    let model = block.self_ty.to_token_stream().to_string();
+    let resources = match Packed::parse(&wanted().1).filter(|packed| packed.name == model) {
+        Some(_) => quote!(""),
+        None => quote!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/resources")),
+    };
     parse_quote! {
         const INFO: #root::Info = #root::Info {
+            resources: #resources,
             name: #name,
             description: #description,
             version: env!("CARGO_PKG_VERSION"),
@@ -537,7 +631,7 @@ fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) 
             license: env!("CARGO_PKG_LICENSE"),
             homepage: env!("CARGO_PKG_HOMEPAGE"),
             stop_time: #stop_time,
-            step_size: #step_size,
+            step_size: { #check #step_size },
         };
     }
 }

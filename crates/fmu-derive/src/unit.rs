@@ -202,6 +202,9 @@ impl Unit {
             Some((above, below)) => (above, Some(below)),
             None => (text, None),
         };
+        if let Some(better) = in_ascii(text) {
+            return Err(Error::new(span, format!("the unit `{text}` is written `{better}`")));
+        }
         let factors = text.split(['.', '/']).count();
         unit.multiply(above, 1, factors, text, span)?;
         if let Some(below) = below {
@@ -349,6 +352,30 @@ impl Unit {
     }
 }
 
+/// A unit with signs that have no place in a name, written without them; `None` if that is no unit either.
+fn in_ascii(text: &str) -> Option<String> {
+    if text.is_ascii() {
+        return None;
+    }
+    let mut better = String::new();
+    for sign in text.replace("°C", "degC").replace("°F", "degF").chars() {
+        match sign {
+            // The micro sign and the Greek letter; the ohm sign and the Greek letter.
+            'µ' | 'μ' => better.push('u'),
+            '\u{2126}' | '\u{3a9}' => better.push_str("Ohm"),
+            '°' => better.push_str("deg"),
+            '·' | '⋅' | '×' => better.push('.'),
+            '⁻' => better.push('-'),
+            '¹' => better.push('1'),
+            '²' => better.push('2'),
+            '³' => better.push('3'),
+            '⁴' => better.push('4'),
+            other => better.push(other),
+        }
+    }
+    (better.is_ascii() && Unit::parse(&better, Span::call_site()).is_ok()).then_some(better)
+}
+
 /// The named unit of some letters, perhaps behind a prefix, with its factor.
 fn find(letters: &str) -> Option<(&'static Named, f64, f64)> {
     let exact = |name: &str| NAMED.iter().find(|named| named.name == name);
@@ -367,16 +394,7 @@ fn find(letters: &str) -> Option<(&'static Named, f64, f64)> {
 }
 
 fn unknown(letters: &str, text: &str, span: Span) -> Error {
-    let aliases = [
-        ("ohm", "Ohm"),
-        ("°C", "degC"),
-        ("°", "deg"),
-        ("degree", "deg"),
-        ("l", "L"),
-        ("in", "inch"),
-        ("sec", "s"),
-        ("kph", "km/h"),
-    ];
+    let aliases = [("ohm", "Ohm"), ("degree", "deg"), ("l", "L"), ("in", "inch"), ("sec", "s"), ("kph", "km/h")];
     let alias = aliases.iter().find(|(alias, _)| *alias == letters).map(|(_, name)| (*name).to_owned());
     let prefixed = NAMED.iter().filter(|named| named.takes_prefix && named.name != "kg");
     let prefixed =
@@ -464,7 +482,17 @@ mod tests {
     fn unknown_units_have_a_suggestion() {
         assert_eq!(error("rads"), "unknown unit `rads`; did you mean `rad`?");
         assert_eq!(error("N.mm/ra"), "unknown unit `ra` in `N.mm/ra`; did you mean `rad`?");
-        assert_eq!(error("°C"), "unknown unit `°C`; did you mean `degC`?");
+        for (unit, better) in [
+            ("°C", "degC"),
+            ("°/s", "deg/s"),
+            ("\u{b5}m", "um"),
+            ("\u{3bc}m/s²", "um/s2"),
+            ("k\u{2126}", "kOhm"),
+            ("N·m", "N.m"),
+            ("m·s⁻²", "m.s-2"),
+        ] {
+            assert_eq!(error(unit), format!("the unit `{unit}` is written `{better}`"));
+        }
         assert_eq!(
             error("furlong"),
             "unknown unit `furlong`; the guide lists all units and tells how to make one of your own"

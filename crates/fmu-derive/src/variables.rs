@@ -2,6 +2,7 @@
 
 use proc_macro2::{Span, TokenStream};
 use quote::{format_ident, quote, quote_spanned};
+use syn::ext::IdentExt as _;
 use syn::punctuated::Punctuated;
 use syn::spanned::Spanned as _;
 use syn::{DeriveInput, Error, Expr, Field, GenericArgument, GenericParam, Ident, Lit, PathArguments, Result, Token};
@@ -91,6 +92,8 @@ struct Part {
     declaration: TokenStream,
     /// Constant expression: true if a variable has an explicit start value.
     has_starts: TokenStream,
+    /// Constant expression of type `fmu::declare::Name` and a comma, or nothing.
+    text: TokenStream,
 }
 
 impl Part {
@@ -109,6 +112,13 @@ impl Part {
     }
 }
 
+/// `Parameters`: the model, if it implements a model trait.
+pub(crate) fn parameters(input: &DeriveInput) -> Result<TokenStream> {
+    let tokens = variables(input, Block::Parameters)?;
+    let error = crate::unattributed::error(input);
+    Ok(quote!(#tokens #error))
+}
+
 /// `Parameters`, `Inputs`, `Outputs`, `State`.
 pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream> {
     let root = root(&input.attrs)?;
@@ -116,6 +126,11 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
     let parameter = match input.generics.params.iter().collect::<Vec<_>>()[..] {
         [] => None,
         [GenericParam::Type(parameter)] if block != Block::Parameters => Some(parameter.ident.clone()),
+        [GenericParam::Const(parameter)] if block == Block::Parameters => {
+            let message = "the number of variables of an FMU is fixed, so a struct of parameters has no parameters of its own; \
+                           write a constant, as in `const N: usize = 10;`";
+            return Err(Error::new_spanned(&parameter.ident, message));
+        }
         [ref other, ..] if block == Block::Parameters => {
             let message = "parameters are f64, i32, bool, String or enumerations; only inputs, outputs and states have \
                            the number type of the equations";
@@ -161,12 +176,14 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
     });
     let writes = parts.iter().map(|part| part.write(&root, &number));
     let has_starts = parts.iter().map(|part| &part.has_starts);
+    let texts = parts.iter().map(|part| &part.text);
     let mut tokens = quote! {
         #[automatically_derived]
         impl #generics #root::Variables<#number> for #ty {
             const COUNTS: #root::variables::Counts = #root::variables::Counts::ZERO
                 #(.plus(#counts))*;
             const HAS_STARTS: bool = false #(|| #has_starts)*;
+            const NAMES: &'static [#root::declare::Name] = &[#(#texts)*];
             fn declare(all: &mut ::std::vec::Vec<#root::variable::Declaration>) {
                 let _ = &all;
                 #(#declarations)*
@@ -216,7 +233,12 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
         });
     }
     if block == Block::Parameters {
-        tokens.extend(quote!(impl #root::Parameters for #ty {}));
+        let texts = names.iter().map(|name| name.unraw().to_string());
+        tokens.extend(quote! {
+            impl #root::Parameters for #ty {
+                const FIELDS: &'static [(&'static str, #root::variables::Counts)] = &[#((#texts, #counts)),*];
+            }
+        });
     }
     errors.finish(tokens)
 }
@@ -293,6 +315,14 @@ fn name_of(ty: &syn::Type) -> Option<String> {
     }
 }
 
+/// Whether an array has numbers for all its elements.
+fn is_numbered(ty: &syn::Type, variable: &Variable) -> bool {
+    match ty {
+        syn::Type::Array(array) => variable.key("elements").is_none() && is_numbered(&array.elem, variable),
+        other => element(other).is_none(),
+    }
+}
+
 /// The type of the elements of an array.
 fn element(ty: &syn::Type) -> Option<&syn::Type> {
     match ty {
@@ -324,8 +354,10 @@ fn twice(fields: &Punctuated<Field, Token![,]>, errors: &mut Errors) {
 
 /// What is wrong with a type that looks like one of a variable.
 fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
-    let syn::Type::Path(path) = ty else { return None };
-    let last = path.path.segments.last()?.ident.to_string();
+    let last = match ty {
+        syn::Type::Path(path) => path.path.segments.last()?.ident.to_string(),
+        other => return mistaken(element(other)?, parameter),
+    };
     let types = match parameter {
         Some(parameter) => {
             if last == "f64" {
@@ -335,12 +367,21 @@ fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
         }
         None => "f64".to_owned(),
     };
-    let others = ["f32", "i8", "i16", "i64", "u8", "u16", "u32", "u64", "usize", "isize", "char", "Vec", "Option"];
-    others.contains(&last.as_str()).then(|| {
-        format!(
-            "`{last}` is not the type of a variable; expected `{types}`, `i32`, `bool`, `String`, an enum with \
-             `#[derive(Enumeration)]`, or an array of these"
-        )
+    let remedy = match last.as_str() {
+        "usize" | "isize" => "write `i32`, and convert where it is used, as in `self.count as usize`",
+        "Vec" => {
+            "an FMU has a fixed number of variables: write an array, as in `[f64; 4]`; what is computed from parameters belongs \
+             into a field of the derived parameters without `#[var]`"
+        }
+        "Option" => "a variable always has a value: write its type, and a `bool` that tells whether it counts",
+        "f32" | "i8" | "i16" | "i64" | "u8" | "u16" | "u32" | "u64" | "char" => "",
+        // The elements of an array, perhaps.
+        _ => return mistaken(element(ty)?, parameter),
+    };
+    let list = "`i32`, `bool`, `String`, an enum with `#[derive(Enumeration)]`, or an array of these";
+    Some(match remedy {
+        "" => format!("`{last}` is not the type of a variable; expected `{types}`, {list}"),
+        remedy => format!("`{last}` is not the type of a variable; {}", remedy.replace("f64", &types)),
     })
 }
 
@@ -370,6 +411,9 @@ fn part(
             },
             has_starts: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
                 <#ty as #root::Variables<#number>>::HAS_STARTS
+            },
+            text: quote_spanned! {ty.span().resolved_at(Span::call_site())=>
+                #root::declare::Name::nested(#prefix, <#ty as #root::Variables<#number>>::NAMES),
             },
             ty,
             by: quote!(Variables),
@@ -409,6 +453,13 @@ fn part(
     }
     let declaration = errors.keep(declaration(field, &variable, root, number, parameter, (content, &doc, start)));
     let has_start = start.is_some();
+    let is_array = element(&ty).is_some();
+    let text = match &variable.source {
+        // Arrays with named elements may share a name and have different elements.
+        _ if is_array && !is_numbered(&ty, &variable) => quote!(),
+        Source::Name(name) => quote!(#root::declare::Name::of(#name, #is_array),),
+        Source::Definition(entry) => quote!(#root::declare::Name::of(#entry.name, #is_array),),
+    };
     errors.finish(Part {
         name,
         ty,
@@ -416,6 +467,7 @@ fn part(
         combine: quote!(RealField),
         declaration: declaration.unwrap_or_default(),
         has_starts: quote!(#has_start),
+        text,
     })
 }
 
@@ -469,12 +521,14 @@ fn declaration(
             }
         }
     }
+    let limits = variable.limit_assertions();
     let span = field.ty.span();
     // The parameter of the function, also for a type that comes from a `macro_rules` macro.
     let all = Ident::new("all", Span::call_site());
     Ok(quote_spanned! {span=>
         #check
         #lengths
+        #limits
         {
             let declare = <#ty as #root::Field<#number>>::declare;
             declare(&#spec, #start, #all);
@@ -493,12 +547,14 @@ pub(crate) fn derived(input: &DeriveInput) -> Result<TokenStream> {
         explicit.filter_map(|field| errors.keep(part(field, Block::Derived, &root, None, &quote!(f64)))).collect();
     twice(&fields, &mut errors);
     let declarations = parts.iter().map(|part| &part.declaration);
+    let texts = parts.iter().map(|part| &part.text);
     let number = quote!(f64);
     let counts = parts.iter().map(|part| part.counts(&root, &number));
     let writes = parts.iter().map(|part| part.write(&root, &number));
     errors.finish(quote! {
         #[automatically_derived]
         impl #root::Derived for #ident {
+            const NAMES: &'static [#root::declare::Name] = &[#(#texts)*];
             fn declare(all: &mut ::std::vec::Vec<#root::variable::Declaration>) {
                 let _ = &all;
                 #(#declarations)*
@@ -515,6 +571,22 @@ pub(crate) fn derived(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
+/// The replacement for a type that cannot be part of a discrete state.
+fn no_state(ty: &syn::Type) -> Option<&'static str> {
+    let syn::Type::Path(path) = ty else { return no_state(element(ty)?) };
+    match path.path.segments.last()?.ident.to_string().as_str() {
+        "usize" | "isize" => {
+            Some("a saved state is the same on all processors: write `u64` or `i32`, and convert where it is used")
+        }
+        "Vec" | "VecDeque" => Some(
+            "a step does not allocate: write an array, or a box of one if it is large, as in `Box<[f64; 1000]>`; a model with \
+             other state implements `Stateful`",
+        ),
+        "Option" => Some("write the type of the value, and a `bool` that tells whether it counts"),
+        _ => no_state(element(ty)?),
+    }
+}
+
 /// `DiscreteState`: what a model remembers from one sample or event to the next.
 pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
     let root = root(&input.attrs)?;
@@ -528,6 +600,9 @@ pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
         .filter_map(|field| {
             let variable = errors.keep(Variable::of(field))?;
             errors.keep(variable.allow(&["always_finite"]));
+            if let Some(remedy) = no_state(&field.ty) {
+                errors.add(Error::new_spanned(&field.ty, remedy));
+            }
             let name = field.ident.as_ref()?;
             let text = name.to_string();
             (!errors.keep(variable.flag("always_finite"))?).then(|| {
