@@ -12,7 +12,9 @@
 #![expect(clippy::missing_safety_doc, reason = "the module's documentation says it for all functions")]
 
 use std::any::Any;
+use std::collections::HashSet;
 use std::ffi::{CStr, CString};
+use std::hash::{BuildHasherDefault, DefaultHasher};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -24,6 +26,7 @@ use crate::runner::Model;
 use c::{c_char, c_int, c_void};
 
 mod common;
+mod float_environment;
 pub mod fmi2;
 pub mod fmi3;
 
@@ -55,8 +58,6 @@ pub trait Export: 'static {
     const EVENT_INDICATORS: usize = 0;
     /// What the FMU is packed as.
     const FORMAT: Format = Format::FMI2;
-    /// Folder of the resources among the sources of the model, for its description; empty in a packed library.
-    const RESOURCES: &'static str = "";
     /// What the library keeps while it is loaded.
     fn library() -> &'static Library;
     /// Computed on first use, then the same for all instances.
@@ -68,7 +69,7 @@ pub trait Export: 'static {
         let description = kept.description.get_or_insert_with(|| {
             let description = Arc::new(match Self::GUID {
                 Some(guid) => Description::packed::<Self::Model>(Self::FORMAT, guid, Self::EVENT_INDICATORS),
-                None => Description::of::<Self::Model>(Self::FORMAT, Path::new(Self::RESOURCES)),
+                None => Description::of::<Self::Model>(Self::FORMAT, Path::new(Self::Model::INFO.resources)),
             });
             // On Linux the library lists the function itself, see `export!`.
             // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
@@ -156,7 +157,7 @@ struct Handle<E: Export> {
     instance: Instance<E::Model>,
     log: Log,
     /// Snapshots that were handed out: only these pointers are accepted back.
-    snapshots: Vec<*mut Snapshot<E::Model>>,
+    snapshots: HashSet<*mut Snapshot<E::Model>, BuildHasherDefault<DefaultHasher>>,
     /// Whether a step of co-simulation ends at the first event (FMI 3.0).
     returns_early: bool,
     /// Value references of the elements of native arrays in a call (FMI 3.0).
@@ -165,8 +166,8 @@ struct Handle<E: Export> {
 
 impl<E: Export> Drop for Handle<E> {
     fn drop(&mut self) {
-        for snapshot in self.snapshots.drain(..) {
-            // SAFETY: made by Box::into_raw and removed from the list when freed.
+        for snapshot in self.snapshots.drain() {
+            // SAFETY: made by Box::into_raw and removed from the set when freed.
             drop(unsafe { Box::from_raw(snapshot) });
         }
     }
@@ -174,7 +175,8 @@ impl<E: Export> Drop for Handle<E> {
 
 impl<E: Export> Handle<E> {
     fn snapshot(&self, function: Function, state: FmuState) -> Result<*mut Snapshot<E::Model>, CallError> {
-        self.snapshots.iter().copied().find(|&known| known.cast() == state).ok_or_else(|| {
+        let known = state.cast();
+        self.snapshots.contains(&known).then_some(known).ok_or_else(|| {
             error::<E>(
                 function,
                 "FMUstate is not a state of this instance (never saved, already freed, or of another one)",
@@ -184,7 +186,7 @@ impl<E: Export> Handle<E> {
 
     fn hand_out(&mut self, snapshot: Snapshot<E::Model>) -> FmuState {
         let pointer = Box::into_raw(Box::new(snapshot));
-        self.snapshots.push(pointer);
+        self.snapshots.insert(pointer);
         pointer.cast()
     }
 }
@@ -200,7 +202,8 @@ fn words(payload: &(dyn Any + Send)) -> &str {
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
 }
 
-/// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic.
+/// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic. `f` runs in the default
+/// floating-point environment, whatever the caller's.
 #[inline]
 unsafe fn call<E: Export>(
     component: Component,
@@ -213,10 +216,12 @@ unsafe fn call<E: Export>(
     }
     // SAFETY: the caller passes a component of `instantiate` that was not freed.
     let handle = unsafe { &mut *handle };
-    let result = catch_unwind(AssertUnwindSafe(|| {
-        handle.instance.check(function)?;
-        f(handle)
-    }));
+    let result = float_environment::in_default(|| {
+        catch_unwind(AssertUnwindSafe(|| {
+            handle.instance.check(function)?;
+            f(handle)
+        }))
+    });
     match result {
         Ok(Ok(())) => Status::Ok,
         Ok(Err(CallError::Error(message))) => {
@@ -309,7 +314,7 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
 
 /// Pointer to the model description, for the packer, or to an exclamation mark and what is wrong with the declarations. The
 /// text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a sum of 1 (co-simulation),
-/// 2 (model exchange), 4 (native arrays) and 8 (terminalsAndIcons.xml instead of the model description), as in
+/// 2 (model exchange), 4 (native arrays), 8 (terminalsAndIcons.xml instead of the model description) and 16 (notes instead of it), as in
 /// `fmu_import::loader::description_options`.
 pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
@@ -319,8 +324,10 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
             interfaces: Interfaces { co_simulation: has(1), model_exchange: has(2) },
             arrays: has(4),
         };
-        let text = match Description::try_of::<E::Model>(format, Path::new(E::RESOURCES)) {
+        let text = match Description::try_of::<E::Model>(format, Path::new(E::Model::INFO.resources)) {
             Ok(description) if has(8) => description.terminals(format),
+            // Not empty, which would be a failure.
+            Ok(description) if has(16) => format!("\n{}", description.notes.join("\n")),
             Ok(description) => description.xml,
             Err(problem) => format!("!{problem}"),
         };

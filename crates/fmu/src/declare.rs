@@ -1,11 +1,13 @@
 //! What the derives call to declare variables; not needed in a model file.
 
+use std::marker::PhantomData;
+
 use crate::definition::{Definition, LEAST_POSITIVE, Range};
 use crate::enumeration::Enumeration;
 use crate::scalar::Scalar;
 use crate::unit::{DisplayUnit, Unit};
 use crate::variable::{ArrayElement, Declaration, Kind, Real};
-use crate::variables::{Counts, Element, Values, Variables};
+use crate::variables::{Counts, Derived, Element, Values, Variables};
 
 /// A variable, or an array of variables, under construction.
 #[derive(Clone, Debug)]
@@ -340,6 +342,171 @@ pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<De
             }
         }
     }
+}
+
+/// The name of a field, to find names that two structs share while the model compiles.
+#[derive(Clone, Copy, Debug)]
+pub struct Name {
+    text: &'static str,
+    /// Polynomial in the bytes of the text, modulo 2^64, and the power of its base that puts another one in front.
+    hash: u64,
+    power: u64,
+    is_array: bool,
+    /// Those of a nested struct.
+    fields: Option<&'static [Self]>,
+}
+
+impl Name {
+    const BASE: u64 = 0x9e37_79b9_7f4a_7c15;
+
+    /// A variable, or an array of variables.
+    #[must_use]
+    pub const fn of(text: &'static str, is_array: bool) -> Self {
+        let (mut hash, mut power, mut i) = (0_u64, 1_u64, 0);
+        while i < text.len() {
+            hash = hash.wrapping_mul(Self::BASE).wrapping_add(text.as_bytes()[i] as u64 + 1);
+            power = power.wrapping_mul(Self::BASE);
+            i += 1;
+        }
+        Self { text, hash, power, is_array, fields: None }
+    }
+
+    /// A nested struct; no text if its names have no prefix.
+    #[must_use]
+    pub const fn nested(prefix: &'static str, fields: &'static [Self]) -> Self {
+        Self { fields: Some(fields), ..Self::of(prefix, false) }
+    }
+
+    /// The hash behind that of a prefix.
+    const fn behind(&self, prefix: u64) -> u64 {
+        prefix.wrapping_mul(self.power).wrapping_add(self.hash)
+    }
+
+    /// The hash of the prefix of the fields.
+    const fn prefix(&self, outer: u64) -> u64 {
+        match self.text.len() {
+            0 => outer,
+            _ => Self::of(".", false).behind(self.behind(outer)),
+        }
+    }
+}
+
+/// The names of a struct of variables. Without the derive of the struct, which is reported elsewhere, it has none.
+#[derive(Debug)]
+pub struct NamesOf<V>(PhantomData<V>);
+
+impl<V: Variables<f64>> NamesOf<V> {
+    /// Those of the derive.
+    pub const NAMES: &'static [Name] = V::NAMES;
+}
+
+/// [`NamesOf`] for derived parameters.
+#[derive(Debug)]
+pub struct NamesOfDerived<D>(PhantomData<D>);
+
+impl<D: Derived> NamesOfDerived<D> {
+    /// Those of the derive.
+    pub const NAMES: &'static [Name] = D::NAMES;
+}
+
+/// Of a type without the derive.
+pub trait NoNames {
+    /// None.
+    const NAMES: &'static [Name] = &[];
+}
+
+impl<V> NoNames for NamesOf<V> {}
+impl<D> NoNames for NamesOfDerived<D> {}
+
+/// A text that is made while the model compiles.
+#[derive(Debug)]
+pub struct Text {
+    bytes: [u8; 256],
+    length: usize,
+}
+
+impl Text {
+    const fn new() -> Self {
+        Self { bytes: [0; 256], length: 0 }
+    }
+
+    const fn push(mut self, text: &str) -> Self {
+        let mut i = 0;
+        while i < text.len() && self.length < self.bytes.len() {
+            self.bytes[self.length] = text.as_bytes()[i];
+            self.length += 1;
+            i += 1;
+        }
+        self
+    }
+
+    /// The text.
+    #[must_use]
+    pub const fn as_str(&self) -> &str {
+        match std::str::from_utf8(self.bytes.split_at(self.length).0) {
+            Ok(text) => text,
+            // Too long, and cut within a letter.
+            Err(_) => "two variables have the same name",
+        }
+    }
+}
+
+/// The error if a name of a struct occurs twice, or also in a struct before it.
+#[must_use]
+pub const fn shared_name(earlier: &[&[Name]], names: &[Name]) -> Option<Text> {
+    shared(earlier, names, names, 0, &[])
+}
+
+const fn shared(earlier: &[&[Name]], whole: &[Name], names: &[Name], prefix: u64, outer: &[&str]) -> Option<Text> {
+    let mut i = 0;
+    while i < names.len() {
+        let name = &names[i];
+        match name.fields {
+            Some(fields) => {
+                // Deeper structs are named by their last prefix only.
+                let found = shared(earlier, whole, fields, name.prefix(prefix), &[name.text]);
+                if found.is_some() {
+                    return found;
+                }
+            }
+            None => {
+                let hash = name.behind(prefix);
+                let mut count = occurrences(whole, 0, hash, name.is_array) - 1;
+                let mut k = 0;
+                while k < earlier.len() {
+                    count += occurrences(earlier[k], 0, hash, name.is_array);
+                    k += 1;
+                }
+                if count > 0 {
+                    let mut text = Text::new().push("two variables of the model are named `");
+                    if let [outer] = outer
+                        && !outer.is_empty()
+                    {
+                        text = text.push(outer).push(".");
+                    }
+                    return Some(
+                        text.push(name.text).push("`: give one of them another name, as in `#[var(\"other_name\")]`"),
+                    );
+                }
+            }
+        }
+        i += 1;
+    }
+    None
+}
+
+const fn occurrences(names: &[Name], prefix: u64, hash: u64, is_array: bool) -> usize {
+    let (mut count, mut i) = (0, 0);
+    while i < names.len() {
+        let name = &names[i];
+        match name.fields {
+            Some(fields) => count += occurrences(fields, name.prefix(prefix), hash, is_array),
+            None if name.behind(prefix) == hash && name.is_array == is_array => count += 1,
+            None => {}
+        }
+        i += 1;
+    }
+    count
 }
 
 /// Start values by type.

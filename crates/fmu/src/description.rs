@@ -9,7 +9,7 @@ mod structure;
 mod xml;
 
 use self::structure::{Structure, structure};
-use self::xml::simple_type;
+use self::xml::{is_xml, simple_type, with_references};
 use crate::calls::{Interfaces, Version};
 use crate::model::Info;
 use crate::runner::{Kind as ModelKind, Model};
@@ -57,6 +57,8 @@ pub struct Description {
     pub guid: String,
     /// modelDescription.xml; empty in a packed library.
     pub xml: String,
+    /// What makes the model structure list too much, each with the remedy; empty in a packed library.
+    pub notes: Vec<String>,
     /// With native arrays, how many values the variable of a value reference has; otherwise empty.
     pub(crate) lengths: Vec<u32>,
 }
@@ -96,7 +98,7 @@ impl Description {
             Version::Fmi3 => fmi3::write::<M>,
         };
         let xml = write(&layout, format, &structure).expect("writing to memory does not fail");
-        let xml = String::from_utf8(xml).expect("all texts are UTF-8");
+        let xml = with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"));
         // The GUID is the hash of the description with an empty one, which is the first: it stands in the first element.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
         let guid = format!("{{{hash}}}");
@@ -105,7 +107,7 @@ impl Description {
             Version::Fmi3 => fmi3::NO_TOKEN,
         };
         let xml = xml.replacen(empty, &empty.replace("\"\"", &format!("\"{guid}\"")), 1);
-        Ok(Self { lengths: lengths(&layout, format), layout, guid, xml })
+        Ok(Self { lengths: lengths(&layout, format), layout, guid, xml, notes: structure.notes })
     }
 
     /// terminalsAndIcons.xml of FMI 3.0: a terminal for each element that arrays of inputs and outputs have in common, such as a
@@ -113,14 +115,14 @@ impl Description {
     #[must_use]
     pub fn terminals(&self, format: Format) -> String {
         let xml = fmi3::terminals(&self.layout, format).expect("writing to memory does not fail");
-        String::from_utf8(xml).expect("all texts are UTF-8")
+        with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"))
     }
 
     /// What an instance needs, where the GUID and the number of event indicators are known: see [`crate::abi::Export::GUID`].
     pub fn packed<M: Model>(format: Format, guid: &str, indicators: usize) -> Self {
         let mut layout = M::layout();
         layout.indicators.relations = indicators.saturating_sub(layout.indicators.declared);
-        Self { lengths: lengths(&layout, format), layout, guid: guid.to_owned(), xml: String::new() }
+        Self { lengths: lengths(&layout, format), layout, guid: guid.to_owned(), xml: String::new(), notes: Vec::new() }
     }
 }
 
@@ -129,11 +131,9 @@ fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
     if !format.arrays {
         return Vec::new();
     }
-    let length = |reference: u32| {
-        let array = layout.by_reference(reference).and_then(|variable| layout.array_of(variable));
-        array.filter(|array| array.is_first).map_or(1, |array| array.elements.len() as u32)
-    };
-    (0..layout.end).map(length).collect()
+    let mut lengths = vec![0; layout.end as usize];
+    layout.representatives().iter().for_each(|&first| lengths[first as usize] += 1);
+    lengths.iter().map(|&length| length.max(1)).collect()
 }
 
 /// What is wrong with the declarations, if anything.
@@ -147,8 +147,17 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
             return Some(format!("{what} of the default experiment must be above 0, got {value} s"));
         }
     }
-    // An XML reader turns line breaks into blanks and rejects other control characters.
-    let is_plain = |text: &str| !text.contains(char::is_control);
+    let is_text = |text: &str| text.chars().all(is_xml);
+    for (what, text) in [
+        ("description", info.description),
+        ("version", info.version),
+        ("author", info.authors),
+        ("license", info.license),
+    ] {
+        if !is_text(text) {
+            return Some(format!("the {what} has a control character that XML cannot hold"));
+        }
+    }
     let (mut names, mut units, mut types) = (BTreeSet::new(), BTreeMap::new(), BTreeMap::new());
     for variable in &layout.variables {
         let declaration = &variable.declaration;
@@ -156,8 +165,11 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
         if !names.insert(name) {
             return Some(format!("two variables are named '{name}'"));
         }
-        if declaration.description.is_empty() || !is_plain(&declaration.description) {
-            return Some(format!("'{name}' has no description, or one with control characters"));
+        if name.is_empty() || name.contains(char::is_control) || !is_text(name) {
+            return Some(format!("the name {name:?} is empty or has a control character, which FMI does not allow"));
+        }
+        if declaration.description.is_empty() || !is_text(&declaration.description) {
+            return Some(format!("'{name}' has no description, or one with a control character that XML cannot hold"));
         }
         match &declaration.kind {
             Kind::Real(real) => {
@@ -185,12 +197,17 @@ fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String>
                     return Some(format!("start of '{name}' = {start} is not within [{min}, {max}]"));
                 }
                 let key = simple_type(layout, type_name, *is_enumeration);
+                if items.iter().any(|item| !is_text(item.description)) {
+                    return Some(format!(
+                        "'{name}': an item of {type_name} has a control character that XML cannot hold"
+                    ));
+                }
                 if !items.is_empty() && *types.entry(key).or_insert(*items) != *items {
                     return Some(format!("'{name}': there is another enumeration of the name {type_name}"));
                 }
             }
-            Kind::String { start } if !is_plain(start) => {
-                return Some(format!("start of '{name}' has control characters"));
+            Kind::String { start } if !is_text(start) => {
+                return Some(format!("start of '{name}' has a control character that XML cannot hold"));
             }
             _ => {}
         }
@@ -230,6 +247,7 @@ mod tests {
         homepage: "",
         stop_time: 1.0,
         step_size: 0.1,
+        resources: "",
     };
     const ITEMS: &[Item] = &[Item { value: 0, name: "off", description: "Off" }];
 
@@ -283,14 +301,22 @@ mod tests {
         );
         let number = Kind::Integer { start: 3, min: 0, max: 2, type_name: "", items: &[], is_enumeration: false };
         assert_eq!(problem(plain(number)), "start of 'x' = 3 is not within [0, 2]");
-        for start in ["two\nlines", "\0"] {
+        for (start, message) in
+            [("two\nlines\t\r", ""), ("\0", "start of 'x' has a control character that XML cannot hold")]
+        {
             let text = Kind::String { start: start.to_owned() };
-            assert_eq!(problem(plain(text)), "start of 'x' has control characters");
+            assert_eq!(problem(plain(text)), message);
         }
         for words in ["", "a\u{1}b"] {
             let mut all = plain(Kind::Boolean { start: true });
             all[0].description = words.to_owned();
-            assert_eq!(problem(all), "'x' has no description, or one with control characters");
+            assert_eq!(problem(all), "'x' has no description, or one with a control character that XML cannot hold");
+        }
+        for name in ["", "a\tb", "a\u{ffff}"] {
+            assert_eq!(
+                problem(real(Spec::named(name), 0.0)),
+                format!("the name {name:?} is empty or has a control character, which FMI does not allow")
+            );
         }
     }
 

@@ -110,6 +110,12 @@ impl<T: Scalar> Sum for Dual<T> {
     }
 }
 
+impl<'a, T: Scalar> Sum<&'a Self> for Dual<T> {
+    fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
+        terms.copied().sum()
+    }
+}
+
 impl<T: Scalar> Scalar for Dual<T> {
     fn sin(self) -> Self {
         self.chain(self.re.sin(), self.re.cos())

@@ -9,7 +9,7 @@ use crate::clock::Clock;
 use crate::description::Description;
 use crate::runner::{Kind as ModelKind, Model, are_finite};
 pub use crate::store::ValueStore;
-use crate::variable::Layout;
+use crate::variable::{Kind, Layout};
 use crate::variables::Derived as _;
 
 mod co_simulation;
@@ -41,8 +41,11 @@ pub struct Snapshot<M: Model> {
     pub(crate) mode: Mode,
     pub(crate) clock: Clock,
     pub(crate) values: ValueStore,
+    /// Whether the parameter `tolerance` was set.
+    pub(crate) is_tolerance_set: bool,
     pub(crate) memory: Option<M::Memory>,
     pub(crate) derived: Option<Arc<M::Derived>>,
+    pub(crate) derived_are_old: bool,
 }
 
 /// An instance of the model `M`.
@@ -58,9 +61,12 @@ pub struct Instance<M: Model> {
     clock: Clock,
     values: ValueStore,
     parameters: M::Parameters,
-    /// Computed when they are first needed after a fixed parameter changed.
+    /// Whether the parameter `tolerance` was set; otherwise it is the tolerance of the experiment.
+    is_tolerance_set: bool,
     derived: Option<Arc<M::Derived>>,
-    /// Made with the derived parameters. When a step fails, only the discrete state of a continuous-time model is restored, for
+    /// Whether a parameter has changed since the derived parameters were computed: they are computed again when they are needed.
+    derived_are_old: bool,
+    /// Made when it is needed; before the start, it is made again after anything that it follows from has changed. When a step fails, only the discrete state of a continuous-time model is restored, for
     /// its outputs; in Step Failed nothing reads the rest, and a saved state or a reset replaces it.
     memory: Option<M::Memory>,
     outputs_are_old: bool,
@@ -92,7 +98,9 @@ impl<M: Model> Instance<M> {
             allowed: Functions::allowed(protocol, Mode::Instantiated),
             clock: Clock::ZERO,
             parameters,
+            is_tolerance_set: false,
             derived: None,
+            derived_are_old: true,
             memory: None,
             outputs_are_old: true,
             derivatives_are_old: true,
@@ -150,24 +158,40 @@ impl<M: Model> Instance<M> {
         &self.description.layout
     }
 
-    /// Whether the real `index` is a state whose start value waits for the derived parameters.
-    fn is_calculated_state(&self, index: usize) -> bool {
-        let layout = self.layout();
-        self.derived.is_none() && layout.states.reals().contains(&index) && layout.real(index).declaration.calculated
+    /// Whether the derived parameters or the memory have to be computed before they are used.
+    #[inline]
+    fn is_stale(&self) -> bool {
+        self.derived_are_old || self.memory.is_none()
     }
 
-    /// fmi2SetupExperiment.
+    /// Whether the real `index` is a state whose start value has to be computed.
+    fn is_calculated_state(&self, index: usize) -> bool {
+        let layout = self.layout();
+        self.memory.is_none() && layout.states.reals().contains(&index) && layout.real(index).declaration.calculated
+    }
+
+    /// fmi2SetupExperiment, without a tolerance.
     ///
     /// # Errors
     /// On a start time that is not finite, or a stop time that is not a number after it.
     pub fn setup_experiment(&mut self, start: f64, stop: Option<f64>) -> CallResult {
         let function = Function::SetupExperiment;
         self.check(function)?;
-        self.set_experiment(function, start, stop)
+        self.set_experiment(function, start, stop, None)
     }
 
-    /// Start and stop time, as a function sets them.
-    pub(crate) fn set_experiment(&mut self, function: Function, start: f64, stop: Option<f64>) -> CallResult {
+    /// Start and stop time and relative tolerance, as a function sets them. The tolerance is that of a solver with error control,
+    /// unless its parameter was set.
+    ///
+    /// # Errors
+    /// As [`Self::setup_experiment`], and on a tolerance for such a solver that is not finite and above 0.
+    pub fn set_experiment(
+        &mut self,
+        function: Function,
+        start: f64,
+        stop: Option<f64>,
+        tolerance: Option<f64>,
+    ) -> CallResult {
         if !start.is_finite() {
             return Err(self.error(function, format_args!("startTime must be finite, got {start}")));
         }
@@ -177,8 +201,33 @@ impl<M: Model> Instance<M> {
             let message = format_args!("stopTime must not be before startTime = {start}, got {stop}");
             return Err(self.error(function, message));
         }
+        if M::HAS_ERROR_CONTROL
+            && let Some(tolerance) = tolerance
+            && !(tolerance > 0.0 && tolerance.is_finite())
+        {
+            let message = format_args!(
+                "tolerance must be finite and above 0, got {tolerance}; without toleranceDefined the model's own is used"
+            );
+            return Err(self.error(function, message));
+        }
         self.clock = Clock { start, stop, time: start, sample: 0 };
+        if M::HAS_ERROR_CONTROL && !self.is_tolerance_set {
+            self.set_tolerance(tolerance);
+        }
+        self.values_changed();
         Ok(())
+    }
+
+    /// Gives the solver the tolerance of the experiment, within the limits of the parameter, or the one of the model.
+    fn set_tolerance(&mut self, tolerance: Option<f64>) {
+        let layout = &self.description.layout;
+        if let Some(index) = layout.solver
+            && let Kind::Real(real) = &layout.real(index).declaration.kind
+        {
+            let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
+            self.values.reals[index] = tolerance.map_or(real.start, |tolerance| tolerance.max(min).min(max));
+            self.parameters_changed();
+        }
     }
 
     /// fmi2EnterInitializationMode.
@@ -196,8 +245,9 @@ impl<M: Model> Instance<M> {
     /// # Errors
     /// When the parameters do not suit each other; the mode is kept.
     pub fn exit_initialization(&mut self) -> CallResult {
-        self.check(Function::ExitInitializationMode)?;
-        // Tunable parameters may have changed since the memory was made.
+        let function = Function::ExitInitializationMode;
+        self.check(function)?;
+        // A simulation is started once more: what reading has made of the first one does not matter.
         self.memory = None;
         self.derive()?;
         let memory = self.memory.as_ref().expect("made with the derived parameters");
@@ -222,15 +272,21 @@ impl<M: Model> Instance<M> {
                 .into());
             }
         }
-        self.enter(match self.protocol.interface {
+        let mode = match self.protocol.interface {
             Interface::CoSimulation if !self.uses_event_mode => Mode::Step,
             _ => Mode::Event,
-        });
-        if self.mode == Mode::Event
-            && let Some(memory) = &mut self.memory
-        {
-            M::begin_events(memory, &self.description.layout, self.clock.start);
+        };
+        let layout = &self.description.layout;
+        if let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) {
+            if mode == Mode::Event {
+                M::begin_events(memory, layout, self.clock.start);
+            } else {
+                M::begin_steps(&self.parameters, derived, memory, layout, &mut self.values, self.clock.start)
+                    .map_err(|error| self.error(function, self.reason(error)))?;
+                self.forget_results();
+            }
         }
+        self.enter(mode);
         Ok(())
     }
 
@@ -256,26 +312,37 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// The derived parameters and the memory for the present parameters; made if a fixed parameter has changed.
+    /// The derived parameters, computed again if a parameter has changed. Before the start also the calculated states and the
+    /// memory: they are functions of the values, whatever was read before.
+    #[inline]
     fn derive(&mut self) -> CallResult<Arc<M::Derived>> {
+        match &self.derived {
+            Some(derived) if !self.is_stale() => Ok(Arc::clone(derived)),
+            _ => self.derive_anew(),
+        }
+    }
+
+    #[cold]
+    fn derive_anew(&mut self) -> CallResult<Arc<M::Derived>> {
         let named = |e: String| format!("{}: {e}", M::INFO.name);
-        if let (Some(derived), Some(_)) = (&self.derived, &self.memory) {
-            return Ok(Arc::clone(derived));
+        let known = self.derived.as_ref().filter(|_| !self.derived_are_old);
+        let derived = match known {
+            Some(derived) => Arc::clone(derived),
+            None => Arc::new(M::load(&self.parameters, &self.resources).map_err(named)?),
+        };
+        if let Some(before) = self.derived.as_deref().filter(|_| !self.is_before_start())
+            && M::fingerprint(before) != M::fingerprint(&derived)
+        {
+            return Err(named("a file that the simulation was started with has another content now".to_owned()).into());
         }
-        if let Some(derived) = &self.derived {
-            let (layout, start) = (&self.description.layout, self.clock.start);
-            let memory = M::begin(&self.parameters, derived, &self.resources, layout, &self.values, start);
-            self.memory = Some(memory.map_err(named)?);
-            return Ok(Arc::clone(derived));
-        }
-        let derived = Arc::new(M::load(&self.parameters, &self.resources).map_err(named)?);
         let layout = &self.description.layout;
-        let mut values = self.values.clone();
-        derived.write(&mut values.view_mut(), layout.derived.at);
-        M::initialize(&self.parameters, &derived, layout, &mut values);
+        derived.write(&mut self.values.view_mut(), layout.derived.at);
+        if self.memory.is_none() {
+            M::initialize(&self.parameters, &derived, layout, &mut self.values);
+        }
         for index in layout.derived.reals().chain(layout.states.reals()) {
-            let (what, value) =
-                (if index < layout.states.at.reals { "calculated parameter" } else { "start of" }, values.reals[index]);
+            let value = self.values.reals[index];
+            let what = if index < layout.states.at.reals { "calculated parameter" } else { "start of" };
             if !value.is_finite() {
                 return Err(format!(
                     "{}: {what} '{}' must be finite, got {value}; check the parameters",
@@ -285,11 +352,13 @@ impl<M: Model> Instance<M> {
                 .into());
             }
         }
-        let memory = M::begin(&self.parameters, &derived, &self.resources, layout, &values, self.clock.start);
-        let memory = memory.map_err(named)?;
-        self.values = values;
-        self.memory = Some(memory);
+        if self.memory.is_none() {
+            let start = self.clock.start;
+            let memory = M::begin(&self.parameters, &derived, &self.resources, layout, &self.values, start);
+            self.memory = Some(memory.map_err(named)?);
+        }
         self.derived = Some(Arc::clone(&derived));
+        self.derived_are_old = false;
         Ok(derived)
     }
 
@@ -297,7 +366,7 @@ impl<M: Model> Instance<M> {
     #[inline]
     fn values_changed(&mut self) {
         if M::KIND == ModelKind::Continuous && self.is_before_start() {
-            // The discrete state at the start follows from them.
+            // The calculated states and the discrete state at the start follow from them.
             self.memory = None;
         }
         self.forget_results();
@@ -330,7 +399,7 @@ impl<M: Model> Instance<M> {
 
     /// Computes outputs and derivatives; what is calculated from the parameters first, if it is not known.
     fn compute(&mut self, outputs: bool, derivatives: bool) -> CallResult {
-        if self.memory.is_none() {
+        if self.is_stale() {
             self.derive()?;
         }
         let layout = &self.description.layout;

@@ -61,6 +61,7 @@ pub mod description;
 pub mod discrete_state;
 mod dual;
 pub mod enumeration;
+mod expression;
 pub mod instance;
 pub mod model;
 mod relation;

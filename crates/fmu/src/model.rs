@@ -27,6 +27,8 @@ pub struct Info {
     pub stop_time: f64,
     /// Communication step of the default experiment in s.
     pub step_size: f64,
+    /// The folder `resources` of the package, which tests read; empty in a packed library.
+    pub resources: &'static str,
 }
 
 /// How the state of a continuous-time model gets from one communication point to the next.
@@ -140,6 +142,9 @@ pub trait Continuous: Parameters {
     const SOLVER: Solver = Solver::RungeKutta;
     /// Whether [`Self::next_time_event`] is written.
     const HAS_TIME_EVENTS: bool = false;
+    /// The fields of `self` that the equations read; `None` if they pass on `self`, so that they may read any. The attribute
+    /// [`model`](macro@crate::model) sets it; [`Self::derived`], [`Self::load`] and [`Self::initialize`] do not count.
+    const EQUATIONS_READ: Option<&'static [&'static str]> = None;
     /// The continuous state; also the type of its time derivative.
     type State<T: Scalar>: ContinuousState<T>;
     /// The inputs.
@@ -153,7 +158,7 @@ pub trait Continuous: Parameters {
     /// The quantities whose zero crossings are events, `[f64; N]`.
     type Crossings: AsRef<[f64]>;
 
-    /// Computes the derived parameters. It may use fixed parameters only.
+    /// Computes the derived parameters. It is called again after a tunable parameter has changed.
     ///
     /// # Errors
     /// A sentence that names the parameter, its value and the rule.
@@ -169,7 +174,11 @@ pub trait Continuous: Parameters {
     fn fingerprint(_derived: &Self::Derived) -> u64 {
         0
     }
-    /// Writes the states with `#[var(calculated)]`; the others keep their start value.
+    /// Writes the states with `#[var(calculated)]`; the others keep their start value. Called before the start only, for every change
+    /// of a parameter or of a start value.
+    ///
+    /// The first argument is the result of [`Self::derived`] or [`Self::load`]: write `derived: &D` for `type Derived = D`, and
+    /// `(): &()` in a model without derived parameters. The second one is the state, `state: &mut X<f64>`.
     fn initialize(&self, _derived: &Self::Derived, _state: &mut Self::State<f64>) {}
     /// The discrete state at the start, from the state and the inputs at the end of initialization. `at.discrete` holds the
     /// default. A quantity that starts on its positive side has not risen: what an event would have set belongs here.
@@ -197,7 +206,8 @@ pub trait Continuous: Parameters {
     fn zero_crossings(&self, _at: At<'_, f64, Self>) -> Self::Crossings {
         unreachable!("the model declares `type Crossings` without `fn zero_crossings`")
     }
-    /// Time of the next time event in s, after `at.time`.
+    /// Time of the next time event in s. An event that is due at `at.time` happens at once, and again until none is due. A time
+    /// before `at.time` is an error.
     fn next_time_event(&self, _at: At<'_, f64, Self>) -> Option<f64> {
         None
     }
@@ -238,15 +248,23 @@ pub trait Discrete: Parameters {
     /// Derived parameters.
     type Derived: Derived;
 
-    /// `Some` makes the model a source: from Initialization Mode on its outputs have the values of its first sample. That
-    /// sample must not depend on the inputs; before the start it is taken with their start values.
+    /// `Some` makes the model a source: from Initialization Mode on its outputs have the values of [`Self::start`], those of its first
+    /// sample.
     const SOURCE: Option<Influence> = None;
+    /// Whether an output of [`Self::start`] can depend on an input, both by name; tools read it from the model structure.
+    const FOLLOWS: Influence = |_, _| false;
 
-    /// Computes the derived parameters. It may use fixed parameters only.
+    /// Computes the derived parameters. It is called again after a tunable parameter has changed.
     ///
     /// # Errors
     /// A sentence that names the parameter, its value and the rule.
     fn derived(&self) -> Result<Self::Derived, String>;
+    /// Outputs of a source until its first sample: those of that sample, unless the model has others. The inputs that they depend on are
+    /// in [`Self::FOLLOWS`]. The state of the run begins with the first step.
+    fn start(&self, time: f64, derived: &Self::Derived, inputs: &Self::Inputs) -> Self::Outputs {
+        let state = &mut self.initial_state(derived);
+        self.update(Sample { time, state, inputs, derived })
+    }
     /// Like [`Self::derived`], for a model that reads files: `resources` is the resources folder of the FMU.
     ///
     /// # Errors
@@ -288,7 +306,8 @@ pub trait Stateful: Parameters {
     /// How the state becomes bytes; `#[fmu::model(…, serialize)]` uses serde.
     const SERIALIZE: Option<Serialize<Self::Simulation>> = None;
 
-    /// Makes the simulation; `resources` is the resources folder of the FMU.
+    /// Makes the simulation; `resources` is the resources folder of the FMU. Parameters that are tuned after the start reach
+    /// [`Self::step`] and [`Self::outputs`] only.
     ///
     /// # Errors
     /// A sentence that names the parameter, its value and the rule.

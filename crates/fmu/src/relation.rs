@@ -238,6 +238,12 @@ impl Sum for Relational {
     }
 }
 
+impl<'a> Sum<&'a Self> for Relational {
+    fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
+        terms.copied().sum()
+    }
+}
+
 macro_rules! as_for_f64 {
     ($($function:ident($($argument:ident: $type:ty),*)),* $(,)?) => {$(
         #[inline]

@@ -3,18 +3,22 @@
 mod continuous;
 mod discrete;
 mod exchange;
+mod modes;
 mod stateful;
 
 use std::path::Path;
 
 pub use continuous::ContinuousModel;
 pub use discrete::DiscreteModel;
+pub use modes::Modes;
 pub use stateful::StatefulModel;
+
+use fmu_math::sparse::Structure;
 
 use crate::clock::Clock;
 use crate::discrete_state::{Word, Words};
+use crate::expression::Expression;
 use crate::model::{Influence, Info};
-use crate::scalar::DependencySet;
 use crate::store::ValueStore;
 use crate::variable::Layout;
 use crate::variables::{Derived, Parameters};
@@ -84,6 +88,14 @@ pub struct Update {
     pub next_event_time: Option<f64>,
 }
 
+/// What the equations compute, see [`Model::expressions`].
+#[derive(Debug, Default)]
+pub struct Expressions {
+    pub(crate) all: Vec<Expression>,
+    /// Whether equations looked at a value, by [`Scalar::value`](crate::Scalar::value) or a comparison.
+    pub(crate) is_inspected: bool,
+}
+
 /// What an instance needs of a model.
 pub trait Model: 'static {
     /// Facts about the model.
@@ -92,6 +104,10 @@ pub trait Model: 'static {
     const KIND: Kind;
     /// See [`Discrete::SOURCE`](crate::Discrete::SOURCE).
     const SOURCE: Option<Influence> = None;
+    /// See [`Continuous::EQUATIONS_READ`](crate::Continuous::EQUATIONS_READ).
+    const EQUATIONS_READ: Option<&'static [&'static str]> = None;
+    /// See [`Discrete::FOLLOWS`](crate::Discrete::FOLLOWS).
+    const FOLLOWS: Influence = |_, _| false;
     /// Whether instances can be used by model exchange.
     const MODEL_EXCHANGE: bool;
     /// Whether the state can be serialized.
@@ -126,10 +142,12 @@ pub trait Model: 'static {
         values: &ValueStore,
         time: f64,
     ) -> Result<Self::Memory, String>;
-    /// Writes the states that follow from the parameters.
+    /// Writes the states that follow from the parameters, whatever their values are now.
     fn initialize(_p: &Self::Parameters, _derived: &Self::Derived, _layout: &Layout, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
+    /// Whether the solver of co-simulation has a tolerance.
+    const HAS_ERROR_CONTROL: bool = false;
     /// Whether a step can have events.
     const HAS_EVENTS: bool = false;
     /// Advances states or outputs, and the memory. Returns the time of the event that ended the step early.
@@ -145,6 +163,20 @@ pub trait Model: 'static {
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, StepError>;
+    /// Co-simulation without Event Mode: handles the time events that are due at the start.
+    ///
+    /// # Errors
+    /// As [`Self::handle_events`].
+    fn begin_steps(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &mut Self::Memory,
+        _layout: &Layout,
+        _values: &mut ValueStore,
+        _time: f64,
+    ) -> Result<(), StepError> {
+        Ok(())
+    }
     /// Prepares the memory for events that the importer handles, if it is not: those up to `time` are done.
     fn begin_events(_memory: &mut Self::Memory, _layout: &Layout, _time: f64) {}
     /// Computes the outputs at `time`; those of the first sample of a source.
@@ -182,18 +214,36 @@ pub trait Model: 'static {
     ) {
         result.fill(0.0);
     }
-    /// What real outputs, then state derivatives depend on: the known variables are the real inputs, then the states, then the
-    /// time.
+    /// The values of the discrete state on which equations may branch.
+    fn modes() -> Modes {
+        Modes::default()
+    }
+    /// The memory with the values of these numbers, see [`Self::modes`]; `None` if they are impossible together.
+    fn with_mode(memory: Self::Memory, _modes: &Modes, _numbers: &[Option<usize>]) -> Option<Self::Memory> {
+        Some(memory)
+    }
+    /// What real outputs, then state derivatives depend on, a line for each: the known variables are the real inputs, then the
+    /// states, then the time. `None` if everything may depend on everything.
     fn dependencies(
         _p: &Self::Parameters,
         _derived: &Self::Derived,
         _memory: &Self::Memory,
-        layout: &Layout,
+        _layout: &Layout,
         _values: &ValueStore,
-    ) -> Vec<DependencySet> {
-        vec![DependencySet::default(); layout.outputs.counts.reals + layout.states.counts.reals]
+    ) -> Option<Structure> {
+        None
     }
-    /// How many relations the equations have at these values.
+    /// The expressions that the outputs, then the state derivatives have at these values of Booleans, Integers and Strings.
+    fn expressions(
+        _p: &Self::Parameters,
+        _derived: &Self::Derived,
+        _memory: &Self::Memory,
+        _layout: &Layout,
+        _values: &ValueStore,
+    ) -> Expressions {
+        Expressions::default()
+    }
+    /// Number of relations in the equations at these values.
     fn count_relations(
         _p: &Self::Parameters,
         _derived: &Self::Derived,

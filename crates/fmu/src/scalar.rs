@@ -12,12 +12,15 @@
 //!
 //! A number and a `T` combine with the `T` first: `x * 2.0`, `-x + 1.0`. For a number first write `T::from(1.0) - x`.
 
-use std::cell::Cell;
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::iter::Sum;
+use std::mem::ManuallyDrop;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use fmu_math as math;
+use fmu_math::sparse::Structure;
 
 use crate::table::Table;
 
@@ -42,6 +45,7 @@ pub trait Scalar:
     + AddAssign
     + SubAssign
     + Sum
+    + for<'a> Sum<&'a Self>
     + 'static
 {
     /// Sine of an angle in radians.
@@ -225,79 +229,171 @@ impl Scalar for f64 {
 
 /// A set of known variables that a result depends on, for any value of the parameters.
 ///
-/// Every operation unites the sets of its operands; both sides of a branch count, and so does a product with zero. A set has
-/// a fixed size so that it can be copied like a number; a model with more known variables is evaluated in parts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Dependencies([u64; Self::WORDS]);
+/// Every operation unites the sets of its operands; both sides of a branch count, and so does a product with zero. A set is the
+/// number of a node in the trace of this thread, which keeps of which two sets each was made. It is small and copied like a
+/// number, so that large models are traced on a small stack.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Dependencies(u32);
+
+/// What the sets of a trace consist of.
+#[derive(Debug, Default)]
+struct Trace {
+    /// The nodes of two sets; number `i` is the set `i + 1`. Set 0 is empty.
+    nodes: Vec<(u32, u32)>,
+    /// Whether equations have looked at values.
+    has_inspections: bool,
+}
+
+/// Second part of a node that is one known variable, whose number is the first part.
+const VARIABLE: u32 = u32::MAX;
 
 thread_local! {
-    static INSPECTED: Cell<bool> = const { Cell::new(false) };
+    /// Not dropped with the thread, see [`crate::relation`]. Between two traces it is empty.
+    static TRACE: RefCell<ManuallyDrop<Trace>> = RefCell::new(ManuallyDrop::new(Trace::default()));
+}
+
+/// A trace that is removed at the end, even after a panic.
+struct Loan(Trace);
+
+impl Loan {
+    fn swap(&mut self) {
+        TRACE.with_borrow_mut(|trace| std::mem::swap(&mut **trace, &mut self.0));
+    }
+}
+
+impl Drop for Loan {
+    fn drop(&mut self) {
+        self.swap();
+    }
+}
+
+impl Trace {
+    fn push(&mut self, node: (u32, u32)) -> Dependencies {
+        self.nodes.push(node);
+        Dependencies(u32::try_from(self.nodes.len()).expect("fewer than 2^32 operations"))
+    }
+
+    /// Calls `found` once for each variable of a set. `stamps` has the last mark of each node, `stack` is working memory.
+    fn visit(
+        &self,
+        set: Dependencies,
+        mark: u32,
+        stamps: &mut [u32],
+        stack: &mut Vec<u32>,
+        mut found: impl FnMut(u32),
+    ) {
+        stack.push(set.0);
+        while let Some(number) = stack.pop() {
+            let Some(at) = (number as usize).checked_sub(1).filter(|&at| stamps[at] != mark) else { continue };
+            stamps[at] = mark;
+            match self.nodes[at] {
+                (variable, VARIABLE) => found(variable),
+                (one, other) => stack.extend([other, one]),
+            }
+        }
+    }
 }
 
 impl Dependencies {
-    const WORDS: usize = 4;
-    /// How many known variables a set can hold.
-    pub const CAPACITY: usize = 64 * Self::WORDS;
-
     /// The set that holds only the known variable `index`.
     ///
     /// # Panics
-    /// If `index` is not below [`Self::CAPACITY`].
+    /// If `index` is 2^32 or more.
     #[must_use]
     pub fn on(index: usize) -> Self {
-        let mut words = [0; Self::WORDS];
-        words[index / 64] = 1 << (index % 64);
-        Self(words)
+        let index = u32::try_from(index).expect("fewer than 2^32 known variables");
+        TRACE.with_borrow_mut(|trace| trace.push((index, VARIABLE)))
     }
 
     /// Whether the known variable `index` is in the set.
     #[must_use]
     pub fn contains(self, index: usize) -> bool {
-        self.0[index / 64] & (1 << (index % 64)) != 0
+        self.variables().contains(&index)
+    }
+
+    /// The known variables in the set.
+    fn variables(self) -> BTreeSet<usize> {
+        TRACE.with_borrow(|trace| {
+            let mut all = BTreeSet::new();
+            trace.visit(self, 1, &mut vec![0; trace.nodes.len()], &mut Vec::new(), |variable| {
+                all.insert(variable as usize);
+            });
+            all
+        })
     }
 
     /// What is in either set.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
-        Self(std::array::from_fn(|i| self.0[i] | other.0[i]))
+        match (self.0, other.0) {
+            (one, other) if one == other => self,
+            (_, 0) => self,
+            (0, _) => other,
+            (one, two) => {
+                TRACE.with_borrow_mut(|trace| match (trace.nodes[one as usize - 1], trace.nodes[two as usize - 1]) {
+                    // Sums add the same variable again and again.
+                    ((a, b), _) if b != VARIABLE && (a == two || b == two) => self,
+                    (_, (a, b)) if b != VARIABLE && (a == one || b == one) => other,
+                    _ => trace.push((one, two)),
+                })
+            }
+        }
     }
 
-    /// Forgets whether equations have looked at values.
-    pub(crate) fn forget_inspections() {
-        INSPECTED.set(false);
-    }
-
-    /// Whether equations have looked at values, by [`Scalar::value`].
-    pub(crate) fn has_inspections() -> bool {
-        INSPECTED.get()
+    /// The variables that each of the results of some equations depends on, a line for each; `None` if the equations look at
+    /// values, by [`Scalar::value`], and may branch on them: then everything depends on everything.
+    pub(crate) fn trace(equations: impl FnOnce() -> Vec<Self>) -> Option<Structure> {
+        let mut loan = Loan(Trace::default());
+        loan.swap();
+        let results = equations();
+        TRACE.with_borrow(|trace| {
+            let (mut stamps, mut stack) = (vec![0; trace.nodes.len()], Vec::new());
+            let mut line = Vec::new();
+            let mut structure = Structure::default();
+            for (set, mark) in results.into_iter().zip(1..) {
+                line.clear();
+                trace.visit(set, mark, &mut stamps, &mut stack, |variable| line.push(variable));
+                structure.push(line.iter().copied());
+            }
+            (!trace.has_inspections).then_some(structure)
+        })
     }
 }
 
-/// A set of known variables of any size.
+/// A set of known variables, for a list of them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct DependencySet(Vec<u64>);
+pub struct DependencySet(Vec<u32>);
 
 impl DependencySet {
-    /// Adds the known variable `index`.
-    pub fn insert(&mut self, index: usize) {
-        if self.0.len() <= index / 64 {
-            self.0.resize(index / 64 + 1, 0);
-        }
-        self.0[index / 64] |= 1 << (index % 64);
+    /// The variables, ascending.
+    pub fn iter(&self) -> impl Iterator<Item = usize> {
+        self.0.iter().map(|&index| index as usize)
+    }
+
+    /// The first `count` variables.
+    pub(crate) fn all(count: usize) -> Self {
+        Self((0..count as u32).collect())
     }
 
     /// Whether the known variable `index` is in the set.
     #[must_use]
     pub fn contains(&self, index: usize) -> bool {
-        self.0.get(index / 64).is_some_and(|word| word & (1 << (index % 64)) != 0)
+        self.0.binary_search_by(|&other| (other as usize).cmp(&index)).is_ok()
     }
 
-    /// Adds what is in the other set.
-    pub fn extend(&mut self, other: &Self) {
-        if self.0.len() < other.0.len() {
-            self.0.resize(other.0.len(), 0);
+    /// Adds the variables of a list, which may be in any order.
+    pub fn extend(&mut self, others: &[u32]) {
+        if self.0 != others {
+            self.0.extend_from_slice(others);
+            self.0.sort_unstable();
+            self.0.dedup();
         }
-        self.0.iter_mut().zip(&other.0).for_each(|(word, other)| *word |= other);
+    }
+}
+
+impl PartialEq for Dependencies {
+    fn eq(&self, other: &Self) -> bool {
+        self.0 == other.0 || self.variables() == other.variables()
     }
 }
 
@@ -347,6 +443,12 @@ impl Sum for Dependencies {
     }
 }
 
+impl<'a> Sum<&'a Self> for Dependencies {
+    fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
+        terms.copied().sum()
+    }
+}
+
 macro_rules! keep {
     ($($function:ident),*) => {$(
         fn $function(self) -> Self {
@@ -379,7 +481,7 @@ impl Scalar for Dependencies {
         self
     }
     fn value(self) -> f64 {
-        INSPECTED.set(true);
+        TRACE.with_borrow_mut(|trace| trace.has_inspections = true);
         0.0
     }
 }
@@ -401,11 +503,11 @@ mod tests {
     #[test]
     fn sets_of_any_size_grow() {
         let mut set = DependencySet::default();
-        set.insert(1000);
-        let mut other = DependencySet::default();
-        other.insert(3);
-        other.extend(&set);
-        assert!(other.contains(3) && other.contains(1000) && !other.contains(999) && !other.contains(5000));
+        set.extend(&[1000]);
+        set.extend(&[3, 1000]);
+        assert!(set.contains(3) && set.contains(1000) && !set.contains(999) && !set.contains(5000));
+        assert_eq!(set.iter().collect::<Vec<_>>(), [3, 1000]);
+        assert_eq!(DependencySet::all(2).iter().collect::<Vec<_>>(), [0, 1]);
     }
 
     #[test]

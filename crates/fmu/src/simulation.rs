@@ -49,6 +49,7 @@ type Runner<M> = ContinuousModel<M, false>;
 pub struct ContinuousSimulation<M: Continuous> {
     model: Arc<M>,
     derived: Arc<M::Derived>,
+    resources: Arc<Path>,
     layout: Arc<Layout>,
     memory: <Runner<M> as Model>::Memory,
     values: ValueStore,
@@ -60,6 +61,7 @@ impl<M: Continuous> Clone for ContinuousSimulation<M> {
         Self {
             model: Arc::clone(&self.model),
             derived: Arc::clone(&self.derived),
+            resources: Arc::clone(&self.resources),
             layout: Arc::clone(&self.layout),
             memory: self.memory.clone(),
             values: self.values.clone(),
@@ -75,15 +77,15 @@ impl<M: Continuous> std::fmt::Debug for ContinuousSimulation<M> {
 }
 
 impl<M: Continuous> ContinuousSimulation<M> {
-    /// Starts at time 0 with the start values of the states.
+    /// Starts at time 0 with the start values of the states. Files come from the folder `resources` of the package.
     ///
     /// # Errors
     /// The parameters do not suit each other.
     pub fn new(model: M) -> Result<Self, String> {
-        Self::with_resources(model, Path::new(""))
+        Self::with_resources(model, Path::new(M::INFO.resources))
     }
 
-    /// As [`Self::new`], for a model that reads files from this folder.
+    /// As [`Self::new`], with files from another folder.
     ///
     /// # Errors
     /// The parameters do not suit each other, or a file cannot be read.
@@ -93,8 +95,18 @@ impl<M: Continuous> ContinuousSimulation<M> {
         let mut values = ValueStore::start(&layout);
         model.write(&mut values.view_mut(), Counts::ZERO);
         Runner::<M>::initialize(&model, &derived, &layout, &mut values);
-        let memory = Runner::<M>::begin(&model, &derived, resources, &layout, &values, 0.0)?;
-        Ok(Self { model: model.into(), derived: derived.into(), layout: layout.into(), memory, values, time: 0.0 })
+        let mut memory = Runner::<M>::begin(&model, &derived, resources, &layout, &values, 0.0)?;
+        Runner::<M>::begin_steps(&model, &derived, &mut memory, &layout, &mut values, 0.0)
+            .map_err(|error| message(&layout, &error))?;
+        Ok(Self {
+            model: model.into(),
+            derived: derived.into(),
+            resources: resources.into(),
+            layout: layout.into(),
+            memory,
+            values,
+            time: 0.0,
+        })
     }
 
     /// Time in s.
@@ -118,20 +130,23 @@ impl<M: Continuous> ContinuousSimulation<M> {
         }
     }
 
-    /// Replaces the tunable parameters. The fixed parameters must be those of the start.
+    /// Replaces the tunable parameters, and computes the derived ones again. The fixed parameters must be those of the start.
     ///
     /// # Errors
-    /// A fixed parameter differs.
+    /// A fixed parameter differs, or the parameters do not suit each other.
     pub fn set_parameters(&mut self, model: M) -> Result<(), String> {
         let mut values = self.values.clone();
         model.write(&mut values.view_mut(), Counts::ZERO);
-        let is_fixed = |v: &&Variable| v.role == Role::Parameter && !v.declaration.tunable;
-        if let Some(variable) =
-            self.layout.variables.iter().filter(is_fixed).find(|variable| values.differs(&self.values, variable))
-        {
+        let is_changed = |v: &&Variable| v.role == Role::Parameter && values.differs(&self.values, v);
+        let mut changed = self.layout.variables.iter().filter(is_changed).peekable();
+        if changed.peek().is_none() {
+            return Ok(());
+        }
+        if let Some(variable) = changed.find(|variable| !variable.declaration.tunable) {
             let name = &variable.declaration.name;
             return Err(format!("`{name}` is fixed, it cannot change after the start"));
         }
+        self.derived = model.load(&self.resources)?.into();
         self.model = model.into();
         self.values = values;
         Ok(())
@@ -146,7 +161,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// The outputs for these inputs.
     pub fn outputs(&mut self, inputs: &M::Inputs<f64>) -> M::Outputs<f64> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let Self { model, derived, layout, memory, values, time } = self;
+        let Self { model, derived, layout, memory, values, time, .. } = self;
         Runner::<M>::outputs(model, derived, memory, layout, values, *time);
         M::Outputs::read(values.view(), layout.outputs.at)
     }
@@ -157,7 +172,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// A state is not finite, the solver cannot keep its tolerance, or events accumulate.
     pub fn step(&mut self, inputs: &M::Inputs<f64>, step: f64) -> Result<(), String> {
         inputs.write(&mut self.values.view_mut(), self.layout.inputs.at);
-        let Self { model, derived, layout, memory, values, time } = self;
+        let Self { model, derived, layout, memory, values, time, .. } = self;
         let interval = Step { start: 0.0, reached: *time, time: *time, step, sample: 0, stops_at_events: false };
         let parts = Runner::<M>::parts(layout, values, interval);
         if parts.is_nan() || parts > MOST_PARTS {
@@ -200,15 +215,15 @@ impl<M: Discrete> std::fmt::Debug for DiscreteSimulation<M> {
 }
 
 impl<M: Discrete> DiscreteSimulation<M> {
-    /// Starts before the first sample, which is due at time 0.
+    /// Starts before the first sample, which is due at time 0. Files come from the folder `resources` of the package.
     ///
     /// # Errors
     /// The parameters do not suit each other.
     pub fn new(model: M) -> Result<Self, String> {
-        Self::with_resources(model, Path::new(""))
+        Self::with_resources(model, Path::new(M::INFO.resources))
     }
 
-    /// As [`Self::new`], for a model that reads files from this folder.
+    /// As [`Self::new`], with files from another folder.
     ///
     /// # Errors
     /// The parameters do not suit each other, or a file cannot be read.

@@ -1,7 +1,14 @@
 //! The solvers of continuous-time models.
 
+use std::convert::Infallible;
+
+use fmu_math::sparse::{SparseLu, Structure, groups};
+use fmu_math::{dense, ode};
+
 use crate::dual::Dual64;
 use crate::model::{At, Continuous, Solver};
+use crate::scalar::{Dependencies, Scalar};
+use crate::variable::{Kind, Layout};
 use crate::variables::{ContinuousState, Counts, Values, ValuesMut, Variables};
 
 /// Model, inputs and the rest that stays as it is while a solver advances the state.
@@ -37,187 +44,190 @@ impl<M: Continuous> Problem<'_, M> {
         x.combine(&slope, |x, s| x + h / 6.0 * s)
     }
 
-    /// One step of the solver with error control, with an estimate of its error.
-    pub(crate) fn estimated(
-        &self,
-        time: f64,
-        x: &M::State<f64>,
-        discrete: &M::DiscreteState,
-        h: f64,
-        scratch: &mut Scratch,
-    ) -> Option<(M::State<f64>, M::State<f64>)> {
-        if matches!(M::SOLVER, Solver::Rosenbrock { .. }) {
-            self.rodas(time, x, discrete, h, scratch)
+    /// The derivatives at a state on the heap.
+    #[inline]
+    fn evaluate(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, to: &mut [f64]) -> Result<(), Infallible> {
+        if M::State::<f64>::COUNTS.reals > MOST_IN_PLACE {
+            self.evaluate_apart(time, x, discrete, to);
         } else {
-            Some(self.dormand_prince(time, x, discrete, h))
+            self.evaluate_here(time, x, discrete, to);
         }
+        Ok(())
     }
 
-    /// Dormand and Prince 1980, the coefficients of RK5(4)7M.
-    fn dormand_prince(
-        &self,
-        time: f64,
-        x: &M::State<f64>,
-        discrete: &M::DiscreteState,
-        h: f64,
-    ) -> (M::State<f64>, M::State<f64>) {
-        let f = |c: f64, x: &M::State<f64>| self.model.derivatives(self.at(time + c * h, x, discrete));
-        // x + h (a1 k1 + a2 k2 + …)
-        let sum = |parts: &[(f64, &M::State<f64>)]| {
-            let mut sum = x.copied();
-            for &(a, k) in parts {
-                sum = sum.combine(k, |x, k| x + h * a * k);
-            }
-            sum
-        };
-        let k1 = f(0.0, x);
-        let k2 = f(1.0 / 5.0, &sum(&[(1.0 / 5.0, &k1)]));
-        let k3 = f(3.0 / 10.0, &sum(&[(3.0 / 40.0, &k1), (9.0 / 40.0, &k2)]));
-        let k4 = f(4.0 / 5.0, &sum(&[(44.0 / 45.0, &k1), (-56.0 / 15.0, &k2), (32.0 / 9.0, &k3)]));
-        let k5 = f(
-            8.0 / 9.0,
-            &sum(&[(19372.0 / 6561.0, &k1), (-25360.0 / 2187.0, &k2), (64448.0 / 6561.0, &k3), (-212.0 / 729.0, &k4)]),
-        );
-        let k6 = f(
-            1.0,
-            &sum(&[
-                (9017.0 / 3168.0, &k1),
-                (-355.0 / 33.0, &k2),
-                (46732.0 / 5247.0, &k3),
-                (49.0 / 176.0, &k4),
-                (-5103.0 / 18656.0, &k5),
-            ]),
-        );
-        let end = sum(&[
-            (35.0 / 384.0, &k1),
-            (500.0 / 1113.0, &k3),
-            (125.0 / 192.0, &k4),
-            (-2187.0 / 6784.0, &k5),
-            (11.0 / 84.0, &k6),
-        ]);
-        let k7 = f(1.0, &end);
-        let parts = [
-            (71.0 / 57600.0, &k1),
-            (-71.0 / 16695.0, &k3),
-            (71.0 / 1920.0, &k4),
-            (-17253.0 / 339200.0, &k5),
-            (22.0 / 525.0, &k6),
-            (-1.0 / 40.0, &k7),
-        ];
-        let mut error = x.combine(x, |_, _| 0.0);
-        for (e, k) in parts {
-            error = error.combine(k, |error, k| error + h * e * k);
-        }
-        (end, error)
+    #[inline]
+    fn evaluate_here(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, to: &mut [f64]) {
+        let state = M::State::read(Values::of_reals(x), Counts::ZERO);
+        write::<M>(&self.model.derivatives(self.at(time, &state, discrete)), to);
     }
 
-    /// RODAS: Hairer, Wanner, "Solving Ordinary Differential Equations II", 1996, section IV.7, with the coefficients of
-    /// their program. `None` if the matrix is singular.
-    fn rodas(
+    /// The frame holds all that the solvers need on the stack: the state and what the model returns.
+    #[inline(never)]
+    fn evaluate_apart(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, to: &mut [f64]) {
+        self.evaluate_here(time, x, discrete, to);
+    }
+
+    /// As [`Self::fixed`], of states on the heap.
+    fn fixed_on_heap(
         &self,
         time: f64,
-        x: &M::State<f64>,
+        x: &[f64],
         discrete: &M::DiscreteState,
         h: f64,
         scratch: &mut Scratch,
-    ) -> Option<(M::State<f64>, M::State<f64>)> {
-        const GAMMA: f64 = 0.25;
-        const A: [&[f64]; 5] = [
-            &[],
-            &[1.544],
-            &[0.946_678_528_081_582_6, 0.255_701_169_898_328_4],
-            &[3.314_825_187_068_521, 2.896_124_015_972_201, 0.998_641_913_997_781_7],
-            &[1.221_224_509_226_641, 6.019_134_481_288_629, 12.537_083_329_320_87, -0.687_886_036_105_895],
-        ];
-        const C: [&[f64]; 6] = [
-            &[],
-            &[-5.6688],
-            &[-2.430_093_356_833_875, -0.206_359_915_709_191_5],
-            &[-0.107_352_905_815_137_5, -9.594_562_251_023_355, -20.470_286_148_096_16],
-            &[7.496_443_313_967_647, -10.246_804_314_643_52, -33.999_903_528_199_05, 11.708_908_932_061_6],
-            &[
-                8.083_246_795_921_522,
-                -7.981_132_988_064_893,
-                -31.521_594_328_743_71,
-                16.319_305_431_231_36,
-                -6.058_818_238_834_054,
-            ],
-        ];
-        /// Times of the stages, and their coefficients of the derivative with respect to time.
-        const TIMES: [f64; 6] = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
-        const D: [f64; 6] = [0.25, -0.1043, 0.1035, -0.036_200_000_000_000_23, 0.0, 0.0];
-
-        let n = M::State::<f64>::COUNTS.reals;
-        self.linearize(time, x, discrete, scratch);
-        let Scratch { matrix, slope, pivots, stages, state, other, .. } = scratch;
-        // (1/(h gamma) - J) u = f + sum (c/h) u + h d f_t
-        matrix.iter_mut().for_each(|entry| *entry = -*entry);
-        for i in 0..n {
-            matrix[i * n + i] += 1.0 / (h * GAMMA);
+    ) -> Vec<f64> {
+        let mut end = scratch.take();
+        if matches!(M::SOLVER, Solver::Exact) {
+            self.advance_on_heap(time, x, discrete, h, &mut end);
+        } else {
+            let f = |time, x: &[f64], to: &mut [f64]| self.evaluate(time, x, discrete, to);
+            let Ok(()) = ode::runge_kutta(f, time, x, h, &mut end, &mut scratch.work);
         }
-        factorize(matrix, pivots, n)?;
-        write::<M>(x, state);
-        let mut end = x.copied();
-        for stage in 0..6 {
-            let (known, rest) = stages.split_at_mut(stage * n);
-            let u = &mut rest[..n];
-            // The argument of the last two stages is the sum of the one before and its increment.
-            let argument: M::State<f64> = match stage {
-                0..=4 => {
-                    other.copy_from_slice(state);
-                    for (j, a) in A[stage].iter().enumerate() {
-                        (0..n).for_each(|i| other[i] += a * known[j * n + i]);
-                    }
-                    M::State::read(Values::of_reals(other), Counts::ZERO)
-                }
-                _ => {
-                    write::<M>(&end, other);
-                    (0..n).for_each(|i| other[i] += known[(stage - 1) * n + i]);
-                    M::State::read(Values::of_reals(other), Counts::ZERO)
-                }
-            };
-            write::<M>(&self.model.derivatives(self.at(time + TIMES[stage] * h, &argument, discrete)), u);
-            for i in 0..n {
-                for (j, c) in C[stage].iter().enumerate() {
-                    u[i] += c / h * known[j * n + i];
-                }
-                u[i] += h * D[stage] * slope[i];
-            }
-            solve(matrix, pivots, n, u);
-            end = argument;
-        }
-        let error = M::State::read(Values::of_reals(&stages[5 * n..]), Counts::ZERO);
-        Some((end.combine(&error, |x, e| x + e), error))
+        end
     }
 
-    /// The Jacobian of the derivatives with respect to the state, row by row, and their derivative with respect to time:
-    /// exact, by dual numbers.
-    fn linearize(&self, time: f64, x: &M::State<f64>, discrete: &M::DiscreteState, scratch: &mut Scratch) {
+    #[inline(never)]
+    fn advance_on_heap(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, h: f64, end: &mut [f64]) {
+        let state = M::State::read(Values::of_reals(x), Counts::ZERO);
+        write::<M>(&self.model.advance(self.at(time, &state, discrete), h), end);
+    }
+
+    /// One step of the solver with error control. Its error goes to the scratch memory. `None` if the matrix of the step is
+    /// singular.
+    fn estimated(
+        &self,
+        time: f64,
+        x: &[f64],
+        discrete: &M::DiscreteState,
+        h: f64,
+        scratch: &mut Scratch,
+    ) -> Option<Vec<f64>> {
+        let f = |time, x: &[f64], to: &mut [f64]| self.evaluate(time, x, discrete, to);
+        // A constant, with which loops of small models are unrolled.
         let n = M::State::<f64>::COUNTS.reals;
-        scratch.resize::<M>();
-        let inputs = dual_inputs::<M>(self.inputs, scratch);
-        let Scratch { matrix, slope, state, duals, results, .. } = scratch;
-        write::<M>(x, state);
-        for column in 0..=n {
-            for (i, dual) in duals.iter_mut().enumerate() {
-                *dual = Dual64::new(state[i], f64::from(u8::from(i == column)));
-            }
-            let at = At {
-                time: Dual64::new(time, f64::from(u8::from(column == n))),
-                state: &M::State::read(Values::of_reals(duals), Counts::ZERO),
-                inputs: &inputs,
-                derived: self.derived,
-                discrete,
-            };
-            self.model.derivatives(at).write(&mut ValuesMut::of_reals(results), Counts::ZERO);
-            for (row, result) in results.iter().enumerate() {
-                if column < n {
+        let x = &x[..n];
+        if !matches!(M::SOLVER, Solver::Rosenbrock { .. }) {
+            let mut end = scratch.take();
+            let Ok(()) = ode::dormand_prince(f, time, x, h, &mut end, &mut scratch.error, &mut scratch.work);
+            return Some(end);
+        }
+        self.linearize(time, x, discrete, scratch);
+        if !scratch.jacobian.factorize(ode::rodas_diagonal(h), n) {
+            return None;
+        }
+        let mut end = scratch.take();
+        let Scratch { jacobian, slope, work, error, .. } = scratch;
+        let solve = |b: &mut [f64]| jacobian.solve(b);
+        let (slope, end_of, error) = (&slope[..n], &mut end[..n], &mut error[..n]);
+        let Ok(()) = ode::rodas(f, solve, time, x, slope, h, end_of, error, &mut work[..ode::RODAS_WORK * n]);
+        Some(end)
+    }
+
+    /// The Jacobian of the derivatives with respect to the state, and their derivative with respect to time: exact, by dual
+    /// numbers. One evaluation is for all columns of a group.
+    fn linearize(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, scratch: &mut Scratch) {
+        if !scratch.is_traced {
+            self.trace(discrete, scratch);
+        }
+        let Scratch { jacobian, slope, duals, results, inputs, input_duals, .. } = scratch;
+        let inputs = inputs_of::<Dual64, M>(self.inputs, inputs, input_duals);
+        let n = M::State::<f64>::COUNTS.reals;
+        let (duals, results, slope) = (&mut duals[..n], &mut results[..n], &mut slope[..n]);
+        for (dual, x) in duals.iter_mut().zip(x) {
+            *dual = Dual64::from(*x);
+        }
+        if let Jacobian::Dense { matrix, .. } = jacobian {
+            let matrix = &mut matrix[..n * n];
+            for column in 0..n {
+                duals[column].eps = 1.0;
+                self.differentiate(Dual64::from(time), duals, &inputs, discrete, results);
+                duals[column].eps = 0.0;
+                for (row, result) in results.iter().enumerate() {
                     matrix[row * n + column] = result.eps;
-                } else {
-                    slope[row] = result.eps;
                 }
             }
         }
+        for group in 0..jacobian.groups() {
+            jacobian.columns(group).for_each(|column| duals[column].eps = 1.0);
+            self.differentiate(Dual64::from(time), duals, &inputs, discrete, results);
+            jacobian.columns(group).for_each(|column| duals[column].eps = 0.0);
+            jacobian.store(group, results);
+        }
+        if jacobian.follows_time() {
+            self.differentiate(Dual64::new(time, 1.0), duals, &inputs, discrete, results);
+            slope.iter_mut().zip(results).for_each(|(slope, result)| *slope = result.eps);
+        }
+    }
+
+    /// The derivatives at a state on the heap, with their derivatives along a direction.
+    #[inline]
+    fn differentiate(
+        &self,
+        time: Dual64,
+        x: &[Dual64],
+        inputs: &M::Inputs<Dual64>,
+        discrete: &M::DiscreteState,
+        to: &mut [Dual64],
+    ) {
+        if M::State::<f64>::COUNTS.reals > MOST_IN_PLACE {
+            self.differentiate_apart(time, x, inputs, discrete, to);
+        } else {
+            self.differentiate_here(time, x, inputs, discrete, to);
+        }
+    }
+
+    #[inline]
+    fn differentiate_here(
+        &self,
+        time: Dual64,
+        x: &[Dual64],
+        inputs: &M::Inputs<Dual64>,
+        discrete: &M::DiscreteState,
+        to: &mut [Dual64],
+    ) {
+        let state = &M::State::read(Values::of_reals(x), Counts::ZERO);
+        let at = At { time, state, inputs, derived: self.derived, discrete };
+        self.model.derivatives(at).write(&mut ValuesMut::of_reals(to), Counts::ZERO);
+    }
+
+    /// As [`Self::evaluate_apart`].
+    #[inline(never)]
+    fn differentiate_apart(
+        &self,
+        time: Dual64,
+        x: &[Dual64],
+        inputs: &M::Inputs<Dual64>,
+        discrete: &M::DiscreteState,
+        to: &mut [Dual64],
+    ) {
+        self.differentiate_here(time, x, inputs, discrete, to);
+    }
+
+    /// Finds the structure of the Jacobian for the present parameters, discrete state and inputs that are not real: equations
+    /// may branch on these.
+    pub(crate) fn trace(&self, discrete: &M::DiscreteState, scratch: &mut Scratch) {
+        let n = M::State::<f64>::COUNTS.reals;
+        scratch.is_traced = true;
+        if n < LEAST_SPARSE {
+            return;
+        }
+        let rows = Dependencies::trace(|| self.dependencies(discrete, &mut scratch.inputs));
+        if scratch.traced.as_ref() != Some(&rows) {
+            scratch.slope.fill(0.0);
+            scratch.jacobian = rows.as_ref().and_then(Jacobian::sparse).unwrap_or_else(|| Jacobian::dense(n));
+            scratch.traced = Some(rows);
+        }
+    }
+
+    /// What each derivative depends on: states by their number, then the time.
+    #[inline(never)]
+    fn dependencies(&self, discrete: &M::DiscreteState, memory: &mut Inputs) -> Vec<Dependencies> {
+        let n = M::State::<f64>::COUNTS.reals;
+        let known: Vec<_> = (0..n).map(Dependencies::on).collect();
+        let inputs = &inputs_of::<Dependencies, M>(self.inputs, memory, &mut Vec::new());
+        let state = &M::State::from_reals(&known);
+        let at = At { time: Dependencies::on(n), state, inputs, derived: self.derived, discrete };
+        self.model.derivatives(at).reals()
     }
 }
 
@@ -225,95 +235,389 @@ fn write<M: Continuous>(x: &M::State<f64>, values: &mut [f64]) {
     x.write(&mut ValuesMut::of_reals(values), Counts::ZERO);
 }
 
-/// The inputs as dual numbers that do not vary.
-fn dual_inputs<M: Continuous>(inputs: &M::Inputs<f64>, scratch: &mut Scratch) -> M::Inputs<Dual64> {
-    let Scratch { inputs: reals, integers, booleans, strings, .. } = scratch;
+/// The inputs as numbers of another type.
+fn inputs_of<T: Scalar, M: Continuous>(
+    inputs: &M::Inputs<f64>,
+    memory: &mut Inputs,
+    typed: &mut Vec<T>,
+) -> M::Inputs<T> {
+    let Inputs { reals, integers, booleans, strings } = memory;
     inputs.write(&mut ValuesMut { reals, integers, booleans, strings }, Counts::ZERO);
-    scratch.input_duals.clear();
-    scratch.input_duals.extend(scratch.inputs.iter().map(|&value| Dual64::from(value)));
-    let values = Values {
-        reals: &scratch.input_duals,
-        integers: &scratch.integers,
-        booleans: &scratch.booleans,
-        strings: &scratch.strings,
-    };
-    M::Inputs::read(values, Counts::ZERO)
+    typed.clear();
+    typed.extend(reals.iter().map(|&value| T::from(value)));
+    M::Inputs::read(Values { reals: typed, integers, booleans, strings }, Counts::ZERO)
 }
 
-/// Working memory of the solvers; keeps nothing from one step to the next.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Scratch {
-    matrix: Vec<f64>,
-    slope: Vec<f64>,
-    pivots: Vec<usize>,
-    stages: Vec<f64>,
-    pub(crate) state: Vec<f64>,
-    pub(crate) other: Vec<f64>,
-    duals: Vec<Dual64>,
-    results: Vec<Dual64>,
-    inputs: Vec<f64>,
-    input_duals: Vec<Dual64>,
+/// The most states of a model with a fixed step that are kept as the model's struct, in registers or on the stack.
+const MOST_IN_PLACE: usize = 64;
+
+/// The fewest states of a stiff model whose structure is used.
+const LEAST_SPARSE: usize = 32;
+
+/// Where the integration keeps states.
+pub(crate) trait Keep<M: Continuous> {
+    /// A state.
+    type State;
+    /// The state in the values of an instance.
+    fn load(values: Values<'_, f64>, at: Counts, scratch: &mut Scratch) -> Self::State;
+    /// A copy.
+    fn copy(x: &Self::State, scratch: &mut Scratch) -> Self::State;
+    /// Writes a state to the values of an instance.
+    fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts);
+    /// Passes a state to the model.
+    fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R;
+    /// Passes a state to the model, which may change it.
+    fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R;
+    /// See [`Problem::fixed`].
+    fn fixed(
+        problem: &Problem<'_, M>,
+        time: f64,
+        x: &Self::State,
+        discrete: &M::DiscreteState,
+        h: f64,
+        scratch: &mut Scratch,
+    ) -> Self::State;
+    /// See [`Problem::estimated`].
+    fn estimated(
+        problem: &Problem<'_, M>,
+        time: f64,
+        x: &Self::State,
+        discrete: &M::DiscreteState,
+        h: f64,
+        scratch: &mut Scratch,
+    ) -> Option<Self::State>;
+    /// See [`ode::error_norm`], for the error in the scratch memory.
+    fn error_norm(x: &Self::State, end: &Self::State, tolerance: f64, scratch: &Scratch) -> f64;
+    /// Takes the memory of a state back.
+    fn recycle(_x: Self::State, _scratch: &mut Scratch) {}
+}
+
+/// Returns true if the integration keeps the states as the model's struct.
+pub(crate) const fn is_in_place<M: Continuous>() -> bool {
+    matches!(M::SOLVER, Solver::RungeKutta | Solver::Exact) && M::State::<f64>::COUNTS.reals <= MOST_IN_PLACE
+}
+
+/// States are the model's struct, for fixed steps of small models.
+pub(crate) struct InPlace;
+
+impl<M: Continuous> Keep<M> for InPlace {
+    type State = M::State<f64>;
+    #[inline]
+    fn load(values: Values<'_, f64>, at: Counts, _: &mut Scratch) -> Self::State {
+        M::State::read(values, at)
+    }
+    #[inline]
+    fn copy(x: &Self::State, _: &mut Scratch) -> Self::State {
+        x.copied()
+    }
+    #[inline]
+    fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts) {
+        x.write(values, at);
+    }
+    #[inline]
+    fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R {
+        f(x)
+    }
+    #[inline]
+    fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R {
+        f(x)
+    }
+    #[inline]
+    fn fixed(
+        problem: &Problem<'_, M>,
+        time: f64,
+        x: &Self::State,
+        discrete: &M::DiscreteState,
+        h: f64,
+        _: &mut Scratch,
+    ) -> Self::State {
+        problem.fixed(time, x, discrete, h)
+    }
+    fn estimated(
+        _: &Problem<'_, M>,
+        _: f64,
+        _: &Self::State,
+        _: &M::DiscreteState,
+        _: f64,
+        _: &mut Scratch,
+    ) -> Option<Self::State> {
+        unreachable!("a solver with error control keeps its states on the heap")
+    }
+    fn error_norm(_: &Self::State, _: &Self::State, _: f64, _: &Scratch) -> f64 {
+        unreachable!("a solver with error control keeps its states on the heap")
+    }
+}
+
+/// States are lists on the heap, so that a model of any size needs little stack.
+pub(crate) struct OnHeap;
+
+impl<M: Continuous> Keep<M> for OnHeap {
+    type State = Vec<f64>;
+    fn load(values: Values<'_, f64>, at: Counts, scratch: &mut Scratch) -> Self::State {
+        let mut x = scratch.take();
+        let n = x.len();
+        x.copy_from_slice(&values.reals[at.reals..][..n]);
+        x
+    }
+    fn copy(x: &Self::State, scratch: &mut Scratch) -> Self::State {
+        let mut copy = scratch.take();
+        copy.copy_from_slice(x);
+        copy
+    }
+    fn store(x: &Self::State, values: &mut ValuesMut<'_, f64>, at: Counts) {
+        values.reals[at.reals..][..x.len()].copy_from_slice(x);
+    }
+    #[inline(never)]
+    fn show<R>(x: &Self::State, f: impl FnOnce(&M::State<f64>) -> R) -> R {
+        f(&M::State::read(Values::of_reals(x), Counts::ZERO))
+    }
+    #[inline(never)]
+    fn change<R>(x: &mut Self::State, f: impl FnOnce(&mut M::State<f64>) -> R) -> R {
+        let mut state = M::State::read(Values::of_reals(x), Counts::ZERO);
+        let result = f(&mut state);
+        write::<M>(&state, x);
+        result
+    }
+    fn fixed(
+        problem: &Problem<'_, M>,
+        time: f64,
+        x: &Self::State,
+        discrete: &M::DiscreteState,
+        h: f64,
+        scratch: &mut Scratch,
+    ) -> Self::State {
+        problem.fixed_on_heap(time, x, discrete, h, scratch)
+    }
+    fn estimated(
+        problem: &Problem<'_, M>,
+        time: f64,
+        x: &Self::State,
+        discrete: &M::DiscreteState,
+        h: f64,
+        scratch: &mut Scratch,
+    ) -> Option<Self::State> {
+        problem.estimated(time, x, discrete, h, scratch)
+    }
+    fn error_norm(x: &Self::State, end: &Self::State, tolerance: f64, scratch: &Scratch) -> f64 {
+        ode::error_norm(x, end, &scratch.error, &scratch.nominals, tolerance)
+    }
+    fn recycle(x: Self::State, scratch: &mut Scratch) {
+        scratch.states.push(x);
+    }
+}
+
+/// The Jacobian of a stiff model and the factors of the matrix of a step.
+#[derive(Debug)]
+enum Jacobian {
+    Dense { matrix: Vec<f64>, pivots: Vec<usize> },
+    Sparse(Box<Sparse>),
+}
+
+#[derive(Debug)]
+struct Sparse {
+    by_column: Structure,
+    /// Values of the elements, by columns.
+    values: Vec<f64>,
+    /// Numbers of the elements on the diagonal.
+    diagonal: Vec<u32>,
+    /// Groups of columns that one evaluation is enough for.
+    groups: Structure,
+    /// Whether a derivative depends on the time.
+    follows_time: bool,
+    lu: SparseLu,
+}
+
+impl Default for Jacobian {
+    fn default() -> Self {
+        Self::dense(0)
+    }
+}
+
+impl Jacobian {
+    fn dense(n: usize) -> Self {
+        Self::Dense { matrix: vec![0.0; n * n], pivots: vec![0; n] }
+    }
+
+    /// For derivatives that depend on these states and, after them, on the time; `None` if a dense matrix is the better choice.
+    fn sparse(dependencies: &Structure) -> Option<Self> {
+        let n = dependencies.lines();
+        let is_state = |&&known: &&u32| (known as usize) < n;
+        let mut rows = Structure::default();
+        for row in 0..n {
+            rows.push(dependencies.line(row).iter().filter(is_state).copied().chain([row as u32]));
+        }
+        let by_column = rows.transposed(n);
+        let lu = SparseLu::new(&by_column, n * n / 8)?;
+        let element = |i: usize| {
+            let at = by_column.line(i).binary_search(&(i as u32)).expect("the diagonal was added");
+            (by_column.range(i).start + at) as u32
+        };
+        Some(Self::Sparse(Box::new(Sparse {
+            values: vec![0.0; by_column.elements()],
+            diagonal: (0..n).map(element).collect(),
+            groups: groups(&rows, n),
+            follows_time: (0..n).any(|row| dependencies.line(row).contains(&(n as u32))),
+            by_column,
+            lu,
+        })))
+    }
+
+    /// Number of groups of columns of a sparse matrix.
+    fn groups(&self) -> usize {
+        match self {
+            Self::Dense { .. } => 0,
+            Self::Sparse(sparse) => sparse.groups.lines(),
+        }
+    }
+
+    /// The columns of a group.
+    fn columns(&self, group: usize) -> impl Iterator<Item = usize> {
+        let columns: &[u32] = match self {
+            Self::Dense { .. } => &[],
+            Self::Sparse(sparse) => sparse.groups.line(group),
+        };
+        columns.iter().map(|&column| column as usize)
+    }
+
+    /// Takes the elements of a group from the derivatives along the sum of its columns.
+    fn store(&mut self, group: usize, derivatives: &[Dual64]) {
+        if let Self::Sparse(sparse) = self {
+            let Sparse { by_column, values, groups, .. } = &mut **sparse;
+            for &column in groups.line(group) {
+                let elements = by_column.range(column as usize);
+                for (value, &row) in values[elements].iter_mut().zip(by_column.line(column as usize)) {
+                    *value = derivatives[row as usize].eps;
+                }
+            }
+        }
+    }
+
+    fn follows_time(&self) -> bool {
+        match self {
+            Self::Dense { .. } => true,
+            Self::Sparse(sparse) => sparse.follows_time,
+        }
+    }
+
+    /// Turns the Jacobian J into the factors of `diagonal` I - J. Returns false if that is singular.
+    #[inline]
+    fn factorize(&mut self, diagonal: f64, n: usize) -> bool {
+        match self {
+            Self::Dense { matrix, pivots } => {
+                let (matrix, pivots) = (&mut matrix[..n * n], &mut pivots[..n]);
+                matrix.iter_mut().for_each(|element| *element = -*element);
+                (0..n).for_each(|i| matrix[i * n + i] += diagonal);
+                dense::factorize(matrix, pivots, n)
+            }
+            Self::Sparse(sparse) => {
+                let Sparse { by_column, values, diagonal: own, lu, .. } = &mut **sparse;
+                values.iter_mut().for_each(|element| *element = -*element);
+                own.iter().for_each(|&at| values[at as usize] += diagonal);
+                lu.factorize(by_column, values)
+            }
+        }
+    }
+
+    #[inline]
+    fn solve(&mut self, b: &mut [f64]) {
+        let n = b.len();
+        match self {
+            Self::Dense { matrix, pivots } => dense::solve(&matrix[..n * n], &pivots[..n], n, b),
+            Self::Sparse(sparse) => sparse.lu.solve(b),
+        }
+    }
+}
+
+/// Memory to convert inputs.
+#[derive(Debug, Default)]
+pub(crate) struct Inputs {
+    reals: Vec<f64>,
     integers: Vec<i32>,
     booleans: Vec<bool>,
     strings: Vec<String>,
 }
 
+/// Working memory of the solvers; keeps nothing from one step to the next but what follows from the equations.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    n: usize,
+    /// States that are not in use.
+    states: Vec<Vec<f64>>,
+    work: Vec<f64>,
+    error: Vec<f64>,
+    nominals: Vec<f64>,
+    jacobian: Jacobian,
+    /// The structure that the Jacobian was made for, `Some(None)` if everything depends on everything.
+    traced: Option<Option<Structure>>,
+    /// Whether the structure is that of the present parameters, discrete state and inputs.
+    is_traced: bool,
+    /// Hash of what equations may branch on, when the structure was traced.
+    pub(crate) branches: u64,
+    slope: Vec<f64>,
+    duals: Vec<Dual64>,
+    results: Vec<Dual64>,
+    inputs: Inputs,
+    input_duals: Vec<Dual64>,
+}
+
+/// States in use at the same time: at the start of an interval, at its end, at an event, and one more to compute.
+const STATES: usize = 5;
+
 impl Scratch {
-    pub(crate) fn resize<M: Continuous>(&mut self) {
+    pub(crate) fn new<M: Continuous>(layout: &Layout) -> Self {
+        if is_in_place::<M>() {
+            return Self::default();
+        }
         let n = M::State::<f64>::COUNTS.reals;
-        let inputs = M::Inputs::<f64>::COUNTS;
-        self.state.resize(n, 0.0);
-        self.other.resize(n, 0.0);
-        if matches!(M::SOLVER, Solver::Rosenbrock { .. }) {
-            self.matrix.resize(n * n, 0.0);
-            self.slope.resize(n, 0.0);
-            self.pivots.resize(n, 0);
-            self.stages.resize(6 * n, 0.0);
-            self.duals.resize(n, Dual64::from(0.0));
-            self.results.resize(n, Dual64::from(0.0));
-            self.inputs.resize(inputs.reals, 0.0);
-            self.input_duals.reserve(inputs.reals);
-            self.integers.resize(inputs.integers, 0);
-            self.booleans.resize(inputs.booleans, false);
-            self.strings.resize(inputs.strings, String::new());
+        let is_stiff = matches!(M::SOLVER, Solver::Rosenbrock { .. });
+        let parts = match M::SOLVER {
+            Solver::RungeKutta => ode::RUNGE_KUTTA_WORK,
+            Solver::DormandPrince { .. } => ode::DORMAND_PRINCE_WORK,
+            Solver::Rosenbrock { .. } => ode::RODAS_WORK,
+            Solver::Exact => 0,
+        };
+        let linear = if is_stiff { n } else { 0 };
+        let counts = if is_stiff { M::Inputs::<f64>::COUNTS } else { Counts::ZERO };
+        let nominal = |index| match &layout.real(index).declaration.kind {
+            Kind::Real(real) => real.nominal.unwrap_or(1.0),
+            _ => 1.0,
+        };
+        Self {
+            n,
+            states: vec![vec![0.0; n]; STATES],
+            work: vec![0.0; parts * n],
+            error: vec![0.0; n],
+            nominals: layout.states.reals().map(nominal).collect(),
+            jacobian: Jacobian::dense(if linear < LEAST_SPARSE { linear } else { 0 }),
+            traced: None,
+            is_traced: false,
+            branches: 0,
+            slope: vec![0.0; linear],
+            duals: vec![Dual64::from(0.0); linear],
+            results: vec![Dual64::from(0.0); linear],
+            inputs: Inputs {
+                reals: vec![0.0; counts.reals],
+                integers: vec![0; counts.integers],
+                booleans: vec![false; counts.booleans],
+                strings: vec![String::new(); counts.strings],
+            },
+            input_duals: vec![Dual64::from(0.0); counts.reals],
         }
     }
-}
 
-/// LU decomposition in place with row exchanges (Golub, Van Loan, "Matrix Computations", section 3.4). `None` if the matrix is
-/// singular.
-fn factorize(matrix: &mut [f64], pivots: &mut [usize], n: usize) -> Option<()> {
-    for k in 0..n {
-        let pivot = (k..n).max_by(|&a, &b| matrix[a * n + k].abs().total_cmp(&matrix[b * n + k].abs()))?;
-        let largest = matrix[pivot * n + k];
-        if largest == 0.0 || !largest.is_finite() {
-            return None;
-        }
-        pivots[k] = pivot;
-        (0..n).for_each(|column| matrix.swap(k * n + column, pivot * n + column));
-        for row in k + 1..n {
-            let factor = matrix[row * n + k] / matrix[k * n + k];
-            matrix[row * n + k] = factor;
-            for column in k + 1..n {
-                matrix[row * n + column] -= factor * matrix[k * n + column];
-            }
-        }
+    /// Returns true if there is none yet: in a copy of a saved state.
+    #[inline]
+    pub(crate) fn is_missing<M: Continuous>(&self) -> bool {
+        !is_in_place::<M>() && self.nominals.len() < M::State::<f64>::COUNTS.reals
     }
-    Some(())
-}
 
-/// Solves for one right side in place.
-fn solve(matrix: &[f64], pivots: &[usize], n: usize, b: &mut [f64]) {
-    (0..n).for_each(|k| b.swap(k, pivots[k]));
-    for row in 1..n {
-        for column in 0..row {
-            b[row] -= matrix[row * n + column] * b[column];
-        }
+    /// Memory for a state.
+    fn take(&mut self) -> Vec<f64> {
+        self.states.pop().unwrap_or_else(|| vec![0.0; self.n])
     }
-    for row in (0..n).rev() {
-        for column in row + 1..n {
-            b[row] -= matrix[row * n + column] * b[column];
-        }
-        b[row] /= matrix[row * n + row];
+
+    /// The structure of the Jacobian is found again before it is used: what equations may branch on has changed.
+    pub(crate) fn forget_structure(&mut self) {
+        self.is_traced = false;
     }
 }

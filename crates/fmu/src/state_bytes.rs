@@ -10,10 +10,11 @@ use crate::discrete_state::{OwnedWord, Word, Words};
 use crate::instance::Snapshot;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::store::ValueStore;
-use crate::variable::{Kind, Layout, Role};
+use crate::variable::{Kind, Layout, Role, Variable};
+use crate::variables::Derived as _;
 
 const MAGIC: &[u8; 8] = b"FMURS\r\n\0";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// FNV-1a, 64 bits: finds damaged bytes; it is no protection against forged ones.
 pub(crate) fn checksum(bytes: &[u8]) -> u64 {
@@ -38,7 +39,25 @@ impl Writer {
     }
 }
 
-pub(crate) fn write<M: Model>(protocol: Protocol, guid: &str, snapshot: &Snapshot<M>) -> Result<Vec<u8>, String> {
+/// The bytes of a snapshot. They depend on the state alone, not on what was computed from it to be read.
+pub(crate) fn write<M: Model>(
+    protocol: Protocol,
+    guid: &str,
+    layout: &Layout,
+    snapshot: &Snapshot<M>,
+) -> Result<Vec<u8>, String> {
+    let initialized = is_initialized(snapshot.mode);
+    let mut values = snapshot.values.clone();
+    let starts = ValueStore::start(layout);
+    for variable in layout.variables.iter().filter(|variable| is_computed::<M>(snapshot.mode, variable)) {
+        let index = variable.index;
+        match variable.declaration.kind {
+            Kind::Real(_) => values.reals[index] = starts.reals[index],
+            Kind::Integer { .. } => values.integers[index] = starts.integers[index],
+            Kind::Boolean { .. } => values.booleans[index] = starts.booleans[index],
+            Kind::String { .. } => values.strings[index].clone_from(&starts.strings[index]),
+        }
+    }
     let mut out = Writer(MAGIC.to_vec());
     out.u32(VERSION);
     out.u32(protocol.column() as u32);
@@ -49,14 +68,15 @@ pub(crate) fn write<M: Model>(protocol: Protocol, guid: &str, snapshot: &Snapsho
     out.f64(snapshot.clock.stop.unwrap_or(0.0));
     out.f64(snapshot.clock.time);
     out.u64(snapshot.clock.sample);
-    snapshot.values.reals.iter().for_each(|&value| out.f64(value));
-    snapshot.values.integers.iter().for_each(|&value| out.0.extend(value.to_le_bytes()));
-    snapshot.values.booleans.iter().for_each(|&value| out.0.push(u8::from(value)));
-    snapshot.values.strings.iter().for_each(|value| out.text(value));
-    out.u32(u32::from(snapshot.derived.is_some()));
-    out.u64(snapshot.derived.as_deref().map_or(0, M::fingerprint));
-    // Before the start the memory follows from the parameters.
-    if let Some(memory) = snapshot.memory.as_ref().filter(|_| is_initialized(snapshot.mode)) {
+    values.reals.iter().for_each(|&value| out.f64(value));
+    values.integers.iter().for_each(|&value| out.0.extend(value.to_le_bytes()));
+    values.booleans.iter().for_each(|&value| out.0.push(u8::from(value)));
+    values.strings.iter().for_each(|value| out.text(value));
+    // After the start the parameter has its value.
+    out.u32(u32::from(!initialized && snapshot.is_tolerance_set));
+    // Before the start the memory follows from the values.
+    if let (true, Some(derived), Some(memory)) = (initialized, snapshot.derived.as_deref(), &snapshot.memory) {
+        out.u64(M::fingerprint(derived));
         M::save(memory, &mut |word| match word {
             Word::Real(value) => {
                 out.0.push(0);
@@ -81,6 +101,22 @@ pub(crate) fn write<M: Model>(protocol: Protocol, guid: &str, snapshot: &Snapsho
 /// Whether the initialization has ended.
 fn is_initialized(mode: Mode) -> bool {
     !matches!(mode, Mode::Instantiated | Mode::Initialization)
+}
+
+/// Whether a value is computed from others before it is read. Between two events of model exchange the outputs that are not real
+/// keep their values.
+fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
+    let initialized = is_initialized(mode);
+    match variable.role {
+        Role::Calculated | Role::Derivative => true,
+        Role::State => variable.declaration.calculated && !initialized,
+        Role::Output => {
+            let is_kept = mode == Mode::ContinuousTime && !matches!(variable.declaration.kind, Kind::Real(_));
+            // Those of a source are computed up to the start.
+            !is_kept && (M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && !initialized))
+        }
+        Role::Parameter | Role::Input => false,
+    }
 }
 
 struct Reader<'a>(&'a [u8]);
@@ -173,18 +209,14 @@ pub(crate) fn read<M: Model>(
     for value in &mut values.strings {
         *value = source.text()?;
     }
-    let has_derived = source.switch()?;
-    let fingerprint = source.u64()?;
+    let is_tolerance_set = source.switch()?;
     let initialized = is_initialized(mode);
-    if mode == Mode::Broken || (initialized && !has_derived) {
+    if mode == Mode::Broken {
         return Err(format!("no state can be saved in {}", mode.name()));
     }
-    let are_computed = M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && !initialized);
-    for variable in &layout.variables {
+    for variable in layout.variables.iter().filter(|variable| !is_computed::<M>(mode, variable)) {
         let name = &variable.declaration.name;
         match &variable.declaration.kind {
-            // The outputs of a plant are computed anew from state and inputs, those of a source up to the start.
-            Kind::Real(_) if are_computed && matches!(variable.role, Role::Output | Role::Derivative) => {}
             Kind::Real(_) if !values.reals[variable.index].is_finite() => {
                 return Err(format!("'{name}' is not a finite number"));
             }
@@ -211,19 +243,22 @@ pub(crate) fn read<M: Model>(
     }
     let period = layout.solver.filter(|_| M::KIND == ModelKind::Discrete).map(|index| values.reals[index]);
     clock.check(protocol.interface, initialized, period)?;
-    let mut snapshot = Snapshot { mode, clock, values, memory: None, derived: None };
-    if !has_derived {
-        return if source.0.is_empty() { Ok(snapshot) } else { Err(format!("{} bytes too many", source.0.len())) };
-    }
-    let parameters = snapshot.values.parameters::<M>();
-    let derived = Arc::new(M::load(&parameters, resources)?);
-    if M::fingerprint(&derived) != fingerprint {
-        return Err("a file that the state was made with has another content now".to_owned());
-    }
-    // In place: the state of a model may be large, and a thread's stack small.
-    let Snapshot { values, clock, memory, .. } = &mut snapshot;
-    let memory = memory.insert(M::begin(&parameters, &derived, resources, layout, values, clock.start)?);
+    let mut snapshot =
+        Snapshot { mode, clock, values, is_tolerance_set, memory: None, derived: None, derived_are_old: true };
     if initialized {
+        let fingerprint = source.u64()?;
+        let parameters = snapshot.values.parameters::<M>();
+        let derived = Arc::new(M::load(&parameters, resources)?);
+        if M::fingerprint(&derived) != fingerprint {
+            return Err("a file that the state was made with has another content now".to_owned());
+        }
+        // In place: the state of a model may be large, and a thread's stack small.
+        let Snapshot { values, clock, memory, .. } = &mut snapshot;
+        derived.write(&mut values.view_mut(), layout.derived.at);
+        if let Some(index) = layout.derived.reals().find(|&index| !values.reals[index].is_finite()) {
+            return Err(format!("'{}' is not a finite number", layout.real_name(index)));
+        }
+        let memory = memory.insert(M::begin(&parameters, &derived, resources, layout, values, clock.start)?);
         let mut next = || match source.u8()? {
             0 => source.f64().map(OwnedWord::Real),
             1 => source.u64().map(OwnedWord::Whole),
@@ -236,10 +271,10 @@ pub(crate) fn read<M: Model>(
             kind => Err(format!("unknown kind of value {kind}")),
         };
         M::restore(memory, layout, &mut Words(&mut next))?;
+        (snapshot.derived, snapshot.derived_are_old) = (Some(derived), false);
     }
     if !source.0.is_empty() {
         return Err(format!("{} bytes too many", source.0.len()));
     }
-    snapshot.derived = Some(derived);
     Ok(snapshot)
 }

@@ -45,8 +45,6 @@ pub(crate) struct Array<'a> {
     pub(crate) description: String,
     pub(crate) dimensions: Vec<usize>,
     pub(crate) elements: Vec<&'a Variable>,
-    /// Whether the variable that was asked for is the first element.
-    pub(crate) is_first: bool,
 }
 
 /// Type of a variable with its start value and limits.
@@ -302,9 +300,20 @@ impl Layout {
             name: of.name.clone(),
             description: of.description.clone(),
             dimensions: of.dimensions.clone(),
-            is_first: first.reference == variable.reference,
             elements: elements.clone(),
         })
+    }
+
+    /// For each value reference that of the first element of its array, or the same one outside of arrays.
+    pub(crate) fn representatives(&self) -> Vec<u32> {
+        let mut first: Vec<u32> = (0..self.end).collect();
+        for variable in &self.variables {
+            let is_known = first[variable.reference as usize] != variable.reference;
+            if let Some(array) = (!is_known).then(|| self.array_of(variable)).flatten() {
+                array.elements.iter().for_each(|element| first[element.reference as usize] = variable.reference);
+            }
+        }
+        first
     }
 
     /// The variable of a value reference.
@@ -382,7 +391,7 @@ impl Kind {
         }
     }
     /// The count of this type.
-    const fn of(&self, counts: Counts) -> usize {
+    pub(crate) const fn of(&self, counts: Counts) -> usize {
         match self {
             Self::Real(_) => counts.reals,
             Self::Integer { .. } => counts.integers,

@@ -1,6 +1,6 @@
 //! Structs of variables as flat lists of values and as declarations.
 
-use crate::declare::Spec;
+use crate::declare::{Name, Spec};
 use crate::scalar::Scalar;
 use crate::variable::Declaration;
 
@@ -217,8 +217,8 @@ impl<T: Scalar> Field<T> for String {
 pub enum Starts<S, const N: usize> {
     /// The same for all elements.
     All(S),
-    /// One per element.
-    Each([S; N]),
+    /// One per element; not an array, which large models have no stack for.
+    Each(Vec<S>),
 }
 
 impl<S, const N: usize> From<S> for Starts<S, N> {
@@ -229,7 +229,7 @@ impl<S, const N: usize> From<S> for Starts<S, N> {
 
 impl<S, const N: usize> From<[S; N]> for Starts<S, N> {
     fn from(starts: [S; N]) -> Self {
-        Self::Each(starts)
+        Self::Each(starts.into())
     }
 }
 
@@ -254,16 +254,15 @@ impl<S, const N: usize> Starts<S, N> {
     where
         Listed<M>: FitsArrayOf<N>,
     {
-        let mut starts = starts.into_iter();
-        Self::Each(std::array::from_fn(|_| starts.next().expect("as many as elements")))
+        Self::Each(starts.into())
     }
 }
 
 impl<S: Clone, const N: usize> Starts<S, N> {
     /// The start value of each element.
-    pub fn each(self) -> [S; N] {
+    pub fn each(self) -> Vec<S> {
         match self {
-            Self::All(start) => std::array::from_fn(|_| start.clone()),
+            Self::All(start) => vec![start; N],
             Self::Each(starts) => starts,
         }
     }
@@ -278,10 +277,12 @@ pub fn declare_elements<T, F: Field<T>, const N: usize>(
 ) where
     F::Start: Clone,
 {
-    let mut starts = start.map(|start| start.each().into_iter());
+    // Empty without start values: an `Option` of the iterator compiles to a branch on a value that was never set, harmless, but an error for
+    // valgrind.
+    let mut starts = start.map_or_else(Vec::new, Starts::each).into_iter();
     let first = all.len();
     for i in 0..N {
-        F::declare(&spec(i), starts.as_mut().and_then(Iterator::next), all);
+        F::declare(&spec(i), starts.next(), all);
     }
     for array in all[first..].iter_mut().filter_map(|declaration| declaration.array.as_mut()) {
         array.dimensions.insert(0, N);
@@ -331,7 +332,7 @@ where
 ///     }
 /// }
 /// let heights = Sides([0.1, 0.2]);
-/// assert_eq!(heights[1], 0.2);
+/// assert_eq!((heights.l(), heights[1]), (0.1, 0.2));
 /// assert_eq!(Sides::<f64>::ELEMENTS[0].name, "l");
 /// ```
 #[macro_export]
@@ -352,6 +353,23 @@ macro_rules! named_array {
                 Self(std::array::from_fn(f))
             }
         }
+
+        const _: () = {
+            #[allow(non_camel_case_types)]
+            enum Index { $($element),+ }
+
+            // A model may use some of the elements only, and declare the type in a private module.
+            #[allow(dead_code, non_snake_case, unreachable_pub)]
+            impl<T: Copy> $name<T> {
+                $(
+                    #[doc = concat!("The value of the ", $words, ".")]
+                    #[inline]
+                    pub fn $element(&self) -> T {
+                        self.0[Index::$element as usize]
+                    }
+                )+
+            }
+        };
 
         impl<T> std::ops::Deref for $name<T> {
             type Target = [T; $count];
@@ -416,6 +434,9 @@ pub trait Variables<T: Scalar>: Sized {
     const COUNTS: Counts;
     /// True if a variable has an explicit start value.
     const HAS_STARTS: bool = false;
+    /// Names of the fields.
+    #[doc(hidden)]
+    const NAMES: &'static [Name] = &[];
     /// Adds the variables, in the order of the values.
     fn declare(all: &mut Vec<Declaration>);
     /// Reads the values at a position.
@@ -467,11 +488,17 @@ pub trait ContinuousState<T: Scalar>: Variables<T> {
     message = "`{Self}` does not declare its parameters",
     note = "add `#[derive(Parameters)]`; a model without parameters is a struct without fields"
 )]
-pub trait Parameters: Variables<f64> + Default + Send + 'static {}
+pub trait Parameters: Variables<f64> + Default + Send + 'static {
+    /// The fields of the struct, each with the numbers of its variables.
+    const FIELDS: &'static [(&'static str, Counts)] = &[];
+}
 
-/// Values that follow from the fixed parameters at the end of initialization: gains, tables, static loads. Derive
+/// Values that follow from the parameters: gains, tables, static loads. Derive
 /// [`Derived`](crate::derive::Derived); fields with `#[var]` are calculated parameters of the FMU.
 pub trait Derived: Send + Sync + 'static {
+    /// Names of the calculated parameters.
+    #[doc(hidden)]
+    const NAMES: &'static [Name] = &[];
     /// Adds the calculated parameters.
     fn declare(all: &mut Vec<Declaration>);
     /// Writes their values to a position.

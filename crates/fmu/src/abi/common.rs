@@ -1,10 +1,14 @@
 //! The functions that are the same in FMI 2.0 and FMI 3.0.
 
+use std::collections::HashSet;
 use std::ffi::CString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::c::{c_char, c_int, size_t};
-use super::{Component, Export, FmuState, Handle, Log, Status, array, array_mut, call, error, target, text, words};
+use super::{
+    Component, Export, FmuState, Handle, Log, Status, array, array_mut, call, error, float_environment, target, text,
+    words,
+};
 use crate::calls::{Function, Interface};
 use crate::description::{LOG_CATEGORIES, LOG_ERROR, LOG_EVENTS};
 use crate::instance::{CallError, Instance};
@@ -25,7 +29,7 @@ pub(super) unsafe fn create<E: Export>(
     name: *const c_char,
     make: impl FnOnce() -> Result<Instance<E::Model>, String>,
 ) -> Component {
-    let result = catch_unwind(AssertUnwindSafe(|| {
+    let run = AssertUnwindSafe(|| {
         // SAFETY: a string of the caller.
         let name = unsafe { text(name) }.map_err(|e| format!("instanceName is {e}"))?;
         log.name = CString::new(name).expect("a C string has no inner zeros");
@@ -33,13 +37,14 @@ pub(super) unsafe fn create<E: Export>(
             return Err("instanceName is empty".to_owned());
         }
         make()
-    }));
+    });
+    let result = float_environment::in_default(|| catch_unwind(run));
     let message = match result {
         Ok(Ok(instance)) => {
             return Box::into_raw(Box::new(Handle::<E> {
                 instance,
                 log,
-                snapshots: Vec::new(),
+                snapshots: HashSet::default(),
                 returns_early: false,
                 elements: Vec::new(),
             }))
@@ -98,7 +103,7 @@ pub unsafe fn free_instance<E: Export>(component: Component) {
         // SAFETY: made by Box::into_raw in `instantiate`, freed once.
         let handle = unsafe { Box::from_raw(handle) };
         // Nothing is left to report to if dropping panicked.
-        let _ = catch_unwind(AssertUnwindSafe(move || drop(handle)));
+        let _ = float_environment::in_default(|| catch_unwind(AssertUnwindSafe(move || drop(handle))));
     }
 }
 
@@ -179,7 +184,7 @@ pub unsafe fn free_fmu_state<E: Export>(component: Component, state: *mut FmuSta
                 return Ok(());
             }
             let snapshot = h.snapshot(function, *state)?;
-            h.snapshots.retain(|&known| known != snapshot);
+            h.snapshots.remove(&snapshot);
             drop(Box::from_raw(snapshot));
             *state = std::ptr::null_mut();
             Ok(())

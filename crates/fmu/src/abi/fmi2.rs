@@ -133,17 +133,19 @@ pub unsafe fn set_debug_logging<E: Export>(
     unsafe { common::set_log_categories::<E>(component, logging_on != 0, count, categories) }
 }
 
-/// fmi2SetupExperiment. The tolerance is not used: that of a solver with error control is a parameter.
+/// fmi2SetupExperiment. The tolerance is that of a solver with error control, unless its parameter was set.
 pub unsafe fn setup_experiment<E: Export>(
     component: Component,
-    _tolerance_defined: Boolean,
-    _tolerance: f64,
+    tolerance_defined: Boolean,
+    tolerance: f64,
     start: f64,
     stop_defined: Boolean,
     stop: f64,
 ) -> Status {
+    let function = Function::SetupExperiment;
     let stop = (stop_defined != 0).then_some(stop);
-    unsafe { call::<E>(component, Function::SetupExperiment, |h| h.instance.setup_experiment(start, stop)) }
+    let tolerance = (tolerance_defined != 0).then_some(tolerance);
+    unsafe { call::<E>(component, function, |h| h.instance.set_experiment(function, start, stop, tolerance)) }
 }
 
 /// fmi2EnterInitializationMode.

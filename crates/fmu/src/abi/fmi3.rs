@@ -130,19 +130,21 @@ pub unsafe fn set_debug_logging<E: Export>(
     unsafe { common::set_log_categories::<E>(component, logging_on != 0, count, categories) }
 }
 
-/// fmi3EnterInitializationMode. The tolerance is not used: a model with error control has a parameter for it.
+/// fmi3EnterInitializationMode. The tolerance is that of a solver with error control, unless its parameter was set.
 pub unsafe fn enter_initialization_mode<E: Export>(
     component: Component,
-    _tolerance_defined: Boolean,
-    _tolerance: f64,
+    tolerance_defined: Boolean,
+    tolerance: f64,
     start: f64,
     stop_defined: Boolean,
     stop: f64,
 ) -> Status {
+    let function = Function::EnterInitializationMode;
     let stop = (stop_defined != 0).then_some(stop);
+    let tolerance = (tolerance_defined != 0).then_some(tolerance);
     unsafe {
-        call::<E>(component, Function::EnterInitializationMode, |h| {
-            h.instance.set_experiment(Function::EnterInitializationMode, start, stop)?;
+        call::<E>(component, function, |h| {
+            h.instance.set_experiment(function, start, stop, tolerance)?;
             h.instance.enter_initialization()
         })
     }

@@ -24,7 +24,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
     let indicators = layout.indicators.total().to_string();
     let authors = info.authors.replace(':', ", ");
     let first = [("fmiVersion", "2.0"), ("modelName", info.name), ("guid", "")];
-    let facts: Vec<_> = facts(&M::INFO, &authors).collect();
+    let facts: Vec<_> = facts(&M::INFO, layout, &authors).collect();
     let indicators = interfaces.model_exchange.then_some(("numberOfEventIndicators", indicators.as_str()));
     let facts = first.into_iter().chain(facts.iter().map(|(key, value)| (*key, value.as_str()))).chain(indicators);
     xml.create_element("fmiModelDescription").with_attributes(facts).write_inner_content(|xml| {
@@ -88,7 +88,7 @@ fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
 
 fn scalar_variable<M: Model>(xml: &mut Xml, layout: &Layout, variable: &Variable) -> Written {
     let declaration = &variable.declaration;
-    let (causality, variability, initial) = kind_of::<M>(variable);
+    let (causality, variability, initial) = kind_of::<M>(layout, variable);
     let mut element = xml.create_element("ScalarVariable").with_attributes([
         ("name", declaration.name.as_str()),
         ("valueReference", variable.reference.to_string().as_str()),
@@ -171,7 +171,7 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, structure: &Structu
             .write_empty()?;
         Ok(())
     };
-    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, &structure.dependencies);
+    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, structure);
     xml.create_element("ModelStructure").write_inner_content(|xml| {
         let lists = [("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", initial)];
         for (name, unknowns) in lists.iter().filter(|(_, unknowns)| !unknowns.is_empty()) {

@@ -22,7 +22,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     let authors = info.authors.replace(':', ", ");
     let first = [("fmiVersion", "3.0"), ("modelName", info.name), ("instantiationToken", "")];
-    let facts: Vec<_> = facts(&M::INFO, &authors).collect();
+    let facts: Vec<_> = facts(&M::INFO, layout, &authors).collect();
     let facts = first.into_iter().chain(facts.iter().map(|(key, value)| (*key, value.as_str())));
     xml.create_element("fmiModelDescription").with_attributes(facts).write_inner_content(|xml| {
         let interfaces = format.interfaces;
@@ -69,10 +69,11 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
 
 /// The variables that are written: with native arrays, the first element stands for all.
 fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable> {
-    layout
-        .variables
-        .iter()
-        .filter(move |variable| !format.arrays || layout.array_of(variable).is_none_or(|a| a.is_first))
+    let representatives = if format.arrays { layout.representatives() } else { Vec::new() };
+    let is_written = move |variable: &&Variable| {
+        representatives.get(variable.reference as usize).is_none_or(|&first| first == variable.reference)
+    };
+    layout.variables.iter().filter(is_written)
 }
 
 fn type_definitions(xml: &mut Xml, layout: &Layout) -> Written {
@@ -147,7 +148,7 @@ fn event_indicator(xml: &mut Xml, layout: &Layout, index: usize) -> Written {
 
 fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, variable: &Variable) -> Written {
     let declaration = &variable.declaration;
-    let array = layout.array_of(variable).filter(|_| format.arrays);
+    let array = if format.arrays { layout.array_of(variable) } else { None };
     let elements: Vec<&Variable> = match &array {
         Some(array) => array.elements.clone(),
         None => vec![variable],
@@ -156,7 +157,7 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
         Some(array) => (array.name.clone(), array.description.clone()),
         None => (declaration.name.clone(), declaration.description.clone()),
     };
-    let (causality, variability, initial) = kind_of::<M>(variable);
+    let (causality, variability, initial) = kind_of::<M>(layout, variable);
     let is_calculated = initial == Some("calculated");
     let mut attributes = vec![
         ("name", name),
@@ -248,10 +249,9 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
 
 fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, structure: &Structure) -> Written {
     // With native arrays, an array depends on all that one of its elements depends on.
-    let representative = |variable: &Variable| match layout.array_of(variable).filter(|_| format.arrays) {
-        Some(array) => array.elements[0].reference,
-        None => variable.reference,
-    };
+    let representatives = if format.arrays { layout.representatives() } else { Vec::new() };
+    let representative =
+        |variable: &Variable| representatives.get(variable.reference as usize).copied().unwrap_or(variable.reference);
     let write = |xml: &mut Xml, name: &str, unknowns: &[Unknown<'_>]| -> Written {
         let mut merged: Vec<(u32, Vec<u32>)> = Vec::new();
         for unknown in unknowns {
@@ -276,7 +276,7 @@ fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, str
         }
         Ok(())
     };
-    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, &structure.dependencies);
+    let Unknowns { outputs, derivatives, initial } = Unknowns::of::<M>(layout, structure);
     let indicators = if format.interfaces.model_exchange { layout.indicators.total() } else { 0 };
     xml.create_element("ModelStructure").write_inner_content(|xml| {
         write(xml, "Output", &outputs)?;

@@ -2,89 +2,223 @@
 
 use std::path::Path;
 
-use crate::combinations::{MOST_VALUES, are_few, combinations};
+use crate::combinations::{MOST_COMBINATIONS, MOST_VALUES, are_few, combinations};
+use crate::expression::Expression;
 use crate::runner::{Kind as ModelKind, Model};
 use crate::scalar::DependencySet;
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role, Variable};
+use crate::variables::{Counts, Parameters};
 
 /// What the equations say about themselves.
 #[derive(Default)]
 pub(super) struct Structure {
-    /// What each real output, then each derivative depends on.
-    pub(super) dependencies: Vec<DependencySet>,
+    /// The real inputs, states and time that each real output, then each derivative depends on.
+    dependencies: Vec<DependencySet>,
+    /// The inputs of other types that each output, then each derivative depends on, in the order of these inputs.
+    on_others: Vec<DependencySet>,
+    /// Whether outputs of other types may depend on real variables.
+    is_inspected: bool,
     /// The most relations.
     pub(super) relations: usize,
+    /// Reasons for a dense structure, with the remedy.
+    pub(super) notes: Vec<String>,
 }
 
-/// Dependencies and relations over the values of Booleans, enumerations and bounded Integers, see [`combinations`].
+/// Dependencies and relations over the values of Booleans, enumerations and bounded Integers, see [`combinations`], and of
+/// Booleans and enumerations of the discrete state.
+///
+/// A Boolean or Integer input counts for an unknown if one of its values leads to another expression, for the start values of
+/// the real parameters or for others, since it may choose between two that start alike. Strings and Integers
+/// without limits have too many values to try. As parameters they are left out if the equations do not read them, as real
+/// ones are: what `load` and `derived` make of them is a constant of the equations.
 pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Structure, String> {
     let start = ValueStore::start(layout);
     let mut values = start.clone();
     // The last one is the time.
     let known = layout.inputs.counts.reals + layout.states.counts.reals + 1;
     let unknown = layout.outputs.counts.reals + layout.states.counts.reals;
+    let others: Vec<_> = other_inputs(layout).collect();
+    let unknown_of_all_types =
+        layout.variables.iter().filter(|v| matches!(v.role, Role::Output | Role::Derivative)).count();
     // Variables that equations may branch on, with their values.
-    let mut branches: Vec<(bool, usize, Vec<i32>)> = Vec::new();
-    let mut is_open = false;
+    let mut branches: Vec<(bool, &Variable, Vec<i32>)> = Vec::new();
+    let mut notes = Vec::new();
     for variable in layout.variables.iter().filter(|v| matches!(v.role, Role::Parameter | Role::Input)) {
         match &variable.declaration.kind {
             Kind::Real(_) => {}
             Kind::Integer { items, .. } if !items.is_empty() => {
-                branches.push((true, variable.index, items.iter().map(|item| item.value).collect()));
+                branches.push((true, variable, items.iter().map(|item| item.value).collect()));
             }
             Kind::Integer { min, max, .. } if i64::from(*max) - i64::from(*min) < MOST_VALUES as i64 => {
-                branches.push((true, variable.index, (*min..=*max).collect()));
+                branches.push((true, variable, (*min..=*max).collect()));
             }
-            Kind::Boolean { .. } => branches.push((false, variable.index, vec![0, 1])),
-            // Too many values to try: anything may depend on them, and on everything else through them.
-            Kind::Integer { .. } | Kind::String { .. } => is_open = true,
+            Kind::Boolean { .. } => branches.push((false, variable, vec![0, 1])),
+            Kind::Integer { .. } | Kind::String { .. } => notes.extend(too_many_values::<M>(variable)),
         }
     }
-    let sizes: Vec<_> = branches.iter().map(|(_, _, options)| options.len()).collect();
-    is_open |= !are_few(&sizes);
-    let mut union = vec![DependencySet::default(); unknown];
-    if is_open {
-        union.iter_mut().for_each(|set| (0..known).for_each(|index| set.insert(index)));
+    let modes = M::modes();
+    let sizes: Vec<_> = branches.iter().map(|(_, _, options)| options.len()).chain(modes.sizes()).collect();
+    if !are_few(&sizes) {
+        let of_state =
+            (sizes.len() > branches.len()).then(|| "Booleans and enumerations of the discrete state".to_owned());
+        let names = branches.iter().map(|(_, variable, _)| format!("`{}`", variable.declaration.name));
+        let names: Vec<_> = names.chain(of_state).collect();
+        notes.push(format!("{} have more than {MOST_COMBINATIONS} combinations of values", names.join(", ")));
     }
+    let is_open = !notes.is_empty();
+    let nothing = DependencySet::default();
+    let mut union = vec![if is_open { DependencySet::all(known) } else { nothing.clone() }; unknown];
+    let mut on_others = vec![if is_open { DependencySet::all(others.len()) } else { nothing }; unknown_of_all_types];
+    let mut is_inspected = is_open;
     let mut relations = 0;
     let mut failure = None;
     let mut has_derived = false;
-    for choice in combinations(&sizes) {
-        values.clone_from(&start);
-        for ((is_integer, index, options), number) in branches.iter().zip(choice) {
-            let Some(number) = number else { continue };
+    // The expressions of all combinations; those of the first are not among them.
+    let mut expressions: Vec<Vec<Expression>> = Vec::new();
+    let begin = |values: &mut ValueStore, from: &ValueStore, choice: &[Option<usize>]| {
+        values.clone_from(from);
+        let (choice, mode) = choice.split_at(branches.len());
+        for ((is_integer, variable, options), number) in branches.iter().zip(choice) {
+            let Some(number) = *number else { continue };
             let value = options[number];
             if *is_integer {
-                values.integers[*index] = value;
+                values.integers[variable.index] = value;
             } else {
-                values.booleans[*index] = value != 0;
+                values.booleans[variable.index] = value != 0;
             }
         }
         let p = values.parameters::<M>();
-        let begun = M::load(&p, resources).and_then(|derived| {
-            let mut values = values.clone();
-            M::initialize(&p, &derived, layout, &mut values);
-            let memory = M::begin(&p, &derived, resources, layout, &values, 0.0)?;
-            Ok((derived, memory))
-        });
-        match begun {
-            Ok((derived, memory)) => {
+        let derived = M::load(&p, resources)?;
+        let mut initial = values.clone();
+        M::initialize(&p, &derived, layout, &mut initial);
+        let memory = M::begin(&p, &derived, resources, layout, &initial, 0.0)?;
+        let memory = M::with_mode(memory, &modes, mode).ok_or("values of the discrete state exclude each other")?;
+        Ok::<_, String>((p, derived, memory))
+    };
+    let choices = combinations(&sizes);
+    for choice in &choices {
+        let mut found = Vec::new();
+        match begin(&mut values, &start, choice) {
+            Ok((p, derived, memory)) => {
                 has_derived = true;
                 relations = relations.max(M::count_relations(&p, &derived, &memory, layout, &values));
                 if !is_open {
-                    let sets = M::dependencies(&p, &derived, &memory, layout, &values);
-                    union.iter_mut().zip(sets).for_each(|(sum, set)| sum.extend(&set));
+                    match M::dependencies(&p, &derived, &memory, layout, &values) {
+                        Some(sets) => union.iter_mut().enumerate().for_each(|(i, sum)| sum.extend(sets.line(i))),
+                        None => union.fill(DependencySet::all(known)),
+                    }
+                    let all = M::expressions(&p, &derived, &memory, layout, &values);
+                    is_inspected |= all.is_inspected;
+                    found = all.all;
                 }
             }
             // A combination without derived parameters cannot be simulated, so it adds nothing.
             Err(message) => failure = failure.or(Some(message)),
         }
+        expressions.push(found);
+    }
+    if is_inspected && !is_open {
+        notes.push("the equations look at a value (`value()` or a comparison)".to_owned());
+        on_others.fill(DependencySet::all(others.len()));
+    } else if !is_open {
+        let mut find = |expressions: &[Vec<Expression>]| {
+            let mut stride = 1;
+            for ((_, variable, _), &size) in branches.iter().zip(&sizes) {
+                if let Some(number) = others.iter().position(|other| other.reference == variable.reference) {
+                    influences(&expressions[1..], stride, size, |unknown| on_others[unknown].extend(&[number as u32]));
+                }
+                stride *= size;
+            }
+        };
+        find(&expressions);
+        if M::KIND == ModelKind::Continuous && !others.is_empty() {
+            let moved = with_other_parameters(layout, &start);
+            let mut is_whole = true;
+            for (choice, found) in choices.iter().zip(&mut expressions) {
+                match begin(&mut values, &moved, choice) {
+                    Ok((p, derived, memory)) => *found = M::expressions(&p, &derived, &memory, layout, &values).all,
+                    Err(_) => is_whole &= std::mem::take(found).is_empty(),
+                }
+            }
+            find(&expressions);
+            if !is_whole {
+                on_others.fill(DependencySet::all(others.len()));
+            }
+        }
     }
     match failure {
         Some(message) if !has_derived => Err(format!("the start values of the parameters do not work: {message}")),
-        _ => Ok(Structure { dependencies: union, relations }),
+        _ => Ok(Structure { dependencies: union, on_others, is_inspected, relations, notes }),
     }
+}
+
+/// Values in which each real parameter differs from its start value, and from parameters with the same one.
+fn with_other_parameters(layout: &Layout, start: &ValueStore) -> ValueStore {
+    let mut values = start.clone();
+    for (number, index) in layout.parameters.reals().enumerate() {
+        let value = start.reals[index];
+        // Shares of the golden ratio, so that no two are alike.
+        let share = 1e-3 * (1.0 + (number as f64 * 0.618_033_988_749_894_9).fract());
+        let (up, down) = (value + share * (1.0 + value.abs()), value - share * (1.0 + value.abs()));
+        if let Kind::Real(real) = &layout.real(index).declaration.kind {
+            let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
+            values.reals[index] = if up <= max { up } else { down.max(min) };
+        }
+    }
+    values
+}
+
+/// Calls `f` with the unknowns whose expressions differ between combinations in which one variable alone has another value. In
+/// the numbers of the combinations its value counts `stride`.
+fn influences(expressions: &[Vec<Expression>], stride: usize, size: usize, mut f: impl FnMut(usize)) {
+    for (number, first) in expressions.iter().enumerate().filter(|(number, _)| (number / stride).is_multiple_of(size)) {
+        for other in (1..size).map(|value| &expressions[number + value * stride]) {
+            first.iter().zip(other).enumerate().filter(|(_, (a, b))| a != b).for_each(|(unknown, _)| f(unknown));
+        }
+    }
+}
+
+/// Inputs of other types than Real.
+fn other_inputs(layout: &Layout) -> impl Iterator<Item = &Variable> {
+    let is_other = |v: &&Variable| v.role == Role::Input && !matches!(v.declaration.kind, Kind::Real(_));
+    layout.variables.iter().filter(is_other)
+}
+
+/// The reason that a String, or an Integer without limits, makes the structure dense, if it does.
+fn too_many_values<M: Model>(variable: &Variable) -> Option<String> {
+    let name = &variable.declaration.name;
+    let is_text = matches!(variable.declaration.kind, Kind::String { .. });
+    let limits = if is_text { "" } else { "give it `min` and `max` less than 64 apart, or " };
+    if variable.role == Role::Input {
+        let instead = if is_text { "use an enumeration or a Boolean" } else { "use an enumeration" };
+        return Some(format!("the equations may read the input `{name}`, which may have any value; {limits}{instead}"));
+    }
+    let field = field_of::<M::Parameters>(variable);
+    match M::EQUATIONS_READ {
+        Some(read) if field.is_some_and(|field| !read.contains(&field)) => None,
+        Some(_) => Some(format!(
+            "the equations read the parameter `{name}`, which may have any value; {limits}read it in `derived` or `load` \
+             and keep there what the equations need of it"
+        )),
+        None => Some(format!(
+            "the equations may read the parameter `{name}`, which may have any value, where they pass on `self`; {limits}\
+             pass on the fields that are needed"
+        )),
+    }
+}
+
+/// The field of the struct that holds a parameter.
+fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
+    let kind = &variable.declaration.kind;
+    let mut end = Counts::ZERO;
+    P::FIELDS
+        .iter()
+        .find(|(_, counts)| {
+            end = end.plus(*counts);
+            variable.index < kind.of(end)
+        })
+        .map(|(name, _)| *name)
 }
 
 /// An unknown of the model structure with what it depends on.
@@ -104,43 +238,48 @@ pub(super) struct Unknowns<'a> {
 }
 
 impl<'a> Unknowns<'a> {
-    pub(super) fn of<M: Model>(layout: &'a Layout, structure: &[DependencySet]) -> Self {
+    pub(super) fn of<M: Model>(layout: &'a Layout, structure: &Structure) -> Self {
         let with_role = |role: Role| layout.variables.iter().filter(move |variable| variable.role == role);
         let is_real = |variable: &&Variable| matches!(variable.declaration.kind, Kind::Real(_));
-        // Known real variables in the order in which `DependencySet` numbers them; what depends on the others is not known.
+        // Known variables in the order in which the sets number them.
         let known: Vec<_> = with_role(Role::Input).filter(is_real).chain(with_role(Role::State)).collect();
-        let others: Vec<_> = with_role(Role::Input).filter(|variable| !is_real(variable)).collect();
+        let others: Vec<_> = other_inputs(layout).collect();
+        // The number of an output or derivative among them, by its index in the model structure.
+        let mut numbers = vec![0; layout.variables.len() + 1];
+        let unknowns = layout.variables.iter().filter(|v| matches!(v.role, Role::Output | Role::Derivative));
+        unknowns.enumerate().for_each(|(number, v)| numbers[layout.structure_index(v.reference)] = number);
         let sorted = |mut variables: Vec<&'a Variable>| {
             variables.sort_by_key(|variable| layout.structure_index(variable.reference));
             variables
         };
+        let any = DependencySet::all(if structure.is_inspected { known.len() + 1 } else { 0 });
         let depends = |variable: &'a Variable| -> Unknown<'a> {
+            let any = &any;
             let set = match (variable.role, M::KIND) {
                 (Role::Output, ModelKind::Continuous) if is_real(&variable) => {
-                    &structure[variable.index - layout.outputs.at.reals]
+                    &structure.dependencies[variable.index - layout.outputs.at.reals]
                 }
-                (Role::Output, ModelKind::Continuous) => {
-                    let dependencies = sorted(known.iter().chain(&others).copied().collect());
-                    return Unknown { variable, dependencies, on_time: true };
-                }
+                (Role::Output, ModelKind::Continuous) => any,
                 (Role::Derivative, _) => {
-                    &structure[layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals]
+                    let index = layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals;
+                    &structure.dependencies[index]
                 }
                 (Role::State, _) => return Unknown { variable, dependencies: vec![variable], on_time: false },
                 // Outputs of other models are held.
                 _ => return Unknown { variable, dependencies: Vec::new(), on_time: false },
             };
-            let mut all: Vec<_> =
-                known.iter().enumerate().filter(|&(i, _)| set.contains(i)).map(|(_, &variable)| variable).collect();
-            all.extend(&others);
+            let number = numbers[layout.structure_index(variable.reference)];
+            let in_set = |set: &DependencySet, of: &[&'a Variable]| -> Vec<&'a Variable> {
+                set.iter().filter_map(|i| of.get(i).copied()).collect()
+            };
+            let mut all = in_set(set, &known);
+            all.extend(in_set(&structure.on_others[number], &others));
             Unknown { variable, dependencies: sorted(all), on_time: set.contains(known.len()) }
         };
         let is_output = |v: &&Variable| v.role == Role::Output || (v.role == Role::State && !v.declaration.local);
-        // At the start everything may also depend on any parameter; calculated ones on the fixed parameters only, the
-        // outputs of a source on those it names.
+        // At the start everything may also depend on any parameter, the outputs of a source on those it names.
         let can_follow = |v: &Variable, parameter: &Variable| match (v.role, M::SOURCE) {
-            (Role::Calculated | Role::State, _) => !parameter.declaration.tunable,
-            (_, Some(influence)) => influence(&v.declaration.name, &parameter.declaration.name),
+            (Role::Output, Some(influence)) => influence(&v.declaration.name, &parameter.declaration.name),
             _ => true,
         };
         let is_initial = |v: &&Variable| match v.role {
@@ -154,7 +293,15 @@ impl<'a> Unknowns<'a> {
             // A state that is calculated itself is unknown at the start; it follows from the parameters.
             let known = depends(variable);
             let others = known.dependencies.into_iter().filter(|other| !other.declaration.calculated);
-            Unknown { variable, dependencies: parameters.chain(others).collect(), on_time: known.on_time }
+            let is_followed = |input: &&Variable| {
+                M::SOURCE.is_some() && M::FOLLOWS(&variable.declaration.name, &input.declaration.name)
+            };
+            let followed = with_role(Role::Input).filter(|input| variable.role == Role::Output && is_followed(input));
+            Unknown {
+                variable,
+                dependencies: parameters.chain(followed).chain(others).collect(),
+                on_time: known.on_time,
+            }
         };
         Self {
             outputs: layout.variables.iter().filter(is_output).map(depends).collect(),

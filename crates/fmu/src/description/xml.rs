@@ -23,7 +23,11 @@ pub(super) fn list(numbers: impl IntoIterator<Item = usize>) -> String {
 pub(super) type Written = std::io::Result<()>;
 pub(super) type Xml = Writer<Vec<u8>>;
 /// Facts about the model that are attributes of the first element. A manifest need not name authors or a license.
-pub(super) fn facts(info: &'static Info, authors: &str) -> impl Iterator<Item = (&'static str, String)> {
+pub(super) fn facts(
+    info: &'static Info,
+    layout: &Layout,
+    authors: &str,
+) -> impl Iterator<Item = (&'static str, String)> + use<> {
     let tool = concat!("fmu ", env!("CARGO_PKG_VERSION"), " (Rust)");
     let facts = [
         ("description", info.description.to_owned()),
@@ -31,9 +35,52 @@ pub(super) fn facts(info: &'static Info, authors: &str) -> impl Iterator<Item = 
         ("version", info.version.to_owned()),
         ("license", info.license.to_owned()),
         ("generationTool", tool.to_owned()),
-        ("variableNamingConvention", "structured".to_owned()),
+        ("variableNamingConvention", naming_convention(layout).to_owned()),
     ];
     facts.into_iter().filter(|(_, value)| !value.is_empty())
+}
+
+/// `structured` promises that a dot leads from a whole to a part. It is one in names that follow the convention of this crate, words
+/// in lower snake case; in names that someone else dictates it is a letter like others, so they are `flat`, which promises nothing.
+fn naming_convention(layout: &Layout) -> &'static str {
+    let is_structured = |variable: &Variable| is_structured(&variable.declaration.name);
+    if layout.variables.iter().all(is_structured) { "structured" } else { "flat" }
+}
+
+/// Words in lower snake case with indices, joined by dots, in `der(…)` for a derivative.
+fn is_structured(name: &str) -> bool {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_part = |part: &str| {
+        let word = match part.strip_suffix(']').map(|rest| rest.split_once('[')) {
+            Some(Some((word, indices))) if indices.split(',').all(is_number) => word,
+            _ => part,
+        };
+        word.starts_with(|c: char| c.is_ascii_lowercase())
+            && word.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_')
+    };
+    name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')')).unwrap_or(name).split('.').all(is_part)
+}
+
+/// Whether XML can hold a character.
+pub(super) fn is_xml(c: char) -> bool {
+    !(c < ' ' && !"\t\n\r".contains(c) || c == '\u{fffe}' || c == '\u{ffff}')
+}
+
+/// Writes line breaks and tabs in attributes as character references: a reader turns others into blanks.
+pub(super) fn with_references(xml: &str) -> String {
+    let mut result = String::with_capacity(xml.len());
+    // Values are in double quotes, which nothing but attributes contains, and have none inside.
+    let mut is_value = false;
+    for c in xml.chars() {
+        is_value ^= c == '"';
+        match c {
+            '\n' if is_value => result.push_str("&#10;"),
+            '\r' if is_value => result.push_str("&#13;"),
+            '\t' if is_value => result.push_str("&#9;"),
+            _ => result.push(c),
+        }
+    }
+    result
 }
 
 pub(super) fn unit_definitions(xml: &mut Xml, layout: &Layout) -> Written {
@@ -108,12 +155,19 @@ pub(super) fn default_experiment(xml: &mut Xml, info: &Info) -> Written {
 }
 
 /// Causality, variability and initial of a variable.
-pub(super) fn kind_of<M: Model>(variable: &Variable) -> (&'static str, &'static str, Option<&'static str>) {
+pub(super) fn kind_of<M: Model>(
+    layout: &Layout,
+    variable: &Variable,
+) -> (&'static str, &'static str, Option<&'static str>) {
     let declaration = &variable.declaration;
     let is_real = matches!(declaration.kind, Kind::Real(_));
     match variable.role {
         Role::Parameter => ("parameter", if declaration.tunable { "tunable" } else { "fixed" }, Some("exact")),
-        Role::Calculated => ("calculatedParameter", "fixed", Some("calculated")),
+        // They are computed from all parameters.
+        Role::Calculated => {
+            let is_tunable = layout.variables.iter().any(|variable| variable.declaration.tunable);
+            ("calculatedParameter", if is_tunable { "tunable" } else { "fixed" }, Some("calculated"))
+        }
         Role::Input => ("input", if is_real { "continuous" } else { "discrete" }, None),
         Role::Output => (
             "output",
@@ -182,4 +236,31 @@ pub(super) fn items(xml: &mut Xml, items: &[Item]) -> Written {
             .write_empty()?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_the_convention_are_structured() {
+        for name in ["x", "tire.front_left.load", "x[1]", "x[1,12].y2", "der(axle.rear[2].speed)"] {
+            assert!(is_structured(name), "{name}");
+        }
+        for name in
+            ["X", "acc.setSpeed", "VehSpd_kph", "a b", "a..b", "a.", "1st", "x[]", "x[a]", "x.1", "der(X)", "grad(x)"]
+        {
+            assert!(!is_structured(name), "{name}");
+        }
+    }
+
+    /// Reference: XML 1.0, section 3.3.3, normalization of attribute values.
+    #[test]
+    fn line_breaks_in_attributes_are_character_references() {
+        let xml = "<?xml version=\"1.0\"?>\n<a b=\"1\n2\t3\r\">\n\t<c d=\"\"/>\n</a>\n";
+        let expected = "<?xml version=\"1.0\"?>\n<a b=\"1&#10;2&#9;3&#13;\">\n\t<c d=\"\"/>\n</a>\n";
+        assert_eq!(with_references(xml), expected);
+        assert!("\t\n\r ä\u{10ffff}".chars().all(is_xml));
+        assert!(!"\0\u{b}\u{1b}\u{fffe}".chars().any(is_xml));
+    }
 }

@@ -59,6 +59,9 @@ impl<M: Model> Instance<M> {
                 "a step of {step} s needs {parts} integration steps or samples; at most {MOST_PARTS} are possible"
             ));
         }
+        if self.derived_are_old {
+            self.derive()?;
+        }
         let parts = u64::from(parts as u32); // quicker than to u64, and the limit is below 2^32
         let layout = &self.description.layout;
         let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {

@@ -1,5 +1,7 @@
 //! Derivatives of the equations, exact by dual numbers.
 
+use fmu_math::sparse::{Structure, groups};
+
 use super::{CallError, CallResult, Instance, Mode};
 use crate::calls::{Function, Version};
 use crate::runner::{Kind as ModelKind, Model};
@@ -28,7 +30,7 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// For a discrete-time model, whose outputs are held; on a reference that is no output or state derivative (unknown) or
-    /// no input or state (known), or a seed or result that is not finite.
+    /// no input or state (known), or a seed that is not finite; fmi2Discard for a derivative that is not finite, as at the root of 0.
     pub fn directional_derivative(
         &mut self,
         unknown: &[u32],
@@ -48,7 +50,19 @@ impl<M: Model> Instance<M> {
         let slopes = self.slopes(&direction)?;
         let of = |unknown: &Unknown| unknown.of(&direction, &slopes);
         if let Some(at) = unknowns.iter().position(|unknown| !of(unknown).is_finite()) {
-            return Err(self.no_derivative(function, "of", unknown[at]));
+            // The first input or state with respect to which it has no finite derivative.
+            for (&position, &reference) in knowns.iter().zip(known).filter(|(position, _)| direction[**position] != 0.0)
+            {
+                let mut one = self.direction();
+                one[position] = 1.0;
+                let slope = unknowns[at].of(&one, &self.slopes(&one)?);
+                if !slope.is_finite() {
+                    return Err(self.no_derivative(function, unknown[at], reference, slope));
+                }
+            }
+            let slope = of(&unknowns[at]);
+            let message = format_args!("the derivative of '{}' along the seed is {slope}", self.name_of(unknown[at]));
+            return Err(self.discard(function, message));
         }
         for (value, unknown) in result.iter_mut().zip(&unknowns) {
             *value = of(unknown);
@@ -74,18 +88,66 @@ impl<M: Model> Instance<M> {
         for (&reference, &slope) in unknown.iter().zip(seed) {
             self.check_seed(function, reference, slope)?;
         }
+        let rows = self.structure(&unknowns, &knowns)?;
+        let by_column = rows.transposed(knowns.len());
+        let groups = groups(&rows, knowns.len());
         let mut products = vec![0.0; knowns.len()];
-        for ((product, &position), &reference) in products.iter_mut().zip(&knowns).zip(known) {
+        for group in 0..groups.lines() {
             let mut direction = self.direction();
-            direction[position] = 1.0;
+            groups.line(group).iter().for_each(|&column| direction[knowns[column as usize]] = 1.0);
             let slopes = self.slopes(&direction)?;
-            *product = unknowns.iter().zip(seed).map(|(unknown, seed)| seed * unknown.of(&direction, &slopes)).sum();
-            if !product.is_finite() {
-                return Err(self.no_derivative(function, "with respect to", reference));
+            for &column in groups.line(group) {
+                // What is not asked for may have no finite derivative.
+                let asked = || {
+                    let rows = by_column.line(column as usize).iter().map(|&row| row as usize);
+                    rows.filter(|&row| seed[row] != 0.0).map(|row| (row, unknowns[row].of(&direction, &slopes)))
+                };
+                let product = asked().fold(0.0, |sum, (row, slope)| sum + seed[row] * slope);
+                if !product.is_finite() {
+                    let reference = known[column as usize];
+                    return Err(match asked().find(|(_, slope)| !slope.is_finite()) {
+                        Some((row, slope)) => self.no_derivative(function, unknown[row], reference, slope),
+                        None => {
+                            let name = self.name_of(reference);
+                            let message = format_args!("the derivative with respect to '{name}' is {product}");
+                            self.discard(function, message)
+                        }
+                    });
+                }
+                products[column as usize] = product;
             }
         }
         result.copy_from_slice(&products);
         Ok(())
+    }
+
+    /// Which of the known variables, by their places in the list, each unknown depends on. For a few of them one evaluation
+    /// each is as good as finding the structure.
+    fn structure(&mut self, unknowns: &[Unknown], knowns: &[usize]) -> CallResult<Structure> {
+        const FEW: usize = 16;
+        let mut rows = Structure::default();
+        let all = if knowns.len() > FEW {
+            let derived = self.derive()?;
+            let memory = self.memory.as_ref().expect("made with the derived parameters");
+            M::dependencies(&self.parameters, &derived, memory, &self.description.layout, &self.values)
+        } else {
+            None
+        };
+        let Some(all) = all else {
+            unknowns.iter().for_each(|_| rows.push(0..knowns.len() as u32));
+            return Ok(rows);
+        };
+        let mut places = vec![Vec::new(); self.direction().len()];
+        knowns.iter().zip(0_u32..).for_each(|(&position, place)| places[position].push(place));
+        for unknown in unknowns {
+            match *unknown {
+                Unknown::Computed(row) => {
+                    rows.push(all.line(row).iter().flat_map(|&known| &places[known as usize]).copied());
+                }
+                Unknown::State(position) => rows.push(places[position].iter().copied()),
+            }
+        }
+        Ok(rows)
     }
 
     /// A direction of zeros: real inputs, states and the time.
@@ -162,8 +224,10 @@ impl<M: Model> Instance<M> {
         self.layout().by_reference(reference).map_or("time", |variable| &variable.declaration.name)
     }
 
-    fn no_derivative(&self, function: Function, preposition: &str, reference: u32) -> CallError {
-        let name = self.name_of(reference);
-        self.error(function, format_args!("the derivative {preposition} '{name}' is not finite at this point"))
+    fn no_derivative(&self, function: Function, unknown: u32, known: u32, slope: f64) -> CallError {
+        let (of, to, time) = (self.name_of(unknown), self.name_of(known), self.clock.time);
+        let message =
+            format_args!("the derivative of '{of}' with respect to '{to}' is {slope} at {time} s, not a finite number");
+        self.discard(function, message)
     }
 }

@@ -164,15 +164,19 @@ impl<M: Model> Instance<M> {
         let count = self.layout().indicators.total();
         self.check_length(function, "event indicators", count, indicators.len())?;
         self.derive()?;
-        if self.mode != Mode::ContinuousTime {
-            self.settle()?;
-        }
         let layout = &self.description.layout;
         let (Some(derived), Some(memory)) = (self.derived.as_deref(), &mut self.memory) else {
             unreachable!("made above");
         };
-        let time = self.clock.time;
-        M::event_indicators(&self.parameters, derived, memory, layout, &self.values, time, indicators);
+        let (p, values, time) = (&self.parameters, &self.values, self.clock.time);
+        if self.mode == Mode::ContinuousTime {
+            M::event_indicators(p, derived, memory, layout, values, time, indicators);
+        } else {
+            // Reading does not change the state.
+            let mut memory = memory.clone();
+            M::settle(p, derived, &mut memory, layout, values, time);
+            M::event_indicators(p, derived, &mut memory, layout, values, time, indicators);
+        }
         if let Some(at) = indicators.iter().position(|value| !value.is_finite()) {
             let message = format_args!("event indicator {at} is {} at time {time} s", indicators[at]);
             return Err(self.discard(function, message));

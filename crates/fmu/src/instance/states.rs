@@ -15,8 +15,10 @@ impl<M: Model> Instance<M> {
             mode: self.mode,
             clock: self.clock,
             values: self.values.clone(),
+            is_tolerance_set: self.is_tolerance_set,
             memory: self.memory.clone(),
             derived: self.derived.clone(),
+            derived_are_old: self.derived_are_old,
         })
     }
 
@@ -30,7 +32,9 @@ impl<M: Model> Instance<M> {
         self.clock = snapshot.clock;
         self.values.clone_from(&snapshot.values);
         self.memory.clone_from(&snapshot.memory);
+        self.is_tolerance_set = snapshot.is_tolerance_set;
         self.derived.clone_from(&snapshot.derived);
+        self.derived_are_old = snapshot.derived_are_old;
         if self.uses_event_mode
             && !self.is_before_start()
             && let Some(memory) = &mut self.memory
@@ -50,7 +54,7 @@ impl<M: Model> Instance<M> {
     /// Out of order.
     pub fn serialize(&self, snapshot: &Snapshot<M>) -> CallResult<Vec<u8>> {
         self.check(Function::SerializeFMUstate)?;
-        crate::state_bytes::write(self.protocol, &self.description.guid, snapshot)
+        crate::state_bytes::write(self.protocol, &self.description.guid, self.layout(), snapshot)
             .map_err(|message| self.error(Function::SerializeFMUstate, message))
     }
 

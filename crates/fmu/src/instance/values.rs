@@ -50,7 +50,7 @@ impl<M: Model> Instance<M> {
             return Err(self.unknown_reference(Function::GetReal, last, "Real"));
         }
         let waits = |index| layout.derived.reals().contains(&index) || self.is_calculated_state(index);
-        let calculated = self.derived.is_none() && references.iter().any(|&reference| waits(reference as usize));
+        let calculated = self.is_stale() && references.iter().any(|&reference| waits(reference as usize));
         let (first, count) = (layout.outputs.at.reals as u32, layout.outputs.counts.reals as u32);
         let is_output = |&reference: &u32| reference.wrapping_sub(first) < count;
         let outputs = self.outputs_are_due() && references.iter().any(is_output);
@@ -186,8 +186,7 @@ impl<M: Model> Instance<M> {
     /// Brings outputs and calculated parameters that are not real up to date.
     fn refresh_others(&mut self) -> CallResult {
         let layout = self.layout();
-        let (calculated, outputs) =
-            (layout.derived.has_others() && self.derived.is_none(), layout.outputs.has_others());
+        let (calculated, outputs) = (layout.derived.has_others() && self.is_stale(), layout.outputs.has_others());
         self.refresh(calculated, outputs, false)
     }
 
@@ -228,12 +227,10 @@ impl<M: Model> Instance<M> {
         Err(self.error(function, format_args!("'{name}' is {what}, {when}; the instance is in {mode}")))
     }
 
-    /// After a parameter was set: the typed parameters, and the design if a fixed one changed.
-    fn parameters_changed(&mut self, fixed: bool) {
+    /// After a parameter has changed, fixed or tunable.
+    pub(super) fn parameters_changed(&mut self) {
         self.parameters = self.values.parameters::<M>();
-        if fixed {
-            self.derived = None;
-        }
+        self.derived_are_old = true;
         if self.is_before_start() {
             self.memory = None;
         }
@@ -259,7 +256,6 @@ impl<M: Model> Instance<M> {
             self.values_changed();
             return Ok(());
         }
-        let (mut parameter, mut fixed) = (false, false);
         for (&reference, &value) in references.iter().zip(values) {
             let index = reference as usize;
             if index >= layout.reals() {
@@ -290,16 +286,18 @@ impl<M: Model> Instance<M> {
                 let message = format_args!("'{name}' must be in [{min}, {max}], got {value}");
                 return Err(self.error(Function::SetReal, message));
             }
-            if variable.role == Role::Parameter {
-                parameter = true;
-                fixed |= !variable.declaration.tunable;
-            }
         }
+        // Importers set parameters again that have not changed: nothing has to be computed anew for them.
+        let parameters = layout.parameters.reals();
+        let (solver, mut is_changed) = (layout.solver, false);
         for (&reference, &value) in references.iter().zip(values) {
-            self.values.reals[reference as usize] = value;
+            let index = reference as usize;
+            is_changed |= parameters.contains(&index) && self.values.reals[index].to_bits() != value.to_bits();
+            self.is_tolerance_set |= M::HAS_ERROR_CONTROL && solver == Some(index);
+            self.values.reals[index] = value;
         }
-        if parameter {
-            self.parameters_changed(fixed);
+        if is_changed {
+            self.parameters_changed();
         }
         self.values_changed();
         Ok(())
@@ -331,11 +329,13 @@ impl<M: Model> Instance<M> {
                 return Err(self.error(function, message));
             }
         }
+        let mut is_changed = false;
         for (&reference, &value) in references.iter().zip(values) {
             let index = self.integer(function, reference)?;
+            is_changed |= self.values.integers[index] != value;
             self.values.integers[index] = value;
         }
-        self.others_changed(references);
+        self.others_changed(references, is_changed);
         Ok(())
     }
 
@@ -349,11 +349,13 @@ impl<M: Model> Instance<M> {
             self.boolean(Function::SetBoolean, reference)?;
             self.settable(Function::SetBoolean, reference)?;
         }
+        let mut is_changed = false;
         for (&reference, &value) in references.iter().zip(values) {
             let index = self.boolean(Function::SetBoolean, reference)?;
+            is_changed |= self.values.booleans[index] != value;
             self.values.booleans[index] = value;
         }
-        self.others_changed(references);
+        self.others_changed(references, is_changed);
         Ok(())
     }
 
@@ -371,21 +373,22 @@ impl<M: Model> Instance<M> {
                 return Err(self.error(Function::SetString, format_args!("'{name}' must not contain a zero byte")));
             }
         }
+        let mut is_changed = false;
         for (&reference, value) in references.iter().zip(values) {
             let index = self.string(Function::SetString, reference)?;
+            is_changed |= self.values.strings[index] != *value;
             self.values.strings[index].clone_from(value);
         }
         self.texts = texts(&self.values.strings);
-        self.others_changed(references);
+        self.others_changed(references, is_changed);
         Ok(())
     }
 
-    fn others_changed(&mut self, references: &[u32]) {
-        let parameters = || references.iter().filter_map(|&reference| self.layout().by_reference(reference));
-        let mut parameters = parameters().filter(|variable| variable.role == Role::Parameter).peekable();
-        if parameters.peek().is_some() {
-            let fixed = parameters.any(|variable| !variable.declaration.tunable);
-            self.parameters_changed(fixed);
+    /// After values that are not real were set.
+    fn others_changed(&mut self, references: &[u32], is_changed: bool) {
+        let variables = || references.iter().filter_map(|&reference| self.layout().by_reference(reference));
+        if is_changed && variables().any(|variable| variable.role == Role::Parameter) {
+            self.parameters_changed();
         }
         self.values_changed();
     }

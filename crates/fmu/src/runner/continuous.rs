@@ -3,20 +3,24 @@
 use std::marker::PhantomData;
 use std::path::Path;
 
-use super::exchange::Exchange;
-use super::{Kind, MOST_PARTS, Model, Step, StepError, Update, are_finite, first_not_finite};
+use fmu_math::ode;
+use fmu_math::sparse::Structure;
+
+use super::exchange::{Exchange, next_time_event, too_many_at};
+use super::{Expressions, Kind, MOST_PARTS, Model, Modes, Step, StepError, Update, are_finite, first_not_finite};
 use crate::clock::Clock;
 use crate::declare::Spec;
 use crate::definition::{MAX_STEP, TOLERANCE};
-use crate::discrete_state::{DiscreteState as _, Word, Words};
+use crate::discrete_state::{DiscreteState, Word, Words};
 use crate::dual::{Dual, Dual64};
+use crate::expression::{self, Expression};
 use crate::model::{At, Continuous, Event, Info, Solver, is_crossing};
 use crate::relation::Relational;
-use crate::scalar::{Dependencies, DependencySet, Scalar};
-use crate::solver::{Problem, Scratch};
+use crate::scalar::{Dependencies, Scalar};
+use crate::solver::{InPlace, Keep, OnHeap, Problem, Scratch, is_in_place};
 use crate::store::ValueStore;
-use crate::variable::{Declarations, Kind as Type, Layout};
-use crate::variables::{ContinuousState as _, Counts, Derived as _, Values, ValuesMut, Variables as _};
+use crate::variable::{Declarations, Kind as Type, Layout, Role};
+use crate::variables::{Counts, Derived as _, Values, ValuesMut, Variables as _};
 
 /// Runs a [`Continuous`] model, with or without model exchange.
 #[derive(Debug)]
@@ -25,8 +29,9 @@ pub struct ContinuousModel<M, const MODEL_EXCHANGE: bool = true>(PhantomData<M>)
 /// The most events in one communication step: more of them are a chain of ever shorter intervals (Zeno behavior).
 pub(super) const MOST_EVENTS: u32 = 10_000;
 
-/// What a continuous-time model has besides its variables.
-#[derive(Clone, Debug)]
+/// Discrete state, solver and events of a continuous-time model. `clone` leaves out the working memory of the solver, and `clone_from`
+/// keeps that of the target.
+#[derive(Debug)]
 pub struct Memory<D> {
     pub(super) discrete: D,
     /// Step that the solver with error control proposes next in s; 0 before the first one.
@@ -40,13 +45,31 @@ pub struct Memory<D> {
     before_events: Option<D>,
 }
 
+impl<D: Clone> Clone for Memory<D> {
+    fn clone(&self) -> Self {
+        Self {
+            discrete: self.discrete.clone(),
+            proposed: self.proposed,
+            crossings: self.crossings.clone(),
+            scratch: Scratch::default(),
+            exchange: self.exchange.clone(),
+            before_events: self.before_events.clone(),
+        }
+    }
+
+    fn clone_from(&mut self, source: &Self) {
+        let scratch = std::mem::take(&mut self.scratch);
+        *self = Self { scratch, ..source.clone() };
+    }
+}
+
 /// Makes one step of the solver from a time and state, at most some seconds long. Returns the state after it and its length.
-type Advance<'f, 'a, M> = &'f mut dyn FnMut(
-    &mut Integration<'a, M>,
+type Advance<'f, 'a, M, K> = &'f mut dyn FnMut(
+    &mut Integration<'a, M, K>,
     f64,
-    &<M as Continuous>::State<f64>,
+    &<K as Keep<M>>::State,
     f64,
-) -> Result<(<M as Continuous>::State<f64>, f64), StepError>;
+) -> Result<(<K as Keep<M>>::State, f64), StepError>;
 
 /// The parameter that the solver reads, with its start value.
 fn solver_parameter(solver: Solver, step_size: f64) -> Option<(crate::Definition, f64)> {
@@ -55,6 +78,30 @@ fn solver_parameter(solver: Solver, step_size: f64) -> Option<(crate::Definition
         Solver::DormandPrince { tolerance } | Solver::Rosenbrock { tolerance } => Some((TOLERANCE, tolerance)),
         Solver::Exact => None,
     }
+}
+
+const fn is_stiff<M: Continuous>() -> bool {
+    matches!(M::SOLVER, Solver::Rosenbrock { .. })
+}
+
+/// Hash of what equations may branch on: parameters, inputs that are not real, discrete state (FNV-1a, 64 bits).
+fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
+    values.reals[layout.parameters.reals()].iter().for_each(|value| add(value.to_bits()));
+    values.integers.iter().for_each(|&value| add(value as u64));
+    values.booleans.iter().for_each(|&value| add(value.into()));
+    let mut add_bytes = |bytes: &[u8]| {
+        add(bytes.len() as u64);
+        bytes.iter().for_each(|&byte| add(byte.into()));
+    };
+    values.strings.iter().for_each(|value| add_bytes(value.as_bytes()));
+    discrete.save(&mut |word| match word {
+        Word::Real(value) => add_bytes(&value.to_bits().to_ne_bytes()),
+        Word::Whole(value) => add_bytes(&value.to_ne_bytes()),
+        Word::Bytes(bytes) => add_bytes(bytes),
+    });
+    hash
 }
 
 const fn has_error_control(solver: Solver) -> bool {
@@ -74,23 +121,21 @@ fn typed<T: Scalar, M: Continuous>(
     (M::State::from_reals(&states), u)
 }
 
-/// Real outputs, then state derivatives.
-fn unknowns<T: Scalar, M: Continuous>(p: &M, at: At<'_, T, M>, layout: &Layout, values: &ValueStore) -> Vec<T> {
+/// Real outputs, then state derivatives; outputs of other types go to `others`.
+fn unknowns<T: Scalar, M: Continuous>(p: &M, at: At<'_, T, M>, layout: &Layout, others: &mut ValueStore) -> Vec<T> {
     let (derivatives, outputs) = (p.derivatives(at), p.outputs(at));
     let mut all = vec![T::from(0.0); layout.outputs.counts.reals + layout.states.counts.reals];
-    let mut others = values.clone();
-    let ValueStore { integers, booleans, strings, .. } = &mut others;
+    let ValueStore { integers, booleans, strings, .. } = others;
     let at = Counts { reals: 0, ..layout.outputs.at };
     outputs.write(&mut ValuesMut { reals: &mut all, integers, booleans, strings }, at);
     derivatives.write(&mut ValuesMut::of_reals(&mut all[layout.outputs.counts.reals..]), Counts::ZERO);
     all
 }
 
-/// Advances the state over a step of the master.
-struct Integration<'a, M: Continuous> {
+/// Advances the state over a step of the master, and keeps states by `K`.
+struct Integration<'a, M: Continuous, K> {
     problem: Problem<'a, M>,
     memory: &'a mut Memory<M::DiscreteState>,
-    layout: &'a Layout,
     /// Time up to which time events were handled in s.
     reached: f64,
     events: u32,
@@ -101,6 +146,7 @@ struct Integration<'a, M: Continuous> {
     stops_at_events: bool,
     /// Time of the event at which the step stopped in s.
     stopped: Option<f64>,
+    keeping: PhantomData<K>,
 }
 
 /// Returns true if the model declares zero crossings or time events.
@@ -108,25 +154,19 @@ const fn has_events<M: Continuous>() -> bool {
     size_of::<M::Crossings>() > 0 || M::HAS_TIME_EVENTS
 }
 
-impl<'a, M: Continuous> Integration<'a, M> {
+impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
     /// The state after one part of the step, of `h` s, which ends at `end`.
-    fn part(&mut self, time: f64, x: M::State<f64>, h: f64, end: f64) -> Result<M::State<f64>, StepError> {
+    fn part(&mut self, time: f64, x: K::State, h: f64, end: f64) -> Result<K::State, StepError> {
         if !has_events::<M>() {
-            return Ok(self.problem.fixed(time, &x, &self.memory.discrete, h));
+            let after = self.fixed(time, &x, h);
+            self.recycle(x);
+            return Ok(after);
         }
-        self.until(time, x, end, &mut |this: &mut Self, time, x, limit| {
-            Ok((this.problem.fixed(time, x, &this.memory.discrete, limit), limit))
-        })
+        self.until(time, x, end, &mut |this: &mut Self, time, x, limit| Ok((this.fixed(time, x, limit), limit)))
     }
 
     /// The state at `end`, by a solver with error control.
-    fn controlled(
-        &mut self,
-        time: f64,
-        x: M::State<f64>,
-        end: f64,
-        tolerance: f64,
-    ) -> Result<M::State<f64>, StepError> {
+    fn controlled(&mut self, time: f64, x: K::State, end: f64, tolerance: f64) -> Result<K::State, StepError> {
         let mut steps = 0_u64;
         self.until(time, x, end, &mut |this: &mut Self, time, x, limit| {
             this.accepted(time, x, limit, tolerance, &mut steps)
@@ -137,12 +177,12 @@ impl<'a, M: Continuous> Integration<'a, M> {
     fn accepted(
         &mut self,
         time: f64,
-        x: &M::State<f64>,
+        x: &K::State,
         limit: f64,
         tolerance: f64,
         steps: &mut u64,
-    ) -> Result<(M::State<f64>, f64), StepError> {
-        let Self { problem, memory, layout, .. } = self;
+    ) -> Result<(K::State, f64), StepError> {
+        let Self { problem, memory, .. } = self;
         // At first a small part of the step, but not one that roundings of the time swallow.
         let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
         let proposed = if memory.proposed > 0.0 { memory.proposed } else { first };
@@ -157,19 +197,19 @@ impl<'a, M: Continuous> Integration<'a, M> {
                     "the solver cannot keep the tolerance {tolerance} at {time} s; its step became {h} s"
                 )));
             }
-            let Some((end, error)) = problem.estimated(time, x, &memory.discrete, h, &mut memory.scratch) else {
+            let Some(end) = K::estimated(problem, time, x, &memory.discrete, h, &mut memory.scratch) else {
                 h *= 0.25;
                 continue;
             };
-            let norm = error_norm::<M>(layout, &mut memory.scratch, x, &end, &error, tolerance);
-            // Order 4 of the error estimate plus one.
-            let factor = if norm > 0.0 { (0.9 * fmu_math::pow(norm, -0.2)).clamp(0.2, 5.0) } else { 5.0 };
+            let norm = K::error_norm(x, &end, tolerance, &memory.scratch);
+            let factor = ode::step_factor(norm);
             if norm <= 1.0 {
                 let next = h * factor;
                 // A step cut short by the limit says nothing about the steps to come.
                 memory.proposed = if h < proposed { proposed.max(next) } else { next };
                 return Ok((end, h));
             }
+            K::recycle(end, &mut memory.scratch);
             h *= if norm.is_finite() { factor.min(0.9) } else { 0.2 };
         }
     }
@@ -178,25 +218,28 @@ impl<'a, M: Continuous> Integration<'a, M> {
     fn until(
         &mut self,
         mut time: f64,
-        mut x: M::State<f64>,
+        mut x: K::State,
         end: f64,
-        advance: Advance<'_, 'a, M>,
-    ) -> Result<M::State<f64>, StepError> {
+        advance: Advance<'_, 'a, M, K>,
+    ) -> Result<K::State, StepError> {
         if !has_events::<M>() {
             while time < end {
                 let limit = end - time;
                 let (after, h) = advance(self, time, &x, limit)?;
                 time = if h >= limit { end } else { time + h };
-                x = after;
+                self.replace(&mut x, after);
             }
             return Ok(x);
         }
         self.changed_by_inputs(time, &mut x)?;
         loop {
-            let next = self.problem.model.next_time_event(self.problem.at(self.reached, &x, &self.memory.discrete));
-            let due = next.filter(|next| *next > self.reached && *next <= end);
-            if let Some(due) = due.filter(|due| *due <= time) {
-                // Between the end of the step before and the start of this one, which differ by roundings.
+            let next = K::show(&x, |x| {
+                let at = self.problem.at(self.reached, x, &self.memory.discrete);
+                next_time_event(self.problem.model, at)
+            })?;
+            let due = next.filter(|next| *next <= end);
+            // The end of the step before and the start of this one differ by roundings.
+            if let Some(due) = due.filter(|due| *due <= time.max(self.reached)) {
                 self.reached = due;
                 self.handled = due;
                 self.event(time, &mut x, &[], &[], true)?;
@@ -205,26 +248,33 @@ impl<'a, M: Continuous> Integration<'a, M> {
             if time >= end {
                 return Ok(x);
             }
-            let limit = due.unwrap_or(end) - time;
+            let target = due.unwrap_or(end);
+            let limit = target - time;
             let (after, h) = advance(self, time, &x, limit)?;
             let before_values = self.crossings(time, &x);
             let after_values = self.crossings(time + h, &after);
             let found = self.locate(time, &x, h, before_values.as_ref(), after_values.as_ref());
-            let is_at_limit = found.as_ref().map_or(h >= limit, |(at, ..)| *at >= time + limit);
             let at = found.as_ref().map_or(time + h, |(at, ..)| *at);
-            time = if is_at_limit { due.unwrap_or(end) } else { at };
+            // Roundings of `limit` must not lead past the time event.
+            let is_at_limit = (found.is_none() && h >= limit) || at >= target.min(time + limit);
+            time = if is_at_limit { target } else { at };
             self.reached = self.reached.max(time);
             if self.stops_at_events && (found.is_some() || (is_at_limit && due.is_some())) {
                 self.stopped = Some(time);
-                return Ok(found.map_or(after, |(_, state, _)| state));
+                self.replace(&mut x, after);
+                if let Some((_, state, _)) = found {
+                    self.replace(&mut x, state);
+                }
+                return Ok(x);
             }
             match found {
                 Some((_, state, values)) => {
-                    x = state;
+                    self.recycle(after);
+                    self.replace(&mut x, state);
                     self.event(time, &mut x, before_values.as_ref(), values.as_ref(), false)?;
                 }
                 None => {
-                    x = after;
+                    self.replace(&mut x, after);
                     self.memory.crossings.clear();
                     self.memory.crossings.extend_from_slice(after_values.as_ref());
                 }
@@ -237,7 +287,7 @@ impl<'a, M: Continuous> Integration<'a, M> {
     }
 
     /// An event at the start of a step if inputs or parameters have changed the sign of a quantity since the last one.
-    fn changed_by_inputs(&mut self, time: f64, x: &mut M::State<f64>) -> Result<(), StepError> {
+    fn changed_by_inputs(&mut self, time: f64, x: &mut K::State) -> Result<(), StepError> {
         let now = self.crossings(time, x);
         let before = std::mem::take(&mut self.memory.crossings);
         let is_changed = before.iter().zip(now.as_ref()).any(|(before, now)| is_crossing(*before, *now));
@@ -252,22 +302,24 @@ impl<'a, M: Continuous> Integration<'a, M> {
         result
     }
 
-    fn crossings(&self, time: f64, x: &M::State<f64>) -> Crossings<M> {
+    fn crossings(&self, time: f64, x: &K::State) -> Crossings<M> {
         if size_of::<M::Crossings>() == 0 {
             return Crossings(None);
         }
-        Crossings(Some(self.problem.model.zero_crossings(self.problem.at(time, x, &self.memory.discrete))))
+        let crossings =
+            K::show(x, |x| self.problem.model.zero_crossings(self.problem.at(time, x, &self.memory.discrete)));
+        Crossings(Some(crossings))
     }
 
     /// The first zero crossing of a step: its time, the state just after it, and the quantities there.
     fn locate(
         &mut self,
         time: f64,
-        x: &M::State<f64>,
+        x: &K::State,
         h: f64,
         before: &[f64],
         after: &[f64],
-    ) -> Option<(f64, M::State<f64>, Crossings<M>)> {
+    ) -> Option<(f64, K::State, Crossings<M>)> {
         let crosses = |values: &[f64]| before.iter().zip(values).any(|(a, b)| is_crossing(*a, *b));
         if !crosses(after) {
             return None;
@@ -284,9 +336,12 @@ impl<'a, M: Continuous> Integration<'a, M> {
             let values = self.crossings(time + middle, &state);
             if crosses(values.as_ref()) {
                 high = middle;
-                found = Some((state, values));
+                if let Some((before, _)) = found.replace((state, values)) {
+                    self.recycle(before);
+                }
             } else {
                 low = middle;
+                self.recycle(state);
             }
         }
         let (state, values) = match found {
@@ -301,19 +356,37 @@ impl<'a, M: Continuous> Integration<'a, M> {
     }
 
     /// The state after one step of the solver, whatever its error.
-    fn single(&mut self, time: f64, x: &M::State<f64>, h: f64) -> Option<M::State<f64>> {
+    fn single(&mut self, time: f64, x: &K::State, h: f64) -> Option<K::State> {
         if has_error_control(M::SOLVER) {
             let Self { problem, memory, .. } = self;
-            problem.estimated(time, x, &memory.discrete, h, &mut memory.scratch).map(|(end, _)| end)
+            K::estimated(problem, time, x, &memory.discrete, h, &mut memory.scratch)
         } else {
-            Some(self.problem.fixed(time, x, &self.memory.discrete, h))
+            Some(self.fixed(time, x, h))
         }
+    }
+
+    /// The state after one step of fixed length.
+    #[inline]
+    fn fixed(&mut self, time: f64, x: &K::State, h: f64) -> K::State {
+        let Self { problem, memory, .. } = self;
+        K::fixed(problem, time, x, &memory.discrete, h, &mut memory.scratch)
+    }
+
+    /// Replaces a state by another.
+    #[inline]
+    fn replace(&mut self, x: &mut K::State, after: K::State) {
+        self.recycle(std::mem::replace(x, after));
+    }
+
+    #[inline]
+    fn recycle(&mut self, x: K::State) {
+        K::recycle(x, &mut self.memory.scratch);
     }
 
     fn event(
         &mut self,
         time: f64,
-        x: &mut M::State<f64>,
+        x: &mut K::State,
         before: &[f64],
         after: &[f64],
         is_timed: bool,
@@ -323,22 +396,21 @@ impl<'a, M: Continuous> Integration<'a, M> {
             self.memory.before_events = Some(self.memory.discrete.clone());
         }
         self.events += 1;
+        if self.events > MOST_EVENTS && is_timed && time <= self.first_event {
+            return Err(too_many_at(time));
+        }
         if self.events > MOST_EVENTS {
             return Err(StepError::Rejected(format!(
                 "more than {MOST_EVENTS} events between {} s and {time} s; let the model come to rest, or use shorter steps",
                 self.first_event
             )));
         }
-        self.problem.model.on_event(Event {
-            time,
-            state: x,
-            discrete: &mut self.memory.discrete,
-            inputs: self.problem.inputs,
-            derived: self.problem.derived,
-            is_timed,
-            before,
-            after,
+        let Self { problem: Problem { model, inputs, derived }, memory, .. } = self;
+        let Memory { discrete, scratch, .. } = &mut **memory;
+        K::change(x, |state| {
+            model.on_event(Event { time, state, discrete, inputs, derived, is_timed, before, after });
         });
+        scratch.forget_structure();
         // The solution has a corner: what the solver learned of it is of no use.
         self.memory.proposed = 0.0;
         let values = self.crossings(time, x);
@@ -360,34 +432,6 @@ impl<M: Continuous> Crossings<M> {
     }
 }
 
-/// Weighted root mean square of the error (Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", eq. II.4.11).
-fn error_norm<M: Continuous>(
-    layout: &Layout,
-    scratch: &mut Scratch,
-    x: &M::State<f64>,
-    end: &M::State<f64>,
-    error: &M::State<f64>,
-    tolerance: f64,
-) -> f64 {
-    let n = layout.states.counts.reals;
-    if n == 0 {
-        return 0.0;
-    }
-    let largest = x.combine(end, |a, b| a.abs().max(b.abs()));
-    largest.write(&mut ValuesMut::of_reals(&mut scratch.state), Counts::ZERO);
-    error.write(&mut ValuesMut::of_reals(&mut scratch.other), Counts::ZERO);
-    let mut sum = 0.0;
-    for (i, index) in layout.states.reals().enumerate() {
-        let nominal = match &layout.real(index).declaration.kind {
-            Type::Real(real) => real.nominal.unwrap_or(1.0),
-            _ => 1.0,
-        };
-        let ratio = scratch.other[i] / (tolerance * (nominal + scratch.state[i]));
-        sum += ratio * ratio;
-    }
-    (sum / n as f64).sqrt()
-}
-
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
     /// The memory at the start.
     pub(crate) fn memory(
@@ -398,8 +442,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         time: f64,
     ) -> Memory<M::DiscreteState> {
         // Here, so that no step allocates.
-        let mut scratch = Scratch::default();
-        scratch.resize::<M>();
+        let mut scratch = Scratch::new::<M>(layout);
         let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
         let state = &M::State::read(values.view(), layout.states.at);
         let default = M::DiscreteState::default();
@@ -409,12 +452,16 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             let at = At { time, state, inputs, derived, discrete: &discrete };
             crossings.extend_from_slice(p.zero_crossings(at).as_ref());
         }
+        if is_stiff::<M>() {
+            scratch.branches = branches(layout, values, &discrete);
+            Problem { model: p, inputs, derived }.trace(&discrete, &mut scratch);
+        }
         Memory { discrete, proposed: 0.0, crossings, scratch, exchange: None, before_events: None }
     }
 
     /// Advances the states. If that fails, the values are kept, and the discrete state is the one at the failure.
     #[inline]
-    fn advance(
+    fn advance<K: Keep<M>>(
         p: &M,
         derived: &M::Derived,
         memory: &mut Memory<M::DiscreteState>,
@@ -423,22 +470,31 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, StepError> {
+        if memory.scratch.is_missing::<M>() {
+            memory.scratch = Scratch::new::<M>(layout);
+        }
+        if is_stiff::<M>() {
+            let branches = branches(layout, values, &memory.discrete);
+            if std::mem::replace(&mut memory.scratch.branches, branches) != branches {
+                memory.scratch.forget_structure();
+            }
+        }
         let u = M::Inputs::read(values.view(), layout.inputs.at);
-        let before = M::State::read(values.view(), layout.states.at);
+        let before = K::load(values.view(), layout.states.at, &mut memory.scratch);
+        let mut x = K::copy(&before, &mut memory.scratch);
         let problem = Problem { model: p, inputs: &u, derived };
         let end = step.time + step.step;
-        let mut integration = Integration {
+        let mut integration = Integration::<M, K> {
             problem,
             memory,
-            layout,
             reached: step.reached,
             events: 0,
             first_event: 0.0,
             handled: step.reached,
             stops_at_events: step.stops_at_events,
             stopped: None,
+            keeping: PhantomData,
         };
-        let mut x = before.copied();
         if has_error_control(M::SOLVER) {
             let tolerance = layout.solver.map_or(1e-6, |index| values.reals[index]);
             x = integration.controlled(step.time, x, end, tolerance)?;
@@ -459,10 +515,13 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
             && let Some(exchange) = &mut memory.exchange
         {
             exchange.handled = if stopped.is_some() { handled } else { end };
+            exchange.announced = stopped.unwrap_or(f64::INFINITY);
         }
-        x.write(&mut values.view_mut(), layout.states.at);
+        K::store(&x, &mut values.view_mut(), layout.states.at);
         first_not_finite(&values.reals, layout.states.reals(), end)
-            .inspect_err(|_| before.write(&mut values.view_mut(), layout.states.at))?;
+            .inspect_err(|_| K::store(&before, &mut values.view_mut(), layout.states.at))?;
+        K::recycle(x, &mut memory.scratch);
+        K::recycle(before, &mut memory.scratch);
         Ok(stopped)
     }
 }
@@ -470,8 +529,10 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
 impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MODEL_EXCHANGE> {
     const MODEL_EXCHANGE: bool = MODEL_EXCHANGE;
     const HAS_EVENTS: bool = has_events::<M>();
+    const HAS_ERROR_CONTROL: bool = has_error_control(M::SOLVER);
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Continuous;
+    const EQUATIONS_READ: Option<&'static [&'static str]> = M::EQUATIONS_READ;
     type Parameters = M;
     type Derived = M::Derived;
     type Memory = Memory<M::DiscreteState>;
@@ -516,6 +577,14 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
     }
 
     fn initialize(p: &M, derived: &M::Derived, layout: &Layout, values: &mut ValueStore) {
+        for index in layout.states.reals() {
+            let declaration = &layout.real(index).declaration;
+            if let Type::Real(real) = &declaration.kind
+                && declaration.calculated
+            {
+                values.reals[index] = real.start;
+            }
+        }
         let mut x = M::State::read(values.view(), layout.states.at);
         let before: Vec<f64> = layout.states.reals().map(|index| values.reals[index]).collect();
         p.initialize(derived, &mut x);
@@ -547,11 +616,12 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         step: Step,
         parts: u64,
     ) -> Result<Option<f64>, StepError> {
+        let advance = if is_in_place::<M>() { Self::advance::<InPlace> } else { Self::advance::<OnHeap> };
         if !Self::HAS_EVENTS {
-            return Self::advance(p, derived, memory, layout, values, step, parts);
+            return advance(p, derived, memory, layout, values, step, parts);
         }
         memory.before_events = None;
-        let result = Self::advance(p, derived, memory, layout, values, step, parts);
+        let result = advance(p, derived, memory, layout, values, step, parts);
         if result.is_err()
             && let Some(discrete) = memory.before_events.take()
         {
@@ -613,7 +683,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
             let (state, inputs) = typed::<_, M>(layout, values, |index| dual(values.reals[index], slope(index)));
             let time = dual(time, time_slope);
             let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
-            let unknowns = || unknowns(p, at, layout, values);
+            let unknowns = || unknowns(p, at, layout, &mut values.clone());
             let unknowns = match &mut memory.exchange {
                 Some(exchange) if is_frozen => exchange.frozen(unknowns),
                 _ => unknowns(),
@@ -624,9 +694,17 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
                 typed::<Dual64, M>(layout, values, |index| Dual64::new(values.reals[index], slope(index)));
             let time = Dual64::new(time, time_slope);
             let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
-            let unknowns = unknowns(p, at, layout, values);
+            let unknowns = unknowns(p, at, layout, &mut values.clone());
             result.iter_mut().zip(unknowns).for_each(|(slope, unknown)| *slope = unknown.eps);
         }
+    }
+
+    fn modes() -> Modes {
+        Modes::of(&M::DiscreteState::default())
+    }
+
+    fn with_mode(memory: Self::Memory, modes: &Modes, numbers: &[Option<usize>]) -> Option<Self::Memory> {
+        Some(Memory { discrete: modes.with(&memory.discrete, numbers)?, ..memory })
     }
 
     fn dependencies(
@@ -635,35 +713,60 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> Model for ContinuousModel<M, MOD
         memory: &Self::Memory,
         layout: &Layout,
         values: &ValueStore,
-    ) -> Vec<DependencySet> {
+    ) -> Option<Structure> {
         let (inputs, states) = (layout.inputs.reals(), layout.states.reals());
         let time = inputs.len() + states.len();
-        let known = time + 1;
-        let number = |index: usize| {
-            if inputs.contains(&index) { index - inputs.start } else { inputs.len() + index - states.start }
-        };
-        let mut all = vec![DependencySet::default(); layout.outputs.counts.reals + layout.states.counts.reals];
-        // A set holds a part of the known variables; the equations run once for each part.
-        for first in (0..known).step_by(Dependencies::CAPACITY) {
-            Dependencies::forget_inspections();
-            let one = |number: usize| {
-                let is_here = (first..first + Dependencies::CAPACITY).contains(&number);
-                if is_here { Dependencies::on(number - first) } else { Dependencies::default() }
+        Dependencies::trace(|| {
+            let known = |index: usize| {
+                let number =
+                    if inputs.contains(&index) { index - inputs.start } else { inputs.len() + index - states.start };
+                Dependencies::on(number)
             };
-            let (state, inputs) = typed::<Dependencies, M>(layout, values, |index| one(number(index)));
-            let at = At { time: one(time), state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
-            let unknowns = unknowns(p, at, layout, values);
-            // Equations that look at a value may branch on it: then everything depends on everything.
-            let inspected = Dependencies::has_inspections();
-            for (set, part) in all.iter_mut().zip(unknowns) {
-                for number in 0..Dependencies::CAPACITY.min(known - first) {
-                    if inspected || part.contains(number) {
-                        set.insert(first + number);
-                    }
-                }
-            }
+            let (state, inputs) = typed::<Dependencies, M>(layout, values, known);
+            let time = Dependencies::on(time);
+            let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
+            unknowns(p, at, layout, &mut values.clone())
+        })
+    }
+
+    fn begin_steps(
+        p: &M,
+        derived: &M::Derived,
+        memory: &mut Self::Memory,
+        layout: &Layout,
+        values: &mut ValueStore,
+        time: f64,
+    ) -> Result<(), StepError> {
+        if M::HAS_TIME_EVENTS {
+            Self::events(p, derived, memory, layout, values, time)?;
+            memory.exchange = None;
         }
-        all
+        Ok(())
+    }
+
+    fn expressions(
+        p: &M,
+        derived: &M::Derived,
+        memory: &Self::Memory,
+        layout: &Layout,
+        values: &ValueStore,
+    ) -> Expressions {
+        let (state, inputs) = typed::<Expression, M>(layout, values, Expression::known);
+        let time = Expression::known(usize::MAX);
+        let at = At { time, state: &state, inputs: &inputs, derived, discrete: &memory.discrete };
+        let mut others = values.clone();
+        let (reals, is_inspected) = expression::inspected(|| unknowns(p, at, layout, &mut others));
+        let all = layout.variables.iter().filter_map(|variable| match (variable.role, &variable.declaration.kind) {
+            (Role::Derivative, _) => {
+                Some(reals[layout.outputs.counts.reals + variable.index - layout.derivatives.at.reals])
+            }
+            (Role::Output, Type::Real(_)) => Some(reals[variable.index - layout.outputs.at.reals]),
+            (Role::Output, Type::Integer { .. }) => Some(f64::from(others.integers[variable.index]).into()),
+            (Role::Output, Type::Boolean { .. }) => Some(f64::from(others.booleans[variable.index]).into()),
+            (Role::Output, Type::String { .. }) => Some(Expression::of(&others.strings[variable.index], [])),
+            _ => None,
+        });
+        Expressions { all: all.collect(), is_inspected }
     }
 
     fn begin_events(memory: &mut Self::Memory, layout: &Layout, time: f64) {

@@ -48,6 +48,7 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
     const INFO: Info = M::INFO;
     const KIND: Kind = Kind::Discrete;
     const SOURCE: Option<Influence> = M::SOURCE;
+    const FOLLOWS: Influence = M::FOLLOWS;
     type Parameters = M;
     type Derived = M::Derived;
     type Memory = M::State;
@@ -111,11 +112,8 @@ impl<M: Discrete, const MODEL_EXCHANGE: bool> Model for DiscreteModel<M, MODEL_E
         if M::SOURCE.is_none() {
             return; // so that the library does not contain the rest
         }
-        // With the start values of the inputs; the state of the run begins with the first step, which takes this sample again.
-        let starts = ValueStore::start(layout);
-        let inputs = &M::Inputs::read(starts.view(), layout.inputs.at);
-        let state = &mut p.initial_state(derived);
-        p.update(Sample { time: start, state, inputs, derived }).write(&mut values.view_mut(), layout.outputs.at);
+        let inputs = &M::Inputs::read(values.view(), layout.inputs.at);
+        p.start(start, derived, inputs).write(&mut values.view_mut(), layout.outputs.at);
     }
 
     fn handle_events(

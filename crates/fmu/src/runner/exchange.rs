@@ -4,16 +4,12 @@
 use super::continuous::{ContinuousModel, MOST_EVENTS, Memory};
 use super::{StepError, Update, first_not_finite};
 use crate::clock::slack;
-use crate::combinations::{MOST_VALUES, combinations};
-use crate::discrete_state::{DiscreteState, OwnedWord, Word, Words};
+use crate::discrete_state::{DiscreteState as _, Word, Words};
 use crate::model::{At, Continuous, Event, is_crossing};
 use crate::relation::{PROBE, Relational, Relations, indicator_of};
 use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
 use crate::variables::{Counts, Values, ValuesMut, Variables as _};
-
-/// Numbers that an enumeration does not have, as nobody would list so many items.
-const NOT_LISTED: [u64; 2] = [0x7fff_fe35, 0x7fff_ffff];
 
 /// What a continuous-time model keeps for model exchange besides its variables.
 #[derive(Clone, Debug)]
@@ -25,6 +21,8 @@ pub(super) struct Exchange {
     scales: Box<[f64]>,
     /// Time up to which time events were handled in s.
     pub(super) handled: f64,
+    /// Time of the next time event as the importer knows it in s; infinite if there is none.
+    pub(super) announced: f64,
     /// Inputs and states, then what is computed from them, as numbers of the equations.
     known: Box<[Relational]>,
     unknown: Box<[Relational]>,
@@ -40,6 +38,7 @@ impl Exchange {
             outputs: 0,
             scales: vec![1.0; layout.indicators.declared].into(),
             handled: start,
+            announced: f64::INFINITY,
             known: numbers(inputs + states),
             unknown: numbers(outputs.max(states)),
         }
@@ -52,6 +51,7 @@ impl Exchange {
 
     pub(super) fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
         sink(Word::Real(self.handled));
+        sink(Word::Real(self.announced));
         self.relations.save(sink);
         sink(Word::Whole(self.outputs as u64));
         self.scales.iter().for_each(|&scale| sink(Word::Real(scale)));
@@ -61,6 +61,10 @@ impl Exchange {
         self.handled = source.real("time of the events")?;
         if !self.handled.is_finite() {
             return Err(format!("the time of the events must be finite, got {}", self.handled));
+        }
+        self.announced = source.real("time of the next event")?;
+        if self.announced.is_nan() {
+            return Err("the time of the next event must be a number, got NaN".to_owned());
         }
         self.relations.restore(source)?;
         self.outputs = usize::try_from(source.whole("number of relations")?).map_err(|e| e.to_string())?;
@@ -72,6 +76,29 @@ impl Exchange {
         }
         Ok(())
     }
+}
+
+/// Time of the next time event in s.
+///
+/// # Errors
+/// It is before the present time, or not a number.
+pub(super) fn next_time_event<M: Continuous>(model: &M, at: At<'_, f64, M>) -> Result<Option<f64>, StepError> {
+    let next = model.next_time_event(at);
+    if let Some(next) = next.filter(|next| next.is_nan() || *next < at.time) {
+        return Err(StepError::Rejected(format!(
+            "`next_time_event` must not return a time before the present one, {} s, got {next} s; count from the start \
+             (`initial_discrete_state` knows it) or from the last event",
+            at.time
+        )));
+    }
+    Ok(next)
+}
+
+/// Error of time events that repeat without end at one time.
+pub(super) fn too_many_at(time: f64) -> StepError {
+    StepError::Rejected(format!(
+        "more than {MOST_EVENTS} time events at {time} s; `on_event` must change what `next_time_event` returns"
+    ))
 }
 
 /// Which of the two functions of a model.
@@ -147,7 +174,7 @@ impl<M: Continuous> Equations<'_, M> {
 }
 
 impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANGE> {
-    /// The most relations that the equations have at these values, over the modes of the discrete state.
+    /// Number of relations in the equations at these values.
     pub(super) fn relations(
         p: &M,
         derived: &M::Derived,
@@ -158,11 +185,8 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let mut exchange = Exchange::new(layout, 0.0);
         let equations = Equations { p, derived, layout, time: 0.0 };
         equations.read(&mut exchange, values);
-        let mut count = |discrete: &M::DiscreteState| {
-            equations.run_all(&mut exchange, discrete, values, Sides::Update);
-            exchange.relations.count()
-        };
-        modes_of(&memory.discrete).iter().map(&mut count).max().unwrap_or(0)
+        equations.run_all(&mut exchange, &memory.discrete, values, Sides::Update);
+        exchange.relations.count()
     }
 
     /// Gives every relation the side that the values have, and every indicator its scale.
@@ -313,22 +337,27 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         }
         let mut next = None;
         if M::HAS_TIME_EVENTS {
+            let is_due = |next: f64| next <= time + slack(0.0, time);
+            // An importer may handle the event that it was told of late. All others were none up to now.
+            if !is_due(exchange.announced) {
+                handled = handled.max(time);
+            }
             let mut events = 0;
             loop {
                 let at = At { time: handled, state: &x, inputs, derived, discrete: &discrete };
-                next = p.next_time_event(at).filter(|next| *next > handled);
-                let Some(due) = next.filter(|due| *due <= time + slack(0.0, time)) else { break };
-                handled = due;
-                events += 1;
-                if events > MOST_EVENTS {
-                    return Err(StepError::Rejected(format!("more than {MOST_EVENTS} time events up to {time} s")));
+                next = next_time_event(p, at)?;
+                if let Some(due) = next.filter(|next| is_due(*next)) {
+                    handled = due;
+                    events += 1;
+                    if events > MOST_EVENTS {
+                        return Err(too_many_at(time));
+                    }
+                    event(&mut x, &mut discrete, &[], &[], true)?;
+                } else if handled < time {
+                    handled = time;
+                } else {
+                    break;
                 }
-                event(&mut x, &mut discrete, &[], &[], true)?;
-            }
-            if handled < time {
-                handled = time;
-                let at = At { time, state: &x, inputs, derived, discrete: &discrete };
-                next = p.next_time_event(at).filter(|next| *next > time);
             }
         }
         x.write(&mut values.view_mut(), layout.states.at);
@@ -342,6 +371,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         memory.discrete = discrete;
         if let Some(exchange) = &mut memory.exchange {
             exchange.handled = handled;
+            exchange.announced = next.unwrap_or(f64::INFINITY);
         }
         let mut states_changed = false;
         let mut old = vec![0.0; layout.states.counts.reals];
@@ -351,35 +381,6 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         }
         Ok(Update { states_changed, next_event_time: next })
     }
-}
-
-/// Discrete states on which equations may branch: Booleans and enumerations with every value, see [`combinations`]. Other
-/// fields keep their values: equations need not work for any Integer, which may be a count or an index.
-fn modes_of<D: DiscreteState + Clone>(discrete: &D) -> Vec<D> {
-    let mut words = Vec::new();
-    discrete.save(&mut |word| words.push(OwnedWord::from(word)));
-    let with = |changes: &[(usize, u64)]| {
-        let mut changed = words.clone();
-        for &(at, value) in changes {
-            changed[at] = OwnedWord::Whole(value);
-        }
-        let mut rest = changed.into_iter();
-        let mut next = || rest.next().ok_or_else(|| "too few values".to_owned());
-        let mut state = discrete.clone();
-        state.load(&mut Words(&mut next)).ok().map(|()| state)
-    };
-    let is_limited = |at: usize| NOT_LISTED.iter().any(|&value| with(&[(at, value)]).is_none());
-    let options: Vec<(usize, Vec<u64>)> = (0..words.len())
-        .filter(|&at| matches!(words[at], OwnedWord::Whole(_)) && is_limited(at))
-        .map(|at| (at, (0..MOST_VALUES as u64).filter(|&value| with(&[(at, value)]).is_some()).collect()))
-        .filter(|(_, values): &(usize, Vec<u64>)| !values.is_empty())
-        .collect();
-    let sizes: Vec<_> = options.iter().map(|(_, values)| values.len()).collect();
-    let mode = |choice: Vec<Option<usize>>| {
-        let chosen = options.iter().zip(choice);
-        with(&chosen.filter_map(|((at, values), number)| Some((*at, values[number?]))).collect::<Vec<_>>())
-    };
-    combinations(&sizes).into_iter().filter_map(mode).collect()
 }
 
 /// Nominal value of a real variable.

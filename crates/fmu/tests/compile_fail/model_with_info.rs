@@ -64,6 +64,7 @@ impl Discrete for Gain {
         homepage: "",
         stop_time: 1.0,
         step_size: 0.1,
+        resources: "",
     };
     type State = Memory;
     type Inputs = U;

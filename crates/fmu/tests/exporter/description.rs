@@ -174,7 +174,7 @@ fn variables_are_written_as_they_are_declared() {
     assert_eq!(
         written("spring.frequency.l"),
         "causality=calculatedParameter description=Undamped natural frequency, left cart initial=calculated \
-         name=spring.frequency.l variability=fixed | Real unit=rad/s"
+         name=spring.frequency.l variability=tunable | Real unit=rad/s"
     );
     assert_eq!(
         written("cart_force.l"),
@@ -233,7 +233,7 @@ fn check_rules<E: Export>() {
         let legal = [
             ("parameter", "fixed", Some("exact")),
             ("parameter", "tunable", Some("exact")),
-            ("calculatedParameter", "fixed", Some("calculated")),
+            ("calculatedParameter", "tunable", Some("calculated")),
             ("input", "continuous", None),
             ("output", "continuous", Some("calculated")),
             ("output", "continuous", Some("exact")),
@@ -305,13 +305,12 @@ fn initial_unknowns_depend_on_the_parameters_too() {
         let unknown = unknowns.all("Unknown").find(|u| u.get("index") == Some(&number)).unwrap();
         unknown.get("dependencies").unwrap().split(' ').map(|i| i.parse().unwrap()).collect()
     };
-    // All parameters but the tunable ones: a calculated parameter is fixed.
-    let fixed =
-        ["cart.mass", "spring.stiffness.l", "spring.stiffness.r", "spring.law", "coupling.stiffness", "max_step"];
-    let fixed: BTreeSet<_> = fixed.map(index).into();
-    assert_eq!(dependencies("spring.frequency.l"), fixed);
-    let mut all = fixed;
-    all.extend(["damper.damping", "damper.on", "cart_force.l", "ground.height"].map(index));
+    // All parameters, fixed and tunable.
+    let springs = ["spring.stiffness.l", "spring.stiffness.r", "spring.law", "coupling.stiffness"].map(index);
+    let mut all: BTreeSet<_> = springs.into();
+    all.extend(["cart.mass", "damper.damping", "damper.on", "max_step"].map(index));
+    assert_eq!(dependencies("spring.frequency.l"), all);
+    all.extend(["cart_force.l", "ground.height"].map(index));
     all.extend(["cart_position.l", "cart_position.r", "cart_velocity.l"].map(index));
     assert_eq!(dependencies("cart_acceleration.l"), all);
     // The outputs of a discrete-time model have start values; only what is calculated is unknown at first.
@@ -400,6 +399,7 @@ macro_rules! guids {
                 homepage: "",
                 stop_time: 1.0,
                 step_size: 0.1,
+                resources: "",
             };
             type Inputs = U;
             type Outputs = Y;
@@ -484,4 +484,65 @@ mod without_derived_parameters {
 fn a_continuous_model_whose_start_values_are_rejected_has_no_description() {
     // Its dependencies could not be found, and an empty list would be wrong.
     Description::of::<fmu::runner::ContinuousModel<without_derived_parameters::Hopeless>>(Format::FMI2, Path::new(""));
+}
+
+/// Names as a customer dictates them, and texts with line breaks.
+mod dictated {
+    use fmu::prelude::*;
+
+    #[derive(Parameters)]
+    pub(super) struct Dictated {
+        /// Gain (1)
+        #[var("ACC_Gain", start = 2.0)]
+        gain: f64,
+        /// Header of the log
+        #[var(start = "two\nlines\tand a \"tab\"")]
+        header: String,
+    }
+
+    #[derive(Inputs)]
+    pub(super) struct U {
+        /// Speeds (km/h)
+        #[var("VehSpd [kph] <ä>", description = ["Of the\nfront", "Of the\trear"])]
+        speed: [f64; 2],
+    }
+
+    #[derive(Outputs)]
+    pub(super) struct Y {
+        /// Request (1)
+        #[var("acc.setSpeed")]
+        request: f64,
+    }
+
+    /// Names as a customer dictates them
+    #[fmu::model(stop_time = 1.0, step_size = 0.01)]
+    impl Discrete for Dictated {
+        type Inputs = U;
+        type Outputs = Y;
+        fn update(&self, sample: Sample<Self>) -> Y {
+            Y { request: self.gain * sample.inputs.speed[0] }
+        }
+    }
+}
+
+/// Reference: FMI 2.0.4, section 2.2.9, and 3.0.2, section 2.4.7.5.1: a flat name is any text in one line; XML 1.0, section 3.3.3: a
+/// line break or tab in an attribute stays one if it is a character reference.
+#[test]
+fn any_name_and_any_text_is_described() {
+    type Model = fmu::runner::DiscreteModel<dictated::Dictated>;
+    for format in [Format::FMI2, Format::FMI3, Format { arrays: true, ..Format::FMI3 }] {
+        let xml = Description::of::<Model>(format, Path::new("")).xml;
+        let start = if format.version == fmu::calls::Version::Fmi2 { "start" } else { "Start value" };
+        let header = format!("{start}=\"two&#10;lines&#9;and a &quot;tab&quot;\"");
+        for part in ["variableNamingConvention=\"flat\"", "\"ACC_Gain\"", "\"acc.setSpeed\"", &header] {
+            assert!(xml.contains(part), "{part} in\n{xml}");
+        }
+        if !format.arrays {
+            for part in ["\"VehSpd [kph] &lt;ä&gt;[1]\"", "\"Of the&#10;front\"", "\"Of the&#9;rear\""] {
+                assert!(xml.contains(part), "{part} in\n{xml}");
+            }
+        }
+    }
+    let structured = Description::of::<fmu::runner::DiscreteModel<crate::models::Sampler>>(Format::FMI2, Path::new(""));
+    assert!(structured.xml.contains("variableNamingConvention=\"structured\""));
 }

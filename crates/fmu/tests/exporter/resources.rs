@@ -76,11 +76,13 @@ fn a_model_is_described_with_the_resources_of_its_package() {
 
 #[test]
 fn a_simulation_reads_the_resources() {
-    let folder = Path::new(ContinuousReader::RESOURCES);
-    assert_eq!(ContinuousSimulation::new(ContinuousReader).unwrap_err(), "'' does not contain the file");
-    let mut run = ContinuousSimulation::with_resources(ContinuousReader, folder).unwrap();
-    assert_eq!(run.outputs(&U::default()).y, 6.0);
-    assert_eq!(DiscreteSimulation::new(DiscreteReader).unwrap_err(), "'' does not contain the file");
-    let mut run = DiscreteSimulation::with_resources(DiscreteReader, folder).unwrap();
-    assert_eq!(run.sample(&U::default()).unwrap().y, 6.0);
+    let elsewhere = Path::new("");
+    let error = |folder| ContinuousSimulation::with_resources(ContinuousReader, folder).unwrap_err();
+    assert_eq!(error(elsewhere), "'' does not contain the file");
+    assert_eq!(ContinuousSimulation::new(ContinuousReader).unwrap().outputs(&U::default()).y, 6.0);
+    let error = |folder| DiscreteSimulation::with_resources(DiscreteReader, folder).unwrap_err();
+    assert_eq!(error(elsewhere), "'' does not contain the file");
+    assert_eq!(DiscreteSimulation::new(DiscreteReader).unwrap().sample(&U::default()).unwrap().y, 6.0);
+    // `derived` follows from `load`.
+    assert_eq!(ContinuousReader.derived().unwrap().factor, 3.0);
 }

@@ -168,7 +168,7 @@ fn bytes_of_another_kind_say_what_they_are() {
     assert_eq!(message(&[b'x'; 100]), "fmi2DeSerializeFMUstate: these are not the bytes of a state of this exporter");
     let mut newer = bytes.clone();
     newer[8] = 9;
-    assert_eq!(message(&with_checksum(newer)), "fmi2DeSerializeFMUstate: format version must be 3, got 9");
+    assert_eq!(message(&with_checksum(newer)), "fmi2DeSerializeFMUstate: format version must be 4, got 9");
     assert_eq!(
         message(&Fmu::<Fragile>::ready().bytes()),
         format!(
@@ -184,8 +184,7 @@ fn bytes_of_another_kind_say_what_they_are() {
 
 #[test]
 fn a_state_without_derived_parameters_is_rejected() {
-    let mut fmu = Fmu::<CartPair>::initializing(0.0);
-    assert_eq!(fmu.get("spring.frequency.l"), 2.0);
+    let fmu = Fmu::<CartPair>::ready();
     let bytes = fmu.bytes();
     // The stiffness 8 N/m where it stands among the parameters, replaced by one that `derived` rejects.
     let at = bytes.windows(8).position(|window| window == 8.0_f64.to_le_bytes()).unwrap();

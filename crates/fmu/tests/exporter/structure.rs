@@ -144,7 +144,6 @@ impl Continuous for Branches {
 
 #[test]
 fn every_branch_on_a_boolean_an_enumeration_and_a_bounded_integer_counts() {
-    // What depends on a Boolean input is not known, so each result may.
     for (name, inputs) in [
         ("by_boolean", &[1, 2][..]),
         ("by_enumeration", &[2, 3]),
@@ -155,9 +154,115 @@ fn every_branch_on_a_boolean_an_enumeration_and_a_bounded_integer_counts() {
         ("constant", &[]),
     ] {
         let mut expected: Vec<_> = inputs.iter().map(|i| format!("u[{i}]")).collect();
-        expected.push("on".to_owned());
+        // The input counts where its values lead to other expressions.
+        if name == "by_input" {
+            expected.push("on".to_owned());
+        }
         assert_eq!(dependencies::<Branches>(name), expected, "{name}");
     }
+}
+
+/// Path through a valve
+#[derive(Enumeration, Clone, Copy, PartialEq, Default)]
+enum Path {
+    /// Nothing passes
+    #[default]
+    Closed,
+    /// The second input passes
+    Second,
+    /// The third input passes
+    Third,
+}
+
+/// Discrete state of a valve.
+#[derive(DiscreteState, Clone, Default)]
+struct Switched {
+    is_open: bool,
+    path: Path,
+}
+
+#[derive(Parameters)]
+struct Valve;
+
+#[derive(Inputs)]
+struct Sources<T> {
+    /// Inputs (1)
+    u: [T; 4],
+}
+
+/// Branches on the discrete state
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Valve {
+    type Inputs<T: Scalar> = Sources<T>;
+    type Outputs<T: Scalar> = Single<T>;
+    type DiscreteState = Switched;
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Single<T> {
+        let (u, zero) = (at.inputs.u, T::from(0.0));
+        let first = if at.discrete.is_open { u[0] } else { zero };
+        let other = match at.discrete.path {
+            Path::Closed => zero,
+            Path::Second => u[1],
+            Path::Third => u[2],
+        };
+        Single { y: first + other }
+    }
+}
+
+/// The discrete state starts with one value of each; the equations use others after events.
+#[test]
+fn every_branch_on_the_discrete_state_counts() {
+    assert_eq!(dependencies::<Valve>("y"), ["u[1]", "u[2]", "u[3]"]);
+}
+
+#[derive(Parameters)]
+struct Modes {
+    /// Gain in one mode (1)
+    #[var(start = 1.0)]
+    firm: f64,
+    /// Gain in the other mode (1)
+    #[var(start = 1.0, max = 1.0)]
+    soft: f64,
+    /// Bias (N)
+    #[var(start = 0.0)]
+    bias: f64,
+}
+
+#[derive(Inputs)]
+struct Chosen<T> {
+    /// Input (1)
+    u: T,
+    /// Chooses the gain
+    is_firm: bool,
+    /// Adds the bias
+    is_biased: bool,
+    /// Chooses nothing
+    is_unused: bool,
+}
+
+#[derive(Outputs)]
+struct Both<T> {
+    /// Output (1)
+    scaled: T,
+    /// Output (N)
+    shifted: T,
+}
+
+/// Chooses between parameters that start with the same value
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Modes {
+    type Inputs<T: Scalar> = Chosen<T>;
+    type Outputs<T: Scalar> = Both<T>;
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Both<T> {
+        let bias = if at.inputs.is_biased { self.bias } else { 0.0 };
+        let gain = if at.inputs.is_firm { self.firm } else { self.soft };
+        Both { scaled: at.inputs.u * gain, shifted: T::from(bias) }
+    }
+}
+
+#[test]
+fn a_choice_between_parameters_counts_if_they_start_alike() {
+    assert_eq!(dependencies::<Modes>("scaled"), ["u", "is_firm"]);
+    assert_eq!(dependencies::<Modes>("shifted"), ["is_biased"]);
 }
 
 macro_rules! open {
@@ -220,4 +325,180 @@ fn what_cannot_be_tried_depends_on_everything() {
     assert_eq!(dependencies::<Text>("y"), all);
     assert_eq!(dependencies::<Inspecting>("y"), all);
     assert_eq!(dependencies::<Combinations>("y"), all);
+}
+
+mod sums {
+    use fmu::prelude::*;
+
+    #[derive(Parameters)]
+    pub(super) struct Sums;
+
+    #[derive(Inputs)]
+    pub(super) struct U<T> {
+        /// Forces (N)
+        pub(super) forces: [T; 2],
+        /// Not used (N)
+        pub(super) other: T,
+    }
+
+    #[derive(Outputs)]
+    pub(super) struct Y<T> {
+        /// Sum (N)
+        pub(super) sum: T,
+    }
+
+    /// Adds the elements of an array
+    #[fmu::model(stop_time = 1.0, step_size = 0.1)]
+    impl Continuous for Sums {
+        type Inputs<T: Scalar> = U<T>;
+        type Outputs<T: Scalar> = Y<T>;
+        fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {
+            Y { sum: at.inputs.forces.iter().sum() }
+        }
+    }
+}
+
+/// `Sum` works for references, too, with every number type.
+#[test]
+fn a_sum_depends_on_its_terms() {
+    use fmu::abi::Export as _;
+    let xml = &sums::Sums::description().xml;
+    // Variable 1 is the step size of the solver; then the inputs and the sum.
+    assert!(xml.contains(r#"<Unknown index="5" dependencies="2 3"/>"#), "{xml}");
+    let mut run = fmu::simulation::ContinuousSimulation::new(sums::Sums).unwrap();
+    assert_eq!(run.outputs(&sums::U { forces: [1.0, 2.0], other: 4.0 }).sum, 3.0);
+}
+
+#[derive(Parameters)]
+struct Resource {
+    /// File with the points
+    #[var(start = "points.csv")]
+    file: String,
+    /// Number of the first point
+    #[var(start = 0)]
+    first: i32,
+    /// Factor (1)
+    #[var(start = 2.0)]
+    factor: f64,
+}
+
+struct Points(fmu::Table);
+
+impl fmu::Derived for Points {
+    fn declare(_: &mut Vec<fmu::variable::Declaration>) {}
+    fn write(&self, _: &mut fmu::variables::ValuesMut<'_, f64>, _: fmu::variables::Counts) {}
+}
+
+/// Reads a String and an Integer without limits before the equations only
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Resource {
+    type Inputs<T: Scalar> = Pair<T>;
+    type Outputs<T: Scalar> = Single<T>;
+    type Derived = Points;
+    fn load(&self, _: &std::path::Path) -> Result<Points, String> {
+        let first = f64::from(self.first) + self.file.len() as f64;
+        Ok(Points(fmu::Table::new([(0.0, first), (1.0, 2.0)])?))
+    }
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Single<T> {
+        Single { y: at.inputs.u[1].interpolate(&at.derived.0) * self.factor }
+    }
+}
+
+#[test]
+fn a_string_that_the_equations_do_not_read_leaves_the_structure_alone() {
+    assert_eq!(dependencies::<Resource>("y"), ["u[2]"]);
+    assert_eq!(Resource::description().notes, Vec::<String>::new());
+}
+
+#[derive(Parameters)]
+struct Calling {
+    /// File with the points
+    #[var(start = "points.csv")]
+    file: String,
+}
+
+/// Reads a String in a function that the equations call
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Calling {
+    type Inputs<T: Scalar> = Pair<T>;
+    type Outputs<T: Scalar> = Single<T>;
+    type Derived = Points;
+    fn load(&self, _: &std::path::Path) -> Result<Points, String> {
+        Ok(Points(fmu::Table::new([(0.0, self.file.len() as f64), (1.0, 2.0)])?))
+    }
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Single<T> {
+        let is_other = self.load(std::path::Path::new("")).is_err();
+        Single { y: at.inputs.u[usize::from(is_other)] }
+    }
+}
+
+#[derive(Outputs)]
+struct Mixed<T> {
+    /// Constant
+    whole: i32,
+    /// Follows the Boolean input
+    follows: bool,
+    /// Compares
+    compares: bool,
+    /// Output (1)
+    y: T,
+}
+
+/// Outputs of other types
+#[derive(Parameters)]
+struct Others;
+
+/// Outputs of other types
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for Others {
+    type Inputs<T: Scalar> = Four<T>;
+    type Outputs<T: Scalar> = Mixed<T>;
+    fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Mixed<T> {
+        Mixed { whole: 3, follows: !at.inputs.on, compares: true, y: at.inputs.u[2] }
+    }
+}
+
+#[test]
+fn outputs_of_other_types_depend_on_what_they_follow() {
+    assert_eq!(dependencies::<Others>("whole"), Vec::<String>::new());
+    assert_eq!(dependencies::<Others>("follows"), ["on"]);
+    assert_eq!(dependencies::<Others>("y"), ["u[3]"]);
+}
+
+/// The reason and the remedy of a dense structure.
+#[test]
+fn what_makes_a_structure_dense_is_named() {
+    let note = |description: std::sync::Arc<fmu::description::Description>| description.notes.join("; ");
+    let text = note(Text::description());
+    assert!(text.contains("`text`") && text.contains("pass on the fields that are needed"), "{text}");
+    let called = note(Calling::description());
+    assert!(called.contains("`file`") && called.contains("pass on `self`"), "{called}");
+    assert_eq!(dependencies::<Calling>("y"), ["u[1]", "u[2]"]);
+    let number = note(Unbounded::description());
+    assert!(number.contains("`number`") && number.contains("`min` and `max`"), "{number}");
+    assert!(note(Inspecting::description()).contains("look at a value"));
+    assert!(note(Combinations::description()).contains("more than 4096 combinations"));
+}
+
+#[derive(State)]
+struct Clock<T> {
+    /// Integral (1)
+    x: T,
+}
+
+#[derive(Parameters)]
+struct TimeOnly;
+
+/// A state that follows from the time
+#[fmu::model(stop_time = 1.0, step_size = 0.1)]
+impl Continuous for TimeOnly {
+    type State<T: Scalar> = Clock<T>;
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> Clock<T> {
+        Clock { x: at.time.cos() }
+    }
+}
+
+#[test]
+fn a_derivative_of_the_time_alone_depends_on_no_state() {
+    assert_eq!(dependencies::<TimeOnly>("der(x)"), Vec::<String>::new());
 }

@@ -1,0 +1,153 @@
+//! A number type that identifies the expression that computes a number.
+
+use std::cell::Cell;
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+use crate::scalar::Scalar;
+use crate::table::Table;
+
+/// Hash of an expression of known variables and constants. Two evaluations of the equations that give the same hash have
+/// computed the same expression, except with a probability of about 2^-64 for each pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Expression(u128);
+
+thread_local! {
+    /// Whether equations have looked at a value.
+    static INSPECTED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs `equations`. Returns with their result whether they looked at a value, by [`Scalar::value`].
+pub(crate) fn inspected<R>(equations: impl FnOnce() -> R) -> (R, bool) {
+    INSPECTED.set(false);
+    (equations(), INSPECTED.get())
+}
+
+/// Odd numbers from the digits of pi, which mix the operands.
+const FIRST: u128 = 0x243f_6a88_85a3_08d3_1319_8a2e_0370_7345;
+const SECOND: u128 = 0xa409_3822_299f_31d0_082e_fa98_ec4e_6c89;
+
+impl Expression {
+    /// The known variable `index`.
+    pub(crate) fn known(index: usize) -> Self {
+        Self::of("known", [index as u128])
+    }
+
+    /// The operation `name` on hashes.
+    pub(crate) fn of<const N: usize>(name: &str, operands: [u128; N]) -> Self {
+        let mix = |hash: u128, word: u128| {
+            let hash = (hash ^ word).wrapping_mul(FIRST);
+            (hash ^ (hash >> 59)).wrapping_mul(SECOND)
+        };
+        let hash = name.bytes().fold(FIRST, |hash, byte| mix(hash, byte.into()));
+        let hash = operands.into_iter().fold(hash, mix);
+        Self(hash ^ (hash >> 67))
+    }
+}
+
+impl From<f64> for Expression {
+    fn from(constant: f64) -> Self {
+        Self::of("constant", [constant.to_bits().into()])
+    }
+}
+
+macro_rules! operators {
+    ($($operator:ident $function:ident),*) => {$(
+        impl $operator for Expression {
+            type Output = Self;
+            fn $function(self, other: Self) -> Self {
+                Self::of(stringify!($function), [self.0, other.0])
+            }
+        }
+        impl $operator<f64> for Expression {
+            type Output = Self;
+            fn $function(self, other: f64) -> Self {
+                $operator::$function(self, Self::from(other))
+            }
+        }
+    )*};
+}
+operators!(Add add, Sub sub, Mul mul, Div div);
+
+impl Neg for Expression {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self::of("neg", [self.0])
+    }
+}
+impl AddAssign for Expression {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+impl SubAssign for Expression {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+impl Sum for Expression {
+    fn sum<I: Iterator<Item = Self>>(terms: I) -> Self {
+        terms.fold(Self::from(0.0), Add::add)
+    }
+}
+impl<'a> Sum<&'a Self> for Expression {
+    fn sum<I: Iterator<Item = &'a Self>>(terms: I) -> Self {
+        terms.copied().sum()
+    }
+}
+
+macro_rules! functions {
+    ($($function:ident($($argument:ident: $word:expr),*)),*) => {$(
+        fn $function(self $(, $argument: argument!($function))*) -> Self {
+            Self::of(stringify!($function), [self.0 $(, $word)*])
+        }
+    )*};
+}
+macro_rules! argument {
+    (powf) => {
+        f64
+    };
+    (rem_euclid) => {
+        f64
+    };
+    (powi) => {
+        i32
+    };
+    ($function:ident) => {
+        Self
+    };
+}
+
+impl Scalar for Expression {
+    functions!(sin(), cos(), tan(), asin(), acos(), atan(), sinh(), cosh(), tanh(), sqrt(), exp(), ln(), floor());
+    functions!(atan2(x: x.0), hypot(other: other.0));
+    functions!(powf(x: x.to_bits().into()), rem_euclid(x: x.to_bits().into()), powi(n: n as u128));
+    fn if_greater(self, threshold: Self, then: Self, otherwise: Self) -> Self {
+        Self::of("if_greater", [self.0, threshold.0, then.0, otherwise.0])
+    }
+    fn interpolate(self, table: &Table) -> Self {
+        Self::of("interpolate", [self.0, table.fingerprint().into()])
+    }
+    fn value(self) -> f64 {
+        INSPECTED.set(true);
+        0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_expressions_have_one_hash_and_others_another() {
+        let [x, y] = [0, 1].map(Expression::known);
+        assert_eq!((x + y) * 2.0, (x + y) * Expression::from(2.0));
+        let all = [x, y, x + y, y + x, x - y, x * y, x / y, -x, x.sin(), x.cos(), x.powi(2), x.powf(2.0), x * 0.0];
+        for (i, a) in all.iter().enumerate() {
+            assert!(all[..i].iter().all(|b| a != b), "{i}");
+        }
+        let table = |y| Table::new([(0.0, 1.0), (1.0, y)]).unwrap();
+        assert_eq!(x.interpolate(&table(2.0)), x.interpolate(&table(2.0)));
+        assert_ne!(x.interpolate(&table(2.0)), x.interpolate(&table(3.0)));
+    }
+}

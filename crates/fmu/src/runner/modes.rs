@@ -1,0 +1,50 @@
+//! Values of a discrete state on which equations may branch.
+
+use crate::combinations::MOST_VALUES;
+use crate::discrete_state::{DiscreteState, OwnedWord, Words};
+
+/// Numbers that an enumeration does not have, as nobody would list so many items.
+const NOT_LISTED: [u64; 2] = [0x7fff_fe35, 0x7fff_ffff];
+
+/// The Booleans and enumerations of a discrete state, with every value. Other fields keep their values: equations need not work
+/// for any Integer, which may be a count or an index.
+#[derive(Debug, Default)]
+pub struct Modes(Vec<(usize, Vec<u64>)>);
+
+impl Modes {
+    pub(super) fn of<D: DiscreteState + Clone>(discrete: &D) -> Self {
+        let words = words(discrete);
+        let is_possible = |at: usize, value: u64| with(discrete, words.clone(), &[(at, value)]).is_some();
+        let is_limited = |at: usize| NOT_LISTED.iter().any(|&value| !is_possible(at, value));
+        let values = |at: usize| (0..MOST_VALUES as u64).filter(|&value| is_possible(at, value)).collect::<Vec<_>>();
+        let whole = (0..words.len()).filter(|&at| matches!(words[at], OwnedWord::Whole(_)) && is_limited(at));
+        Self(whole.map(|at| (at, values(at))).filter(|(_, values)| !values.is_empty()).collect())
+    }
+
+    /// Number of values of each field.
+    pub(crate) fn sizes(&self) -> impl Iterator<Item = usize> {
+        self.0.iter().map(|(_, values)| values.len())
+    }
+
+    /// The discrete state with the values of these numbers; `None` if it does not take them together.
+    pub(super) fn with<D: DiscreteState + Clone>(&self, discrete: &D, numbers: &[Option<usize>]) -> Option<D> {
+        let chosen = self.0.iter().zip(numbers).filter_map(|((at, values), number)| Some((*at, values[(*number)?])));
+        with(discrete, words(discrete), &chosen.collect::<Vec<_>>())
+    }
+}
+
+fn words<D: DiscreteState>(discrete: &D) -> Vec<OwnedWord> {
+    let mut words = Vec::new();
+    discrete.save(&mut |word| words.push(OwnedWord::from(word)));
+    words
+}
+
+fn with<D: DiscreteState + Clone>(discrete: &D, mut words: Vec<OwnedWord>, changes: &[(usize, u64)]) -> Option<D> {
+    for &(at, value) in changes {
+        words[at] = OwnedWord::Whole(value);
+    }
+    let mut rest = words.into_iter();
+    let mut next = || rest.next().ok_or_else(|| "too few values".to_owned());
+    let mut state = discrete.clone();
+    state.load(&mut Words(&mut next)).ok().map(|()| state)
+}

@@ -1,0 +1,32 @@
+use fmu::prelude::*;
+#[derive(Parameters)]
+pub struct Gain {
+    /// Gain (1)
+    #[var(start = 1.0)]
+    k: f64,
+}
+#[derive(Inputs)]
+pub struct U {
+    /// Control error (1)
+    u: f64,
+}
+#[derive(Outputs)]
+pub struct Y {
+    /// Command (1)
+    y: f64,
+}
+#[derive(DiscreteState, Clone, Default)]
+pub struct Memory {
+    integral: f64,
+}
+/// Gain
+impl Discrete for Gain {
+    type State = Memory;
+    type Inputs = U;
+    type Outputs = Y;
+    fn update(&self, sample: Sample<Self>) -> Y {
+        sample.state.integral += sample.inputs.u;
+        Y { y: self.k * sample.state.integral }
+    }
+}
+fn main() {}
