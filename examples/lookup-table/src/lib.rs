@@ -1,6 +1,5 @@
 //! `LookupTable`: a torque curve from a file of the FMU. The README has the format.
 
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::Path;
 
 use fmu::prelude::*;
@@ -34,7 +33,6 @@ pub struct Y<T> {
 #[derive(Derived)]
 pub struct Curve {
     table: Table,
-    hash: u64,
 }
 
 /// Full-load torque of an engine from a table
@@ -45,26 +43,12 @@ impl Continuous for LookupTable {
     type Derived = Curve;
 
     fn load(&self, resources: &Path) -> Result<Curve, String> {
-        let path = resources.join(&self.file);
-        let text = std::fs::read_to_string(&path).map_err(|error| format!("'file': {}: {error}", path.display()))?;
-        let number = |field: &str, line: usize| {
-            let invalid = |_| format!("'file': {}:{line}: '{field}' is not a number", path.display());
-            field.trim().parse::<f64>().map_err(invalid)
-        };
-        let mut points = Vec::new();
-        // Line 1 has the names of the columns.
-        for (line, row) in (1..).zip(text.lines()).skip(1) {
-            let (speed, torque) = row.split_once(',').unwrap_or((row, ""));
-            points.push((number(speed, line)?, number(torque, line)?));
-        }
-        let table = Table::new(points).map_err(|error| format!("'file': {}: {error}", path.display()))?;
-        let mut hasher = DefaultHasher::new();
-        text.hash(&mut hasher);
-        Ok(Curve { table, hash: hasher.finish() })
+        let table = Table::from_csv(resources.join(&self.file)).map_err(|error| format!("'file': {error}"))?;
+        Ok(Curve { table })
     }
 
     fn fingerprint(curve: &Curve) -> u64 {
-        curve.hash
+        curve.table.fingerprint()
     }
 
     fn outputs<T: Scalar>(&self, at: At<T, Self>) -> Y<T> {

@@ -280,6 +280,24 @@ impl Discrete for PathDriver {
     type Inputs = U;
     type Outputs = Y;
 
+    const SOURCE: Option<Influence> =
+        Some(|output, parameter| output == "driver.speed" && parameter.starts_with("speed."));
+
+    /// The speed; all else waits for the first sample, which sees the vehicle.
+    fn start(&self, _: f64, _: &D, _: &U) -> Y {
+        Y {
+            steer: 0.0,
+            speed: speed::reference(self, 0.0),
+            throttle: 0.0,
+            brake: 0.0,
+            steering_wheel: 0.0,
+            e: 0.0,
+            heading_error: 0.0,
+            s: 0.0,
+            finished: false,
+            lost: false,
+        }
+    }
     fn derived(&self) -> Result<D, String> {
         self.designed(None)
     }

@@ -1094,13 +1094,13 @@ fn the_table_comes_from_a_file() {
     assert!(fmu.instance.deserialize(&bytes).is_err());
 }
 
-/// Before the first sample all outputs are 0.
+/// Before the first sample the speed is that of the start, and all other outputs are 0.
 #[test]
-fn outputs_start_with_zero() {
+fn the_speed_is_there_from_the_start() {
     let mut fmu = Fmu::new(FilePath::new(""));
     fmu.initialize().unwrap();
     let mut values = [1.0; 2];
     let references = ["driver.speed", "driver.steer"].map(|name| fmu.reference(name));
     fmu.instance.get_real(&references, &mut values).unwrap();
-    assert_eq!(values, [0.0; 2]);
+    assert_eq!(values, [60.0 / 3.6, 0.0]);
 }

@@ -69,6 +69,10 @@ impl Discrete for Sensor {
     type Inputs = U;
     type Outputs = Y;
 
+    // Its first sample.
+    const SOURCE: Option<Influence> = Some(|_, _| true);
+    const FOLLOWS: Influence = |_, _| true;
+
     fn derived(&self) -> Result<D, String> {
         Ok(D { n: equations::delay_in_samples(self)? })
     }

@@ -189,6 +189,33 @@ fn instance() -> (Fmu, u32, u32) {
     (fmu, reference("sensor.true_value"), reference("sensor.measured_value"))
 }
 
+/// Reference: the measured value of the first sample, which has no delay: resolution 0.5 and bias 0.25 make 3.5 of 3.2.
+#[test]
+fn the_output_starts_at_the_input() {
+    let description = Arc::new(Description::of::<DiscreteModel<Sensor>>(Format::FMI2, Path::new("")));
+    let parameter =
+        |name: &str| description.layout.variables.iter().find(|v| v.declaration.name == name).unwrap().reference;
+    let (u, y) = (parameter("sensor.true_value"), parameter("sensor.measured_value"));
+    let mut fmu = Fmu::new(Protocol::CS2, Arc::clone(&description), Path::new("").to_owned());
+    for (name, value) in [("sensor.delay", 0.02), ("sensor.bias", 0.25), ("sensor.resolution", 0.5)] {
+        fmu.set_real(&[parameter(name)], &[value]).unwrap();
+    }
+    fmu.setup_experiment(0.0, None).unwrap();
+    fmu.enter_initialization().unwrap();
+    let read = |fmu: &mut Fmu| {
+        let mut value = [f64::NAN];
+        fmu.get_real(&[y], &mut value).unwrap();
+        value[0]
+    };
+    assert_eq!(read(&mut fmu), 0.5, "0.25 is rounded away from zero");
+    fmu.set_real(&[u], &[3.2]).unwrap();
+    assert_eq!(read(&mut fmu), 3.5);
+    fmu.exit_initialization().unwrap();
+    assert_eq!(read(&mut fmu), 3.5);
+    fmu.do_step(0.0, 0.001).unwrap();
+    assert_eq!(read(&mut fmu), 3.5);
+}
+
 /// The values every 8 ms, of a signal that changes every 8 ms.
 fn run(fmu: &mut Fmu, u: u32, y: u32, step: f64, times: std::ops::Range<u32>) -> Vec<u64> {
     let mut values = Vec::new();
