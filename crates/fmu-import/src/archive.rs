@@ -152,6 +152,8 @@ pub const fn platform_of(fmi: FmiVersion) -> &'static str {
 pub struct Archive<R = BufReader<File>> {
     path: PathBuf,
     zip: ZipArchive<R>,
+    /// Paths of the entries, in their order, with slashes.
+    names: Vec<String>,
 }
 
 /// What was unpacked; removed from the disk when dropped.
@@ -208,8 +210,20 @@ impl<R: Read + Seek> Archive<R> {
         check_sizes(&entries).map_err(rejected)?;
         file.rewind().map_err(io_error)?;
         let zip = ZipArchive::new(file).map_err(|cause| damaged(cause.to_string()))?;
-        check_entries(&entries, &zip).map_err(rejected)?;
-        Ok(Self { path: path.to_path_buf(), zip })
+        let names = check_entries(&entries, &zip).map_err(rejected)?;
+        Ok(Self { path: path.to_path_buf(), zip, names })
+    }
+
+    /// Names of entries that are separated by backslashes, which zip archives must not have (APPNOTE 6.3.10, section 4.4.17.1).
+    /// They are read as if they were slashes.
+    #[must_use]
+    pub fn names_with_backslashes(&self) -> Vec<String> {
+        let names = self.zip.file_names().filter_map(|name| Some(name.ok()?.to_string()));
+        names.filter(|name| name.contains('\\')).collect()
+    }
+
+    fn index(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|known| known == name)
     }
 
     /// The text of `modelDescription.xml`.
@@ -220,13 +234,13 @@ impl<R: Read + Seek> Archive<R> {
         const NAME: &str = "modelDescription.xml";
         let limit = crate::xml::MAX_BYTES as u64;
         let rejected = |reason| ArchiveError::Rejected { path: self.path.clone(), reason };
-        if self.zip.index_for_name(NAME).is_none() {
+        let Some(index) = self.index(NAME) else {
             // A folder was zipped instead of what is in it.
-            let deeper = self.zip.file_names().flatten().find(|name| name.ends_with(&format!("/{NAME}")));
+            let deeper = self.names.iter().find(|name| name.ends_with(&format!("/{NAME}")));
             let instead = deeper.map_or(String::new(), |name| format!(", but `{name}`"));
             return Err(rejected(format!("it has no {NAME} at its top{instead}")));
-        }
-        let entry = self.zip.by_name(NAME).map_err(|cause| ArchiveError::Entry {
+        };
+        let entry = self.zip.by_index(index).map_err(|cause| ArchiveError::Entry {
             path: self.path.clone(),
             entry: NAME.to_owned(),
             cause: cause.into(),
@@ -255,11 +269,9 @@ impl<R: Read + Seek> Archive<R> {
     /// # Errors
     /// The entry is unreadable, or does not have the size that the archive states.
     pub fn entry(&mut self, name: &str) -> Result<Option<Vec<u8>>, ArchiveError> {
-        if self.zip.index_for_name(name).is_none() {
-            return Ok(None);
-        }
+        let Some(index) = self.index(name) else { return Ok(None) };
         let failed = |cause| ArchiveError::Entry { path: self.path.clone(), entry: name.to_owned(), cause };
-        let entry = self.zip.by_name(name).map_err(|cause| failed(cause.into()))?;
+        let entry = self.zip.by_index(index).map_err(|cause| failed(cause.into()))?;
         let stated = entry.size();
         let mut bytes = Vec::new();
         entry.take(stated.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
@@ -283,10 +295,9 @@ impl<R: Read + Seek> Archive<R> {
     #[must_use]
     pub fn platforms(&self) -> Vec<String> {
         let mut platforms: Vec<String> = self
-            .zip
-            .file_names()
+            .names
+            .iter()
             .filter_map(|name| {
-                let name = name.ok()?;
                 let (platform, file) = name.strip_prefix("binaries/")?.split_once('/')?;
                 (!file.is_empty()).then(|| platform.to_string())
             })
@@ -312,7 +323,7 @@ impl<R: Read + Seek> Archive<R> {
         let file = format!("{identifier}{}", std::env::consts::DLL_SUFFIX);
         let folder_name = format!("binaries/{platform}/");
         let library = format!("{folder_name}{file}");
-        if self.zip.index_for_name(&library).is_none() {
+        if self.index(&library).is_none() {
             return Err(ArchiveError::NoBinary {
                 path: self.path.clone(),
                 wanted: platform,
@@ -329,17 +340,13 @@ impl<R: Read + Seek> Archive<R> {
         std::fs::create_dir_all(&resources).map_err(io_error(&resources))?;
         for i in 0..self.zip.len() {
             let entry_error = |entry: String, cause| ArchiveError::Entry { path: self.path.clone(), entry, cause };
-            let entry_name =
-                self.zip.name_for_index(i).and_then(Result::ok).map_or(String::new(), |name| name.into_owned());
+            let entry_name = self.names[i].clone();
             let entry = self.zip.by_index(i).map_err(|cause| entry_error(entry_name.clone(), cause.into()))?;
-            let Some(name) = entry.enclosed_name() else {
-                continue;
-            };
-            let wanted = name.starts_with(&folder_name) || name.starts_with("resources");
-            if !wanted || entry.is_dir() {
+            let wanted = entry_name.starts_with(&folder_name) || entry_name.starts_with("resources/");
+            if !wanted || entry_name.ends_with('/') {
                 continue;
             }
-            let target = folder.path().join(name);
+            let target = folder.path().join(&entry_name);
             if let Some(parent) = target.parent() {
                 std::fs::create_dir_all(parent).map_err(io_error(parent))?;
             }
@@ -451,12 +458,13 @@ fn check_sizes(entries: &[Entry]) -> Result<(), String> {
     Ok(())
 }
 
-/// The `zip` crate sees the same entries, and each is a file or folder within the archive; `Err`: which is not.
-fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> Result<(), String> {
+/// The paths of the entries, if the `zip` crate sees the same ones and each is a file or folder within the archive; `Err`:
+/// which is not.
+fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> Result<Vec<String>, String> {
     if zip.len() != entries.len() {
         return Err(format!("the list of its entries has {}, of which {} can be read", entries.len(), zip.len()));
     }
-    let mut paths = HashSet::new();
+    let (mut paths, mut names) = (HashSet::new(), Vec::new());
     for (i, listed) in entries.iter().enumerate() {
         let name = String::from_utf8_lossy(&listed.name);
         let entry = zip.by_index_data(i).map_err(|cause| format!("the entry `{name}`: {cause}"))?;
@@ -475,20 +483,29 @@ fn check_entries<R: Read + io::Seek>(entries: &[Entry], zip: &ZipArchive<R>) -> 
         if entry.is_symlink() {
             return Err(format!("the entry `{name}` is a link"));
         }
-        // Zip names use slashes; a backslash or a drive letter has a meaning on Windows only.
-        let path = entry.enclosed_name().filter(|_| !name.starts_with('/') && !name.contains(['\\', ':']));
-        let Some(path) = path else {
+        let Some(path) = path_within(&name) else {
             return Err(format!("the entry `{name}` is not a path within the archive"));
         };
         if terminal::is_unsafe(&name) {
             return Err(format!("the entry `{name}` has control characters in its name"));
         }
         // Also `a/b` and `a/./b`, or a name in another encoding: they are one file.
-        if !paths.insert(path) {
+        if !paths.insert(path.trim_end_matches('/').to_owned()) {
             return Err(format!("the entry `{name}` is there twice"));
         }
+        names.push(path);
     }
-    Ok(())
+    Ok(names)
+}
+
+/// The path that the name of an entry means, with slashes, one at the end of a folder; `None` if it leads out of the archive.
+/// Some tools write backslashes. A drive letter has a meaning on Windows only.
+fn path_within(name: &str) -> Option<String> {
+    let name = name.replace('\\', "/");
+    let is_folder = name.ends_with('/');
+    let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | ".")).collect();
+    let leads_out = name.starts_with('/') || name.contains([':', '\0']) || parts.contains(&"..") || parts.is_empty();
+    (!leads_out).then(|| parts.join("/") + if is_folder { "/" } else { "" })
 }
 
 /// Reads the description of an FMU without unpacking the rest.
@@ -589,6 +606,28 @@ mod tests {
             let error = Archive::open(&path).err().expect(name).to_string();
             assert!(error.contains("not a path within"), "{name}: {error}");
         }
+    }
+
+    /// As an archive of a tool that writes its names with the separators of Windows.
+    #[test]
+    fn backslashes_are_separators() {
+        let folder = TempDir::new().unwrap();
+        let binary = format!("binaries\\{}\\Vehicle{}", platform(), std::env::consts::DLL_SUFFIX);
+        let table = "resources\\tables\\tire.csv";
+        let entries =
+            [("modelDescription.xml", VEHICLE), (&binary, "code"), (table, "1,2"), ("resources\\empty\\", "")];
+        let mut archive = Archive::open(&fmu(&folder, &entries)).unwrap();
+        assert_eq!(archive.platforms(), [platform()]);
+        assert_eq!(archive.names_with_backslashes(), [&*binary, table, "resources\\empty\\"]);
+        assert_eq!(archive.entry("resources/tables/tire.csv").unwrap().as_deref(), Some(&b"1,2"[..]));
+        let description = archive.description().unwrap();
+        let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap();
+        assert_eq!(std::fs::read_to_string(&unpacked.binary).unwrap(), "code");
+        assert_eq!(std::fs::read_to_string(unpacked.resources.join("tables/tire.csv")).unwrap(), "1,2");
+        // The same file by both separators.
+        let entries = [("modelDescription.xml", VEHICLE), (table, "1"), ("resources/tables/tire.csv", "2")];
+        let error = Archive::open(&fmu(&folder, &entries)).err().unwrap().to_string();
+        assert!(error.ends_with("the entry `resources/tables/tire.csv` is there twice"), "{error}");
     }
 
     #[test]

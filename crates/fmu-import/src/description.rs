@@ -4,13 +4,16 @@
 //! Type definitions are resolved: a [`Variable`] carries the unit, limits and items it inherits. The names are those of
 //! FMI 2.0 where the versions differ: the instantiation token of FMI 3.0 is the [`guid`](ModelDescription::guid).
 
+mod elements;
 mod interface;
 mod read;
 
 use crate::c_api::Reference;
 pub use crate::xml::XmlError;
+pub use elements::ArrayElement;
 pub use interface::{CoSimulation, FmiVersion, Interface, ModelExchange};
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 /// Contents of `modelDescription.xml`.
@@ -232,8 +235,8 @@ impl std::fmt::Display for BaseType {
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum Value {
-    /// An Integer or an item of an enumeration.
-    Integer(i32),
+    /// An Integer or an item of an enumeration. One of FMI 2.0 has 32 bits.
+    Integer(i64),
     /// A Real.
     Real(f64),
     /// A Boolean.
@@ -295,7 +298,7 @@ pub struct Variable {
     pub start: Option<Value>,
     /// Start values of an array, one per element; empty without them.
     pub starts: Vec<Value>,
-    /// Start value as written where neither of these can hold it, such as an integer of more than 32 bits.
+    /// Start value as written where neither of these can hold it: a `UInt64` above the range of an `Int64`.
     pub other_start: Option<String>,
     /// Smallest value of a Real, Integer or enumeration.
     pub min: Option<f64>,
@@ -322,6 +325,8 @@ pub struct Variable {
     /// Index of the variable whose second name this is (`<Alias>` of FMI 3.0). An alias of an output is an output, any
     /// other is local, so that each value is set by one name.
     pub alias_of: Option<usize>,
+    /// The array of the FMU that this is an element of, after [`ModelDescription::with_elements`].
+    pub element: Option<ArrayElement>,
 }
 
 /// Size of an array in one dimension.
@@ -373,6 +378,22 @@ impl Variable {
             format!("{}[{}]", self.name, indices.join(","))
         };
         (0..self.size).map(name).collect()
+    }
+
+    /// The values that its type has, if it is an Integer. Those of an `UInt64` end with those of an `Int64`.
+    #[must_use]
+    pub fn integers(&self) -> RangeInclusive<i64> {
+        match self.data_type {
+            DataType::Int8 => i8::MIN.into()..=i8::MAX.into(),
+            DataType::UInt8 => 0..=u8::MAX.into(),
+            DataType::Int16 => i16::MIN.into()..=i16::MAX.into(),
+            DataType::UInt16 => 0..=u16::MAX.into(),
+            DataType::UInt32 => 0..=u32::MAX.into(),
+            DataType::Int64 => i64::MIN..=i64::MAX,
+            DataType::UInt64 => 0..=i64::MAX,
+            // The items of an enumeration have 32 bits, too.
+            _ => i32::MIN.into()..=i32::MAX.into(),
+        }
     }
 
     /// Whether the description has a start value.

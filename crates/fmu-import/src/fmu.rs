@@ -125,6 +125,18 @@ impl Fmu {
         Self::unpack_for(path.as_ref(), Interface::CoSimulation)
     }
 
+    /// As [`Self::unpack`], for a master that connects scalars: the description has the elements of arrays as variables, see
+    /// [`ModelDescription::with_elements`].
+    ///
+    /// # Errors
+    /// As [`Self::unpack`].
+    pub fn unpack_by_element(path: impl AsRef<Path>) -> Result<Self, FmuError> {
+        let Self(inner) = Self::unpack(path)?;
+        let Inner { description, binary, unpacked, .. } = &*inner;
+        let (description, binary) = (description.clone().with_elements(), binary.clone());
+        Ok(Self(Arc::new(Inner { description, binary, unpacked: Arc::clone(unpacked), library: OnceLock::new() })))
+    }
+
     fn unpack_for(path: &Path, interface: Interface) -> Result<Self, FmuError> {
         let mut archive = Archive::open(path)?;
         let description = archive.description()?;

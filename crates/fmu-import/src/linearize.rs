@@ -1,7 +1,7 @@
-//! Linear models of FMUs with continuous states, by their directional derivatives.
+//! Linear models of FMUs with continuous states, by their directional derivatives, or by differences in model exchange.
 
 use crate::archive::Archive;
-use crate::description::{BaseType, Causality, Initial, Interface, ModelDescription, Value, Variable};
+use crate::description::{BaseType, Causality, DataType, Initial, Interface, ModelDescription, Value, Variable};
 use crate::fmu::Fmu;
 use crate::loader::Instance;
 use crate::named_values::listed;
@@ -20,22 +20,37 @@ pub struct Linear {
     /// \[A B; C D\], column by column.
     #[serde(skip)]
     pub jacobian: Vec<f64>,
+    /// Whether it has central differences in place of directional derivatives.
+    pub by_differences: bool,
 }
+
+/// Step of central differences, as a share of the value or its nominal value: the cube root of the rounding error, at which the errors
+/// of rounding and of truncation are about equal; of doubles (1e-16), and where a variable is a Float32 (6e-8).
+const DIFFERENCE: [f64; 2] = [6e-6, 4e-3];
+/// Largest number of iterations of the first event.
+const ROUNDS: usize = 100;
 
 /// Linearizes an FMU at the start values with these changes. The binary is loaded into this process.
 ///
 /// # Errors
-/// The FMU cannot be used or has no states with directional derivatives, or a value cannot be set.
+/// The FMU cannot be used, has no continuous states, or has neither directional derivatives nor the interface for model exchange, or a
+/// value cannot be set.
 pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, String> {
     let archive = Archive::open(path).and_then(|mut archive| archive.description());
     let description = &archive.map_err(|error| error.to_string())?;
     let (interface, has_derivatives) = interface(description);
+    let has_differences = !has_derivatives && description.model_exchange.is_some();
+    let interface = if has_differences { Interface::ModelExchange } else { interface };
     let fmu = Fmu::open_for(path, interface).map_err(|error| error.to_string())?;
-    if !has_derivatives || description.derivatives.is_empty() {
-        return Err(format!(
-            "{} cannot be linearized: it lists no continuous states with directional derivatives (only plants do)",
-            description.model_name
-        ));
+    let cannot = |why: &str| Err(format!("{} cannot be linearized: {why}", description.model_name));
+    if description.derivatives.is_empty() {
+        return cannot("it lists no continuous states");
+    }
+    if !has_derivatives && !has_differences {
+        return cannot(
+            "it has neither directional derivatives nor the interface for model exchange, by which differences replace them; \
+             export it with one of the two",
+        );
     }
     let call = |error: crate::loader::CallError| error.to_string();
     let mut instance = fmu.instantiate("linearize").map_err(|error| error.to_string())?;
@@ -59,6 +74,19 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
     };
     let (inputs, outputs) = (real(Causality::Input), real(Causality::Output));
 
+    let elements = |variables: &[&Variable]| variables.iter().flat_map(|variable| variable.elements()).collect();
+    let (names_of_states, names_of_inputs, names_of_outputs) =
+        (elements(&states), elements(&inputs), elements(&outputs));
+    let linear = |jacobian| Linear {
+        states: names_of_states,
+        inputs: names_of_inputs,
+        outputs: names_of_outputs,
+        jacobian,
+        by_differences: !has_derivatives,
+    };
+    if !has_derivatives {
+        return by_differences(&mut instance, &inputs, &outputs).map(linear).map_err(call);
+    }
     let unknown: Vec<_> = derivatives.iter().chain(&outputs).map(|variable| variable.reference).collect();
     let mut jacobian = Vec::new();
     let mut column = vec![0.0; derivatives.iter().chain(&outputs).map(|variable| variable.size).sum()];
@@ -71,8 +99,64 @@ pub fn linearize(path: &Path, settings: &[(String, String)]) -> Result<Linear, S
             jacobian.extend_from_slice(&column);
         }
     }
-    let elements = |variables: &[&Variable]| variables.iter().flat_map(|variable| variable.elements()).collect();
-    Ok(Linear { states: elements(&states), inputs: elements(&inputs), outputs: elements(&outputs), jacobian })
+    Ok(linear(jacobian))
+}
+
+/// \[A B; C D\], column by column, by central differences in Continuous-Time Mode, which begins here.
+fn by_differences(
+    instance: &mut Instance,
+    inputs: &[&Variable],
+    outputs: &[&Variable],
+) -> Result<Vec<f64>, crate::loader::CallError> {
+    instance.exit_initialization_mode()?;
+    for _ in 0..ROUNDS {
+        if !instance.new_discrete_states()?.is_needed_again {
+            break;
+        }
+    }
+    instance.enter_continuous_time_mode()?;
+    let is_single = inputs.iter().chain(outputs).any(|variable| variable.data_type == DataType::Float32);
+    let size = |variables: &[&Variable]| variables.iter().map(|variable| variable.size).sum::<usize>();
+    let references = |variables: &[&Variable]| variables.iter().map(|variable| variable.reference).collect::<Vec<_>>();
+    let (given, read) = (references(inputs), references(outputs));
+    let number = instance.number_of_states();
+    let (mut states, mut nominals, mut values) = (vec![0.0; number], vec![1.0; number], vec![0.0; size(inputs)]);
+    instance.get_continuous_states(&mut states)?;
+    instance.get_nominals(&mut nominals)?;
+    if !given.is_empty() {
+        instance.get_real(&given, &mut values)?;
+    }
+    nominals.extend(inputs.iter().flat_map(|input| vec![input.nominal.unwrap_or(1.0); input.size]));
+
+    // The states, then the inputs.
+    let mut point: Vec<f64> = states.iter().chain(&values).copied().collect();
+    let mut at = |point: &[f64]| -> Result<Vec<f64>, crate::loader::CallError> {
+        let mut found = vec![0.0; number + size(outputs)];
+        instance.set_continuous_states(&point[..number])?;
+        if !given.is_empty() {
+            instance.set_real(&given, &point[number..])?;
+        }
+        let (derivatives, results) = found.split_at_mut(number);
+        instance.get_derivatives(derivatives)?;
+        if !read.is_empty() {
+            instance.get_real(&read, results)?;
+        }
+        Ok(found)
+    };
+    let mut jacobian = Vec::new();
+    for column in 0..point.len() {
+        let center = point[column];
+        let step = DIFFERENCE[usize::from(is_single)] * center.abs().max(nominals[column].abs());
+        let (above, below) = (center + step, center - step);
+        point[column] = above;
+        let high = at(&point)?;
+        point[column] = below;
+        let low = at(&point)?;
+        point[column] = center;
+        // The difference of the two points as they are, not as the step is meant.
+        jacobian.extend(high.iter().zip(&low).map(|(high, low)| (high - low) / (above - below)));
+    }
+    Ok(jacobian)
 }
 
 /// The interface to use, and whether it has directional derivatives.
@@ -132,7 +216,7 @@ pub(crate) fn parse(variable: &Variable, text: &str) -> Result<Value, String> {
         BaseType::Integer => {
             let values = variable.named_values();
             let named = values.iter().find(|(_, name)| *name == text).map(|(value, _)| *value);
-            let value = named.map_or_else(|| text.parse(), Ok);
+            let value = named.map_or_else(|| text.parse(), |value| Ok(i64::from(value)));
             value.map(Value::Integer).map_err(|_| match values.as_slice() {
                 [] => expected("a whole number"),
                 values => expected(&format!("one of {}", listed(values))),

@@ -10,9 +10,12 @@ mod callbacks;
 pub mod calls;
 pub mod description_options;
 mod error;
+pub(crate) mod floats;
 mod functions;
 mod instance;
 mod library;
+#[cfg(target_os = "linux")]
+pub(crate) mod linux;
 mod model_exchange;
 mod special;
 mod states;
@@ -22,10 +25,12 @@ mod strings;
 mod system;
 mod values;
 
-pub(crate) use callbacks::memory_callbacks;
+pub(crate) use callbacks::{memory_callbacks, stray_messages};
 pub use error::{CallError, CallProblem, LoadError, Message, Status};
 pub use instance::Instance;
 pub use library::{Library, exported_descriptions, not_exported};
 pub use model_exchange::{CompletedStep, EventUpdate};
+pub use special::WholeNumber;
 pub use states::SavedState;
 pub use system::flush_prints;
+pub(crate) use system::locale;

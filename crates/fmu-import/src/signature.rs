@@ -1,7 +1,7 @@
 //! What a caller of a library has to know of its description.
 
 use crate::c_api::Reference;
-use crate::description::{BaseType, DataType, FmiVersion, Interface, ModelDescription};
+use crate::description::{ArrayElement, BaseType, DataType, FmiVersion, Interface, ModelDescription, Value};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
@@ -12,6 +12,8 @@ pub(crate) struct Signature {
     pub(crate) interface: Interface,
     /// Variables that are arrays, or of another type than Float64, Int32, Boolean and String.
     special: HashMap<Reference, Special>,
+    /// Start values of the arrays that have elements, by the reference of the array.
+    starts: HashMap<Reference, Vec<Value>>,
     /// One bit for each value reference below [`MARKED`], up to the largest that is special: a getter looks at every reference.
     marks: Vec<u64>,
     pub(crate) states: usize,
@@ -27,6 +29,8 @@ pub(crate) struct Special {
     pub(crate) data_type: DataType,
     /// Number of values.
     pub(crate) size: usize,
+    /// The array that this is an element of, and its number of elements.
+    pub(crate) element: Option<(ArrayElement, usize)>,
 }
 
 impl Signature {
@@ -41,9 +45,19 @@ impl Signature {
                     BaseType::Boolean | BaseType::String => true,
                 };
                 if !is_plain || variable.is_array() {
-                    let entry = Special { data_type: variable.data_type, size: variable.size };
+                    let entry = Special { data_type: variable.data_type, size: variable.size, element: None };
                     special.insert(variable.reference, entry);
                 }
+            }
+        }
+        let mut starts = HashMap::new();
+        for (variable, references) in description.variables.iter().zip(description.element_references()) {
+            if references.is_some() && variable.alias_of.is_none() {
+                starts.insert(variable.reference, variable.starts.clone());
+            }
+            for (index, reference) in references.into_iter().flatten().enumerate() {
+                let element = Some((ArrayElement { array: variable.reference, index }, variable.size));
+                special.insert(reference, Special { data_type: variable.data_type, size: 1, element });
             }
         }
         let mut marks = Vec::new();
@@ -58,6 +72,7 @@ impl Signature {
             fmi: description.fmi,
             interface,
             special,
+            starts,
             marks,
             states: description.number_of_states(),
             event_indicators: description.number_of_event_indicators,
@@ -79,6 +94,16 @@ impl Signature {
     /// The entry of a special variable.
     pub(crate) fn special(&self, reference: Reference) -> Option<Special> {
         self.is_special(reference).then(|| self.special.get(&reference).copied()).flatten()
+    }
+
+    /// Start values of an array; empty without them.
+    pub(crate) fn starts(&self, array: Reference) -> &[Value] {
+        self.starts.get(&array).map_or(&[], Vec::as_slice)
+    }
+
+    /// The array that a value reference of [`ModelDescription::with_elements`] is an element of, and its number of elements.
+    pub(crate) fn element(&self, reference: Reference) -> Option<(ArrayElement, usize)> {
+        self.special(reference)?.element
     }
 
     /// Number of elements of variables.

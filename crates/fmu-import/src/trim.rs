@@ -258,6 +258,17 @@ pub fn steady(
             unit(state.variable, true),
         ));
     }
+    if let Some((state, value)) = solution.outside {
+        let state = &states[state];
+        let [low, high] = state.range();
+        return Err(format!(
+            "{}: `{}` can only rest at {value:.3}{}, outside the valid range of the model ({low:.4} to {high:.4}): there is \
+             no steady state near the start values. Choose another operating point, such as a lower speed or a smaller steering angle (--set).",
+            description.model_name,
+            description.variables[state.variable].name,
+            unit(state.variable, false),
+        ));
+    }
     let name = |index: usize| description.variables[index].name.clone();
     let (x, inputs, parameters) = plant.point();
     let mut starts: BTreeMap<usize, Value> = request.given.iter().cloned().collect();

@@ -8,16 +8,28 @@
 //! What requests are about is up to the crate that sends them; those of this crate are [`check`], [`linearize`] and [`trim`].
 //!
 //! Nothing an FMU prints reaches the connection: its standard output and error are one pipe, read line by line (`output`).
-//! A worker ends when its connection is closed, that is, also when the process that started it is killed.
+//! A worker ends when its connection is closed, that is, also when the process that started it is killed. On Linux a process
+//! between the two (`supervisor`) ends whatever the worker leaves behind, and a sandbox (`sandbox`) keeps FMUs from the rest of the
+//! machine if [`Settings`] ask for it.
 
 mod connection;
+#[cfg(target_os = "linux")]
+mod family;
 mod jobs;
+mod memory;
 pub mod message;
 mod output;
 mod process;
+#[cfg(target_os = "linux")]
+mod sandbox;
 mod serve;
+mod setup;
+#[cfg(target_os = "linux")]
+mod supervisor;
 
 pub use jobs::{JOB, check, linearize, serve, trim};
+pub use memory::memory_share;
 pub use output::Printed;
 pub use process::{Ended, Launch, Process, Settings, Watch};
 pub use serve::{Replies, serve as serve_requests};
+pub use setup::Incident;

@@ -3,7 +3,7 @@
 
 mod support;
 
-use fmu_import::check::{Event, Severity, check};
+use fmu_import::check::{Event, Options, Severity, check};
 use support::Build;
 
 /// What is found about the behavior of the binary in runs.
@@ -11,9 +11,9 @@ fn found(build: &Build) -> Vec<(Severity, String)> {
     let folder = tempfile::tempdir().unwrap();
     let path = build.pack(folder.path());
     let mut found = Vec::new();
-    check(&path, &mut |event| {
+    check(&path, &Options::default(), &mut |event| {
         if let Event::Found(finding) = event
-            && ["runs", "resets", "two instances", "fmi2DoStep", "saved states", "fmi2Reset"]
+            && ["runs", "another start time", "two instances", "fmi2DoStep", "saved states", "fmi2Reset"]
                 .contains(&finding.subject.as_str())
         {
             found.push((finding.severity, finding.message));
@@ -33,7 +33,9 @@ fn an_fmu_may_end_the_simulation() {
     assert_eq!(found(&build(Some((0.5, true)), states)), []);
     assert_eq!(found(&build(Some((0.2, true)), states)), []);
     let discarded = found(&build(Some((0.5, false)), states));
-    assert_eq!(discarded, [(Severity::Error, "fmi2DoStep returned fmi2Discard".to_owned())]);
+    let later = "fails from 5 s on, not from 0 s on: fmi2DoStep returned fmi2Discard".to_owned();
+    let from_start = "fmi2DoStep returned fmi2Discard".to_owned();
+    assert_eq!(discarded, [(Severity::Warning, later), (Severity::Error, from_start)]);
     let early = "ends the simulation within 8 steps of 0.01 s, too early to be tried";
     assert_eq!(found(&build(Some((0.05, true)), states)), [(Severity::Warning, early.to_owned())]);
 }
@@ -43,7 +45,7 @@ fn lines(build: &Build) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     let path = build.pack(folder.path());
     let mut lines = Vec::new();
-    check(&path, &mut |event| {
+    check(&path, &Options::default(), &mut |event| {
         if let Event::Found(finding) = event {
             lines.push(finding.to_string());
         }
@@ -82,11 +84,16 @@ fn only(found: &[String], expected: &str) {
 #[test]
 fn a_reset_that_keeps_something_is_found() {
     for (defect, expected) in [
-        ("RESET_NOTHING", "error: fmi2Reset: leaves `u` at 0.001, its start value is 0.0 (and 5 other variables)"),
-        ("RESET_STATES", "error: fmi2Reset: leaves `u` at 0.001, its start value is 0.0 (and 5 other variables)"),
-        ("RESET_NUMBERS", "error: fmi2Reset: leaves `label` at \"x\", its start value is \"\""),
+        ("RESET_NOTHING", ["leaves `u` at 0.001, its start value is 0.0 (and 5", "leaves `u` at 0.008"]),
+        ("RESET_STATES", ["leaves `u` at 0.001, its start value is 0.0 (and 5", "leaves `u` at 0.008"]),
+        ("RESET_NUMBERS", ["leaves `label` at \"x\", its start value is \"\""; 2]),
     ] {
-        only(&added(&[defect], FLAGS, &[]), expected);
+        let found = added(&[defect], FLAGS, &[]);
+        assert_eq!(found.len(), 2, "{defect}: {found:#?}");
+        let when = ["before initialization", "after a run"];
+        for ((line, when), expected) in found.iter().zip(when).zip(expected) {
+            assert!(line.starts_with(&format!("error: fmi2Reset: {when}, {expected}")), "{defect}: {line}");
+        }
     }
 }
 
@@ -102,6 +109,21 @@ fn a_state_that_lacks_something_is_found() {
         ("NO_BYTES", "error: saved states: fmi2SerializedFMUstateSize returned fmi2Error"),
     ] {
         only(&added(&[defect], FLAGS, &[]), expected);
+    }
+}
+
+/// A difference is a note as large as rounding errors, a warning within the tolerance, and an error beyond.
+#[test]
+fn a_state_that_goes_on_otherwise_is_graded() {
+    let otherwise = "fmi2SetFMUstate: a restored state goes on otherwise; first `x`: ";
+    for (relative, severity, end) in [
+        ("1e-14", "note", " of the peak, as by rounding"),
+        ("1e-6", "warning", " of the peak, within the tolerance 1e-4"),
+        ("1e-2", "error", ""),
+    ] {
+        let found = added(&[&format!("STATE_OFF={relative}")], FLAGS, &[]);
+        let line = found.iter().find(|line| line.contains(otherwise)).unwrap_or_else(|| panic!("{found:#?}"));
+        assert!(line.starts_with(&format!("{severity}: {otherwise}")) && line.ends_with(end), "{line}");
     }
 }
 
@@ -174,15 +196,18 @@ fn directional_derivatives_that_are_rejected_are_found() {
     for (case, mut edits, text) in cases {
         let text = structure(&text);
         edits.push(("<ModelStructure/>", &text));
-        let build = |defects: &[&str]| {
+        let build = |defects: &[&str], expected: &str| {
             let flags = "providesDirectionalDerivative=\"true\"";
             let found = lines(&Build { flags, edits: &edits, defects, ..Build::new("Fault", "u", "x") });
-            let expected =
-                "error: providesDirectionalDerivative: is promised, but fmi2GetDirectionalDerivative returned";
             found.iter().any(|line| line.starts_with(expected))
         };
-        assert!(build(&["NO_DERIVATIVE"]), "{case}");
-        assert!(case == "a state" || !build(&[]), "{case}");
+        let expected = "error: providesDirectionalDerivative: is promised, but fmi2GetDirectionalDerivative returned";
+        assert!(build(&["NO_DERIVATIVE"], expected), "{case}");
+        assert!(case == "a state" || !build(&[], expected), "{case}");
+        // fmi2Discard is the status of a derivative that is not finite.
+        let noted = "note: providesDirectionalDerivative: derivatives are not finite where the check asks for them: ";
+        let defects = &["DISCARDED_DERIVATIVE"];
+        assert!(build(defects, noted) && !build(defects, expected), "{case}");
     }
 }
 

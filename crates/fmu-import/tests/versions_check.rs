@@ -5,7 +5,7 @@
 mod decay;
 
 use decay::Decay;
-use fmu_import::check::{Checked, Event, check};
+use fmu_import::check::{Checked, Event, Options, check};
 use fmu_import::description::FmiVersion;
 
 /// What was looked at, and all findings as lines.
@@ -13,10 +13,10 @@ fn checked(build: &Decay<'_>) -> (Checked, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let path = build.pack(folder.path());
     let (mut looked_at, mut lines) = (Checked::default(), Vec::new());
-    check(&path, &mut |event| match event {
+    check(&path, &Options::default(), &mut |event| match event {
         Event::Checked(so_far) => looked_at = so_far,
         Event::Found(finding) => lines.push(finding.to_string()),
-        Event::Trying(_) => (),
+        Event::Trying { .. } => (),
     });
     (looked_at, lines)
 }
@@ -27,8 +27,8 @@ fn sound_fmus_of_both_versions_have_no_findings() {
         let (looked_at, lines) = checked(&Decay::new(fmi));
         assert_eq!(lines, [""; 0], "{fmi}");
         let text = looked_at.to_string();
-        let exchange = "model exchange: the event at the start, states with derivatives and event indicators, saved states, integration, \
-                        partial derivatives, the end, state derivatives as in co-simulation";
+        let exchange = "model exchange: the event at the start, states with derivatives and event indicators, saved states, integration, another start time, \
+                        partial derivatives, the end, stack, state derivatives as in co-simulation";
         assert!(text.ends_with(exchange), "{text}");
         assert_eq!(text.contains("adjoint derivatives"), fmi == FmiVersion::V3, "{text}");
     }
@@ -92,6 +92,31 @@ fn defects_of_model_exchange_are_found() {
     ] {
         let (_, lines) = checked(&Decay { defects: &[defect], ..Decay::new(fmi) });
         assert!(lines.iter().any(|line| line.starts_with(expected)), "{fmi} {defect}: {lines:#?}");
+    }
+}
+
+/// A function that writes to the first element of an array without elements meets one here.
+#[test]
+fn writes_without_elements_are_found() {
+    let [two, three] = [FmiVersion::V2, FmiVersion::V3];
+    for (fmi, list, derivative, function) in [
+        (
+            two,
+            "<Derivatives><Unknown index=\"3\" dependencies=\"2\"/></Derivatives>",
+            "derivative=\"2\"",
+            "fmi2GetDerivatives",
+        ),
+        (
+            three,
+            "<ContinuousStateDerivative valueReference=\"2\" dependencies=\"1\"/>",
+            "derivative=\"1\"",
+            "fmi3GetContinuousStateDerivatives",
+        ),
+    ] {
+        let edits = [(list, ""), (derivative, "")];
+        let (_, lines) = checked(&Decay { defects: &["LEAST=0"], edits: &edits, ..Decay::new(fmi) });
+        let expected = format!("error: {function}: writes to the first element of an array that has none");
+        assert!(lines.iter().any(|line| line.starts_with(&expected)), "{fmi}: {lines:#?}");
     }
 }
 

@@ -6,12 +6,14 @@ mod adjoint;
 mod capabilities;
 mod dependencies;
 pub(super) mod exchange;
+mod experiment;
 mod reset;
+mod stack;
 mod states;
 mod step_size;
 mod values;
 
-use super::{Checked, Event, Finding};
+use super::{Checked, Event, Finding, Options, Severity, Topic};
 use crate::c_api::Reference;
 use crate::description::{BaseType, Causality, FmiVersion, Interface, ModelDescription, Value, Variable};
 use crate::loader::{CallError, CallProblem, Instance, Library, Status};
@@ -25,12 +27,21 @@ const MOST_PARTS: f64 = 1000.0;
 /// Steps without which a trial run shows nothing.
 const FEWEST_STEPS: usize = 4;
 
+/// Difference, relative to the peak of an output, that rounding errors make.
+const ROUNDING: f64 = 1e-12;
+/// Difference that a solver may make where the default experiment has no tolerance: the default of many tools.
+const TOLERANCE: f64 = 1e-4;
+/// Least peak that differences are relative to.
+const SMALL: f64 = 1e-9;
+
 type Tell<'a> = &'a mut dyn FnMut(Event);
 
 /// A trial of one binary.
+#[derive(Clone)]
 struct Trial<'a> {
     library: &'a Arc<Library>,
     description: &'a ModelDescription,
+    options: &'a Options,
     /// Communication step, s.
     step: f64,
     /// Steps of a run.
@@ -55,7 +66,13 @@ type Answer<T> = Result<T, CallError>;
 type Part<'t> = fn(&Trial<'t>, Tell<'_>) -> Answer<()>;
 
 /// Tries everything the description promises, and counts it in `checked`.
-pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, checked: &mut Checked, tell: Tell<'_>) {
+pub(super) fn check(
+    library: &Arc<Library>,
+    description: &ModelDescription,
+    options: &Options,
+    checked: &mut Checked,
+    tell: Tell<'_>,
+) {
     let (start, step) = start_and_step(description);
     let filtered = |is_wanted: &dyn Fn(&Variable) -> bool| -> Vec<usize> {
         (0..description.variables.len()).filter(|&i| is_wanted(&description.variables[i])).collect()
@@ -76,6 +93,7 @@ pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, chec
     let mut trial = Trial {
         library,
         description,
+        options,
         step,
         steps: STEPS,
         start,
@@ -86,8 +104,7 @@ pub(super) fn check(library: &Arc<Library>, description: &ModelDescription, chec
         instances: Cell::new(0),
         made: Cell::new(0),
     };
-    checked.trials = trial.all(tell);
-    (checked.instances, checked.steps) = (trial.instances.get(), trial.made.get());
+    trial.all(checked, tell);
 }
 
 /// Start and communication step of the trials, s: those of the default experiment, as far as it has them.
@@ -103,14 +120,40 @@ fn start_and_step(description: &ModelDescription) -> (f64, f64) {
     (start, longest.map_or(step, |longest| step.min(longest)))
 }
 
+/// Stop time of the default experiment, s, if there is one after its start.
+fn stop_time(description: &ModelDescription, start: f64) -> Option<f64> {
+    description.default_experiment.stop_time.filter(|stop| stop.is_finite() && *stop > start)
+}
+
+/// A step in the middle of the default experiment, s; without a stop time it is that of 1000 steps.
+fn middle(description: &ModelDescription, start: f64, step: f64) -> f64 {
+    let stop = stop_time(description, start).unwrap_or(start + 1000.0 * step);
+    start + step * (0.5 * (stop - start) / step).round().max(1.0)
+}
+
+/// Latest messages of a failed call that are told.
+const MOST_SAID: usize = 5;
+
 /// Error of a call: the function, and the messages the FMU logged.
 fn words(error: &CallError) -> String {
-    let said: Vec<_> = error.messages.iter().map(|message| message.text.as_str()).collect();
+    let earlier = error.messages.len().saturating_sub(MOST_SAID);
+    let said: Vec<_> = error.messages[earlier..].iter().map(|message| message.text.as_str()).collect();
     let problem = error.to_string();
     // Without the name of the instance, which the check has chosen; the FMU's messages follow in quotes.
     let problem = problem.lines().next().unwrap_or_default();
     let problem = problem.split_once(": ").map_or(problem, |(_, rest)| rest);
-    if said.is_empty() { problem.to_owned() } else { format!("{problem} (\"{}\")", said.join("\", \"")) }
+    let earlier = if earlier > 0 { format!("{earlier} earlier messages, ") } else { String::new() };
+    if said.is_empty() { problem.to_owned() } else { format!("{problem} ({earlier}\"{}\")", said.join("\", \"")) }
+}
+
+/// A derivative that the FMU does not give. A discarded call says that it is not finite there.
+fn derivative_problem(attribute: &str, error: &CallError) -> Finding {
+    let words = words(error);
+    if error.is_discarded() {
+        Finding::note(attribute, format!("derivatives are not finite where the check asks for them: {words}"))
+    } else {
+        Finding::error(attribute, format!("is promised, but {words}"))
+    }
 }
 
 fn found(tell: Tell<'_>, finding: Finding) {
@@ -118,26 +161,25 @@ fn found(tell: Tell<'_>, finding: Finding) {
 }
 
 impl Trial<'_> {
-    /// Tries everything; the names of the parts that made an instance.
-    fn all(&mut self, tell: Tell<'_>) -> Vec<String> {
+    /// Tries everything.
+    fn all(&mut self, checked: &mut Checked, tell: Tell<'_>) {
         if !self.instantiation(tell) {
-            return Vec::new();
+            return;
         }
-        tell(Event::Trying("runs".to_owned()));
+        tell(Event::trying("runs", Topic::Simulation));
         if self.is_asynchronous() {
             let message =
                 "is set, and fmi2DoStep returns fmi2Pending: only FMUs that finish their steps are tried further";
-            found(tell, Finding::warning("canRunAsynchronuously", message));
-            return Vec::new();
+            return found(tell, Finding::warning("canRunAsynchronuously", message).about(Topic::Simulation));
         }
         self.steps = self.length();
-        if self.steps >= FEWEST_STEPS {
-            return self.run_all(tell);
+        if self.steps < FEWEST_STEPS {
+            let (steps, step) = (2 * FEWEST_STEPS, self.step);
+            let message = format!("ends the simulation within {steps} steps of {step} s, too early to be tried");
+            let function = self.function("fmi2DoStep", "fmi3DoStep");
+            return found(tell, Finding::warning(function, message).about(Topic::Simulation));
         }
-        let (steps, step) = (2 * FEWEST_STEPS, self.step);
-        let message = format!("ends the simulation within {steps} steps of {step} s, too early to be tried");
-        found(tell, Finding::warning(self.function("fmi2DoStep", "fmi3DoStep"), message));
-        Vec::new()
+        self.run_all(checked, tell);
     }
 
     fn instance(&self, name: &str) -> Answer<Instance> {
@@ -182,36 +224,44 @@ impl Trial<'_> {
 
     /// Instantiation succeeds with the GUID of the description and fails with another one.
     fn instantiation(&self, tell: Tell<'_>) -> bool {
-        instantiation(self.library, self.description, Interface::CoSimulation, tell)
+        instantiation(self.library, self.description, Interface::CoSimulation, self.options, tell)
     }
 
-    fn run_all(&self, tell: Tell<'_>) -> Vec<String> {
-        let parts: [(&str, Part<'_>); 11] = [
-            ("start values", Self::start_values),
-            ("runs", Self::runs),
-            ("resets", Self::resets),
-            ("two instances", Self::instances),
-            ("saved states", Self::states),
-            ("capabilities", Self::capabilities),
-            ("adjoint derivatives", Self::adjoint),
-            ("dependencies at the start", Self::initial_dependencies),
-            ("dependencies between steps", Self::step_dependencies),
-            ("step size of the solver", Self::step_size),
-            ("the end of a run", Self::end),
+    fn run_all(&self, checked: &mut Checked, tell: Tell<'_>) {
+        use Topic::{Simulation, Standard};
+        let parts: [(&str, Topic, Part<'_>); 15] = [
+            ("start values", Standard, Self::start_values),
+            ("runs", Simulation, Self::runs),
+            ("another start time", Simulation, Self::another_start),
+            ("the default experiment", Simulation, Self::experiment),
+            ("reset before initialization", Standard, Self::reset_before_initialization),
+            ("reset after a run", Standard, Self::reset_after_run),
+            ("two instances", Standard, Self::instances),
+            ("saved states", Standard, Self::states),
+            ("capabilities", Standard, Self::capabilities),
+            ("adjoint derivatives", Standard, Self::adjoint),
+            ("dependencies at the start", Standard, Self::initial_dependencies),
+            ("dependencies between steps", Standard, Self::step_dependencies),
+            ("step size of the solver", Simulation, Self::step_size),
+            ("the end of a run", Standard, Self::end),
+            (stack::STACK, Simulation, Self::stack),
         ];
-        let mut tried = Vec::new();
-        for (name, part) in parts {
-            tell(Event::Trying(name.to_owned()));
+        for (name, topic, part) in parts {
+            if self.options.skip.contains(name) {
+                continue;
+            }
+            tell(Event::trying(name, topic));
             let before = self.instances.get();
             if let Err(error) = part(self, tell) {
-                found(tell, Finding::error(name, words(&error)));
+                found(tell, Finding::error(name, words(&error)).about(topic));
             }
             // Without an instance there is nothing that the description promises.
             if self.instances.get() > before {
-                tried.push(name.to_owned());
+                checked.trials.push(name.to_owned());
             }
+            (checked.instances, checked.steps) = (self.instances.get(), self.made.get());
+            tell(Event::Checked(checked.clone()));
         }
-        tried
     }
 
     /// Steps of a run such that one instance can take twice as many: fewer if the FMU ends the simulation by itself.
@@ -221,8 +271,7 @@ impl Trial<'_> {
         let Ok(mut instance) = self.started("length") else { return STEPS };
         for k in 0..2 * STEPS {
             let Err(error) = self.go(&mut instance, k..k + 1, 1) else { continue };
-            let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
-            return if may_end && instance.wants_termination() == Ok(true) { k / 2 } else { STEPS };
+            return if experiment::ends_simulation(&mut instance, &error) { k / 2 } else { STEPS };
         }
         STEPS
     }
@@ -237,11 +286,16 @@ impl Trial<'_> {
 
     fn reals(&self, instance: &mut Instance, variables: &[usize]) -> Answer<Vec<f64>> {
         let mut values = vec![0.0; variables.len()];
-        instance.get_real(&self.references(variables), &mut values)?;
+        if !variables.is_empty() {
+            instance.get_real(&self.references(variables), &mut values)?;
+        }
         Ok(values)
     }
 
     fn set(&self, instance: &mut Instance, variables: &[usize], values: &[f64]) -> Answer<()> {
+        if variables.is_empty() {
+            return Ok(());
+        }
         instance.set_real(&self.references(variables), values)
     }
 
@@ -294,18 +348,24 @@ impl Trial<'_> {
                 self.made.set(self.made.get() + 1);
                 instance.do_step(self.start + self.step * k as f64 + h * part as f64, h)?;
             }
-            for &i in &self.observed {
-                for value in values::read_all(instance, self.variable(i))? {
-                    outputs.push(match value {
-                        Value::Real(value) => value,
-                        Value::Integer(value) => f64::from(value),
-                        Value::Boolean(value) => f64::from(u8::from(value)),
-                        Value::String(_) => continue,
-                    });
-                }
-            }
+            self.read_outputs(instance, &mut outputs)?;
         }
         Ok(outputs)
+    }
+
+    /// Appends the values of all observed outputs, as numbers.
+    fn read_outputs(&self, instance: &mut Instance, outputs: &mut Vec<f64>) -> Answer<()> {
+        for &i in &self.observed {
+            for value in values::read_all(instance, self.variable(i))? {
+                outputs.push(match value {
+                    Value::Real(value) => value,
+                    Value::Integer(value) => value as f64,
+                    Value::Boolean(value) => f64::from(u8::from(value)),
+                    Value::String(_) => continue,
+                });
+            }
+        }
+        Ok(())
     }
 
     /// A run is finite and repeats itself in another instance.
@@ -316,21 +376,49 @@ impl Trial<'_> {
         if let Some(at) = expected.iter().position(|value| !value.is_finite()) {
             let name = &self.elements[at % self.elements.len()];
             let message = format!("is {} after step {}", expected[at], at / self.elements.len() + 1);
-            found(tell, Finding::error(format!("variable `{name}`"), message));
+            found(tell, Finding::error(format!("variable `{name}`"), message).about(Topic::Simulation));
         }
         let outputs = self.go(&mut self.started("again")?, 0..self.steps, 1)?;
-        self.compare(tell, "runs", "give different results for the same calls", &expected, &outputs);
+        let finding = self.comparison("runs", "give different results for the same calls", &expected, &outputs);
+        if let Some(finding) = finding {
+            found(tell, finding.about(Topic::Simulation));
+        }
         Ok(())
     }
 
     /// Whether two runs are equal; tells where they are not.
     fn compare(&self, tell: Tell<'_>, subject: &str, message: &str, expected: &[f64], values: &[f64]) -> bool {
+        let finding = self.comparison(subject, message, expected, values);
+        let is_equal = finding.is_none();
+        if let Some(finding) = finding {
+            found(tell, finding);
+        }
+        is_equal
+    }
+
+    /// Where two runs are not equal: a note if they differ by rounding errors, a warning if a solver may differ as much.
+    fn comparison(&self, subject: &str, message: &str, expected: &[f64], values: &[f64]) -> Option<Finding> {
         let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
-        let Some(at) = expected.iter().zip(values).position(differs) else { return true };
-        let name = &self.elements[at % self.elements.len()];
+        let at = expected.iter().zip(values).position(differs)?;
+        let columns = self.elements.len();
+        let name = &self.elements[at % columns];
         let message = format!("{message}; first `{name}`: {:?} and {:?}", expected[at], values[at]);
-        found(tell, Finding::error(subject, message));
-        false
+        let tolerance = self.description.default_experiment.tolerance.filter(|tolerance| *tolerance > 0.0);
+        let tolerance = tolerance.unwrap_or(TOLERANCE);
+        let differences = (0..columns).map(|column| {
+            let peak = expected.iter().skip(column).step_by(columns).fold(SMALL, |peak, value| value.abs().max(peak));
+            let pairs = expected.iter().zip(values).skip(column).step_by(columns).filter(|pair| differs(*pair));
+            pairs.map(|(a, b)| (a - b).abs() / peak).fold(0.0, |most, d| if d > most || d.is_nan() { d } else { most })
+        });
+        let largest = differences.fold(0.0, |most: f64, d| if d > most || d.is_nan() { d } else { most });
+        let (severity, explanation) = if largest <= ROUNDING {
+            (Severity::Note, format!("; at most {largest:.1e} of the peak, as by rounding"))
+        } else if largest <= tolerance {
+            (Severity::Warning, format!("; at most {largest:.1e} of the peak, within the tolerance {tolerance:.0e}"))
+        } else {
+            (Severity::Error, String::new())
+        };
+        Some(Finding { severity, ..Finding::error(subject, message + &explanation) })
     }
 
     fn end(&self, _: Tell<'_>) -> Answer<()> {
@@ -341,19 +429,29 @@ impl Trial<'_> {
 }
 
 /// Instantiation succeeds with the GUID of the description and fails with another one.
-fn instantiation(library: &Arc<Library>, description: &ModelDescription, interface: Interface, tell: Tell<'_>) -> bool {
+fn instantiation(
+    library: &Arc<Library>,
+    description: &ModelDescription,
+    interface: Interface,
+    options: &Options,
+    tell: Tell<'_>,
+) -> bool {
     let (function, token) = match (description.fmi, interface) {
         (FmiVersion::V2, _) => ("fmi2Instantiate", "GUID"),
         (FmiVersion::V3, Interface::CoSimulation) => ("fmi3InstantiateCoSimulation", "instantiation token"),
         (FmiVersion::V3, Interface::ModelExchange) => ("fmi3InstantiateModelExchange", "instantiation token"),
     };
-    tell(Event::Trying(format!("instantiating for {interface}")));
+    tell(Event::trying(format!("instantiating for {interface}"), Topic::Simulation));
     if let Err(error) = Instance::instantiate(library, "check", &description.guid, false) {
         let message = format!("{}; the binary may belong to another description", words(&error));
-        found(tell, Finding::error(function, message));
+        found(tell, Finding::error(function, message).about(Topic::Simulation));
         return false;
     }
-    tell(Event::Trying(format!("instantiating for {interface} with a wrong {token}")));
+    let trial = format!("instantiating for {interface} with a wrong {token}");
+    if options.skip.contains(&trial) {
+        return true;
+    }
+    tell(Event::trying(trial, Topic::Standard));
     if Instance::instantiate(library, "check", "{not the GUID}", false).is_ok() {
         let message = format!("a wrong {token} is accepted, so a description of another binary goes unnoticed");
         found(tell, Finding::warning(function, message));

@@ -7,6 +7,7 @@
 //! whether a restored state goes on as before: `behavior` tries it out.
 
 mod behavior;
+mod process;
 mod rules;
 
 use crate::archive::Archive;
@@ -17,15 +18,28 @@ use crate::wasm::Names;
 use std::collections::HashSet;
 use std::fmt;
 use std::path::Path;
+use std::time::Duration;
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
+    /// Information; nothing is wrong.
+    Note,
     /// Allowed, but it misleads masters or their users.
     Warning,
     /// Against the standard, or not as described.
     Error,
+}
+
+/// The question that a finding answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Topic {
+    /// Does it simulate? It loads, starts and steps, gives numbers, and gives the same ones again.
+    Simulation,
+    /// Does it follow the standard? Everything else that FMI asks for or that the description promises.
+    Standard,
 }
 
 /// Something that is wrong with an FMU.
@@ -33,6 +47,8 @@ pub enum Severity {
 pub struct Finding {
     /// How bad it is.
     pub severity: Severity,
+    /// The question that it answers.
+    pub topic: Topic,
     /// What it is about, such as a variable or a function.
     pub subject: String,
     /// What is wrong, and what was expected.
@@ -54,18 +70,31 @@ fn cut(text: impl Into<String>) -> String {
 }
 
 impl Finding {
-    fn error(subject: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { severity: Severity::Error, subject: cut(subject), message: cut(message) }
+    /// An error about the standard.
+    pub(crate) fn error(subject: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { severity: Severity::Error, topic: Topic::Standard, subject: cut(subject), message: cut(message) }
     }
 
-    fn warning(subject: impl Into<String>, message: impl Into<String>) -> Self {
+    /// A warning about the standard.
+    pub(crate) fn warning(subject: impl Into<String>, message: impl Into<String>) -> Self {
         Self { severity: Severity::Warning, ..Self::error(subject, message) }
+    }
+
+    /// A note about the simulation.
+    pub(crate) fn note(subject: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { severity: Severity::Note, topic: Topic::Simulation, ..Self::error(subject, message) }
+    }
+
+    /// The same about another question.
+    pub(crate) fn about(self, topic: Topic) -> Self {
+        Self { topic, ..self }
     }
 }
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let severity = match self.severity {
+            Severity::Note => "note",
             Severity::Warning => "warning",
             Severity::Error => "error",
         };
@@ -89,11 +118,39 @@ impl Findings<'_> {
 #[serde(rename_all = "snake_case")]
 pub enum Event {
     /// What is tried next. If the binary takes the process down, this is what it did not survive.
-    Trying(String),
+    Trying {
+        /// Name of the trial.
+        trial: String,
+        /// The question that a crash in it answers.
+        topic: Topic,
+    },
     /// What was found.
     Found(Finding),
     /// What has been looked at so far.
     Checked(Checked),
+}
+
+impl Event {
+    fn trying(trial: impl Into<String>, topic: Topic) -> Self {
+        Self::Trying { trial: trial.into(), topic }
+    }
+}
+
+/// Options of a check.
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
+pub struct Options {
+    /// Longest time for the default experiment; it is cut then.
+    pub experiment: Duration,
+    /// Trials to leave out. If there are any, findings about the description are left out, too: a check that a crash has
+    /// ended goes on in another process.
+    pub skip: HashSet<String>,
+}
+
+impl Default for Options {
+    /// The whole check, with one minute for the default experiment.
+    fn default() -> Self {
+        Self { experiment: Duration::from_secs(60), skip: HashSet::new() }
+    }
 }
 
 /// Start of the names of trials by model exchange.
@@ -114,6 +171,17 @@ pub struct Checked {
     pub instances: usize,
     /// Steps that were made, of all instances.
     pub steps: usize,
+}
+
+impl Checked {
+    /// The same, after what another process has looked at.
+    #[cfg(not(target_family = "wasm"))]
+    pub(crate) fn after(mut self, before: &Self) -> Self {
+        self.trials.splice(0..0, before.trials.iter().cloned());
+        self.instances += before.instances;
+        self.steps += before.steps;
+        self
+    }
 }
 
 impl fmt::Display for Checked {
@@ -149,12 +217,13 @@ const MAX_FINDINGS: usize = 1000;
 /// Checks a `.fmu` file.
 ///
 /// The binary is loaded and runs in this process, so call it in a process of its own where a crash matters.
-pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
+pub fn check(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
     let (mut told, mut errors, mut warnings) = (0, 0, 0);
-    examine(path, &mut |event| {
+    let mut tell_some = |event| {
         if let Event::Found(finding) = &event {
             if told == MAX_FINDINGS {
                 match finding.severity {
+                    Severity::Note => (),
                     Severity::Error => errors += 1,
                     Severity::Warning => warnings += 1,
                 }
@@ -163,7 +232,10 @@ pub fn check(path: &Path, tell: &mut dyn FnMut(Event)) {
             told += 1;
         }
         tell(event);
-    });
+    };
+    let mut process = process::Process::new();
+    examine(path, options, &mut |event| process.watch(event, &mut tell_some));
+    process.changes("").into_iter().for_each(|finding| tell_some(Event::Found(finding)));
     let message = format!("{errors} further errors and {warnings} further warnings are left out");
     if errors > 0 {
         tell(Event::Found(Finding::error("findings", message)));
@@ -206,16 +278,33 @@ fn imports(module: &Path) -> Option<Finding> {
     (!names.imports.is_empty()).then(|| Finding::error("binary", message()))
 }
 
-fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
-    let mut found = |finding| tell(Event::Found(finding));
+fn examine(path: &Path, options: &Options, tell: &mut dyn FnMut(Event)) {
+    let stray = loader::stray_messages();
+    let is_first = options.skip.is_empty();
+    let mut found = |finding| {
+        if is_first {
+            tell(Event::Found(finding));
+        }
+    };
     let opened = Archive::open(path).and_then(|mut archive| Ok((archive.description_text()?, archive)));
     let (text, mut archive) = match opened {
         Ok(opened) => opened,
-        Err(error) => return found(Finding::error("archive", error.to_string())),
+        Err(error) => return found(Finding::error("archive", error.to_string()).about(Topic::Simulation)),
     };
+    if let [name, others @ ..] = &archive.names_with_backslashes()[..] {
+        let others = if others.is_empty() { String::new() } else { format!(" and {} others", others.len()) };
+        let message = format!(
+            "the names of the entries `{name}`{others} have backslashes; zip archives separate folders by slashes, and other \
+             importers do not find these files"
+        );
+        found(Finding::error("archive", message));
+    }
     let description = match ModelDescription::parse(&text) {
         Ok(description) => description,
-        Err(error) => return found(Finding::error("modelDescription.xml", error.to_string())),
+        Err(error) => {
+            let finding = Finding::error("modelDescription.xml", error.to_string());
+            return found(finding.about(Topic::Simulation));
+        }
     };
     let mut checked = Checked {
         elements: rules::check(&text, &description, &mut found),
@@ -235,22 +324,23 @@ fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
     let interfaces = description.interfaces();
     if interfaces.is_empty() {
         let subject = "CoSimulation and ModelExchange";
-        return tell(Event::Found(if description.has_scheduled_execution {
+        let finding = if description.has_scheduled_execution {
             Finding::warning(
                 subject,
                 "are missing: the binary was not tried, because scheduled execution is not supported",
             )
         } else {
             Finding::error(subject, "are missing: the FMU must have one of these interfaces")
-        }));
+        };
+        return tell(Event::Found(finding.about(Topic::Simulation)));
     }
     let (mut libraries, mut problems) = (Vec::new(), Vec::new());
     for &interface in &interfaces {
-        tell(Event::Trying(format!("loading the binary for {interface}")));
-        let binary = |error: &dyn fmt::Display| Finding::error("binary", error.to_string());
+        tell(Event::trying(format!("loading the binary for {interface}"), Topic::Simulation));
+        let binary = |error: &dyn fmt::Display| Finding::error("binary", error.to_string()).about(Topic::Simulation);
         let loaded = archive.unpack(&description, interface).map_err(|error| binary(&error)).and_then(|unpacked| {
             Library::load(unpacked).map_err(|error| match error {
-                LoadError::Missing { function, .. } => missing(function, description.fmi),
+                LoadError::Missing { function, .. } => missing(function, description.fmi).about(Topic::Simulation),
                 error => binary(&error),
             })
         });
@@ -259,7 +349,9 @@ fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
             // One file may be the library of both.
             Err(problem) if problems.contains(&problem) => (),
             Err(problem) => {
-                tell(Event::Found(problem.clone()));
+                if is_first {
+                    tell(Event::Found(problem.clone()));
+                }
                 problems.push(problem);
             }
         }
@@ -270,18 +362,26 @@ fn examine(path: &Path, tell: &mut dyn FnMut(Event)) {
         let of_file = |other: &&Interface| description.model_identifier(**other) == own;
         let its_interfaces: Vec<Interface> = interfaces.iter().filter(of_file).copied().collect();
         for function in library.missing_functions(&its_interfaces).into_iter().filter(|name| told.insert(*name)) {
-            tell(Event::Found(missing(function, description.fmi)));
+            if is_first {
+                tell(Event::Found(missing(function, description.fmi)));
+            }
         }
     }
     let library = |wanted| libraries.iter().find(|(interface, _)| *interface == wanted).map(|(_, library)| library);
     let co_simulation = library(Interface::CoSimulation);
     if let Some(library) = co_simulation {
-        behavior::check(library, &description, &mut checked, tell);
-        tell(Event::Checked(checked.clone()));
+        behavior::check(library, &description, options, &mut checked, tell);
     }
     if let Some(library) = library(Interface::ModelExchange) {
-        behavior::exchange::check(library, co_simulation, &description, &mut checked, tell);
-        tell(Event::Checked(checked.clone()));
+        behavior::exchange::check(library, co_simulation, &description, options, &mut checked, tell);
+    }
+    let stray = loader::stray_messages() - stray;
+    if stray > 0 {
+        let message = format!(
+            "was called with another environment than the one that the importer passed, for {stray} of its messages; importers that \
+             use it crash: pass `componentEnvironment` (FMI 3.0: `instanceEnvironment`) of the instance"
+        );
+        tell(Event::Found(Finding::error("logger", message)));
     }
 }
 

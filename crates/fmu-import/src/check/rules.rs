@@ -16,7 +16,7 @@ pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn F
     if let Ok(root) = xml::parse(text) {
         elements = schema::schema(&root, description.fmi, &mut findings);
         if description.fmi == FmiVersion::V2 {
-            written_initial(&root, &mut findings);
+            written_attributes(&root, &mut findings);
         }
     }
     general(description, &mut findings);
@@ -34,15 +34,26 @@ pub(super) fn check(text: &str, description: &ModelDescription, tell: &mut dyn F
     elements
 }
 
-/// `initial` where FMI 2.0 does not allow it.
-fn written_initial(root: &Element, findings: &mut Findings<'_>) {
+/// Attributes of variables of FMI 2.0 that the description does not show as they are written.
+fn written_attributes(root: &Element, findings: &mut Findings<'_>) {
     let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
     for element in variables {
         let name = element.attribute("name").unwrap_or_default();
-        if let (Some(causality @ ("input" | "independent")), Some(initial)) =
-            (element.attribute("causality"), element.attribute("initial"))
+        let causality = element.attribute("causality");
+        if let (Some(causality @ ("input" | "independent")), Some(initial)) = (causality, element.attribute("initial"))
         {
             let message = format!("has initial=\"{initial}\", but causality=\"{causality}\" may have none");
+            findings.push(Finding::error(variable_named(name), message));
+        }
+        // Other causalities may not be discrete either, which the rules of the variable find.
+        let can_be_discrete = matches!(causality, None | Some("input" | "output" | "local"));
+        let of_type =
+            ["Integer", "Boolean", "String", "Enumeration"].into_iter().find(|name| element.child(name).is_some());
+        if let Some(data_type) = of_type.filter(|_| can_be_discrete && element.attribute("variability").is_none()) {
+            let message = format!(
+                "is continuous, the default of `variability`, which only a Real can be (FMI 2.0.4, section 2.2.7): add \
+                 variability=\"discrete\" to this {data_type}"
+            );
             findings.push(Finding::error(variable_named(name), message));
         }
     }
@@ -62,6 +73,18 @@ fn general(description: &ModelDescription, findings: &mut Findings<'_>) {
     if !matches!(description.variable_naming_convention.as_str(), "flat" | "structured") {
         let message = format!("\"{}\", expected flat or structured", description.variable_naming_convention);
         findings.push(Finding::error("variableNamingConvention", message));
+    }
+    let mut identifiers = HashSet::new();
+    for interface in description.interfaces() {
+        let identifier = description.model_identifier(interface).unwrap_or_default();
+        if !is_c_identifier(identifier) && identifiers.insert(identifier) {
+            let message = format!(
+                "\"{identifier}\" is not a C identifier (letters, digits and _, not starting with a digit), which FMI \
+                 {} requires; importers that compile its name into a program cannot use the FMU",
+                description.fmi
+            );
+            findings.push(Finding::error("modelIdentifier", message));
+        }
     }
     let states = [
         description.co_simulation.as_ref().map(|unit| (unit.can_serialize_fmu_state, unit.can_get_and_set_fmu_state)),
@@ -94,6 +117,11 @@ fn general(description: &ModelDescription, findings: &mut Findings<'_>) {
     }
 }
 
+fn is_c_identifier(text: &str) -> bool {
+    let is_plain = text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    is_plain && !text.is_empty() && !text.starts_with(|c: char| c.is_ascii_digit())
+}
+
 /// `xs:dateTime`, as far as it is digits and separators.
 fn is_date_time(text: &str) -> bool {
     let Some((date, time)) = text.split_once('T') else { return false };
@@ -118,17 +146,17 @@ struct Known<'a> {
     /// Unit and display unit.
     display_units: HashSet<(&'a str, &'a str)>,
     /// Values of the items of each enumeration.
-    items: HashMap<&'a str, HashSet<i32>>,
+    items: HashMap<&'a str, HashSet<i64>>,
 }
 
 impl<'a> Known<'a> {
     fn new(description: &'a ModelDescription) -> Self {
         let units = description.units.iter();
         let pairs = units.flat_map(|unit| unit.display_units.iter().map(|shown| (&*unit.name, &*shown.name)));
-        let mut items: HashMap<&str, HashSet<i32>> = HashMap::new();
+        let mut items: HashMap<&str, HashSet<i64>> = HashMap::new();
         for variable in description.variables.iter().filter(|variable| !variable.items.is_empty()) {
             if let Some(name) = variable.declared_type.as_deref() {
-                items.entry(name).or_insert_with(|| variable.items.iter().map(|item| item.value).collect());
+                items.entry(name).or_insert_with(|| variable.items.iter().map(|item| item.value.into()).collect());
             }
         }
         Self { display_units: pairs.collect(), items }
@@ -175,7 +203,7 @@ fn rules_of_variable(
     }
     let is_initial_allowed = match causality {
         Causality::Parameter | Causality::StructuralParameter => initial == Some(Initial::Exact),
-        // FMI 3.0 allows no other; FMI 2.0 allows none, which `written_initial` checks.
+        // FMI 3.0 allows no other; FMI 2.0 allows none, which `written_attributes` checks.
         Causality::Input if description.fmi == FmiVersion::V3 => matches!(initial, None | Some(Initial::Exact)),
         Causality::CalculatedParameter => initial != Some(Initial::Exact),
         _ => true,
@@ -219,7 +247,7 @@ fn limits(variable: &Variable, known: &Known<'_>, error: &mut dyn FnMut(String))
     }
     let number = |start: &Value| match start {
         Value::Real(start) => Some(*start),
-        Value::Integer(start) => Some(f64::from(*start)),
+        Value::Integer(start) => Some(*start as f64),
         _ => None,
     };
     let written = variable.other_start.as_ref().filter(|_| !variable.is_array()).and_then(|text| text.parse().ok());

@@ -42,7 +42,7 @@ impl std::fmt::Display for Interface {
 /// version does not have is false or 0.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CoSimulation {
-    /// File stem of the binary; a C identifier.
+    /// File stem of the binary. FMI asks for a C identifier; other names of files are read as well.
     pub model_identifier: String,
     /// The FMU is a wrapper that needs its tool.
     pub needs_execution_tool: bool,
@@ -75,7 +75,7 @@ pub struct CoSimulation {
 /// Identifier and capabilities of the model-exchange interface (FMI 2.0.4, section 3.3.1; FMI 3.0.2, section 3.4).
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ModelExchange {
-    /// File stem of the binary; a C identifier.
+    /// File stem of the binary. FMI asks for a C identifier; other names of files are read as well.
     pub model_identifier: String,
     /// The FMU is a wrapper that needs its tool.
     pub needs_execution_tool: bool,

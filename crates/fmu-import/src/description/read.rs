@@ -8,12 +8,15 @@ use super::{
     BaseUnit, Causality, CoSimulation, DefaultExperiment, DependencyKind, DisplayUnit, FmiVersion, Initial, Item,
     ModelDescription, ModelExchange, OpaqueVariable, Unit, Unknown, Variability, Variable,
 };
+use crate::terminal;
 use crate::xml::{self, Element, XmlError};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// Longest name of a variable, unit, type or item, bytes.
 const MAX_NAME: usize = 4096;
+/// Longest model identifier, bytes: file systems take names of 255 with the extension.
+const MAX_IDENTIFIER: usize = 240;
 /// Longest unit, display unit or quantity of a variable, bytes: every variable of a type has a copy.
 const MAX_INHERITED: usize = 200;
 /// Most display units of a unit: every recorded signal has a copy.
@@ -150,14 +153,13 @@ fn children<'a>(parent: &'a Element, list: &str, name: &'a str) -> impl Iterator
     parent.child(list).into_iter().flat_map(|l| &l.children).filter(move |c| c.name == name)
 }
 
-/// The model identifier, which becomes part of a path: nothing but a C identifier is accepted.
+/// The model identifier, which becomes part of a path. That it is a C identifier is a rule of `check`: many tools write others.
 fn identifier(element: &Element) -> Result<String, XmlError> {
-    let text = element.required("modelIdentifier")?;
-    let plain = text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
-    if text.is_empty() || text.starts_with(|c: char| c.is_ascii_digit()) || !plain {
-        return Err(element
-            .place
-            .error(format!("modelIdentifier \"{text}\" is not a C identifier (letters, digits, _)")));
+    let text = bounded(element, "modelIdentifier", MAX_IDENTIFIER)?;
+    let leads_elsewhere = text.contains(['/', '\\', ':']) || matches!(text, "" | "." | "..");
+    if leads_elsewhere || terminal::is_unsafe(text) {
+        let message = format!("modelIdentifier \"{text}\" cannot be the name of a file");
+        return Err(element.place.error(message));
     }
     Ok(text.to_string())
 }
@@ -429,7 +431,7 @@ mod tests {
         assert_eq!(inflow.starts, vec![Value::Real(0.25); 6], "one value for all elements");
         assert_eq!(d.variable("weights").unwrap().starts, [1, 2, 3].map(Value::Integer));
         let seed = d.variable("seed").unwrap();
-        assert_eq!((seed.start.as_ref(), seed.other_start.as_deref()), (None, Some("5000000000")));
+        assert_eq!((seed.start.as_ref(), &seed.other_start), (Some(&Value::Integer(5_000_000_000)), &None));
         assert_eq!(d.variable("label").unwrap().start, Some(Value::String("a b".into())));
         let valve = d.variable("valve").unwrap();
         assert_eq!((valve.start.as_ref(), valve.items[1].name.as_str()), (Some(&Value::Integer(1)), "closed"));
@@ -500,7 +502,7 @@ mod tests {
                 "numberOfEventIndicators=\"10000001\"",
                 "numberOfEventIndicators is 10000001, at most 10000000 are read",
             ),
-            ("modelIdentifier=\"Vehicle\"", "modelIdentifier=\"../x\"", "C identifier"),
+            ("modelIdentifier=\"Vehicle\"", "modelIdentifier=\"../x\"", "cannot be the name of a file"),
             ("valueReference=\"2\"", "valueReference=\"-2\"", "valueReference=\"-2\""),
             ("name=\"body.roll_rate\"", "name=\"body.roll\"", "declared twice"),
             ("declaredType=\"Angle\"", "declaredType=\"Angel\"", "`Angel` is not defined"),

@@ -3,11 +3,11 @@
 use super::error::{Message, Status};
 use super::strings::text;
 use super::system;
-use crate::c_api::RawStatus;
+use crate::c_api::{self, RawStatus};
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::ffi::{c_char, c_void};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Messages kept per instance; older ones are dropped.
 const KEPT_MESSAGES: usize = 100;
@@ -15,52 +15,146 @@ const KEPT_MESSAGES: usize = 100;
 const MAX_MESSAGE: usize = 10_000;
 
 /// Messages of one instance, collected by the logger callback.
-#[derive(Default)]
 pub(super) struct Log {
+    instance: String,
     // FMUs may log from threads of their own.
     messages: Mutex<VecDeque<Message>>,
 }
 
-impl Log {
-    pub(super) fn take(&self) -> Vec<Message> {
-        let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
-        messages.drain(..).collect()
+/// The logs of all living instances. Their addresses are the environments that FMUs get.
+static LOGS: Mutex<Vec<Arc<Log>>> = Mutex::new(Vec::new());
+
+thread_local! {
+    static STRAY_MESSAGES: Cell<usize> = const { Cell::new(0) };
+}
+
+/// Messages of FMUs in this thread with an environment that is none of a living instance.
+pub(crate) fn stray_messages() -> usize {
+    STRAY_MESSAGES.get()
+}
+
+/// A log that FMUs can write to until it is dropped.
+pub(super) struct OpenLog(Arc<Log>);
+
+impl OpenLog {
+    pub(super) fn new(instance: &str) -> Self {
+        let log = Arc::new(Log { instance: instance.to_owned(), messages: Mutex::default() });
+        LOGS.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::clone(&log));
+        Self(log)
     }
 
-    fn push(&self, status: RawStatus, category: String, mut text: String, read: impl Fn(&str) -> String) {
-        if text.len() > MAX_MESSAGE {
-            let end = (0..=MAX_MESSAGE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
-            text.truncate(end);
-        }
+    /// The environment that an FMU names the log by, unique among living instances.
+    pub(super) fn environment(&self) -> *mut c_void {
+        Arc::as_ptr(&self.0).cast_mut().cast()
+    }
+
+    /// A warning of the importer.
+    pub(super) fn warn(&self, text: String) {
+        self.0.push(Message { status: Status::Warning, category: "importer".to_owned(), text });
+    }
+
+    pub(super) fn take(&self) -> Vec<Message> {
+        let mut messages = self.0.messages.lock().unwrap_or_else(PoisonError::into_inner);
+        messages.drain(..).collect()
+    }
+}
+
+impl Drop for OpenLog {
+    fn drop(&mut self) {
+        LOGS.lock().unwrap_or_else(PoisonError::into_inner).retain(|log| !Arc::ptr_eq(log, &self.0));
+    }
+}
+
+impl Log {
+    fn push(&self, message: Message) {
         let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
         if messages.len() == KEPT_MESSAGES {
             messages.pop_front();
         }
-        messages.push_back(Message { status: Status::from(status), category, text: read(&text) });
+        messages.push_back(message);
     }
 }
 
-/// The text of a message: a printf format in which a `#` of the text is doubled too (FMI 2.0, section 2.1.5). References
-/// to variables, as in `#r1#`, stay as they are.
-fn unescaped(format: &str) -> String {
-    format.replace("%%", "%").replace("##", "#").trim_end().to_owned()
+/// Keeps a message in the log that an environment names. It is only compared: some FMUs pass another one than they got. Such
+/// a message belongs to the instance that it names, or to the only one; otherwise it is printed.
+fn keep(environment: *mut c_void, instance: &str, status: RawStatus, category: String, mut text: String) {
+    if text.len() > MAX_MESSAGE {
+        let end = (0..=MAX_MESSAGE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
+        text.truncate(end);
+    }
+    text.truncate(text.trim_end().len());
+    let logs = LOGS.lock().unwrap_or_else(PoisonError::into_inner);
+    let own = logs.iter().find(|log| Arc::as_ptr(log).addr() == environment.addr());
+    let log = own.or_else(|| {
+        STRAY_MESSAGES.set(STRAY_MESSAGES.get() + 1);
+        let mut of_name = logs.iter().filter(|log| logs.len() == 1 || log.instance == instance);
+        of_name.next().filter(|_| of_name.next().is_none())
+    });
+    match log {
+        Some(log) => log.push(Message { status: Status::from(status), category, text }),
+        None => eprintln!("{text}"),
+    }
 }
 
-/// Receives a message. C passes further arguments behind `format`; they are not read.
-pub(super) unsafe extern "C" fn log_message(
+/// Receives a message of FMI 2.0, in which a `#` of the text is doubled (FMI 2.0.4, section 2.1.5). References to variables,
+/// as in `#r1#`, stay as they are.
+fn keep_formatted(environment: *mut c_void, instance: &str, status: RawStatus, category: String, text: &str) {
+    keep(environment, instance, status, category, text.replace("##", "#"));
+}
+
+#[cfg(log_arguments)]
+unsafe extern "C" {
+    /// The logger in `logger.c`.
+    fn fmu_import_logger(
+        environment: *mut c_void,
+        instance: *const c_char,
+        status: RawStatus,
+        category: *const c_char,
+        format: *const c_char,
+        ...
+    );
+}
+
+/// Receives a message from `logger.c`.
+#[cfg(log_arguments)]
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmu_import_message(
     environment: *mut c_void,
-    _instance: *const c_char,
+    instance: *const c_char,
+    status: RawStatus,
+    category: *const c_char,
+    message: *const c_char,
+) {
+    // SAFETY: the strings are C strings or null.
+    let [instance, category, message] = [instance, category, message].map(|string| unsafe { text(string) });
+    keep_formatted(environment, &instance, status, category, &message);
+}
+
+/// Receives a message without the arguments of its format.
+#[cfg(not(log_arguments))]
+unsafe extern "C" fn log_format(
+    environment: *mut c_void,
+    instance: *const c_char,
     status: RawStatus,
     category: *const c_char,
     format: *const c_char,
 ) {
-    if environment.is_null() {
-        return;
+    // SAFETY: the strings are C strings or null.
+    let [instance, category, format] = [instance, category, format].map(|string| unsafe { text(string) });
+    keep_formatted(environment, &instance, status, category, &format.replace("%%", "%"));
+}
+
+/// The logger that FMUs of FMI 2.0 get.
+pub(super) fn logger() -> c_api::Logger {
+    #[cfg(log_arguments)]
+    return fmu_import_logger;
+    #[cfg(not(log_arguments))]
+    {
+        type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
+        // SAFETY: in the C calling conventions of the supported platforms the named arguments of a variadic call stand where
+        // those of an ordinary call stand, and the caller removes them, so a callee may ignore the rest.
+        return unsafe { std::mem::transmute::<Fixed, c_api::Logger>(log_format as Fixed) };
     }
-    // SAFETY: the environment is the `Log` boxed in the `Instance`, which lives until the FMU
-    // instance is freed; the strings are C strings or null.
-    let (log, category, text) = unsafe { (&*environment.cast::<Log>(), text(category), text(format)) };
-    log.push(status, category, text, unescaped);
 }
 
 /// Receives a message of FMI 3.0, whose text is not a format.
@@ -70,12 +164,9 @@ pub(super) unsafe extern "C" fn log_text(
     category: *const c_char,
     message: *const c_char,
 ) {
-    if environment.is_null() {
-        return;
-    }
-    // SAFETY: as above.
-    let (log, category, text) = unsafe { (&*environment.cast::<Log>(), text(category), text(message)) };
-    log.push(status, category, text, |text| text.trim_end().to_owned());
+    // SAFETY: the strings are C strings or null.
+    let [category, message] = [category, message].map(|string| unsafe { text(string) });
+    keep(environment, "", status, category, message);
 }
 
 thread_local! {
@@ -106,12 +197,12 @@ mod tests {
 
     #[test]
     fn messages_are_kept_with_escaped_signs_halved() {
-        let log = Log::default();
-        let environment = ptr::from_ref(&log).cast_mut().cast();
+        let log = OpenLog::new("one");
+        let environment = log.environment();
         for i in 0..KEPT_MESSAGES + 5 {
             let format = CString::new(format!("{i}: 5 %% of ##x\n")).unwrap();
-            // SAFETY: a log and C strings that outlive the call, as the callback expects.
-            unsafe { log_message(environment, ptr::null(), 3, ptr::null(), format.as_ptr()) };
+            // SAFETY: C strings that outlive the call, and no arguments, which the format does not ask for.
+            unsafe { logger()(environment, ptr::null(), 3, ptr::null(), format.as_ptr()) };
         }
         let messages = log.take();
         assert_eq!(messages.len(), KEPT_MESSAGES);
@@ -121,5 +212,40 @@ mod tests {
         // SAFETY: as above.
         unsafe { log_text(environment, 1, ptr::null(), text.as_ptr()) };
         assert_eq!(log.take()[0].text, "100 %% of ##x", "FMI 3.0 escapes nothing");
+    }
+
+    /// As `printf` of C; what is not a conversion of C stays as it is, with all that follows.
+    #[cfg(log_arguments)]
+    #[test]
+    fn arguments_take_the_place_of_conversions() {
+        let log = OpenLog::new("one");
+        macro_rules! logged {
+            ($format:literal $(, $argument:expr)*) => {{
+                // SAFETY: C strings, and arguments as the format asks for.
+                unsafe { logger()(log.environment(), c"one".as_ptr(), 0, ptr::null(), $format.as_ptr() $(, $argument)*) };
+                log.take().remove(0).text
+            }};
+        }
+        assert_eq!(
+            logged!(c"it broke at %g with %d of %s", 0.49, 7, c"nine".as_ptr()),
+            "it broke at 0.49 with 7 of nine"
+        );
+        assert_eq!(logged!(c"%5.1f|%-4d|%04x|%+.2e|%c|%u", 2.26, 3, 255, 0.5, 65, 9), "  2.3|3   |00ff|+5.00e-01|A|9");
+        assert_eq!(
+            logged!(c"%lld %ld %zu %hhd", i64::MIN, std::ffi::c_long::MAX, usize::MAX, 300),
+            format!("{} {} {} 44", i64::MIN, std::ffi::c_long::MAX, usize::MAX)
+        );
+        assert_eq!(logged!(c"%.*s %*d", 2, c"abc".as_ptr(), 4, 1), "ab    1");
+        assert_eq!(logged!(c"%s", ptr::null::<c_char>()), "(null)");
+        assert_eq!(logged!(c"50%% and %n %d", ptr::null::<c_char>(), 1), "50% and %n %d", "nothing is written");
+        assert_eq!(logged!(c"90% sure", 90), "90% sure", "text that is not meant as a format");
+        if cfg!(target_os = "linux") {
+            let unmapped = ptr::without_provenance::<c_char>(0x1234_5678_9000);
+            assert_eq!(logged!(c"CPU at 100%sec", unmapped), "CPU at 100%sec", "no page of the program");
+            assert_eq!(logged!(c"%.0s!", unmapped), "!", "nothing is read");
+        }
+        assert_eq!(logged!(c"ends with %"), "ends with %");
+        let long = CString::new("x".repeat(MAX_MESSAGE)).unwrap();
+        assert_eq!(logged!(c"%s%s", long.as_ptr(), long.as_ptr()).len(), MAX_MESSAGE);
     }
 }

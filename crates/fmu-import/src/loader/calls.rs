@@ -207,7 +207,8 @@ impl Board {
         self.0[word as usize].load(Ordering::Relaxed)
     }
 
-    fn pulse(&self) {
+    /// Something has progressed.
+    pub fn pulse(&self) {
         self.set(Word::Pulse, self.get(Word::Pulse).wrapping_add(1));
     }
 

@@ -9,3 +9,5 @@ pub const MODEL_EXCHANGE: i32 = 2;
 pub const ARRAYS: i32 = 4;
 /// terminalsAndIcons.xml instead of the model description (FMI 3.0).
 pub const TERMINALS: i32 = 8;
+/// The reasons for too many dependencies in the model structure, one line each, instead of the model description.
+pub const NOTES: i32 = 16;

@@ -113,8 +113,7 @@ pub struct Message {
     pub status: Status,
     /// Category, empty if none was given.
     pub category: String,
-    /// Text. Doubled percent signs are halved; conversions such as `%s` remain as they are, because
-    /// a Rust function cannot receive the values that C passes for them.
+    /// Text. FMI 2.0: with the arguments of its format, unless this crate was built without a C compiler for its target.
     pub text: String,
 }
 
@@ -150,6 +149,14 @@ pub struct CallError {
     pub problem: CallProblem,
     /// Messages of the instance since they were last taken, this call included.
     pub messages: Vec<Message>,
+}
+
+impl CallError {
+    /// Whether the FMU has no such information here, as no finite derivative of a root at 0; it can go on.
+    #[must_use]
+    pub fn is_discarded(&self) -> bool {
+        self.problem == CallProblem::Status(Status::Discard)
+    }
 }
 
 impl std::error::Error for CallError {}

@@ -1,14 +1,16 @@
 //! An instance: its life, and how its functions are called.
 
-use super::callbacks::{Log, allocate_memory, free_memory, log_message, log_text};
+use super::callbacks::{OpenLog, allocate_memory, free_memory, log_text, logger};
 use super::calls::{self, Board, Function};
 use super::error::{CallError, CallProblem, Message, Status};
+use super::floats::{self, FloatEnvironment};
 use super::functions::Functions;
 use super::library::Library;
+use super::special::{Buffers, Whole};
 use crate::c_api::{self, CallbackFunctions, Component, RawStatus, v3};
 use crate::description::{FmiVersion, Interface};
 use crate::signature::Signature;
-use std::ffi::{CString, c_char, c_void};
+use std::ffi::{CString, c_char};
 use std::ptr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -27,20 +29,30 @@ pub(super) struct StepEnd {
 ///
 /// Methods are named after the C functions of FMI 2.0; an instance of FMI 3.0 has the same methods. Each returns an error
 /// for a status above `fmi2Warning`, with what the instance logged. Setting and getting numbers and stepping do not
-/// allocate unless they fail, or transfer arrays of FMI 3.0 whose type is not Float64 or Int32.
+/// allocate unless they fail, or transfer an array of FMI 3.0 that is larger than those before.
 pub struct Instance {
     component: Component,
     // Receives each call before it is made; `index` identifies the component there.
     board: Option<&'static Board>,
     index: u64,
     dead: bool,
+    /// The floating-point environment before the FMU was called.
+    floats: FloatEnvironment,
+    /// Set after a call changed it.
+    has_changed_floats: bool,
     pub(super) states: Vec<c_api::State>,
     name: CString,
     /// Start and stop of the experiment, which FMI 3.0 passes to `fmi3EnterInitializationMode`.
     experiment: (f64, Option<f64>),
     pub(super) step_end: StepEnd,
-    // The FMU keeps pointers to both boxes until it is freed.
-    pub(super) log: Box<Log>,
+    /// The function that wrote to an array without elements.
+    pub(super) overrun: Option<Function>,
+    /// Set when the FMU enters Initialization Mode.
+    pub(super) has_entered: bool,
+    pub(super) whole: Whole,
+    pub(super) buffers: Buffers,
+    pub(super) log: OpenLog,
+    // The FMU keeps a pointer to it until it is freed.
     _callbacks: Box<CallbackFunctions>,
     library: Arc<Library>,
 }
@@ -72,18 +84,13 @@ impl Instance {
         let (Ok(c_name), Ok(c_guid)) = (CString::new(name), CString::new(guid)) else {
             return Err(failed(CallProblem::Arguments("the name or the GUID holds a zero byte"), Vec::new()));
         };
-        let log = Box::new(Log::default());
-        type Fixed = unsafe extern "C" fn(*mut c_void, *const c_char, RawStatus, *const c_char, *const c_char);
+        let log = OpenLog::new(name);
         let callbacks = Box::new(CallbackFunctions {
-            // SAFETY: defining a variadic function is not stable in Rust. In the C calling
-            // conventions of the supported platforms the named arguments of a variadic call stand
-            // where those of an ordinary call stand, and the caller removes them, so a callee may
-            // ignore the rest.
-            logger: unsafe { std::mem::transmute::<Fixed, c_api::Logger>(log_message as Fixed) },
+            logger: logger(),
             allocate_memory,
             free_memory,
             step_finished: None,
-            environment: ptr::from_ref::<Log>(&log).cast_mut().cast(),
+            environment: log.environment(),
         });
         let board = calls::board();
         let index = board.map_or(0, Board::current);
@@ -91,6 +98,7 @@ impl Instance {
             board.enter(index, function, fmi);
         }
         let resources = library.resources.as_ptr();
+        let floats = FloatEnvironment::current();
         // SAFETY: all pointers are valid for the call; callbacks and log live as long as the instance, in the struct below.
         let component = unsafe {
             match &library.functions {
@@ -135,6 +143,9 @@ impl Instance {
                 },
             }
         };
+        if FloatEnvironment::current() != floats {
+            floats.restore(function.name(fmi));
+        }
         if let Some(board) = board {
             board.leave();
         }
@@ -147,10 +158,16 @@ impl Instance {
             board,
             index,
             dead: false,
+            floats,
+            has_changed_floats: false,
             states: Vec::new(),
             name: c_name,
             experiment: (0.0, None),
             step_end: StepEnd::default(),
+            overrun: None,
+            has_entered: false,
+            whole: Whole::default(),
+            buffers: Buffers::default(),
             log,
             _callbacks: callbacks,
             library: Arc::clone(library),
@@ -165,6 +182,10 @@ impl Instance {
 
     pub(super) fn fmi(&self) -> FmiVersion {
         self.library.functions.fmi()
+    }
+
+    pub(super) fn library(&self) -> &Arc<Library> {
+        &self.library
     }
 
     pub(super) fn signature(&self) -> &Signature {
@@ -209,10 +230,33 @@ impl Instance {
         }
         self.enter(function);
         let status = call(&self.library.functions, self.component);
+        // Reading the control word waits for all operations of the FMU, so the short calls only look at the rounding.
+        let is_same = match function {
+            Function::GetReal | Function::SetReal if self.floats.allows_inexact() => floats::rounds_to_nearest(),
+            _ => FloatEnvironment::current() == self.floats,
+        };
+        if !is_same {
+            self.restore_floats(function);
+        }
         self.leave();
         match status {
             0 | 1 => Ok(()),
             status => Err(self.failure(function, CallProblem::Status(Status::from(status)))),
+        }
+    }
+
+    #[cold]
+    fn restore_floats(&mut self, function: Function) {
+        if FloatEnvironment::current() == self.floats {
+            // The program around it does not round to the nearest number either.
+            return;
+        }
+        let function = function.name(self.fmi());
+        let change = self.floats.restore(function);
+        if !self.has_changed_floats {
+            self.has_changed_floats = true;
+            let text = format!("{function} changes {change} of its process; it is restored after each call");
+            self.log.warn(text);
         }
     }
 
@@ -310,6 +354,7 @@ impl Instance {
     pub fn enter_initialization_mode(&mut self) -> Result<(), CallError> {
         let (start, stop) = self.experiment;
         // SAFETY: live instance.
+        self.has_entered = true;
         self.call(Function::EnterInitializationMode, |f, c| unsafe {
             match f {
                 Functions::V2(f) => (f.enter_initialization_mode)(c),
@@ -343,6 +388,8 @@ impl Instance {
     /// # Errors
     /// The FMU returns an error.
     pub fn reset(&mut self) -> Result<(), CallError> {
+        self.has_entered = false;
+        self.whole = Whole::default();
         // SAFETY: live instance.
         self.call(Function::Reset, |f, c| unsafe { f.reset()(c) })
     }
@@ -401,6 +448,8 @@ impl Drop for Instance {
     fn drop(&mut self) {
         // After fmi2Fatal no function may be called, not even to free.
         if !self.dead {
+            // The program around it may have changed it since the last call.
+            let floats = FloatEnvironment::current();
             if let Some(free) = self.library.functions.free_state() {
                 self.enter(Function::FreeFmuState);
                 for state in &mut self.states {
@@ -414,6 +463,9 @@ impl Drop for Instance {
             self.enter(Function::FreeInstance);
             // SAFETY: the instance is freed once, here.
             unsafe { self.library.functions.free_instance()(self.component) };
+            if FloatEnvironment::current() != floats {
+                floats.restore(Function::FreeInstance.name(self.fmi()));
+            }
             self.leave();
         }
         self.library.instances.fetch_sub(1, Ordering::AcqRel);

@@ -2,6 +2,7 @@
 
 use super::calls;
 use super::error::LoadError;
+use super::floats::FloatEnvironment;
 use super::functions::{self, Functions};
 use super::strings::{file_uri, folder_path, text};
 use super::system;
@@ -45,7 +46,11 @@ impl Library {
         if let Some(board) = board {
             board.load();
         }
+        let floats = FloatEnvironment::current();
         let library = Self::load_unpacked(unpacked.into());
+        if FloatEnvironment::current() != floats {
+            floats.restore("loading the library");
+        }
         if let Some(board) = board {
             board.leave();
         }

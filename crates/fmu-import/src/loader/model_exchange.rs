@@ -9,6 +9,9 @@ use super::functions::Functions;
 use super::instance::Instance;
 use crate::c_api::{self, EventInfo, GetNumbers};
 
+/// Bits of a number that no FMU writes: a NaN.
+const UNWRITTEN: u64 = 0x7ff8_dead_0000_beef;
+
 /// The outcome of an update of the discrete states.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct EventUpdate {
@@ -95,9 +98,11 @@ impl Instance {
     pub fn set_continuous_states(&mut self, states: &[f64]) -> Result<(), CallError> {
         const NAME: Function = Function::SetContinuousStates;
         self.check_number(NAME, states.len(), self.number_of_states())?;
-        // SAFETY: live instance; the array has the stated length.
+        let spare = [0.0];
+        let values = if states.is_empty() { &spare[..] } else { states };
+        // SAFETY: live instance; the array has the stated length, at least one element.
         self.call_optional(NAME, Functions::set_continuous_states, |f, c| unsafe {
-            f(c, states.as_ptr(), states.len())
+            f(c, values.as_ptr(), states.len())
         })
     }
 
@@ -217,8 +222,25 @@ impl Instance {
         expected: usize,
     ) -> Result<(), CallError> {
         self.check_number(function, numbers.len(), expected)?;
+        if numbers.is_empty() {
+            // Some tools write to the first element all the same.
+            let mut spare = f64::from_bits(UNWRITTEN);
+            // SAFETY: live instance; the array has more elements than stated.
+            let result = self.call_optional(function, select, |f, c| unsafe { f(c, &raw mut spare, 0) });
+            if spare.to_bits() != UNWRITTEN {
+                self.overrun = Some(function);
+            }
+            return result;
+        }
         // SAFETY: live instance; the array has the stated length.
         self.call_optional(function, select, |f, c| unsafe { f(c, numbers.as_mut_ptr(), numbers.len()) })
+    }
+
+    /// The latest function that wrote to an array of which it was told that it has no elements. Such an array has one
+    /// here; with that of another importer the FMU would have changed foreign memory, or crashed.
+    #[must_use]
+    pub fn overrun(&self) -> Option<&'static str> {
+        self.overrun.map(|function| function.name(self.fmi()))
     }
 
     fn check_number(&mut self, function: Function, found: usize, expected: usize) -> Result<(), CallError> {

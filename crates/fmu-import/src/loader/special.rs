@@ -1,7 +1,8 @@
 //! Values of FMI 3.0 that the plain getters and setters cannot transfer: arrays, and types without a C type of FMI 2.0.
 //!
 //! A call of the FMU transfers one of these variables, so that it has no order of types to keep. Scalars are converted on
-//! the stack.
+//! the stack. An element of an array ([`ModelDescription::with_elements`](crate::description::ModelDescription::with_elements))
+//! is read and written with its array.
 
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
@@ -9,17 +10,170 @@ use super::functions::{Functions, v3};
 use super::instance::Instance;
 use crate::c_api::v3::{Get, RawBoolean, Set};
 use crate::c_api::{self, Reference};
-use crate::description::{BaseType, DataType, FmiVersion};
+use crate::description::{BaseType, DataType, FmiVersion, Value};
 use crate::signature::Special;
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Booleans that are converted at once, without memory from the heap.
 const CHUNK: usize = 64;
 const OTHER_NUMBER: CallProblem = CallProblem::Arguments("the number of values is not that of the elements");
 const OTHER_TYPE: CallProblem = CallProblem::Arguments("the variable is of another type");
-const NOT_32_BITS: CallProblem = CallProblem::Arguments("a value does not fit a signed integer of 32 bits");
-const TOO_LARGE: CallProblem = CallProblem::Arguments("a value does not fit the type of the variable");
+pub(super) const TOO_LARGE: CallProblem = CallProblem::Arguments("a value does not fit the type of the variable");
+
+/// Values of arrays whose elements are read or written.
+#[derive(Default)]
+pub(super) struct Whole {
+    reals: Part<f64>,
+    /// Also Booleans, which have this type in FMI 2.0.
+    integers: Part<i32>,
+    wide: Part<i64>,
+}
+
+/// The same of one type.
+#[derive(Default)]
+pub(super) struct Part<T> {
+    /// Of the array that a call transfers.
+    values: Vec<T>,
+    /// Of arrays that were set before the initialization, when the FMU cannot be asked.
+    given: HashMap<Reference, Vec<T>>,
+}
+
+/// A type of values, and where those of an array are kept.
+pub(super) trait Kept: Copy + Default {
+    fn part(whole: &mut Whole) -> &mut Part<Self>;
+    /// A start value as this type.
+    fn of(start: &Value) -> Option<Self>;
+}
+impl Kept for f64 {
+    fn part(whole: &mut Whole) -> &mut Part<Self> {
+        &mut whole.reals
+    }
+    fn of(start: &Value) -> Option<Self> {
+        if let Value::Real(value) = start { Some(*value) } else { None }
+    }
+}
+impl Kept for i32 {
+    fn part(whole: &mut Whole) -> &mut Part<Self> {
+        &mut whole.integers
+    }
+    fn of(start: &Value) -> Option<Self> {
+        match start {
+            Value::Integer(value) => Self::try_from(*value).ok(),
+            Value::Boolean(value) => Some((*value).into()),
+            _ => None,
+        }
+    }
+}
+impl Kept for i64 {
+    fn part(whole: &mut Whole) -> &mut Part<Self> {
+        &mut whole.wide
+    }
+    fn of(start: &Value) -> Option<Self> {
+        if let Value::Integer(value) = start { Some(*value) } else { None }
+    }
+}
 
 impl Instance {
+    /// Tests for an integer type wider than `i32`.
+    #[must_use]
+    pub fn is_wide(&self, reference: Reference) -> bool {
+        let data_type = self.signature().special(reference).map(|special| special.data_type);
+        matches!(data_type, Some(DataType::UInt32 | DataType::Int64 | DataType::UInt64))
+    }
+
+    /// Tests for array elements among the variables.
+    pub(super) fn has_elements(&self, refs: &[Reference]) -> bool {
+        refs.iter().any(|reference| self.signature().element(*reference).is_some())
+    }
+
+    /// Reads variables, some of which are elements of arrays: an array once for all its elements that follow each other.
+    pub(super) fn get_elements<T: Kept>(
+        &mut self,
+        refs: &[Reference],
+        values: &mut [T],
+        get: impl Fn(&mut Self, &[Reference], &mut [T]) -> Result<(), CallError>,
+    ) -> Result<(), CallError> {
+        self.check_elements(Function::GetReal, refs, values.len())?;
+        let mut rest = values;
+        for refs in self.by_array(refs) {
+            let (own, others) = rest.split_at_mut(self.elements(refs));
+            rest = others;
+            let Some((first, size)) = self.signature().element(refs[0]) else {
+                get(self, refs, own)?;
+                continue;
+            };
+            let mut array = std::mem::take(&mut T::part(&mut self.whole).values);
+            array.resize(size, T::default());
+            get(self, &[first.array], &mut array)?;
+            for (value, reference) in own.iter_mut().zip(refs) {
+                *value = self.signature().element(*reference).map_or(*value, |(element, _)| array[element.index]);
+            }
+            T::part(&mut self.whole).values = array;
+        }
+        Ok(())
+    }
+
+    /// Writes variables, some of which are elements of arrays. The other elements of the array keep their values.
+    pub(super) fn set_elements<T: Kept>(
+        &mut self,
+        refs: &[Reference],
+        values: &[T],
+        get: impl Fn(&mut Self, &[Reference], &mut [T]) -> Result<(), CallError>,
+        set: impl Fn(&mut Self, &[Reference], &[T]) -> Result<(), CallError>,
+    ) -> Result<(), CallError> {
+        self.check_elements(Function::SetReal, refs, values.len())?;
+        let mut rest = values;
+        for refs in self.by_array(refs) {
+            let (own, others) = rest.split_at(self.elements(refs));
+            rest = others;
+            let Some((first, size)) = self.signature().element(refs[0]) else {
+                set(self, refs, own)?;
+                continue;
+            };
+            let mut array = std::mem::take(&mut T::part(&mut self.whole).values);
+            array.resize(size, T::default());
+            // FMI 3.0.2, section 2.3.2: no variable is read before the initialization.
+            let is_given = !self.has_entered && self.given(first.array, &mut array);
+            if !is_given {
+                get(self, &[first.array], &mut array)?;
+            }
+            for (value, reference) in own.iter().zip(refs) {
+                if let Some((element, _)) = self.signature().element(*reference) {
+                    array[element.index] = *value;
+                }
+            }
+            set(self, &[first.array], &array)?;
+            let part = T::part(&mut self.whole);
+            if is_given {
+                part.given.insert(first.array, array.clone());
+            }
+            part.values = array;
+        }
+        Ok(())
+    }
+
+    /// The values of an array before the initialization: those that were set, or its start values. False: it has none.
+    fn given<T: Kept>(&mut self, array: Reference, values: &mut [T]) -> bool {
+        if let Some(given) = T::part(&mut self.whole).given.get(&array) {
+            values.copy_from_slice(given);
+            return true;
+        }
+        let starts: Vec<T> = self.signature().starts(array).iter().filter_map(T::of).collect();
+        let is_whole = starts.len() == values.len();
+        if is_whole {
+            values.copy_from_slice(&starts);
+        }
+        is_whole
+    }
+
+    /// Parts of a list of variables: elements of one array, or no elements.
+    fn by_array<'r>(&self, refs: &'r [Reference]) -> impl Iterator<Item = &'r [Reference]> + use<'r> {
+        let library = Arc::clone(self.library());
+        let array = move |reference: Reference| library.signature.element(reference).map(|(element, _)| element.array);
+        refs.chunk_by(move |one, next| array(*one) == array(*next))
+    }
+
     /// Whether one of the variables is an array or needs a function of its own.
     pub(super) fn has_special(&self, refs: &[Reference]) -> bool {
         // Both versions read the version anyway; one of FMI 2.0 looks no further.
@@ -32,20 +186,23 @@ impl Instance {
     }
 
     fn special(&self, reference: Reference, plain: DataType) -> Special {
-        self.signature().special(reference).unwrap_or(Special { data_type: plain, size: 1 })
+        self.signature().special(reference).unwrap_or(Special { data_type: plain, size: 1, element: None })
     }
 
     pub(super) fn get_special_reals(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
         self.check_elements(Function::GetReal, refs, values.len())?;
         let mut rest = values;
         for &reference in refs {
-            let Special { data_type, size } = self.special(reference, DataType::Float64);
+            let Special { data_type, size, .. } = self.special(reference, DataType::Float64);
             let (own, others) = rest.split_at_mut(size);
             rest = others;
             match data_type {
-                DataType::Float64 => self.get_as(Function::GetReal, reference, own, |f| Some(f.get_float64), Some)?,
+                // SAFETY: live instance; both arrays have the stated length.
+                DataType::Float64 => self.call_v3(Function::GetReal, |f, c| unsafe {
+                    Some((f.get_float64)(c, &raw const reference, 1, own.as_mut_ptr(), own.len()))
+                })?,
                 DataType::Float32 => {
-                    self.get_as(Function::GetFloat32, reference, own, |f| f.get_float32, |v: f32| Some(f64::from(v)))?;
+                    self.get_as(Function::GetFloat32, reference, own, |f| f.get_float32, |v: f32| Ok(f64::from(v)))?;
                 }
                 _ => return Err(self.failure(Function::GetReal, OTHER_TYPE)),
             }
@@ -57,11 +214,14 @@ impl Instance {
         self.check_elements(Function::SetReal, refs, values.len())?;
         let mut rest = values;
         for &reference in refs {
-            let Special { data_type, size } = self.special(reference, DataType::Float64);
+            let Special { data_type, size, .. } = self.special(reference, DataType::Float64);
             let (own, others) = rest.split_at(size);
             rest = others;
             match data_type {
-                DataType::Float64 => self.set_as(Function::SetReal, reference, own, |f| Some(f.set_float64), Some)?,
+                // SAFETY: live instance; both arrays have the stated length.
+                DataType::Float64 => self.call_v3(Function::SetReal, |f, c| unsafe {
+                    Some((f.set_float64)(c, &raw const reference, 1, own.as_ptr(), own.len()))
+                })?,
                 DataType::Float32 => {
                     let narrow = |value: f64| Some(value as f32).filter(|v| v.is_finite() == value.is_finite());
                     self.set_as(Function::SetFloat32, reference, own, |f| f.set_float32, narrow)?;
@@ -72,66 +232,84 @@ impl Instance {
         Ok(())
     }
 
-    pub(super) fn get_special_integers(&mut self, refs: &[Reference], values: &mut [i32]) -> Result<(), CallError> {
+    pub(super) fn get_special_integers<T: WholeNumber>(
+        &mut self,
+        refs: &[Reference],
+        values: &mut [T],
+    ) -> Result<(), CallError> {
         use Function as F;
         self.check_elements(F::GetInteger, refs, values.len())?;
         let mut rest = values;
         for &reference in refs {
-            let Special { data_type, size } = self.special(reference, DataType::Int32);
+            let Special { data_type, size, .. } = self.special(reference, DataType::Int32);
             let (own, others) = rest.split_at_mut(size);
             rest = others;
             match data_type {
-                DataType::Int32 => self.get_as(F::GetInteger, reference, own, |f| Some(f.get_int32), Some),
-                DataType::Int8 => self.get_as(F::GetInt8, reference, own, |f| f.get_int8, |v: i8| Some(v.into())),
-                DataType::UInt8 => self.get_as(F::GetUInt8, reference, own, |f| f.get_uint8, |v: u8| Some(v.into())),
-                DataType::Int16 => self.get_as(F::GetInt16, reference, own, |f| f.get_int16, |v: i16| Some(v.into())),
-                DataType::UInt16 => {
-                    self.get_as(F::GetUInt16, reference, own, |f| f.get_uint16, |v: u16| Some(v.into()))
-                }
-                DataType::UInt32 => {
-                    self.get_as(F::GetUInt32, reference, own, |f| f.get_uint32, |v: u32| v.try_into().ok())
-                }
+                DataType::Int32 => self.get_whole_as(F::GetInteger, reference, own, |f| Some(f.get_int32)),
+                DataType::Int8 => self.get_whole_as(F::GetInt8, reference, own, |f| f.get_int8),
+                DataType::UInt8 => self.get_whole_as(F::GetUInt8, reference, own, |f| f.get_uint8),
+                DataType::Int16 => self.get_whole_as(F::GetInt16, reference, own, |f| f.get_int16),
+                DataType::UInt16 => self.get_whole_as(F::GetUInt16, reference, own, |f| f.get_uint16),
+                DataType::UInt32 => self.get_whole_as(F::GetUInt32, reference, own, |f| f.get_uint32),
                 DataType::Int64 | DataType::Enumeration => {
-                    self.get_as(F::GetInt64, reference, own, |f| f.get_int64, |v: i64| v.try_into().ok())
+                    self.get_whole_as(F::GetInt64, reference, own, |f| f.get_int64)
                 }
-                DataType::UInt64 => {
-                    self.get_as(F::GetUInt64, reference, own, |f| f.get_uint64, |v: u64| v.try_into().ok())
-                }
+                DataType::UInt64 => self.get_whole_as(F::GetUInt64, reference, own, |f| f.get_uint64),
                 _ => Err(self.failure(F::GetInteger, OTHER_TYPE)),
             }?;
         }
         Ok(())
     }
 
-    pub(super) fn set_special_integers(&mut self, refs: &[Reference], values: &[i32]) -> Result<(), CallError> {
+    pub(super) fn set_special_integers<T: WholeNumber>(
+        &mut self,
+        refs: &[Reference],
+        values: &[T],
+    ) -> Result<(), CallError> {
         use Function as F;
         self.check_elements(F::SetInteger, refs, values.len())?;
         let mut rest = values;
         for &reference in refs {
-            let Special { data_type, size } = self.special(reference, DataType::Int32);
+            let Special { data_type, size, .. } = self.special(reference, DataType::Int32);
             let (own, others) = rest.split_at(size);
             rest = others;
             match data_type {
-                DataType::Int32 => self.set_as(F::SetInteger, reference, own, |f| Some(f.set_int32), Some),
-                DataType::Int8 => self.set_as(F::SetInt8, reference, own, |f| f.set_int8, |v| i8::try_from(v).ok()),
-                DataType::UInt8 => self.set_as(F::SetUInt8, reference, own, |f| f.set_uint8, |v| u8::try_from(v).ok()),
-                DataType::Int16 => self.set_as(F::SetInt16, reference, own, |f| f.set_int16, |v| i16::try_from(v).ok()),
-                DataType::UInt16 => {
-                    self.set_as(F::SetUInt16, reference, own, |f| f.set_uint16, |v| u16::try_from(v).ok())
-                }
-                DataType::UInt32 => {
-                    self.set_as(F::SetUInt32, reference, own, |f| f.set_uint32, |v| u32::try_from(v).ok())
-                }
+                DataType::Int32 => self.set_whole_as(F::SetInteger, reference, own, |f| Some(f.set_int32)),
+                DataType::Int8 => self.set_whole_as(F::SetInt8, reference, own, |f| f.set_int8),
+                DataType::UInt8 => self.set_whole_as(F::SetUInt8, reference, own, |f| f.set_uint8),
+                DataType::Int16 => self.set_whole_as(F::SetInt16, reference, own, |f| f.set_int16),
+                DataType::UInt16 => self.set_whole_as(F::SetUInt16, reference, own, |f| f.set_uint16),
+                DataType::UInt32 => self.set_whole_as(F::SetUInt32, reference, own, |f| f.set_uint32),
                 DataType::Int64 | DataType::Enumeration => {
-                    self.set_as(F::SetInt64, reference, own, |f| f.set_int64, |v| Some(i64::from(v)))
+                    self.set_whole_as(F::SetInt64, reference, own, |f| f.set_int64)
                 }
-                DataType::UInt64 => {
-                    self.set_as(F::SetUInt64, reference, own, |f| f.set_uint64, |v| u64::try_from(v).ok())
-                }
+                DataType::UInt64 => self.set_whole_as(F::SetUInt64, reference, own, |f| f.set_uint64),
                 _ => Err(self.failure(F::SetInteger, OTHER_TYPE)),
             }?;
         }
         Ok(())
+    }
+
+    fn get_whole_as<S: Buffered + TryInto<i64>, T: WholeNumber>(
+        &mut self,
+        function: Function,
+        reference: Reference,
+        values: &mut [T],
+        select: impl FnOnce(&v3::Functions) -> Option<Get<S>>,
+    ) -> Result<(), CallError> {
+        self.get_as(function, reference, values, select, |value| {
+            value.try_into().ok().and_then(T::from_whole).ok_or(T::NOT_HELD)
+        })
+    }
+
+    fn set_whole_as<S: Buffered + TryFrom<i64>, T: WholeNumber>(
+        &mut self,
+        function: Function,
+        reference: Reference,
+        values: &[T],
+        select: impl FnOnce(&v3::Functions) -> Option<Set<S>>,
+    ) -> Result<(), CallError> {
+        self.set_as(function, reference, values, select, |value: T| S::try_from(value.whole()?).ok())
     }
 
     pub(super) fn get_bools(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
@@ -142,7 +320,7 @@ impl Instance {
             let (own, others) = rest.split_at_mut(self.boolean_elements(Function::GetBoolean, refs, is_special)?);
             rest = others;
             let mut few = [0; CHUNK];
-            let mut many = Vec::new();
+            let mut many = std::mem::take(&mut self.buffers.bytes);
             let bytes: &mut [RawBoolean] = match few.get_mut(..own.len()) {
                 Some(few) => few,
                 None => {
@@ -151,12 +329,14 @@ impl Instance {
                 }
             };
             // SAFETY: live instance; both arrays have the stated length.
-            self.call_v3(Function::GetBoolean, |f, c| unsafe {
+            let read = self.call_v3(Function::GetBoolean, |f, c| unsafe {
                 Some((f.get_boolean)(c, refs.as_ptr(), refs.len(), bytes.as_mut_ptr(), bytes.len()))
-            })?;
+            });
             for (value, byte) in own.iter_mut().zip(bytes) {
                 *value = (*byte).into();
             }
+            self.buffers.bytes = many;
+            read?;
         }
         Ok(())
     }
@@ -169,7 +349,7 @@ impl Instance {
             let (own, others) = rest.split_at(self.boolean_elements(Function::SetBoolean, refs, is_special)?);
             rest = others;
             let mut few = [false; CHUNK];
-            let mut many = Vec::new();
+            let mut many = std::mem::take(&mut self.buffers.bools);
             let bools: &mut [bool] = match few.get_mut(..own.len()) {
                 Some(few) => few,
                 None => {
@@ -181,9 +361,11 @@ impl Instance {
                 *bool = *value != 0;
             }
             // SAFETY: live instance; both arrays have the stated length.
-            self.call_v3(Function::SetBoolean, |f, c| unsafe {
+            let written = self.call_v3(Function::SetBoolean, |f, c| unsafe {
                 Some((f.set_boolean)(c, refs.as_ptr(), refs.len(), bools.as_ptr(), bools.len()))
-            })?;
+            });
+            self.buffers.bools = many;
+            written?;
         }
         Ok(())
     }
@@ -197,7 +379,7 @@ impl Instance {
     ) -> Result<usize, CallError> {
         match refs {
             [reference] if is_special => {
-                let Special { data_type, size } = self.special(*reference, DataType::Boolean);
+                let Special { data_type, size, .. } = self.special(*reference, DataType::Boolean);
                 let is_boolean = data_type.base_type() == Some(BaseType::Boolean);
                 if is_boolean { Ok(size) } else { Err(self.failure(function, OTHER_TYPE)) }
             }
@@ -221,16 +403,16 @@ impl Instance {
     }
 
     /// Reads the elements of a variable and converts them.
-    fn get_as<S: Copy + Default, T>(
+    fn get_as<S: Buffered, T: Copy>(
         &mut self,
         function: Function,
         reference: Reference,
         values: &mut [T],
         select: impl FnOnce(&v3::Functions) -> Option<Get<S>>,
-        convert: impl Fn(S) -> Option<T>,
+        convert: impl Fn(S) -> Result<T, &'static str>,
     ) -> Result<(), CallError> {
         let mut one = [S::default()];
-        let mut many = Vec::new();
+        let mut many = std::mem::take(S::of(&mut self.buffers));
         let read: &mut [S] = if values.len() == 1 {
             &mut one
         } else {
@@ -238,17 +420,24 @@ impl Instance {
             &mut many
         };
         // SAFETY: live instance; both arrays have the stated length.
-        self.call_v3(function, |f, c| unsafe {
+        let mut result = self.call_v3(function, |f, c| unsafe {
             Some(select(f)?(c, &raw const reference, 1, read.as_mut_ptr(), read.len()))
-        })?;
+        });
         for (value, read) in values.iter_mut().zip(read) {
-            *value = convert(*read).ok_or_else(|| self.failure(function, NOT_32_BITS))?;
+            if result.is_err() {
+                break;
+            }
+            match convert(*read) {
+                Ok(converted) => *value = converted,
+                Err(problem) => result = Err(self.failure(function, CallProblem::Arguments(problem))),
+            }
         }
-        Ok(())
+        *S::of(&mut self.buffers) = many;
+        result
     }
 
     /// Converts the elements of a variable and writes them.
-    fn set_as<S: Copy + Default, T: Copy>(
+    fn set_as<S: Buffered, T: Copy>(
         &mut self,
         function: Function,
         reference: Reference,
@@ -257,19 +446,124 @@ impl Instance {
         convert: impl Fn(T) -> Option<S>,
     ) -> Result<(), CallError> {
         let mut one = [S::default()];
-        let mut many = Vec::new();
+        let mut many = std::mem::take(S::of(&mut self.buffers));
         let written: &mut [S] = if values.len() == 1 {
             &mut one
         } else {
             many.resize(values.len(), S::default());
             &mut many
         };
+        let mut is_converted = true;
         for (written, value) in written.iter_mut().zip(values) {
-            *written = convert(*value).ok_or_else(|| self.failure(function, TOO_LARGE))?;
+            match convert(*value) {
+                Some(converted) => *written = converted,
+                None => is_converted = false,
+            }
         }
-        // SAFETY: live instance; both arrays have the stated length.
-        self.call_v3(function, |f, c| unsafe {
-            Some(select(f)?(c, &raw const reference, 1, written.as_ptr(), written.len()))
-        })
+        let result = if is_converted {
+            // SAFETY: live instance; both arrays have the stated length.
+            self.call_v3(function, |f, c| unsafe {
+                Some(select(f)?(c, &raw const reference, 1, written.as_ptr(), written.len()))
+            })
+        } else {
+            Err(self.failure(function, TOO_LARGE))
+        };
+        *S::of(&mut self.buffers) = many;
+        result
+    }
+}
+
+/// Values of the types of FMI 3.0 while they are converted, so that only the first transfer of an array allocates.
+#[derive(Debug, Default)]
+pub(super) struct Buffers {
+    bytes: Vec<RawBoolean>,
+    bools: Vec<bool>,
+    f32: Vec<f32>,
+    i8: Vec<i8>,
+    u8: Vec<u8>,
+    i16: Vec<i16>,
+    u16: Vec<u16>,
+    pub(super) i32: Vec<i32>,
+    u32: Vec<u32>,
+    i64: Vec<i64>,
+    u64: Vec<u64>,
+}
+
+/// A type with a buffer.
+trait Buffered: Copy + Default {
+    fn of(buffers: &mut Buffers) -> &mut Vec<Self>;
+}
+
+macro_rules! buffered {
+    ($($name:ident)*) => {$(
+        impl Buffered for $name {
+            fn of(buffers: &mut Buffers) -> &mut Vec<Self> {
+                &mut buffers.$name
+            }
+        }
+    )*};
+}
+buffered!(f32 i8 u8 i16 u16 i32 u32 i64 u64);
+
+/// A type for the values of Integers, which holds each exactly or not at all: `i32`, `i64`, and `f64` up to 2^53.
+#[allow(private_bounds, reason = "the values are kept by the loader only")]
+pub trait WholeNumber: Kept {
+    /// Why it does not hold a value.
+    const NOT_HELD: &'static str;
+    /// The value of a number; `None`: it does not hold it.
+    fn from_whole(number: i64) -> Option<Self>;
+    /// The number; `None`: the value is not a whole number.
+    fn whole(self) -> Option<i64>;
+    /// The values themselves, if they are what an FMU of FMI 2.0 takes.
+    fn plain(_values: &[Self]) -> Option<&[i32]> {
+        None
+    }
+    /// As [`Self::plain`].
+    fn plain_mut(_values: &mut [Self]) -> Option<&mut [i32]> {
+        None
+    }
+}
+
+impl WholeNumber for i32 {
+    const NOT_HELD: &'static str = "a value does not fit a signed integer of 32 bits";
+
+    fn plain(values: &[Self]) -> Option<&[i32]> {
+        Some(values)
+    }
+
+    fn plain_mut(values: &mut [Self]) -> Option<&mut [i32]> {
+        Some(values)
+    }
+
+    fn from_whole(number: i64) -> Option<Self> {
+        number.try_into().ok()
+    }
+
+    fn whole(self) -> Option<i64> {
+        Some(self.into())
+    }
+}
+
+impl WholeNumber for i64 {
+    const NOT_HELD: &'static str = "a value does not fit a signed integer of 64 bits";
+
+    fn from_whole(number: i64) -> Option<Self> {
+        Some(number)
+    }
+
+    fn whole(self) -> Option<i64> {
+        Some(self)
+    }
+}
+
+impl WholeNumber for f64 {
+    const NOT_HELD: &'static str = "a value is beyond 2^53, so that a signal cannot hold it exactly";
+
+    fn from_whole(number: i64) -> Option<Self> {
+        (number.unsigned_abs() <= 1 << f64::MANTISSA_DIGITS).then_some(number as Self)
+    }
+
+    fn whole(self) -> Option<i64> {
+        (self.fract() == 0.0 && self.abs() <= (1_u64 << Self::MANTISSA_DIGITS) as Self).then_some(self as i64)
     }
 }

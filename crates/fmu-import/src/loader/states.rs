@@ -1,6 +1,5 @@
 //! Saved states.
 
-use super::callbacks::Log;
 use super::calls::Function;
 use super::error::{CallError, CallProblem};
 use super::functions::Functions;
@@ -11,14 +10,14 @@ use std::ptr;
 /// A state saved with [`Instance::save_state`]; valid for the instance that made it.
 #[derive(Debug)]
 pub struct SavedState {
-    /// Address of the log box, unique among living instances, tells whose state this is.
+    /// Address of the log, unique among living instances, tells whose state this is.
     owner: usize,
     slot: usize,
 }
 
 impl Instance {
     fn owner(&self) -> usize {
-        ptr::from_ref::<Log>(&self.log).addr()
+        self.log.environment().addr()
     }
 
     /// The pointer behind a saved state of this instance.
@@ -111,7 +110,8 @@ impl Instance {
             // SAFETY: live instance and state; the size is written through a valid pointer.
             |f, c| unsafe { f(c, state, &raw mut size) },
         )?;
-        let mut bytes = vec![0_u8; size];
+        // Some tools write to the first byte of a state that has none.
+        let mut bytes = vec![0_u8; size.max(1)];
         // SAFETY: live instance and state; the buffer has the size that the FMU asked for.
         self.call_present(NAME, |f, c| unsafe {
             match f {
@@ -119,6 +119,10 @@ impl Instance {
                 Functions::V3(f) => Some(f.serialize_state?(c, state, bytes.as_mut_ptr(), size)),
             }
         })?;
+        if size == 0 && bytes != [0] {
+            self.overrun = Some(NAME);
+        }
+        bytes.truncate(size);
         Ok(bytes)
     }
 

@@ -54,6 +54,12 @@ pub fn flush_prints() {
     unsafe { libc::fflush(ptr::null_mut()) };
 }
 
+/// The locale of this process, as the C library writes it.
+pub(crate) fn locale() -> String {
+    // SAFETY: without a name the locale is only read; the string lives until it is changed.
+    unsafe { super::strings::text(libc::setlocale(libc::LC_ALL, ptr::null())) }
+}
+
 /// Zeroed memory for an FMU.
 pub(super) fn allocate(count: usize, size: usize) -> *mut c_void {
     // SAFETY: `calloc` has no conditions.

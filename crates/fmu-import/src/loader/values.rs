@@ -4,6 +4,7 @@ use super::calls::Function;
 use super::error::CallError;
 use super::functions::Functions;
 use super::instance::Instance;
+use super::special::{TOO_LARGE, WholeNumber};
 use super::strings::text;
 use crate::c_api::{self, Reference};
 use crate::description::FmiVersion;
@@ -16,6 +17,9 @@ impl Instance {
     /// The lengths differ or the FMU returns an error.
     pub fn get_real(&mut self, refs: &[Reference], values: &mut [f64]) -> Result<(), CallError> {
         if self.has_special(refs) {
+            if self.has_elements(refs) {
+                return self.get_elements(refs, values, Self::get_real);
+            }
             return self.get_special_reals(refs, values);
         }
         self.same_length(Function::GetReal, refs.len(), values.len())?;
@@ -28,14 +32,32 @@ impl Instance {
         })
     }
 
-    /// `fmi2GetInteger`, `fmi3GetInt32`, also for enumerations and the other integer types of FMI 3.0.
+    /// `fmi2GetInteger`, `fmi3GetInt32`, also for enumerations and the other integer types of FMI 3.0. Values are `i32`, `i64` or
+    /// `f64`.
     ///
     /// # Errors
-    /// The lengths differ, a value has more than 32 bits, or the FMU returns an error.
-    pub fn get_integer(&mut self, refs: &[Reference], values: &mut [i32]) -> Result<(), CallError> {
+    /// The lengths differ, a value does not fit what it is read into, or the FMU returns an error.
+    pub fn get_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &mut [T]) -> Result<(), CallError> {
         if self.has_special(refs) {
+            if self.has_elements(refs) {
+                return self.get_elements(refs, values, Self::get_integer);
+            }
             return self.get_special_integers(refs, values);
         }
+        if let Some(values) = T::plain_mut(values) {
+            return self.get_plain_integers(refs, values);
+        }
+        let mut plain = std::mem::take(&mut self.buffers.i32);
+        plain.resize(values.len(), 0);
+        let result = self.get_plain_integers(refs, &mut plain);
+        for (value, plain) in values.iter_mut().zip(&plain) {
+            *value = T::from_whole(i64::from(*plain)).unwrap_or(*value);
+        }
+        self.buffers.i32 = plain;
+        result
+    }
+
+    fn get_plain_integers(&mut self, refs: &[Reference], values: &mut [i32]) -> Result<(), CallError> {
         self.same_length(Function::GetInteger, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
         self.call(Function::GetInteger, |f, c| unsafe {
@@ -52,6 +74,9 @@ impl Instance {
     /// The lengths differ or the FMU returns an error.
     pub fn get_boolean(&mut self, refs: &[Reference], values: &mut [c_api::Boolean]) -> Result<(), CallError> {
         if self.fmi() == FmiVersion::V3 {
+            if self.has_special(refs) && self.has_elements(refs) {
+                return self.get_elements(refs, values, Self::get_boolean);
+            }
             return self.get_bools(refs, values);
         }
         self.same_length(Function::GetBoolean, refs.len(), values.len())?;
@@ -87,6 +112,9 @@ impl Instance {
     /// The lengths differ or the FMU returns an error.
     pub fn set_real(&mut self, refs: &[Reference], values: &[f64]) -> Result<(), CallError> {
         if self.has_special(refs) {
+            if self.has_elements(refs) {
+                return self.set_elements(refs, values, Self::get_real, Self::set_real);
+            }
             return self.set_special_reals(refs, values);
         }
         self.same_length(Function::SetReal, refs.len(), values.len())?;
@@ -99,14 +127,34 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetInteger`, `fmi3SetInt32`, also for enumerations and the other integer types of FMI 3.0.
+    /// `fmi2SetInteger`, `fmi3SetInt32`, also for enumerations and the other integer types of FMI 3.0. Values are `i32`, `i64` or
+    /// `f64`.
     ///
     /// # Errors
     /// The lengths differ, a value does not fit the type of the variable, or the FMU returns an error.
-    pub fn set_integer(&mut self, refs: &[Reference], values: &[i32]) -> Result<(), CallError> {
+    pub fn set_integer<T: WholeNumber>(&mut self, refs: &[Reference], values: &[T]) -> Result<(), CallError> {
         if self.has_special(refs) {
+            if self.has_elements(refs) {
+                return self.set_elements(refs, values, Self::get_integer, Self::set_integer);
+            }
             return self.set_special_integers(refs, values);
         }
+        if let Some(values) = T::plain(values) {
+            return self.set_plain_integers(refs, values);
+        }
+        let mut plain = std::mem::take(&mut self.buffers.i32);
+        plain.clear();
+        plain.extend(values.iter().filter_map(|value| i32::try_from(value.whole()?).ok()));
+        let result = if plain.len() == values.len() {
+            self.set_plain_integers(refs, &plain)
+        } else {
+            Err(self.failure(Function::SetInteger, TOO_LARGE))
+        };
+        self.buffers.i32 = plain;
+        result
+    }
+
+    fn set_plain_integers(&mut self, refs: &[Reference], values: &[i32]) -> Result<(), CallError> {
         self.same_length(Function::SetInteger, refs.len(), values.len())?;
         // SAFETY: live instance; both arrays have the stated length.
         self.call(Function::SetInteger, |f, c| unsafe {
@@ -123,6 +171,9 @@ impl Instance {
     /// The lengths differ or the FMU returns an error.
     pub fn set_boolean(&mut self, refs: &[Reference], values: &[c_api::Boolean]) -> Result<(), CallError> {
         if self.fmi() == FmiVersion::V3 {
+            if self.has_special(refs) && self.has_elements(refs) {
+                return self.set_elements(refs, values, Self::get_boolean, Self::set_boolean);
+            }
             return self.set_bools(refs, values);
         }
         self.same_length(Function::SetBoolean, refs.len(), values.len())?;
@@ -155,8 +206,29 @@ impl Instance {
     /// as many numbers in `seed` and `result` as elements.
     ///
     /// # Errors
-    /// The lengths differ, or the FMU returns an error or lacks the function.
+    /// The lengths differ, or the FMU returns an error or lacks the function. A call that is discarded without a message is
+    /// repeated for its reason, which an FMU logs only on demand.
     pub fn get_directional_derivative(
+        &mut self,
+        unknowns: &[Reference],
+        knowns: &[Reference],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), CallError> {
+        match self.directional_derivative(unknowns, knowns, seed, result) {
+            Err(error) if error.is_discarded() && error.messages.is_empty() => {
+                if self.set_debug_logging(true, &[]).is_err() {
+                    return Err(error);
+                }
+                let repeated = self.directional_derivative(unknowns, knowns, seed, result);
+                let _ = self.set_debug_logging(false, &[]);
+                repeated
+            }
+            result => result,
+        }
+    }
+
+    fn directional_derivative(
         &mut self,
         unknowns: &[Reference],
         knowns: &[Reference],

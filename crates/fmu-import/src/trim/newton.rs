@@ -26,6 +26,8 @@ pub(super) struct Solution {
     pub(super) residual: f64,
     /// The state that cannot rest: index, derivative, and the same relative to the nominal value.
     pub(super) restless: Option<(usize, f64, f64)>,
+    /// The state whose value is outside the valid range of the model, and the value.
+    pub(super) outside: Option<(usize, f64)>,
     /// Indices of states that the equations leave open.
     pub(super) undetermined: Vec<usize>,
     /// Jacobian of the derivatives of the states that do not drift with respect to these, column by column.
@@ -80,10 +82,12 @@ pub(super) fn solve(plant: &mut Plant<'_>) -> Result<Solution, String> {
     let (x, inputs, _) = system.plant.point();
     let start = system.at(&x, &inputs)?;
     let mut end = system.newton(start.clone())?;
-    if system.residual(&end) > TOLERANCE {
+    if system.residual(&end) > TOLERANCE || system.outside(&end).is_some() {
         let reached = system.euler(start)?;
         let other = system.newton(reached)?;
-        if other.norm < end.norm {
+        // Where the model comes to rest itself, rather than at a point that it is not for.
+        let comes_to_rest = system.residual(&other) <= TOLERANCE && system.outside(&other).is_none();
+        if other.norm < end.norm || comes_to_rest {
             end = other;
         }
     }
@@ -97,8 +101,9 @@ pub(super) fn solve(plant: &mut Plant<'_>) -> Result<Solution, String> {
     let relative = |i: &usize| (end.rates[*i] / states[*i].nominal).abs();
     let worst = rests.iter().copied().max_by(|i, j| relative(i).total_cmp(&relative(j)));
     let residual = worst.map_or(0.0, |i| relative(&i));
+    let outside = system.outside(&end).map(|i| (i, end.x[i]));
     let restless = worst.filter(|_| residual.is_nan() || residual > TOLERANCE).map(|i| (i, end.rates[i], residual));
-    Ok(Solution { residual, restless, undetermined, jacobian, iterations: system.iterations })
+    Ok(Solution { residual, restless, outside, undetermined, jacobian, iterations: system.iterations })
 }
 
 impl System<'_, '_> {
@@ -114,6 +119,12 @@ impl System<'_, '_> {
     /// Largest equation.
     fn residual(&self, point: &Point) -> f64 {
         self.equations.iter().map(|i| (point.rates[*i] / self.nominal[*i]).abs()).fold(0.0, f64::max)
+    }
+
+    /// The first state whose value is outside the valid range of the model.
+    fn outside(&self, point: &Point) -> Option<usize> {
+        let states = self.plant.states();
+        (0..self.states).find(|i| !states[*i].has(point.x[*i]))
     }
 
     /// A share of a step from a point; `None` where the FMU does not go.

@@ -4,6 +4,7 @@ use super::{Request, states};
 use crate::c_api::Reference;
 use crate::description::{BaseType, Causality, Initial, ModelDescription, Value, Variability, Variable};
 use crate::loader::{CallError, Instance};
+use std::f64::consts::FRAC_PI_2;
 
 /// What a parameter is called that a calculated state starts from.
 const INITIAL: &str = "initial";
@@ -24,6 +25,42 @@ pub(super) struct State {
     pub(super) held: Option<f64>,
     /// It integrates others, and none that rests depends on it.
     pub(super) drifts: bool,
+    /// Least and greatest value of the valid range of the model: those of the description, and a quarter turn of an angle.
+    range: [f64; 2],
+}
+
+impl State {
+    /// True if a value that was found is in the valid range, except for rounding.
+    pub(super) fn has(&self, value: f64) -> bool {
+        let slack = REACHED * self.nominal;
+        self.drifts || self.held.is_some() || (value >= self.range[0] - slack && value <= self.range[1] + slack)
+    }
+
+    /// The valid range of the model.
+    pub(super) fn range(&self) -> [f64; 2] {
+        self.range
+    }
+}
+
+/// Least and greatest value of a variable, as declared.
+fn bounds(variable: &Variable) -> [f64; 2] {
+    [variable.min.unwrap_or(f64::NEG_INFINITY), variable.max.unwrap_or(f64::INFINITY)]
+}
+
+/// The valid range of a state. Roll or pitch beyond a quarter turn is that of a vehicle on its side.
+fn range(description: &ModelDescription, variable: &Variable) -> [f64; 2] {
+    let [low, high] = bounds(variable);
+    if !matches!(variable.name.rsplit('.').next(), Some("roll" | "pitch")) {
+        return [low, high];
+    }
+    let name = variable.unit.as_deref();
+    let factor = match name.and_then(|name| description.unit(name)).and_then(|unit| unit.base) {
+        Some(base) if base.exponents == [0, 0, 0, 0, 0, 0, 0, 1] && base.factor > 0.0 => base.factor,
+        None if name == Some("rad") => 1.0,
+        _ => return [low, high],
+    };
+    let turn = FRAC_PI_2 / factor;
+    [low.max(-turn), high.min(turn)]
 }
 
 /// How a state gets a start value.
@@ -71,7 +108,8 @@ impl<'a> Plant<'a> {
         let state = |index: usize| {
             let nominal = variable(index).nominal.map(f64::abs).filter(|nominal| *nominal > 0.0 && nominal.is_finite());
             let start = if variable(index).initial == Some(Initial::Exact) { Start::Exact } else { Start::Calculated };
-            State { variable: index, nominal: nominal.unwrap_or(1.0), start, held: None, drifts: false }
+            let range = range(description, variable(index));
+            State { variable: index, nominal: nominal.unwrap_or(1.0), start, held: None, drifts: false, range }
         };
         let all: Vec<usize> = states(description).collect();
         let start = |index: usize| {
@@ -155,14 +193,17 @@ impl<'a> Plant<'a> {
             let before = self.parameters.clone();
             let mut after = before.clone();
             for i in off {
+                let [low, high] = self.bounds_of_parameter(i);
                 let change = 1e-3 * before[i].abs().max(1.0);
+                let change = if before[i] + change > high { -change } else { change };
                 self.parameters[i] = before[i] + change;
                 self.x.copy_from_slice(x);
                 self.initialize()?;
                 let slope = (self.x[i] - here[i]) / change;
                 self.parameters[i] = before[i];
                 if slope != 0.0 && slope.is_finite() {
-                    after[i] = before[i] + (x[i] - here[i]) / slope;
+                    // Roundings do not leave the range of the parameter: 0 m/s, not -1e-12.
+                    after[i] = (before[i] + (x[i] - here[i]) / slope).max(low).min(high);
                 }
             }
             self.parameters = after;
@@ -185,6 +226,14 @@ impl<'a> Plant<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Least and greatest value of the parameter that a state starts from.
+    fn bounds_of_parameter(&self, state: usize) -> [f64; 2] {
+        match self.states[state].start {
+            Start::Parameter(index) => bounds(&self.description.variables[index]),
+            Start::Exact | Start::Calculated => [f64::NEG_INFINITY, f64::INFINITY],
+        }
     }
 
     /// Derivatives of all states.
@@ -254,7 +303,19 @@ impl<'a> Plant<'a> {
         }
         for (i, state) in self.states.iter().enumerate() {
             match state.start {
-                Start::Exact => instance.set_real(&[self.references[i]], &[self.x[i]])?,
+                Start::Exact => {
+                    let [low, high] = bounds(&self.description.variables[state.variable]);
+                    let (x, slack) = (self.x[i], REACHED * state.nominal);
+                    // Roundings do not leave the range of the variable; what is farther outside is the FMU's to reject.
+                    let x = if (low - slack..low).contains(&x) {
+                        low
+                    } else if x > high && x <= high + slack {
+                        high
+                    } else {
+                        x
+                    };
+                    instance.set_real(&[self.references[i]], &[x])?;
+                }
                 Start::Parameter(index) => {
                     instance.set_real(&[self.description.variables[index].reference], &[self.parameters[i]])?;
                 }

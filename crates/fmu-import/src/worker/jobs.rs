@@ -2,7 +2,8 @@
 
 use super::process::{Ended, Process, Settings, Watch};
 use super::serve::{Replies, serve as serve_requests};
-use crate::check::{self, Checked, Event, Finding, Severity};
+use super::setup::Incident;
+use crate::check::{self, Checked, Event, Finding, Options, Topic};
 use crate::linearize::{self, Linear};
 use crate::trim::{self, SteadyState};
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,7 @@ pub const JOB: &str = "import";
 #[derive(Debug, Serialize, Deserialize)]
 enum Request {
     /// To check a `.fmu` file.
-    Check(PathBuf),
+    Check(PathBuf, Options),
     /// To linearize a `.fmu` file with other values of these variables, by name.
     Linearize { path: PathBuf, changes: Vec<(String, String)> },
     /// To find the steady state of a `.fmu` file.
@@ -50,9 +51,9 @@ pub fn serve(board: &Path) -> io::Result<()> {
 
 fn respond(request: Request, _: &[f64], replies: &mut Replies) -> io::Result<()> {
     match request {
-        Request::Check(path) => {
+        Request::Check(path, options) => {
             let mut sent = Ok(());
-            check::check(&path, &mut |event| {
+            check::check(&path, &options, &mut |event| {
                 if sent.is_ok() {
                     sent = replies.send(&Response::Event(event), &[]);
                 }
@@ -74,38 +75,101 @@ fn respond(request: Request, _: &[f64], replies: &mut Replies) -> io::Result<()>
     }
 }
 
-/// Checks a `.fmu` file in a worker and returns what was found, and what was looked at. An FMU that ends the worker is one more finding.
+/// Checks a `.fmu` file in a worker and returns what was found, and what was looked at. An FMU that ends the worker is one more
+/// finding; the trials behind that one go on in another worker, unless it took too long. What the sandbox denied, what the FMU wrote
+/// to the working directory, which is a temporary one, and what it left running are findings, too.
 ///
 /// # Errors
 /// The worker cannot be started.
 pub fn check(settings: &Settings, path: &Path) -> io::Result<(Vec<Finding>, Checked)> {
-    let mut process = Process::start(settings, JOB, true)?;
-    process.send(&Request::Check(path.to_path_buf()), &[]);
-    let mut watch = Watch::new(settings.timeout);
     let mut findings = Vec::new();
     let mut checked = Checked::default();
-    let mut trial = String::from("opening the file");
+    let mut options = Options { experiment: settings.timeout, ..Options::default() };
     loop {
-        match process.receive(&mut watch, &mut |_| ()) {
-            Ok(Response::Event(Event::Trying(what))) => {
-                trial = what;
-                watch.restart();
+        let before = checked.clone();
+        let (mut trial, mut topic) = (String::from("opening the file"), Topic::Simulation);
+        let mut tried = options.skip.clone();
+        tried.insert(trial.clone());
+        let mut process = Process::start_in(settings, JOB, true, Some(DIRECTORY))?;
+        process.send(&Request::Check(std::path::absolute(path)?, options.clone()), &[]);
+        let mut watch = Watch::new(settings.timeout);
+        let ended = loop {
+            match process.receive(&mut watch, &mut |_| ()) {
+                Ok(Response::Event(Event::Trying { trial: next, topic: its })) => {
+                    (trial, topic) = (next, its);
+                    tried.insert(trial.clone());
+                    watch.restart();
+                }
+                Ok(Response::Event(Event::Found(finding))) => findings.push(finding),
+                Ok(Response::Event(Event::Checked(so_far))) => checked = so_far.after(&before),
+                Ok(_) => break None,
+                Err(ended) => break Some(ended),
             }
-            Ok(Response::Event(Event::Found(finding))) => findings.push(finding),
-            Ok(Response::Event(Event::Checked(so_far))) => checked = so_far,
-            Ok(_) => return Ok((findings, checked)),
-            Err(Ended { message, .. }) => {
-                findings.push(Finding { severity: Severity::Error, subject: trial, message });
-                return Ok((findings, checked));
+        };
+        for finding in besides(settings, process) {
+            if !findings.contains(&finding) {
+                findings.push(finding);
             }
         }
+        let Some(ended) = ended else { return Ok((findings, checked)) };
+        // It was not left out: without it there are no others.
+        if options.skip.contains(&trial) {
+            return Ok((findings, checked));
+        }
+        findings.push(Finding::error(trial, ended.message).about(topic));
+        if ended.is_timeout {
+            return Ok((findings, checked));
+        }
+        options.skip = tried;
     }
+}
+
+/// Name of the working directory of a check.
+const DIRECTORY: &str = "directory";
+
+/// Ends a worker and returns the findings about what it leaves behind.
+fn besides(settings: &Settings, mut process: Process) -> Vec<Finding> {
+    let mut findings: Vec<Finding> =
+        process.finish().iter().filter_map(|incident| finding(settings, incident)).collect();
+    let written = std::fs::read_dir(process.folder().join(DIRECTORY));
+    let is_removed = written.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound);
+    let mut written: Vec<String> = written
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()))
+        .collect();
+    written.sort();
+    let message = match written.len() {
+        _ if is_removed => "removes the working directory of its master".to_owned(),
+        0 => return findings,
+        _ => format!("writes to the working directory of its master: {}", written.join(", ")),
+    };
+    findings.push(Finding::warning("files", message).about(Topic::Simulation));
+    findings
+}
+
+/// The finding about an incident; none about what this machine lacks.
+fn finding(settings: &Settings, incident: &Incident) -> Option<Finding> {
+    let subject = match incident {
+        Incident::Denied { .. } => "sandbox",
+        Incident::Left { .. } => "processes",
+        Incident::Memory { .. } => "memory",
+        Incident::NoSandbox(_) => {
+            (settings.noticed)(&incident.to_string());
+            return None;
+        }
+    };
+    let remedy = match incident {
+        Incident::Denied { .. } => " (--no-sandbox allows it)",
+        _ => "",
+    };
+    Some(Finding::warning(subject, format!("{incident}{remedy}")).about(Topic::Simulation))
 }
 
 /// Linearizes a `.fmu` file in a worker, at the start values with these changes.
 ///
 /// # Errors
-/// Why that does not work: the worker cannot be started, the FMU ends it, has no states with directional derivatives, or
+/// Why that does not work: the worker cannot be started, the FMU ends it, has no states, or
 /// does not take a value.
 pub fn linearize(settings: &Settings, path: &Path, changes: &[(String, String)]) -> Result<Linear, String> {
     let mut process =

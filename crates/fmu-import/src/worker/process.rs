@@ -3,6 +3,7 @@
 use super::connection::{self, Connection};
 use super::message::{self, Numbers, Reader};
 use super::output::{Output, Printed};
+use super::setup::{Incident, Incidents, Setup};
 use crate::loader::calls::{self, Snapshot};
 use crate::temporary::Folder;
 use serde::Serialize;
@@ -10,8 +11,9 @@ use serde::de::DeserializeOwned;
 use std::ffi::OsString;
 use std::fs::File;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How often the board of a worker is looked at.
@@ -20,6 +22,9 @@ const LOOK: Duration = Duration::from_millis(100);
 const START: Duration = Duration::from_secs(60);
 /// How long a worker that has closed its connection may take to end.
 const FAREWELL: Duration = Duration::from_secs(1);
+/// Time for a supervisor to end the processes that its worker has left.
+#[cfg(target_os = "linux")]
+const CLEARING: Duration = Duration::from_secs(6);
 
 /// How a worker is started: the program, and the arguments that make it a worker. Two more follow: what it works at
 /// ([`super::JOB`] or that of another crate), and the path of the board for [`super::serve`].
@@ -42,6 +47,22 @@ pub struct Settings {
     pub libpython: Option<PathBuf>,
     /// Takes what FMUs print.
     pub printed: Printed,
+    /// Folders that FMUs may write to, beside the temporary folder of their worker, in a sandbox; `None`: without a sandbox. Other systems
+    /// than Linux have none.
+    pub sandbox: Option<Vec<PathBuf>>,
+    /// Most memory that each process of a worker may have (`RLIMIT_DATA`), bytes. Other systems than Linux have no limit.
+    pub memory: Option<u64>,
+    /// Takes what happens to workers besides their work, unless it is taken by [`Process::incidents`].
+    pub noticed: Printed,
+}
+
+impl Settings {
+    /// Workers without a sandbox, a limit of memory or a library of Python. What is noticed about them is lost.
+    #[must_use]
+    pub fn new(launch: Launch, timeout: Duration, printed: Printed) -> Self {
+        let noticed: Printed = Arc::new(|_| ());
+        Self { launch, timeout, libpython: None, printed, sandbox: None, memory: None, noticed }
+    }
 }
 
 impl std::fmt::Debug for Settings {
@@ -56,9 +77,11 @@ pub struct Process {
     connection: Connection,
     reader: Reader,
     board: File,
+    incidents: Incidents,
+    noticed: Printed,
     output: Output,
     // For the board and the temporary files of FMUs.
-    _folder: Folder,
+    folder: Folder,
 }
 
 /// A worker that has ended without a response, or was ended.
@@ -118,14 +141,37 @@ impl Process {
     /// # Errors
     /// The program cannot be started, or does not connect.
     pub fn start(settings: &Settings, job: &str, with_python: bool) -> io::Result<Self> {
+        Self::start_in(settings, job, with_python, None)
+    }
+
+    /// As [`Self::start`]. The working directory is a new one of this name in the folder of the worker.
+    pub(super) fn start_in(
+        settings: &Settings,
+        job: &str,
+        with_python: bool,
+        directory: Option<&str>,
+    ) -> io::Result<Self> {
         let folder = Folder::new()?;
         let path = folder.path().join("calls");
         let board = File::options().read(true).write(true).create_new(true).open(&path)?;
         calls::create(&board)?;
+        let temporary = folder.path().join("temporary");
+        std::fs::create_dir(&temporary)?;
+        let directory = directory.map(|name| folder.path().join(name));
+        directory.as_ref().map(std::fs::create_dir).transpose()?;
+        let mut setup = Setup { writable: settings.sandbox.clone(), memory: settings.memory };
+        setup.writable.iter_mut().for_each(|folders| folders.extend(directory.iter().chain([&temporary]).cloned()));
+        let incidents = setup.write(&path)?;
         let (pipe, output) = io::pipe()?;
         let mut command = Command::new(&settings.launch.program);
         command.args(&settings.launch.arguments).arg(job).arg(path).stdout(output.try_clone()?).stderr(output);
-        command.envs(["TMPDIR", "TMP", "TEMP"].map(|variable| (variable, folder.path())));
+        command.envs(["TMPDIR", "TMP", "TEMP"].map(|variable| (variable, &temporary)));
+        if let Some(directory) = &directory {
+            command.current_dir(directory);
+        }
+        // Signals to the group of a worker, and those of the keyboard, end at the group.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         if let Some(library) = settings.libpython.as_ref().filter(|_| with_python) {
             let mut list = library.clone().into_os_string();
             if let Some(others) = std::env::var_os("LD_PRELOAD") {
@@ -137,7 +183,24 @@ impl Process {
         let (child, connection) = connection::spawn(command)?;
         connection.set_patience(Some(LOOK.min(settings.timeout / 4)))?;
         let output = Output::read(pipe, settings.printed.clone())?;
-        Ok(Self { child, connection, reader: Reader::default(), board, output, _folder: folder })
+        let noticed = settings.noticed.clone();
+        Ok(Self { child, connection, reader: Reader::default(), board, incidents, noticed, output, folder })
+    }
+
+    /// The incidents since the last call.
+    pub fn incidents(&mut self) -> Vec<Incident> {
+        self.incidents.take()
+    }
+
+    /// Ends the worker, and all that it has left behind. Returns the rest of what happened besides its work.
+    pub(super) fn finish(&mut self) -> Vec<Incident> {
+        self.kill();
+        self.incidents()
+    }
+
+    /// The folder of the worker.
+    pub(super) fn folder(&self) -> &Path {
+        self.folder.path()
     }
 
     /// Sends a request. That the worker cannot be reached shows when its response is awaited.
@@ -218,7 +281,38 @@ impl Process {
         None
     }
 
+    /// Ends the worker and all that comes from it.
+    #[cfg(target_os = "linux")]
     fn kill(&mut self) {
+        use rustix::process::{Pid, Signal, kill_process};
+        if let Ok(None) = self.child.try_wait() {
+            // The supervisor ends the others first. Its number is its own until it was waited for.
+            let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+            let begin = Instant::now();
+            let mut pause = Duration::from_micros(100);
+            while begin.elapsed() < CLEARING && matches!(self.child.try_wait(), Ok(None)) {
+                std::thread::sleep(pause);
+                pause = (2 * pause).min(Duration::from_millis(5));
+            }
+        }
+        self.kill_child();
+    }
+
+    /// Ends the worker and the group of processes that it is in.
+    #[cfg(all(unix, not(target_os = "linux")))]
+    fn kill(&mut self) {
+        use rustix::process::{Pid, Signal, kill_process_group};
+        // The number of the group is taken as long as one process is in it.
+        let _ = kill_process_group(Pid::from_child(&self.child), Signal::KILL);
+        self.kill_child();
+    }
+
+    #[cfg(not(unix))]
+    fn kill(&mut self) {
+        self.kill_child();
+    }
+
+    fn kill_child(&mut self) {
         // It may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -235,6 +329,9 @@ impl Drop for Process {
     fn drop(&mut self) {
         self.kill();
         self.output.finish();
+        for incident in self.incidents() {
+            (self.noticed)(&incident.to_string());
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::connection::{self, Connection};
 use super::message::{self, Reader};
+use super::setup::Setup;
 use crate::loader::{calls, flush_prints};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -13,17 +14,29 @@ use std::sync::mpsc::channel;
 
 /// What a worker sends its responses with.
 #[derive(Debug)]
-pub struct Replies(Connection);
+pub struct Replies {
+    connection: Connection,
+    /// The process that works: a copy of it that an FMU has made has nothing to send.
+    process: u32,
+}
 
 impl Replies {
+    /// Ends this process if it is a copy of the worker, which an FMU has made and let go on: it would do all work twice.
+    pub fn end_copies(&self) {
+        if std::process::id() != self.process {
+            signal_hook::low_level::exit(0);
+        }
+    }
+
     /// Sends a response.
     ///
     /// # Errors
     /// The connection is broken.
     pub fn send(&mut self, response: &impl Serialize, body: &[&[f64]]) -> io::Result<()> {
+        self.end_copies();
         // Before: a worker may be ended after its last response.
         flush_prints();
-        message::write(&mut self.0, response, body)
+        message::write(&mut self.connection, response, body)
     }
 }
 
@@ -37,9 +50,15 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
     board: &Path,
     mut respond: impl FnMut(R, &[f64], &mut Replies) -> io::Result<()>,
 ) -> io::Result<()> {
+    let file = OpenOptions::new().read(true).write(true).open(board)?;
+    let setup = Setup::read(board)?;
+    #[cfg(target_os = "linux")]
+    super::supervisor::divide(&setup, board)?;
+    #[cfg(not(target_os = "linux"))]
+    drop(setup);
     keep_memory();
     let connection = connection::accept()?;
-    calls::publish(&OpenOptions::new().read(true).write(true).open(board)?)?;
+    calls::publish(&file)?;
     // An interrupt from the keyboard reaches all processes; this one ends with the one that started it.
     signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::default())?;
 
@@ -57,7 +76,7 @@ pub fn serve<R: DeserializeOwned + Send + 'static>(
         signal_hook::low_level::exit(0);
     })?;
 
-    let mut replies = Replies(connection);
+    let mut replies = Replies { connection, process: std::process::id() };
     for (request, body) in received {
         respond(request, &body, &mut replies)?;
     }

@@ -110,6 +110,7 @@ impl<'a> Build<'a> {
         ] {
             let variability = match causality {
                 "parameter" => " variability=\"fixed\"",
+                _ if !typed.starts_with("<Real") => " variability=\"discrete\"",
                 _ => "",
             };
             variables += &format!(

@@ -1,6 +1,6 @@
 //! Adjoint derivatives (FMI 3.0): the transpose of the directional ones.
 
-use super::{Answer, Tell, Trial, found, is_same_derivative, words};
+use super::{Answer, Tell, Trial, derivative_problem, found, is_same_derivative};
 use crate::check::Finding;
 use crate::description::{BaseType, Causality, ModelDescription, Variability, Variable};
 use crate::loader::Instance;
@@ -59,8 +59,7 @@ pub(super) fn compare(description: &ModelDescription, instance: &mut Instance, h
         seed.fill(0.0);
         seed[i] = 1.0;
         if let Err(error) = instance.get_adjoint_derivative(&unknown, &known, &seed[..m], row) {
-            let message = format!("is promised, but {}", words(&error));
-            return found(tell, Finding::error("providesAdjointDerivatives", message));
+            return found(tell, derivative_problem("providesAdjointDerivatives", &error));
         }
     }
     for j in (0..n).filter(|_| has_directional) {

@@ -1,6 +1,6 @@
 //! Capabilities: what the description promises is tried once each.
 
-use super::{Answer, Tell, Trial, found, words};
+use super::{Answer, Tell, Trial, derivative_problem, found, words};
 use crate::check::Finding;
 use crate::description::{BaseType, Causality, Unknown};
 
@@ -39,28 +39,16 @@ impl Trial<'_> {
         if unit.provides_directional_derivative
             && let Some(question) = self.question()
         {
-            let (unknown, known) = (self.references(&[question.unknown]), self.references(&[question.known]));
-            let mut slope = [f64::NAN];
-            let result = if question.is_initial {
-                self.initializing("derivative")
-                    .and_then(|mut instance| instance.get_directional_derivative(&unknown, &known, &[1.0], &mut slope))
-            } else {
-                self.started("derivative").and_then(|mut instance| {
-                    self.go(&mut instance, 0..2, 1)?;
-                    instance.get_directional_derivative(&unknown, &known, &[1.0], &mut slope)
-                })
-            };
-            let is_well = result.is_ok();
-            let attribute = self.function("providesDirectionalDerivative", "providesDirectionalDerivatives");
-            promise(attribute, result);
-            if is_well && !slope[0].is_finite() {
-                found(
-                    tell,
-                    Finding::error(
-                        self.function("fmi2GetDirectionalDerivative", "fmi3GetDirectionalDerivative"),
-                        format!("gives {}", slope[0]),
-                    ),
-                );
+            match self.slope(&question) {
+                Err(error) => {
+                    let attribute = self.function("providesDirectionalDerivative", "providesDirectionalDerivatives");
+                    found(tell, derivative_problem(attribute, &error));
+                }
+                Ok(slope) if !slope.is_finite() => {
+                    let function = self.function("fmi2GetDirectionalDerivative", "fmi3GetDirectionalDerivative");
+                    found(tell, Finding::error(function, format!("gives {slope}")));
+                }
+                Ok(_) => {}
             }
         }
         if unit.can_not_use_memory_management_functions {
@@ -75,9 +63,24 @@ impl Trial<'_> {
         Ok(())
     }
 
+    /// The directional derivative of an unknown, in Initialization Mode or after two steps.
+    pub(super) fn slope(&self, question: &Question) -> Answer<f64> {
+        let (unknown, known) = (self.references(&[question.unknown]), self.references(&[question.known]));
+        let mut slope = [f64::NAN];
+        let mut instance = if question.is_initial {
+            self.initializing("derivative")?
+        } else {
+            let mut instance = self.started("derivative")?;
+            self.go(&mut instance, 0..2, 1)?;
+            instance
+        };
+        instance.get_directional_derivative(&unknown, &known, &[1.0], &mut slope)?;
+        Ok(slope[0])
+    }
+
     /// A directional derivative to ask for, the likeliest to be nonzero first. One that is 0 by the model structure has to be
     /// given as well (FMI 2.0.4, section 2.1.9): knowns between steps are inputs and continuous states.
-    fn question(&self) -> Option<Question> {
+    pub(super) fn question(&self) -> Option<Question> {
         let is_real = |i: &usize| self.variable(*i).base_type == BaseType::Real && !self.variable(*i).is_array();
         let real = |list: &[Unknown]| -> Vec<Unknown> {
             list.iter().filter(|unknown| is_real(&unknown.variable)).cloned().collect()
@@ -110,7 +113,7 @@ impl Trial<'_> {
 }
 
 /// An unknown and a known, in Initialization Mode or between two steps.
-struct Question {
+pub(super) struct Question {
     unknown: usize,
     known: usize,
     is_initial: bool,

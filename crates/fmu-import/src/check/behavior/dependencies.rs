@@ -49,7 +49,7 @@ impl Trial<'_> {
         let values = |variable: &Variable| match (&variable.start, variable.min, variable.max) {
             (Some(Value::Boolean(start)), ..) => vec![i32::from(!start)],
             (Some(Value::Integer(start)), Some(min), Some(max)) if max - min <= MOST_CHOICES => {
-                (min as i32..=max as i32).filter(|value| value != start).collect()
+                (min as i32..=max as i32).filter(|value| i64::from(*value) != *start).collect()
             }
             _ => Vec::new(),
         };

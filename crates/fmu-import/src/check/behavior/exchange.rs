@@ -1,23 +1,20 @@
 //! Model exchange: derivatives, event indicators and states, as an importer with a solver uses them.
 
-use super::{Answer, Tell, adjoint, found, instantiation, is_same_derivative, words};
-use crate::check::{Checked, Event, Finding, MODEL_EXCHANGE};
+mod integration;
+
+use super::experiment::EXPERIMENT;
+use super::stack::{STACK, taken, warn_above_limit};
+use super::{Answer, Tell, adjoint, derivative_problem, found, instantiation, is_same_derivative, words};
+use crate::check::{Checked, Event, Finding, MODEL_EXCHANGE, Options, Topic};
 use crate::description::{BaseType, FmiVersion, Interface, ModelDescription, ModelExchange, Value, Variable};
-use crate::loader::{CallError, CallProblem, Instance, Library, Status};
+use crate::loader::{CallError, Instance, Library};
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// Steps of an integration.
-const STEPS: usize = 40;
 /// Most updates of the discrete states in one event.
 const MOST_UPDATES: usize = 1000;
-/// Largest number of parts of a step, if the solution leaves the finite numbers with fewer, or the FMU asks for shorter ones.
-/// Stiff equations, which need millions of them, are integrated over a part of the time.
-const MOST_PARTS: usize = 1 << 24;
-/// Most parts of all steps.
-const MOST_STEPS: usize = 64 * STEPS;
-
 /// A trial of one binary by model exchange.
+#[derive(Clone)]
 struct Exchange<'a> {
     library: &'a Arc<Library>,
     description: &'a ModelDescription,
@@ -31,6 +28,11 @@ struct Exchange<'a> {
     derivatives: Vec<u32>,
     /// Names of the elements of the states; of the derivatives if there are no such states.
     names: Vec<String>,
+    options: &'a Options,
+    /// Parts of a step with which the integration stays finite.
+    parts: Cell<usize>,
+    /// Time that the latest integration has reached, s.
+    time: Cell<f64>,
     instances: Cell<usize>,
     made: Cell<usize>,
 }
@@ -55,11 +57,12 @@ pub(in crate::check) fn check(
     library: &Arc<Library>,
     co_simulation: Option<&Arc<Library>>,
     description: &ModelDescription,
+    options: &Options,
     checked: &mut Checked,
     tell: Tell<'_>,
 ) {
     let Some(unit) = &description.model_exchange else { return };
-    if !instantiation(library, description, Interface::ModelExchange, tell) {
+    if !instantiation(library, description, Interface::ModelExchange, options, tell) {
         return;
     }
     let (start, step) = super::start_and_step(description);
@@ -81,48 +84,66 @@ pub(in crate::check) fn check(
             None => derivatives.flat_map(Variable::elements).collect(),
         },
         states: states.into_iter().flatten().map(|state| state.reference).collect(),
+        options,
+        parts: Cell::new(1),
+        time: Cell::new(start),
         instances: Cell::new(0),
         made: Cell::new(0),
     };
-    let parts: [(&str, Part<'_>); 6] = [
-        ("the event at the start", Exchange::start_of_event),
-        ("states with derivatives and event indicators", Exchange::values),
-        ("saved states", Exchange::saved_states),
-        ("integration", Exchange::integration),
-        ("partial derivatives", Exchange::directional),
-        ("the end", Exchange::end),
+    let parts: [(&str, Topic, Part<'_>); 9] = [
+        ("the event at the start", Topic::Simulation, Exchange::start_of_event),
+        ("states with derivatives and event indicators", Topic::Simulation, Exchange::values),
+        ("saved states", Topic::Standard, Exchange::saved_states),
+        ("integration", Topic::Simulation, Exchange::integration),
+        ("another start time", Topic::Simulation, Exchange::another_start),
+        (EXPERIMENT, Topic::Simulation, Exchange::experiment),
+        ("partial derivatives", Topic::Standard, Exchange::directional),
+        ("the end", Topic::Standard, Exchange::end),
+        (STACK, Topic::Simulation, Exchange::stack),
     ];
-    for (name, part) in parts {
+    let before = (checked.instances, checked.steps);
+    let mut finish = |name: String, exchange: &Exchange<'_>, tell: Tell<'_>| {
+        checked.trials.push(name);
+        checked.instances = before.0 + exchange.instances.get();
+        checked.steps = before.1 + exchange.made.get();
+        tell(Event::Checked(checked.clone()));
+    };
+    for (name, topic, part) in parts {
+        // It runs once, and co-simulation needs no solver of the importer.
+        if name == EXPERIMENT && co_simulation.is_some() {
+            continue;
+        }
         let name = format!("{MODEL_EXCHANGE}{name}");
-        tell(Event::Trying(name.clone()));
+        if options.skip.contains(&name) {
+            continue;
+        }
+        tell(Event::trying(name.clone(), topic));
         let is_settled = match part(&exchange, tell) {
             Ok(()) => true,
             Err(Failure::Call(error)) => {
-                found(tell, Finding::error(&name, words(&error)));
+                found(tell, Finding::error(&name, words(&error)).about(topic));
                 true
             }
             Err(Failure::Found(finding)) => {
-                found(tell, finding);
+                found(tell, finding.about(topic));
                 false
             }
         };
-        checked.trials.push(name);
+        finish(name, &exchange, tell);
         // Without a start there is nothing else to try.
         if !is_settled && exchange.instances.get() == 1 {
             break;
         }
     }
-    if let Some(other) = co_simulation {
-        let name = format!("{MODEL_EXCHANGE}state derivatives as in co-simulation");
-        tell(Event::Trying(name.clone()));
+    let name = format!("{MODEL_EXCHANGE}state derivatives as in co-simulation");
+    if let Some(other) = co_simulation.filter(|_| !options.skip.contains(&name)) {
+        tell(Event::trying(name.clone(), Topic::Standard));
         // The derivatives need not be readable in co-simulation, and an error of another call was found before.
         if let Ok(Some(finding)) = exchange.agreement(other) {
             found(tell, finding);
         }
-        checked.trials.push(name);
+        finish(name, &exchange, tell);
     }
-    checked.instances += exchange.instances.get();
-    checked.steps += exchange.made.get();
 }
 
 impl Exchange<'_> {
@@ -139,17 +160,17 @@ impl Exchange<'_> {
     }
 
     /// Brings an instance to the end of its first event. Returns the time of the next one.
-    fn start_up(&self, instance: &mut Instance) -> Outcome<Option<f64>> {
-        instance.setup_experiment(self.start, None)?;
+    fn start_up(&self, instance: &mut Instance, start: f64, stop: Option<f64>) -> Outcome<Option<f64>> {
+        instance.setup_experiment(start, stop)?;
         instance.enter_initialization_mode()?;
         instance.exit_initialization_mode()?;
-        Ok(self.settle(instance, self.start)?.next_event)
+        Ok(self.settle(instance, start)?.next_event)
     }
 
     /// An instance in Continuous-Time Mode.
     fn started(&self, name: &str) -> Outcome<Instance> {
         let mut instance = self.instance(name)?;
-        self.start_up(&mut instance)?;
+        self.start_up(&mut instance, self.start, None)?;
         Ok(instance)
     }
 
@@ -212,6 +233,10 @@ impl Exchange<'_> {
         let states = self.states(&mut instance)?;
         let derivatives = self.derivatives(&mut instance)?;
         let indicators = self.indicators(&mut instance)?;
+        if let Some(function) = instance.overrun() {
+            let message = "writes to the first element of an array that has none, which crashes other importers";
+            found(tell, Finding::error(function, message));
+        }
         let get_states = "GetContinuousStates";
         let get_derivatives = self.function("fmi2GetDerivatives", "fmi3GetContinuousStateDerivatives");
         let get_states = format!("{}{get_states}", self.function("fmi2", "fmi3"));
@@ -224,7 +249,7 @@ impl Exchange<'_> {
         ] {
             if let Some(i) = values.iter().position(|value| !value.is_finite()) {
                 let message = format!("gives {} for `{}` at the start", values[i], names[i]);
-                found(tell, Finding::error(function, message));
+                found(tell, Finding::error(function, message).about(Topic::Simulation));
             }
         }
 
@@ -234,7 +259,9 @@ impl Exchange<'_> {
             instance.get_real(&self.states, &mut named)?;
             self.differs(tell, &get_states, "the variable has the value", &states, &named);
         }
-        instance.get_real(&self.derivatives, &mut named)?;
+        if !self.derivatives.is_empty() {
+            instance.get_real(&self.derivatives, &mut named)?;
+        }
         self.differs(tell, get_derivatives, "the variable has the value", &derivatives, &named);
 
         // Nothing changed, so nothing changes: in this instance, and in another one.
@@ -336,100 +363,6 @@ impl Exchange<'_> {
         Ok(self.differs(tell, function, "when the state was saved its derivative was", &now, derivatives))
     }
 
-    /// A short integration stays finite, repeats itself, and does so after a reset.
-    fn integration(&self, tell: Tell<'_>) -> Outcome<()> {
-        let mut parts = 1;
-        let (first, mut instance) = loop {
-            let mut instance = self.instance("integration")?;
-            match self.integrate(&mut instance, parts) {
-                Ok(states) if states.iter().all(|state| state.is_finite()) => break (states, instance),
-                // A solver shortens its step then.
-                Ok(_) => {}
-                Err(Failure::Call(error)) if matches!(error.problem, CallProblem::Status(Status::Discard)) => {}
-                Err(failure) => return Err(failure),
-            }
-            if parts == MOST_PARTS {
-                let step = self.step / MOST_PARTS as f64;
-                let message = format!(
-                    "leaves the finite numbers, or is discarded, within {MOST_STEPS} steps of {step:.1e} s by the \
-                     Runge-Kutta method"
-                );
-                return Err(Failure::Found(Finding::warning("model exchange: integration", message)));
-            }
-            parts *= 4;
-        };
-        instance.reset()?;
-        let after = self.integrate(&mut instance, parts)?;
-        let reset = self.function("fmi2Reset", "fmi3Reset");
-        self.differs(tell, reset, "the same integration before it ended with", &after, &first);
-        drop(instance);
-        let again = self.integrate(&mut self.instance("again")?, parts)?;
-        self.differs(tell, "model exchange: integration", "another instance ends with", &first, &again);
-        Ok(())
-    }
-
-    /// Integrates over some steps, each in parts, or over [`MOST_STEPS`] parts, and returns the states at the end. Events are at the end of the part in
-    /// which an indicator changes its sign.
-    fn integrate(&self, instance: &mut Instance, parts: usize) -> Outcome<Vec<f64>> {
-        let mut next_event = self.start_up(instance)?;
-        let mut states = self.states(instance)?;
-        let mut indicators = self.indicators(instance)?;
-        let mut time = self.start;
-        for k in 1..=(STEPS * parts).min(MOST_STEPS) {
-            let end = self.start + self.step * k as f64 / parts as f64;
-            self.made.set(self.made.get() + 1);
-            while time < end {
-                let until = next_event.filter(|next| *next < end).unwrap_or(end);
-                states = self.advance(instance, time, &states, until - time)?;
-                if states.iter().any(|state| !state.is_finite()) {
-                    return Ok(states);
-                }
-                time = until;
-                instance.set_time(time)?;
-                instance.set_continuous_states(&states)?;
-                let now = self.indicators(instance)?;
-                let mut is_event = next_event.is_some_and(|next| next <= time);
-                is_event |= now.iter().zip(&indicators).any(|(a, b)| (*a > 0.0) != (*b > 0.0));
-                if self.unit.needs_completed_integrator_step {
-                    let completed = instance.completed_integrator_step()?;
-                    if completed.terminates {
-                        return Ok(states);
-                    }
-                    is_event |= completed.enters_event_mode;
-                }
-                indicators = now;
-                if is_event {
-                    instance.enter_event_mode()?;
-                    let settled = self.settle(instance, time)?;
-                    if settled.is_over {
-                        return Ok(states);
-                    }
-                    next_event = settled.next_event;
-                    states = self.states(instance)?;
-                    indicators = self.indicators(instance)?;
-                }
-            }
-        }
-        instance.terminate()?;
-        Ok(states)
-    }
-
-    /// A step of the classical Runge-Kutta method.
-    fn advance(&self, instance: &mut Instance, time: f64, states: &[f64], h: f64) -> Answer<Vec<f64>> {
-        let moved = |slope: &[f64], h: f64| -> Vec<f64> { states.iter().zip(slope).map(|(x, k)| x + h * k).collect() };
-        let mut slope = |time: f64, states: &[f64]| {
-            instance.set_time(time)?;
-            instance.set_continuous_states(states)?;
-            self.derivatives(instance)
-        };
-        let a = slope(time, states)?;
-        let b = slope(time + 0.5 * h, &moved(&a, 0.5 * h))?;
-        let c = slope(time + 0.5 * h, &moved(&b, 0.5 * h))?;
-        let d = slope(time + h, &moved(&c, h))?;
-        let end = (0..states.len()).map(|i| states[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
-        Ok(end.collect())
-    }
-
     /// Directional derivatives, and the adjoint ones of FMI 3.0.
     fn directional(&self, tell: Tell<'_>) -> Outcome<()> {
         if !self.unit.provides_directional_derivative && !self.unit.provides_adjoint_derivatives {
@@ -447,7 +380,7 @@ impl Exchange<'_> {
                     instance.get_directional_derivative(&self.derivatives, &self.states, &seed, &mut column)
                 {
                     let attribute = self.function("providesDirectionalDerivative", "providesDirectionalDerivatives");
-                    found(tell, Finding::error(attribute, format!("is promised, but {}", words(&error))));
+                    found(tell, derivative_problem(attribute, &error));
                     return Ok(());
                 }
                 if let Some(i) = column.iter().position(|value| !value.is_finite()) {
@@ -463,6 +396,29 @@ impl Exchange<'_> {
             let has_directional = self.unit.provides_directional_derivative;
             adjoint::compare(self.description, &mut instance, has_directional, tell);
         }
+        Ok(())
+    }
+
+    /// An integration and a directional derivative do not need much stack.
+    fn stack(&self, tell: Tell<'_>) -> Outcome<()> {
+        // Other trials report failed calls.
+        let exchange = self.clone();
+        let integrate = move || drop(exchange.instance(STACK).map(|mut instance| exchange.integrate(&mut instance, 1)));
+        let Some(((), size)) = taken(integrate) else { return Ok(()) };
+        let mut sizes = vec![("an integration", size)];
+        if self.unit.provides_directional_derivative && !self.states.is_empty() {
+            let exchange = self.clone();
+            let derivative = move || -> Outcome<()> {
+                let mut instance = exchange.started(STACK)?;
+                let n = instance.number_of_states();
+                let mut column = vec![0.0; n];
+                let (unknowns, knowns) = (&exchange.derivatives, &exchange.states);
+                Ok(instance.get_directional_derivative(unknowns, knowns, &vec![1.0; n], &mut column)?)
+            };
+            let size = taken(move || drop(derivative())).map(|(_, size)| size);
+            sizes.extend(size.map(|size| ("a directional derivative", size)));
+        }
+        warn_above_limit(tell, &format!("{MODEL_EXCHANGE}{STACK}"), &sizes);
         Ok(())
     }
 

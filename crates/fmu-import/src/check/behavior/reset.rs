@@ -24,22 +24,32 @@ struct Fresh {
 }
 
 impl Trial<'_> {
+    /// A reset before initialization forgets what was set.
+    pub(super) fn reset_before_initialization(&self, tell: Tell<'_>) -> Answer<()> {
+        self.resets(&[Before::Settings], "before initialization", tell)
+    }
+
+    /// A reset after a run forgets what was set, and the run.
+    pub(super) fn reset_after_run(&self, tell: Tell<'_>) -> Answer<()> {
+        self.resets(&[Before::SettingsAndSteps, Before::StepsAndSettings], "after a run", tell)
+    }
+
     /// After a reset every start value and the whole run are those of a fresh instance.
-    pub(super) fn resets(&self, tell: Tell<'_>) -> Answer<()> {
+    fn resets(&self, cases: &[Before], when: &str, tell: Tell<'_>) -> Answer<()> {
         let variables = self.exact();
         let mut instance = self.initializing("fresh")?;
         let starts = self.values(&mut instance, &variables)?;
         instance.exit_initialization_mode()?;
         let fresh = Fresh { starts, outputs: self.go(&mut instance, 0..self.steps, 1)?, variables };
         drop(instance);
-        for before in [Before::Settings, Before::SettingsAndSteps, Before::StepsAndSettings] {
-            let mut instance = self.used(before)?;
+        for before in cases {
+            let mut instance = self.used(*before)?;
             match instance.reset() {
                 // A value was fatal: there is nothing left to reset.
                 Err(error) if error.problem == CallProblem::Dead => continue,
                 reset => reset?,
             }
-            if !self.is_fresh(&mut instance, &fresh, tell) {
+            if !self.is_fresh(&mut instance, &fresh, when, tell) {
                 break;
             }
         }
@@ -68,7 +78,7 @@ impl Trial<'_> {
     }
 
     /// Whether an instance after its reset is as a fresh one; tells what is not.
-    fn is_fresh(&self, instance: &mut Instance, fresh: &Fresh, tell: Tell<'_>) -> bool {
+    fn is_fresh(&self, instance: &mut Instance, fresh: &Fresh, when: &str, tell: Tell<'_>) -> bool {
         let starts = instance
             .setup_experiment(self.start, None)
             .and_then(|()| instance.enter_initialization_mode())
@@ -76,7 +86,7 @@ impl Trial<'_> {
         let outputs = starts.and_then(|starts| {
             if let Some(kept) = self.difference(&fresh.variables, &fresh.starts, &starts) {
                 let message = format!(
-                    "leaves `{}` at {}, its start value is {}{}",
+                    "{when}, leaves `{}` at {}, its start value is {}{}",
                     kept.name,
                     kept.after,
                     kept.before,
@@ -91,14 +101,12 @@ impl Trial<'_> {
         match outputs {
             Ok(None) => false,
             Ok(Some(outputs)) => {
-                let message = "does not bring back the start: the same run differs after it";
-                self.compare(tell, self.function("fmi2Reset", "fmi3Reset"), message, &fresh.outputs, &outputs)
+                let message = format!("{when}, does not bring back the start: the same run differs after it");
+                self.compare(tell, self.function("fmi2Reset", "fmi3Reset"), &message, &fresh.outputs, &outputs)
             }
             Err(error) => {
-                found(
-                    tell,
-                    Finding::error(self.function("fmi2Reset", "fmi3Reset"), format!("after it, {}", words(&error))),
-                );
+                let message = format!("{when}: after it, {}", words(&error));
+                found(tell, Finding::error(self.function("fmi2Reset", "fmi3Reset"), message));
                 false
             }
         }

@@ -128,10 +128,10 @@ fn others(variable: &Variable, start: &Value) -> Vec<Value> {
         }
         Value::Integer(start) if variable.items.is_empty() => {
             let candidates = [start.checked_add(1), start.checked_sub(1)].into_iter().flatten();
-            candidates.filter(|value| (min..=max).contains(&f64::from(*value))).map(Value::Integer).collect()
+            candidates.filter(|value| (min..=max).contains(&(*value as f64))).map(Value::Integer).collect()
         }
         Value::Integer(start) => {
-            let items = variable.items.iter().map(|item| item.value).filter(|value| value != start);
+            let items = variable.items.iter().map(|item| i64::from(item.value)).filter(|value| value != start);
             items.take(2).map(Value::Integer).collect()
         }
     }

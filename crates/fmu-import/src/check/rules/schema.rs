@@ -70,7 +70,7 @@ fn known_3(element: &str) -> Option<(&'static str, &'static str)> {
                      intermediateUpdate previous declaredType initial ",
                     $attributes
                 ),
-                concat!("Dimension Alias Annotations", $children),
+                concat!("Annotations Dimension", $children, " Alias"),
             )
         };
     }
@@ -117,7 +117,7 @@ fn known_3(element: &str) -> Option<(&'static str, &'static str)> {
         | "UInt64Type" => ("name description quantity min max", "Annotations"),
         "BooleanType" | "StringType" => ("name description", "Annotations"),
         "BinaryType" => ("name description mimeType maxSize", "Annotations"),
-        "EnumerationType" => ("name description quantity min max", "Item Annotations"),
+        "EnumerationType" => ("name description quantity min max", "Annotations Item"),
         "Item" => ("name value description", "Annotations"),
         "ClockType" => (
             "name description canBeDeactivated priority intervalVariability intervalDecimal shiftDecimal \
@@ -145,7 +145,7 @@ fn known_3(element: &str) -> Option<(&'static str, &'static str)> {
             "name valueReference description causality variability canHandleMultipleSetPerTimeInstant clocks declaredType \
              canBeDeactivated priority intervalVariability intervalDecimal shiftDecimal supportsFraction resolution \
              intervalCounter shiftCounter",
-            "Alias Annotations",
+            "Annotations Alias",
         ),
         "Start" => ("value", ""),
         "Dimension" => ("start valueReference", ""),
@@ -178,12 +178,39 @@ pub(super) fn schema(element: &Element, fmi: FmiVersion, findings: &mut Findings
             findings.push(Finding::error(subject(), format!("FMI {fmi} knows no attribute `{name}` here")));
         }
     }
+    let order: Vec<&str> = children.split(' ').collect();
+    let mut before: Option<(usize, &str)> = None;
     for child in &element.children {
-        if is_among(children, &child.name) {
-            compared += schema(child, fmi, findings);
-        } else {
+        let Some(place) = order.iter().position(|known| *known == child.name) else {
             findings.push(Finding::error(subject(), format!("FMI {fmi} knows no element <{}> here", child.name)));
+            continue;
+        };
+        match before {
+            Some((last, name)) if place < last && !is_any_order(&element.name, &child.name) => {
+                let message = format!("has <{}> after <{name}>, which must come first in FMI {fmi}", child.name);
+                findings.push(Finding::error(format!("{}, child in line {}", subject(), child.place.line), message));
+            }
+            _ => before = Some((place, &child.name)),
         }
+        compared += schema(child, fmi, findings);
+    }
+    if element.children.is_empty() && must_have_children(&element.name, fmi) {
+        let message = format!("is empty; FMI {fmi} requires an element in it: leave it out");
+        findings.push(Finding::error(subject(), message));
     }
     compared
+}
+
+/// Whether the children of an element are a choice that repeats, or a child has no place of its own.
+fn is_any_order(element: &str, child: &str) -> bool {
+    matches!(element, "ModelVariables" | "TypeDefinitions") || matches!(child, "ModelExchange" | "CoSimulation")
+}
+
+/// Elements that the schema does not allow without children.
+fn must_have_children(element: &str, fmi: FmiVersion) -> bool {
+    let in_both = ["UnitDefinitions", "TypeDefinitions", "LogCategories", "ModelVariables", "Annotations"];
+    let in_2 = ["SourceFiles", "VendorAnnotations", "Outputs", "Derivatives", "InitialUnknowns"];
+    let in_3 = ["EnumerationType"];
+    let of_version = if fmi == FmiVersion::V2 { &in_2[..] } else { &in_3 };
+    in_both.contains(&element) || of_version.contains(&element)
 }

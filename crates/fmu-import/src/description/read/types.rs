@@ -88,6 +88,7 @@ pub(super) fn variable(element: &Element, head: Head, types: &Types<'_>) -> Resu
         derivative_of: None,
         is_clocked: false,
         alias_of: None,
+        element: None,
         name,
     })
 }

@@ -80,7 +80,7 @@ fn variable(element: &Element, types: &Types<'_>) -> Result<Variable, XmlError> 
     let (own, (base_type, data_type)) = typed_child(element)?;
     let start = match base_type {
         BaseType::Real => own.real("start")?.map(Value::Real),
-        BaseType::Integer => own.parsed("start", "a whole number")?.map(Value::Integer),
+        BaseType::Integer => own.parsed::<i32>("start", "a whole number")?.map(|value| Value::Integer(value.into())),
         BaseType::Boolean => own.boolean("start")?.map(Value::Boolean),
         BaseType::String => own.attribute("start").map(|s| Value::String(s.to_string())),
     };

@@ -321,17 +321,12 @@ fn value(text: &str, data_type: DataType) -> Option<Value> {
         DataType::UInt64 => text.parse::<u64>().ok().and_then(|value| value.try_into().ok()),
         DataType::String | DataType::Binary | DataType::Clock => None,
     };
-    value.and_then(|value| i32::try_from(value).ok()).map(Value::Integer)
+    value.map(Value::Integer)
 }
 
-/// True for an integer of the type that has more than 32 bits.
+/// True for an integer of the type that no [`Value`] can hold.
 fn is_wide(text: &str, data_type: DataType) -> bool {
-    match data_type {
-        DataType::UInt32 => text.parse::<u32>().is_ok_and(|value| i32::try_from(value).is_err()),
-        DataType::Int64 | DataType::Enumeration => text.parse::<i64>().is_ok_and(|value| i32::try_from(value).is_err()),
-        DataType::UInt64 => text.parse::<u64>().is_ok_and(|value| i32::try_from(value).is_err()),
-        _ => false,
-    }
+    data_type == DataType::UInt64 && text.parse::<u64>().is_ok_and(|value| i64::try_from(value).is_err())
 }
 
 /// Reads the start values of a variable whose size is known.

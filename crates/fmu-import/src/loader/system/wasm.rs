@@ -74,6 +74,11 @@ pub(super) fn has_symbol(library: Option<&Library>, symbol: &str) -> bool {
 /// A module has no streams.
 pub fn flush_prints() {}
 
+/// A module has no locale.
+pub(crate) fn locale() -> String {
+    String::new()
+}
+
 /// FMUs get their memory from the host.
 pub(super) fn allocate(_count: usize, _size: usize) -> *mut c_void {
     ptr::null_mut()

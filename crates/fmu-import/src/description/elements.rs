@@ -1,0 +1,210 @@
+//! Elements of arrays as scalar variables, for masters that connect and record scalars.
+//!
+//! FMI 3.0 reads and writes an array as a whole by its value reference. Each element gets a value reference of its own that no
+//! variable of the FMU has; [`Instance`](crate::loader::Instance) makes a call for the whole array of it.
+
+use super::{BaseType, ModelDescription, Unknown, Value, Variable};
+use crate::c_api::Reference;
+use std::collections::HashSet;
+use std::ops::Range;
+
+/// Most elements of an FMU that become variables. Arrays beyond stay arrays, so that a field of millions of numbers takes no memory.
+const MAX_ELEMENTS: usize = 20_000;
+/// Most dependencies that are listed by element. Beyond, an unknown depends on all knowns.
+const MAX_DEPENDENCIES: usize = 1_000_000;
+
+/// An element of an array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct ArrayElement {
+    /// Value reference of the array.
+    pub array: Reference,
+    /// Place among the values of the array, row by row, from 0.
+    pub index: usize,
+}
+
+impl ModelDescription {
+    /// The first and the last element of the array of that name, after [`Self::with_elements`].
+    #[must_use]
+    pub fn elements_of(&self, array: &str) -> Option<[&Variable; 2]> {
+        let is_element = |variable: &&Variable| {
+            let rest = variable.element.and_then(|_| variable.name.strip_prefix(array));
+            rest.is_some_and(|rest| rest.starts_with('[') && !rest[1..].contains('['))
+        };
+        let mut elements = self.variables.iter().filter(is_element);
+        let first = elements.next()?;
+        Some([first, elements.next_back().unwrap_or(first)])
+    }
+
+    /// The value references of the elements of each variable that is an array of numbers or Booleans; `None` for other variables.
+    pub(crate) fn element_references(&self) -> Vec<Option<Range<Reference>>> {
+        let mut references = vec![None; self.variables.len()];
+        if self.variables.iter().all(|variable| !variable.is_array()) {
+            return references;
+        }
+        let mut counted = 0;
+        let mut chosen = Vec::new();
+        for (i, variable) in self.variables.iter().enumerate() {
+            let is_chosen = variable.is_array()
+                && variable.alias_of.is_none()
+                && variable.base_type != BaseType::String
+                && counted + variable.size <= MAX_ELEMENTS
+                // An FMU may have a scalar of that name, too.
+                && !variable.elements().iter().any(|name| self.by_name.contains_key(name));
+            if is_chosen {
+                counted += variable.size;
+                chosen.push(i);
+            }
+        }
+        let opaque = self.opaque_variables.iter().map(|variable| variable.reference);
+        let mut next = gap(self.variables.iter().map(|variable| variable.reference).chain(opaque), counted);
+        for i in chosen {
+            let end = next + self.variables[i].size as Reference;
+            references[i] = Some(next..end);
+            next = end;
+        }
+        for (i, variable) in self.variables.iter().enumerate() {
+            if let Some(of) = variable.alias_of {
+                references[i] = references[of].clone();
+            }
+        }
+        references
+    }
+
+    /// The same with a variable for each element of its arrays: `a[1]`, `a[2]` and so on, `a[2,1]` for two dimensions, row by row.
+    /// Arrays of Strings stay arrays, and those beyond 20,000 elements of the FMU.
+    #[must_use]
+    pub fn with_elements(self) -> Self {
+        let references = self.element_references();
+        if references.iter().all(Option::is_none) {
+            return self;
+        }
+        // The places of the old variables among the new ones.
+        let mut places: Vec<Range<usize>> = Vec::new();
+        for (variable, references) in self.variables.iter().zip(&references) {
+            let start = places.last().map_or(0, |place| place.end);
+            places.push(start..start + if references.is_some() { variable.size } else { 1 });
+        }
+        let place = |old: usize, element: usize| match places[old].len() {
+            1 => places[old].start,
+            _ => places[old].start + element,
+        };
+        let mut variables = Vec::new();
+        for (variable, references) in self.variables.iter().zip(&references) {
+            let Some(references) = references else {
+                let derivative_of = variable.derivative_of.map(|of| place(of, 0));
+                let alias_of = variable.alias_of.map(|of| place(of, 0));
+                let mut variable = Variable { derivative_of, alias_of, ..variable.clone() };
+                for dimension in &mut variable.dimensions {
+                    if let super::Dimension::Parameter(parameter) = dimension {
+                        *parameter = place(*parameter, 0);
+                    }
+                }
+                variables.push(variable);
+                continue;
+            };
+            for (index, (name, reference)) in variable.elements().into_iter().zip(references.clone()).enumerate() {
+                variables.push(Variable {
+                    name,
+                    reference,
+                    dimensions: Vec::new(),
+                    lengths: Vec::new(),
+                    size: 1,
+                    start: variable.starts.get(index).cloned(),
+                    starts: Vec::<Value>::new(),
+                    derivative_of: variable.derivative_of.map(|of| place(of, index)),
+                    alias_of: variable.alias_of.map(|of| place(of, index)),
+                    element: Some(ArrayElement { array: variable.reference, index }),
+                    ..variable.clone()
+                });
+            }
+        }
+        let unknowns = |list: &[Unknown]| list.iter().flat_map(|unknown| expanded(unknown, &places)).collect();
+        Self {
+            outputs: unknowns(&self.outputs),
+            derivatives: unknowns(&self.derivatives),
+            initial_unknowns: unknowns(&self.initial_unknowns),
+            event_indicators: unknowns(&self.event_indicators),
+            by_name: variables.iter().enumerate().map(|(i, variable)| (variable.name.clone(), i)).collect(),
+            variables,
+            ..self
+        }
+    }
+}
+
+/// The unknowns of the elements of an unknown. Each depends on all elements of what the array depends on.
+fn expanded(unknown: &Unknown, places: &[Range<usize>]) -> Vec<Unknown> {
+    let own = places[unknown.variable].clone();
+    let length = |dependencies: &Vec<usize>| dependencies.iter().map(|i| places[*i].len()).sum::<usize>();
+    let listed =
+        unknown.dependencies.as_ref().filter(|list| length(list).saturating_mul(own.len()) <= MAX_DEPENDENCIES);
+    let dependencies = listed.map(|list| list.iter().flat_map(|i| places[*i].clone()).collect::<Vec<usize>>());
+    let kinds = listed.filter(|list| list.len() == unknown.kinds.len()).map(|list| {
+        let repeated =
+            list.iter().zip(&unknown.kinds).flat_map(|(i, kind)| std::iter::repeat_n(*kind, places[*i].len()));
+        repeated.collect::<Vec<_>>()
+    });
+    own.map(|variable| Unknown {
+        variable,
+        dependencies: dependencies.clone(),
+        kinds: kinds.clone().unwrap_or_default(),
+    })
+    .collect()
+}
+
+/// The first of `count` numbers in a row that are not used.
+fn gap(used: impl Iterator<Item = Reference>, count: usize) -> Reference {
+    let mut used: Vec<Reference> = used.collect::<HashSet<_>>().into_iter().collect();
+    used.sort_unstable();
+    let mut next: Reference = 0;
+    for reference in used {
+        if (reference - next) as usize >= count {
+            break;
+        }
+        next = reference.saturating_add(1);
+    }
+    next
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ArrayElement, gap};
+    use crate::description::{ModelDescription, Value};
+
+    /// Row by row, as FMI 3.0.2, section 2.2.7.1, serializes arrays.
+    #[test]
+    fn elements_are_variables_of_their_own() {
+        let (from, to) = (
+            "start=\"1 2 3\"><Dimension start=\"3\"/>",
+            "start=\"1 2 3 4 5 6\"><Dimension start=\"2\"/><Dimension start=\"3\"/>",
+        );
+        let text = include_str!("../../tests/data/decay3.xml").replacen(from, to, 1);
+        let d = ModelDescription::parse(&text).unwrap();
+        let e = d.clone().with_elements();
+        let v = e.variable("v[2,1]").unwrap();
+        assert_eq!((v.start.clone(), v.size, v.is_array()), (Some(Value::Real(4.0)), 1, false));
+        assert_eq!(v.element, Some(ArrayElement { array: d.variable("v").unwrap().reference, index: 3 }));
+        assert_eq!(e.variable("bits[2]").unwrap().start, Some(Value::Boolean(false)));
+        assert!(e.variable("v").is_none());
+        assert_eq!(e.elements_of("v").map(|ends| ends.map(|end| end.name.as_str())), Some(["v[1,1]", "v[2,3]"]));
+        assert!(e.elements_of("k").is_none());
+        // No two variables share a reference, and the other variables keep theirs.
+        let mut references: Vec<_> = e.variables.iter().map(|variable| variable.reference).collect();
+        references.sort_unstable();
+        references.dedup();
+        assert_eq!(references.len(), d.variables.len() - 3 + 6 + 3 + 2);
+        assert_eq!(e.variable("x").unwrap().reference, d.variable("x").unwrap().reference);
+        // Each element of w depends on x and on all elements of v.
+        let w = e.index("w[2]").unwrap();
+        let unknown = e.outputs.iter().find(|unknown| unknown.variable == w).unwrap();
+        let names = unknown.dependencies.as_ref().unwrap().iter().map(|i| e.variables[*i].name.as_str());
+        assert_eq!(names.collect::<Vec<_>>(), ["x", "v[1,1]", "v[1,2]", "v[1,3]", "v[2,1]", "v[2,2]", "v[2,3]"]);
+    }
+
+    #[test]
+    fn numbers_that_are_not_used() {
+        assert_eq!(gap([0, 1, 5].into_iter(), 3), 2);
+        assert_eq!(gap([0, 1, 5].into_iter(), 4), 6);
+        assert_eq!(gap([7, u32::MAX].into_iter(), 7), 0);
+        assert_eq!(gap([3, u32::MAX].into_iter(), 9), 4);
+    }
+}

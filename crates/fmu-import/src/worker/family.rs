@@ -1,0 +1,52 @@
+//! Processes that come from a supervisor, as `/proc` lists them.
+
+use rustix::process::{Pid, getpid};
+
+/// Fields of `/proc/ID/stat` of a process or a thread.
+pub(super) struct Status {
+    pub(super) program: String,
+    parent: i32,
+    pub(super) group: i32,
+    /// True if all its threads have ended.
+    is_over: bool,
+}
+
+impl Status {
+    fn read(id: i32) -> Option<Self> {
+        let text = std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
+        // The name may hold anything.
+        let (start, rest) = text.rsplit_once(')')?;
+        let (_, program) = start.split_once('(')?;
+        let fields: Vec<&str> = rest.split_ascii_whitespace().collect();
+        Some(Self {
+            program: program.to_owned(),
+            parent: fields.get(1)?.parse().ok()?,
+            group: fields.get(2)?.parse().ok()?,
+            // The first thread may have ended before the others.
+            is_over: ["Z", "X"].contains(fields.first()?) && fields.get(17)?.parse::<u32>().ok()? < 2,
+        })
+    }
+}
+
+/// The processes that come from this one and run, the newest first: it may be gone when the others were looked at.
+pub(super) fn members() -> impl Iterator<Item = (Pid, Status)> {
+    let entries = std::fs::read_dir("/proc").into_iter().flatten().filter_map(Result::ok);
+    let mut ids: Vec<i32> = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok()).collect();
+    ids.sort_unstable();
+    let members = ids.into_iter().rev().filter(|id| is_member(*id));
+    members.filter_map(|id| Some((Pid::from_raw(id)?, Status::read(id).filter(|status| !status.is_over)?)))
+}
+
+/// Whether a process or thread comes from this process.
+pub(super) fn is_member(id: i32) -> bool {
+    // Deeper than any FMU nests processes; a number that is given again in the meantime cannot make it endless.
+    const DEEPEST: usize = 1000;
+    let own = getpid().as_raw_nonzero().get();
+    let parents = std::iter::successors(Some(id), |id| Status::read(*id).map(|status| status.parent));
+    id > 1 && id != own && parents.take(DEEPEST).take_while(|id| *id > 1).any(|id| id == own)
+}
+
+/// The group of a process.
+pub(super) fn group(id: i32) -> Option<i32> {
+    Status::read(id).map(|status| status.group)
+}

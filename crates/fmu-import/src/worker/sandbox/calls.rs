@@ -1,0 +1,329 @@
+//! The system calls that the sandbox restricts, and the filter that finds them.
+
+use libc::{c_long, sock_filter};
+
+/// When a call is restricted.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Condition {
+    Always,
+    /// One of these bits of an argument is set.
+    Bits(usize, u32),
+    /// An argument has this value under a mask.
+    Is(usize, u32, u32),
+    /// An argument is neither 0 nor the number of the worker.
+    OtherProcess(usize),
+    /// A pointer is not null.
+    Pointer(usize),
+}
+use Condition::{Always, Bits, Is, OtherProcess, Pointer};
+
+/// Arguments that name a file: the descriptor of the folder in which a relative path starts, and the path.
+pub(super) type Place = (Option<usize>, usize);
+
+/// The effect of a call, and its arguments.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Kind {
+    /// Starts a program.
+    Program(Place),
+    /// Opens a way to other programs or machines. The argument is the address family.
+    Network(Option<usize>),
+    /// Opens a file, maybe to write. The argument has the flags; `None`: they start the structure behind the path.
+    Open(Place, Option<usize>),
+    /// Makes, changes, removes or renames files.
+    Change(&'static [Place]),
+    /// Changes mode, owner, times or attributes of a file, which Landlock does not control.
+    Attributes(Place),
+    /// The same, of an open file.
+    AttributesOfOpen(usize),
+    /// Sends a signal (second argument) to a process or a group.
+    Signal(usize, usize),
+    /// Sends a signal to the process of a descriptor.
+    SignalByDescriptor(usize),
+    /// Changes the scheduling of the process in the first argument, or in the second one if the first has this value.
+    Schedule(Option<i32>),
+    /// Has no use in a harmless FMU.
+    Other,
+}
+use Kind::{Attributes, AttributesOfOpen, Change, Network, Open, Other, Program, Schedule, Signal, SignalByDescriptor};
+
+/// A restricted call.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Call {
+    pub(super) number: c_long,
+    pub(super) name: &'static str,
+    condition: Condition,
+    pub(super) kind: Kind,
+}
+
+/// Flags of open(2) that ask for a change.
+pub(super) const WRITES: i32 = libc::O_WRONLY | libc::O_RDWR | libc::O_CREAT | libc::O_TRUNC;
+
+/// `AUDIT_ARCH_*` of this processor: the calls of no other interface of the kernel have these numbers.
+const ARCHITECTURE: Option<u32> = if cfg!(target_arch = "x86_64") {
+    Some(0xc000_003e)
+} else if cfg!(target_arch = "aarch64") {
+    Some(0xc000_00b7)
+} else {
+    None
+};
+
+/// Bit of the numbers of x32, another interface of the kernel for the same processor.
+const X32: u32 = 0x4000_0000;
+
+macro_rules! calls {
+    ($($name:ident if $condition:expr => $kind:expr,)*) => {
+        [$(Call {
+            number: libc::$name,
+            name: stringify!($name).trim_start_matches("SYS_"),
+            condition: $condition,
+            kind: $kind,
+        }),*]
+    };
+}
+
+/// Another processor, whose calls are not listed here.
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+pub(super) fn restricted() -> Option<Vec<Call>> {
+    None
+}
+
+/// The restricted calls.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+pub(super) fn restricted() -> Option<Vec<Call>> {
+    // Numbers without a name in the C libraries that programs are built with.
+    let newer = [(452, "fchmodat2"), (463, "setxattrat"), (466, "removexattrat"), (468, "file_setattr")];
+    let newer = newer.map(|(number, name)| Call { number, name, condition: Always, kind: Attributes((Some(0), 1)) });
+    let mut list = newer.to_vec();
+    list.extend(calls! {
+        SYS_execve if Always => Program((None, 0)),
+        SYS_execveat if Always => Program((Some(0), 1)),
+        SYS_socket if Always => Network(Some(0)),
+        // A pair of sockets is connected within the process, but those of datagrams can be sent elsewhere.
+        SYS_socketpair if Is(1, 0xf, SOCK_DGRAM) => Network(Some(0)),
+        SYS_connect if Always => Network(None),
+        SYS_bind if Always => Network(None),
+        SYS_listen if Always => Network(None),
+        SYS_accept if Always => Network(None),
+        SYS_accept4 if Always => Network(None),
+        SYS_sendto if Pointer(4) => Network(None),
+        SYS_openat if Bits(2, WRITES as u32) => Open((Some(0), 1), Some(2)),
+        SYS_openat2 if Always => Open((Some(0), 1), None),
+        SYS_truncate if Always => Change(&[(None, 0)]),
+        SYS_mkdirat if Always => Change(&[(Some(0), 1)]),
+        SYS_mknodat if Always => Change(&[(Some(0), 1)]),
+        SYS_unlinkat if Always => Change(&[(Some(0), 1)]),
+        SYS_renameat2 if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
+        SYS_linkat if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
+        SYS_symlinkat if Always => Change(&[(Some(1), 2)]),
+        SYS_fchmod if Always => AttributesOfOpen(0),
+        SYS_fchmodat if Always => Attributes((Some(0), 1)),
+        SYS_fchown if Always => AttributesOfOpen(0),
+        SYS_fchownat if Always => Attributes((Some(0), 1)),
+        SYS_utimensat if Always => Attributes((Some(0), 1)),
+        SYS_setxattr if Always => Attributes((None, 0)),
+        SYS_lsetxattr if Always => Attributes((None, 0)),
+        SYS_fsetxattr if Always => AttributesOfOpen(0),
+        SYS_removexattr if Always => Attributes((None, 0)),
+        SYS_lremovexattr if Always => Attributes((None, 0)),
+        SYS_fremovexattr if Always => AttributesOfOpen(0),
+        SYS_kill if OtherProcess(0) => Signal(0, 1),
+        SYS_kill if Is(0, u32::MAX, 0) => Signal(0, 1),
+        SYS_tkill if Always => Signal(0, 1),
+        SYS_tgkill if OtherProcess(0) => Signal(0, 2),
+        SYS_rt_sigqueueinfo if OtherProcess(0) => Signal(0, 1),
+        SYS_rt_tgsigqueueinfo if OtherProcess(0) => Signal(0, 2),
+        SYS_pidfd_send_signal if Always => SignalByDescriptor(0),
+        SYS_prlimit64 if OtherProcess(0) => Other,
+        // Both put characters into the input of the terminal.
+        SYS_ioctl if Is(1, u32::MAX, TIOCSTI) => Other,
+        SYS_ioctl if Is(1, u32::MAX, TIOCLINUX) => Other,
+        SYS_ptrace if Always => Other,
+        SYS_process_vm_readv if Always => Other,
+        SYS_process_vm_writev if Always => Other,
+        SYS_process_madvise if Always => Other,
+        SYS_pidfd_getfd if Always => Other,
+        SYS_setns if Always => Other,
+        SYS_unshare if Always => Other,
+        SYS_mount if Always => Other,
+        SYS_umount2 if Always => Other,
+        SYS_mount_setattr if Always => Other,
+        SYS_move_mount if Always => Other,
+        SYS_open_tree if Always => Other,
+        SYS_fsopen if Always => Other,
+        SYS_fspick if Always => Other,
+        SYS_fsconfig if Always => Other,
+        SYS_fsmount if Always => Other,
+        SYS_pivot_root if Always => Other,
+        SYS_chroot if Always => Other,
+        SYS_open_by_handle_at if Always => Other,
+        SYS_quotactl if Always => Other,
+        SYS_acct if Always => Other,
+        SYS_swapon if Always => Other,
+        SYS_swapoff if Always => Other,
+        SYS_reboot if Always => Other,
+        SYS_kexec_load if Always => Other,
+        SYS_init_module if Always => Other,
+        SYS_finit_module if Always => Other,
+        SYS_delete_module if Always => Other,
+        SYS_bpf if Always => Other,
+        SYS_perf_event_open if Always => Other,
+        SYS_userfaultfd if Always => Other,
+        // Its requests pass no filter.
+        SYS_io_uring_setup if Always => Other,
+        SYS_add_key if Always => Other,
+        SYS_request_key if Always => Other,
+        SYS_keyctl if Always => Other,
+        SYS_sched_setaffinity if OtherProcess(0) => Schedule(None),
+        SYS_sched_setattr if OtherProcess(0) => Schedule(None),
+        SYS_sched_setparam if OtherProcess(0) => Schedule(None),
+        SYS_sched_setscheduler if OtherProcess(0) => Schedule(None),
+        SYS_setpriority if OtherProcess(1) => Schedule(Some(PRIO_PROCESS)),
+        SYS_setpriority if Is(0, u32::MAX, PRIO_USER) => Schedule(Some(PRIO_PROCESS)),
+        SYS_ioprio_set if OtherProcess(1) => Schedule(Some(IOPRIO_WHO_PROCESS)),
+        SYS_ioprio_set if Is(0, u32::MAX, IOPRIO_WHO_USER) => Schedule(Some(IOPRIO_WHO_PROCESS)),
+        // Memory, messages and semaphores of other programs have no path, and their numbers can be guessed.
+        SYS_shmget if Always => Other,
+        SYS_shmat if Always => Other,
+        SYS_shmctl if Always => Other,
+        SYS_msgget if Always => Other,
+        SYS_msgsnd if Always => Other,
+        SYS_msgrcv if Always => Other,
+        SYS_msgctl if Always => Other,
+        SYS_semget if Always => Other,
+        SYS_semop if Always => Other,
+        SYS_semtimedop if Always => Other,
+        SYS_semctl if Always => Other,
+        SYS_mq_open if Always => Other,
+        SYS_mq_unlink if Always => Other,
+        SYS_mq_notify if Always => Other,
+        SYS_mq_timedreceive if Always => Other,
+        SYS_sethostname if Always => Other,
+        SYS_setdomainname if Always => Other,
+        SYS_settimeofday if Always => Other,
+        SYS_clock_settime if Always => Other,
+        SYS_clock_adjtime if Always => Other,
+        SYS_adjtimex if Always => Other,
+        SYS_syslog if Always => Other,
+        SYS_vhangup if Always => Other,
+    });
+    // Later processors have none of these.
+    #[cfg(target_arch = "x86_64")]
+    list.extend(calls! {
+        SYS_open if Bits(1, WRITES as u32) => Open((None, 0), Some(1)),
+        SYS_creat if Always => Change(&[(None, 0)]),
+        SYS_mkdir if Always => Change(&[(None, 0)]),
+        SYS_mknod if Always => Change(&[(None, 0)]),
+        SYS_rmdir if Always => Change(&[(None, 0)]),
+        SYS_unlink if Always => Change(&[(None, 0)]),
+        SYS_rename if Always => Change(&[(None, 0), (None, 1)]),
+        SYS_renameat if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
+        SYS_link if Always => Change(&[(None, 0), (None, 1)]),
+        SYS_symlink if Always => Change(&[(None, 1)]),
+        SYS_chmod if Always => Attributes((None, 0)),
+        SYS_chown if Always => Attributes((None, 0)),
+        SYS_lchown if Always => Attributes((None, 0)),
+        SYS_utime if Always => Attributes((None, 0)),
+        SYS_utimes if Always => Attributes((None, 0)),
+        SYS_futimesat if Always => Attributes((Some(0), 1)),
+        SYS_iopl if Always => Other,
+        SYS_ioperm if Always => Other,
+        SYS_kexec_file_load if Always => Other,
+    });
+    #[cfg(target_arch = "aarch64")]
+    list.extend(calls! {
+        SYS_renameat if Always => Change(&[(Some(0), 1), (Some(2), 3)]),
+    });
+    Some(list)
+}
+
+// As constants of the arguments' type.
+const SOCK_DGRAM: u32 = libc::SOCK_DGRAM as u32;
+const TIOCSTI: u32 = libc::TIOCSTI as u32;
+const TIOCLINUX: u32 = libc::TIOCLINUX as u32;
+/// From `linux/resource.h` and `linux/ioprio.h`: the C libraries disagree about the types.
+const PRIO_PROCESS: i32 = 0;
+const PRIO_USER: u32 = 2;
+const IOPRIO_WHO_PROCESS: i32 = 1;
+const IOPRIO_WHO_USER: u32 = 3;
+
+/// Offsets in `struct seccomp_data`: number of the call, interface of the kernel, lower and upper half of an argument.
+const NUMBER: u32 = 0;
+const INTERFACE: u32 = 4;
+const fn lower(argument: usize) -> u32 {
+    16 + 8 * argument as u32
+}
+const fn upper(argument: usize) -> u32 {
+    lower(argument) + 4
+}
+
+/// Loads a word.
+fn load(offset: u32) -> sock_filter {
+    statement(libc::BPF_LD | libc::BPF_W | libc::BPF_ABS, offset)
+}
+
+/// Ends with an action.
+fn finish(action: u32) -> sock_filter {
+    statement(libc::BPF_RET | libc::BPF_K, action)
+}
+
+fn statement(code: u32, k: u32) -> sock_filter {
+    sock_filter { code: code as u16, jt: 0, jf: 0, k }
+}
+
+/// Jumps over `jt` instructions if the comparison holds, otherwise over `jf`.
+fn jump(comparison: u32, k: u32, jt: u8, jf: u8) -> sock_filter {
+    sock_filter { code: (libc::BPF_JMP | comparison | libc::BPF_K) as u16, jt, jf, k }
+}
+
+const DENY: u32 = libc::SECCOMP_RET_ERRNO | libc::EPERM as u32;
+
+/// The filter. With `listens` restricted calls wait for the guard; without, they fail, except those that Landlock decides.
+pub(super) fn filter(calls: &[Call], worker: u32, listens: bool) -> Vec<sock_filter> {
+    let allow = libc::SECCOMP_RET_ALLOW;
+    let mut filter =
+        vec![load(INTERFACE), jump(libc::BPF_JEQ, ARCHITECTURE.unwrap_or(0), 1, 0), finish(DENY), load(NUMBER)];
+    if cfg!(target_arch = "x86_64") {
+        filter.extend([jump(libc::BPF_JGE, X32, 0, 1), finish(DENY)]);
+    }
+    for call in calls {
+        let action = match call.kind {
+            _ if listens => libc::SECCOMP_RET_USER_NOTIF,
+            Open(..) | Change(_) => continue,
+            _ => DENY,
+        };
+        // Each part ends in an action, or is jumped over.
+        let rest = match call.condition {
+            Always => vec![finish(action)],
+            Bits(argument, bits) => {
+                vec![load(lower(argument)), jump(libc::BPF_JSET, bits, 0, 1), finish(action), load(NUMBER)]
+            }
+            Is(argument, mask, value) => vec![
+                load(lower(argument)),
+                statement(libc::BPF_ALU | libc::BPF_AND | libc::BPF_K, mask),
+                jump(libc::BPF_JEQ, value, 0, 1),
+                finish(action),
+                load(NUMBER),
+            ],
+            OtherProcess(argument) => vec![
+                load(lower(argument)),
+                jump(libc::BPF_JEQ, 0, 2, 0),
+                jump(libc::BPF_JEQ, worker, 1, 0),
+                finish(action),
+                load(NUMBER),
+            ],
+            Pointer(argument) => vec![
+                load(lower(argument)),
+                jump(libc::BPF_JEQ, 0, 0, 2),
+                load(upper(argument)),
+                jump(libc::BPF_JEQ, 0, 1, 0),
+                finish(action),
+                load(NUMBER),
+            ],
+        };
+        let over = u8::try_from(rest.len()).unwrap_or(u8::MAX);
+        filter.push(jump(libc::BPF_JEQ, call.number as u32, 0, over));
+        filter.extend(rest);
+    }
+    filter.push(finish(allow));
+    filter
+}

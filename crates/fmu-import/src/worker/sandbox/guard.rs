@@ -1,0 +1,326 @@
+//! Decides about restricted system calls, in the supervisor.
+
+use super::super::family;
+use super::super::setup::{Incident, note};
+use super::SINKS;
+use super::calls::{Call, Kind, Place, WRITES, restricted};
+use crate::loader::calls::Snapshot;
+use crate::loader::linux::{self, Waiting};
+use rustix::net::{
+    RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer, SendAncillaryMessage, SendFlags,
+    recvmsg, sendmsg,
+};
+use std::collections::{HashMap, HashSet};
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{self, IoSlice, IoSliceMut};
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt as _;
+use std::os::unix::fs::FileExt as _;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+
+/// Most different incidents that are noted. An FMU may ask for a new file in each step.
+const MAX_INCIDENTS: usize = 100;
+/// Longest path, bytes (`PATH_MAX`).
+const MAX_PATH: usize = 4096;
+
+/// Sends the listener of a filter to the supervisor.
+pub(super) fn hand_over(supervisor: &UnixStream, listener: &OwnedFd, has_landlock: bool) -> io::Result<()> {
+    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
+    let mut message = SendAncillaryBuffer::new(&mut space);
+    let listener = [listener.as_fd()];
+    message.push(SendAncillaryMessage::ScmRights(&listener));
+    sendmsg(supervisor, &[IoSlice::new(&[u8::from(has_landlock)])], &mut message, SendFlags::empty())?;
+    Ok(())
+}
+
+/// Answers the calls of a worker.
+pub(in super::super) struct Guard {
+    listener: OwnedFd,
+    calls: HashMap<i64, Call>,
+    /// Folders and files that may be written to.
+    writable: Vec<PathBuf>,
+    /// Whether the kernel decides about files, too.
+    has_landlock: bool,
+    board: File,
+    noted: HashSet<Incident>,
+}
+
+/// The decision about a call.
+enum Decision {
+    /// The kernel carries it out, within the limits of Landlock.
+    GoesOn,
+    /// It fails; the text is noted.
+    Denied(i32, String),
+    /// It fails, and harms nobody.
+    Fails(i32),
+}
+use Decision::{Denied, Fails, GoesOn};
+
+impl Guard {
+    /// Takes the listener that the worker hands over; `None`: it has none.
+    pub(in super::super) fn receive(from: UnixStream, folders: &[PathBuf], board: &Path) -> io::Result<Option<Self>> {
+        let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
+        let mut message = RecvAncillaryBuffer::new(&mut space);
+        let mut byte = [0];
+        let received = rustix::io::retry_on_intr(|| {
+            recvmsg(&from, &mut [IoSliceMut::new(&mut byte)], &mut message, RecvFlags::CMSG_CLOEXEC)
+        })?;
+        let mut descriptors = message.drain().filter_map(|part| match part {
+            RecvAncillaryMessage::ScmRights(descriptors) => Some(descriptors),
+            _ => None,
+        });
+        let listener = descriptors.next().and_then(|mut descriptors| descriptors.next());
+        let Some(listener) = listener.filter(|_| received.bytes == 1) else { return Ok(None) };
+        // As they are found behind links.
+        let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+        let writable = folders.iter().map(PathBuf::as_path).chain(SINKS.map(Path::new)).map(real).collect();
+        let calls = restricted().unwrap_or_default().into_iter().map(|call| (call.number, call)).collect();
+        let board = File::open(board)?;
+        Ok(Some(Self { listener, calls, writable, has_landlock: byte[0] != 0, board, noted: HashSet::new() }))
+    }
+
+    /// Readable when a call waits.
+    pub(in super::super) fn listener(&self) -> BorrowedFd<'_> {
+        self.listener.as_fd()
+    }
+
+    /// Decides about the next call.
+    pub(in super::super) fn decide(&mut self, incidents: &File) {
+        let Ok(waiting) = linux::next_call(self.listener()) else { return };
+        let decision = match self.calls.get(&waiting.number) {
+            Some(call) => self.decision(call, Caller(&waiting)),
+            None => Fails(libc::EPERM),
+        };
+        // Otherwise what was read belongs to another thread, and nobody waits for the answer.
+        if !linux::is_waiting(self.listener(), &waiting) {
+            return;
+        }
+        let denied = match decision {
+            GoesOn => None,
+            Fails(error) => Some(error),
+            Denied(error, action) => {
+                let call = Snapshot::read(&self.board).ok().and_then(|snapshot| snapshot.call);
+                let (component, function) = call.unzip();
+                let function = function.unwrap_or("the work of the importer").to_owned();
+                let incident = Incident::Denied { component, function, action };
+                if self.noted.len() < MAX_INCIDENTS && self.noted.insert(incident.clone()) {
+                    note(incidents, &incident);
+                }
+                Some(error)
+            }
+        };
+        linux::answer(self.listener(), &waiting, denied);
+    }
+
+    fn decision(&self, call: &Call, caller: Caller<'_>) -> Decision {
+        let name = call.name;
+        match call.kind {
+            Kind::Program(place) => {
+                let program = caller.text(place.1).unwrap_or_default();
+                Denied(libc::EPERM, format!("starting the program {} ({name})", program.to_string_lossy()))
+            }
+            Kind::Network(family) => {
+                let family =
+                    family.map_or(String::new(), |argument| format!(" {}", family_name(caller.integer(argument))));
+                Denied(libc::EACCES, format!("a connection to other programs or machines ({name}{family})"))
+            }
+            Kind::Open(place, flags) => {
+                let flags = match flags {
+                    Some(argument) => caller.integer(argument),
+                    None => caller.word(2).unwrap_or(WRITES),
+                };
+                if flags & WRITES == 0 {
+                    return GoesOn;
+                }
+                let Some(path) = caller.path(place, true) else { return self.unknown(name) };
+                // Without the file there is nothing to change, and the kernel says so.
+                let is_missing = flags & libc::O_CREAT == 0 && !path.exists();
+                if is_missing || self.is_writable(&path) { GoesOn } else { denied_change(&path, name) }
+            }
+            Kind::Change(places) => {
+                for place in places {
+                    let Some(path) = caller.path(*place, false) else { return self.unknown(name) };
+                    if !self.is_writable(&path) {
+                        return denied_change(&path, name);
+                    }
+                }
+                GoesOn
+            }
+            Kind::Attributes(place) => {
+                // `utimensat` without a path is for the file of the descriptor.
+                let path = match (place.0, caller.0.arguments[place.1]) {
+                    (Some(descriptor), 0) => caller.open_file(caller.integer(descriptor)),
+                    _ => caller.path(place, true),
+                };
+                // Another thread might replace the path before the kernel reads it, so these calls never go on.
+                match path {
+                    Some(path) if path.exists() => denied_change(&path, name),
+                    _ => Fails(libc::ENOENT),
+                }
+            }
+            Kind::AttributesOfOpen(descriptor) => match caller.open_file(caller.integer(descriptor)) {
+                Some(path) => denied_change(&path, name),
+                None => Fails(libc::EBADF),
+            },
+            Kind::Signal(target, signal) => self.signal(&caller, caller.integer(target), caller.integer(signal), name),
+            Kind::SignalByDescriptor(descriptor) => match caller.process_of(caller.integer(descriptor)) {
+                Some(target) => self.signal(&caller, target, caller.integer(1), name),
+                None => Fails(libc::EBADF),
+            },
+            Kind::Schedule(kind) => {
+                let is_process = kind.is_none_or(|kind| caller.integer(0) == kind);
+                let target = caller.integer(usize::from(kind.is_some()));
+                if is_process && family::is_member(target) {
+                    return GoesOn;
+                }
+                Denied(libc::EPERM, format!("the scheduling of other processes ({name})"))
+            }
+            Kind::Other => Denied(libc::EPERM, format!("the system call {name}")),
+        }
+    }
+
+    /// A file whose path cannot be read: the kernel knows it.
+    fn unknown(&self, name: &str) -> Decision {
+        if self.has_landlock {
+            GoesOn
+        } else {
+            Denied(libc::EACCES, format!("changing a file of unknown path ({name})"))
+        }
+    }
+
+    fn signal(&self, caller: &Caller<'_>, target: i32, signal: i32, name: &str) -> Decision {
+        let is_own = match target {
+            0 => caller.group().is_some_and(family::is_member),
+            -1 => false,
+            _ => family::is_member(target.saturating_abs()),
+        };
+        match signal {
+            _ if is_own => GoesOn,
+            // Asks whether the process is there.
+            0 => Fails(libc::EPERM),
+            _ => {
+                let whom = match target {
+                    0 => "its group".to_owned(),
+                    -1 => "all processes".to_owned(),
+                    _ if target < 0 => format!("the group {}", target.saturating_abs()),
+                    _ => format!("the process {target}"),
+                };
+                Denied(libc::EPERM, format!("sending the signal {signal} to {whom} ({name})"))
+            }
+        }
+    }
+
+    fn is_writable(&self, path: &Path) -> bool {
+        // Pipes, sockets and the like have names that are no paths; the caller has them open.
+        !path.is_absolute() || self.writable.iter().any(|folder| path.starts_with(folder))
+    }
+}
+
+fn denied_change(path: &Path, name: &str) -> Decision {
+    Denied(libc::EACCES, format!("changing the file {} ({name})", path.display()))
+}
+
+fn family_name(family: i32) -> String {
+    match family {
+        libc::AF_UNIX => "AF_UNIX".to_owned(),
+        libc::AF_INET => "AF_INET".to_owned(),
+        libc::AF_INET6 => "AF_INET6".to_owned(),
+        libc::AF_NETLINK => "AF_NETLINK".to_owned(),
+        _ => format!("of family {family}"),
+    }
+}
+
+/// The thread that waits.
+struct Caller<'a>(&'a Waiting);
+
+impl Caller<'_> {
+    /// The lower half of an argument.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
+    fn integer(&self, argument: usize) -> i32 {
+        self.0.arguments[argument] as u32 as i32
+    }
+
+    fn memory(&self) -> Option<File> {
+        File::open(format!("/proc/{}/mem", self.0.thread)).ok()
+    }
+
+    /// The integer that an argument points to.
+    fn word(&self, argument: usize) -> Option<i32> {
+        let mut bytes = [0; 4];
+        self.memory()?.read_exact_at(&mut bytes, self.0.arguments[argument]).ok()?;
+        Some(i32::from_ne_bytes(bytes))
+    }
+
+    /// The string that an argument points to.
+    fn text(&self, argument: usize) -> Option<OsString> {
+        let memory = self.memory()?;
+        let mut text = Vec::new();
+        let mut address = self.0.arguments[argument];
+        while text.len() < MAX_PATH {
+            // Not beyond the end of a page: the next one may not be there.
+            let mut bytes = vec![0; usize::try_from(256 - address % 256).ok()?];
+            memory.read_exact_at(&mut bytes, address).ok()?;
+            if let Some(end) = bytes.iter().position(|byte| *byte == 0) {
+                text.extend_from_slice(&bytes[..end]);
+                return Some(OsString::from_vec(text));
+            }
+            address += bytes.len() as u64;
+            text.append(&mut bytes);
+        }
+        None
+    }
+
+    /// The path of an open file.
+    fn open_file(&self, descriptor: i32) -> Option<PathBuf> {
+        self.link(&match descriptor {
+            libc::AT_FDCWD => "cwd".to_owned(),
+            _ => format!("fd/{descriptor}"),
+        })
+    }
+
+    fn link(&self, name: &str) -> Option<PathBuf> {
+        std::fs::read_link(format!("/proc/{}/{name}", self.0.thread)).ok()
+    }
+
+    /// The real path of a file that arguments name; `follows`: also behind a link at its end.
+    fn path(&self, (folder, path): Place, follows: bool) -> Option<PathBuf> {
+        let path = PathBuf::from(self.text(path)?);
+        let own = [("/dev/stdin", "fd/0"), ("/dev/stdout", "fd/1"), ("/dev/stderr", "fd/2")];
+        if let Some((_, link)) = own.iter().find(|(name, _)| path == Path::new(name)) {
+            return self.link(link);
+        }
+        for (name, start) in [("/proc/self", ""), ("/proc/thread-self", ""), ("/dev/fd", "fd")] {
+            if let Ok(rest) = path.strip_prefix(name) {
+                let own = Path::new(start).join(rest);
+                if own.parent() == Some(Path::new("fd")) {
+                    return self.link(own.to_str()?);
+                }
+                return Some(Path::new("/proc").join(self.0.thread.to_string()).join(own));
+            }
+        }
+        let path = if path.is_absolute() {
+            path
+        } else {
+            self.open_file(folder.map_or(libc::AT_FDCWD, |argument| self.integer(argument)))?.join(path)
+        };
+        if follows && let Ok(real) = path.canonicalize() {
+            return Some(real);
+        }
+        let (Some(parent), Some(name)) = (path.parent(), path.file_name()) else { return Some(path) };
+        Some(parent.canonicalize().ok()?.join(name))
+    }
+
+    /// Number of the process group.
+    fn group(&self) -> Option<i32> {
+        family::group(i32::try_from(self.0.thread).ok()?)
+    }
+
+    /// The process that a descriptor is of.
+    fn process_of(&self, descriptor: i32) -> Option<i32> {
+        let text = std::fs::read_to_string(format!("/proc/{}/fdinfo/{descriptor}", self.0.thread)).ok()?;
+        text.lines().find_map(|line| line.strip_prefix("Pid:"))?.trim().parse().ok()
+    }
+}

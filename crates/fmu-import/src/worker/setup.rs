@@ -1,0 +1,157 @@
+//! The rules for a worker, and what happens to it besides its work: files in its folder, which no FMU can write to.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// The permissions of a worker, which it reads first.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Setup {
+    /// Folders that it may write to; `None`: it has no sandbox.
+    pub(super) writable: Option<Vec<PathBuf>>,
+    /// Most memory of each of its processes, bytes.
+    pub(super) memory: Option<u64>,
+}
+
+/// Name of the file of the rules, beside the board.
+const RULES: &str = "setup";
+/// Name of the file of incidents, beside the board.
+const INCIDENTS: &str = "incidents";
+
+impl Setup {
+    /// Writes the rules beside a board, and makes the file of incidents.
+    pub(super) fn write(&self, board: &Path) -> io::Result<Incidents> {
+        std::fs::write(board.with_file_name(RULES), serde_json::to_vec(self)?)?;
+        let path = board.with_file_name(INCIDENTS);
+        let file = File::options().read(true).write(true).create_new(true).open(path)?;
+        Ok(Incidents { file, position: 0 })
+    }
+
+    /// Reads the rules beside a board.
+    pub(super) fn read(board: &Path) -> io::Result<Self> {
+        Ok(serde_json::from_slice(&std::fs::read(board.with_file_name(RULES))?)?)
+    }
+
+    /// The file of incidents beside a board, to write to.
+    #[cfg(target_os = "linux")]
+    pub(super) fn incidents(board: &Path) -> io::Result<File> {
+        File::options().append(true).open(board.with_file_name(INCIDENTS))
+    }
+}
+
+/// Something that happened to a worker besides its work.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Incident {
+    /// Its sandbox has denied something to an FMU.
+    Denied {
+        /// Index of the component whose function was called.
+        component: Option<usize>,
+        /// Name of the function; an empty name: its library was loaded.
+        function: String,
+        /// The denied action, with its path or number and the system call.
+        action: String,
+    },
+    /// FMUs had started processes that were running when it ended.
+    Left {
+        /// Names of their programs.
+        programs: Vec<String>,
+        /// False if some of them could not be ended.
+        are_ended: bool,
+    },
+    /// It ended when it had this share of its memory, bytes.
+    Memory {
+        /// The most that it has had, bytes.
+        used: u64,
+        /// Its limit, bytes.
+        limit: u64,
+    },
+    /// It has no sandbox, or a part of one, because this machine lacks what it takes.
+    NoSandbox(String),
+}
+
+impl fmt::Display for Incident {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Denied { function, action, .. } if function.is_empty() => {
+                write!(f, "the sandbox denied {action}, while the library was loaded")
+            }
+            Self::Denied { function, action, .. } => write!(f, "the sandbox denied {action}, during {function}"),
+            Self::Left { programs, are_ended: false } if programs.is_empty() => {
+                f.write_str("processes that an FMU had started could not be ended")
+            }
+            Self::Left { programs, are_ended } => {
+                let (count, more) = match (programs.len(), are_ended) {
+                    (1, true) => ("a process".to_owned(), "did not end with the run; it was ended"),
+                    (1, false) => ("a process".to_owned(), "could not be ended"),
+                    (count, true) => (format!("{count} processes"), "did not end with the run; they were ended"),
+                    (count, false) => (format!("{count} processes"), "could not be ended"),
+                };
+                let shown: Vec<&str> = programs.iter().take(5).map(String::as_str).collect();
+                let dots = if programs.len() > shown.len() { ", ..." } else { "" };
+                write!(f, "{count} that an FMU had started ({}{dots}) {more}", shown.join(", "))
+            }
+            Self::Memory { used, limit } => write!(
+                f,
+                "{:.1} of {:.1} GiB of memory were in use at the end; --memory sets another limit",
+                *used as f64 / GIB,
+                *limit as f64 / GIB
+            ),
+            Self::NoSandbox(reason) => f.write_str(reason),
+        }
+    }
+}
+
+const GIB: f64 = (1_u64 << 30) as f64;
+
+/// Reads incidents as they are written.
+#[derive(Debug)]
+pub(super) struct Incidents {
+    file: File,
+    position: u64,
+}
+
+impl Incidents {
+    /// Those that were written since the last time. Unreadable ones are left out.
+    pub(super) fn take(&mut self) -> Vec<Incident> {
+        let mut text = String::new();
+        let read = self.file.seek(SeekFrom::Start(self.position)).and_then(|_| self.file.read_to_string(&mut text));
+        // The last line may be in the making.
+        let (Ok(_), Some(end)) = (read, text.rfind('\n')) else { return Vec::new() };
+        self.position += end as u64 + 1;
+        text[..end].lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+    }
+}
+
+/// Writes an incident. Nothing can be done about a failure.
+#[cfg(target_os = "linux")]
+pub(super) fn note(mut file: &File, incident: &Incident) {
+    use std::io::Write as _;
+    if let Ok(mut line) = serde_json::to_string(incident) {
+        line.push('\n');
+        let _ = file.write_all(line.as_bytes());
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn incidents_are_read_once_each_and_whole() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let board = folder.path().join("calls");
+        let mut incidents = Setup { writable: None, memory: Some(7) }.write(&board).unwrap();
+        assert_eq!(Setup::read(&board).unwrap().memory, Some(7));
+        assert_eq!(incidents.take(), []);
+        let file = Setup::incidents(&board).unwrap();
+        let first = Incident::Left { programs: vec!["a".to_owned()], are_ended: true };
+        note(&file, &first);
+        let second = Incident::NoSandbox("b".to_owned());
+        note(&file, &second);
+        std::io::Write::write_all(&mut &file, b"\"half").unwrap();
+        assert_eq!(incidents.take(), [first, second]);
+        assert_eq!(incidents.take(), []);
+    }
+}
