@@ -59,7 +59,7 @@ pub struct Row {
 pub struct Place {
     /// Name of the component.
     pub component: Option<String>,
-    /// Name of the variable: a recorded signal that is not finite.
+    /// Name of the variable: a signal that is not finite.
     pub variable: Option<String>,
 }
 
@@ -74,7 +74,7 @@ pub enum End {
         /// Why.
         message: String,
     },
-    /// A step failed, or a recorded signal is not finite.
+    /// A step failed, a signal is not finite, or an FMU ended the simulation before the stop time.
     Diverged {
         /// Start of the step, or time of the row, s.
         time: f64,
@@ -97,14 +97,14 @@ pub enum End {
     },
 }
 
-impl From<Failure> for End {
-    fn from(failure: Failure) -> Self {
-        let Failure { time, message, kind, .. } = failure;
+impl From<&Failure> for End {
+    fn from(failure: &Failure) -> Self {
+        let Failure { time, message, kind, .. } = failure.clone();
         match (kind, time) {
             (FailureKind::Crashed, time) => Self::Crashed { time, message },
             (FailureKind::TimedOut, time) => Self::TimedOut { time, message },
-            (FailureKind::Error, Some(time)) => Self::Diverged { time, message },
-            (FailureKind::Error, None) => Self::Rejected { message },
+            (_, Some(time)) => Self::Diverged { time, message },
+            (_, None) => Self::Rejected { message },
         }
     }
 }
@@ -183,13 +183,7 @@ impl Batch {
         let order = std::sync::atomic::Ordering::Relaxed;
         let task = |index: usize| {
             let (sample, run) = tasks[index];
-            let failed = |message: String| Failure {
-                run: self.plan.runs[run].id.clone(),
-                time: None,
-                component: None,
-                message,
-                kind: FailureKind::Error,
-            };
+            let failed = |message: String| Failure::new(&self.plan.runs[run].id, message);
             if stopped.load(order) {
                 return Err(failed("stopped".to_owned()));
             }
@@ -222,13 +216,8 @@ impl Batch {
     ) {
         let task = |index: usize| {
             let (changes, at) = &runs[index];
-            let changed = self.changed(*at, changes).map_err(|error| Failure {
-                run: self.plan.runs[*at].id.clone(),
-                time: None,
-                component: None,
-                message: error.to_string(),
-                kind: FailureKind::Error,
-            });
+            let changed =
+                self.changed(*at, changes).map_err(|error| Failure::new(&self.plan.runs[*at].id, error.to_string()));
             changed.map(|run| Task { run: Run { columns: columns[*at].clone(), ..run }, csv: None })
         };
         pool.execute(&self.plan.simulation, runs.len(), &task, &|_| (), take);
@@ -238,17 +227,9 @@ impl Batch {
     #[must_use]
     pub fn execute_here(&self, index: usize, sample: &Sample) -> Vec<Row> {
         let outcome = |run: &usize| {
-            let failed = |time, component, message| Failure {
-                run: self.plan.runs[*run].id.clone(),
-                time,
-                component,
-                message,
-                kind: FailureKind::Error,
-            };
-            let changed = self.changed(*run, &sample.changes).map_err(|error| failed(None, None, error.to_string()))?;
-            master::execute(&self.plan.simulation, &changed, &self.fmus).map_err(|error| {
-                failed(error.time, error.cause.component().map(str::to_owned), error.cause.to_string())
-            })
+            let failed = |error: ParameterError| Failure::new(&self.plan.runs[*run].id, error.to_string());
+            let changed = self.changed(*run, &sample.changes).map_err(failed)?;
+            master::execute(&self.plan.simulation, &changed, &self.fmus).map_err(Failure::from)
         };
         let outcomes: Vec<_> = self.executed(sample).iter().map(|run| (*run, outcome(run))).collect();
         self.rows(index, sample, &outcomes)
@@ -267,14 +248,16 @@ impl Batch {
             let outcome = of(run)?;
             let (numbers, end, place, seconds) = match outcome {
                 Err(failure) => {
-                    let place = Place { component: failure.component.clone(), variable: None };
-                    (Vec::new(), failure.clone().into(), place, 0.0)
+                    let Failure { component, variable, .. } = failure;
+                    let place =
+                        Place { component: component.clone(), variable: variable.as_deref().map(str::to_owned) };
+                    (Vec::new(), failure.into(), place, 0.0)
                 }
                 Ok(recording) => {
                     let baseline = self.baselines[run].and_then(of).and_then(|outcome| outcome.as_ref().ok());
-                    match self.numbers(run, recording, baseline) {
+                    match self.numbers(recording, baseline) {
                         Ok(numbers) => (numbers, End::Ok, Place::default(), recording.seconds),
-                        Err((end, place)) => (Vec::new(), end, place, 0.0),
+                        Err(message) => (Vec::new(), End::Rejected { message }, Place::default(), 0.0),
                     }
                 }
             };
@@ -283,39 +266,9 @@ impl Batch {
         sample.runs.iter().filter_map(|run| row(*run)).collect()
     }
 
-    /// The component and variable that a column of a run records.
-    fn source(&self, run: usize, column: usize) -> Place {
-        let run = &self.plan.runs[run];
-        let name = &self.plan.columns[column].name;
-        let (component, variable) = match name.split_once(':') {
-            Some((component, variable)) => (Some(component), variable),
-            None => {
-                let writes = |slot: usize| {
-                    run.components.iter().find(|other| other.outputs.iter().any(|output| output.slot == slot))
-                };
-                let component = run.columns[column].and_then(writes);
-                (component.map(|component| component.name.as_str()), name.as_str())
-            }
-        };
-        Place { component: component.map(str::to_owned), variable: Some(variable.to_owned()) }
-    }
-
     /// The numbers of the metrics of a run.
-    fn numbers(
-        &self,
-        run: usize,
-        recording: &Recording,
-        baseline: Option<&Recording>,
-    ) -> Result<Vec<Option<f64>>, (End, Place)> {
+    fn numbers(&self, recording: &Recording, baseline: Option<&Recording>) -> Result<Vec<Option<f64>>, String> {
         let columns = columns(recording);
-        // The first row decides, then the first column.
-        let not_finite = columns
-            .iter()
-            .filter_map(|(index, values)| values.iter().position(|value| !value.is_finite()).map(|row| (row, *index)));
-        if let Some((row, column)) = not_finite.min() {
-            let message = format!("`{}` is {}", self.plan.columns[column].name, columns[&column][row]);
-            return Err((End::Diverged { time: recording.time[row], message }, self.source(run, column)));
-        }
         let of_baseline = baseline.map(self::columns);
         let simulation = &self.plan.simulation;
         let mut numbers: Vec<Option<f64>> = Vec::new();
@@ -325,10 +278,7 @@ impl Batch {
                 Source::Signals(Definition { window: Some([from, _]), .. }) if *from >= simulation.stop => None,
                 Source::Signals(definition) => definition
                     .value(&recording.time, &columns, of_baseline.as_ref(), simulation.step)
-                    .map_err(|error| {
-                        let message = format!("metric {}: {error}", metric.name);
-                        (End::Rejected { message }, Place::default())
-                    })?,
+                    .map_err(|error| format!("metric {}: {error}", metric.name))?,
                 Source::Metrics { value, .. } => value.value(|index| numbers.get(index).copied().flatten()),
             };
             numbers.push(number);

@@ -68,6 +68,16 @@ pub enum ExportError {
         /// Variable.
         variable: String,
     },
+    /// An element of an array.
+    #[error(
+        "`{component}:{variable}` is an element of an array, which no other master connects; only scalars can be written"
+    )]
+    Element {
+        /// Component.
+        component: String,
+        /// Variable.
+        variable: String,
+    },
     /// A connection that converts between Real and Boolean.
     #[error(
         "the connection from `{from}` ({output}) to `{to}` ({input}) converts the value, which neither SSP 1.0 nor OSP \
@@ -183,7 +193,7 @@ impl System {
     /// no part of a URI, an enumeration is set or wired, a connection converts Real or Boolean, a unit of measure is
     /// defined in two ways.
     pub fn new(plan: &Plan, run: &Run) -> Result<Self, ExportError> {
-        Self::described(plan, run, &|fmu| Ok(read_description(Path::new(fmu))?.into()))
+        Self::described(plan, run, &|fmu| Ok(read_description(Path::new(fmu))?.with_elements().into()))
     }
 
     /// As [`Self::new`]; `describe` returns the description of an FMU by its path in the plan.
@@ -224,6 +234,10 @@ impl System {
             for wire in planned.outputs.iter().filter(|wire| read.contains(&wire.slot) || recorded.contains(&wire.slot))
             {
                 let variable = wired(&wirable, planned, wire, Causality::Output)?;
+                // Nothing reads it there.
+                if variable.element.is_some() && !read.contains(&wire.slot) {
+                    continue;
+                }
                 component.connectors.push(connector(variable, true, &description, &planned.name)?);
                 writers.insert(wire.slot, ([planned.name.clone(), variable.name.clone()], wire.base_type));
             }
@@ -233,7 +247,7 @@ impl System {
             let parameters = planned.parameters.iter().filter(|setting| !is_found(&setting.name));
             for setting in parameters.chain(steady).chain(&planned.constants) {
                 let variable = description.variable(&setting.name);
-                reject_enumeration(variable, &planned.name)?;
+                reject(variable, &planned.name)?;
                 let unit = variable.and_then(|v| v.unit.clone()).filter(|name| defined(&description, name).is_some());
                 if let Some(variable) = variable {
                     component.value_types.insert(variable.name.clone(), type_name(variable, description.fmi));
@@ -409,7 +423,7 @@ fn connector(
     description: &ModelDescription,
     component: &str,
 ) -> Result<Connector, ExportError> {
-    reject_enumeration(Some(variable), component)?;
+    reject(Some(variable), component)?;
     Ok(Connector {
         name: variable.name.clone(),
         output,
@@ -427,8 +441,12 @@ fn type_name(variable: &Variable, fmi: FmiVersion) -> String {
     }
 }
 
-fn reject_enumeration(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
+/// Rejects what other masters do not read.
+fn reject(variable: Option<&Variable>, component: &str) -> Result<(), ExportError> {
     match variable {
+        Some(variable) if variable.element.is_some() => {
+            Err(ExportError::Element { component: component.to_string(), variable: variable.name.clone() })
+        }
         // Only enumerations have items.
         Some(variable) if !variable.items.is_empty() => {
             Err(ExportError::Enumeration { component: component.to_string(), variable: variable.name.clone() })

@@ -1,28 +1,71 @@
-//! Runs without results, of whichever process executed them.
+//! Runs that are not whole, of whichever process executed them.
 
-/// A run that failed. It has no results.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("run {run}{}: {message}", time.map_or(String::new(), |t| format!(", step from {t} s")))]
+use crate::master::Recording;
+use serde::{Deserialize, Serialize};
+
+/// A run that failed, or that an FMU ended before its stop time.
+#[derive(Debug, Clone, PartialEq, thiserror::Error, Serialize, Deserialize)]
+#[error("run {run}{}: {message}", kind.place(*time, component.as_deref()))]
 pub struct Failure {
     /// Id of the run.
     pub run: String,
-    /// Start of the step that failed, s; `None` before the first step.
+    /// Start of the step that failed, time of the value that is not finite, or time at which an FMU ended the run, s; `None`
+    /// before the first step.
     pub time: Option<f64>,
     /// Name of the component, if one is the cause.
     pub component: Option<String>,
+    /// Name of the variable, if its value is the cause.
+    pub variable: Option<Box<str>>,
     /// Component, call, and what happened.
     pub message: String,
     /// What kind of failure it is.
     pub kind: FailureKind,
+    /// The rows before it. They are never those of a whole run.
+    #[serde(skip)]
+    pub recorded: Option<Box<Recording>>,
+}
+
+impl Failure {
+    /// A run that could not be begun or whose file could not be written.
+    #[must_use]
+    pub fn new(run: &str, message: String) -> Self {
+        Self {
+            run: run.to_owned(),
+            time: None,
+            component: None,
+            variable: None,
+            message,
+            kind: FailureKind::Error,
+            recorded: None,
+        }
+    }
 }
 
 /// How a run failed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FailureKind {
     /// It could not be begun, a call returned an error, or its file could not be written.
     Error,
+    /// A signal is not finite.
+    NotFinite,
+    /// An FMU discarded a step.
+    Discarded,
+    /// An FMU ended the simulation, which is no mistake.
+    Terminated,
     /// Its process ended.
     Crashed,
     /// A step took too long.
     TimedOut,
+}
+
+impl FailureKind {
+    /// Where a run failed, as part of a message. Of a call, the message itself names the component.
+    pub(crate) fn place(self, time: Option<f64>, component: Option<&str>) -> String {
+        match (self, time) {
+            (_, None) => String::new(),
+            (Self::NotFinite, Some(time)) => format!(", at {time} s: `{}`", component.unwrap_or_default()),
+            (Self::Terminated, Some(time)) => format!(", at {time} s"),
+            (_, Some(time)) => format!(", step from {time} s"),
+        }
+    }
 }

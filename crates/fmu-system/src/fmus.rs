@@ -32,6 +32,16 @@ pub enum FmusError {
         /// Why.
         message: String,
     },
+    /// A value that an FMU returned, or that the caller gives an input, is not finite.
+    #[error("`{variable}` is {value}")]
+    NotFinite {
+        /// Name of the component.
+        component: String,
+        /// Name of the variable.
+        variable: String,
+        /// The value.
+        value: f64,
+    },
     /// It was not loaded.
     #[error("the FMU {0} is not among those loaded")]
     NotLoaded(String),
@@ -43,7 +53,25 @@ impl FmusError {
     pub fn component(&self) -> Option<&str> {
         match self {
             Self::Fmu(FmuError::Call(call)) => Some(&call.instance),
-            Self::Steady { component, .. } => Some(component),
+            Self::Steady { component, .. } | Self::NotFinite { component, .. } => Some(component),
+            _ => None,
+        }
+    }
+
+    /// Name of the variable that it is about.
+    #[must_use]
+    pub fn variable(&self) -> Option<&str> {
+        match self {
+            Self::NotFinite { variable, .. } => Some(variable),
+            _ => None,
+        }
+    }
+
+    /// The call that returned more than `fmi2Warning`.
+    #[must_use]
+    pub fn call(&self) -> Option<&CallError> {
+        match self {
+            Self::Fmu(FmuError::Call(call)) => Some(call),
             _ => None,
         }
     }
@@ -104,7 +132,7 @@ impl Fmus {
             if fmus.contains_key(&component.fmu) {
                 continue;
             }
-            let fmu = Fmu::unpack(&component.fmu)?;
+            let fmu = Fmu::unpack_by_element(&component.fmu)?;
             if fmu.description().guid != component.guid {
                 return Err(FmusError::Changed {
                     path: fmu.path().to_path_buf(),

@@ -9,6 +9,7 @@
 //! - [`batch`] reduces many runs with other values to the numbers of their metrics,
 //! - [`report`] is what the results are to show; nothing that executes runs knows of it; [`metrics`] computes the numbers,
 //!   [`requirements`] gives verdicts on those that have limits,
+//! - [`data`] reads CSV files of any origin,
 //! - [`export`] writes a run for other masters, [`compat`] tells which FMUs fit which plants by their signals.
 //!
 //! A tool that evaluates a system many times (a tuner, a benchmark) resolves once, opens the FMUs
@@ -35,6 +36,7 @@
 #[cfg(not(target_family = "wasm"))]
 pub mod batch;
 pub mod compat;
+pub mod data;
 pub mod export;
 pub mod failure;
 pub mod fmus;
@@ -56,5 +58,4 @@ pub mod trial;
 #[cfg(not(target_family = "wasm"))]
 pub mod worker;
 
-mod input_file;
 mod scenario;

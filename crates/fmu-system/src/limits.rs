@@ -23,14 +23,7 @@ pub const RUNS: usize = 10_000;
 /// The file cannot be read, is larger, has a longer line, or is not UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     let reject = |message: String| io::Error::new(io::ErrorKind::InvalidData, message);
-    let text = match files::read(path, limit)? {
-        Content::Text(text) => text,
-        Content::TooLarge(size) => {
-            let size =
-                size.map_or_else(|| "the file is too large".to_string(), |size| format!("the file has {size} bytes"));
-            return Err(reject(format!("{size}, the limit is {limit}")));
-        }
-    };
+    let text = String::from_utf8(read_bytes(path, limit)?).map_err(|error| reject(error.to_string()))?;
     for (number, line) in text.lines().enumerate() {
         if line.len() > LINE {
             return Err(reject(format!("line {} has {} bytes, the limit is {LINE}", number + 1, line.len())));
@@ -39,9 +32,25 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     Ok(text)
 }
 
+/// Reads a file that has at most `limit` bytes.
+///
+/// # Errors
+/// The file cannot be read or is larger.
+pub fn read_bytes(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    match files::read(path, limit)? {
+        Content::Bytes(bytes) => Ok(bytes),
+        Content::TooLarge(size) => Err(too_large(size, limit)),
+    }
+}
+
+fn too_large(size: Option<u64>, limit: u64) -> io::Error {
+    let size = size.map_or_else(|| "the file is too large".to_string(), |size| format!("the file has {size} bytes"));
+    io::Error::new(io::ErrorKind::InvalidData, format!("{size}, the limit is {limit}"))
+}
+
 /// What a file holds.
 enum Content {
-    Text(String),
+    Bytes(Vec<u8>),
     /// More than the limit: bytes, if the system tells how many.
     TooLarge(Option<u64>),
 }
@@ -59,10 +68,10 @@ mod files {
         if told > limit {
             return Ok(Content::TooLarge(Some(told)));
         }
-        let mut text = String::new();
+        let mut bytes = Vec::new();
         // A device or a pipe tells no size: no more than the limit is read of anything.
-        let read = file.take(limit + 1).read_to_string(&mut text)? as u64;
-        Ok(if read > limit { Content::TooLarge(None) } else { Content::Text(text) })
+        let read = file.take(limit + 1).read_to_end(&mut bytes)? as u64;
+        Ok(if read > limit { Content::TooLarge(None) } else { Content::Bytes(bytes) })
     }
 }
 
@@ -81,7 +90,7 @@ mod files {
         let texts = TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
         let text = texts.get(&plain(path)).ok_or(io::ErrorKind::NotFound)?;
         let size = text.len() as u64;
-        Ok(if size > limit { Content::TooLarge(Some(size)) } else { Content::Text(text.clone()) })
+        Ok(if size > limit { Content::TooLarge(Some(size)) } else { Content::Bytes(text.clone().into_bytes()) })
     }
 
     /// A path without `.` and `..`.

@@ -1,6 +1,7 @@
 //! The master: executes the runs of a plan from start to stop. It records the start and every n-th step of a [`Session`], which
 //! makes the calls.
 
+use crate::failure::FailureKind;
 use crate::fmus::Instances;
 use crate::limits;
 use crate::run::{Run, Simulation};
@@ -10,7 +11,7 @@ use fmu_import::loader::Message;
 use std::time::Instant;
 
 /// Recorded signals of a run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
     /// Time of each row, s.
     pub time: Vec<f64>,
@@ -63,20 +64,48 @@ impl Recorder {
 /// Executes a run in this process and returns its signals in memory.
 ///
 /// # Errors
-/// An FMU cannot be loaded or instantiated, or a call returns more than `fmi2Warning`.
+/// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a signal is not finite, or an FMU ends the
+/// simulation before the stop time. The error has the rows before it.
 pub fn execute(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Recording, RunError> {
     let began = Instant::now();
     let mut session = Session::new(simulation, run, fmus)?;
     let mut recorder = Recorder::new(simulation, run);
     recorder.push(simulation.start, session.bus());
-    while !session.is_over() {
-        session.step()?;
-        if session.steps() % simulation.every == 0 {
+    let mut ended = Ok(());
+    while ended.is_ok() && !session.is_over() {
+        let before = session.steps();
+        ended = session.step();
+        let is_made =
+            session.steps() > before && !matches!(&ended, Err(error) if error.kind() == FailureKind::NotFinite);
+        if is_made && session.steps() % simulation.every == 0 {
             recorder.push(session.time(), session.bus());
         }
     }
     let mut recording = recorder.finish(run);
-    recording.messages = session.terminate()?;
+    match ended {
+        Ok(()) => match session.terminate() {
+            Ok(messages) => recording.messages = messages,
+            Err(error) => return Err(keeping(error, recording)),
+        },
+        Err(error) if error.kind() == FailureKind::Terminated => {
+            let messages = error.cause.call().map(|call| call.messages.clone()).unwrap_or_default();
+            let component = error.cause.component().unwrap_or_default().to_owned();
+            let is_whole = session.is_over();
+            // What an FMU says of its end after it has ended the simulation decides nothing.
+            let later = session.terminate().unwrap_or_default();
+            if !is_whole {
+                return Err(keeping(error, recording));
+            }
+            recording.messages =
+                messages.into_iter().map(|message| (component.clone(), message)).chain(later).collect();
+        }
+        Err(error) => return Err(keeping(error, recording)),
+    }
     recording.seconds = began.elapsed().as_secs_f64();
     Ok(recording)
+}
+
+/// The error with the rows before it.
+fn keeping(error: RunError, recording: Recording) -> RunError {
+    RunError { recorded: Some(Box::new(recording)), ..error }
 }

@@ -126,13 +126,20 @@ pub fn settable<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a
     let starts = |v: &&Variable| {
         v.variability != Variability::Constant && matches!(v.initial, Some(Initial::Exact | Initial::Approx))
     };
-    match description.variable(name) {
+    match named(description, name) {
         Some(variable) if variable.causality == Causality::Input || starts(&variable) => Ok(variable),
         _ => parameter(description, name).map_err(|error| match error.help {
             Some(help) => format!("{}; {help}", error.message),
             None => error.message,
         }),
     }
+}
+
+/// The variable that a name sets: that of its alias, but for aliases of outputs.
+fn named<'a>(description: &'a ModelDescription, name: &str) -> Option<&'a Variable> {
+    let variable = description.variable(name)?;
+    let of = variable.alias_of.filter(|_| variable.causality != Causality::Output);
+    Some(of.map_or(variable, |of| &description.variables[of]))
 }
 
 /// A name that is no parameter.
@@ -145,7 +152,7 @@ pub(crate) struct NoParameter {
 pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Result<&'a Variable, NoParameter> {
     let settable = |v: &&Variable| v.causality == Causality::Parameter && v.variability != Variability::Constant;
     let model = &description.model_name;
-    match description.variable(name) {
+    match named(description, name) {
         Some(variable) if settable(&variable) => Ok(variable),
         Some(variable) => Err(NoParameter {
             message: format!("`{name}` of {model} is not a parameter but {}", role(variable)),
@@ -156,9 +163,16 @@ pub(crate) fn parameter<'a>(description: &'a ModelDescription, name: &str) -> Re
         }),
         None => Err(NoParameter {
             message: format!("{model} has no parameter `{name}`"),
-            help: suggestion(name, description.variables.iter().filter(settable).map(|v| v.name.as_str())),
+            help: array(description, name)
+                .or_else(|| suggestion(name, description.variables.iter().filter(settable).map(|v| v.name.as_str()))),
         }),
     }
+}
+
+/// What the name of an array stands for.
+pub(crate) fn array(description: &ModelDescription, name: &str) -> Option<String> {
+    let [first, last] = description.elements_of(name)?;
+    Some(format!("`{name}` is an array: write its elements, `{}` to `{}`", first.name, last.name))
 }
 
 /// What a variable is, with its article.
@@ -173,6 +187,15 @@ pub(crate) fn role(variable: &Variable) -> &'static str {
         (Causality::Independent, _) => "the time",
         (Causality::StructuralParameter, _) => "a structural parameter, which sets the size of arrays",
     }
+}
+
+/// Checks that an Integer is in the list of values, if there is one; the text is the rule.
+pub(crate) fn check_item(variable: &Variable, value: i64) -> Result<(), String> {
+    let named = variable.named_values();
+    if named.is_empty() || named.iter().any(|(item, _)| i64::from(*item) == value) {
+        return Ok(());
+    }
+    Err(format!("expected one of {}", listed(&named)))
 }
 
 /// Checks type, limits and items; the text says what does not fit.
@@ -190,11 +213,16 @@ pub(crate) fn check(variable: &Variable, value: &Value) -> Result<(), String> {
         }
         Value::Real(v) => *v,
         Value::Integer(v) => {
-            let named = variable.named_values();
-            if !named.is_empty() && named.iter().all(|(value, _)| value != v) {
-                return Err(format!("`{name}` is {v}, expected one of {}", listed(&named)));
+            let range = variable.integers();
+            if !range.contains(v) {
+                let (least, most, data_type) = (range.start(), range.end(), variable.data_type);
+                return Err(match (i32::try_from(*least), i32::try_from(*most)) {
+                    (Ok(i32::MIN), Ok(i32::MAX)) => format!("`{name}` is {v}, which has more than 32 bits"),
+                    _ => format!("`{name}` is {v}, expected a whole number from {least} to {most} ({data_type})"),
+                });
             }
-            f64::from(*v)
+            check_item(variable, *v).map_err(|rule| format!("`{name}` is {v}, {rule}"))?;
+            *v as f64
         }
         Value::Boolean(_) | Value::String(_) => return Ok(()),
     };

@@ -198,7 +198,7 @@ fn parameter(element: &Element, name: &str) -> Result<Parameter, XmlError> {
         // XML Schema also writes INF and NaN, which no parameter takes.
         "Real" | "Float64" | "Float32" => typed.real("value")?.filter(|v| v.is_finite()).map(Value::Real),
         "Integer" | "Int8" | "UInt8" | "Int16" | "UInt16" | "Int32" | "UInt32" | "Int64" | "UInt64" => {
-            typed.parsed("value", "a whole number of 32 bits")?.map(Value::Integer)
+            typed.parsed("value", "a whole number of 64 bits")?.map(Value::Integer)
         }
         "Boolean" => typed.boolean("value")?.map(Value::Boolean),
         "String" | "Enumeration" => Some(Value::String(typed.required("value")?.to_string())),

@@ -11,7 +11,7 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
 /// Version of the plan's layout.
-pub const FORMAT: u32 = 6;
+pub const FORMAT: u32 = 7;
 
 /// A resolved scenario.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -170,7 +170,7 @@ pub struct SecondSweep {
 /// A recorded signal. Shown value = factor * value + offset.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Column {
-    /// Name of the signal, or `component:signal` where several components have it.
+    /// Name of the signal, or `component:signal` if a component before it in the scenario records one of that name.
     pub name: String,
     /// Unit of measure of the recorded values.
     pub unit: Option<String>,
@@ -184,6 +184,8 @@ pub struct Column {
     pub description: String,
     /// All units the values can be shown in.
     pub units: Vec<Conversion>,
+    /// Whether the values are those of the input file (in some case), not of the component.
+    pub from_file: bool,
 }
 
 /// A unit to show values in: shown value = factor * value + offset.

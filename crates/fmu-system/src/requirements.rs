@@ -17,7 +17,7 @@ pub enum Status {
     Passed,
     /// Too few do.
     Failed,
-    /// A run failed or was cut short.
+    /// A run failed, was ended by an FMU or was cut short.
     Open,
 }
 
@@ -64,33 +64,49 @@ pub enum Rows {
     Cut(Option<Kind>),
 }
 
+/// Distance of a number to the nearest limit; negative outside. A number that is not finite is outside.
+fn margin([min, max]: [Option<f64>; 2], value: f64) -> f64 {
+    if !value.is_finite() {
+        return f64::NEG_INFINITY;
+    }
+    (value - min.unwrap_or(f64::NEG_INFINITY)).min(max.unwrap_or(f64::INFINITY) - value)
+}
+
+/// Whether a number keeps limits, least and greatest. One that is missing or not finite keeps none.
+#[must_use]
+pub fn holds(limits: [Option<f64>; 2], value: Option<f64>) -> bool {
+    value.is_some_and(|value| margin(limits, value) >= 0.0)
+}
+
+/// Whether enough of some runs keep the limits, `share` of which have to.
+#[must_use]
+pub fn is_enough(kept: usize, of: usize, share: f64) -> bool {
+    kept as f64 >= share * of as f64
+}
+
 /// Compares the numbers of runs that took place with the limits; `None` is a run without a number. `runs` are planned.
 #[must_use]
-pub fn evaluate([min, max]: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], runs: usize, rows: Rows) -> Outcome {
-    let (least, greatest) = (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
-    let margin = |value: f64| {
-        if value.is_nan() { f64::NEG_INFINITY } else { (value - least).min(greatest - value) }
-    };
+pub fn evaluate(limits: [Option<f64>; 2], share: f64, numbers: &[Option<f64>], runs: usize, rows: Rows) -> Outcome {
     let known = || numbers.iter().copied().flatten();
-    let kept = known().filter(|value| margin(*value) >= 0.0).count();
-    let holds = kept as f64 >= share * numbers.len() as f64;
+    let kept = numbers.iter().filter(|value| holds(limits, **value)).count();
     // More rows do not bring these numbers back.
     let stays_outside = |kind: Option<Kind>| {
-        let outside = known().filter(|value| match kind {
-            Some(Kind::Peak | Kind::Max | Kind::PeakToPeak | Kind::Changes) => *value > greatest,
-            Some(Kind::Min) => *value < least,
-            _ => false,
-        });
-        let inside = numbers.len() - outside.count();
-        (inside as f64) < share * numbers.len() as f64
+        let [least, greatest] = limits;
+        let decides = match kind {
+            Some(Kind::Peak | Kind::Max | Kind::PeakToPeak | Kind::Changes) => [None, greatest],
+            Some(Kind::Min) => [least, None],
+            _ => [None, None],
+        };
+        let outside = known().filter(|value| value.is_finite() && !holds(decides, Some(*value))).count();
+        !is_enough(numbers.len() - outside, numbers.len(), share)
     };
     let status = match () {
         () if matches!(rows, Rows::Cut(kind) if !stays_outside(kind)) => Status::Open,
-        () if !holds => Status::Failed,
+        () if !is_enough(kept, numbers.len(), share) => Status::Failed,
         () if numbers.len() < runs => Status::Open,
         () => Status::Passed,
     };
-    let worst = known().min_by(|a, b| margin(*a).total_cmp(&margin(*b)));
+    let worst = known().min_by(|a, b| margin(limits, *a).total_cmp(&margin(limits, *b)));
     Outcome { status, worst, missing: numbers.len() - known().count() }
 }
 
@@ -428,8 +444,15 @@ mod tests {
         assert_eq!(outcome, Outcome { status: Status::Failed, worst: Some(2.0), missing: 0 });
         let outcome = evaluate([Some(-1.0), Some(1.0)], 1.0, &[Some(0.0), Some(1.0)], 2, Rows::All);
         assert_eq!(outcome, Outcome { status: Status::Passed, worst: Some(1.0), missing: 0 });
-        // A number that is none keeps no limit.
-        assert_eq!(evaluate(AT_MOST, 1.0, &[Some(f64::NAN), Some(0.0)], 2, Rows::All).status, Status::Failed);
+        // A number that is not finite keeps no limit, on neither side.
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for limits in [AT_MOST, [Some(-1.0), None]] {
+                assert!(!holds(limits, Some(value)));
+                let outcome = evaluate(limits, 1.0, &[Some(value), Some(0.0)], 2, Rows::All);
+                assert_eq!(outcome.status, Status::Failed, "{value} {limits:?}");
+            }
+        }
+        assert!(!holds(AT_MOST, None) && holds(AT_MOST, Some(1.0)) && !holds(AT_MOST, Some(1.1)));
     }
 
     #[test]

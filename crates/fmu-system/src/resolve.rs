@@ -8,6 +8,7 @@ mod columns;
 mod conversion;
 mod findings;
 mod fmus;
+mod inputs;
 mod members;
 mod pattern;
 mod report;
@@ -18,14 +19,17 @@ mod values;
 mod wiring;
 
 pub use self::fmus::{Descriptions, FmuFolder, Found};
-use self::system::{Resolver, input_names};
-use crate::input_file::InputFile;
+pub use self::inputs::AfterEnd;
+use self::inputs::Inputs;
+use self::system::{Resolver, signal_names};
+use crate::data::DataError;
 use crate::limits;
 use crate::plan::{self, Plan};
 use crate::problem::Collector;
 pub use crate::problem::{Problem, Problems};
 use crate::run;
 use crate::scenario::{self, Case, Scenario, whole_steps};
+use fmu_import::description::Causality;
 use miette::Diagnostic;
 use serde_spanned::Spanned;
 use std::collections::{BTreeSet, HashMap};
@@ -43,6 +47,8 @@ pub struct Options {
     /// CSV file with a column `time` and columns named `signal` or `component:signal`, which write these
     /// signals instead of the components; components that nothing needs any more are dropped.
     pub inputs: Option<PathBuf>,
+    /// Value of a signal of that file after its last sample.
+    pub after_end: AfterEnd,
     /// Use another FMU for a component, in all cases.
     pub fmus: Vec<OtherFmu>,
 }
@@ -73,6 +79,10 @@ pub enum ResolveError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Problems(#[from] Problems),
+    /// A file of data has mistakes.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Data(#[from] DataError),
     /// The stop that the options give does not fit the scenario.
     #[error("--stop {stop}: {message}")]
     Stop {
@@ -120,6 +130,19 @@ fn replace(scenario: &mut Scenario, other: &OtherFmu) -> Result<(), ResolveError
     Ok(())
 }
 
+/// The absolute path of a file that a String of a scenario names, if there is one: a relative path starts at the folder of the
+/// scenario. Any other String, such as the name of a file within the FMU, stays as it is.
+#[must_use]
+pub fn file_of(scenario: &Path, text: &str) -> Option<String> {
+    file_in(folder(scenario), text)
+}
+
+fn file_in(folder: &Path, text: &str) -> Option<String> {
+    let path = folder.join(text);
+    let path = std::path::absolute(&path).ok().filter(|_| !text.is_empty() && path.is_file())?;
+    Some(path.to_string_lossy().into_owned())
+}
+
 /// The folder that paths in a file are relative to.
 fn folder(file: &Path) -> &Path {
     file.parent().unwrap_or(Path::new(""))
@@ -151,28 +174,21 @@ pub fn resolve_text(
         return Err(problems.fail().into());
     }
     let simulation = simulation(&scenario, options)?;
-    let inputs = match &options.inputs {
-        None => None,
-        Some(path) => {
-            let text = read(path, limits::INPUT_FILE)?;
-            let slack = 1e-9 * simulation.step;
-            let series = InputFile::parse(path, &text, simulation.start, slack)?;
-            Some((path, text, series))
-        }
-    };
+    let inputs = options.inputs.as_ref().map(|path| Inputs::read(path, simulation, options.after_end));
     let mut resolver = Resolver {
         scenario: &scenario,
         problems,
-        series: inputs.as_ref().map(|(_, _, series)| series),
-        fed: BTreeSet::new(),
-        misfits: Vec::new(),
+        inputs: inputs.transpose()?,
+        of_inputs: Vec::new(),
+        folder: folder(file),
         sets: HashMap::new(),
     };
     resolver.problems.expect_contexts(scenario.cases.len());
-    resolver.read_parameter_sets(folder(file));
+    resolver.read_parameter_sets();
     let Some(mut systems) = resolver.systems(source) else {
         return Err(resolver.problems.fail().into());
     };
+    resolver.find_patterns_of_inputs(&systems);
     for system in &mut systems {
         resolver.wire(system);
     }
@@ -189,13 +205,18 @@ pub fn resolve_text(
     let runs = resolver.runs(&systems, &columns, &seeds);
     let wiring: Vec<plan::Wiring> = systems.iter().map(|system| resolver.wiring(system)).collect();
     let trials = if resolver.problems.is_empty() { resolver.unread(&systems, &wiring, &runs) } else { Vec::new() };
-    let (fed, misfits) = (resolver.fed, resolver.misfits);
-    let warnings = resolver.problems.take_warnings();
+    let mut warnings = resolver.problems.take_warnings();
     resolver.problems.finish()?;
-    if let Some((path, text, series)) = &inputs {
-        let unused: Vec<String> =
-            (0..series.signals.len()).filter(|i| !fed.contains(i)).map(|i| series.signals[i].name.clone()).collect();
-        InputFile::report(path, text, &unused, &misfits, &input_names(&systems))?;
+    if let Some(inputs) = resolver.inputs {
+        let components: Vec<&str> = scenario.components.iter().map(|own| own.name.get_ref().as_str()).collect();
+        let [takes, has] = [Causality::Input, Causality::Output].map(|causality| signal_names(&systems, causality));
+        warnings.extend(inputs.finish(&takes, &has, &components)?);
+    }
+    let mut columns: Vec<plan::Column> = columns.into_iter().map(|column| column.plan).collect();
+    for (index, column) in columns.iter_mut().enumerate() {
+        let is_from_file =
+            |run: &run::Run| run.columns[index].is_some_and(|slot| run.series.iter().any(|series| series.slot == slot));
+        column.from_file = runs.iter().any(is_from_file);
     }
     Ok(Plan {
         format: plan::FORMAT,
@@ -210,7 +231,7 @@ pub fn resolve_text(
         points: scenario.points.iter().map(plan_point).collect(),
         sweep: scenario.sweep.as_ref().map(|sweep| plan_sweep(sweep.get_ref())),
         seeds,
-        columns: columns.into_iter().map(|c| c.plan).collect(),
+        columns,
         runs,
         metrics,
         figures,

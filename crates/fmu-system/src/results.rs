@@ -1,6 +1,9 @@
 //! Writes recordings as CSV.
 
 mod number;
+mod status;
+
+pub use status::{RunStatus, RunStatuses, STATUS_FILE};
 
 use crate::master::Recording;
 use crate::run::Run;

@@ -12,36 +12,81 @@
 //! 3. Bus at 0; input series of the start time; read the outputs of all components; then component by component: set
 //!    constants, set inputs from the bus, read outputs. `fmi2ExitInitializationMode` on all; read
 //!    the outputs of all.
-//! 4. Step k goes from start + k*step: input series of that time; sequential: component by component set
-//!    inputs, `fmi2DoStep`, read outputs; Jacobi: set the inputs of all, step all, read all.
+//! 4. Step k goes from start + k*step: input series, linear ones in the middle of the step, the others at its start; sequential:
+//!    component by component set inputs, `fmi2DoStep`, read outputs; Jacobi: set the inputs of all, step all, read all. The step
+//!    size is constant, except where start + k*step + step exceeds the stop time in double arithmetic: that step has what is
+//!    left of it.
 //! 5. `fmi2Terminate`, `fmi2FreeInstance`.
 //!
 //! An input that the caller overwrites ([`Session::overwrite`]) gets its value right after the inputs of its component are set
 //! from the bus.
 //!
 //! Inputs and outputs of a component are set and read by one call per base type: Real, Integer, Boolean. The bus holds
-//! doubles. A Boolean output is 0 or 1 there, and a Boolean input is true where its slot is above 0.5. That is also how a
+//! doubles, and an Integer beyond 2^53, which a double does not hold exactly, is an error. Integers that may have more than 32 bits
+//! have a call of their own. A Boolean output is 0 or 1 there, and a Boolean input is true where its slot is above 0.5. That is also how a
 //! connection converts between Real and Boolean.
 
+use crate::failure::{Failure, FailureKind};
 use crate::fmus::{FmusError, Instances};
+use crate::master::Recording;
 use crate::parameter::{self, ParameterError};
-use crate::run::{InputSeries, Order, Run, Setting, Simulation, Wire};
+use crate::run::{InputSeries, Interpolation, Order, Run, Setting, Simulation, Wire};
 use fmu_import::c_api::Reference;
 use fmu_import::description::{BaseType, Causality, Value, Variability, Variable};
 use fmu_import::loader::calls::{self, Board};
-use fmu_import::loader::{CallError, Instance, Message, SavedState};
+use fmu_import::loader::{CallError, CallProblem, Instance, Message, SavedState, Status};
 
-/// A run that failed. It has no results.
+/// A run that failed, or that an FMU ended before its stop time.
 #[derive(Debug, thiserror::Error)]
-#[error("run {run}{}: {cause}", time.map_or(String::new(), |t| format!(", step from {t} s")))]
+#[error("run {run}{}: {cause}", self.kind().place(*time, cause.component()))]
 pub struct RunError {
     /// Id of the run.
     pub run: String,
-    /// Start of the step that failed, s; `None` before the first step.
+    /// Start of the step that failed, time of the value that is not finite, or time at which an FMU ended the run, s; `None`
+    /// before the first step.
     pub time: Option<f64>,
     /// Component, function, status and what the component logged.
     pub cause: Box<FmusError>,
+    /// The rows before it, if a [`master`](crate::master) recorded some.
+    pub recorded: Option<Box<Recording>>,
 }
+
+impl RunError {
+    pub(crate) fn new(run: &str, time: Option<f64>, cause: impl Into<FmusError>) -> Self {
+        Self { run: run.to_owned(), time, cause: Box::new(cause.into()), recorded: None }
+    }
+
+    /// Kind of failure.
+    #[must_use]
+    pub fn kind(&self) -> FailureKind {
+        let problem = self.cause.call().map(|call| (&call.problem, call.function));
+        match problem {
+            _ if self.cause.variable().is_some() => FailureKind::NotFinite,
+            Some((CallProblem::Terminated, _)) => FailureKind::Terminated,
+            Some((CallProblem::Status(Status::Discard) | CallProblem::EarlyReturn, "fmi2DoStep" | "fmi3DoStep")) => {
+                FailureKind::Discarded
+            }
+            _ => FailureKind::Error,
+        }
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        Self {
+            time: error.time,
+            component: error.cause.component().map(str::to_owned),
+            variable: error.cause.variable().map(Box::from),
+            message: error.cause.to_string(),
+            kind: error.kind(),
+            recorded: error.recorded,
+            run: error.run,
+        }
+    }
+}
+
+/// A step is done if the FMU says that it has reached a time this near to its end, in steps: FMUs add up times with rounding.
+const STEP_SLACK: f64 = 1e-6;
 
 /// Variables of one base type, set or read by one call.
 struct Group<T> {
@@ -51,8 +96,8 @@ struct Group<T> {
 }
 
 impl<T: Copy + Default> Group<T> {
-    fn new(wires: &[Wire], base_type: BaseType) -> Self {
-        let of_type = || wires.iter().filter(|w| w.base_type == base_type);
+    fn new(wires: &[Wire], is_own: impl Fn(&Wire) -> bool) -> Self {
+        let of_type = || wires.iter().filter(|wire| is_own(wire));
         Self {
             references: of_type().map(|w| w.reference).collect(),
             slots: of_type().map(|w| w.slot).collect(),
@@ -64,7 +109,7 @@ impl<T: Copy + Default> Group<T> {
         self.slots.is_empty()
     }
 
-    fn load(&mut self, bus: &[f64], convert: impl Fn(f64) -> T) {
+    fn load(&mut self, bus: &[f64], mut convert: impl FnMut(f64) -> T) {
         for (value, slot) in self.values.iter_mut().zip(&self.slots) {
             *value = convert(bus[*slot]);
         }
@@ -81,17 +126,29 @@ impl<T: Copy + Default> Group<T> {
 struct Port {
     reals: Group<f64>,
     integers: Group<i32>,
+    /// Integers of FMI 3.0 that may have more than 32 bits.
+    wide: Group<f64>,
     booleans: Group<i32>,
 }
 
 impl Port {
-    fn new(wires: &[Wire]) -> Self {
+    fn new(instance: &Instance, wires: &[Wire]) -> Self {
+        let of = |base_type| move |wire: &Wire| wire.base_type == base_type;
+        let is_wide = |wire: &Wire| of(BaseType::Integer)(wire) && instance.is_wide(wire.reference);
         Self {
-            reals: Group::new(wires, BaseType::Real),
-            integers: Group::new(wires, BaseType::Integer),
-            booleans: Group::new(wires, BaseType::Boolean),
+            reals: Group::new(wires, of(BaseType::Real)),
+            integers: Group::new(wires, |wire| of(BaseType::Integer)(wire) && !is_wide(wire)),
+            wide: Group::new(wires, is_wide),
+            booleans: Group::new(wires, of(BaseType::Boolean)),
         }
     }
+}
+
+/// End of a step at which an FMU ends the simulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reached {
+    Start,
+    End,
 }
 
 /// An instance with its wires.
@@ -99,6 +156,8 @@ struct Member {
     instance: Instance,
     inputs: Port,
     outputs: Port,
+    /// Slots of the outputs and their names.
+    names: Vec<(usize, String)>,
 }
 
 impl Member {
@@ -119,9 +178,20 @@ impl Member {
             instance.set_real(&inputs.reals.references, &inputs.reals.values)?;
         }
         if !inputs.integers.is_empty() {
-            // Exact: the bus holds what an integer output or a checked input series put there.
-            inputs.integers.load(bus, |v| v as i32);
+            let mut are_exact = true;
+            inputs.integers.load(bus, |v| {
+                let value = v as i32;
+                are_exact &= f64::from(value) == v;
+                value
+            });
+            if !are_exact {
+                return set_exactly(instance, &inputs.integers, bus);
+            }
             instance.set_integer(&inputs.integers.references, &inputs.integers.values)?;
+        }
+        if !inputs.wide.is_empty() {
+            inputs.wide.load(bus, |v| v);
+            instance.set_integer(&inputs.wide.references, &inputs.wide.values)?;
         }
         if !inputs.booleans.is_empty() {
             inputs.booleans.load(bus, |v| i32::from(v > 0.5));
@@ -136,12 +206,33 @@ impl Member {
             let (references, Some(value)) = ([input.reference], input.value) else { continue };
             match input.base_type {
                 BaseType::Real => self.instance.set_real(&references, &[value])?,
-                BaseType::Integer => self.instance.set_integer(&references, &[value as i32])?,
+                BaseType::Integer => self.instance.set_integer(&references, &[value.trunc()])?,
                 BaseType::Boolean => self.instance.set_boolean(&references, &[i32::from(value > 0.5)])?,
                 BaseType::String => (),
             }
         }
         Ok(())
+    }
+
+    /// Makes a step, unless the FMU ends the simulation.
+    fn do_step(&mut self, time: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
+        match self.instance.do_step(time, step) {
+            Ok(()) => Ok(None),
+            Err(error) => self.ended(error, time + step, step),
+        }
+    }
+
+    /// Meaning of a step that is not done.
+    #[cold]
+    fn ended(&mut self, error: CallError, end: f64, step: f64) -> Result<Option<(Reached, CallError)>, CallError> {
+        let may_end = matches!(error.problem, CallProblem::Status(Status::Discard) | CallProblem::Terminated);
+        if !may_end || !self.instance.wants_termination().is_ok_and(|is_wanted| is_wanted) {
+            return Err(error);
+        }
+        let is_done = |reached: f64| (reached - end).abs() <= STEP_SLACK * step;
+        let reached =
+            if self.instance.last_successful_time().is_ok_and(is_done) { Reached::End } else { Reached::Start };
+        Ok(Some((reached, CallError { problem: CallProblem::Terminated, ..error })))
     }
 
     fn read_outputs(&mut self, bus: &mut [f64]) -> Result<(), CallError> {
@@ -154,6 +245,10 @@ impl Member {
             instance.get_integer(&outputs.integers.references, &mut outputs.integers.values)?;
             outputs.integers.store(bus, f64::from);
         }
+        if !outputs.wide.is_empty() {
+            instance.get_integer(&outputs.wide.references, &mut outputs.wide.values)?;
+            outputs.wide.store(bus, |v| v);
+        }
         if !outputs.booleans.is_empty() {
             instance.get_boolean(&outputs.booleans.references, &mut outputs.booleans.values)?;
             outputs.booleans.store(bus, |v| f64::from(u8::from(v != 0)));
@@ -162,21 +257,35 @@ impl Member {
     }
 }
 
+/// Sets Integers of which one does not fit into 32 bits, as outputs of 64 bits may have. The error is that of the call.
+#[cold]
+fn set_exactly(instance: &mut Instance, integers: &Group<i32>, bus: &[f64]) -> Result<(), CallError> {
+    let values: Vec<f64> = integers.slots.iter().map(|slot| bus[*slot]).collect();
+    instance.set_integer(&integers.references, &values)
+}
+
+/// Slack of the times of a held series, in steps: a sample at t_k counts although t_k is rounded.
+const SLACK: f64 = 1e-9;
+
 /// Signals from a file and the row each is at.
 struct Feeder {
     series: Vec<(InputSeries, usize)>,
-    slack: f64,
+    /// Communication step, s.
+    step: f64,
 }
 
 impl Feeder {
-    /// Puts the values of a time onto the bus. Times must rise from call to call.
-    fn feed(&mut self, time: f64, bus: &mut [f64]) {
+    /// Puts the values of the step that begins at a time onto the bus, or with `is_step` false those of the time itself. Times must
+    /// rise from call to call.
+    fn feed(&mut self, time: f64, is_step: bool, bus: &mut [f64]) {
         for (feed, row) in &mut self.series {
-            while feed.times.get(*row + 1).is_some_and(|next| *next <= time + self.slack) {
-                *row += 1;
-            }
-            if let Some(value) = feed.values.get(*row) {
-                bus[feed.slot] = *value;
+            let at = match feed.interpolation {
+                Interpolation::Linear if is_step => time + 0.5 * self.step,
+                Interpolation::Linear => time,
+                Interpolation::Hold => time + SLACK * self.step,
+            };
+            if let Some(value) = feed.at(at, row) {
+                bus[feed.slot] = value;
             }
         }
     }
@@ -186,6 +295,7 @@ impl Feeder {
 struct Overwritten {
     /// Index of the component.
     member: usize,
+    name: String,
     reference: Reference,
     base_type: BaseType,
     /// As on the bus; `None` until the caller gives one.
@@ -224,20 +334,26 @@ impl Session {
     /// Instantiates and initializes a run.
     ///
     /// # Errors
-    /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, or a component that starts in a steady
-    /// state has none.
+    /// An FMU cannot be loaded or instantiated, a call returns more than `fmi2Warning`, a component that starts in a steady
+    /// state has none, or a signal is not finite.
     pub fn new(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, RunError> {
         if run.needs_steady_starts() {
             let mut run = run.clone();
             run.find_steady_starts(simulation, fmus)?;
-            return Self::initialized(simulation, &run, fmus);
+            return Self::initialized(simulation, &run, fmus)?.checked();
         }
-        Self::initialized(simulation, run, fmus)
+        Self::initialized(simulation, run, fmus)?.checked()
+    }
+
+    /// The session, if no signal at the start is not finite.
+    fn checked(self) -> Result<Self, RunError> {
+        self.check_bus(self.simulation.start)?;
+        Ok(self)
     }
 
     /// Instantiates and initializes a run with the start values that it has.
     pub(crate) fn initialized(simulation: &Simulation, run: &Run, fmus: &dyn Instances) -> Result<Self, RunError> {
-        let failed = |cause: FmusError| RunError { run: run.id.clone(), time: None, cause: Box::new(cause) };
+        let failed = |cause: FmusError| RunError::new(&run.id, None, cause);
         let board = calls::board();
         if let Some(board) = board {
             board.begin();
@@ -248,10 +364,7 @@ impl Session {
             columns: run.columns.clone(),
             members: instantiate(run, fmus).map_err(failed)?,
             bus: vec![0.0; run.slots],
-            feeder: Feeder {
-                series: run.series.iter().map(|feed| (feed.clone(), 0)).collect(),
-                slack: 1e-9 * simulation.step,
-            },
+            feeder: Feeder { series: run.series.iter().map(|feed| (feed.clone(), 0)).collect(), step: simulation.step },
             overwritten: Vec::new(),
             step: 0,
             board,
@@ -310,7 +423,7 @@ impl Session {
             format!("`{name}` is a String; only Real, Integer and Boolean inputs can be overwritten")
         } else {
             let Variable { reference, base_type, .. } = *variable;
-            self.overwritten.push(Overwritten { member, reference, base_type, value: None });
+            self.overwritten.push(Overwritten { member, name: name.clone(), reference, base_type, value: None });
             return Ok(Overwrite(self.overwritten.len() - 1));
         };
         Err(ParameterError::Rejected { component: component.to_owned(), reason })
@@ -348,16 +461,50 @@ impl Session {
     /// Makes a step. Nothing is allocated unless it fails. A session that has failed can be restored.
     ///
     /// # Errors
-    /// A call returns more than `fmi2Warning`.
+    /// A call returns more than `fmi2Warning`, or a signal or the value of an overwritten input is not finite. If an FMU ends
+    /// the simulation ([`FailureKind::Terminated`]) at the end of the step, all components have made it, and
+    /// [`Self::steps`] counts it.
     pub fn step(&mut self) -> Result<(), RunError> {
         let time = self.time();
+        self.check_overwritten(time)?;
         if let Some(board) = self.board {
             board.step(time, self.step);
         }
-        self.feeder.feed(time, &mut self.bus);
-        self.step_all(time).map_err(|error| self.failed(Some(time), error))?;
+        self.feeder.feed(time, true, &mut self.bus);
+        let ended = self.step_all(time).map_err(|error| self.failed(Some(time), error))?;
+        if let Some((Reached::Start, error)) = ended {
+            return Err(self.failed(Some(time), error));
+        }
         self.step += 1;
-        Ok(())
+        self.check_bus(self.time())?;
+        ended.map_or(Ok(()), |(_, error)| Err(self.failed(Some(self.time()), error)))
+    }
+
+    /// An error if a signal at a time is not finite.
+    fn check_bus(&self, time: f64) -> Result<(), RunError> {
+        // Without a way out of the loop, so that it is one of vectors.
+        let is_finite = self.bus.iter().fold(true, |all, value| all & value.is_finite());
+        if is_finite { Ok(()) } else { Err(self.not_finite(time)) }
+    }
+
+    #[cold]
+    fn not_finite(&self, time: f64) -> RunError {
+        let slot = self.bus.iter().position(|value| !value.is_finite()).unwrap_or_default();
+        let mut outputs = self
+            .members
+            .iter()
+            .flat_map(|member| member.names.iter().map(|(slot, name)| (*slot, member.instance.name(), name.as_str())));
+        let (_, component, variable) = outputs.find(|output| output.0 == slot).unwrap_or((slot, "", "input series"));
+        let (component, variable) = (component.to_owned(), variable.to_owned());
+        RunError::new(&self.run, Some(time), FmusError::NotFinite { component, variable, value: self.bus[slot] })
+    }
+
+    fn check_overwritten(&self, time: f64) -> Result<(), RunError> {
+        let bad = self.overwritten.iter().find(|input| input.value.is_some_and(|value| !value.is_finite()));
+        let Some(Overwritten { member, name, value: Some(value), .. }) = bad else { return Ok(()) };
+        let component = self.members[*member].instance.name().to_owned();
+        let cause = FmusError::NotFinite { component, variable: name.clone(), value: *value };
+        Err(RunError::new(&self.run, Some(time), cause))
     }
 
     /// Saves the FMU states of all components, the signals and the overwritten inputs.
@@ -419,11 +566,7 @@ impl Session {
         }
         let mut logged = Vec::new();
         for member in &mut self.members {
-            member.instance.terminate().map_err(|error| RunError {
-                run: self.run.clone(),
-                time: Some(time),
-                cause: Box::new(error.into()),
-            })?;
+            member.instance.terminate().map_err(|error| RunError::new(&self.run, Some(time), error))?;
             let messages = member.instance.take_messages();
             let component = member.instance.name();
             logged.extend(messages.into_iter().map(|message| (component.to_owned(), message)));
@@ -433,7 +576,7 @@ impl Session {
 
     #[cold]
     fn failed(&self, time: Option<f64>, error: CallError) -> RunError {
-        RunError { run: self.run.clone(), time, cause: Box::new(error.into()) }
+        RunError::new(&self.run, time, error)
     }
 
     /// From instantiation to the end of initialization; see the top of this file.
@@ -450,7 +593,7 @@ impl Session {
         for member in members.iter_mut() {
             member.instance.enter_initialization_mode()?;
         }
-        feeder.feed(simulation.start, bus);
+        feeder.feed(simulation.start, false, bus);
         for member in members.iter_mut() {
             member.read_outputs(bus)?;
         }
@@ -470,14 +613,21 @@ impl Session {
         Ok(())
     }
 
-    fn step_all(&mut self, time: f64) -> Result<(), CallError> {
+    /// Makes a step of all components. If one ends the simulation: at which end of the step, and the call.
+    fn step_all(&mut self, time: f64) -> Result<Option<(Reached, CallError)>, CallError> {
         let Self { simulation, members, bus, overwritten, .. } = self;
+        let step = simulation.step_size(time);
+        let mut ended = None;
         match simulation.order {
             Order::Sequential => {
                 for (index, member) in members.iter_mut().enumerate() {
                     member.set_inputs(bus)?;
                     member.set_overwritten(index, overwritten)?;
-                    member.instance.do_step(time, simulation.step)?;
+                    match member.do_step(time, step)? {
+                        None => (),
+                        at_start @ Some((Reached::Start, _)) => return Ok(at_start),
+                        at_end => ended = ended.or(at_end),
+                    }
                     member.read_outputs(bus)?;
                 }
             }
@@ -487,14 +637,18 @@ impl Session {
                     member.set_overwritten(index, overwritten)?;
                 }
                 for member in members.iter_mut() {
-                    member.instance.do_step(time, simulation.step)?;
+                    match member.do_step(time, step)? {
+                        None => (),
+                        at_start @ Some((Reached::Start, _)) => return Ok(at_start),
+                        at_end => ended = ended.or(at_end),
+                    }
                 }
                 for member in members.iter_mut() {
                     member.read_outputs(bus)?;
                 }
             }
         }
-        Ok(())
+        Ok(ended)
     }
 }
 
@@ -506,10 +660,12 @@ fn instantiate(run: &Run, fmus: &dyn Instances) -> Result<Vec<Member>, FmusError
             if let Some(board) = calls::board() {
                 board.component(index);
             }
+            let instance = fmus.of(component)?;
             Ok(Member {
-                instance: fmus.of(component)?,
-                inputs: Port::new(&component.inputs),
-                outputs: Port::new(&component.outputs),
+                inputs: Port::new(&instance, &component.inputs),
+                outputs: Port::new(&instance, &component.outputs),
+                instance,
+                names: component.outputs.iter().map(|wire| (wire.slot, wire.name.clone())).collect(),
             })
         })
         .collect()

@@ -40,17 +40,15 @@ impl Run {
     /// A run cannot be initialized, a state cannot rest, or the inputs of a component change with its start again and again.
     pub fn find_steady_starts(&mut self, simulation: &Simulation, fmus: &dyn Instances) -> Result<(), RunError> {
         let id = self.id.clone();
-        let failed = |component: &str, message: String| RunError {
-            run: id.clone(),
-            time: None,
-            cause: Box::new(FmusError::Steady { component: component.to_owned(), message }),
+        let failed = |component: &str, message: String| {
+            RunError::new(&id, None, FmusError::Steady { component: component.to_owned(), message })
         };
         let descriptions = self
             .components
             .iter()
             .map(|component| component.steady.is_some().then(|| fmus.description(component)).transpose())
             .collect::<Result<Vec<_>, _>>()
-            .map_err(|error| RunError { run: id.clone(), time: None, cause: Box::new(error) })?;
+            .map_err(|error| RunError::new(&id, None, error))?;
         let mut before: Option<Vec<u64>> = None;
         for _ in 0..ROUNDS {
             // No instance lives on: some FMUs allow one only.
@@ -112,7 +110,7 @@ fn start(
         let value = match wire.base_type {
             BaseType::Real => Value::Real(value),
             // As a master sets them.
-            BaseType::Integer => Value::Integer(value as i32),
+            BaseType::Integer => Value::Integer(value as i64),
             BaseType::Boolean => Value::Boolean(value > 0.5),
             BaseType::String => continue,
         };

@@ -105,8 +105,7 @@ fn outputs(description: &ModelDescription) -> impl Iterator<Item = &Variable> {
 
 /// Runs a component alone and records its outputs; `None` if that fails.
 fn execute(mut component: Component, outputs: &[&Variable], simulation: &Simulation, fmus: &Fmus) -> Option<Recording> {
-    let wire = |(slot, v): (usize, &&Variable)| Wire { reference: v.reference, base_type: v.base_type, slot };
-    component.outputs = outputs.iter().enumerate().map(wire).collect();
+    component.outputs = outputs.iter().enumerate().map(|(slot, variable)| Wire::new(variable, slot)).collect();
     let run = Run {
         id: format!("trial of {}", component.name),
         case: String::new(),

@@ -56,7 +56,7 @@ pub fn find_steady_starts(settings: &Settings, simulation: &Simulation, runs: &m
                     component.steady = steady;
                 }
             }
-            Ok(Response::Failed { message, .. }) => return Err(message),
+            Ok(Response::Failed { failure, .. }) => return Err(failure.message),
             Ok(_) => return Err("the worker process sent an unexpected response".to_owned()),
             Err(Ended { message, .. }) => return Err(format!("run {}: {message}", run.id)),
         }

@@ -108,18 +108,18 @@ fn input_series_are_converted_as_the_outputs_they_replace() {
     let folder = fmus();
     let file = folder.path().join("in.csv");
     let options = Options { inputs: Some(file.clone()), ..Options::default() };
-    std::fs::write(&file, "time,ramp:x\n0,0.4\n0.5,0.6\n").unwrap();
+    std::fs::write(&file, "time,ramp:x\n0,0.4\n0.5,0.6\n100,0.6\n").unwrap();
     let plan = plan_of(&folder, SCENARIO, &options).unwrap();
     let recording = master::execute(&plan.simulation, &plan.runs[0], &Fmus::load(&plan.runs).unwrap()).unwrap();
     assert_eq!(recording.column(0), Some(&[0.0, 0.25, 0.5, 0.25, 0.0, -0.25, -0.5][..]));
 
-    std::fs::write(&file, "time,reversed:inverted\n0,0.4\n").unwrap();
-    let [(message, _)] = &mistakes(&folder, SCENARIO, &options)[..] else { panic!() };
-    let expected = "`reversed:inverted` has the value 0.4, but the input `inverted` of `reversed` is Boolean";
+    std::fs::write(&file, "time,reversed:inverted\n0,0.4\n100,1\n").unwrap();
+    let message = plan_of(&folder, SCENARIO, &options).unwrap_err().to_string();
+    let expected = "`reversed:inverted` has the value 0.4 at 0 s, but the input `inverted` of `reversed` is Boolean";
     assert!(message.contains(expected), "{message}");
-    std::fs::write(&file, "time,reversed:moved\n0,0.4\n").unwrap();
-    let [(message, _)] = &mistakes(&folder, SCENARIO, &options)[..] else { panic!() };
-    let expected = "`reversed:moved` has the value 0.4, but the output `moved` of `reversed` is Boolean";
+    std::fs::write(&file, "time,reversed:moved\n0,0.4\n100,1\n").unwrap();
+    let message = plan_of(&folder, SCENARIO, &options).unwrap_err().to_string();
+    let expected = "`reversed:moved` has the value 0.4 at 0 s, but the output `moved` of `reversed` is Boolean";
     assert!(message.contains(expected), "{message}");
 }
 

@@ -356,7 +356,7 @@ fn a_failure_leaves_nothing_behind() {
 fn what_cannot_be_written_is_said() {
     let folder = fmus();
     let inputs = folder.path().join("y.csv");
-    std::fs::write(&inputs, "time,velocity:y\n0,1\n").unwrap();
+    std::fs::write(&inputs, "time,velocity:y\n0,1\n100,1\n").unwrap();
     let fed = plan(&folder, SYSTEM, &Options { inputs: Some(inputs), ..Options::default() });
     assert!(matches!(System::new(&fed, &fed.runs[0]), Err(ExportError::InputSeries)));
 

@@ -382,7 +382,7 @@ fn angles_that_look_like_degrees_warn() {
     // Of an input file.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("in.csv");
-    std::fs::write(&file, "time,driver.steer\n0,0\n1,30\n").unwrap();
+    std::fs::write(&file, "time,driver.steer\n0,0\n2,30\n").unwrap();
     let options = Options { inputs: Some(file), ..Options::default() };
     let found = warnings(&driver, "0.5", &options).join("\n");
     assert!(found.contains("the input file has the value 30 rad for `driver.steer`"), "{found}");
@@ -424,7 +424,7 @@ fn what_is_too_large_is_rejected_at_once() {
     let csv = folder.path().join("in.csv");
     std::fs::write(&csv, format!("time,{}\n0,1\n", "x".repeat(3_000_000))).unwrap();
     let error = plan_of(SCENARIO, &Options { inputs: Some(csv), ..Options::default() }).unwrap_err().to_string();
-    assert!(error.contains("in.csv: line 1 has 3000005 bytes, the limit is 100000"), "{error}");
+    assert!(error.contains("in.csv: line 1 has 3000005 bytes, the limit is 1000000"), "{error}");
 }
 
 /// What nothing reads is told, and a parameter for it as far as the model structure says so.
@@ -495,8 +495,7 @@ fn what_nothing_reads_warns() {
 
 #[test]
 fn options_change_the_plan() {
-    let options =
-        Options { stop: Some(0.5), order: Some(Order::Jacobi), seeds: Some(1), inputs: None, fmus: Vec::new() };
+    let options = Options { stop: Some(0.5), order: Some(Order::Jacobi), seeds: Some(1), ..Options::default() };
     let plan = plan_of(SCENARIO, &options).unwrap();
     assert_eq!(plan.simulation.steps, 500);
     assert_eq!(plan.simulation.order, Order::Jacobi);
@@ -583,6 +582,55 @@ fn metrics_of_metrics_and_requirements() {
     );
     let found = lines(&plan_of(&below, &Options::default()).unwrap_err());
     assert!(found.contains("`roll_peak` stands below"), "{found}");
+}
+
+/// The first row of a discrete-time model holds start values (FMI 2.0.4, section 2.2.7, `initial = exact`).
+#[test]
+fn a_limit_that_the_first_row_breaks_warns() {
+    let warnings = |metric: &str| {
+        let plan = plan_with(metric, "").unwrap_or_else(|e| panic!("{metric}: {}", lines(&e)));
+        plan.warnings.into_iter().filter(|warning| warning.contains("first row")).collect::<Vec<_>>()
+    };
+    let steer = "signal = \"steering:steer.front\"\nkind";
+    let found = warnings(&format!("{steer} = \"min\"\nmin = 1.0\nrequired_of = [\"active\"]"));
+    let [warning] = &found[..] else { panic!("{found:?}") };
+    let expected = "`more` cannot keep its limit: `steer.front` is 0 in the first row, which holds the start value of an \
+                    output of a discrete-time model";
+    assert!(warning.contains(expected), "{warning}");
+    assert_eq!(warnings(&format!("{steer} = \"max\"\nmax = -1.0\nrequired_of = [\"active\"]")).len(), 1);
+    for kept in [
+        "\"min\"\nmin = 0.0",
+        "\"min\"\nmax = 1.0",
+        "\"peak\"\nmin = 1.0",
+        "\"min\"\nmin = 1.0\nwindow = [0.1, 2.0]",
+        "\"min\"",
+    ] {
+        assert_eq!(warnings(&format!("{steer} = {kept}")), [""; 0], "{kept}");
+    }
+    // A continuous-time model computes its outputs for the first row.
+    assert_eq!(warnings("signal = \"body.roll\"\nkind = \"min\"\nmin = 1.0"), [""; 0]);
+}
+
+/// A String output of the vehicle is neither recorded nor the signal of a metric.
+#[test]
+fn string_outputs_are_named() {
+    let text = "<ScalarVariable name=\"gear.name\" valueReference=\"9000\" causality=\"output\" variability=\"discrete\" \
+                initial=\"exact\"><String start=\"\"/></ScalarVariable></ModelVariables>";
+    let vehicle = include_str!("../../fmu-import/tests/data/Vehicle.xml").replace("</ModelVariables>", text);
+    let mut fmus = fmus();
+    fmus.insert("Vehicle".to_string(), Arc::new(ModelDescription::parse(&vehicle).unwrap()));
+    for (from, to) in [
+        ("\"vehicle:*\"", "\"vehicle:gear.*\""),
+        ("\"vehicle:*\"", "\"gear.name\""),
+        ("signal = \"body.roll\"", "signal = \"gear.name\""),
+        ("signal = \"body.roll\"", "signal = \"vehicle:gear.name\""),
+    ] {
+        let text = SCENARIO.replacen(from, to, 1);
+        let error = resolve_text(Path::new("scenarios/step.toml"), &text, &fmus, &Options::default()).unwrap_err();
+        let ResolveError::Problems(problems) = error else { panic!("{error}") };
+        let help = miette::Diagnostic::help(&problems.problems[0]).unwrap().to_string();
+        assert!(help.starts_with("`gear.name` is a String;"), "{to}: {help}");
+    }
 }
 
 #[test]
@@ -772,7 +820,7 @@ fn signals_beside_others_and_origins() {
 #[test]
 fn the_json_has_the_agreed_layout() {
     let json = serde_json::to_value(plan()).unwrap();
-    assert_eq!(json["format"], 6);
+    assert_eq!(json["format"], 7);
     assert_eq!(json["is_cut"], false);
     assert_eq!(json["simulation"]["order"], "sequential");
     let run = &json["runs"][0];
@@ -1180,7 +1228,7 @@ fn inputs_from_a_file() {
         plan_of(SCENARIO, &options)
     };
     // The driver's speed also reaches the steering's vehicle.speed, which is wired to it.
-    let plan = with("time,driver.speed,driver.steer\n0,10,0\n1,12,0.1\n").unwrap();
+    let plan = with("time,driver.speed,driver.steer\n0,10,0\n2,12,0.1\n").unwrap();
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
     let names: Vec<_> = run.components.iter().map(|u| u.name.as_str()).collect();
     assert_eq!(names, ["steering", "vehicle"], "the driver is dropped");
@@ -1190,17 +1238,41 @@ fn inputs_from_a_file() {
     assert_eq!(run.components[0].inputs[1].slot, run.series[0].slot);
 
     // One input of one component only: the other readers keep the driver. It stands above a constant.
-    let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n").unwrap();
+    let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n2,10,0.3\n").unwrap();
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();
     assert_eq!(run.components.len(), 3);
     let vehicle = run.components.iter().find(|u| u.name == "vehicle").unwrap();
     assert_eq!(vehicle.constants.len(), 1);
     assert_eq!(vehicle.inputs.len(), 3);
 
-    let error = lines(&with("time,driver.sped\n0,1\n").unwrap_err());
-    assert!(error.contains("in.csv:1:1: no input takes the signal `driver.sped`"), "{error}");
-    let error = lines(&with("time,driver.speed\n1,1\n").unwrap_err());
-    assert!(error.contains("after the start"), "{error}");
+    let error = with("time,driver.sped\n0,1\n").unwrap_err().to_string();
+    assert!(error.contains("in.csv: no input takes the signal `driver.sped`; did you mean `driver.speed`?"), "{error}");
+    let error = with("time,driver.speed\n1,1\n2,1\n").unwrap_err().to_string();
+    assert!(error.contains("from 0 s to 1 s it has no value"), "{error}");
+}
+
+/// A number that is not in the list of an enumeration is rejected as in a scenario.
+#[test]
+fn items_from_a_file() {
+    let text = "<ScalarVariable name=\"gear\" valueReference=\"9000\" causality=\"input\" variability=\"discrete\">\
+                <Enumeration declaredType=\"Mode\" start=\"1\"/></ScalarVariable></ModelVariables>";
+    let vehicle = include_str!("../../fmu-import/tests/data/Vehicle.xml").replace("</ModelVariables>", text);
+    let mut fmus = fmus();
+    fmus.insert("Vehicle".to_string(), Arc::new(ModelDescription::parse(&vehicle).unwrap()));
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("in.csv");
+    let options = Options { inputs: Some(file.clone()), ..Options::default() };
+    let with = |last: f64| {
+        std::fs::write(&file, format!("time,vehicle:gear\n0,1\n1,{last}\n2,1\n")).unwrap();
+        resolve_text(Path::new("scenarios/step.toml"), SCENARIO, &fmus, &options)
+    };
+    assert_eq!(*with(0.0).unwrap().runs[0].series[0].values, [1.0, 0.0, 1.0]);
+    for (value, rule) in [(7.0, "is an enumeration: expected one of"), (1.5, "is Integer")] {
+        let error = with(value).unwrap_err().to_string();
+        let expected =
+            format!("in.csv: `vehicle:gear` has the value {value} at 1 s, but the input `gear` of `vehicle` {rule}");
+        assert!(error.contains(&expected), "{error}");
+    }
 }
 
 /// Values of a parameter set, by name, each a Real with or without a unit.

@@ -10,7 +10,7 @@ use fmu_system::batch::{Batch, Change, End, Sample};
 use fmu_system::fmus::Fmus;
 use fmu_system::master::{self, Recording};
 use fmu_system::plan::Plan;
-use fmu_system::resolve::{FmuFolder, Options, resolve_text};
+use fmu_system::resolve::{FmuFolder, Options, ResolveError, resolve_text};
 use fmu_system::results;
 use fmu_system::run::Order;
 use std::path::Path;
@@ -110,7 +110,7 @@ fn columns_times_and_absent_components() {
     let every = RING.replace("[record]\n", "[record]\nevery = 30\n");
     let plan = plan(&folder, &every, &Options::default());
     let names: Vec<_> = plan.columns.iter().map(|c| c.name.as_str()).collect();
-    assert_eq!(names, ["x", "y", "velocity:count", "velocity:moved"]);
+    assert_eq!(names, ["x", "y", "count", "moved"]);
     let fmus = Fmus::load(&plan.runs).unwrap();
     let recording = run(&plan, &fmus, "free");
     assert_eq!(recording.time, [0.0, 30.0 * 0.01, 60.0 * 0.01, 90.0 * 0.01]);
@@ -124,11 +124,11 @@ fn columns_times_and_absent_components() {
 }
 
 #[test]
-fn input_series_hold_their_last_row() {
+fn input_series_jump_at_equal_times() {
     let folder = ring();
     let file = folder.path().join("in.csv");
-    // 0.30 is k*step for k = 30 up to rounding; the row counts from that step on.
-    std::fs::write(&file, "time,y\n-1,1\n0.3,0\n0.5,2\n").unwrap();
+    // 0.30 is k*step for k = 30 up to rounding; the middle of a step is not near.
+    std::fs::write(&file, "time,y\n-1,1\n0.3,1\n0.3,0\n0.5,0\n0.5,2\n1,2\n").unwrap();
     let options = Options { inputs: Some(file), ..Options::default() };
     let text = RING.replace("signals = [\"x\", \"y\", \"velocity:count\", \"velocity:moved\"]", "signals = [\"x\"]");
     let plan = plan(&folder, &text, &options);
@@ -149,6 +149,59 @@ fn input_series_hold_their_last_row() {
         expected.push(x);
     }
     assert_eq!(recording.column(0).unwrap(), expected);
+}
+
+/// Reference: the straight line y = t, of which each step has the value in its middle.
+#[test]
+fn a_replaced_signal_is_recorded_as_the_wire_has_it() {
+    let folder = ring();
+    let file = folder.path().join("in.csv");
+    let options = Options { inputs: Some(file.clone()), ..Options::default() };
+    let middle = |k: u32| (f64::from(k) - 0.5) * 0.01;
+    let text = RING.replace("\"velocity:count\", \"velocity:moved\"", "");
+    // Of the output, of the output of one component, and of the only input that reads it.
+    for column in ["y", "velocity:y", "position:y"] {
+        std::fs::write(&file, format!("time,{column}\n0,0\n1,1\n")).unwrap();
+        let plan = plan(&folder, &text, &options);
+        assert_eq!(plan.columns.iter().map(|column| column.from_file).collect::<Vec<_>>(), [false, true], "{column}");
+        let names: Vec<&str> = plan.runs[0].components.iter().map(|component| component.name.as_str()).collect();
+        assert_eq!(names, ["position"], "{column}");
+        let recording = run(&plan, &Fmus::load(&plan.runs).unwrap(), "free");
+        let (x, y) = (recording.column(0).unwrap(), recording.column(1).unwrap());
+        assert_eq!(y[0], 0.0);
+        for k in 1..=100 {
+            assert!((y[k as usize] - middle(k)).abs() < 1e-15, "{column}, row {k}: {}", y[k as usize]);
+        }
+        // The sum of the middles is the integral of the line.
+        assert!((x[100] - 1.5).abs() < 1e-14, "{}", x[100]);
+    }
+}
+
+/// Reference: as above, without a component whose output it is.
+#[test]
+fn an_input_from_a_file_is_recorded_without_any_component() {
+    let folder = ring();
+    let file = folder.path().join("in.csv");
+    std::fs::write(&file, "time,y\n0,0\n1,1\n").unwrap();
+    let options = Options { inputs: Some(file), ..Options::default() };
+    let (position, _) = RING.split_once("[[component]]\nname = \"velocity\"").unwrap();
+    let scenario = |signals: &str| {
+        let metric = "[[metric]]\nname = \"last\"\ntitle = \"Last\"\nsignal = \"y\"\nkind = \"final\"\n";
+        format!("{position}[[case]]\nname = \"free\"\ntitle = \"Free\"\n[record]\nsignals = [{signals}]\n{metric}")
+    };
+    for signals in ["\"x\", \"y\"", "\"x\", \"position:y\""] {
+        let plan = plan(&folder, &scenario(signals), &options);
+        assert_eq!(plan.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>(), ["x", "y"]);
+        assert!(plan.columns[1].from_file);
+        let recording = run(&plan, &Fmus::load(&plan.runs).unwrap(), "free");
+        assert!((recording.column(1).unwrap()[100] - 0.995).abs() < 1e-15);
+    }
+    // A constant is not recorded.
+    let constant = scenario("\"x\", \"y\"").replacen("{ start = 1.0 }", "{ start = 1.0 }\ninputs = { y = 1.0 }", 1);
+    let source = FmuFolder::new([folder.path()]);
+    let error = resolve_text(Path::new("ring.toml"), &constant, &source, &Options::default()).unwrap_err();
+    let ResolveError::Problems(problems) = error else { panic!("{error}") };
+    assert!(problems.problems[0].to_string().contains("`y` is an input, not an output"), "{problems:?}");
 }
 
 #[test]

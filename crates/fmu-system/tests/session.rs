@@ -65,7 +65,7 @@ fn rest(session: &mut Session) -> Vec<f64> {
 fn a_restored_session_repeats_its_steps_and_input_series() {
     let folder = ring(&[]);
     let file = folder.path().join("in.csv");
-    std::fs::write(&file, "time,y\n0,1\n0.3,0\n0.5,2\n").unwrap();
+    std::fs::write(&file, "time,y\n0,1\n0.3,0\n0.5,2\n1,3\n").unwrap();
     for inputs in [None, Some(file)] {
         let plan = plan(&folder, &Options { inputs, ..Options::default() });
         let fmus = Fmus::load(&plan.runs).unwrap();

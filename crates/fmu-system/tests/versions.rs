@@ -5,6 +5,8 @@
 mod decay;
 #[path = "../../fmu-import/tests/support/mod.rs"]
 mod support;
+#[path = "../../../tests/zoo/zoo.rs"]
+mod zoo;
 
 use decay::Decay;
 use fmu_import::description::FmiVersion;
@@ -14,9 +16,11 @@ use fmu_system::master::{self, Recording};
 use fmu_system::plan::Plan;
 use fmu_system::problem::Problem;
 use fmu_system::resolve::{FmuFolder, Options, ResolveError, resolve_text};
+use miette::Diagnostic as _;
 use std::path::Path;
 use support::Build;
 use tempfile::TempDir;
+use zoo::Zoo;
 
 /// x' = -2 x, exactly, and its integral by the explicit Euler method. The inputs that FMI 3.0 adds are in place of `INPUTS`.
 const SCENARIO: &str = r#"
@@ -95,27 +99,56 @@ fn a_system_of_both_versions_follows_the_closed_form() {
     assert_eq!(integrals[0], integrals[1]);
 }
 
-/// An array keeps its start values, which is said; it cannot be set, connected or recorded.
+/// w = x v by element, with x = exp(-2 t) as above; v starts at (1, 2, 3).
 #[test]
-fn arrays_are_not_part_of_scenarios() {
+fn arrays_are_connected_set_and_recorded_by_element() {
     let folder = folder();
     let text = scenario(FmiVersion::V3);
-    let sound = plan(&folder, &text).unwrap();
-    assert_eq!(
-        sound.warnings,
-        [
-            "integral.toml:7:8: the input `v` is an array, which keeps its start values; only scalars can be connected or set"
-        ]
-    );
-    assert!(!sound.columns.iter().any(|column| column.name == "w"));
-    let set = text.replace("k = 2.0", "k = 2.0, bits = true");
-    let mistakes = plan(&folder, &set).unwrap_err();
-    assert!(mistakes[0].ends_with("`bits` is an array of 2 elements, which a scenario cannot set"), "{mistakes:?}");
-    let connected = text.replace("[[case]]", "[[connection]]\nfrom = \"decay:w\"\nto = \"integral:y\"\n[[case]]");
-    let mistakes = plan(&folder, &connected).unwrap_err();
-    assert!(mistakes[0].ends_with("`w` of `decay` is an array, which cannot be connected"), "{mistakes:?}");
+    let set = text
+        .replace("label = \"v\"", "label = \"v\", \"bits[2]\" = true")
+        .replace("flag = true", "flag = true, \"v[2]\" = 5.0");
+    let connected = set.replace("[[case]]", "[[connection]]\nfrom = \"decay:w[3]\"\nto = \"integral:y\"\n[[case]]");
+    let plan = plan(&folder, &connected).unwrap();
+    let warning = "array elements that nothing writes keep their start values: `v[1]` and 1 more";
+    assert!(plan.warnings[0].contains(warning), "{:?}", plan.warnings);
+    assert_eq!(plan.runs[0].components[0].parameters[0].name, "bits[2]");
+    let fmus = Fmus::load(&plan.runs).unwrap();
+    let recording = master::execute(&plan.simulation, &plan.runs[0], &fmus).unwrap();
+    let x = column(&plan, &recording, "x");
+    for (name, v) in [("w[1]", 1.0), ("w[2]", 5.0), ("w[3]", 3.0)] {
+        let w = column(&plan, &recording, name);
+        assert!(w.iter().zip(x).all(|(w, x)| *w == x * v), "{name}: {w:?}");
+    }
+    let integral = column(&plan, &recording, "integral");
+    let mut sum = 0.0;
+    for k in 1..=30 {
+        sum += 0.01 * 3.0 * x[k];
+        assert!((integral[k] - sum).abs() < 1e-14, "{k}");
+    }
 }
 
+/// The name of a whole array is a mistake that names its elements.
+#[test]
+fn an_array_as_a_whole_is_a_mistake() {
+    let folder = folder();
+    let text = scenario(FmiVersion::V3);
+    for (from, to, help) in [
+        ("k = 2.0", "k = 2.0, bits = true", "`bits` is an array: write its elements, `bits[1]` to `bits[2]`"),
+        ("u = 0.25", "u = 0.25, v = 1.0", "`v` is an array: write its elements, `v[1]` to `v[3]`"),
+        ("\"decay:*\"", "\"decay:*\", \"w\"", "`w` is an array: write its elements, `w[1]` to `w[3]`"),
+        (
+            "[[case]]",
+            "[[connection]]\nfrom = \"decay:w\"\nto = \"integral:y\"\n[[case]]",
+            "`w` is an array: write its elements, `w[1]` to `w[3]`",
+        ),
+    ] {
+        let source = FmuFolder::new([folder.path()]);
+        let text = text.replace(from, to);
+        let resolved = resolve_text(Path::new("integral.toml"), &text, &source, &Options::default());
+        let Err(ResolveError::Problems(found)) = resolved else { panic!("{to} is accepted") };
+        assert_eq!(found.problems[0].help().map(|found| found.to_string()).as_deref(), Some(help));
+    }
+}
 /// SSP 1.0 and libcosim are of the time before FMI 3.0.
 #[test]
 fn fmi_3_is_exported_as_ssp_2() {
@@ -153,6 +186,12 @@ fn fmi_3_is_exported_as_ssp_2() {
         assert!(values.contains(&format!("version=\"{version}\"")), "{values}");
         assert!(values.contains(value), "{values}");
     }
+    // An element of an array is none of the variables that other masters know.
+    let text = scenario(FmiVersion::V3).replace("flag = true", "flag = true, \"v[2]\" = 5.0");
+    let text = text.replace(", mode = \"second\"", "");
+    let plan = plan(&folder, &text).unwrap();
+    let error = System::new(&plan, &plan.runs[0]).unwrap_err().to_string();
+    assert!(error.contains("`decay:v[2]` is an element of an array, which no other master connects"), "{error}");
 }
 
 /// A component has to be steppable.
@@ -165,4 +204,49 @@ fn a_component_for_model_exchange_only_is_a_mistake() {
     let mistakes = plan(&folder, &scenario(FmiVersion::V3)).unwrap_err();
     let expected = "has no interface for co-simulation, by which a scenario steps its FMUs";
     assert!(mistakes[0].ends_with(expected), "{mistakes:?}");
+}
+
+const ALIASES: &str = r#"
+title = "Aliases"
+[simulation]
+stop = 0.2
+step = 0.1
+[[component]]
+name = "first"
+fmu = "Zoo"
+inputs = { command = 2.0, ui = 0, ub = false, ue = "eco" }
+parameters = { gain = 3.0 }
+[[component]]
+name = "second"
+fmu = "Zoo"
+inputs = { ui = 0, ub = false, ue = "eco" }
+[[connection]]
+from = "first:twin"
+to = "second:command"
+[[case]]
+name = "only"
+title = "Only"
+[record]
+signals = ["first:y", "first:twin", "second:y"]
+"#;
+
+/// y = k u. Every name of FMI 3.0 works, of inputs, outputs and parameters. Inputs of type String keep their start values.
+#[test]
+fn aliases_are_names() {
+    let folder = TempDir::new().unwrap();
+    let edits = [
+        (r#"causality="input" start="0"/>"#, r#"causality="input" start="0"><Alias name="command"/></Float64>"#),
+        (r#"causality="output"/>"#, r#"causality="output"><Alias name="twin"/></Float64>"#),
+        (r#"variability="tunable" start="1"/>"#, r#"variability="tunable" start="1"><Alias name="gain"/></Float64>"#),
+    ];
+    Zoo { fmi: FmiVersion::V3, at: 1e9, edits: &edits, ..Zoo::new("none") }.pack(folder.path());
+    let found = plan(&folder, ALIASES).unwrap();
+    let fmus = Fmus::load(&found.runs).unwrap();
+    let recording = master::execute(&found.simulation, &found.runs[0], &fmus).unwrap();
+    assert_eq!(recording.columns, [(); 3].map(|()| Some(vec![6.0; 3])));
+    let twice = ALIASES.replace("gain = 3.0", "gain = 3.0, k = 2.0");
+    let said = plan(&folder, &twice).unwrap_err().join("\n");
+    assert!(said.contains("`k` sets `k` again") || said.contains("`gain` sets `k` again"), "{said}");
+    let twice = ALIASES.replace("command = 2.0", "command = 2.0, u = 2.0");
+    assert!(plan(&folder, &twice).unwrap_err().join("\n").contains("both match `u`"));
 }

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// How a metric is computed from the n rows x\[0\] … x\[n-1\] of its window, at the times t\[0\] … t\[n-1\].
 ///
-/// n is at least 1. Where an entry says so, there may be no number ("undefined"). Rows that are not numbers make a result that
-/// is not a number, or count as neither above nor below a threshold. Sums are rounded once ([`Summation::Exact`]).
+/// n is at least 1. Where an entry says so, there may be no number ("undefined"). Rows that are not finite give no number, but
+/// an error ([`MetricError::NotFinite`]). Sums are rounded once ([`Summation::Exact`]).
 ///
 /// The unit of the number is that of the signal unless an entry says otherwise, see [`Kind::unit`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -150,10 +150,14 @@ impl Kind {
         }
     }
 
-    /// The number of a signal; `None` for kinds that [need more](Self::needs_only_values), and without values.
+    /// The number of a signal; `None` for kinds that [need more](Self::needs_only_values), without values, and with one that
+    /// is not finite.
     #[must_use]
     pub fn of_values(self, values: &[f64], summation: Summation) -> Option<f64> {
         let last = *values.last()?;
+        if values.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
         let squares = || summation.mean(values.iter().map(|x| x * x));
         Some(match self {
             Self::MeanSquare => squares(),
@@ -168,7 +172,6 @@ impl Kind {
                 let mean = summation.mean(values.iter().copied());
                 summation.mean(values.iter().map(|x| (x - mean) * (x - mean))).sqrt()
             }
-            // A difference that is not a number counts.
             Self::Changes => values.windows(2).filter(|pair| pair[1] - pair[0] != 0.0).count() as f64,
             _ => return None,
         })
@@ -239,12 +242,10 @@ impl Kind {
     }
 }
 
-/// The largest number; NaN if one of them is.
 fn largest(values: impl Iterator<Item = f64>) -> f64 {
-    values.fold(f64::NEG_INFINITY, |largest, x| if x > largest || x.is_nan() { x } else { largest })
+    values.fold(f64::NEG_INFINITY, |largest, x| if x > largest { x } else { largest })
 }
 
-/// The smallest number; NaN if one of them is.
 fn smallest(values: &[f64]) -> f64 {
     -largest(values.iter().map(|x| -x))
 }

@@ -27,7 +27,7 @@ use std::ops::Range;
 const WINDOW_SLACK: f64 = 1e-6;
 
 /// Why a metric has no number.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MetricError {
     /// The window, or what is left of it, is empty.
     #[error("the window contains no recorded row")]
@@ -47,6 +47,14 @@ pub enum MetricError {
     /// The kind has no running values.
     #[error("this kind has no running values")]
     NotRunning,
+    /// A row that counts holds a value that is not finite.
+    #[error("a signal is {value} at {time} s")]
+    NotFinite {
+        /// The value.
+        value: f64,
+        /// Time of the row, s.
+        time: f64,
+    },
     /// A column and the times have different numbers of rows.
     #[error("a column has {column} rows, the times have {times}")]
     Lengths {
@@ -133,11 +141,12 @@ impl Definition {
 
     /// The number of a run: of its rows at rising times, s, recorded with a communication step, s.
     ///
-    /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`]; a column is missing; or there is no baseline.
+    /// `Ok(None)`: the number is undefined, see [`Kind`] and [`Until`], or not finite; a column is missing; or there is no
+    /// baseline.
     ///
     /// # Errors
-    /// The window contains no row, the kind needs a threshold or band or more rows, or a column has another number of rows
-    /// than the times.
+    /// The window contains no row or a value that is not finite, the kind needs a threshold or band or more rows, or a column
+    /// has another number of rows than the times.
     pub fn value(
         &self,
         times: &[f64],
@@ -159,18 +168,25 @@ impl Definition {
         let mut rows = window(times, self.window, step);
         if let Some(until) = self.until.filter(|_| !rows.is_empty()) {
             let ends = |x: &f64| if until.above { *x > until.level } else { *x < until.level };
-            let Some(end) = columns[&until.column][rows.clone()].iter().position(ends) else { return Ok(None) };
-            rows.end = rows.start + end;
+            let signal = columns[&until.column];
+            let end = signal[rows.clone()].iter().position(ends).map(|row| rows.start + row);
+            all_finite(signal, times, &(rows.start..end.unwrap_or(rows.end)))?;
+            let Some(end) = end else { return Ok(None) };
+            rows.end = end;
         }
+        self.finite(columns, times, &rows)?;
         let mut values = self.combined(columns, &rows);
         if let Some(minus) = self.minus {
+            all_finite(columns[&minus], times, &rows)?;
             subtract(&mut values, &columns[&minus][rows.clone()]);
         }
         if let Some(others) = others {
+            self.finite(others, times, &rows)?;
             subtract(&mut values, &self.combined(others, &rows));
         }
         self.convert(&mut values);
-        self.kind.of_rows(&times[rows], &values, self.threshold, self.band)
+        let number = self.kind.of_rows(&times[rows], &values, self.threshold, self.band)?;
+        Ok(number.filter(|number| number.is_finite()))
     }
 
     /// The numbers of the windows that begin with that of the metric and end at each row of it.
@@ -178,7 +194,8 @@ impl Definition {
     /// `Ok(None)`: a column is missing, or the run has less than two rows in the window.
     ///
     /// # Errors
-    /// The kind has no running values, or a column has another number of rows than the times.
+    /// The kind has no running values, the window contains a value that is not finite, or a column has another number of rows
+    /// than the times.
     pub fn running(&self, times: &[f64], columns: &Columns<'_>, step: f64) -> Result<Option<Running>, MetricError> {
         if !self.kind.has_running_values() {
             return Err(MetricError::NotRunning);
@@ -190,10 +207,16 @@ impl Definition {
         for index in &self.columns {
             same_length(columns[index], times)?;
         }
+        self.finite(columns, times, &rows)?;
         let mut values = self.combined(columns, &rows);
         self.convert(&mut values);
         let running = self.kind.running(&times[rows.clone()], &values)?;
         Ok(running.map(|values| Running { rows, values }))
+    }
+
+    /// An error if a signal is not finite in some rows.
+    fn finite(&self, columns: &Columns<'_>, times: &[f64], rows: &Range<usize>) -> Result<(), MetricError> {
+        self.columns.iter().try_for_each(|index| all_finite(columns[index], times, rows))
     }
 
     /// The signal in some rows.
@@ -207,11 +230,10 @@ impl Definition {
                 chosen
             })
         };
-        // Written so that a NaN stays.
         match self.combine {
             None => first,
-            Some(Combine::Min) => reduced(|a, b| if b < a || b.is_nan() { b } else { a }),
-            Some(Combine::Max) => reduced(|a, b| if b > a || b.is_nan() { b } else { a }),
+            Some(Combine::Min) => reduced(|a, b| if b < a { b } else { a }),
+            Some(Combine::Max) => reduced(|a, b| if b > a { b } else { a }),
             Some(Combine::Norm) => {
                 let mut sums = self.squares(columns, rows, std::iter::repeat(1.0));
                 sums.iter_mut().for_each(|sum| *sum = sum.sqrt());
@@ -245,6 +267,13 @@ fn same_length(column: &[f64], times: &[f64]) -> Result<(), MetricError> {
         return Ok(());
     }
     Err(MetricError::Lengths { column: column.len(), times: times.len() })
+}
+
+fn all_finite(column: &[f64], times: &[f64], rows: &Range<usize>) -> Result<(), MetricError> {
+    match rows.clone().find(|row| !column[*row].is_finite()) {
+        Some(row) => Err(MetricError::NotFinite { value: column[row], time: times[row] }),
+        None => Ok(()),
+    }
 }
 
 /// Distance of evenly spaced rows, s.
@@ -319,8 +348,71 @@ mod tests {
             }
         }
         assert_eq!(Kind::Overshoot.of_values(&values, Summation::Exact), None);
-        assert!(Kind::Peak.of_values(&[1.0, f64::NAN, 2.0], Summation::Exact).is_some_and(f64::is_nan));
+        for kind in [Kind::Peak, Kind::Changes, Kind::Final] {
+            assert_eq!(kind.of_values(&[1.0, f64::NAN, 2.0], Summation::Exact), None, "{kind:?}");
+        }
     }
+
+    /// Whatever the kind, a window with a value that is not finite has no number; outside of the window it does not matter.
+    #[test]
+    fn a_value_that_is_not_finite_gives_no_number() {
+        let times: Vec<f64> = (0..40).map(f64::from).collect();
+        let fine: Vec<f64> = times.iter().map(|t| (0.7 * t).sin() + 2.0).collect();
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut broken = fine.clone();
+            broken[20] = bad;
+            let columns = Columns::from([(0, broken.as_slice()), (1, &fine), (2, &broken)]);
+            let is_error = |metric: &Definition| {
+                let found = metric.value(&times, &columns, Some(&columns), 1.0);
+                matches!(found, Err(MetricError::NotFinite { value, time: 20.0 }) if value.to_bits() == bad.to_bits())
+            };
+            for kind in ALL_KINDS {
+                let base = || Definition { threshold: Some(0.5), band: Some([0.0, 0.4]), ..definition(kind) };
+                assert!(is_error(&base()), "{kind:?}");
+                assert!(is_error(&Definition { columns: vec![1], minus: Some(2), ..base() }), "{kind:?}");
+                for combine in [Combine::Min, Combine::Max, Combine::Norm, Combine::Squares] {
+                    let metric = Definition { columns: vec![1, 0], combine: Some(combine), ..base() };
+                    assert!(is_error(&Definition { weights: vec![1.0, 0.0], ..metric }), "{kind:?} {combine:?}");
+                }
+                let until = Until { column: 0, above: true, level: 1e9 };
+                let metric = Definition { columns: vec![1], until: Some(until), ..base() };
+                assert!(is_error(&metric) || bad == f64::INFINITY, "{kind:?}");
+                let before = Definition { window: Some([0.0, 19.0]), ..base() };
+                assert!(before.value(&times, &columns, None, 1.0).is_ok_and(|number| number.is_some()), "{kind:?}");
+                let baseline = Columns::from([(1, broken.as_slice())]);
+                let of_baseline = Definition { columns: vec![1], from_baseline: true, ..base() };
+                assert!(of_baseline.value(&times, &columns, Some(&baseline), 1.0).is_err(), "{kind:?}");
+                assert!(base().running(&times, &columns, 1.0).is_err(), "{kind:?}");
+            }
+        }
+        // Finite values whose number is not: their squares are beyond the largest double.
+        let huge = [1e300, 1e300];
+        let columns = Columns::from([(0, huge.as_slice())]);
+        assert_eq!(definition(Kind::MeanSquare).value(&[0.0, 1.0], &columns, None, 1.0), Ok(None));
+    }
+
+    const ALL_KINDS: [Kind; 20] = [
+        Kind::Rms,
+        Kind::MeanSquare,
+        Kind::Peak,
+        Kind::Max,
+        Kind::Min,
+        Kind::Mean,
+        Kind::Final,
+        Kind::PeakToPeak,
+        Kind::Deviation,
+        Kind::Changes,
+        Kind::Integral,
+        Kind::BandPower,
+        Kind::Crossing,
+        Kind::MagnitudeCrossing,
+        Kind::Share,
+        Kind::ShareBelow,
+        Kind::MagnitudeShare,
+        Kind::Overshoot,
+        Kind::RiseTime,
+        Kind::SettlingTime,
+    ];
 
     /// Steps in the order that the documentation gives: combine, subtract, subtract the baseline, convert. By hand.
     #[test]

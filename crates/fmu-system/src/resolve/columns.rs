@@ -1,6 +1,6 @@
 //! The recorded signals.
 
-use super::pattern::{matches, split_pattern};
+use super::pattern::{is_match, matches, split_pattern};
 use super::system::{Column, Member, Resolver, System, context, near_outputs, outputs};
 use crate::plan::{self, Conversion};
 use fmu_import::description::{Causality, Variable};
@@ -17,10 +17,9 @@ impl Resolver<'_> {
             }
             self.check_pattern(systems, pattern, component, text);
         }
-        let mut owners: HashMap<&str, usize> = HashMap::new();
-        for (_, name) in outputs(systems, None) {
-            *owners.entry(name).or_default() += 1;
-        }
+        // The first component of the scenario has the plain name of a signal that several record, so that another component with the
+        // same signal does not rename it.
+        let mut owners: HashMap<&str, &str> = HashMap::new();
         let mut columns: Vec<Column> = Vec::new();
         // (component, variable) -> index; an FMU may have very many outputs.
         let mut indices: HashMap<(&str, &str), usize> = HashMap::new();
@@ -31,11 +30,15 @@ impl Resolver<'_> {
                 };
                 let member = &system.members[m];
                 self.problems.set_context(Some(context(system.case, Some(component))));
-                for (_, variable) in member.wirable(Causality::Output) {
-                    if !self.is_recorded(member.name(), &variable.name) {
-                        continue;
-                    }
-                    let shared = owners.get(variable.name.as_str()).is_some_and(|count| *count > 1);
+                let inputs = member.inputs.iter().filter(|(v, source)| self.records_input(member, *v, source));
+                let outputs = member
+                    .wirable(Causality::Output)
+                    .filter(|(_, variable)| self.is_recorded(member.name(), &variable.name));
+                let recorded: Vec<&Variable> =
+                    outputs.map(|(_, variable)| variable).chain(inputs.map(|(v, _)| member.variable(*v))).collect();
+                for variable in recorded {
+                    let owner = owners.entry(variable.name.as_str()).or_insert(member.name());
+                    let shared = *owner != member.name();
                     let index = *indices.entry((member.name(), variable.name.as_str())).or_insert(columns.len());
                     let Some(known) = columns.get_mut(index) else {
                         columns.push(column(member, variable, shared));
@@ -61,6 +64,33 @@ impl Resolver<'_> {
         columns
     }
 
+    /// Finds the patterns of recorded signals that no output matches in any case.
+    pub(super) fn find_patterns_of_inputs(&mut self, systems: &[System<'_>]) {
+        let all = outputs(systems, None);
+        let patterns = self.scenario.record.signals.iter().map(|pattern| pattern.get_ref().as_str());
+        self.of_inputs =
+            patterns.filter(|pattern| !all.iter().any(|(owner, name)| is_match(pattern, owner, name))).collect();
+    }
+
+    /// Whether a pattern matches an input that is recorded, or says how one could be.
+    fn is_input(&mut self, systems: &[System<'_>], pattern: &Spanned<String>) -> bool {
+        let inputs = || {
+            let members = systems.iter().flat_map(|system| &system.members);
+            let all = members.flat_map(|member| member.inputs.iter().map(move |(v, source)| (member, *v, source)));
+            all.filter(|(member, v, _)| is_match(pattern.get_ref(), member.name(), &member.variable(*v).name))
+        };
+        if inputs().any(|(member, v, source)| self.records_input(member, v, source)) {
+            return true;
+        }
+        if inputs().next().is_some() {
+            let message = format!("`{}` is an input, not an output", pattern.get_ref());
+            let help = "record the output that writes it; an input is recorded if a file writes it (`--inputs`)";
+            self.problems.add_with_help(pattern.span(), message, Some(help.to_owned()));
+            return true;
+        }
+        false
+    }
+
     /// Reports a pattern of recorded signals that matches nothing, in any case or with the other FMU of a case.
     fn check_pattern(
         &mut self,
@@ -69,6 +99,9 @@ impl Resolver<'_> {
         component: Option<&str>,
         text: &str,
     ) {
+        if self.of_inputs.contains(&pattern.get_ref().as_str()) && self.is_input(systems, pattern) {
+            return;
+        }
         let all = outputs(systems, component);
         let matches_any = |outputs: &BTreeSet<(&str, &str)>| outputs.iter().any(|(_, name)| matches(text, name));
         let message = format!("no output matches `{}`", pattern.get_ref());
@@ -115,6 +148,7 @@ fn column(member: &Member<'_>, variable: &Variable, shared: bool) -> Column {
             offset: shown.map_or(0.0, |u| u.offset),
             description: variable.description.clone().unwrap_or_default(),
             units,
+            from_file: false,
         },
     }
 }

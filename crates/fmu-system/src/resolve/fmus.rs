@@ -67,7 +67,7 @@ impl Descriptions for FmuFolder {
         let Some(path) = self.folders.iter().map(|folder| folder.join(&file)).find(|path| path.exists()) else {
             return Ok(None);
         };
-        let description = read_description(&path).map_err(|error| error.to_string())?;
+        let description = read_description(&path).map_err(|error| error.to_string())?.with_elements();
         let found = Found { path: path.to_string_lossy().into_owned(), description: Arc::new(description) };
         self.read.borrow_mut().insert(name.to_string(), found.clone());
         Ok(Some(found))

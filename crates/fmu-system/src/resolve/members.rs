@@ -4,6 +4,7 @@ use super::fmus::{Descriptions, Found};
 use super::system::{Member, Replaced, Resolver, System, context, replacement};
 use crate::steady;
 use fmu_import::names::suggestion;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 impl<'a> Resolver<'a> {
@@ -42,7 +43,7 @@ impl<'a> Resolver<'a> {
                 });
                 members.push(Member { component, found, replaced, inputs: Vec::new(), dropped: false });
             }
-            systems.push(System { case, members });
+            systems.push(System { case, members, replaced: BTreeMap::new() });
         }
         self.problems.set_context(None);
         self.report_missing_fmus(&missing, source);

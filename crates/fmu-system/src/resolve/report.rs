@@ -2,10 +2,11 @@
 
 use super::findings;
 use super::pattern::split_pattern;
-use super::system::{Column, Resolver, System, near_outputs, outputs};
-use crate::metrics::{self, Combine, Definition, Expression, Problem};
+use super::system::{Column, Resolver, System, context, near_outputs, outputs};
+use crate::metrics::{self, Combine, Definition, Expression, Kind, Problem};
 use crate::report::Source;
 use crate::{plan, report, scenario};
+use fmu_import::description::{Causality, Initial, Value, Variability};
 use fmu_import::names::{any_of, suggestion};
 use serde_spanned::Spanned;
 
@@ -21,6 +22,13 @@ impl Resolver<'_> {
             candidates.iter().filter(|(_, output)| *output == name).map(|(owner, _)| *owner).collect();
         match owners[..] {
             [] => {
+                // An input that the input file writes.
+                let mut of_inputs = columns.iter().enumerate().filter(|(_, column)| {
+                    column.variable == name && component.is_none_or(|component| component == column.component)
+                });
+                if let (Some((index, _)), None) = (of_inputs.next(), of_inputs.next()) {
+                    return Some(index);
+                }
                 self.problems.add_with_help(
                     written.span(),
                     format!("there is no output `{}`", written.get_ref()),
@@ -128,7 +136,7 @@ impl Resolver<'_> {
         };
         // Checked to be there.
         let kind = metric.kind?;
-        let source = Source::Signals(Definition {
+        let definition = Definition {
             columns: indices,
             combine,
             weights: metric.weights.as_ref().map_or(Vec::new(), |w| w.get_ref().clone()),
@@ -142,8 +150,47 @@ impl Resolver<'_> {
             factor,
             // A difference has none.
             offset: if minus.is_some() || metric.from_baseline { 0.0 } else { offset },
-        });
-        Some((source, kind.unit(unit.as_deref())))
+        };
+        self.first_row(metric, &definition, systems, &columns[first]);
+        Some((Source::Signals(definition), kind.unit(unit.as_deref())))
+    }
+
+    /// Warns if the first row, with the start value of a discrete-time model, alone breaks the requirement.
+    fn first_row(&mut self, metric: &scenario::Metric, of: &Definition, systems: &[System<'_>], column: &Column) {
+        let is_plain = of.combine.is_none() && of.minus.is_none() && !of.from_baseline && !column.plan.from_file;
+        let is_first_in = of.window.is_none_or(|[from, _]| from <= 0.0);
+        let (Some(requirement), true) = (self.requirement(metric), is_plain && is_first_in) else { return };
+        for system in systems.iter().filter(|system| requirement.cases.contains(system.case.name.get_ref())) {
+            let outputs = system.member(&column.component).map(|m| system.members[m].all(Causality::Output));
+            let Some((_, output)) = outputs.and_then(|mut all| all.find(|(_, v)| v.name == column.variable)) else {
+                continue;
+            };
+            let start = match (output.initial, &output.start) {
+                _ if output.variability != Variability::Discrete => continue,
+                (Some(Initial::Exact), Some(Value::Real(start))) => *start,
+                (Some(Initial::Exact), Some(Value::Integer(start))) => *start as f64,
+                (Some(Initial::Exact), Some(Value::Boolean(start))) => f64::from(u8::from(*start)),
+                _ => continue,
+            };
+            let shown = of.factor * start + of.offset;
+            let is_below = |limit: f64| shown < limit && of.kind == Kind::Min;
+            let is_above =
+                |limit: f64| (shown > limit && of.kind == Kind::Max) || (shown.abs() > limit && of.kind == Kind::Peak);
+            if !requirement.min.is_some_and(is_below) && !requirement.max.is_some_and(is_above) {
+                continue;
+            }
+            self.problems.set_context(Some(context(system.case, None)));
+            let message = format!(
+                "`{}` cannot keep its limit: `{}` is {shown} in the first row, which holds the start value of an output of a \
+                 discrete-time model",
+                metric.name.get_ref(),
+                column.plan.name
+            );
+            let help =
+                "give the metric a `window` that begins after the first sample, or the output another start value";
+            self.problems.warn(metric.name.span(), message, Some(help.to_string()));
+        }
+        self.problems.set_context(None);
     }
 
     /// The formula of the metric with an index, of metrics above it.

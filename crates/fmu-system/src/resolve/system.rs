@@ -1,8 +1,9 @@
 //! A case with its components, and what the parts of the resolver share.
 
 use super::fmus::Found;
-use super::pattern::{matches, split_pattern};
-use crate::input_file::InputFile;
+use super::inputs::Inputs;
+use super::pattern::{is_match, matches};
+use crate::parameter;
 use crate::parameter_set::ParameterSet;
 use crate::plan;
 use crate::problem::{Collector, Context};
@@ -10,8 +11,9 @@ use crate::scenario::{Case, Component, Replacement, Scenario, unknown};
 use fmu_import::description::{BaseType, Causality, Value, Variable};
 use fmu_import::names::similar;
 use serde_spanned::Spanned;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
+use std::path::Path;
 
 /// A component of a case with its FMU.
 pub(super) struct Member<'a> {
@@ -39,6 +41,13 @@ impl Member<'_> {
         self.all(causality).filter(|(_, v)| v.base_type != BaseType::String && !v.is_array())
     }
 
+    /// The names of a variable: its own, and the aliases of an input in FMI 3.0. An alias of an output is an output of its own.
+    pub(super) fn names(&self, index: usize) -> impl Iterator<Item = &str> {
+        let aliases = self.found.description.variables.iter().filter(move |v| v.alias_of == Some(index));
+        let aliases = aliases.filter(|v| v.causality != Causality::Output);
+        std::iter::once(self.variable(index)).chain(aliases).map(|v| v.name.as_str())
+    }
+
     pub(super) fn all(&self, causality: Causality) -> impl Iterator<Item = (usize, &Variable)> {
         self.found.description.variables.iter().enumerate().filter(move |(_, v)| v.causality == causality)
     }
@@ -57,7 +66,7 @@ pub(super) struct Replaced {
 pub(super) enum Source {
     /// An output: member and variable.
     Output(usize, usize),
-    /// A column of the input file.
+    /// A signal of the input file.
     Series(usize),
     /// A value.
     Constant(Value),
@@ -67,6 +76,8 @@ pub(super) enum Source {
 pub(super) struct System<'a> {
     pub(super) case: &'a Case,
     pub(super) members: Vec<Member<'a>>,
+    /// Recorded outputs, as member and variable, that have the values of a signal of the input file.
+    pub(super) replaced: BTreeMap<(usize, usize), usize>,
 }
 
 impl System<'_> {
@@ -85,11 +96,11 @@ pub(super) struct Column {
 pub(super) struct Resolver<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) problems: Collector,
-    pub(super) series: Option<&'a InputFile>,
-    /// Columns of the input file that write an input in some case.
-    pub(super) fed: BTreeSet<usize>,
-    /// Values of the input file that do not fit.
-    pub(super) misfits: Vec<String>,
+    pub(super) inputs: Option<Inputs>,
+    /// Patterns of recorded signals that no output matches, so that they are of inputs.
+    pub(super) of_inputs: Vec<&'a str>,
+    /// Folder of the scenario, which relative paths start at.
+    pub(super) folder: &'a Path,
     /// Parameter sets by path as written.
     pub(super) sets: HashMap<String, ParameterSet>,
 }
@@ -114,10 +125,7 @@ impl Resolver<'_> {
     }
 
     pub(super) fn is_recorded(&self, component: &str, signal: &str) -> bool {
-        self.scenario.record.signals.iter().any(|pattern| {
-            let (of, pattern) = split_pattern(pattern.get_ref());
-            of.is_none_or(|of| of == component) && matches(pattern, signal)
-        })
+        self.scenario.record.signals.iter().any(|pattern| is_match(pattern.get_ref(), component, signal))
     }
 }
 
@@ -152,6 +160,20 @@ pub(super) fn outputs<'s>(systems: &'s [System<'_>], component: Option<&str>) ->
 /// A hint for a name that is not an output of a component, or of any: near names, or else what there is.
 pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name: &str) -> String {
     const SHOWN: usize = 6;
+    let members = || {
+        let all = systems.iter().flat_map(|system| &system.members);
+        all.filter(|member| component.is_none_or(|component| component == member.name()))
+    };
+    if let Some(hint) = members().find_map(|member| parameter::array(&member.found.description, name)) {
+        return hint;
+    }
+    let mut texts = members().flat_map(|member| member.all(Causality::Output).map(|(_, variable)| variable));
+    if let Some(text) = texts.find(|text| text.base_type == BaseType::String && matches(name, &text.name)) {
+        return format!(
+            "`{}` is a String; numbers and Booleans are recorded only: an enumeration has names, too",
+            text.name
+        );
+    }
     if let Some((other, _)) = outputs(systems, None).into_iter().find(|(_, output)| *output == name) {
         return format!("did you mean `{other}:{name}`?");
     }
@@ -168,15 +190,13 @@ pub(super) fn near_outputs(systems: &[System<'_>], component: Option<&str>, name
     })
 }
 
-/// Names of all inputs and of the outputs they may be fed in place of.
-pub(super) fn input_names(systems: &[System<'_>]) -> Vec<String> {
+/// Names of all inputs or outputs, as `signal` and `component:signal`.
+pub(super) fn signal_names(systems: &[System<'_>], causality: Causality) -> Vec<String> {
     let mut names = BTreeSet::new();
     for member in systems.iter().flat_map(|system| &system.members) {
-        for causality in [Causality::Input, Causality::Output] {
-            for (_, v) in member.wirable(causality) {
-                names.insert(v.name.clone());
-                names.insert(format!("{}:{}", member.name(), v.name));
-            }
+        for (_, v) in member.wirable(causality) {
+            names.insert(v.name.clone());
+            names.insert(format!("{}:{}", member.name(), v.name));
         }
     }
     names.into_iter().collect()

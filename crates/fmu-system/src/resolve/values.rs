@@ -13,7 +13,6 @@ use serde_spanned::Spanned;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
-use std::path::Path;
 
 /// Which parameters of an FMU a value may be for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,8 +31,8 @@ type Constants = BTreeMap<usize, (Option<Value>, Range<usize>)>;
 
 impl Resolver<'_> {
     /// Reads the parameter sets that the scenario names, relative to its folder, each once.
-    pub(super) fn read_parameter_sets(&mut self, folder: &Path) {
-        let scenario = self.scenario;
+    pub(super) fn read_parameter_sets(&mut self) {
+        let (scenario, folder) = (self.scenario, self.folder);
         let of_components = scenario.components.iter().filter_map(|u| u.parameter_set.as_ref());
         let of_cases = scenario.cases.iter().filter_map(|c| c.parameter_set.as_ref());
         for path in of_components.chain(of_cases).chain(&scenario.parameter_set) {
@@ -105,7 +104,7 @@ impl Resolver<'_> {
             }
         }
         if let Some((name, span, seed)) = seed {
-            let value = Value::Integer(seed);
+            let value = Value::Integer(seed.into());
             if let Some(variable) = self.parameter(name, span.clone(), None, member, shared) {
                 match parameter::check(variable, &value) {
                     Ok(()) => set(vec![(variable, value)]),
@@ -123,15 +122,27 @@ impl Resolver<'_> {
         member: &'m Member<'_>,
         names: Names,
     ) -> Vec<(&'m Variable, Value)> {
-        let mut found = Vec::new();
+        let mut found: Vec<(&Variable, Value)> = Vec::new();
         for (name, written) in values {
             if let Some(variable) = self.parameter(name.get_ref(), name.span(), None, member, names)
+                && !self.is_set_twice(&found, variable, name)
                 && let Some(value) = self.value(&member.found.description, variable, written)
             {
                 found.push((variable, value));
             }
         }
         found
+    }
+
+    /// Reports a parameter that a table sets by two of its names.
+    fn is_set_twice(&mut self, found: &[(&Variable, Value)], variable: &Variable, name: &Spanned<String>) -> bool {
+        let is_twice = found.iter().any(|(other, _)| other.name == variable.name);
+        if is_twice {
+            let message =
+                format!("`{}` sets `{}` again: both are names of one parameter", name.get_ref(), variable.name);
+            self.problems.add(name.span(), message);
+        }
+        is_twice
     }
 
     /// The parameter of a name that stands at `span`, in the file `set` if it is a parameter set. One that is not there is a
@@ -187,6 +198,7 @@ impl Resolver<'_> {
             let value = match (&written.value, &written.unit) {
                 (Value::Real(number), Some(unit)) => convert_unit(description, variable, *number, unit),
                 (Value::String(name), _) if variable.base_type == BaseType::Integer => named(variable, name),
+                (Value::String(text), _) => Ok(self.string(text)),
                 (value, _) => Ok(value.clone()),
             };
             let value = value.and_then(|value| {
@@ -231,7 +243,7 @@ impl Resolver<'_> {
                 }
                 let mut any = false;
                 for (v, variable) in member.all(Causality::Input) {
-                    if !matches(text, &variable.name) {
+                    if !member.names(v).any(|name| matches(text, name)) {
                         continue;
                     }
                     any = true;
@@ -246,7 +258,7 @@ impl Resolver<'_> {
                 let may_lack = is_of_component && member.replaced.is_some();
                 if !any && !may_lack {
                     let names = member.all(Causality::Input).map(|(_, v)| v.name.as_str());
-                    let help = suggestion(text, names);
+                    let help = parameter::array(&member.found.description, text).or_else(|| suggestion(text, names));
                     self.problems.add_with_help(
                         pattern.span(),
                         format!("`{}` has no input `{text}`", member.name()),
@@ -267,7 +279,10 @@ impl Resolver<'_> {
     ) -> Option<Value> {
         let result = convert(description, variable, written.get_ref()).and_then(|value| {
             parameter::check(variable, &value).map_err(|message| (message, None))?;
-            Ok(value)
+            Ok(match value {
+                Value::String(text) => self.string(&text),
+                other => other,
+            })
         });
         match result {
             Ok(value) => {
@@ -282,6 +297,11 @@ impl Resolver<'_> {
                 None
             }
         }
+    }
+
+    /// A String; that of a file is its absolute path, wherever the FMU is executed.
+    fn string(&self, text: &str) -> Value {
+        Value::String(super::file_in(self.folder, text).unwrap_or_else(|| text.to_owned()))
     }
 
     /// Warns about an angle that was probably meant in degrees. It stands at `span`, in the file `set` if it is a parameter
@@ -331,10 +351,7 @@ fn convert(description: &ModelDescription, variable: &Variable, written: &toml::
         (toml::Value::Float(v), BaseType::Real) => Ok(Value::Real(*v)),
         // TOML integers have 64 bits; whole numbers beyond 2^53 are no sensible parameters.
         (toml::Value::Integer(v), BaseType::Real) => Ok(Value::Real(*v as f64)),
-        (toml::Value::Integer(v), BaseType::Integer) => match i32::try_from(*v) {
-            Ok(v) => Ok(Value::Integer(v)),
-            Err(_) => wrong(&format!("{v}, which has more than 32 bits")),
-        },
+        (toml::Value::Integer(v), BaseType::Integer) => Ok(Value::Integer(*v)),
         (toml::Value::String(name), BaseType::Integer) => named(variable, name),
         (toml::Value::Boolean(v), BaseType::Boolean) => Ok(Value::Boolean(*v)),
         (toml::Value::String(v), BaseType::String) => Ok(Value::String(v.clone())),
@@ -376,7 +393,7 @@ fn shown(value: &toml::Value) -> String {
 fn named(variable: &Variable, name: &str) -> Result<Value, Mistake> {
     let values = variable.named_values();
     if let Some((value, _)) = values.iter().find(|(_, n)| *n == name) {
-        return Ok(Value::Integer(*value));
+        return Ok(Value::Integer((*value).into()));
     }
     if values.is_empty() {
         return Err((format!("`{}` is Integer without named values, got the string \"{name}\"", variable.name), None));

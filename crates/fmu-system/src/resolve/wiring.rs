@@ -2,7 +2,7 @@
 
 use super::conversion::{self, compatible, convertible};
 use super::system::{Column, Member, Resolver, Source, System, context, replacement};
-use super::values::{is_implausible, setting};
+use super::values::setting;
 use crate::parameter;
 use crate::plan::{self, Connected, Origin, Signal};
 use crate::run;
@@ -16,6 +16,8 @@ use std::sync::Arc;
 
 /// An end of a connection: member and variable; `None` if the case has none. `Err`: a mistake was noted.
 type End = Result<Option<(usize, usize)>, ()>;
+/// Outputs by name.
+type Outputs<'a> = HashMap<&'a str, Vec<(usize, usize)>>;
 /// Outputs that connections name, by the input that they write. `Err`: a mistake was noted.
 type Connections = HashMap<(usize, usize), Result<(usize, usize), ()>>;
 
@@ -73,18 +75,20 @@ impl<'a> Resolver<'a> {
     pub(super) fn wire(&mut self, system: &mut System<'a>) {
         let connections = self.connections(system);
         // Outputs by name, to find the only other component that has one.
-        let mut outputs: HashMap<&str, Vec<(usize, usize)>> = HashMap::new();
+        let mut outputs = Outputs::new();
         for (m, member) in system.members.iter().enumerate() {
             for (v, variable) in member.wirable(Causality::Output) {
                 outputs.entry(variable.name.as_str()).or_default().push((m, v));
             }
         }
         let mut wired = Vec::new();
+        let mut lost = Vec::new();
         for (m, member) in system.members.iter().enumerate() {
             self.problems.set_context(Some(context(system.case, Some(member.component))));
             let constants = self.constants(system.case, member);
             let mut inputs = Vec::new();
             let mut missing = Vec::new();
+            let mut elements = Vec::new();
             for (v, variable) in member.all(Causality::Input) {
                 if variable.is_array() {
                     self.problems.warn(
@@ -96,7 +100,7 @@ impl<'a> Resolver<'a> {
                 }
                 let constant = constants.get(&v);
                 let explicit = connections.get(&(m, v)).copied();
-                let writer = self.writer(system, (m, v), explicit, &outputs);
+                let writer = self.writer(system, (m, v), explicit, &outputs, &mut lost);
                 match (writer, constant) {
                     (Ok(Some(Source::Output(from, _))), Some((_, span))) => self.problems.add(
                         span.clone(),
@@ -110,6 +114,9 @@ impl<'a> Resolver<'a> {
                     (Ok(None), Some((Some(value), _))) => inputs.push((v, Source::Constant(value.clone()))),
                     // The invalid constant was reported.
                     (Ok(None), Some((None, _))) => (),
+                    // Nothing can be connected to it: it keeps its start value.
+                    (Ok(None), None) if variable.base_type == BaseType::String && variable.start.is_some() => (),
+                    (Ok(None), None) if variable.element.is_some() => elements.push(variable.name.as_str()),
                     (Ok(None), None) => missing.push(variable.name.as_str()),
                     (Err(()), _) => (),
                 }
@@ -117,25 +124,31 @@ impl<'a> Resolver<'a> {
             if !missing.is_empty() {
                 self.report_missing(system, m, &missing, &outputs);
             }
+            if let Some(first) = elements.first() {
+                let more = match elements.len() - 1 {
+                    0 => String::new(),
+                    more => format!(" and {more} more"),
+                };
+                self.problems.warn(
+                    member.component.name.span(),
+                    format!("array elements that nothing writes keep their start values: `{first}`{more}"),
+                    Some("connect them, or give them constants in `inputs`".to_string()),
+                );
+            }
             wired.push(inputs);
         }
         self.problems.set_context(None);
         for (member, inputs) in system.members.iter_mut().zip(wired) {
             member.inputs = inputs;
         }
-        if self.series.is_some() {
+        if self.inputs.is_some() {
+            self.replace_recorded(system, &lost);
             self.drop_unneeded(system);
         }
     }
 
     /// Reports inputs of a member without a writer, those that a swap has left so apart.
-    fn report_missing(
-        &mut self,
-        system: &System<'_>,
-        m: usize,
-        missing: &[&str],
-        outputs: &HashMap<&str, Vec<(usize, usize)>>,
-    ) {
+    fn report_missing(&mut self, system: &System<'_>, m: usize, missing: &[&str], outputs: &Outputs<'_>) {
         let member = &system.members[m];
         let name = member.name();
         let mut by_swap: BTreeMap<Option<(usize, Change)>, Vec<&str>> = BTreeMap::new();
@@ -181,13 +194,15 @@ impl<'a> Resolver<'a> {
         self.problems.set_context(Some(context(system.case, Some(member.component))));
     }
 
-    /// What writes an input, constants aside. `Err`: a mistake was noted.
+    /// What writes an input, constants aside. `Err`: a mistake was noted. A wire that the input file takes over is added to `lost`, as
+    /// its output and the column.
     fn writer(
         &mut self,
         system: &System<'_>,
         (m, v): (usize, usize),
         explicit: Option<Result<(usize, usize), ()>>,
-        outputs: &HashMap<&str, Vec<(usize, usize)>>,
+        outputs: &Outputs<'_>,
+        lost: &mut Vec<((usize, usize), usize)>,
     ) -> Result<Option<Source>, ()> {
         let member = &system.members[m];
         let input = member.variable(v);
@@ -195,17 +210,21 @@ impl<'a> Resolver<'a> {
         if input.base_type == BaseType::String {
             return Ok(None);
         }
-        if let Some(feed) = self.feed(Some(member.name()), name) {
-            return Ok(Some(self.use_feed(feed, member, input)));
+        let others = || {
+            let writers = member.names(v).filter_map(|name| outputs.get(name)).flatten();
+            writers.filter(|(other, _)| *other != m).copied()
+        };
+        let own = self.column(Some(member.name()), name);
+        let own = own.or_else(|| explicit.is_none().then(|| self.column(None, name)).flatten());
+        if let Some(column) = own {
+            let from = explicit.map_or_else(|| others().next().filter(|_| others().count() == 1), Result::ok);
+            lost.extend(from.map(|from| (from, column)));
+            return self.use_column(column, (member, input), input).map(Some);
         }
         let from = match explicit {
             Some(from) => Some(from?),
             None => {
-                if let Some(feed) = self.feed(None, name) {
-                    return Ok(Some(self.use_feed(feed, member, input)));
-                }
-                let others: Vec<(usize, usize)> =
-                    outputs.get(name).into_iter().flatten().filter(|(other, _)| *other != m).copied().collect();
+                let others: Vec<(usize, usize)> = others().collect();
                 if others.len() > 1 {
                     self.report_writers(system, (m, v), &others);
                     return Err(());
@@ -218,12 +237,12 @@ impl<'a> Resolver<'a> {
         };
         let writer = &system.members[w];
         let output = writer.variable(o);
-        let fed = self.feed(Some(writer.name()), &output.name).or_else(|| self.feed(None, &output.name));
-        if let Some(feed) = fed {
+        let fed = self.column(Some(writer.name()), &output.name).or_else(|| self.column(None, &output.name));
+        if let Some(column) = fed {
             // A connection that converts reads values of the output's type.
-            let (of, variable) =
-                if conversion::between(output, input).is_some() { (writer, output) } else { (member, input) };
-            return Ok(Some(self.use_feed(feed, of, variable)));
+            let of = if conversion::between(output, input).is_some() { (writer, output) } else { (member, input) };
+            lost.push(((w, o), column));
+            return self.use_column(column, of, input).map(Some);
         }
         // The ends of a connection were checked where it is written.
         if explicit.is_none()
@@ -244,50 +263,14 @@ impl<'a> Resolver<'a> {
         Ok(Some(Source::Output(w, o)))
     }
 
-    fn feed(&self, component: Option<&str>, signal: &str) -> Option<usize> {
-        let series = self.series?;
-        match component {
-            Some(component) => series.index(&format!("{component}:{signal}")),
-            None => series.index(signal),
-        }
+    fn column(&self, component: Option<&str>, signal: &str) -> Option<usize> {
+        self.inputs.as_ref()?.column(component, signal)
     }
 
-    /// Notes that a series writes an input, or replaces the output that does, and values that this variable cannot take.
-    fn use_feed(&mut self, feed: usize, member: &Member<'_>, variable: &Variable) -> Source {
-        self.fed.insert(feed);
-        let signal = self.series.map(|f| &f.signals[feed]);
-        let fits = |value: f64| match variable.base_type {
-            BaseType::Integer => value.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&value),
-            BaseType::Boolean => value == 0.0 || value == 1.0,
-            BaseType::Real | BaseType::String => true,
-        };
-        if let Some(signal) = signal
-            && let Some(value) = signal.values.iter().copied().find(|v| is_implausible(variable, *v))
-        {
-            let place = member.component.name.span();
-            let message = format!("the input file has the value {value} rad for `{}`", signal.name);
-            self.problems.warn(
-                place,
-                message,
-                Some(format!("that is {:.0} deg; is it in degrees?", value.to_degrees())),
-            );
-        }
-        if let Some(signal) = signal
-            && let Some(value) = signal.values.iter().find(|v| !fits(**v))
-        {
-            let misfit = format!(
-                "`{}` has the value {value}, but the {} `{}` of `{}` is {}",
-                signal.name,
-                if variable.causality == Causality::Output { "output" } else { "input" },
-                variable.name,
-                member.name(),
-                variable.base_type
-            );
-            if !self.misfits.contains(&misfit) {
-                self.misfits.push(misfit);
-            }
-        }
-        Source::Series(feed)
+    /// Name of the column of the input file that a signal is made of.
+    fn column_name(&self, feed: usize) -> String {
+        let inputs = self.inputs.as_ref();
+        inputs.map_or(String::new(), |inputs| inputs.name(inputs.feeds[feed].column).to_owned())
     }
 
     /// The wires of a case by name, and the outputs that nothing reads.
@@ -309,9 +292,7 @@ impl<'a> Resolver<'a> {
                         type_change = conversion::between(writer.variable(*output), member.variable(*v));
                         Origin::Output(signal(writer, *output))
                     }
-                    Source::Series(feed) => {
-                        Origin::File(self.series.map_or(String::new(), |series| series.signals[*feed].name.clone()))
-                    }
+                    Source::Series(feed) => Origin::File(self.column_name(*feed)),
                     Source::Constant(value) => {
                         Origin::Constant { value: value.clone(), unit: member.variable(*v).unit.clone() }
                     }
@@ -370,7 +351,10 @@ impl<'a> Resolver<'a> {
         let member = &system.members[m];
         self.problems.set_context(Some(context(system.case, Some(member.component))));
         let wanted = if causality == Causality::Output { "output" } else { "input" };
-        match member.found.description.index(name) {
+        let of_input =
+            member.wirable(Causality::Input).map(|(v, _)| v).find(|v| member.names(*v).any(|own| own == name));
+        let index = of_input.filter(|_| causality == Causality::Input).or_else(|| member.found.description.index(name));
+        match index {
             Some(v) if member.variable(v).causality != causality => {
                 self.problems.add(
                     name_span,
@@ -402,7 +386,8 @@ impl<'a> Resolver<'a> {
                 let had = own.filter(|own| own.description.variable(name).is_some());
                 let had = had.map_or(String::new(), |_| format!(", which {} has", member.component.fmu.get_ref()));
                 let message = format!("`{component}` has no {wanted} `{name}`{had}");
-                self.problems.add_with_help(name_span, message, similar(name, names));
+                let help = parameter::array(&member.found.description, name).or_else(|| similar(name, names));
+                self.problems.add_with_help(name_span, message, help);
                 Err(())
             }
         }
@@ -414,7 +399,11 @@ impl<'a> Resolver<'a> {
         let mut open: Vec<usize> = (0..system.members.len())
             .filter(|&m| {
                 let member = &system.members[m];
-                member.wirable(Causality::Output).any(|(_, v)| self.is_recorded(member.name(), &v.name))
+                let is_recorded = |v: usize, variable: &Variable| {
+                    self.is_recorded(member.name(), &variable.name) && !system.replaced.contains_key(&(m, v))
+                };
+                member.wirable(Causality::Output).any(|(v, variable)| is_recorded(v, variable))
+                    || member.inputs.iter().any(|(v, source)| self.records_input(member, *v, source))
             })
             .collect();
         while let Some(m) = open.pop() {
@@ -436,15 +425,17 @@ impl<'a> Resolver<'a> {
     pub(super) fn wired(&self, system: &System<'_>, columns: &[Column]) -> run::Run {
         let kept: Vec<usize> = (0..system.members.len()).filter(|&m| !system.members[m].dropped).collect();
         let sources = || kept.iter().flat_map(|&m| &system.members[m].inputs).map(|(_, source)| source);
-        // Slots: series first, then outputs in the order of the components.
+        // Slots: series first, in the order of the file, then outputs in the order of the components.
         let mut slots = 0..;
         let mut next = || slots.next().unwrap_or_default();
-        let used: BTreeSet<usize> = sources()
-            .filter_map(|s| match s {
-                Source::Series(feed) => Some(*feed),
-                _ => None,
-            })
-            .collect();
+        let feeds = self.inputs.as_ref().map_or(&[][..], |inputs| &inputs.feeds);
+        let of_sources = sources().filter_map(|source| match source {
+            Source::Series(feed) => Some(*feed),
+            _ => None,
+        });
+        let mut used: Vec<usize> = of_sources.chain(system.replaced.values().copied()).collect();
+        used.sort_by_key(|feed| (feeds[*feed].column, *feed));
+        used.dedup();
         let feed_slots: HashMap<usize, usize> = used.iter().map(|&feed| (feed, next())).collect();
         let read: BTreeSet<(usize, usize)> = sources()
             .filter_map(|s| match s {
@@ -456,7 +447,9 @@ impl<'a> Resolver<'a> {
         for &m in &kept {
             let member = &system.members[m];
             for (v, variable) in member.wirable(Causality::Output) {
-                if read.contains(&(m, v)) || self.is_recorded(member.name(), &variable.name) {
+                let is_recorded =
+                    || self.is_recorded(member.name(), &variable.name) && !system.replaced.contains_key(&(m, v));
+                if read.contains(&(m, v)) || is_recorded() {
                     output_slots.insert((m, v), next());
                 }
             }
@@ -474,9 +467,9 @@ impl<'a> Resolver<'a> {
                         Source::Constant(value) => {
                             constants.push(setting(variable, value.clone()));
                         }
-                        Source::Series(feed) => inputs.push(wire(variable, feed_slots[feed])),
+                        Source::Series(feed) => inputs.push(Wire::new(variable, feed_slots[feed])),
                         Source::Output(m, o) => {
-                            inputs.push(wire(variable, output_slots[&(*m, *o)]));
+                            inputs.push(Wire::new(variable, output_slots[&(*m, *o)]));
                         }
                     }
                 }
@@ -495,20 +488,20 @@ impl<'a> Resolver<'a> {
                     inputs,
                     outputs: output_slots
                         .range((m, 0)..(m + 1, 0))
-                        .map(|((_, v), slot)| wire(member.variable(*v), *slot))
+                        .map(|((_, v), slot)| Wire::new(member.variable(*v), *slot))
                         .collect(),
                 }
             })
             .collect();
-        let series = self.series.map_or(Vec::new(), |series| {
-            used.iter()
-                .map(|feed| run::InputSeries {
-                    slot: feed_slots[feed],
-                    times: Arc::clone(&series.times),
-                    values: Arc::clone(&series.signals[*feed].values),
-                })
-                .collect()
-        });
+        let series = used
+            .iter()
+            .map(|feed| run::InputSeries {
+                slot: feed_slots[feed],
+                interpolation: feeds[*feed].interpolation,
+                times: Arc::clone(&feeds[*feed].signal.times),
+                values: Arc::clone(&feeds[*feed].signal.values),
+            })
+            .collect();
         let case = system.case.name.get_ref();
         run::Run {
             id: case.clone(),
@@ -523,13 +516,14 @@ impl<'a> Resolver<'a> {
                 .map(|column| {
                     let m = system.member(&column.component)?;
                     let v = system.members[m].found.description.index(&column.variable)?;
-                    output_slots.get(&(m, v)).copied()
+                    let on_input = system.members[m].inputs.iter().find_map(|(input, source)| match source {
+                        Source::Series(feed) if *input == v => Some(feed),
+                        _ => None,
+                    });
+                    let feed = system.replaced.get(&(m, v)).or(on_input);
+                    feed.map_or_else(|| output_slots.get(&(m, v)).copied(), |feed| feed_slots.get(feed).copied())
                 })
                 .collect(),
         }
     }
-}
-
-pub(super) fn wire(variable: &Variable, slot: usize) -> Wire {
-    Wire { reference: variable.reference, base_type: variable.base_type, slot }
 }

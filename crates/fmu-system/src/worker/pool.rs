@@ -8,7 +8,7 @@ use crate::master::Recording;
 use crate::results::Part;
 use crate::run::{Component, Run, Simulation};
 use fmu_import::fmu::Binary;
-use fmu_import::worker::{Ended, Process, Settings, Watch};
+use fmu_import::worker::{Ended, Incident, Process, Settings, Watch};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -34,7 +34,8 @@ pub struct Task {
     pub csv: Option<(Vec<String>, PathBuf)>,
 }
 
-/// Takes the index of a task and its outcome. The recording has no rows if they were written to a file.
+/// Takes the index of a task and its outcome. The recording, or that of a failure, has nothing but the time of the last row if
+/// the rows were written to a file.
 pub type Finish<'a> = &'a (dyn Fn(usize, Result<Recording, Failure>) + Sync);
 
 /// A run whose file is written, but not published.
@@ -42,20 +43,14 @@ struct Written {
     index: usize,
     run: String,
     part: Part,
-    recording: Recording,
+    outcome: Result<Recording, Failure>,
 }
 
 impl Written {
     fn publish(self, finish: Finish<'_>) {
         let outcome = match self.part.publish() {
-            Ok(()) => Ok(self.recording),
-            Err(error) => Err(Failure {
-                run: self.run,
-                time: None,
-                component: None,
-                message: error.to_string(),
-                kind: FailureKind::Error,
-            }),
+            Ok(()) => self.outcome,
+            Err(error) => Err(Failure::new(&self.run, error.to_string())),
         };
         finish(self.index, outcome);
     }
@@ -80,7 +75,7 @@ impl Pool {
         let worker = self.worker(&mut slot)?;
         worker.send(&Request::Load, &[]);
         match worker.receive(&mut Watch::new(self.settings.timeout), &mut |_| ()) {
-            Ok(Response::Failed { message, .. }) => Err(message),
+            Ok(Response::Failed { failure, .. }) => Err(failure.message),
             Ok(_) => Ok(()),
             Err(Ended { component, message, .. }) => {
                 *slot = None;
@@ -113,23 +108,29 @@ impl Pool {
                     progress(steps.saturating_sub(done));
                     done = done.max(steps);
                 };
-                let outcome = task(index).and_then(|Task { run, csv }| {
-                    let id = run.id.clone();
-                    let csv = csv.map(|(names, path)| (names, Part::of(&path)));
-                    let part = csv.as_ref().map(|(_, part)| part.clone());
-                    let recording = self.run(&mut slot, simulation, run, csv, &mut steps)?;
-                    Ok((id, part, recording))
-                });
+                let (run, part, outcome) = match task(index) {
+                    Err(failure) => (String::new(), None, Err(failure)),
+                    Ok(Task { run, csv }) => {
+                        let id = run.id.clone();
+                        let csv = csv.map(|(names, path)| (names, Part::of(&path)));
+                        let part = csv.as_ref().map(|(_, part)| part.clone());
+                        (id, part, self.run_or_repeat(&mut slot, simulation, run, csv, &mut steps))
+                    }
+                };
                 steps(simulation.steps);
-                match outcome {
-                    Ok((run, Some(part), recording)) => {
+                let has_rows = outcome.as_ref().map_or_else(|failure| failure.recorded.is_some(), |_| true);
+                match part {
+                    Some(part) if has_rows => {
                         // Nobody receives where no thread could be started.
-                        if let Err(SendError(file)) = written.send(Written { index, run, part, recording }) {
+                        if let Err(SendError(file)) = written.send(Written { index, run, part, outcome }) {
                             file.publish(finish);
                         }
                     }
-                    Ok((_, None, recording)) => finish(index, Ok(recording)),
-                    Err(failure) => finish(index, Err(failure)),
+                    // Whatever a process has left of it.
+                    unused => {
+                        unused.iter().for_each(Part::remove);
+                        finish(index, outcome);
+                    }
                 }
             }
         };
@@ -161,6 +162,32 @@ impl Pool {
         slot.as_mut().ok_or_else(String::new)
     }
 
+    /// Executes a run. If its process ends, what it has recorded is lost with it: if the rows are for a file, the run is repeated
+    /// up to there, with the same calls.
+    fn run_or_repeat(
+        &self,
+        slot: &mut Option<Process>,
+        simulation: &Simulation,
+        run: Run,
+        csv: Option<(Vec<String>, Part)>,
+        steps: &mut dyn FnMut(u64),
+    ) -> Result<Recording, Failure> {
+        let again = csv.is_some().then(|| run.clone());
+        self.run(slot, simulation, run, csv.clone(), steps).map_err(|failure| {
+            let (Some(run), FailureKind::Crashed | FailureKind::TimedOut, Some(time)) =
+                (again, failure.kind, failure.time)
+            else {
+                return failure;
+            };
+            let done = ((time - simulation.start) / simulation.step).round() as u64;
+            let until = Simulation { steps: done.min(simulation.steps), ..*simulation };
+            // An FMU may fail when it is to end before the stop time.
+            let repeated = self.run(slot, &until, run, csv, steps);
+            let recorded = repeated.map_or_else(|failure| failure.recorded, |recording| Some(Box::new(recording)));
+            Failure { recorded, ..failure }
+        })
+    }
+
     fn run(
         &self,
         slot: &mut Option<Process>,
@@ -170,41 +197,49 @@ impl Pool {
         steps: &mut dyn FnMut(u64),
     ) -> Result<Recording, Failure> {
         let id = run.id.clone();
-        let failed =
-            |time, component, message| Failure { run: id.clone(), time, component, message, kind: FailureKind::Error };
-        let part = csv.as_ref().map(|(_, part)| part.clone());
+        let failed = |message| Failure::new(&id, message);
         let components: Vec<(String, String)> =
             run.components.iter().map(|Component { name, fmu, .. }| (name.clone(), fmu.clone())).collect();
-        let worker = self.worker(slot).map_err(|message| failed(None, None, message))?;
+        let worker = self.worker(slot).map_err(failed)?;
         let (request, body) = Request::run(simulation, run, csv);
         worker.send(&request, &body);
         drop(body);
-        let response = match worker.receive(&mut Watch::new(self.settings.timeout), steps) {
+        let received = worker.receive(&mut Watch::new(self.settings.timeout), steps);
+        for incident in worker.incidents() {
+            let index = if let Incident::Denied { component, .. } = incident { component } else { None };
+            let component = index.and_then(|index| components.get(index));
+            let place = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
+            (self.settings.noticed)(&format!("{place}{incident}"));
+        }
+        let response = match received {
             Ok(answer) => answer,
             Err(Ended { time, component, message, is_timeout }) => {
                 *slot = None;
-                part.iter().for_each(Part::remove);
                 let component = component.and_then(|index| components.get(index));
                 let place = component.map_or(String::new(), |(name, fmu)| format!("`{name}` ({fmu}): "));
                 let component = component.map(|(name, _)| name.clone());
                 let kind = if is_timeout { FailureKind::TimedOut } else { FailureKind::Crashed };
-                return Err(Failure { kind, ..failed(time, component, place + &message) });
+                return Err(Failure { time, component, kind, ..failed(place + &message) });
             }
         };
         let unexpected = |slot: &mut Option<Process>| {
             *slot = None;
-            failed(None, None, "the worker process sent an unexpected response".to_owned())
+            failed("the worker process sent an unexpected response".to_owned())
         };
         match response {
             Response::Recorded { rows, columns, messages, seconds } => {
                 protocol::recording(rows, &columns, messages, seconds, worker.body()).map_err(|_| unexpected(slot))
             }
-            Response::Failed { time, component, message, is_fatal } => {
+            Response::Failed { failure, is_fatal, rows } => {
+                let recorded = rows.map(|(rows, columns)| {
+                    protocol::recording(rows, &columns, Vec::new(), 0.0, worker.body()).map(Box::new)
+                });
+                let recorded = recorded.transpose().map_err(|_| unexpected(slot))?;
                 if is_fatal {
                     // No instance of that FMU may be used any more in its process.
                     *slot = None;
                 }
-                Err(failed(time, component, message))
+                Err(Failure { run: id.clone(), recorded, ..failure })
             }
             Response::Done | Response::Steady(_) | Response::Warnings(_) => Err(unexpected(slot)),
         }

@@ -1,14 +1,18 @@
 //! What requests and responses about runs are made of.
 
+use crate::failure::Failure;
 use crate::master::Recording;
 use crate::results::Part;
-use crate::run::{InputSeries, Run, Setting, Simulation, Trial};
+use crate::run::{InputSeries, Interpolation, Run, Setting, Simulation, Trial};
 use fmu_import::fmu::Binary;
 use fmu_import::loader::Message;
 use fmu_import::worker::message::{Numbers, invalid};
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::sync::Arc;
+
+/// Slot of an input series, number of rows, what is between them, and whether it has the times of the one before.
+pub(super) type Series = (usize, usize, Interpolation, bool);
 
 /// What a worker is asked for.
 #[derive(Debug, Serialize, Deserialize)]
@@ -22,8 +26,8 @@ pub(super) enum Request {
         simulation: Simulation,
         /// Its series are in the body.
         run: Box<Run>,
-        /// Slots of the input series, number of rows, and whether one has the times of the one before.
-        series: Vec<(usize, usize, bool)>,
+        /// Slots of the input series, number of rows, what is between them, and whether one has the times of the one before.
+        series: Vec<Series>,
         /// Names of the columns, and the file to write them to instead of returning them. It is left to be published.
         csv: Option<(Vec<String>, Part)>,
     },
@@ -46,14 +50,13 @@ pub(super) enum Response {
     Recorded { rows: usize, columns: Vec<bool>, messages: Vec<(String, Message)>, seconds: f64 },
     /// It could not be done.
     Failed {
-        /// Start of the step that failed, s.
-        time: Option<f64>,
-        /// Name of the component.
-        component: Option<String>,
         /// Why.
-        message: String,
+        failure: Failure,
         /// Whether no library of the worker may be used any more.
         is_fatal: bool,
+        /// Number of rows before it, and which columns they have; they are in the body unless they were written to the file.
+        /// `None`: there are none.
+        rows: Option<(usize, Vec<bool>)>,
     },
 }
 
@@ -61,7 +64,7 @@ impl Request {
     /// A run as header and body.
     pub(super) fn run(simulation: &Simulation, mut run: Run, csv: Option<(Vec<String>, Part)>) -> (Self, Vec<f64>) {
         let mut body = Vec::new();
-        let mut series: Vec<(usize, usize, bool)> = Vec::new();
+        let mut series: Vec<Series> = Vec::new();
         let taken = std::mem::take(&mut run.series);
         for (at, feed) in taken.iter().enumerate() {
             let is_same = at > 0 && Arc::ptr_eq(&feed.times, &taken[at - 1].times);
@@ -69,26 +72,26 @@ impl Request {
                 body.extend_from_slice(&feed.times);
             }
             body.extend_from_slice(&feed.values);
-            series.push((feed.slot, feed.values.len(), is_same));
+            series.push((feed.slot, feed.values.len(), feed.interpolation, is_same));
         }
         (Self::Run { simulation: *simulation, run: Box::new(run), series, csv }, body)
     }
 }
 
 /// The series of a run from its body.
-pub(super) fn series(list: &[(usize, usize, bool)], mut body: &[f64]) -> io::Result<Vec<InputSeries>> {
+pub(super) fn series(list: &[Series], mut body: &[f64]) -> io::Result<Vec<InputSeries>> {
     let mut take = |count: usize| -> io::Result<Arc<[f64]>> {
         let (numbers, rest) = body.split_at_checked(count).ok_or_else(|| invalid("a body is too short"))?;
         body = rest;
         Ok(numbers.into())
     };
     let mut series: Vec<InputSeries> = Vec::new();
-    for &(slot, rows, is_same) in list {
+    for &(slot, rows, interpolation, is_same) in list {
         let times = match series.last().filter(|_| is_same) {
             Some(before) => Arc::clone(&before.times),
             None => take(rows)?,
         };
-        series.push(InputSeries { slot, times, values: take(rows)? });
+        series.push(InputSeries { slot, interpolation, times, values: take(rows)? });
     }
     Ok(series)
 }
@@ -96,12 +99,30 @@ pub(super) fn series(list: &[(usize, usize, bool)], mut body: &[f64]) -> io::Res
 impl Response {
     /// A recording as header and body, which is to be sent as one.
     pub(super) fn recorded(recording: Recording) -> (Self, Vec<Vec<f64>>) {
-        let Recording { time, columns, messages, seconds } = recording;
-        let rows = time.len();
-        let has = columns.iter().map(Option::is_some).collect();
-        let body = std::iter::once(time).chain(columns.into_iter().flatten()).collect();
-        (Self::Recorded { rows, columns: has, messages, seconds }, body)
+        let ((rows, columns), body, messages, seconds) = parts(recording);
+        (Self::Recorded { rows, columns, messages, seconds }, body)
     }
+
+    /// A failure as header and body: the rows before it.
+    pub(super) fn failed(mut failure: Failure, is_fatal: bool) -> (Self, Vec<Vec<f64>>) {
+        let (rows, body) = match failure.recorded.take() {
+            None => (None, Vec::new()),
+            Some(recording) => {
+                let (rows, body, ..) = parts(*recording);
+                (Some(rows), body)
+            }
+        };
+        (Self::Failed { failure, is_fatal, rows }, body)
+    }
+}
+
+/// Number of rows and which columns there are, the columns with the times first, and the rest of a recording.
+type Parts = ((usize, Vec<bool>), Vec<Vec<f64>>, Vec<(String, Message)>, f64);
+
+fn parts(recording: Recording) -> Parts {
+    let Recording { time, columns, messages, seconds } = recording;
+    let rows = (time.len(), columns.iter().map(Option::is_some).collect());
+    (rows, std::iter::once(time).chain(columns.into_iter().flatten()).collect(), messages, seconds)
 }
 
 /// A recording from its header and its body.

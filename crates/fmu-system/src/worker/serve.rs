@@ -1,11 +1,12 @@
 //! The side of the worker.
 
 use super::protocol::{self, Request, Response};
+use crate::failure::Failure;
 use crate::fmus::{Fmus, FmusError, Instances};
-use crate::master::{self, RunError};
+use crate::master::{self, Recording};
 use crate::run::Component;
 use crate::trial;
-use fmu_import::fmu::{Binary, FmuError};
+use fmu_import::fmu::Binary;
 use fmu_import::loader::{CallProblem, Instance, Library, Status, calls};
 use fmu_import::worker::{Replies, serve_requests};
 use std::cell::RefCell;
@@ -26,7 +27,7 @@ pub fn serve(board: &Path) -> io::Result<()> {
 }
 
 fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &mut Replies) -> io::Result<()> {
-    let failed = |message: String| Response::Failed { time: None, component: None, message, is_fatal: false };
+    let failed = |message: String| Response::Failed { failure: Failure::new("", message), is_fatal: false, rows: None };
     match request {
         Request::Fmus(binaries) => {
             libraries.binaries =
@@ -44,22 +45,28 @@ fn respond(request: Request, body: &[f64], libraries: &mut Libraries, replies: &
         }
         Request::Run { simulation, mut run, series, csv } => {
             run.series = protocol::series(&series, body)?;
-            let (response, body) = match master::execute(&simulation, &run, libraries) {
-                Err(RunError { time, cause, .. }) => {
-                    let is_fatal = matches!(&*cause, FmusError::Fmu(FmuError::Call(call)) if call.problem == CallProblem::Status(Status::Fatal));
-                    let component = cause.component().map(str::to_owned);
-                    (Response::Failed { time, component, message: cause.to_string(), is_fatal }, Vec::new())
-                }
-                Ok(mut recording) => match csv {
-                    None => Response::recorded(recording),
-                    Some((names, part)) => match part.write(&names, &recording) {
+            // The rows go to the file, if there is one, and not to the response.
+            let kept = |recording: &mut Recording| {
+                let Some((names, part)) = &csv else { return Ok(()) };
+                part.write(names, recording)?;
+                recording.time.drain(..recording.time.len().saturating_sub(1));
+                recording.columns.clear();
+                io::Result::Ok(())
+            };
+            let executed = master::execute(&simulation, &run, libraries);
+            replies.end_copies();
+            let (response, body) = match executed {
+                Err(mut error) => {
+                    let status = error.cause.call().map(|call| &call.problem);
+                    let is_fatal = status == Some(&CallProblem::Status(Status::Fatal));
+                    match error.recorded.as_deref_mut().map_or(Ok(()), kept) {
                         Err(error) => (failed(error.to_string()), Vec::new()),
-                        Ok(()) => {
-                            recording.time.clear();
-                            recording.columns.clear();
-                            Response::recorded(recording)
-                        }
-                    },
+                        Ok(()) => Response::failed(error.into(), is_fatal),
+                    }
+                }
+                Ok(mut recording) => match kept(&mut recording) {
+                    Err(error) => (failed(error.to_string()), Vec::new()),
+                    Ok(()) => Response::recorded(recording),
                 },
             };
             replies.send(&response, &body.iter().map(Vec::as_slice).collect::<Vec<_>>())

@@ -1,0 +1,164 @@
+//! Units of measure of data.
+
+use fmu_import::description::{BaseUnit, DisplayUnit, ModelDescription, Variable};
+use fmu_import::names::suggestion;
+use std::f64::consts::PI;
+
+/// Unit, factor to SI, powers of kg, m, s, A, K, rad.
+const UNITS: [(&str, f64, [i32; 6]); 47] = [
+    ("1", 1.0, [0, 0, 0, 0, 0, 0]),
+    ("%", 0.01, [0, 0, 0, 0, 0, 0]),
+    ("rad", 1.0, [0, 0, 0, 0, 0, 1]),
+    ("deg", PI / 180.0, [0, 0, 0, 0, 0, 1]),
+    ("rad/s", 1.0, [0, 0, -1, 0, 0, 1]),
+    ("deg/s", PI / 180.0, [0, 0, -1, 0, 0, 1]),
+    ("rad/s2", 1.0, [0, 0, -2, 0, 0, 1]),
+    ("deg/s2", PI / 180.0, [0, 0, -2, 0, 0, 1]),
+    ("rpm", PI / 30.0, [0, 0, -1, 0, 0, 1]),
+    ("m", 1.0, [0, 1, 0, 0, 0, 0]),
+    ("mm", 1e-3, [0, 1, 0, 0, 0, 0]),
+    ("cm", 1e-2, [0, 1, 0, 0, 0, 0]),
+    ("km", 1e3, [0, 1, 0, 0, 0, 0]),
+    ("in", 0.0254, [0, 1, 0, 0, 0, 0]),
+    ("ft", 0.3048, [0, 1, 0, 0, 0, 0]),
+    ("m/s", 1.0, [0, 1, -1, 0, 0, 0]),
+    ("mm/s", 1e-3, [0, 1, -1, 0, 0, 0]),
+    ("km/h", 1.0 / 3.6, [0, 1, -1, 0, 0, 0]),
+    ("kph", 1.0 / 3.6, [0, 1, -1, 0, 0, 0]),
+    ("mph", 0.447_04, [0, 1, -1, 0, 0, 0]),
+    ("m/s2", 1.0, [0, 1, -2, 0, 0, 0]),
+    ("mm/s2", 1e-3, [0, 1, -2, 0, 0, 0]),
+    // The unit, not the gravity of a vehicle: exact.
+    ("g", 9.806_65, [0, 1, -2, 0, 0, 0]),
+    ("s", 1.0, [0, 0, 1, 0, 0, 0]),
+    ("ms", 1e-3, [0, 0, 1, 0, 0, 0]),
+    ("us", 1e-6, [0, 0, 1, 0, 0, 0]),
+    ("ns", 1e-9, [0, 0, 1, 0, 0, 0]),
+    ("min", 60.0, [0, 0, 1, 0, 0, 0]),
+    ("h", 3600.0, [0, 0, 1, 0, 0, 0]),
+    ("N", 1.0, [1, 1, -2, 0, 0, 0]),
+    ("daN", 10.0, [1, 1, -2, 0, 0, 0]),
+    ("lbf", 4.448_221_615_260_5, [1, 1, -2, 0, 0, 0]),
+    ("kN", 1e3, [1, 1, -2, 0, 0, 0]),
+    ("N.m", 1.0, [1, 2, -2, 0, 0, 0]),
+    ("Nm", 1.0, [1, 2, -2, 0, 0, 0]),
+    ("kN.m", 1e3, [1, 2, -2, 0, 0, 0]),
+    ("Pa", 1.0, [1, -1, -2, 0, 0, 0]),
+    ("kPa", 1e3, [1, -1, -2, 0, 0, 0]),
+    ("bar", 1e5, [1, -1, -2, 0, 0, 0]),
+    ("MPa", 1e6, [1, -1, -2, 0, 0, 0]),
+    ("kg", 1.0, [1, 0, 0, 0, 0, 0]),
+    ("lb", 0.453_592_37, [1, 0, 0, 0, 0, 0]),
+    ("t", 1e3, [1, 0, 0, 0, 0, 0]),
+    ("W", 1.0, [1, 2, -3, 0, 0, 0]),
+    ("kW", 1e3, [1, 2, -3, 0, 0, 0]),
+    ("V", 1.0, [1, 2, -3, -1, 0, 0]),
+    ("A", 1.0, [0, 0, 0, 1, 0, 0]),
+];
+
+/// Other units: with an offset, or of the same powers as one without a name.
+const MORE: [(&str, f64, f64, [i32; 6]); 3] = [
+    ("K", 1.0, 0.0, [0, 0, 0, 0, 1, 0]),
+    ("degC", 1.0, 273.15, [0, 0, 0, 0, 1, 0]),
+    ("Hz", 1.0, 0.0, [0, 0, -1, 0, 0, 0]),
+];
+
+/// A unit by its name: value in SI = factor * value + offset. `°`, `²` and `^2` are other ways to write `deg` and `2`, and `-` is 1.
+#[must_use]
+pub fn find(name: &str) -> Option<BaseUnit> {
+    let name = name.trim().replace("°C", "degC").replace('°', "deg").replace('²', "2").replace("^2", "2");
+    let name = name.replace(['·', '*'], ".").replace(['µ', 'μ'], "u");
+    let name = if name == "-" { "1" } else { name.as_str() };
+    let all = UNITS.iter().map(|(name, factor, powers)| (*name, *factor, 0.0, *powers)).chain(MORE);
+    all.into_iter().find(|unit| unit.0 == name).map(|(_, factor, offset, [kg, m, s, ampere, kelvin, rad])| BaseUnit {
+        exponents: [kg, m, s, ampere, kelvin, 0, 0, rad],
+        factor,
+        offset,
+    })
+}
+
+/// Returns true if the exponents of two units are equal except for the radian, which some tools omit.
+#[must_use]
+pub fn is_same_without_angle(a: [i32; 8], b: [i32; 8]) -> bool {
+    a[..7] == b[..7]
+}
+
+/// The unit that values are converted to: that of a variable.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Target {
+    /// Its name; `None` takes values in any unit, as they are.
+    pub name: Option<String>,
+    /// The unit in SI; `None` if it is only known by its name.
+    pub base: Option<BaseUnit>,
+    /// Units to show values in.
+    pub display: Vec<DisplayUnit>,
+    /// A difference, to which offsets do not apply.
+    pub is_relative: bool,
+}
+
+/// Conversion from another unit to that of the target: factor * value + offset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conversion {
+    /// Factor.
+    pub factor: f64,
+    /// Offset.
+    pub offset: f64,
+}
+
+/// Values stay as they are.
+pub const SAME: Conversion = Conversion { factor: 1.0, offset: 0.0 };
+
+impl Target {
+    /// A unit by its name.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        Self { name: Some(name.to_owned()), base: find(name), ..Self::default() }
+    }
+
+    /// The unit of a variable of an FMU.
+    #[must_use]
+    pub fn of(description: &ModelDescription, variable: &Variable) -> Self {
+        let unit = variable.unit.as_deref();
+        let declared = unit.and_then(|name| description.unit(name)).and_then(|unit| unit.base);
+        let known = unit.and_then(find);
+        // A tool that omits the radian still declares the name.
+        let lacks_angle = declared.zip(known).is_some_and(|(declared, known)| {
+            is_same_without_angle(declared.exponents, known.exponents) && declared.factor == known.factor
+        });
+        Self {
+            name: unit.map(str::to_owned),
+            base: if lacks_angle { known } else { declared.or(known) },
+            display: description.display_units(variable),
+            is_relative: variable.relative_quantity,
+        }
+    }
+
+    /// Conversion of values in a unit.
+    ///
+    /// # Errors
+    /// The unit is unknown or has another dimension: message and help.
+    pub fn from(&self, unit: &str) -> Result<Conversion, (String, String)> {
+        let Some(own) = self.name.as_deref().filter(|own| *own != unit) else { return Ok(SAME) };
+        let offset = |offset: f64| if self.is_relative { 0.0 } else { offset };
+        if let (Some(from), Some(to)) = (find(unit), self.base) {
+            if from.exponents != to.exponents {
+                let help = "correct the unit in the file, or choose another column".to_owned();
+                return Err((format!("`{unit}` and `{own}` measure different quantities"), help));
+            }
+            return Ok(Conversion {
+                factor: from.factor / to.factor,
+                offset: offset((from.offset - to.offset) / to.factor),
+            });
+        }
+        if let Some(display) = self.display.iter().find(|display| display.name == unit) {
+            return Ok(Conversion { factor: 1.0 / display.factor, offset: offset(-display.offset / display.factor) });
+        }
+        let known = UNITS.iter().map(|unit| unit.0).chain(MORE.iter().map(|unit| unit.0));
+        let near = suggestion(unit, known.chain(self.display.iter().map(|display| display.name.as_str())));
+        let near = near.map_or(String::new(), |near| format!("{near} "));
+        Err((
+            format!("the unit `{unit}` cannot be converted to `{own}`"),
+            format!("{near}Give the column a known unit, or no unit and values in {own}"),
+        ))
+    }
+}

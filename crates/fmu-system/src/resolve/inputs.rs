@@ -1,0 +1,383 @@
+//! The file of `--inputs`: which of its columns writes what, with which values.
+
+use super::pattern::is_match;
+use super::system::{Member, Resolver, Source, System};
+use super::values::is_implausible;
+use crate::data::unit::Target;
+use crate::data::{Channel, Clock, DataError, Duplicates, Format, Mistake, Signal, Table, TimeColumn};
+use crate::parameter;
+use crate::run::{Interpolation, Simulation};
+use fmu_import::description::{BaseType, Causality, Variability, Variable};
+use fmu_import::names::suggestion;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Value of a signal after its last sample.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum AfterEnd {
+    /// Nothing: a file that ends before the run is a mistake.
+    #[default]
+    Error,
+    /// Its last value.
+    Hold,
+}
+
+/// The file and the signals that its columns are made into.
+pub(super) struct Inputs {
+    table: Table,
+    clock: Clock,
+    simulation: Simulation,
+    after_end: AfterEnd,
+    pub(super) feeds: Vec<Feed>,
+    /// Columns that write an input in some case.
+    used: BTreeSet<usize>,
+    mistakes: Vec<Mistake>,
+    warnings: Vec<String>,
+}
+
+/// A column as a signal.
+pub(super) struct Feed {
+    /// Index of the column.
+    pub(super) column: usize,
+    pub(super) interpolation: Interpolation,
+    /// Unit of the values.
+    pub(super) unit: Option<String>,
+    pub(super) signal: Signal,
+}
+
+impl Inputs {
+    /// Reads the file. Rows with equal times are a jump.
+    pub(super) fn read(path: &Path, simulation: Simulation, after_end: AfterEnd) -> Result<Self, DataError> {
+        let table = Table::read(path, &Format::default())?;
+        let clock = table.times(&TimeColumn { duplicates: Duplicates::Jump, ..TimeColumn::default() })?;
+        let mut warnings = Vec::new();
+        if let Some(triple) = clock.times().windows(3).find(|times| times[0] == times[2]) {
+            warnings.push(format!(
+                "{}: several rows are at {} s; the first is the value before the jump, the last the one after it, those \
+                 between are ignored",
+                table.file(),
+                triple[0]
+            ));
+        }
+        let (used, mistakes) = (BTreeSet::new(), Vec::new());
+        Ok(Self { table, clock, simulation, after_end, feeds: Vec::new(), used, mistakes, warnings })
+    }
+
+    /// Column of a signal, of any component or of one.
+    pub(super) fn column(&self, component: Option<&str>, signal: &str) -> Option<usize> {
+        let is_name = |name: &str| match component {
+            None => name == signal,
+            Some(component) => name.split_once(':') == Some((component, signal)),
+        };
+        let found = self.table.columns().iter().position(|column| is_name(&column.name));
+        found.filter(|column| *column != self.clock.column)
+    }
+
+    /// Name of a column.
+    pub(super) fn name(&self, column: usize) -> &str {
+        &self.table.columns()[column].name
+    }
+
+    /// The column as a signal in a unit. `None`: a mistake was noted.
+    fn feed(&mut self, column: usize, target: &Target, interpolation: Interpolation) -> Option<usize> {
+        self.used.insert(column);
+        let is_same =
+            |feed: &Feed| feed.column == column && feed.interpolation == interpolation && feed.unit == target.name;
+        if let Some(known) = self.feeds.iter().position(is_same) {
+            return Some(known);
+        }
+        let name = self.name(column).to_owned();
+        match self.table.signal(&self.clock, &Channel::new(&name), target) {
+            Ok(signal) => {
+                self.check_span(&name, &signal, interpolation);
+                self.feeds.push(Feed { column, interpolation, unit: target.name.clone(), signal });
+                Some(self.feeds.len() - 1)
+            }
+            Err(error) => {
+                error.mistakes.into_iter().for_each(|mistake| self.note(mistake));
+                None
+            }
+        }
+    }
+
+    fn note(&mut self, mistake: Mistake) {
+        if !self.mistakes.contains(&mistake) {
+            self.mistakes.push(mistake);
+        }
+    }
+
+    fn warn(&mut self, warning: String) {
+        let warning = format!("{}: {warning}", self.table.file());
+        if !self.warnings.contains(&warning) {
+            self.warnings.push(warning);
+        }
+    }
+
+    /// Checks that a signal has values for the whole run. One that is held has them until the last row.
+    fn check_span(&mut self, name: &str, signal: &Signal, interpolation: Interpolation) {
+        let Simulation { start, stop, step, .. } = self.simulation;
+        // Times are rounded, too.
+        let slack = |time: f64| (1e-9 * step).max(4.0 * f64::EPSILON * time.abs());
+        let first = signal.times[0];
+        if first > start + slack(start) {
+            let message =
+                format!("`{name}` begins at {first} s, after the start: from {start} s to {first} s it has no value");
+            let help = Some(format!("start the simulation at {first} s, or add a row for {start} s"));
+            self.note(Mistake { line: None, message, help });
+        }
+        let last = match interpolation {
+            Interpolation::Linear => signal.times.last(),
+            Interpolation::Hold => self.clock.times().last(),
+        };
+        let Some(last) = last.copied().filter(|last| *last < stop - slack(stop)) else { return };
+        match self.after_end {
+            AfterEnd::Hold => self.warn(format!("`{name}` ends at {last} s; its last value holds until {stop} s")),
+            AfterEnd::Error => {
+                let message =
+                    format!("`{name}` ends at {last} s, before the stop: from {last} s to {stop} s it has no value");
+                let help = Some(format!("`--stop {last}` ends the run there, `--after-end hold` keeps the last value"));
+                self.note(Mistake { line: None, message, help });
+            }
+        }
+    }
+
+    /// Checks that a variable can take the values.
+    fn check_values(&mut self, feed: usize, member: &Member<'_>, variable: &Variable) {
+        let Feed { column, signal, .. } = &self.feeds[feed];
+        let role = if variable.causality == Causality::Output { "output" } else { "input" };
+        let (name, of) = (self.name(*column), member.name());
+        let whole = |value: f64| {
+            // A number of a file is rounded to one of these, unless it is below.
+            let is_whole = value.fract() == 0.0 && value.abs() < (1_u64 << f64::MANTISSA_DIGITS) as f64;
+            Some(value as i64).filter(|whole| is_whole && variable.integers().contains(whole))
+        };
+        let misfit = |(time, value): (&f64, &f64)| {
+            let rule = match variable.base_type {
+                BaseType::Integer => match whole(*value) {
+                    None if variable.integers().contains(&(i64::from(i32::MAX) + 1)) => {
+                        format!("is {}, of which a file gives whole numbers below 2^53", variable.data_type)
+                    }
+                    None => format!("is {}", variable.base_type),
+                    Some(number) => format!("is an enumeration: {}", parameter::check_item(variable, number).err()?),
+                },
+                BaseType::Boolean if *value != 0.0 && *value != 1.0 => format!("is {}", variable.base_type),
+                _ => return None,
+            };
+            Some(format!(
+                "`{name}` has the value {value} at {time} s, but the {role} `{}` of `{of}` {rule}",
+                variable.name
+            ))
+        };
+        let misfit = signal.times.iter().zip(&*signal.values).find_map(misfit);
+        let is_outside =
+            |value: f64| variable.min.is_some_and(|min| value < min) || variable.max.is_some_and(|max| value > max);
+        let mut outside = signal.times.iter().zip(&*signal.values).filter(|(_, value)| is_outside(**value));
+        let outside = outside.next().map(|(time, value)| {
+            let limits = [("at least", variable.min), ("at most", variable.max)];
+            let limits: Vec<String> =
+                limits.iter().filter_map(|(words, limit)| limit.map(|limit| format!("{words} {limit}"))).collect();
+            let more = 1 + outside.count();
+            format!(
+                "{more} values of `{name}` are outside the limits of `{}` of `{of}`, {}: the first is {value} at {time} s",
+                variable.name,
+                limits.join(" and ")
+            )
+        });
+        if let Some(message) = misfit {
+            let help = Some(format!(
+                "correct the value, or name the column `COMPONENT:{}` of another component",
+                variable.name
+            ));
+            self.note(Mistake { line: None, message, help });
+        } else if let Some(outside) = outside {
+            self.warn(outside);
+        }
+    }
+
+    /// Reports what is wrong with the file. Columns that write nothing are ignored, unless they name an input or nearly a signal.
+    pub(super) fn finish(
+        mut self,
+        inputs: &[String],
+        outputs: &[String],
+        components: &[&str],
+    ) -> Result<Vec<String>, DataError> {
+        let mut ignored = Vec::new();
+        for column in 0..self.table.columns().len() {
+            if column == self.clock.column || self.used.contains(&column) {
+                continue;
+            }
+            let name = self.name(column).to_owned();
+            if outputs.contains(&name) {
+                ignored.push(format!("`{name}`"));
+                continue;
+            }
+            let known = inputs.iter().chain(outputs).map(String::as_str);
+            let help = if inputs.contains(&name) {
+                Some("a connection or another column writes the input; name the column `component:input`".to_owned())
+            } else {
+                suggestion(&name, known)
+            };
+            let is_of_component = name.split_once(':').is_some_and(|(component, _)| components.contains(&component));
+            if help.is_some() || is_of_component {
+                self.note(Mistake { line: None, message: format!("no input takes the signal `{name}`"), help });
+            } else if !name.is_empty() {
+                ignored.push(format!("`{name}`"));
+            }
+        }
+        if self.used.is_empty() && self.mistakes.is_empty() {
+            let message = format!("no input takes any of the signals {}", ignored.join(", "));
+            let help = Some("name columns like signals, or component:signal".to_owned());
+            self.note(Mistake { line: None, message, help });
+        }
+        if !self.mistakes.is_empty() {
+            return Err(DataError { file: self.table.file().to_owned(), mistakes: self.mistakes });
+        }
+        if !ignored.is_empty() {
+            self.warn(format!("no input takes the columns {}; they are ignored", ignored.join(", ")));
+        }
+        Ok(self.warnings)
+    }
+}
+
+/// Interpolation of an input between samples.
+fn interpolation(source: &Variable, reader: &Variable) -> Interpolation {
+    let is_continuous = reader.base_type == BaseType::Real && reader.variability == Variability::Continuous;
+    if is_continuous && source.base_type == BaseType::Real { Interpolation::Linear } else { Interpolation::Hold }
+}
+
+impl Resolver<'_> {
+    /// A column writes the input `reader` with values of `variable` of `member`: the input, or the output that it replaces.
+    pub(super) fn use_column(
+        &mut self,
+        column: usize,
+        (member, variable): (&Member<'_>, &Variable),
+        reader: &Variable,
+    ) -> Result<Source, ()> {
+        let inputs = self.inputs.as_mut().ok_or(())?;
+        let target = Target::of(&member.found.description, variable);
+        let feed = inputs.feed(column, &target, interpolation(variable, reader)).ok_or(())?;
+        inputs.check_values(feed, member, variable);
+        let has_unit = inputs.table.columns()[column].unit.is_some();
+        let values = &inputs.feeds[feed].signal.values;
+        let implausible = values.iter().copied().find(|value| !has_unit && is_implausible(variable, *value));
+        if let Some(value) = implausible {
+            let message = format!("the input file has the value {value} rad for `{}`", inputs.name(column));
+            let help = format!("that is {:.0} deg; is it in degrees?", value.to_degrees());
+            self.problems.warn(member.component.name.span(), message, Some(help));
+        }
+        Ok(Source::Series(feed))
+    }
+
+    /// Notes which recorded outputs of a case have the values of the file: those that a used column is named after, and those that
+    /// have lost all readers to one column. `lost` has the column that each lost wire has now.
+    pub(super) fn replace_recorded(&mut self, system: &mut System<'_>, lost: &[((usize, usize), usize)]) {
+        let Some(inputs) = &self.inputs else { return };
+        let sources = || system.members.iter().flat_map(|member| &member.inputs).map(|(_, source)| source);
+        let mut replaced = Vec::new();
+        for (m, member) in system.members.iter().enumerate() {
+            for (v, variable) in member.wirable(Causality::Output) {
+                if !self.is_recorded(member.name(), &variable.name) {
+                    continue;
+                }
+                let named =
+                    inputs.column(Some(member.name()), &variable.name).or_else(|| inputs.column(None, &variable.name));
+                let is_read = sources().any(|source| matches!(source, Source::Output(w, o) if (*w, *o) == (m, v)));
+                let mut columns = lost.iter().filter(|(output, _)| *output == (m, v)).map(|(_, column)| *column);
+                let taken = columns.next().filter(|first| !is_read && columns.all(|other| other == *first));
+                let on_wire = |column: usize| {
+                    let feeds = sources().filter_map(|source| match source {
+                        Source::Series(feed) if inputs.feeds[*feed].column == column => Some(*feed),
+                        _ => None,
+                    });
+                    feeds.min_by_key(|feed| inputs.feeds[*feed].interpolation)
+                };
+                if let Some(feed) = named.and_then(on_wire).or_else(|| taken.and_then(on_wire)) {
+                    replaced.push(((m, v), feed));
+                }
+            }
+        }
+        for ((m, v), feed) in replaced {
+            let member = &system.members[m];
+            let target = Target::of(&member.found.description, member.variable(v));
+            let Some(inputs) = &mut self.inputs else { return };
+            let Feed { column, interpolation, .. } = inputs.feeds[feed];
+            // In the unit of the output, which a connection may not share with its reader.
+            if let Some(feed) = inputs.feed(column, &target, interpolation) {
+                system.replaced.insert((m, v), feed);
+            }
+        }
+    }
+
+    /// Whether an input that a column writes is recorded: a pattern of `[record]` that no output matches names it.
+    pub(super) fn records_input(&self, member: &Member<'_>, v: usize, source: &Source) -> bool {
+        let Source::Series(_) = source else { return false };
+        self.of_inputs.iter().any(|pattern| is_match(pattern, member.name(), &member.variable(v).name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::Order;
+
+    fn inputs(text: &str, after_end: AfterEnd) -> Result<Inputs, DataError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("in.csv");
+        std::fs::write(&path, text).unwrap();
+        let simulation = Simulation { start: 0.0, stop: 1.0, step: 0.1, steps: 10, order: Order::Sequential, every: 1 };
+        Inputs::read(&path, simulation, after_end)
+    }
+
+    fn mistake(text: &str, interpolation: Interpolation) -> String {
+        let mut inputs = inputs(text, AfterEnd::Error).unwrap();
+        let column = inputs.column(None, "a").unwrap();
+        inputs.feed(column, &Target::default(), interpolation);
+        inputs
+            .finish(&["a".to_owned()], &[], &[])
+            .err()
+            .map_or(String::new(), |error| error.mistakes[0].message.clone())
+    }
+
+    /// Reference: an interval without a value is named; a held signal has its last value until the last row.
+    #[test]
+    fn a_signal_covers_the_run() {
+        let (linear, hold) = (Interpolation::Linear, Interpolation::Hold);
+        assert_eq!(mistake("time,a\n0,1\n1,2\n", linear), "");
+        assert_eq!(mistake("time,a\n-1,1\n2,2\n", linear), "");
+        assert_eq!(
+            mistake("time,a\n0.5,1\n1,2\n", linear),
+            "`a` begins at 0.5 s, after the start: from 0 s to 0.5 s it has no value"
+        );
+        for (text, interpolation) in [("time,a\n0,1\n0.25,2\n", linear), ("time,a\n0,1\n0.25,2\n", hold)] {
+            assert_eq!(
+                mistake(text, interpolation),
+                "`a` ends at 0.25 s, before the stop: from 0.25 s to 1 s it has no value"
+            );
+        }
+        let missing = "time,a\n0,1\n0.25,2\n1,\n";
+        assert!(mistake(missing, linear).starts_with("`a` ends at 0.25 s"));
+        assert_eq!(mistake(missing, hold), "");
+
+        let mut held = inputs("time,a\n0,1\n0.25,2\n", AfterEnd::Hold).unwrap();
+        held.feed(1, &Target::default(), linear);
+        let warnings = held.finish(&[], &[], &[]).unwrap();
+        assert!(warnings[0].ends_with("in.csv: `a` ends at 0.25 s; its last value holds until 1 s"), "{warnings:?}");
+    }
+
+    #[test]
+    fn columns_that_nothing_takes_are_ignored_unless_they_are_slips() {
+        let unused = |text: &str| {
+            let mut inputs = inputs(text, AfterEnd::Error).unwrap();
+            inputs.feed(1, &Target::default(), Interpolation::Linear);
+            let takes = ["a", "steer.front"].map(str::to_owned);
+            let has = ["driver.steer", "driver:driver.steer"].map(str::to_owned);
+            inputs.finish(&takes, &has, &["driver"]).map_err(|error| error.mistakes[0].message.clone())
+        };
+        let warnings = unused("time,a,Marker,driver.steer\n0,0,start,1\n1,0,end,1\n").unwrap();
+        assert!(warnings[0].ends_with("no input takes the columns `Marker`, `driver.steer`; they are ignored"));
+        for slip in ["driver.stear", "driver:speed", "steer.front"] {
+            let error = unused(&format!("time,a,{slip}\n0,0,1\n1,0,1\n")).unwrap_err();
+            assert_eq!(error, format!("no input takes the signal `{slip}`"));
+        }
+    }
+}
