@@ -5,6 +5,7 @@ use crate::bench::Bench;
 use crate::course::{Course, drive};
 use crate::evaluators::weighting::Weighting;
 use crate::executor::Executor;
+use crate::maneuvers::double_lane_change::{Part, compare_at};
 use crate::maneuvers::{self, Increasing, MANEUVERS, Maneuver, Results};
 use crate::metric::Direction;
 use crate::report::{Assessment, Limit, Measured, Pair, REQUIRED, Row, SCHEMA, Suite, row};
@@ -105,6 +106,21 @@ pub fn assess(
             tell();
             result
         });
+        // Metrics of unequal entry speeds say nothing: the faster system drives at the speed of the other one, too.
+        for part in Part::ALL {
+            let of = |system: usize| {
+                let name = systems.systems.get(system)?.name;
+                found.iter().position(|results| results.maneuver == part.name() && results.system == name)
+            };
+            let Some(pair) = of(0).zip(of(1)) else { continue };
+            let Some((first, second)) = found[pair.0].entry_speed.zip(found[pair.1].entry_speed) else { continue };
+            if first != second {
+                let (faster, at) = if first > second { (0, pair.0) } else { (1, pair.1) };
+                let own = increasing.get(faster).map(|(_, known)| *known);
+                let bench = place.bench(&systems.systems[faster], &vehicle, of_first, own);
+                compare_at(&bench, part, first.min(second), &mut found[at]);
+            }
+        }
         let amplitude = increasing.first().and_then(|(_, known)| known.amplitude);
         let driver = json!({
             "amplitude": amplitude,
@@ -258,6 +274,7 @@ fn assembled(
         systems: systems.systems.iter().map(|system| system.name).collect(),
         unwritten: systems.systems.iter().map(unwritten).collect(),
         idle: decisive.map_or(Vec::new(), |system| system.idle.clone()),
+        assumed: systems.plant.assumed.clone(),
         runs,
         metrics: rows,
         dropped: unique(dropped),

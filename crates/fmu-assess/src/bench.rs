@@ -109,6 +109,7 @@ impl Bench<'_> {
         let mut run = plan.runs.first().ok_or("the system has no run")?.clone();
         run.id.clone_from(&course.id);
         let mut set = |component: &str, name: &str, setting: &Setting, is_optional: bool| -> Result<(), String> {
+            let signal = name;
             let name = if component == "plant" { self.plant.variable(name) } else { name };
             let found = run.components.iter().find(|other| other.name == component);
             let found = found.and_then(|other| self.fmus.description(&other.fmu));
@@ -117,8 +118,11 @@ impl Bench<'_> {
             };
             let value = match (setting, variable.base_type) {
                 (Setting::Text(text), _) => Value::String(text.clone()),
-                (Setting::Number(number), BaseType::Integer) => Value::Integer(*number as i32),
+                (Setting::Number(number), BaseType::Integer) => Value::Integer(*number as i64),
                 (Setting::Number(number), BaseType::Boolean) => Value::Boolean(*number > 0.5),
+                (Setting::Number(number), _) if component == "plant" => {
+                    Value::Real(self.plant.unit.of_si(signal, variable, *number)?)
+                }
                 (Setting::Number(number), _) => Value::Real(*number),
             };
             run.set_described(&|path| self.fmus.description(path), component, name, value)
@@ -157,8 +161,7 @@ impl Bench<'_> {
             (input.reference, input.base_type) == (variable.reference, variable.base_type)
         };
         if let Some(at) = plant.inputs.iter().position(is_read).filter(|_| variable.base_type == BaseType::Real) {
-            let fmu_system::run::Wire { base_type, reference, .. } = plant.inputs.remove(at);
-            let name = name.to_owned();
+            let fmu_system::run::Wire { name, base_type, reference, .. } = plant.inputs.remove(at);
             plant.constants.push(fmu_system::run::Setting { name, base_type, reference, value: Value::Real(speed) });
         }
     }

@@ -3,14 +3,14 @@
 use crate::Trace;
 use crate::bench::Bench;
 use crate::wiring::{Driving, STEP};
-use fmu_system::failure::{Failure, FailureKind};
+use fmu_system::failure::Failure;
 use fmu_system::master::Recording;
 use std::collections::BTreeMap;
 
 /// Yaw rate beyond which a simulation has diverged, rad/s.
 const DIVERGED: f64 = 50.0;
 /// Roll angle from which a vehicle has rolled over, rad.
-const ROLLED_OVER: f64 = 0.8;
+pub(crate) const ROLLED_OVER: f64 = 0.8;
 /// Sideslip angle, rad, at a speed over ground, m/s, that a vehicle has only when it spins.
 const SPUN: (f64, f64) = (0.7, 3.0);
 
@@ -109,7 +109,7 @@ pub(crate) enum EndAt {
 pub(crate) struct Ended {
     pub(crate) course: Course,
     pub(crate) trace: Trace<'static>,
-    /// `spun`, `rolled_over`, `lost`, `not_finished`, `diverged`.
+    /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
     pub(crate) flags: Vec<&'static str>,
     /// Why it ended there.
     pub(crate) stop_reason: String,
@@ -121,9 +121,21 @@ impl Ended {
     pub(crate) fn has(&self, flag: &str) -> bool {
         self.flags.contains(&flag)
     }
+
+    /// The reason for an early end of the run, if there is one: its metrics cover a part of the maneuver only.
+    pub(crate) fn cut_short(&self) -> Option<String> {
+        let time = self.trace.times().last().map_or_else(String::new, |time| format!(" at {} s", shown_time(*time)));
+        match &self.error {
+            Some(error) => Some(format!("a run broke down: {error}")),
+            None if self.has("rolled_over") => Some(format!("the vehicle rolled over{time}")),
+            None if self.has("lost") => Some(format!("the driver lost the path{time}")),
+            None if self.has("not_finished") => Some("the driver did not get to the end of the path".to_owned()),
+            None => None,
+        }
+    }
 }
 
-/// Executes runs of a system. A run that fails is repeated up to the failure, so that what was before is known.
+/// Executes runs of a system. Of a run that fails, the rows before the failure count.
 pub(crate) fn drive(bench: &Bench<'_>, courses: Vec<Course>) -> Vec<Ended> {
     let requests = courses.iter().map(|course| bench.run(course, course.stop)).collect::<Vec<_>>();
     let mut wanted = Vec::new();
@@ -150,23 +162,19 @@ fn failed(course: Course, message: String) -> Ended {
     Ended { course, trace: Trace::default(), flags: vec!["diverged"], stop_reason, error: Some(message) }
 }
 
-/// The rows before a failure.
+/// The rows before a failure, if there are any behind the start.
 fn shortened(bench: &Bench<'_>, course: Course, failure: &Failure) -> Ended {
     let message = failure.to_string();
-    let steps = failure.time.map_or(0.0, |time| (time / STEP).round());
-    if failure.kind == FailureKind::Error && steps >= 1.0 {
-        let again = bench.run(&course, steps * STEP).map(|request| bench.executor.execute(vec![request]));
-        if let Ok(Some(Ok(recording))) = again.map(|mut outcomes| outcomes.pop()) {
-            return ended(bench, course, &recording, Some(message));
-        }
+    match &failure.recorded {
+        Some(recording) if recording.time.len() > 1 => ended(bench, course, recording, Some(message)),
+        _ => failed(course, message),
     }
-    failed(course, message)
 }
 
 /// Cuts a recording where the run ends. `failure` is what came after its last row.
 pub(crate) fn ended(bench: &Bench<'_>, course: Course, recording: &Recording, failure: Option<String>) -> Ended {
     let names = bench.system.columns(course.driving);
-    cut(course, names, recording, bench.ratio(), failure)
+    cut(course, names, &bench.plant.converted(names, recording), bench.ratio(), failure)
 }
 
 /// Cuts a recording, whose columns have these names, where the run ends. `failure` is what came after its last row.

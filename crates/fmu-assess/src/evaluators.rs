@@ -87,6 +87,8 @@ impl Column {
 pub struct Evaluation {
     /// The metrics in the order of the evaluator's table.
     pub metrics: Vec<Metric>,
+    /// Notes for the user.
+    pub notes: Vec<String>,
 }
 
 /// The evaluator of a name.
@@ -105,7 +107,8 @@ impl Evaluator {
         let mut results = Results::new(self.metrics);
         let computed = Rows::new(trace).and_then(|rows| (self.compute)(&rows, &options, &mut results));
         let reason = computed.err().unwrap_or_else(|| Reason::new("the recording does not have it"));
-        Ok(Evaluation { metrics: results.finish(&reason) })
+        let notes = std::mem::take(&mut results.notes);
+        Ok(Evaluation { metrics: results.finish(&reason), notes })
     }
 }
 

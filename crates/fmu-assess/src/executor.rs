@@ -2,7 +2,7 @@
 
 use crate::bench::Runs;
 use fmu_import::worker::Settings;
-use fmu_system::failure::{Failure, FailureKind};
+use fmu_system::failure::Failure;
 use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
@@ -68,14 +68,8 @@ impl Runs for Executor {
         for (index, outcome) in outcomes {
             found[index] = Some(outcome);
         }
-        let lost = |name: String| Failure {
-            run: name,
-            time: None,
-            component: None,
-            message: "no process could execute it".to_owned(),
-            kind: FailureKind::Error,
-        };
-        found.into_iter().zip(names).map(|(outcome, name)| outcome.unwrap_or_else(|| Err(lost(name)))).collect()
+        let lost = |name: &str| Failure::new(name, "no process could execute it".to_owned());
+        found.into_iter().zip(names).map(|(outcome, name)| outcome.unwrap_or_else(|| Err(lost(&name)))).collect()
     }
 }
 

@@ -234,12 +234,14 @@ pub(crate) struct Results {
     pub(crate) shown: Vec<(String, Trace<'static>)>,
     /// Sections of a coned track, m: begin, end, right and left edge of each.
     pub(crate) track: Option<[[f64; 4]; 3]>,
+    /// Largest entry speed of a coned track, km/h.
+    pub(crate) entry_speed: Option<f64>,
 }
 
 impl Results {
     pub(crate) fn new(maneuver: &'static str, suite: Suite, system: &'static str) -> Self {
         let (metrics, runs, shown) = (Vec::new(), Vec::new(), Vec::new());
-        Self { maneuver, suite, system, metrics, runs, dropped: None, shown, track: None }
+        Self { maneuver, suite, system, metrics, runs, dropped: None, shown, track: None, entry_speed: None }
     }
 
     /// Leaves the maneuver out. A metric of the name of the maneuver has the verdict.
@@ -296,8 +298,8 @@ impl Results {
         }
     }
 
-    /// Adds metrics of an evaluator, as it defines them.
-    pub(crate) fn take(&mut self, metrics: &Evaluation, wanted: &[&str]) {
+    /// Adds metrics of an evaluator, as it defines them. Those of a run that was cut short cannot be compared.
+    pub(crate) fn take(&mut self, run: &Ended, metrics: &Evaluation, wanted: &[&str]) {
         for name in wanted {
             let Some(found) = metrics.metrics.iter().find(|metric| metric.name == *name) else { continue };
             let metric::Definition { title, unit, direction, definition, .. } = *found.definition;
@@ -308,6 +310,17 @@ impl Results {
                 metric::Value::Null(reason) => self.without(name, title, unit, direction, reason.to_string()),
             }
             self.defined(definition);
+            self.incomparable(run.cut_short());
+        }
+    }
+
+    /// Adds metrics of an evaluator that have no number, all for the same reason.
+    pub(crate) fn take_none(&mut self, evaluator: &str, wanted: &[&str], reason: &str) {
+        let table = evaluators::find(evaluator).map_or(&[][..], |evaluator| evaluator.metrics);
+        for name in wanted {
+            let Some(found) = table.iter().find(|definition| definition.name == *name) else { continue };
+            self.without(name, found.title, found.unit, found.direction, reason.to_owned());
+            self.defined(found.definition);
         }
     }
 }

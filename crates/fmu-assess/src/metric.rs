@@ -136,11 +136,13 @@ pub(crate) struct Results {
     table: &'static [Definition],
     /// For each definition, its values with their places.
     values: Vec<Vec<(Option<String>, Value)>>,
+    /// Notes on the values for the user.
+    pub(crate) notes: Vec<String>,
 }
 
 impl Results {
     pub(crate) fn new(table: &'static [Definition]) -> Self {
-        Self { table, values: vec![Vec::new(); table.len()] }
+        Self { table, values: vec![Vec::new(); table.len()], notes: Vec::new() }
     }
 
     /// Sets a metric.

@@ -2,6 +2,7 @@
 
 use crate::metric::Direction;
 use crate::vehicle::Vehicle;
+use fmu_system::requirements::holds;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -89,8 +90,8 @@ impl Limit {
         match (self.kind, value) {
             (_, Value::Null) if self.is_required() => Some(false),
             (Kind::Holds, Value::Bool(value)) => Some(*value),
-            (Kind::AtLeast(limit), value) => value.as_f64().map(|value| value >= limit),
-            (Kind::AtMost(limit), value) => value.as_f64().map(|value| value <= limit),
+            (Kind::AtLeast(limit), value) => value.as_f64().map(|value| holds([Some(limit), None], Some(value))),
+            (Kind::AtMost(limit), value) => value.as_f64().map(|value| holds([None, Some(limit)], Some(value))),
             (Kind::Holds, _) => None,
         }
     }
@@ -122,8 +123,42 @@ pub(crate) struct Measured {
     pub(crate) is_dropped: bool,
     /// A missing number is the best result.
     pub(crate) is_best_without: bool,
+    /// Bound of a number that is missing.
+    pub(crate) bound: Option<Bound>,
+    /// The values of runs under different conditions, of which the value is the extreme one, or that of the last.
+    pub(crate) series: Option<Series>,
+    /// Reason that the value cannot be compared with that of another system.
+    pub(crate) incomparable: Option<String>,
     /// Words of a standard for the number.
     pub(crate) words: Option<&'static str>,
+}
+
+/// A number that the procedure ends before it finds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Bound {
+    Above(f64),
+    Below(f64),
+}
+
+impl Bound {
+    fn text(self) -> String {
+        match self {
+            Self::Above(limit) => format!("> {limit}"),
+            Self::Below(limit) => format!("< {limit}"),
+        }
+    }
+}
+
+/// Values of a metric by the condition of their runs, such as the speed. Another system that gets further has other runs: values of
+/// unequal conditions cannot be compared.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Series {
+    /// Unit of measure of the condition.
+    pub(crate) unit: &'static str,
+    /// Condition and value, of the runs that the vehicle can drive.
+    pub(crate) values: Vec<(f64, f64)>,
+    /// Whether the metric comes of these runs alone.
+    pub(crate) is_whole: bool,
 }
 
 impl Measured {
@@ -141,6 +176,9 @@ impl Measured {
             limit: None,
             is_dropped: false,
             is_best_without: false,
+            bound: None,
+            series: None,
+            incomparable: None,
             words: None,
         }
     }
@@ -177,6 +215,27 @@ impl crate::maneuvers::Results {
         }
     }
 
+    /// Says on which side of a limit the missing number of the last metric is.
+    pub(crate) fn bounded(&mut self, bound: Bound) {
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.bound = Some(bound);
+        }
+    }
+
+    /// Gives the values of the runs of which the last metric is made.
+    pub(crate) fn series(&mut self, series: Series) {
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.series = Some(series);
+        }
+    }
+
+    /// Says why the last metric cannot be compared, if it cannot.
+    pub(crate) fn incomparable(&mut self, reason: Option<String>) {
+        if let Some(metric) = self.metrics.last_mut() {
+            metric.incomparable = reason;
+        }
+    }
+
     /// Says what a standard calls the last metric.
     pub(crate) fn called(&mut self, words: &'static str) {
         if let Some(metric) = self.metrics.last_mut() {
@@ -203,7 +262,7 @@ pub struct RunRecord {
     pub system: &'static str,
     /// What it was driven with, SI; amplitudes in degrees at the steering wheel.
     pub parameters: BTreeMap<String, f64>,
-    /// `spun`, `rolled_over`, `lost`, `not_finished`, `diverged`.
+    /// `spun`, `rolled_over`, `lost`, `not_finished`, `not_settled`, `diverged`.
     pub flags: Vec<&'static str>,
     /// Why it ended.
     pub stop_reason: String,
@@ -254,6 +313,21 @@ pub enum Judgment {
     Same,
     /// By at least one percent in the bad direction.
     Worse,
+    /// A number is missing, a run ended early, or both have no condition in common.
+    NotComparable,
+}
+
+/// Numbers of both systems under the same condition.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Compared {
+    /// The condition: the highest that both systems can drive.
+    pub at: f64,
+    /// Its unit of measure: `km/h`, `mph`, or `A` for multiples of the amplitude A.
+    pub at_unit: &'static str,
+    /// Without the controllers.
+    pub without: f64,
+    /// With them.
+    pub with: f64,
 }
 
 /// A metric of both systems.
@@ -275,7 +349,13 @@ pub struct Row {
     pub with: Value,
     /// Words of a standard for the numbers, by system.
     pub words: BTreeMap<&'static str, &'static str>,
-    /// Change, percent; null if a number is missing or the first one is 0.
+    /// Bounds of numbers that are missing, such as `< 30`, by system.
+    pub bounds: BTreeMap<&'static str, String>,
+    /// Numbers that can be compared, where those of the systems come of runs under different conditions.
+    pub compared: Option<Compared>,
+    /// Reason that the systems cannot be compared.
+    pub incomparable: Option<String>,
+    /// Change of the numbers that can be compared, percent; null if a number is missing or the first one is small.
     pub change: Value,
     /// Which change is better.
     #[serde(serialize_with = "direction")]
@@ -328,6 +408,8 @@ pub struct Assessment {
     pub unwritten: BTreeMap<&'static str, BTreeMap<String, String>>,
     /// Units without an effect.
     pub idle: Vec<String>,
+    /// Signals of the plant that declare no unit, and the unit in which the bench takes them.
+    pub assumed: BTreeMap<String, &'static str>,
     /// All runs.
     pub runs: Vec<RunRecord>,
     /// All metrics.
@@ -370,10 +452,22 @@ pub(crate) fn row(of: Pair<'_>) -> Row {
     let decisive = with.or(without).expect("a metric is of a system");
     let value = |metric: Option<&Measured>| metric.map_or(Value::Null, |metric| metric.value.clone());
     let (old, new) = (value(without), value(with));
-    let change = old.as_f64().zip(new.as_f64()).filter(|(old, _)| *old != 0.0);
-    let change = change.map(|(old, new)| 100.0 * (new - old) / old.abs());
+    let comparison = match of {
+        Pair::Two(Some(without), Some(with)) => comparison(without, with),
+        Pair::Two(Some(_), None) => Comparison::None(ONLY_WITHOUT.to_owned()),
+        Pair::Two(None, _) => Comparison::None(ONLY_WITH.to_owned()),
+        Pair::One(_) => Comparison::None(String::new()),
+    };
+    let (change, compared) = match &comparison {
+        Comparison::Numbers(old, new, compared) => (percent(*old, *new, decisive.unit), compared.clone()),
+        _ => (None, None),
+    };
     let judgment = match of {
-        Pair::Two(..) if decisive.direction != Direction::None => judgment(&old, &new, change, decisive),
+        Pair::Two(..) if decisive.direction != Direction::None => judgment(&old, &new, &comparison, decisive),
+        _ => None,
+    };
+    let incomparable = match comparison {
+        Comparison::None(reason) if matches!(of, Pair::Two(..)) && !(old.is_null() && new.is_null()) => Some(reason),
         _ => None,
     };
     let reason = |metric: &Measured| {
@@ -391,6 +485,12 @@ pub(crate) fn row(of: Pair<'_>) -> Row {
             .collect(),
         without: old,
         with: new,
+        bounds: [("without", without), ("with", with)]
+            .into_iter()
+            .filter_map(|(system, metric)| Some((system, metric?.bound?.text())))
+            .collect(),
+        compared,
+        incomparable,
         change: change.map_or(Value::Null, |change| json!(change)),
         direction: decisive.direction,
         judgment,
@@ -421,25 +521,110 @@ pub(crate) enum Pair<'a> {
 const ONLY_WITHOUT: &str = "only the runs without controllers have it";
 const ONLY_WITH: &str = "only the runs with controllers have it";
 
-/// Tells if a metric is better with the controllers. A missing number is worse than any, unless nothing has gone wrong.
-fn judgment(old: &Value, new: &Value, change: Option<f64>, metric: &Measured) -> Option<Judgment> {
-    let is_up = metric.direction == Direction::Up;
-    match (old, new) {
-        (Value::Null, Value::Null) => None,
-        (_, Value::Null) | (Value::Null, _) => {
-            Some(if new.is_null() == metric.is_best_without { Judgment::Better } else { Judgment::Worse })
+/// The part of two systems that can be compared.
+enum Comparison {
+    /// Two numbers, and under which condition if not that of the metric.
+    Numbers(f64, f64, Option<Compared>),
+    /// Truth values.
+    Booleans(bool, bool),
+    /// Of a number only a bound is known, but the other one is beyond it: whether the number rises.
+    Rises(bool),
+    /// Nothing, and why.
+    None(String),
+}
+
+/// Magnitude below which two numbers are the same: rounding of a simulation, or a negligible difference of a ratio.
+fn nothing(unit: &str) -> f64 {
+    if unit == "1" { 0.005 } else { 1e-6 }
+}
+
+/// Largest change shown as a percentage; above it, the reference value is too small.
+const TELLS: f64 = 1000.0;
+
+fn comparison(without: &Measured, with: &Measured) -> Comparison {
+    let of = |system: &str, reason: &str| Comparison::None(format!("{system} controllers: {reason}"));
+    for (system, metric) in [("without", without), ("with", with)] {
+        if let Some(reason) = &metric.incomparable {
+            return of(system, reason);
         }
-        (Value::Bool(old), Value::Bool(new)) if old == new => Some(Judgment::Same),
-        (Value::Bool(_), Value::Bool(new)) => Some(if *new == is_up { Judgment::Better } else { Judgment::Worse }),
-        _ => change.map(|change| {
-            if change.abs() < COUNTS {
-                Judgment::Same
-            } else if (change > 0.0) == is_up {
-                Judgment::Better
-            } else {
-                Judgment::Worse
+    }
+    match (&without.value, &with.value) {
+        (Value::Bool(old), Value::Bool(new)) => return Comparison::Booleans(*old, *new),
+        (Value::Null, Value::Null) => return Comparison::None("neither has a value".to_owned()),
+        (Value::Null, new) => {
+            if let Some(rises) = beyond(without.bound, new) {
+                return Comparison::Rises(rises);
             }
-        }),
+            return of("without", without.reason.as_deref().unwrap_or("there is no value"));
+        }
+        (old, Value::Null) => {
+            if let Some(falls) = beyond(with.bound, old) {
+                return Comparison::Rises(!falls);
+            }
+            return of("with", with.reason.as_deref().unwrap_or("there is no value"));
+        }
+        _ => (),
+    }
+    let (Some(old), Some(new)) = (without.value.as_f64(), with.value.as_f64()) else {
+        return Comparison::None("it is not a number".to_owned());
+    };
+    let (Some(first), Some(second)) = (&without.series, &with.series) else {
+        return Comparison::Numbers(old, new, None);
+    };
+    let conditions = |series: &Series| series.values.iter().map(|(at, _)| *at).collect::<Vec<_>>();
+    if first.is_whole && second.is_whole && conditions(first) == conditions(second) {
+        return Comparison::Numbers(old, new, None);
+    }
+    let both = first
+        .values
+        .iter()
+        .filter_map(|(at, old)| second.values.iter().find(|(other, _)| other == at).map(|(_, new)| (*at, *old, *new)));
+    match both.max_by(|(a, ..), (b, ..)| a.total_cmp(b)) {
+        Some((at, without, with)) => {
+            Comparison::Numbers(without, with, Some(Compared { at, at_unit: first.unit, without, with }))
+        }
+        None => Comparison::None(format!("there is no {} that both can drive", condition_name(first.unit))),
+    }
+}
+
+fn condition_name(unit: &str) -> &'static str {
+    if unit == "A" { "amplitude" } else { "speed" }
+}
+
+/// Whether a number is above all that a bound allows, or below all.
+fn beyond(bound: Option<Bound>, number: &Value) -> Option<bool> {
+    let number = number.as_f64()?;
+    match bound? {
+        Bound::Below(limit) if number >= limit => Some(true),
+        Bound::Above(limit) if number <= limit => Some(false),
+        _ => None,
+    }
+}
+
+/// Change in percent, where it is meaningful.
+fn percent(old: f64, new: f64, unit: &str) -> Option<f64> {
+    let change = 100.0 * (new - old) / old.abs();
+    (old.abs() >= nothing(unit) && change.abs() <= TELLS).then_some(change)
+}
+
+/// Tells if a metric is better with the controllers.
+fn judgment(old: &Value, new: &Value, comparison: &Comparison, metric: &Measured) -> Option<Judgment> {
+    let is_up = metric.direction == Direction::Up;
+    let judged = |rises: bool| if rises == is_up { Judgment::Better } else { Judgment::Worse };
+    match comparison {
+        Comparison::None(_) if old.is_null() && new.is_null() => None,
+        Comparison::None(_) => Some(Judgment::NotComparable),
+        Comparison::Rises(rises) => Some(judged(*rises)),
+        Comparison::Booleans(old, new) if old == new => Some(Judgment::Same),
+        Comparison::Booleans(_, new) => Some(judged(*new)),
+        Comparison::Numbers(old, new, _) => {
+            let is_nothing = old.abs().max(new.abs()) < nothing(metric.unit);
+            if is_nothing || (100.0 * (new - old) / old.abs()).abs() < COUNTS {
+                Some(Judgment::Same)
+            } else {
+                Some(judged(new > old))
+            }
+        }
     }
 }
 
@@ -473,6 +658,12 @@ impl Assessment {
         let mut text = serde_json::to_string_pretty(&value).unwrap_or_default();
         text.push('\n');
         text
+    }
+
+    /// Whether a run was made at all.
+    #[must_use]
+    pub fn has_run(&self) -> bool {
+        self.runs.iter().any(|run| run.rows > 0)
     }
 
     /// Whether no metric of the system with the controllers, or of the only one, fails, and no run of it broke down.
@@ -576,28 +767,78 @@ mod tests {
         assert_eq!(of(5.0, 6.0, Direction::Down), Some(Judgment::Worse));
         assert_eq!(of(5.0, 5.04, Direction::Down), Some(Judgment::Same));
         assert_eq!(of(-5.0, -4.0, Direction::Up), Some(Judgment::Better));
-        assert_eq!(of(0.0, 6.0, Direction::Up), None);
+        assert_eq!(of(0.0, 6.0, Direction::Up), Some(Judgment::Better));
+        // The rounding of a simulation.
+        assert_eq!(of(1e-13, 3e-13, Direction::Down), Some(Judgment::Same));
         assert_eq!(of(5.0, 6.0, Direction::None), None);
     }
 
-    /// A number that gets lost is worse, unless its absence is the best result. Truth values are compared, too.
+    /// A number that is missing cannot be compared, unless a bound of it is known. Truth values are compared, too.
     #[test]
-    fn numbers_that_come_and_go_are_compared() {
-        let of = |old: Value, new: Value, direction, is_best_without| {
-            let of = |value| Measured { is_best_without, ..measured(value, direction, None) };
+    fn numbers_that_come_and_go_are_compared_by_their_bounds() {
+        let of = |old: Value, new: Value, direction, bound| {
+            let of = |value: Value| {
+                let bound = if value.is_null() { bound } else { None };
+                Measured { bound, ..measured(value, direction, None) }
+            };
             row(Pair::Two(Some(&of(old)), Some(&of(new)))).judgment
         };
         for direction in [Direction::Up, Direction::Down] {
-            assert_eq!(of(json!(5.0), Value::Null, direction, false), Some(Judgment::Worse));
-            assert_eq!(of(Value::Null, json!(5.0), direction, false), Some(Judgment::Better));
-            assert_eq!(of(json!(5.0), Value::Null, direction, true), Some(Judgment::Better));
-            assert_eq!(of(Value::Null, json!(5.0), direction, true), Some(Judgment::Worse));
-            assert_eq!(of(Value::Null, Value::Null, direction, false), None);
+            assert_eq!(of(json!(5.0), Value::Null, direction, None), Some(Judgment::NotComparable));
+            assert_eq!(of(Value::Null, json!(5.0), direction, None), Some(Judgment::NotComparable));
+            assert_eq!(of(Value::Null, Value::Null, direction, None), None);
         }
-        assert_eq!(of(json!(5.0), Value::Null, Direction::None, false), None);
-        assert_eq!(of(json!(false), json!(true), Direction::Up, false), Some(Judgment::Better));
-        assert_eq!(of(json!(true), json!(false), Direction::Up, false), Some(Judgment::Worse));
-        assert_eq!(of(json!(true), json!(true), Direction::Up, false), Some(Judgment::Same));
+        for (bound, old, new, judgment) in [
+            (Bound::Below(4.0), json!(5.0), Value::Null, Judgment::Worse),
+            (Bound::Below(4.0), Value::Null, json!(5.0), Judgment::Better),
+            (Bound::Above(6.0), json!(5.0), Value::Null, Judgment::Better),
+            (Bound::Above(6.0), Value::Null, json!(5.0), Judgment::Worse),
+            (Bound::Above(4.0), Value::Null, json!(5.0), Judgment::NotComparable),
+        ] {
+            assert_eq!(of(old, new, Direction::Up, Some(bound)), Some(judgment), "{bound:?}");
+        }
+        assert_eq!(of(json!(5.0), Value::Null, Direction::None, None), None);
+        assert_eq!(of(json!(false), json!(true), Direction::Up, None), Some(Judgment::Better));
+        assert_eq!(of(json!(true), json!(false), Direction::Up, None), Some(Judgment::Worse));
+        assert_eq!(of(json!(true), json!(true), Direction::Up, None), Some(Judgment::Same));
+    }
+
+    /// By hand: 20 at 40 km/h against 10 at 30 km/h says nothing; at 30 km/h both are known.
+    #[test]
+    fn numbers_of_unequal_speeds_are_compared_at_the_highest_that_both_can_drive() {
+        let of = |value: f64, values: &[(f64, f64)], is_whole| {
+            let series = Some(Series { unit: "km/h", values: values.to_vec(), is_whole });
+            Measured { series, ..measured(json!(value), Direction::Down, None) }
+        };
+        let fast = of(20.0, &[(25.0, 4.0), (30.0, 9.0), (40.0, 20.0)], true);
+        let slow = of(10.0, &[(25.0, 5.0), (30.0, 10.0)], true);
+        let found = row(Pair::Two(Some(&slow), Some(&fast)));
+        assert_eq!((found.without, found.with, found.judgment), (json!(10.0), json!(20.0), Some(Judgment::Better)));
+        assert_eq!(found.change, json!(-10.0));
+        assert_eq!(found.compared, Some(Compared { at: 30.0, at_unit: "km/h", without: 10.0, with: 9.0 }));
+        // The same speeds: the metrics themselves.
+        let found = row(Pair::Two(Some(&slow), Some(&of(11.0, &[(25.0, 1.0), (30.0, 11.0)], true))));
+        assert_eq!((found.compared, found.change), (None, json!(10.0)));
+        // A metric that also comes of runs that the vehicle cannot drive.
+        let found = row(Pair::Two(Some(&slow), Some(&of(50.0, &[(25.0, 1.0), (30.0, 11.0)], false))));
+        assert_eq!(found.compared.map(|compared| compared.with), Some(11.0));
+        let none = row(Pair::Two(Some(&slow), Some(&of(1.0, &[], false))));
+        assert_eq!((none.judgment, none.change), (Some(Judgment::NotComparable), Value::Null));
+        assert_eq!(none.incomparable.as_deref(), Some("there is no speed that both can drive"));
+        let lost = Measured { incomparable: Some("the driver lost the path".to_owned()), ..fast };
+        let found = row(Pair::Two(Some(&slow), Some(&lost)));
+        assert_eq!(found.incomparable.as_deref(), Some("with controllers: the driver lost the path"));
+        assert_eq!(found.judgment, Some(Judgment::NotComparable));
+    }
+
+    /// A change relative to a value close to zero has no percentage.
+    #[test]
+    fn a_change_that_tells_nothing_has_no_percentage() {
+        assert_eq!(percent(2.0, 3.0, "m"), Some(50.0));
+        assert_eq!(percent(0.0, 3.0, "m"), None);
+        assert_eq!(percent(0.01, 0.5, "m"), None);
+        assert_eq!(percent(1e-13, 2e-13, "m"), None);
+        assert_eq!(percent(0.004, 0.008, "1"), None);
     }
 
     /// A metric that only one system has keeps the verdict of that system; the other one has none.

@@ -350,6 +350,8 @@ pub struct Single {
 pub const DRIVER: &str = "driver";
 /// Name of the plant in all these runs.
 pub const PLANT: &str = "plant";
+/// Roll angle from which a vehicle has rolled over, rad: the bench ends a run there.
+pub const ROLLED_OVER: f64 = course::ROLLED_OVER;
 
 /// Nobody executes runs here.
 struct Nobody;

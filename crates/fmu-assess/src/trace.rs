@@ -2,7 +2,7 @@
 
 mod read;
 
-pub use read::ReadError;
+pub use read::{Reading, Resample};
 
 use std::borrow::Cow;
 

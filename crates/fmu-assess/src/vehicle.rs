@@ -12,6 +12,8 @@ pub struct VehicleFile {
     pub vehicle: Given,
     /// Name of a signal of the bench -> name of the plant's variable.
     pub signals: BTreeMap<String, String>,
+    /// Name of a signal of the bench -> unit of the plant's variable, which takes precedence over the one that it declares.
+    pub units: BTreeMap<String, String>,
     /// The same of the other FMUs, by their names.
     pub controllers: BTreeMap<String, BTreeMap<String, String>>,
 }
@@ -25,10 +27,22 @@ struct Written {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "a name of a variable, or a table of an FMU with such names")]
+#[serde(
+    untagged,
+    expecting = "a name of a variable, { variable = .., unit = .. }, or a table of an FMU with names of variables"
+)]
 enum Named {
     Variable(String),
+    WithUnit(WithUnit),
     OfFmu(BTreeMap<String, String>),
+}
+
+/// A variable whose unit is not the one that it declares, or that declares none.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WithUnit {
+    variable: Option<String>,
+    unit: String,
 }
 
 /// Data of a vehicle as a file gives them; what is absent comes from the plant.
@@ -123,6 +137,12 @@ impl VehicleFile {
         for (name, named) in signals {
             match named {
                 Named::Variable(variable) => drop(file.signals.insert(name, variable)),
+                Named::WithUnit(WithUnit { variable, unit }) => {
+                    if let Some(variable) = variable {
+                        file.signals.insert(name.clone(), variable);
+                    }
+                    file.units.insert(name, unit);
+                }
                 Named::OfFmu(names) => drop(file.controllers.insert(name, names)),
             }
         }
@@ -168,9 +188,11 @@ impl VehicleFile {
         };
         let mut signals = other.signals;
         signals.extend(self.signals);
+        let mut units = other.units;
+        units.extend(self.units);
         let mut controllers = other.controllers;
         controllers.extend(self.controllers);
-        Self { vehicle, signals, controllers }
+        Self { vehicle, signals, units, controllers }
     }
 }
 
@@ -274,8 +296,13 @@ mod tests {
         assert_eq!((found.vehicle.width, found.vehicle.front), (Some(1.7), Some(1.95)));
         assert_eq!(found.signals, BTreeMap::from([("steer.front".to_owned(), "delta".to_owned())]));
         assert_eq!(found.controllers["Mine"], BTreeMap::from([("steer.rear".to_owned(), "d2".to_owned())]));
+        let file = "[signals]\n\"vehicle.yaw_rate\" = { variable = \"r\", unit = \"deg/s\" }\n\"body.roll\" = { unit = \"deg\" }\n";
+        let found = VehicleFile::parse(file).unwrap();
+        assert_eq!(found.signals, BTreeMap::from([("vehicle.yaw_rate".to_owned(), "r".to_owned())]));
+        assert_eq!((found.units["vehicle.yaw_rate"].as_str(), found.units["body.roll"].as_str()), ("deg/s", "deg"));
+        assert!(found.controllers.is_empty());
         let wrong = VehicleFile::parse("[signals]\n\"steer.front\" = 1\n").unwrap_err();
-        assert!(wrong.contains("a name of a variable, or a table of an FMU"), "{wrong}");
+        assert!(wrong.contains("a name of a variable, { variable = .., unit = .. }, or a table"), "{wrong}");
     }
 
     #[test]

@@ -3,14 +3,20 @@
 //! All signals are wired by name. A system becomes a scenario, so that all rules and messages of scenarios hold, and each of its
 //! runs can be repeated by `cargo fmu run`.
 
+use crate::signals::{self, Conversion, conversion};
 use crate::vehicle::VehicleFile;
 use fmu_import::description::{BaseType, Causality, ModelDescription, Value, Variable};
 use fmu_import::names::suggestion;
+use fmu_system::master::Recording;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{Descriptions, Found, Options, resolve_text};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
+
+/// Name of the times of a recording in the file of a vehicle.
+const TIME: &str = "time";
 
 /// Communication step of all runs, s.
 pub(crate) const STEP: f64 = 1e-3;
@@ -65,6 +71,8 @@ pub(crate) struct Unit {
     pub(crate) found: Found,
     /// Name of the FMU's variable -> name of the bench's signal, where they differ.
     renamed: BTreeMap<String, String>,
+    /// Units of signals of the bench that the caller has given.
+    given: BTreeMap<String, String>,
 }
 
 impl Unit {
@@ -95,17 +103,90 @@ impl Unit {
     fn variable<'a>(&'a self, signal: &'a str) -> &'a str {
         self.renamed.iter().find(|(_, of)| *of == signal).map_or(signal, |(variable, _)| variable)
     }
+
+    /// A value that the bench gives to a variable, in the unit of the variable.
+    ///
+    /// # Errors
+    /// The unit of the variable is another quantity.
+    pub(crate) fn of_si(&self, signal: &str, variable: &Variable, value: f64) -> Result<f64, String> {
+        let Some(needed) = signals::unit(signal) else { return Ok(value) };
+        let found = conversion(needed, self.description(), variable, self.given.get(signal).map(String::as_str));
+        let found = found.map_err(|unit| format!("`{}` is in {unit}, but the bench writes {needed}", variable.name))?;
+        Ok(found.map_or(value, |conversion| conversion.of_si(value)))
+    }
 }
 
 /// The plant, whose signals may have other names.
 #[derive(Debug, Clone)]
 pub(crate) struct Plant {
     pub(crate) unit: Unit,
-    /// Parameters that the caller has set.
+    /// Parameters that tell its size, SI.
+    data: BTreeMap<&'static str, f64>,
+    /// Other Real parameters that the caller has set.
     set: BTreeMap<String, f64>,
+    /// Of outputs that are not in the unit of the bench.
+    conversions: BTreeMap<String, Conversion>,
+    /// Signals that declare no unit, and the unit that they are taken to be in.
+    pub(crate) assumed: BTreeMap<String, &'static str>,
 }
 
 impl Plant {
+    /// `set` has parameters of the caller, `units` those of signals that take precedence over the declared ones.
+    fn new(mut unit: Unit, set: BTreeMap<String, f64>, units: &BTreeMap<String, String>) -> Result<Self, SetupError> {
+        // The time is that of recordings.
+        unit.given = units.iter().filter(|(signal, _)| *signal != TIME).map(|(a, b)| (a.clone(), b.clone())).collect();
+        let (conversions, assumed) = (BTreeMap::new(), BTreeMap::new());
+        let mut plant = Self { unit, data: BTreeMap::new(), set, conversions, assumed };
+        check_plant(&plant)?;
+        for signal in plant.unit.given.keys() {
+            if !plant.has_input(signal) && !plant.has_output(signal) {
+                let message = format!("{} has no `{signal}`, whose unit is given", plant.unit.fmu);
+                return Err(SetupError::new(message));
+            }
+            if signals::unit(signal).is_none() {
+                return Err(SetupError::new(format!("the bench does not read `{signal}`, whose unit is given")));
+            }
+        }
+        for variable in &plant.unit.description().variables {
+            let signal = plant.signal(&variable.name).to_owned();
+            let is_read = match variable.causality {
+                Causality::Input => true,
+                Causality::Output => is_recorded(&signal),
+                _ => false,
+            };
+            let Some(needed) = signals::unit(&signal).filter(|_| is_read && variable.base_type == BaseType::Real)
+            else {
+                continue;
+            };
+            let given = plant.unit.given.get(&signal).cloned();
+            let given = given.as_deref();
+            if given.is_none() && variable.unit.is_none() && needed != "1" {
+                plant.assumed.insert(signal.clone(), needed);
+            }
+            let found = conversion(needed, plant.unit.description(), variable, given);
+            let found = found.map_err(|unit| wrong_unit(&plant.unit, variable, &signal, &unit, needed))?;
+            if let Some(conversion) = found {
+                if variable.causality == Causality::Input && !of_bench(&signal) || OF_VEHICLE.contains(&signal.as_str())
+                {
+                    let unit = given.or(variable.unit.as_deref()).unwrap_or_default();
+                    return Err(wired_unit(&plant.unit, variable, unit, needed));
+                }
+                plant.conversions.insert(signal, conversion);
+            }
+        }
+        for (name, needed) in signals::DATA {
+            let (Some(variable), Some(value)) =
+                (plant.unit.description().variable(name), real_parameter(&plant.unit, &plant.set, name))
+            else {
+                continue;
+            };
+            let found = conversion(needed, plant.unit.description(), variable, None);
+            let found = found.map_err(|unit| wrong_unit(&plant.unit, variable, name, &unit, needed))?;
+            plant.data.insert(name, found.map_or(value, |conversion| conversion.to_si(value)));
+        }
+        Ok(plant)
+    }
+
     fn signal<'a>(&'a self, variable: &'a str) -> &'a str {
         self.unit.signal(variable)
     }
@@ -127,15 +208,45 @@ impl Plant {
         self.unit.signals(Causality::Input).any(|signal| signal.starts_with(start))
     }
 
-    /// Value of a Real parameter.
+    /// Refuses a controller that reads a signal which the bench converts: a connection passes it on as it is.
+    fn check_reader(&self, reader: &Unit, all: &[&Unit]) -> Result<(), SetupError> {
+        let is_raw = |signal: &&str| {
+            self.conversions.contains_key(*signal)
+                && self.has_output(signal)
+                && !all.iter().any(|unit| unit.has(Causality::Output, signal))
+        };
+        let Some(signal) = reader.signals(Causality::Input).find(is_raw) else { return Ok(()) };
+        let name = self.variable(signal);
+        let variable = self.unit.description().variable(name);
+        let declared = variable.and_then(|variable| variable.unit.as_deref());
+        let unit = self.unit.given.get(signal).map(String::as_str).or(declared).unwrap_or_default();
+        let (plant, reader) = (&self.unit.fmu, &reader.fmu);
+        let needed = signals::unit(signal).unwrap_or_default();
+        Err(SetupError::with_help(
+            format!("`{name}` of {plant} is in {unit}, but {reader} reads it in {needed}"),
+            format!(
+                "Export {plant} with `{name}` in {needed}: the bench converts what it records, not what it connects."
+            ),
+        ))
+    }
+
+    /// Value of a Real parameter, SI where it tells the size of the plant.
     pub(crate) fn parameter(&self, name: &str) -> Option<f64> {
-        if let Some(value) = self.set.get(name) {
-            return Some(*value);
+        self.data.get(name).copied().or_else(|| real_parameter(&self.unit, &self.set, name))
+    }
+
+    /// A recording of signals of the bench in the units of the bench.
+    pub(crate) fn converted<'a>(&self, signals: &[String], recording: &'a Recording) -> Cow<'a, Recording> {
+        let mut recording = Cow::Borrowed(recording);
+        for (index, signal) in signals.iter().enumerate() {
+            if let Some(conversion) = self.conversions.get(signal)
+                && recording.column(index).is_some()
+                && let Some(Some(column)) = recording.to_mut().columns.get_mut(index)
+            {
+                column.iter_mut().for_each(|value| *value = conversion.to_si(*value));
+            }
         }
-        match self.unit.description().variable(name)?.start {
-            Some(Value::Real(value)) => Some(value),
-            _ => None,
-        }
+        recording
     }
 
     /// Outputs, by the names of the bench.
@@ -146,6 +257,17 @@ impl Plant {
     /// Inputs, by the names of the bench.
     pub(crate) fn inputs(&self) -> Vec<String> {
         self.unit.signals(Causality::Input).map(str::to_owned).collect()
+    }
+}
+
+/// Value of a Real parameter in its own unit: that of the caller, or its start value.
+fn real_parameter(unit: &Unit, set: &BTreeMap<String, f64>, name: &str) -> Option<f64> {
+    if let Some(value) = set.get(name) {
+        return Some(*value);
+    }
+    match unit.description().variable(name)?.start {
+        Some(Value::Real(value)) => Some(value),
+        _ => None,
     }
 }
 
@@ -261,7 +383,7 @@ fn find(source: &dyn Descriptions, fmu: &str, names: Option<&BTreeMap<String, St
         return Err(SetupError::new(format!("{} has no co-simulation", found.path)));
     }
     let mut renamed = BTreeMap::new();
-    for (signal, variable) in names.into_iter().flatten() {
+    for (signal, variable) in names.into_iter().flatten().filter(|(signal, _)| *signal != TIME) {
         if found.description.variable(variable).is_none() {
             return Err(SetupError::new(format!(
                 "the vehicle data name `{signal}` `{variable}`, but {fmu} has no such variable"
@@ -269,7 +391,7 @@ fn find(source: &dyn Descriptions, fmu: &str, names: Option<&BTreeMap<String, St
         }
         renamed.insert(variable.clone(), signal.clone());
     }
-    Ok(Unit { name: component_name(fmu), fmu: fmu.to_owned(), found, renamed })
+    Ok(Unit { name: component_name(fmu), fmu: fmu.to_owned(), found, renamed, given: BTreeMap::new() })
 }
 
 impl Systems {
@@ -344,8 +466,7 @@ impl Systems {
             }
             set.insert(name.clone(), number);
         }
-        let plant = Plant { unit, set };
-        check_plant(&plant)?;
+        let plant = Plant::new(unit, set, &subject.vehicle.units)?;
         let of = |fmu: &String| find(source, fmu, subject.vehicle.controllers.get(fmu));
         let mut base = subject.base.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         let needs_torques = plant.has_inputs("brake_torque.") || plant.has_inputs("drive_torque.");
@@ -353,6 +474,8 @@ impl Systems {
             base.push(of(&ACTUATORS.to_owned())?);
         }
         let with = subject.with.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let controllers: Vec<&Unit> = with.iter().chain(&base).collect();
+        controllers.iter().try_for_each(|unit| plant.check_reader(unit, &controllers))?;
         let mut all: Vec<Unit> = with.iter().chain(&base).cloned().collect();
         all.sort_by_key(|unit| subject.order.iter().position(|fmu| *fmu == unit.fmu).unwrap_or(usize::MAX));
         let drivers = DRIVERS.into_iter().filter_map(|fmu| find(source, fmu, None).ok()).collect::<Vec<_>>();
@@ -477,6 +600,38 @@ fn settings(
     Ok(set)
 }
 
+/// Inputs to which only the bench gives a value, a constant.
+fn of_bench(signal: &str) -> bool {
+    ["road_friction.", "target_slip."].iter().any(|start| signal.starts_with(start))
+}
+
+fn wrong_unit(unit: &Unit, variable: &Variable, signal: &str, found: &str, needed: &str) -> SetupError {
+    let name = &variable.name;
+    let declare = format!("Declare the unit of `{name}` with its base units in the FMU");
+    let help = match variable.causality {
+        Causality::Input | Causality::Output => format!(
+            "{declare}, or give it in a file by --vehicle: [signals] \"{signal}\" = {{ variable = \"{name}\", unit = \
+             \"{needed}\" }}."
+        ),
+        _ => format!("{declare}."),
+    };
+    SetupError::with_help(
+        format!("`{name}` of {} is in {found}, but the bench needs {needed}, or a unit that converts to it", unit.fmu),
+        help,
+    )
+}
+
+fn wired_unit(unit: &Unit, variable: &Variable, found: &str, needed: &str) -> SetupError {
+    let name = &variable.name;
+    SetupError::with_help(
+        format!("`{name}` of {} is in {found}, but the other end of its connection is in {needed}", unit.fmu),
+        format!(
+            "Export {} with `{name}` in {needed}: the bench converts what it records, not what it connects.",
+            unit.fmu
+        ),
+    )
+}
+
 fn check_plant(plant: &Plant) -> Result<(), SetupError> {
     let mut missing = Vec::new();
     if !plant.has_input("steer.front") {
@@ -563,6 +718,15 @@ const RECORDED: [&str; 20] = [
     "suspension_deflection.",
 ];
 
+/// Outputs of a plant that the driver of paths reads.
+const OF_VEHICLE: [&str; 5] =
+    ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.speed", "body.roll_rate"];
+
+/// Whether a signal of the plant is recorded.
+fn is_recorded(signal: &str) -> bool {
+    RECORDED.iter().any(|wanted| *wanted == signal || (wanted.ends_with('.') && signal.starts_with(wanted)))
+}
+
 /// A system in the making.
 struct Wiring<'a> {
     plant: &'a Plant,
@@ -588,24 +752,33 @@ impl Wiring<'_> {
     }
 
     /// Where an input gets its value from: another component, or a constant.
-    fn source(&mut self, component: &str, variable: &Variable, signal: &str) -> Source {
+    ///
+    /// # Errors
+    /// The constant does not fit the unit of the input.
+    fn source(
+        &mut self,
+        unit: &Unit,
+        component: &str,
+        variable: &Variable,
+        signal: &str,
+    ) -> Result<Source, SetupError> {
         let is_plant = component == "plant";
         if let Some((writer, name)) = self.writer(signal).filter(|(writer, _)| *writer != component) {
-            return Source::Signal(writer.to_owned(), name);
+            return Ok(Source::Signal(writer.to_owned(), name));
         }
         if !is_plant && self.plant.has_output(signal) {
-            return Source::Signal("plant".to_owned(), self.plant.variable(signal).to_owned());
+            return Ok(Source::Signal("plant".to_owned(), self.plant.variable(signal).to_owned()));
         }
         let begins = |starts: &[&str]| starts.iter().any(|start| signal.starts_with(start));
         let fallback = if signal == "steer.front" {
             self.unwritten.push((signal.to_owned(), "driver.steer".to_owned()));
-            return Source::Signal("driver".to_owned(), "driver.steer".to_owned());
+            return Ok(Source::Signal("driver".to_owned(), "driver.steer".to_owned()));
         } else if begins(&["brake_pressure_command."]) {
             match self.units.iter().find(|unit| unit.has(Causality::Output, "brake.master_pressure")) {
                 Some(unit) => {
                     self.unwritten.push((signal.to_owned(), "brake.master_pressure".to_owned()));
                     let variable = unit.variable("brake.master_pressure").to_owned();
-                    return Source::Signal(unit.name.clone(), variable);
+                    return Ok(Source::Signal(unit.name.clone(), variable));
                 }
                 None => None,
             }
@@ -622,7 +795,7 @@ impl Wiring<'_> {
         let value = match (fallback, variable.base_type, &variable.start) {
             (Some(number), BaseType::Boolean, _) => (number > 0.5).to_string(),
             (Some(number), BaseType::Integer, _) => (number as i64).to_string(),
-            (Some(number), _, _) => format!("{number:?}"),
+            (Some(number), _, _) => format!("{:?}", unit.of_si(signal, variable, number).map_err(SetupError::new)?),
             (None, _, Some(Value::Real(start))) => format!("{start:?}"),
             (None, _, Some(Value::Integer(start))) => start.to_string(),
             (None, _, Some(Value::Boolean(start))) => start.to_string(),
@@ -633,11 +806,11 @@ impl Wiring<'_> {
         if !self.unwritten.contains(&entry) {
             self.unwritten.push(entry);
         }
-        Source::Constant(value)
+        Ok(Source::Constant(value))
     }
 
     /// The scenario.
-    fn scenario(&mut self, set: &[(String, String, String)]) -> String {
+    fn scenario(&mut self, set: &[(String, String, String)]) -> Result<String, SetupError> {
         let mut text = String::from("title = \"Assessment\"\n[simulation]\nstop = 1.0\n");
         let _ = writeln!(text, "step = {STEP:?}");
         let mut connections = String::new();
@@ -657,8 +830,7 @@ impl Wiring<'_> {
         };
         let mut missing = Vec::new();
         if self.driving != Driving::OpenLoop {
-            for signal in ["vehicle.position_x", "vehicle.position_y", "vehicle.yaw", "vehicle.speed", "body.roll_rate"]
-            {
+            for signal in OF_VEHICLE {
                 if self.plant.has_output(signal) {
                     connect(&mut connections, "plant", self.plant.variable(signal), "driver", signal);
                 } else {
@@ -679,7 +851,7 @@ impl Wiring<'_> {
             let mut constants = Vec::new();
             for variable in unit.variables(Causality::Input) {
                 let signal = unit.signal(&variable.name).to_owned();
-                match self.source(name, variable, &signal) {
+                match self.source(unit, name, variable, &signal)? {
                     Source::Signal(from, output) => connect(&mut connections, &from, &output, name, &variable.name),
                     Source::Constant(value) => constants.push((variable.name.clone(), value)),
                 }
@@ -689,7 +861,7 @@ impl Wiring<'_> {
         let signals: Vec<_> = self.recorded().iter().map(|signal| quoted(signal)).collect();
         let _ = writeln!(text, "{connections}[[case]]\nname = \"assessed\"\ntitle = \"Assessed\"");
         let _ = writeln!(text, "[record]\nsignals = [{}]", signals.join(", "));
-        text
+        Ok(text)
     }
 
     /// Recorded signals, as a scenario names them.
@@ -697,10 +869,7 @@ impl Wiring<'_> {
         let path: &[&str] = if self.driving == Driving::OpenLoop { &[] } else { &OF_PATH };
         let mut signals: Vec<String> = OF_DRIVER.iter().chain(path).map(|signal| format!("driver:{signal}")).collect();
         for signal in self.plant.outputs() {
-            let is_wanted = RECORDED
-                .iter()
-                .any(|wanted| *wanted == signal || (wanted.ends_with('.') && signal.starts_with(wanted)));
-            if is_wanted {
+            if is_recorded(&signal) {
                 signals.push(format!("plant:{}", self.plant.variable(&signal)));
             }
         }
@@ -787,7 +956,7 @@ fn system(
         };
         let set: Vec<_> = set.iter().filter(is_of_system).cloned().collect();
         let mut wiring = Wiring { plant, units: ordered(units), driving, road, driver, unwritten: Vec::new() };
-        let text = wiring.scenario(&set);
+        let text = wiring.scenario(&set)?;
         let options = Options::default();
         let plan = resolve_text(Path::new("assessment.toml"), &text, source, &options)
             .map_err(|error| SetupError::new(explained(&error)))?;
@@ -802,7 +971,7 @@ fn system(
     Ok(System { name, speed, plans, unwritten, idle, columns })
 }
 
-/// The bench's name of a column, which has that of its component in front where several components have the signal.
+/// The bench's name of a column, which has that of its component in front if a component before it has the signal, too.
 fn signal_of(column: &str, plant: &Plant) -> String {
     let (component, variable) = column.split_once(':').unwrap_or(("", column));
     let is_of_driver = OF_DRIVER.contains(&variable) || OF_PATH.contains(&variable);

@@ -383,30 +383,45 @@ fn summary(study: &Study) -> Summary {
     }
 }
 
-/// A hash of each FMU file: the GUID only stands for its interface.
+/// A hash of each FMU file, whose GUID only stands for its interface, and of each file that a String names, by its path.
 fn fingerprints(study: &Study) -> Result<BTreeMap<String, String>, ExecutionError> {
     let mut hashes = BTreeMap::new();
     for component in study.simulation.runs.iter().flat_map(|run| &run.components) {
-        if !hashes.contains_key(&component.fmu) {
-            let path = PathBuf::from(&component.fmu);
-            let bytes = std::fs::read(&path).map_err(|cause| ExecutionError::Io { path, cause })?;
-            hashes.insert(component.fmu.clone(), hash(&bytes));
+        let strings =
+            component.parameters.iter().chain(&component.constants).filter_map(|setting| match &setting.value {
+                // A plan has absolute paths.
+                Value::String(text) if Path::new(text).is_absolute() && Path::new(text).is_file() => Some(text),
+                _ => None,
+            });
+        for file in std::iter::once(&component.fmu).chain(strings) {
+            if !hashes.contains_key(file) {
+                let path = PathBuf::from(file);
+                let bytes = std::fs::read(&path).map_err(|cause| ExecutionError::Io { path, cause })?;
+                hashes.insert(file.clone(), hash(&bytes));
+            }
         }
     }
     Ok(hashes)
 }
 
 /// A hash of all that decides about the history of a method. Budget and target only decide where it ends.
-fn fingerprint(study: &Study, method: &Method, fmus: &BTreeMap<String, String>) -> String {
+fn fingerprint(study: &Study, method: &Method, files: &BTreeMap<String, String>) -> String {
     let simulation = &study.simulation;
-    // The place of an FMU does not matter, its content does.
+    // The place of a file does not matter, its content does.
     let runs: Vec<Run> = simulation
         .runs
         .iter()
         .cloned()
         .map(|mut run| {
             for component in &mut run.components {
-                component.fmu = fmus.get(&component.fmu).cloned().unwrap_or_default();
+                component.fmu = files.get(&component.fmu).cloned().unwrap_or_default();
+                for setting in component.parameters.iter_mut().chain(&mut component.constants) {
+                    if let Value::String(text) = &mut setting.value
+                        && let Some(hash) = files.get(text.as_str())
+                    {
+                        text.clone_from(hash);
+                    }
+                }
             }
             run
         })

@@ -9,7 +9,7 @@ use fmu_system::master::Recording;
 use fmu_system::metrics::{self, Kind, Summation};
 use fmu_system::run;
 use fmu_system::run::Run;
-use fmu_system::worker::{Failure, FailureKind, Pool, Task};
+use fmu_system::worker::{Failure, Pool, Task};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A term of the objective: factor * |kind(signal)|. The magnitude counts, because an objective is not negative.
@@ -114,13 +114,7 @@ impl Simulation {
             for (parameter, value) in &sets[set] {
                 let (component, name) = self.parameters[*parameter].component_and_name();
                 let changed = run.set_parameter(&self.fmus, component, name, Value::Real(*value));
-                changed.map_err(|e| Failure {
-                    run: run.id.clone(),
-                    time: None,
-                    component: None,
-                    message: e.to_string(),
-                    kind: FailureKind::Error,
-                })?;
+                changed.map_err(|error| Failure::new(&run.id, error.to_string()))?;
             }
             Ok(Task { run, csv: None })
         };
@@ -168,7 +162,7 @@ impl Simulation {
     /// The objective of one run.
     fn objective(&self, run: &str, recording: &Recording) -> Result<f64, String> {
         for Limit { signal, magnitude, column } in &self.limits {
-            let beyond = |v: &&f64| v.abs() > *magnitude || v.is_nan();
+            let beyond = |v: &&f64| v.abs() > *magnitude;
             if let Some(value) = recording.column(*column).and_then(|values| values.iter().find(beyond)) {
                 return Err(format!("run {run}: `{signal}` is {value:?}, the limit is {magnitude:?}"));
             }

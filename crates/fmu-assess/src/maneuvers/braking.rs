@@ -1,6 +1,6 @@
 //! Braking: straight ahead and with other friction on one side (UN R13-H), and in a turn (ISO 7975).
 
-use super::{Results, evaluated, number, or_null};
+use super::{Results, evaluated, number, or_null, reason};
 use crate::bench::Bench;
 use crate::course::{Course, EndAt, drive};
 use crate::metric::Direction;
@@ -36,13 +36,13 @@ pub(crate) fn straight(bench: &Bench<'_>, results: &mut Results) {
     results.note(&run, &metrics);
     results.show(&run);
     let applies = (!bench.is_car()).then_some("the limit is that of cars");
-    results.take(&metrics, &["mfdd"]);
+    results.take(&run, &metrics, &["mfdd"]);
     results.limit(Limit::at_least(MFDD, "UN R13-H, type 0"), applies);
-    results.take(&metrics, &["distance"]);
+    results.take(&run, &metrics, &["distance"]);
     if let Some(v) = number(&metrics, "initial_speed").map(|speed| 3.6 * speed) {
         results.limit(Limit::at_most(0.1 * v + 0.006 * v * v, "UN R13-H, type 0"), applies);
     }
-    results.take(&metrics, &["lateral_peak", "yaw_peak"]);
+    results.take(&run, &metrics, &["lateral_peak", "yaw_peak"]);
 }
 
 /// Braking with other friction on one side.
@@ -59,7 +59,8 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         .map(|(side, slippery_left)| split_course(bench, format!("split_friction.{side}"), 50.0 / 3.6, slippery_left));
     let mut spun = false;
     let mut is_finished = true;
-    let mut worst: [Option<f64>; 4] = [None; 4];
+    let mut worst: [Result<f64, String>; 4] = [const { Ok(0.0) }; 4];
+    let mut cut = None;
     const NAMES: [&str; 4] = ["steering_wheel_peak_2s", "steering_wheel_peak", "lateral_peak", "yaw_peak"];
     for run in drive(bench, courses.into()) {
         let metrics = evaluated("braking", &run, &json!({}));
@@ -67,12 +68,16 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
         results.show(&run);
         spun |= run.has("spun");
         is_finished &= run.stop_reason == "stopped";
+        cut = cut.or_else(|| run.cut_short());
+        // Without the number of one side nobody knows which is larger.
         for (worst, name) in worst.iter_mut().zip(NAMES) {
             let value = number(&metrics, name);
-            *worst = match (*worst, value) {
-                (Some(old), Some(new)) => Some(old.max(new)),
-                (old, new) => old.or(new),
-            };
+            let missing = || format!("{}: {}", run.course.id, reason(&metrics, name).unwrap_or_default());
+            match (worst.as_mut(), value) {
+                (Ok(worst), Some(value)) => *worst = worst.max(value),
+                (Ok(_), None) => *worst = Err(missing()),
+                (Err(_), _) => (),
+            }
         }
     }
     let applies = (!bench.is_car()).then_some("the limit is that of cars");
@@ -80,23 +85,52 @@ pub(crate) fn split_friction(bench: &Bench<'_>, results: &mut Results) {
     results.metric("held", "Stops without spinning", "", Direction::Up, held);
     results.defined("Whether the car stops on both sides and its sideslip angle stays below 0.7 rad above 3 m/s.");
     results.limit(Limit::holds("UN R13-H, annex on antilock braking"), applies);
-    let degrees = |value: Option<f64>| or_null(value.map(f64::to_degrees));
-    results.metric(
+    let [first_wheel, wheel, lateral, yaw] = worst;
+    let degrees = |angle: Result<f64, String>| angle.map(f64::to_degrees);
+    let mut add = |name: &str, title: &str, unit: &'static str, value: Result<f64, String>, definition: &str| {
+        match value {
+            Ok(value) => results.metric(name, title, unit, Direction::Down, or_null(Some(value))),
+            Err(reason) => results.without(name, title, unit, Direction::Down, reason),
+        }
+        results.defined(definition);
+        results.incomparable(cut.clone());
+        let steering = match name {
+            "steering_wheel_peak_2s" => Some(STEERING.0),
+            "steering_wheel_peak" => Some(STEERING.1),
+            _ => None,
+        };
+        if let Some(limit) = steering {
+            results.limit(Limit::at_most(limit, "UN R13-H, annex on antilock braking"), applies);
+        }
+    };
+    add(
         NAMES[0],
         "Largest steering wheel angle in the first 2 s",
         "deg",
-        Direction::Down,
-        degrees(worst[0]),
+        degrees(first_wheel),
+        "Largest magnitude of the steering wheel angle in the first 2 s of braking, of both sides.",
     );
-    results.defined("Largest magnitude of the steering wheel angle in the first 2 s of braking, of both sides.");
-    results.limit(Limit::at_most(STEERING.0, "UN R13-H, annex on antilock braking"), applies);
-    results.metric(NAMES[1], "Largest steering wheel angle", "deg", Direction::Down, degrees(worst[1]));
-    results.defined("Largest magnitude of the steering wheel angle until the car stops, of both sides.");
-    results.limit(Limit::at_most(STEERING.1, "UN R13-H, annex on antilock braking"), applies);
-    results.metric(NAMES[2], "Largest lateral offset", "m", Direction::Down, or_null(worst[2]));
-    results.defined("Largest distance from the line on which braking begins, of both sides.");
-    results.metric(NAMES[3], "Largest change of the yaw angle", "rad", Direction::Down, or_null(worst[3]));
-    results.defined("Largest change of the yaw angle from the begin of braking, of both sides.");
+    add(
+        NAMES[1],
+        "Largest steering wheel angle",
+        "deg",
+        degrees(wheel),
+        "Largest magnitude of the steering wheel angle until the car stops, of both sides.",
+    );
+    add(
+        NAMES[2],
+        "Largest lateral offset",
+        "m",
+        lateral,
+        "Largest distance from the line on which braking begins, of both sides.",
+    );
+    add(
+        NAMES[3],
+        "Largest change of the yaw angle",
+        "rad",
+        yaw,
+        "Largest change of the yaw angle from the begin of braking, of both sides.",
+    );
 }
 
 /// Braking on a circle.
@@ -125,6 +159,7 @@ pub(crate) fn in_a_turn(bench: &Bench<'_>, results: &mut Results) {
     results.note(&run, &metrics);
     results.show(&run);
     results.take(
+        &run,
         &metrics,
         &["deceleration_1s", "yaw_rate_ratio_1s", "yaw_rate_ratio_max", "sideslip_change", "radius_deviation_1s"],
     );

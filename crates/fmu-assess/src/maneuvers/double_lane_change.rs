@@ -1,10 +1,11 @@
 //! Double lane changes of ISO 3888-1 and ISO 3888-2: the largest speed at which no cone is touched.
 
-use super::{Results, evaluated, or_null, truth};
+use super::{Results, evaluated, number, or_null, truth};
 use crate::bench::Bench;
 use crate::course::{Course, EndAt, Ended, drive};
 use crate::evaluators::{Evaluation, cones};
 use crate::metric::Direction;
+use crate::report::{Bound, Series};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -22,7 +23,9 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    fn name(self) -> &'static str {
+    pub(crate) const ALL: [Self; 2] = [Self::One, Self::Two];
+
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::One => "iso3888_1",
             Self::Two => "iso3888_2",
@@ -100,13 +103,13 @@ fn attempt(bench: &Bench<'_>, part: Part, speed: f64) -> Option<(Ended, Evaluati
 pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
     results.track = cones(part, bench);
     let (mut speed, limit) = if bench.is_car() { (30.0, 150.0) } else { (20.0, 100.0) };
-    let mut passed: Option<(f64, Ended, Evaluation)> = None;
+    let mut passed: Vec<(f64, Ended, Evaluation)> = Vec::new();
     let mut failed: Option<(f64, Ended)> = None;
     let mut attempts = |speed: f64, results: &mut Results| {
         let (run, metrics, has_passed) = attempt(bench, part, speed)?;
         results.note(&run, &metrics);
         if has_passed {
-            passed = Some((speed, run, metrics));
+            passed.push((speed, run, metrics));
         } else {
             failed = Some((speed, run));
         }
@@ -143,19 +146,48 @@ pub(crate) fn carry_out(bench: &Bench<'_>, part: Part, results: &mut Results) {
         (None, _) => {
             let slowest = if bench.is_car() { 30 } else { 20 };
             results.without("max_entry_speed", title, "km/h", Direction::Up, format!("it fails at {slowest} km/h"));
+            results.bounded(Bound::Below(f64::from(slowest)));
         }
         (Some(_), None) => {
             results.metric("max_entry_speed", title, "km/h", Direction::Up, serde_json::Value::Null);
             results.best(&format!("it passes up to {limit} km/h"));
+            results.bounded(Bound::Above(limit));
         }
     }
     results
         .defined("Largest speed found by steps of 5 km/h, then by bisection to 0.5 km/h, at which no cone is touched.");
-    if let Some((_, run, metrics)) = &passed {
+    // The runs are in the order in which they were made; the last one that passed is the fastest of them.
+    if let Some((speed, run, metrics)) = passed.last() {
         results.show(run);
-        results.take(metrics, &["exit_speed", "sideslip_peak", "roll_peak", "load_transfer_peak"]);
+        results.entry_speed = Some(*speed);
+        for name in OF_FASTEST {
+            results.take(run, metrics, &[name]);
+            let values =
+                passed.iter().filter_map(|(speed, _, metrics)| Some((*speed, number(metrics, name)?))).collect();
+            results.series(Series { unit: "km/h", values, is_whole: true });
+        }
     }
     if let Some((_, run)) = &failed {
         results.show(run);
+    }
+}
+
+/// Metrics of the fastest run that touches no cone.
+const OF_FASTEST: [&str; 4] = ["exit_speed", "sideslip_peak", "roll_peak", "load_transfer_peak"];
+
+/// Drives at the largest entry speed, km/h, of the other system, which is slower, so that both can be compared there.
+pub(crate) fn compare_at(bench: &Bench<'_>, part: Part, speed: f64, results: &mut Results) {
+    let Some((run, metrics, has_passed)) = attempt(bench, part, speed) else { return };
+    results.note(&run, &metrics);
+    if !has_passed {
+        return;
+    }
+    for name in OF_FASTEST {
+        let id = format!("{}.{name}", part.name());
+        let series =
+            results.metrics.iter_mut().find(|metric| metric.id == id).and_then(|metric| metric.series.as_mut());
+        if let Some((series, value)) = series.zip(number(&metrics, name)) {
+            series.values.push((speed, value));
+        }
     }
 }

@@ -3,7 +3,6 @@
 use super::{Results, evaluated};
 use crate::bench::Bench;
 use crate::course::{Course, drive};
-use crate::metric::Direction;
 use crate::wiring::{Driving, STEP};
 use fmu_math::sin;
 use serde_json::json;
@@ -54,9 +53,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, steer: Option<f64>, results: &mut Res
     let maneuver = results.maneuver;
     results.maneuver = "frequency_response";
     let Some(steer) = steer else {
-        let reason = "there is no step steer to take the amplitude from".to_owned();
-        results.without("yaw_rate.bandwidth", "Bandwidth of the yaw rate", "Hz", Direction::None, reason);
-        results.defined("First frequency above 0.2 Hz where the gain falls below that at 0.2 Hz over sqrt(2).");
+        results.take_none("frequency_response", &wanted, "there is no step steer to take the amplitude from");
         results.maneuver = maneuver;
         return;
     };
@@ -70,7 +67,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, steer: Option<f64>, results: &mut Res
         let metrics = evaluated("frequency_response", &run, &json!({}));
         results.note(&run, &metrics);
         results.show(&run);
-        results.take(&metrics, &wanted);
+        results.take(&run, &metrics, &wanted);
     }
     results.maneuver = maneuver;
 }

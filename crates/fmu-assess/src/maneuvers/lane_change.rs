@@ -46,5 +46,5 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
         "roll_peak",
         "load_transfer_peak",
     ];
-    results.take(&metrics, &wanted);
+    results.take(&run, &metrics, &wanted);
 }

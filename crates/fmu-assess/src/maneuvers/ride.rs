@@ -69,19 +69,22 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     for (class, roughness) in CLASSES {
         let courses = SEEDS.map(|seed| course(bench, class, roughness, seed));
         let mut found = Vec::new();
+        let mut broken = None;
         for (index, run) in drive(bench, courses.into()).into_iter().enumerate() {
             let metrics = evaluated("ride", &run, &json!({ "begin": BEGIN }));
             results.note(&run, &metrics);
             if index == 0 && class == "c" {
                 results.show(&run);
             }
-            if run.error.is_none() {
-                found.push(metrics);
-            }
+            broken = broken.or_else(|| run.cut_short().map(|reason| format!("{}: {reason}", run.course.id)));
+            found.push(metrics);
         }
         let of_class = class.to_uppercase();
-        let why =
-            |name: &str| found.first().map_or_else(|| Some("no run came to its end".to_owned()), |of| reason(of, name));
+        // A mean over fewer roads is another number.
+        if broken.is_some() {
+            found.clear();
+        }
+        let why = |name: &str| broken.clone().or_else(|| found.iter().find_map(|of| reason(of, name)));
         let mut add = |name: &str, title: &str, unit: &'static str, definition: &str, value: Option<f64>| {
             let (id, title) = (format!("{class}.{name}"), format!("{title}, class {of_class}"));
             results.metric(&id, &title, unit, Direction::Down, or_null(value));

@@ -3,8 +3,9 @@
 use super::{Results, SIDES, evaluated, number, or_null, truth};
 use crate::bench::Bench;
 use crate::course::{Course, drive};
+use crate::evaluators::Evaluation;
 use crate::metric::Direction;
-use crate::report::Limit;
+use crate::report::{Bound, Limit, Series};
 use crate::wiring::Driving;
 use serde_json::json;
 
@@ -16,26 +17,25 @@ type MakeCourse<'a> = &'a dyn Fn(&str, f64, f64, f64) -> Course;
 
 fn series(bench: &Bench<'_>, speeds: &[f64], course: MakeCourse<'_>, results: &mut Results) {
     let mut lifted = None;
-    let mut load_transfer: Option<f64> = None;
-    let mut roll: Option<f64> = None;
+    let mut load_transfer = Peaks::new("load_transfer_peak");
+    let mut roll = Peaks::new("roll_peak");
     let mut is_known = false;
     for mph in speeds {
         let courses = SIDES.map(|(side, sign)| course(side, sign, *mph, mph * MPH));
+        let mut found = Vec::new();
         for run in drive(bench, courses.into()) {
             let metrics = evaluated("rollover", &run, &json!({}));
             results.note(&run, &metrics);
             results.show(&run);
-            let larger = |old: Option<f64>, name: &str| match (old, number(&metrics, name)) {
-                (Some(old), Some(new)) => Some(old.max(new)),
-                (old, new) => old.or(new),
-            };
-            load_transfer = larger(load_transfer, "load_transfer_peak");
-            roll = larger(roll, "roll_peak");
             let lift = truth(&metrics, "two_wheel_lift");
             is_known |= lift.is_some() || run.has("rolled_over");
             if lift == Some(true) || run.has("rolled_over") {
                 lifted = lifted.or(Some(*mph));
             }
+            found.push((metrics, run.cut_short().is_some()));
+        }
+        for peaks in [&mut load_transfer, &mut roll] {
+            peaks.add(*mph, &found, lifted.is_none());
         }
         if lifted.is_some() {
             break;
@@ -60,18 +60,54 @@ fn series(bench: &Bench<'_>, speeds: &[f64], course: MakeCourse<'_>, results: &m
     results.metric("lift_speed", "Speed of the first two-wheel lift", "mph", Direction::Up, or_null(lifted));
     if lifted.is_none() {
         results.best("no wheels lift");
+        if let Some(highest) = speeds.last().filter(|_| is_known) {
+            results.bounded(Bound::Above(*highest));
+        }
     }
     results.defined("First speed of the series at which two wheels of a side lift, or the vehicle rolls over.");
-    results.metric("load_transfer_peak", "Largest load transfer ratio", "1", Direction::Down, or_null(load_transfer));
-    if load_transfer.is_none() {
+    results.metric(
+        "load_transfer_peak",
+        "Largest load transfer ratio",
+        "1",
+        Direction::Down,
+        or_null(load_transfer.largest),
+    );
+    results.series(load_transfer.series);
+    if load_transfer.largest.is_none() {
         unknown(bench, "vehicle.load_transfer_ratio", results);
     }
     results.defined("Largest magnitude of the load transfer ratio, of all runs.");
-    results.metric("roll_peak", "Largest roll angle", "rad", Direction::Down, or_null(roll));
-    if roll.is_none() {
+    results.metric("roll_peak", "Largest roll angle", "rad", Direction::Down, or_null(roll.largest));
+    results.series(roll.series);
+    if roll.largest.is_none() {
         unknown(bench, "body.roll", results);
     }
     results.defined("Largest magnitude of the roll angle, of all runs.");
+}
+
+/// The largest peak of all runs, and those of the speeds that the vehicle can drive.
+struct Peaks {
+    name: &'static str,
+    largest: Option<f64>,
+    series: Series,
+}
+
+impl Peaks {
+    fn new(name: &'static str) -> Self {
+        Self { name, largest: None, series: Series { unit: "mph", values: Vec::new(), is_whole: true } }
+    }
+
+    /// Adds the runs of a speed, to both sides, which say whether they were cut short.
+    fn add(&mut self, mph: f64, found: &[(Evaluation, bool)], is_driven: bool) {
+        let peaks: Vec<Option<f64>> = found.iter().map(|(metrics, _)| number(metrics, self.name)).collect();
+        let largest = peaks.iter().flatten().copied().reduce(f64::max);
+        self.largest = self.largest.into_iter().chain(largest).reduce(f64::max);
+        let is_whole = is_driven && peaks.iter().all(Option::is_some) && !found.iter().any(|(_, is_cut)| *is_cut);
+        match largest.filter(|_| is_whole) {
+            Some(largest) => self.series.values.push((mph, largest)),
+            None => self.series.is_whole = false,
+        }
+    }
 }
 
 /// A fishhook at a speed, m/s, with an angle of the steering wheel, deg.

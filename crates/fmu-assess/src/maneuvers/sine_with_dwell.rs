@@ -3,8 +3,9 @@
 use super::{Hindrance, Results, SIDES, evaluated, number, or_null, reason, truth};
 use crate::bench::Bench;
 use crate::course::{Course, drive};
+use crate::evaluators::Evaluation;
 use crate::metric::Direction;
-use crate::report::Limit;
+use crate::report::{Limit, Series};
 use crate::wiring::Driving;
 use serde_json::{Value, json};
 
@@ -41,12 +42,46 @@ pub(crate) fn hindrance(bench: &Bench<'_>) -> Option<Hindrance> {
     Some(Hindrance::new(format!("A is {small} deg, the series needs more than {LEAST} deg")))
 }
 
+/// The extreme value of a metric of all runs, and that of each amplitude.
+struct Extreme {
+    name: &'static str,
+    choose: fn(f64, f64) -> f64,
+    value: Option<f64>,
+    /// Amplitude, A, and value; none if a run of it has no value.
+    values: Vec<(f64, Option<f64>)>,
+}
+
+impl Extreme {
+    fn new(name: &'static str, choose: fn(f64, f64) -> f64) -> Self {
+        Self { name, choose, value: None, values: Vec::new() }
+    }
+
+    /// Adds a run of an amplitude. A run that was cut short cannot be compared with others.
+    fn add(&mut self, amplitude: f64, metrics: &Evaluation, is_whole: bool) {
+        // The displacement is positive; the ratios have signs.
+        let value = number(metrics, self.name);
+        let value = if self.name == "lateral_displacement" { value } else { value.map(f64::abs) };
+        self.value = self.value.into_iter().chain(value).reduce(self.choose);
+        let comparable = value.filter(|_| is_whole);
+        match self.values.last_mut().filter(|(last, _)| *last == amplitude) {
+            Some((_, both)) => *both = both.zip(comparable).map(|(old, new)| (self.choose)(old, new)),
+            None => self.values.push((amplitude, comparable)),
+        }
+    }
+
+    fn series(self) -> Series {
+        let is_whole = self.values.iter().all(|(_, value)| value.is_some());
+        let values = self.values.into_iter().filter_map(|(amplitude, value)| Some((amplitude, value?))).collect();
+        Series { unit: "A", values, is_whole }
+    }
+}
+
 pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let Some(a) = bench.amplitude else { return };
-    let mut worst: [Option<f64>; 2] = [None, None];
+    let mut worst = ["yaw_rate_ratio_1s", "yaw_rate_ratio_1_75s"].map(|name| Extreme::new(name, f64::max));
+    let mut least = Extreme::new("lateral_displacement", f64::min);
     let mut is_stable = true;
     let mut unstable_from = None;
-    let mut least = None;
     let mut unknown = None;
     for amplitude in amplitudes(a) {
         let courses = SIDES.map(|(side, sign)| {
@@ -58,10 +93,10 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
             let metrics = evaluated("sine_with_dwell", &run, &json!({ "steer.ratio": bench.ratio() }));
             results.note(&run, &metrics);
             results.show(&run);
-            for (worst, name) in worst.iter_mut().zip(["yaw_rate_ratio_1s", "yaw_rate_ratio_1_75s"]) {
-                if let Some(ratio) = number(&metrics, name) {
-                    *worst = Some(worst.map_or(ratio.abs(), |worst: f64| worst.max(ratio.abs())));
-                }
+            let is_whole = run.cut_short().is_none();
+            worst.iter_mut().for_each(|worst| worst.add(amplitude / a, &metrics, is_whole));
+            if amplitude >= COUNTS_FROM * a - 1e-9 {
+                least.add(amplitude / a, &metrics, is_whole);
             }
             match truth(&metrics, "stable") {
                 Some(stable) if !run.has("spun") && !run.has("rolled_over") && run.error.is_none() => {
@@ -73,11 +108,6 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
                     let why = reason(&metrics, "stable").unwrap_or_default();
                     unknown = unknown.or(Some(format!("{}: {why}", run.course.id)));
                 }
-            }
-            if amplitude >= COUNTS_FROM * a - 1e-9
-                && let Some(displacement) = number(&metrics, "lateral_displacement")
-            {
-                least = Some(least.map_or(displacement, |least: f64| least.min(displacement)));
             }
         }
         if !is_pair_stable {
@@ -107,29 +137,33 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
         results.best(unknown.as_deref().unwrap_or("stable at all amplitudes"));
     }
     let [first, second] = worst;
+    let has_displacement = least.value.is_some();
     results.metric(
         "yaw_rate_ratio_1s",
         "Largest yaw rate 1 s after the steering",
         "1",
         Direction::Down,
-        or_null(first),
+        or_null(first.value),
     );
     results.defined(
         "Largest magnitude of the yaw rate 1 s after the completion of steer, over its second peak, of all runs.",
     );
+    results.series(first.series());
     results.metric(
         "yaw_rate_ratio_1_75s",
         "Largest yaw rate 1.75 s after the steering",
         "1",
         Direction::Down,
-        or_null(second),
+        or_null(second.value),
     );
     results.defined("The same 1.75 s after the completion of steer.");
-    results.metric("lateral_displacement", "Least displacement from 5 A on", "m", Direction::Up, or_null(least));
+    results.series(second.series());
+    results.metric("lateral_displacement", "Least displacement from 5 A on", "m", Direction::Up, or_null(least.value));
     results
         .defined("Smallest lateral displacement 1.07 s after the beginning of steer, of all runs with at least 5 A.");
     results.limit(Limit::at_least(wanted, "FMVSS 126 S5.2.3, UN R140"), applies);
-    if least.is_none() {
+    results.series(least.series());
+    if !has_displacement {
         let largest = amplitudes(a).into_iter().fold(0.0, f64::max);
         if largest < COUNTS_FROM * a {
             results.because(&format!("the largest amplitude, {largest:.0} deg, is below 5 A"));

@@ -110,7 +110,7 @@ pub(crate) fn constant_radius(bench: &Bench<'_>, results: &mut Results) {
     let metrics = evaluated("constant_radius", run, &options);
     results.note(run, &metrics);
     results.show(run);
-    results.take(&metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
+    results.take(run, &metrics, &["understeer_gradient", "sideslip_gradient", "roll_gradient", "deviation_max"]);
     if run.error.is_some() {
         results.metric("completed", "Circle driven to the end", "", Direction::None, Value::Bool(false));
         results.defined("Whether the run gets to its end, 72 s, without breaking down.");

@@ -1,25 +1,64 @@
 //! Step steer (ISO 7401), and the frequency response, which takes half of its steering.
 
-use super::{Results, evaluated, frequency_response, number};
+use super::{Results, evaluated, frequency_response, number, reason};
 use crate::bench::Bench;
 use crate::course::{Course, Ended, drive};
 use crate::evaluators::Evaluation;
-use crate::metric::Direction;
 use crate::wiring::Driving;
 use serde_json::json;
 
-/// Most runs for the steering angle that gives the lateral acceleration.
-const MOST_RUNS: usize = 6;
+/// Most runs for the steering angle that gives the lateral acceleration: in proportion, and by halving what is left between two angles.
+const MOST_RUNS: (usize, usize) = (6, 20);
 /// How near the lateral acceleration has to come, relative.
 const NEAR: f64 = 0.01;
+/// Relative distance of two angles below which the bisection ends.
+const NEAREST: f64 = 1e-4;
 /// Lateral acceleration at which A is measured, m/s2.
 const OF_AMPLITUDE: f64 = 0.3 * super::G;
+/// Largest range in the last second of a signal that has settled, over its mean.
+const SETTLED: f64 = 0.2;
 
 /// The run with a steering angle of the front wheels, rad, at a speed, m/s.
 pub(crate) fn course(id: String, speed: f64, steer: f64) -> Course {
     Course::new(id, Driving::OpenLoop, speed, 6.0)
         .drivers(&[("maneuver", 1.0), ("steer.amplitude", steer), ("steer.start", 1.0), ("steer.rise_time", 0.1)])
         .show("steer", steer)
+}
+
+/// The reason that nothing is steady at the end of a run, if nothing is.
+fn unsteady(run: &Ended) -> Option<String> {
+    if let Some(reason) = run.cut_short() {
+        return Some(reason);
+    }
+    if run.has("spun") {
+        return Some("the vehicle spun: nothing is steady".to_owned());
+    }
+    let times = run.trace.times();
+    let first = times.partition_point(|time| *time < times.last().map_or(0.0, |last| last - 1.0));
+    ["vehicle.yaw_rate", "vehicle.lateral_acceleration"].into_iter().find_map(|name| {
+        let last = run.trace.column(name)?.get(first..)?;
+        let mean = last.iter().sum::<f64>() / last.len() as f64;
+        let (low, high) = last.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
+        let is_steady = high - low <= SETTLED * mean.abs() || high - low < 1e-6;
+        (!is_steady).then(|| format!("`{name}` does not settle: {low:.3} to {high:.3} in the last second"))
+    })
+}
+
+/// The next steering angle: in proportion, then between the largest that gives too little and the smallest that gives too much.
+fn next(steer: f64, steady: Option<f64>, target: f64, tries: usize, [low, high]: [Option<f64>; 2]) -> Option<f64> {
+    let proportional = steady.filter(|steady| *steady > 1e-6).map(|steady| steer * target / steady);
+    let is_between = |angle: &f64| low.is_none_or(|low| *angle > low) && high.is_none_or(|high| *angle < high);
+    if tries < MOST_RUNS.0
+        && let Some(angle) = proportional.filter(is_between)
+    {
+        return Some(angle);
+    }
+    match (low, high) {
+        (Some(low), Some(high)) => (high - low > NEAREST * high).then_some(0.5 * (low + high)),
+        // Nothing settles: half of it may.
+        (None, Some(high)) => Some(0.5 * high),
+        _ => None,
+    }
 }
 
 /// Finds the steering angle, then tells how the vehicle answers it.
@@ -31,42 +70,60 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let mut steer = of_amplitude.unwrap_or(neutral) * target / OF_AMPLITUDE;
     let mut last: Option<(Ended, Evaluation)> = None;
     let mut is_reached = false;
-    for index in 1..=MOST_RUNS {
-        let Some(run) = drive(bench, vec![course(format!("step_steer.{index}"), bench.speed(), steer)]).pop() else {
+    // The largest angle that gives less than the target, and the smallest that gives more.
+    let mut between = [None, None];
+    let mut nearest: Option<f64> = None;
+    let mut why = None;
+    for index in 1..=MOST_RUNS.1 {
+        let Some(mut run) = drive(bench, vec![course(format!("step_steer.{index}"), bench.speed(), steer)]).pop()
+        else {
             return;
         };
         let metrics = evaluated("step_steer", &run, &json!({}));
-        results.note(&run, &metrics);
-        let steady = number(&metrics, "lateral_acceleration.steady");
-        last = Some((run, metrics));
-        let Some(steady) = steady.filter(|steady| steady.abs() > 1e-6) else { break };
-        if (steady.abs() / target - 1.0).abs() <= NEAR {
-            is_reached = true;
-            break;
+        let unsteady = unsteady(&run);
+        if unsteady.as_ref().is_some_and(|reason| reason.contains("settle")) {
+            run.flags.push("not_settled");
         }
-        steer *= target / steady.abs();
+        results.note(&run, &metrics);
+        let steady = number(&metrics, "lateral_acceleration.steady").map(f64::abs).filter(|_| unsteady.is_none());
+        why = unsteady.or_else(|| reason(&metrics, "lateral_acceleration.steady")).or(why);
+        last = Some((run, metrics));
+        if let Some(steady) = steady {
+            if (steady / target - 1.0).abs() <= NEAR {
+                is_reached = true;
+                break;
+            }
+            nearest = [nearest, Some(steady)]
+                .into_iter()
+                .flatten()
+                .reduce(|a, b| if (b - target).abs() < (a - target).abs() { b } else { a });
+        }
+        match steady {
+            Some(steady) if steady < target => between[0] = Some(steer),
+            _ => between[1] = Some(steer),
+        }
+        let Some(angle) = next(steer, steady, target, index, between) else { break };
+        steer = angle;
     }
     let Some((run, metrics)) = last else { return };
     results.show(&run);
+    let wanted = [
+        "steer",
+        "yaw_rate.gain",
+        "yaw_rate.response_time",
+        "yaw_rate.overshoot",
+        "lateral_acceleration.response_time",
+        "lateral_acceleration.overshoot",
+        "roll.overshoot",
+        "tb_factor",
+    ];
     if is_reached {
-        results.take(
-            &metrics,
-            &[
-                "steer",
-                "yaw_rate.gain",
-                "yaw_rate.response_time",
-                "yaw_rate.overshoot",
-                "lateral_acceleration.response_time",
-                "lateral_acceleration.overshoot",
-                "roll.overshoot",
-                "tb_factor",
-            ],
-        );
+        results.take(&run, &metrics, &wanted);
     } else {
-        let reason = format!("target not reached: no steering angle gave {target} m/s2");
-        results.without("yaw_rate.overshoot", "Overshoot of the yaw rate", "1", Direction::Down, reason);
-        results
-            .defined("Peak less steady value, over the steady value, of a step that gives the lateral acceleration.");
+        let nearest = nearest.map_or_else(String::new, |nearest| format!(", the nearest gave {nearest:.3} m/s2"));
+        let why = why.map_or_else(String::new, |why| format!("; {why}"));
+        let reason = format!("no steering angle gave {target} m/s2{nearest}{why}");
+        results.take_none("step_steer", &wanted, &reason);
     }
     let steer = number(&metrics, "steer").filter(|_| is_reached);
     frequency_response::carry_out(bench, steer, results);

@@ -65,6 +65,11 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// Returns true if the recording has the column, even without values.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.trace.column(name).is_some()
+    }
+
     /// The columns `group.*`, as place and name.
     pub(crate) fn places(&self, group: &str) -> Vec<(&'a str, &'a str)> {
         let place = |name: &'a str| Some((name.strip_prefix(group)?.strip_prefix('.')?, name));

@@ -1,139 +1,218 @@
 //! Traces from CSV files.
 
 use super::Trace;
-use std::io::Read as _;
+use crate::evaluators::Column;
+use fmu_import::names::suggestion;
+use fmu_system::data::unit::{SAME, Target};
+use fmu_system::data::{Channel, DataError, Format, Signal, Table, TimeColumn};
+use std::collections::BTreeMap;
 
-/// The first bytes of a gzip file.
-const GZIP: [u8; 2] = [0x1f, 0x8b];
+/// Longest gap that is bridged, s.
+const LONGEST_GAP: f64 = 0.5;
+/// A distance of two rows of so many median ones is a gap.
+const GAP: f64 = 1.9;
+/// A row may be this share of the step away from its place in an even grid, as in `Rows`.
+const UNEVENNESS: f64 = 0.5;
+/// A larger share changes speeds and rates by more than 2 % of a row's.
+const JITTER: f64 = 0.02;
 
-/// A file that is not a trace. The messages are for a report that names the file.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// A compressed file is damaged.
-    #[error("the file cannot be decompressed: {0}")]
-    Compressed(#[source] std::io::Error),
-    /// It is not text.
-    #[error("the file is not UTF-8 text")]
-    Text,
-    /// The first line is missing.
-    #[error("the file is empty")]
-    Empty,
-    /// The first line has no column of times.
-    #[error("line 1 has no column `time`, but {0}")]
-    NoTime(String),
-    /// A name is there twice.
-    #[error("line 1 has the column `{0}` twice")]
-    Twice(String),
-    /// A row has more or fewer cells than the first line.
-    #[error("line {line} has {cells} cells, line 1 has {columns}")]
-    Cells {
-        /// Line of the file, from 1.
-        line: u64,
-        /// Cells of the row.
-        cells: u64,
-        /// Cells of the first line.
-        columns: u64,
-    },
-    /// A cell is not a number.
-    #[error("line {line}, column `{column}`: \"{cell}\" is not a number")]
-    Cell {
-        /// Line of the file, from 1.
-        line: u64,
-        /// Name of the column.
-        column: String,
-        /// The cell.
-        cell: String,
-    },
+/// Options for reading a file as a recording.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Reading {
+    /// Names of columns by signal, where they differ; `time` is that of the times.
+    pub names: BTreeMap<String, String>,
+    /// Units of columns by signal. They take precedence over those of the file.
+    pub units: BTreeMap<String, String>,
+    /// Interpolates between rows that are not evenly spaced.
+    pub resample: Option<Resample>,
 }
 
-impl ReadError {
-    /// Advice for the user.
-    #[must_use]
-    pub fn help(&self) -> &'static str {
-        match self {
-            Self::Compressed(_) => "Check the file with `gzip -t`, or give the CSV file itself.",
-            Self::Text => "Save the recording as CSV in UTF-8, plain or compressed with gzip.",
-            Self::Empty | Self::NoTime(_) => {
-                "Line 1 contains the names of the columns, separated by commas: `time` (s) and signals such as `vehicle.yaw_rate`."
-            }
-            Self::Twice(_) => "Remove or rename one of the columns.",
-            Self::Cells { .. } => "Give every row a cell for each column, separated by commas; a cell may be empty.",
-            Self::Cell { .. } => "A cell contains a number with a decimal point, `true`, `false`, or nothing.",
-        }
+/// Distance of the rows of a resampled recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Resample {
+    /// The median distance of the file.
+    Median,
+    /// This, s.
+    Step(f64),
+}
+
+impl Reading {
+    /// The signal that a column has.
+    fn signal<'a>(&'a self, column: &'a str) -> Option<&'a str> {
+        let named = self.names.iter().find(|(signal, name)| *name == column && *signal != "time");
+        // A name that another column has been given is not that of its own column.
+        named.map(|(signal, _)| signal.as_str()).or_else(|| (!self.names.contains_key(column)).then_some(column))
     }
 }
 
 impl Trace<'static> {
-    /// Reads a CSV file, plain or compressed with gzip.
-    ///
-    /// The first line contains the names of the columns, of which one is `time`. Cells are numbers, `true` (1) or `false` (0). An empty
-    /// cell is NaN.
+    /// Reads a CSV file, plain or compressed with gzip; `file` names it in messages. Of its columns, those that are in `columns` become
+    /// signals, in the units that these have. An empty cell is NaN. Returns the trace and notes for the user.
     ///
     /// # Errors
-    /// The file is damaged, has no column `time` or a name twice, or a cell is not a number.
-    pub fn read(bytes: &[u8]) -> Result<Self, ReadError> {
-        if !bytes.starts_with(&GZIP) {
-            return Self::parse(bytes);
-        }
-        let mut plain = Vec::new();
-        flate2::read::MultiGzDecoder::new(bytes).read_to_end(&mut plain).map_err(ReadError::Compressed)?;
-        Self::parse(&plain)
-    }
-
-    fn parse(bytes: &[u8]) -> Result<Self, ReadError> {
-        let text = std::str::from_utf8(bytes).map_err(|_| ReadError::Text)?;
-        // Spreadsheets begin a file with a byte order mark.
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut reader = csv::ReaderBuilder::new().has_headers(false).trim(csv::Trim::All).from_reader(text.as_bytes());
-        let mut record = csv::StringRecord::new();
-        if !next(&mut reader, &mut record)? {
-            return Err(ReadError::Empty);
-        }
-        let names: Vec<String> = record.iter().map(str::to_owned).collect();
-        if let Some((_, twice)) = names.iter().enumerate().find(|(index, name)| names[..*index].contains(name)) {
-            return Err(ReadError::Twice(twice.clone()));
-        }
-        let Some(time) = names.iter().position(|name| name == "time") else {
-            let known: Vec<String> = names.iter().take(5).map(|name| format!("`{name}`")).collect();
-            let rest = names.len().saturating_sub(5);
-            let rest = if rest > 0 { format!(" and {rest} more") } else { String::new() };
-            return Err(ReadError::NoTime(known.join(", ") + &rest));
+    /// The file is damaged or not a table, it has no column of times, its rows are not evenly spaced, or a column that is read has a cell
+    /// that is not a number, a unit that cannot be converted, or its name twice.
+    pub fn read(
+        file: &str,
+        bytes: &[u8],
+        columns: &[Column],
+        reading: &Reading,
+    ) -> Result<(Self, Vec<String>), DataError> {
+        let table = Table::parse(file, bytes, &Format::default())?;
+        let read = |signal: &str| {
+            columns.iter().find(|column| match column.name.strip_suffix('*') {
+                Some(group) => signal.starts_with(group),
+                None => column.name == signal,
+            })
         };
-        let mut columns = vec![Vec::new(); names.len()];
-        while next(&mut reader, &mut record)? {
-            for ((cell, column), name) in record.iter().zip(&mut columns).zip(&names) {
-                column.push(number(cell).ok_or_else(|| ReadError::Cell {
-                    line: record.position().map_or(0, csv::Position::line),
-                    column: name.clone(),
-                    cell: cell.to_owned(),
-                })?);
+        let wanted: Vec<(&str, &str, &Column)> = table
+            .columns()
+            .iter()
+            .filter_map(|column| {
+                let signal = reading.signal(&column.name)?;
+                Some((column.name.as_str(), signal, read(signal)?))
+            })
+            .collect();
+        if table.found().rows == 0 {
+            // What is missing is the reason of each metric.
+            let empty = wanted.iter().map(|(_, signal, _)| ((*signal).to_owned().into(), Vec::new().into()));
+            return Ok((Self { times: Vec::new().into(), columns: empty.collect() }, Vec::new()));
+        }
+        let column = TimeColumn {
+            column: reading.names.get("time").cloned(),
+            unit: reading.units.get("time").cloned(),
+            ..TimeColumn::default()
+        };
+        let clock = table.times(&column)?;
+        let mut notes = Vec::new();
+        for (signal, name) in reading.names.iter().filter(|(signal, _)| read(signal).is_some()) {
+            let names = || table.columns().iter().map(|column| column.name.as_str());
+            if !names().any(|column| column == name) {
+                let near = suggestion(name, names()).map_or(String::new(), |near| format!("; {near}"));
+                notes.push(format!("the file has no column `{name}` for `{signal}`{near}"));
             }
         }
-        let mut trace = Self::new(columns[time].clone());
-        let signals = names.into_iter().zip(columns).enumerate().filter(|(index, _)| *index != time);
-        trace.columns = signals.map(|(_, (name, column))| (name.into(), column.into())).collect();
-        Ok(trace)
-    }
-}
-
-/// Reads a row; `false` at the end.
-fn next(reader: &mut csv::Reader<&[u8]>, record: &mut csv::StringRecord) -> Result<bool, ReadError> {
-    reader.read_record(record).map_err(|error| match error.into_kind() {
-        csv::ErrorKind::UnequalLengths { pos, expected_len, len } => {
-            ReadError::Cells { line: pos.map_or(0, |pos| pos.line()), cells: len, columns: expected_len }
+        let times = match reading.resample {
+            None => {
+                check_spacing(file, clock.times(), &mut notes)?;
+                clock.times().to_vec()
+            }
+            Some(resample) => grid(file, clock.times(), resample, &mut notes)?,
+        };
+        let mut trace = Self::new(times);
+        for (name, signal, column) in wanted {
+            let unit = reading.units.get(signal).map(String::as_str);
+            let found = table.signal(&clock, &Channel { unit, ..Channel::new(name) }, &Target::named(column.unit))?;
+            if found.conversion != SAME {
+                let factor = found.conversion.factor;
+                notes.push(format!("the column `{name}` is converted to {} (factor {factor:.9})", column.unit));
+            }
+            let values = match reading.resample {
+                None => at_rows(&trace.times, &found),
+                Some(_) => interpolated(file, name, &trace.times, &found)?,
+            };
+            if trace.column(signal).is_some() {
+                let help = "remove or rename one of them".to_owned();
+                return Err(DataError::new(file, format!("two columns hold the signal `{signal}`"), Some(help)));
+            }
+            trace.columns.push((signal.to_owned().into(), values.into()));
         }
-        csv::ErrorKind::Io(error) => ReadError::Compressed(error),
-        _ => ReadError::Text,
-    })
+        Ok((trace, notes))
+    }
 }
 
-fn number(cell: &str) -> Option<f64> {
-    match cell {
-        "" => Some(f64::NAN),
-        "true" => Some(1.0),
-        "false" => Some(0.0),
-        _ => cell.parse().ok(),
+/// The values of a signal at the rows, NaN where it has none.
+fn at_rows(times: &[f64], signal: &Signal) -> Vec<f64> {
+    let mut samples = signal.times.iter().zip(&*signal.values).peekable();
+    let value = |time: &f64| samples.next_if(|(of, _)| *of == time).map_or(f64::NAN, |(_, value)| *value);
+    times.iter().map(value).collect()
+}
+
+/// The values of a signal at other times.
+fn interpolated(file: &str, name: &str, times: &[f64], signal: &Signal) -> Result<Vec<f64>, DataError> {
+    if let Some(gap) = signal.times.windows(2).find(|pair| pair[1] - pair[0] > LONGEST_GAP) {
+        return Err(too_long(file, &format!("the column `{name}`"), gap));
     }
+    let mut row = 0;
+    let value = |time: &f64| {
+        while signal.times.get(row + 1).is_some_and(|next| next <= time) {
+            row += 1;
+        }
+        let (t0, v0) = (signal.times[row], signal.values[row]);
+        match signal.times.get(row + 1).zip(signal.values.get(row + 1)) {
+            _ if *time < t0 => f64::NAN,
+            Some((t1, v1)) => v0 + (v1 - v0) * ((time - t0) / (t1 - t0)),
+            None if *time == t0 => v0,
+            None => f64::NAN,
+        }
+    };
+    Ok(times.iter().map(value).collect())
+}
+
+fn too_long(file: &str, what: &str, gap: &[f64]) -> DataError {
+    let message = format!("{what} has a gap from {} s to {} s", gap[0], gap[1]);
+    let help = format!("a gap of more than {LONGEST_GAP} s is not bridged: cut the file before or after it");
+    DataError::new(file, message, Some(help))
+}
+
+/// Median distance of the rows.
+fn median(times: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The longest distance of two rows.
+fn longest(times: &[f64]) -> Option<&[f64]> {
+    times.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))
+}
+
+/// Checks that the rows are evenly spaced, but for a clock that jitters, which is noted.
+fn check_spacing(file: &str, times: &[f64], notes: &mut Vec<String>) -> Result<(), DataError> {
+    let (Some(gap), [first, .., last]) = (longest(times), times) else { return Ok(()) };
+    let (median, step) = (median(times), (last - first) / (times.len() - 1) as f64);
+    let shares = times.iter().enumerate().map(|(row, time)| ((time - first) / step - row as f64).abs());
+    let (row, share) = shares.enumerate().fold((0, 0.0), |most, one| if one.1 > most.1 { one } else { most });
+    let message = if gap[1] - gap[0] > GAP * median {
+        format!("the rows have a gap from {} s to {} s, where their median distance is {median:.9} s", gap[0], gap[1])
+    } else if share > UNEVENNESS {
+        let time = times[row];
+        format!(
+            "the rows are not evenly spaced: that at {time} s is off by more than half of their mean distance, {step:.9} s"
+        )
+    } else {
+        if share > JITTER {
+            let (time, percent) = (times[row], 100.0 * share);
+            notes.push(format!(
+                "the row at {time} s is off by {percent:.0} % of the mean distance, {step:.9} s; the rows are taken as \
+                 evenly spaced, and `--resample` interpolates between them"
+            ));
+        }
+        return Ok(());
+    };
+    Err(DataError::new(file, message, Some("`--resample` interpolates between the rows".to_owned())))
+}
+
+/// Evenly spaced times within those of the file.
+fn grid(file: &str, times: &[f64], resample: Resample, notes: &mut Vec<String>) -> Result<Vec<f64>, DataError> {
+    let (Some(gap), [first, .., last]) = (longest(times), times) else { return Ok(times.to_vec()) };
+    let step = match resample {
+        Resample::Median => median(times),
+        Resample::Step(step) => step,
+    };
+    if gap[1] - gap[0] > LONGEST_GAP {
+        return Err(too_long(file, "the file", gap));
+    }
+    notes.push(format!(
+        "the rows are interpolated every {step:.9} s; the longest gap is from {} s to {} s",
+        gap[0], gap[1]
+    ));
+    let rows = ((last - first) / step * (1.0 + 1e-12)).floor();
+    if rows > 1e7 {
+        let help = Some("choose a longer distance of the rows".to_owned());
+        return Err(DataError::new(file, format!("{rows:.0} rows of {step} s are too many"), help));
+    }
+    Ok((0..=rows as u64).map(|row| (first + row as f64 * step).min(*last)).collect())
 }
 
 #[cfg(test)]
@@ -141,42 +220,121 @@ mod tests {
     use super::*;
     use std::io::Write as _;
 
+    const COLUMNS: [Column; 3] = [
+        Column { name: "vehicle.yaw_rate", unit: "rad/s", is_needed: true },
+        Column { name: "path.finished", unit: "1", is_needed: false },
+        Column { name: "tire_load.*", unit: "N", is_needed: false },
+    ];
+
+    fn read(bytes: &[u8], reading: &Reading) -> Result<(Trace<'static>, Vec<String>), String> {
+        Trace::read("a.csv", bytes, &COLUMNS, reading).map_err(|error| error.to_string())
+    }
+
     #[test]
     fn files_are_read_plain_and_compressed() {
-        let text = "\u{feff}a, time,path.finished\n1e-3,0.1,false\n,0.2,true\n";
+        let text = "\u{feff}vehicle.yaw_rate, time,path.finished,Marker\n1e-3,0.1,false,a\n,0.2,true,b\n";
         let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         encoder.write_all(text.as_bytes()).unwrap();
         for bytes in [text.as_bytes().to_vec(), encoder.finish().unwrap()] {
-            let trace = Trace::read(&bytes).unwrap();
+            let (trace, notes) = read(&bytes, &Reading::default()).unwrap();
             assert_eq!(trace.times(), [0.1, 0.2]);
-            assert_eq!(trace.names().collect::<Vec<_>>(), ["a", "path.finished"]);
+            assert_eq!(trace.names().collect::<Vec<_>>(), ["vehicle.yaw_rate", "path.finished"]);
             assert_eq!(trace.column("path.finished"), Some(&[0.0, 1.0][..]));
-            let a = trace.column("a").unwrap();
-            assert!(a[0] == 1e-3 && a[1].is_nan());
+            let rate = trace.column("vehicle.yaw_rate").unwrap();
+            assert!(rate[0] == 1e-3 && rate[1].is_nan());
+            assert!(notes.is_empty());
         }
     }
 
     #[test]
     fn a_file_may_have_no_rows() {
-        assert!(Trace::read(b"time,a\n").unwrap().times().is_empty());
+        assert!(read(b"time,vehicle.yaw_rate\n", &Reading::default()).unwrap().0.times().is_empty());
+    }
+
+    /// Reference: 180 deg are pi rad, 1 kN is 1000 N.
+    #[test]
+    fn columns_are_renamed_and_converted() {
+        let text = "Zeit;Gier [°/s];vehicle.yaw_rate;tire_load.fl\nms;;;kN\n0;180,0;7;1,5\n10;90;7;2\n";
+        let names = [("time", "Zeit"), ("vehicle.yaw_rate", "Gier")];
+        let reading = Reading {
+            names: names.map(|(signal, column)| (signal.to_owned(), column.to_owned())).into(),
+            ..Reading::default()
+        };
+        let (trace, notes) = read(text.as_bytes(), &reading).unwrap();
+        assert_eq!(trace.times(), [0.0, 0.01]);
+        let rate = trace.column("vehicle.yaw_rate").unwrap();
+        assert!((rate[0] - std::f64::consts::PI).abs() < 1e-15, "{rate:?}");
+        assert_eq!(trace.column("tire_load.fl"), Some(&[1500.0, 2000.0][..]));
+        assert_eq!(notes.len(), 2);
+        // The file does not say that its times are in ms, and its column of the yaw rate has another name.
+        let names = [("time", "Zeit"), ("vehicle.yaw_rate", "gier")];
+        let reading = Reading {
+            names: names.map(|(signal, column)| (signal.to_owned(), column.to_owned())).into(),
+            units: BTreeMap::from([("time".to_owned(), "ms".to_owned())]),
+            ..Reading::default()
+        };
+        let (trace, notes) = read(b"Zeit,Gier\n0,1\n10,2\n", &reading).unwrap();
+        assert_eq!(trace.times(), [0.0, 0.01]);
+        assert_eq!(notes, ["the file has no column `gier` for `vehicle.yaw_rate`; did you mean `Gier`?"]);
+        let units = BTreeMap::from([("vehicle.yaw_rate".to_owned(), "deg/s".to_owned())]);
+        let (trace, _) =
+            read(b"time,vehicle.yaw_rate\n0,180\n1,0\n", &Reading { units, ..Reading::default() }).unwrap();
+        assert!((trace.column("vehicle.yaw_rate").unwrap()[0] - std::f64::consts::PI).abs() < 1e-15);
+    }
+
+    /// Reference: the straight line 10 t, which linear interpolation keeps.
+    #[test]
+    fn rows_that_are_not_evenly_spaced_are_resampled_by_option() {
+        let times: Vec<f64> = (0..100).filter(|k| !(30..42).contains(k)).map(|k| f64::from(k) * 0.01).collect();
+        let text =
+            times.iter().fold("time,vehicle.yaw_rate\n".to_owned(), |text, t| text + &format!("{t},{}\n", 10.0 * t));
+        let error = read(text.as_bytes(), &Reading::default()).unwrap_err();
+        assert_eq!(
+            error,
+            "a.csv: the rows have a gap from 0.29 s to 0.42 s, where their median distance is 0.010000000 s; \
+             `--resample` interpolates between the rows"
+        );
+        for resample in [Resample::Median, Resample::Step(0.005)] {
+            let reading = Reading { resample: Some(resample), ..Reading::default() };
+            let (trace, notes) = read(text.as_bytes(), &reading).unwrap();
+            let step = if resample == Resample::Median { 0.01 } else { 0.005 };
+            assert_eq!(trace.times().len(), (0.99_f64 / step).round() as usize + 1);
+            for (time, value) in trace.times().iter().zip(trace.column("vehicle.yaw_rate").unwrap()) {
+                assert!((value - 10.0 * time).abs() < 1e-12, "{value} at {time} s");
+            }
+            assert!(notes[0].ends_with("the longest gap is from 0.29 s to 0.42 s"), "{notes:?}");
+        }
+        let long = "time,vehicle.yaw_rate\n0,1\n0.1,1\n0.9,1\n";
+        let reading = Reading { resample: Some(Resample::Median), ..Reading::default() };
+        let error = read(long.as_bytes(), &reading).unwrap_err();
+        assert!(
+            error.starts_with("a.csv: the file has a gap from 0.1 s to 0.9 s; a gap of more than 0.5 s"),
+            "{error}"
+        );
+        // A clock that jitters by a third of a step.
+        let (_, notes) = read(b"time,vehicle.yaw_rate\n0,1\n0.13,1\n0.17,1\n0.3,1\n", &Reading::default()).unwrap();
+        assert_eq!(notes.len(), 1);
+        assert!(notes[0].starts_with("the row at 0.13 s is off by 30 % of the mean distance"), "{notes:?}");
+        // The digits of the file.
+        assert_eq!(read(b"time,vehicle.yaw_rate\n0,1\n0.01001,1\n0.02,1\n", &Reading::default()).unwrap().1, [""; 0]);
     }
 
     #[test]
     fn mistakes_have_a_place() {
         for (text, expected) in [
-            (&b""[..], "the file is empty"),
-            (b"\n", "the file is empty"),
-            (b"t;a\n0;1\n", "line 1 has no column `time`, but `t;a`"),
-            (b"a,b,c,d,e,f\n", "line 1 has no column `time`, but `a`, `b`, `c`, `d`, `e` and 1 more"),
-            (b"time,a,a\n", "line 1 has the column `a` twice"),
-            (b"time,a\n0,1\n0.1\n", "line 3 has 1 cells, line 1 has 2"),
-            (b"time,a\n0,1\n0.1,x\n", "line 3, column `a`: \"x\" is not a number"),
-            (b"time,a\n0,\xff\n", "the file is not UTF-8 text"),
-            (b"\x1f\x8bnothing", "the file cannot be decompressed: "),
+            (&b""[..], "a.csv: the file has no header"),
+            (b"\n", "a.csv: the file has no header"),
+            (b"a;b\n0;1\n", "a.csv: the file has no column `time`, but `a`, `b`"),
+            (b"time,vehicle.yaw_rate,vehicle.yaw_rate\n0,1,1\n", "a.csv: there are two columns `vehicle.yaw_rate`"),
+            (b"time,a\n0,1\n0.1\n", "a.csv:3: line 3 has 1 fields, the header 2"),
+            (
+                b"time,vehicle.yaw_rate\n0,1\n0.1,x\n",
+                "a.csv:3: `x` at line 3, column `vehicle.yaw_rate`, is not a number",
+            ),
+            (b"\x1f\x8bnothing", "a.csv: the file cannot be decompressed: "),
         ] {
-            let error = Trace::read(text).unwrap_err();
-            assert!(error.to_string().starts_with(expected), "{error}");
-            assert!(!error.help().is_empty());
+            let error = read(text, &Reading::default()).unwrap_err();
+            assert!(error.starts_with(expected), "{error}");
         }
     }
 }

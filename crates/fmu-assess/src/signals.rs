@@ -1,0 +1,98 @@
+//! Units of the bench's signals, and the conversion of the values of FMUs that declare others.
+
+use crate::evaluators::EVALUATORS;
+use fmu_import::description::{BaseUnit, ModelDescription, Variable};
+use fmu_system::data::unit::{find, is_same_without_angle};
+
+/// Recorded signals that no evaluator reads.
+const OTHERS: [(&str, &str); 6] = [
+    ("vehicle.lateral_velocity", "m/s"),
+    ("vehicle.longitudinal_acceleration", "m/s2"),
+    ("vehicle.yaw_acceleration", "rad/s2"),
+    ("body.pitch", "rad"),
+    ("body.heave", "m"),
+    ("driver.speed", "m/s"),
+];
+
+/// Other values that the bench writes to plants.
+const WRITTEN: [(&str, &str); 4] =
+    [("steer.front", "rad"), ("vehicle.initial_speed", "m/s"), ("road_friction.*", "1"), ("target_slip.*", "1")];
+
+/// Parameters of a plant that tell its size, in the order in which the bench looks for them.
+pub(crate) const DATA: [(&str, &str); 9] = [
+    ("vehicle.mass", "kg"),
+    ("geometry.track", "m"),
+    ("geometry.half_track.left", "m"),
+    ("geometry.half_track.right", "m"),
+    ("geometry.cg_to_front_axle", "m"),
+    ("geometry.cg_to_rear_axle", "m"),
+    ("geometry.front_to_middle_axle", "m"),
+    ("geometry.middle_to_rear_axle", "m"),
+    ("geometry.cg_to_rear_suspension", "m"),
+];
+
+/// The unit in which the bench reads or writes a signal; `None` for a signal that it does not know.
+#[must_use]
+pub fn unit(signal: &str) -> Option<&'static str> {
+    let columns = EVALUATORS.iter().flat_map(|evaluator| evaluator.columns).map(|column| (column.name, column.unit));
+    let is_meant = |(name, _): &(&str, &str)| match name.strip_suffix('*') {
+        Some(group) => signal.starts_with(group),
+        None => *name == signal,
+    };
+    columns.chain(OTHERS).chain(WRITTEN).find(is_meant).map(|(_, unit)| unit)
+}
+
+/// SI value = `factor` * value + `offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Conversion {
+    factor: f64,
+    offset: f64,
+}
+
+impl Conversion {
+    pub(crate) fn to_si(self, value: f64) -> f64 {
+        value * self.factor + self.offset
+    }
+
+    pub(crate) fn of_si(self, value: f64) -> f64 {
+        (value - self.offset) / self.factor
+    }
+
+    /// `None` for values that are SI already.
+    fn new(factor: f64, offset: f64) -> Option<Self> {
+        ((factor, offset) != (1.0, 0.0)).then_some(Self { factor, offset })
+    }
+}
+
+/// Converts a variable to the unit in which the bench needs it; `None`: it is in this unit, or in none. `given` is the unit that the
+/// caller has named, which takes precedence over that of the description.
+///
+/// # Errors
+/// The unit is of another quantity, or nothing says what it is. The message begins with the unit.
+pub(crate) fn conversion(
+    needed: &str,
+    description: &ModelDescription,
+    variable: &Variable,
+    given: Option<&str>,
+) -> Result<Option<Conversion>, String> {
+    let exponents = find(needed).map_or([0; 8], |unit| unit.exponents);
+    let Some(name) = given.or(variable.unit.as_deref()) else { return Ok(None) };
+    let of_description = if given.is_none() { description.unit(name).and_then(|unit| unit.base) } else { None };
+    match (of_description, find(name)) {
+        // A tool that omits the radian still declares the name.
+        (Some(BaseUnit { exponents: declared, factor, offset }), _)
+            if declared == exponents || (is_same_without_angle(declared, exponents) && name == needed) =>
+        {
+            if factor.is_finite() && factor != 0.0 && offset.is_finite() {
+                return Ok(Conversion::new(factor, if variable.relative_quantity { 0.0 } else { offset }));
+            }
+            Err(format!("{name}, whose factor is {factor} and whose offset is {offset}"))
+        }
+        (None, Some(BaseUnit { exponents: declared, factor, offset })) if declared == exponents => {
+            Ok(Conversion::new(factor, if variable.relative_quantity { 0.0 } else { offset }))
+        }
+        (None, None) if name == needed => Ok(None),
+        (None, None) => Err(format!("{name}, which no base unit explains")),
+        _ => Err(name.to_owned()),
+    }
+}
