@@ -106,6 +106,12 @@ export class Curve extends Frame {
     const axis = axisStyle();
     const facets = [{ scale: "x", auto: false }, { scale: "y", auto: false }];
     const series = this.#drawn.map((drawn) => ({ facets, paths: (plot: uPlot) => this.#paint(plot, drawn) }));
+    const points: [number[], number[]][] = this.#drawn.map(({ xs, ys }) => [xs, ys]);
+    if (series.length === 0) {
+      // When all cases are off: a plot needs a series.
+      series.push({ facets, paths: () => null });
+      points.push([[], []]);
+    }
     const options = {
       mode: 2,
       width,
@@ -121,7 +127,7 @@ export class Curve extends Frame {
       cursor: { ...this.mouse, x: false, y: false, points: { show: false }, dataIdx: () => null },
       hooks: { setCursor: [(plot: uPlot) => this.#find(plot)], setSelect: [(plot: uPlot) => this.select(plot)] },
     } as unknown as uPlot.Options;
-    this.plot = new uPlot(options, [null, ...this.#drawn.map(({ xs, ys }) => [xs, ys])] as unknown as uPlot.AlignedData, this.body);
+    this.plot = new uPlot(options, [null, ...points] as unknown as uPlot.AlignedData, this.body);
     const over = this.plot.over;
     this.#marks = new Map(
       this.#drawn.map((drawn) => {

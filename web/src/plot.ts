@@ -153,11 +153,18 @@ export class Plot extends Frame {
       });
     }
     this.plot?.destroy();
-    if (tables.length === 0) tables.push([[0], [null]]);
+    // When all cases are off: an abscissa needs a width, a logarithmic one is above 0, and the ordinate needs a line.
+    if (!shown.some((drawn) => drawn.line.right !== true)) {
+      const across = tables[0]?.[0] ?? (this.panel.x.log ? [1, 10] : [0, 1]);
+      tables.push([across, Array.from(across, () => null)]);
+      series.push({ scale: "y", width: 0, points: { show: false } });
+    }
     const joined = uPlot.join(tables);
     const xs = joined[0];
     const limits = this.panel.x.range;
-    const ends = [xs[0] ?? 0, xs[xs.length - 1] ?? 1] as const;
+    const ends: Range = [xs[0] ?? 0, xs[xs.length - 1] ?? 1];
+    // A single point needs room on both sides.
+    if (ends[0] === ends[1]) [ends[0], ends[1]] = this.panel.x.log ? [ends[0] / 2, ends[1] * 2] : [ends[0] - 1, ends[1] + 1];
     this.full = limits === null ? [...ends] : [limits[0], limits[1]];
     const axis = axisStyle();
     const log = this.panel.y.log;

@@ -83,4 +83,21 @@ test("one of many lines has a key", async () => {
 });
 
 results.testLayouts("assessment");
+test("all cases can be off, and on again", async () => {
+  const page = await open();
+  for (const plot of await page.locator(".plot").all()) await plot.scrollIntoViewIfNeeded();
+  const cases = page.locator('[aria-label="Cases"] button');
+  const lines = () => page.locator(".plot-readout span").allInnerTexts();
+  const all = await lines();
+  for (let turn = 0; turn < 2; turn++) {
+    for (let i = 0; i < (await cases.count()); i++) {
+      await cases.nth(i).click();
+      // Plots draw themselves after the click.
+      await page.evaluate(() => new Promise((resume) => requestAnimationFrame(resume)));
+    }
+    if (turn === 0) assert.ok((await lines()).length < all.length / 2);
+  }
+  assert.deepEqual(await lines(), all);
+});
+
 results.testSilence();

@@ -77,7 +77,7 @@ fn adjustable(
 ) -> Adjustable {
     let number = |value: &Value| match value {
         Value::Real(value) => *value,
-        Value::Integer(value) => f64::from(*value),
+        Value::Integer(value) => *value as f64,
         Value::Boolean(value) => f64::from(u8::from(*value)),
         Value::String(_) => 0.0,
     };

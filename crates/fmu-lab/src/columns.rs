@@ -28,7 +28,7 @@ pub(crate) fn show_all(run: &mut Run, fmus: &Fmus, plant: &str) -> Vec<Shown> {
                 None => {
                     let slot = run.slots;
                     run.slots += 1;
-                    component.outputs.push(Wire { reference: variable.reference, base_type: variable.base_type, slot });
+                    component.outputs.push(Wire::new(variable, slot));
                     slot
                 }
             };

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Name and content of the file.
+/// Name and content of the file. The name says that its FMUs have no other binaries.
 pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String, Vec<u8>), Failure> {
     let describe = |path: &str| {
         let missing = || ArchiveError::Io { path: PathBuf::from(path), cause: io::ErrorKind::NotFound.into() };
@@ -26,7 +26,7 @@ pub(crate) fn ssp(plan: &Plan, running: &Running, fmus: &Fmus) -> Result<(String
         System::described(&plan, running.planned(), &describe).map_err(|error| Failure::new(error.to_string()))?;
     let copy = |file: &str, output: &mut dyn Write| output.write_all(&fmu(file, fmus)?);
     let file = system.write_ssp(Cursor::new(Vec::new()), &copy).map_err(|error| Failure::new(error.to_string()))?;
-    Ok((format!("{}.ssp", system.name), file.into_inner()))
+    Ok((format!("{}_wasm32.ssp", system.name), file.into_inner()))
 }
 
 /// An archive with what the lab has of an FMU.

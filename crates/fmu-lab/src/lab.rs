@@ -160,6 +160,7 @@ impl Lab {
             });
             let descriptions = &self.fmus.descriptions;
             let mut running = Running::new(index, &system.simulation, system.run, shown, system.driver, descriptions)?;
+            running.ends_rolled_over = !matches!(system.source, Source::Scenario { .. });
             if is_driven {
                 running.act(Action::Drive(Driving::default()))?;
             }

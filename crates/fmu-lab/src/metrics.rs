@@ -7,6 +7,7 @@ use fmu_system::master::Recording;
 use fmu_system::metrics::Columns;
 use fmu_system::plan::Plan;
 use fmu_system::report;
+use fmu_system::requirements;
 use fmu_system::run::Simulation;
 
 /// A system and its recording.
@@ -72,7 +73,7 @@ fn of_scenario(systems: &[Recorded<'_>]) -> Vec<Metric> {
                     value.value(|other| numbers[index].get(other).copied().flatten())
                 }
             };
-            numbers[index].push(number.filter(|number| number.is_finite()));
+            numbers[index].push(number);
         }
         let values: Vec<_> = numbers.iter().map(|of| of.last().copied().flatten()).collect();
         if values[0].is_none() && reason.is_empty() {
@@ -118,7 +119,7 @@ fn verdict(requirement: &report::Requirement, case: &str, value: Option<f64>) ->
     if !requirement.cases.iter().any(|of| of == case) {
         return None;
     }
-    let holds = requirement.min.is_none_or(|min| value >= min) && requirement.max.is_none_or(|max| value <= max);
+    let holds = requirements::holds([requirement.min, requirement.max], Some(value));
     Some(if holds { "pass" } else { "fail" })
 }
 

@@ -4,10 +4,8 @@ use crate::columns::Shown;
 use crate::drive::{Driver, SPEED};
 use crate::fmus::{Descriptions, Modules, name_of};
 use crate::requests::{Driving, Failure};
+use fmu_assess::single::{PLANT, ROLLED_OVER};
 use fmu_import::description::{Causality, Value, Variable};
-use fmu_import::fmu::FmuError;
-use fmu_import::loader::CallError;
-use fmu_system::fmus::FmusError;
 use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
 use fmu_system::session::{Overwrite, RunError, Saved, Session};
@@ -62,6 +60,8 @@ pub(crate) struct Running {
     overwrites: BTreeMap<(String, String), Overwrite>,
     driver: Option<Driver>,
     descriptions: Descriptions,
+    /// Whether a vehicle on its side ends the run: on the test bench it does, in a scenario it does not.
+    pub(crate) ends_rolled_over: bool,
     pub(crate) stopped: Option<Stopped>,
 }
 
@@ -95,6 +95,7 @@ impl Running {
             overwrites: BTreeMap::new(),
             driver,
             descriptions: descriptions.clone(),
+            ends_rolled_over: false,
             stopped: None,
         };
         running.record();
@@ -136,9 +137,6 @@ impl Running {
                 self.stopped = Some(stopped(&error));
                 return None;
             }
-            if self.stopped.is_some() {
-                return None;
-            }
         }
         Some(steps)
     }
@@ -162,7 +160,22 @@ impl Running {
         }
         self.session.step()?;
         self.record();
+        if self.ends_rolled_over {
+            self.end_rolled_over();
+        }
         Ok(())
+    }
+
+    /// Ends the run of a vehicle on its side, as the test bench does: what a model says of it has no meaning.
+    fn end_rolled_over(&mut self) {
+        let is_roll =
+            |shown: &&Shown| shown.component == PLANT && shown.variable == "body.roll" && shown.column.unit == "rad";
+        let roll = self.shown.iter().find(is_roll).map_or(0.0, |shown| self.session.bus()[shown.slot]);
+        if roll.abs() > ROLLED_OVER && self.stopped.is_none() {
+            let message =
+                format!("the vehicle rolled over, to a roll angle of {roll:.2} rad; the test bench ends a run there");
+            self.stopped = Some(Stopped { time: self.session.time(), component: String::new(), message });
+        }
     }
 
     /// Keeps the signals of this time, if it is that of a row.
@@ -179,11 +192,6 @@ impl Running {
         }
         if step.is_multiple_of(self.row_every) {
             let bus = self.session.bus();
-            let shown = self.shown.iter().find(|shown| !bus[shown.slot].is_finite());
-            if let Some(shown) = shown {
-                let message = format!("`{}` is {}", shown.variable, bus[shown.slot]);
-                self.stopped = Some(Stopped { time, component: shown.component.clone(), message });
-            }
             self.rows.push(time);
             self.rows.extend(self.shown.iter().map(|shown| match &self.driver {
                 Some(driver) if shown.component == driver.component => {
@@ -329,16 +337,13 @@ impl Running {
 pub(crate) fn converted(variable: &Variable, value: f64) -> Value {
     use fmu_import::description::BaseType;
     match variable.base_type {
-        BaseType::Integer => Value::Integer(value.round() as i32),
+        BaseType::Integer => Value::Integer(value.round() as i64),
         BaseType::Boolean => Value::Boolean(value > 0.5),
         _ => Value::Real(value),
     }
 }
 
 fn stopped(error: &RunError) -> Stopped {
-    let component = match &*error.cause {
-        FmusError::Fmu(FmuError::Call(CallError { instance, .. })) => instance.clone(),
-        _ => String::new(),
-    };
+    let component = error.cause.component().unwrap_or_default().to_owned();
     Stopped { time: error.time.unwrap_or(0.0), component, message: error.cause.to_string() }
 }

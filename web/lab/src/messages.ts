@@ -15,7 +15,8 @@ export class Messages {
     model.on("message", (message) => this.#show(message));
     model.on("failed", ({ title, time, component, message }) => {
       const others = (model.opened?.systems.length ?? 1) > 1 ? " The other system goes on." : "";
-      this.#show({ level: "error", text: `${title}: ${component} failed at ${time.toFixed(3)} s: ${message}`, help: `Rewind, or change the setup.${others}` });
+      const what = component === "" ? `ended at ${time.toFixed(3)} s` : `${component} failed at ${time.toFixed(3)} s`;
+      this.#show({ level: "error", text: `${title}: ${what}: ${message}`, help: `Rewind, or change the setup.${others}` });
     });
     // What was reported about the former system does not hold for the new one; errors of a restart stay.
     model.on("opened", () => {

@@ -61,6 +61,8 @@ export class Model {
   #wantsToPlay = false;
   /** Whether the next `play` must go to the time shown first. */
   #isBehind = false;
+  /** Whether a new worker gets ready: controls and link change together, when its system is open. */
+  #isRestarting = false;
   readonly #archives = new Map<string, Uint8Array>();
   /** The setup of a link, until the FMUs that it contains have been dropped. */
   #awaited: Setup | null = null;
@@ -92,7 +94,7 @@ export class Model {
 
   #setCatalog(catalog: Catalog): void {
     this.catalog = catalog;
-    this.#emit("catalog");
+    if (!this.#isRestarting) this.#emit("catalog");
   }
 
   report(error: unknown): void {
@@ -208,6 +210,8 @@ export class Model {
         for (const recording of this.recordings) recording.branch(event.branch, this.branch, event.from);
         this.branches.push({ id: event.branch, from: event.from });
         this.branch = event.branch;
+        // Those of the former branch; the engine reports systems again that are still stopped.
+        this.failures = [];
         this.#emit("branch");
         break;
       case "clock":
@@ -227,6 +231,15 @@ export class Model {
   /** Latest time that was simulated on the present branch, s. */
   get end(): number {
     return Math.max(0, ...this.recordings.map((recording) => recording.end(this.branch)));
+  }
+
+  /** Whether all systems have got to the end of the maneuver, or have stopped before. */
+  get hasEnded(): boolean {
+    const { opened } = this;
+    if (opened === null) return false;
+    const isOver = (recording: Recording, system: number) =>
+      recording.end(this.branch) > opened.stop - opened.rowStep * 1.001 || this.failures.some((failure) => failure.system === system);
+    return this.recordings.every(isOver);
   }
 
   /** Whether the last row is shown: the end need not be a time of the rows. */
@@ -347,6 +360,7 @@ export class Model {
     this.playing = false;
     for (const name of foreign) this.#archives.delete(name);
     this.#engine = this.#newEngine();
+    this.#isRestarting = true;
     try {
       await this.start();
       for (const [name, archive] of this.#archives) await this.drop(name, archive);
@@ -360,6 +374,9 @@ export class Model {
       } else await this.open(this.setup);
     } catch (error) {
       this.report(error);
+    } finally {
+      this.#isRestarting = false;
+      this.#emit("catalog");
     }
   }
 }

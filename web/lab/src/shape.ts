@@ -13,10 +13,13 @@ export interface Wheel {
   y: number;
   /** Tires side by side. */
   count: number;
+  /** Share of the load signal. On a half car the signal is that of a side, which both axles carry by their levers. */
+  share: number;
 }
 
 export interface Shape {
-  kind: "rescue" | "truck" | "car";
+  /** A half car has one wheel mass and one strut on each side: its vertical motion is that of a cross section. */
+  kind: "rescue" | "truck" | "car" | "half car";
   wheels: Wheel[];
   radius: number;
   /** Width of one tire, m. */
@@ -27,7 +30,7 @@ export interface Shape {
   rear: number;
   /** Height of the roll axis, m. */
   rollAxis: number;
-  /** Walking beams: middle and length, m; `null` without. */
+  /** Walking beams, or the bars between the wheels of a side that move as one: middle and length, m; `null` without. */
   beam: { x: number; length: number; z: number } | null;
   /** Static load of a wheel for the scale of forces, N. */
   load: number;
@@ -47,15 +50,17 @@ export function shapeOf(vehicle: Vehicle): Shape {
   const middle = trunnion === undefined ? front - (get("geometry.front_to_middle_axle") ?? 3) : spacing / 2 - trunnion;
   const rear = hasThreeAxles ? middle - spacing : -(get("geometry.cg_to_rear_axle") ?? 1.4);
   const radius = get("wheel.radius", "geometry.wheel_center_height") ?? (isLarge ? 0.52 : 0.31);
+  const isHalf = vehicle.outputs.includes("wheel_height.l");
   const axles = { f: "front", m: "middle", r: "rear" } as const;
   const wheels = places.map((place): Wheel => {
     const axle = axles[place[0] as "f" | "m" | "r"];
     const side = place[1] === "l" ? 1 : -1;
-    return { place, axle, side, x: { front, middle, rear }[axle], y: (side * track) / 2, count: get(`tire.count.${axle}`) ?? 1 };
+    const share = isHalf ? (axle === "front" ? -rear : front) / (front - rear) : 1;
+    return { place, axle, side, x: { front, middle, rear }[axle], y: (side * track) / 2, count: get(`tire.count.${axle}`) ?? 1, share };
   });
   const height = get("geometry.cg_height") ?? (isLarge ? 1.2 : 0.55);
   return {
-    kind: !isLarge ? "car" : trunnion === undefined ? "rescue" : "truck",
+    kind: isHalf ? "half car" : !isLarge ? "car" : trunnion === undefined ? "rescue" : "truck",
     wheels,
     radius,
     width: isLarge ? 0.32 : 0.2,
@@ -63,7 +68,7 @@ export function shapeOf(vehicle: Vehicle): Shape {
     front,
     rear,
     rollAxis: get("geometry.roll_center_height") ?? height - (get("geometry.body_cg_to_roll_axis") ?? height / 2),
-    beam: trunnion === undefined ? null : { x: -trunnion, length: spacing, z: radius },
+    beam: isHalf ? { x: (front + rear) / 2, length: front - rear, z: radius } : trunnion === undefined ? null : { x: -trunnion, length: spacing, z: radius },
     load: (mass * 9.81) / Math.max(4, wheels.length),
   };
 }

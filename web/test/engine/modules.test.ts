@@ -8,8 +8,8 @@ import { BUILT, fmus, ROOT } from "./lab";
 
 /** Exports that a linker adds. */
 const OF_LINKER = ["memory", "__indirect_function_table", "__data_end", "__heap_base"];
-/** Largest module, bytes. */
-const LIMIT = 400_000;
+/** Largest module, bytes. The largest one of the library has 418 kB. */
+const LIMIT = 450_000;
 
 /** Functions of FMI 2.0, by what the importer demands (crates/fmu-import/src/loader/functions/v2.rs). */
 const FUNCTIONS = new Set(readFileSync(join(ROOT, "crates/fmu-import/src/loader/functions/v2.rs"), "utf8").match(/fmi2[A-Za-z]+(?=")/g));

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { before, test } from "node:test";
-import { Lab, clock, link, opening, runTo } from "./browser";
+import { Lab, PATIENCE, clock, link, opening, runTo } from "./browser";
 
 const FOLDER = "../target/lab-test";
 const lab = new Lab(FOLDER);
@@ -34,6 +34,24 @@ test("a failed component is named, and the twin goes on", async () => {
   assert.match(await page.locator(".message.error").innerText(), /Broken failed at 1\.000 s: division by zero/);
   const time = await clock(page);
   await runTo(page, time + 0.5);
+  assert.deepEqual(lab.faults, []);
+});
+
+test("numbers are provisional until the end, and again after a rewind from a rollover", async () => {
+  const page = await lab.open();
+  await page.locator("#setup fieldset summary").click();
+  await opening(page, () => page.getByLabel("Rollover").click());
+  // In one look each, because the run goes on.
+  const provisional = page.locator("#metrics:not(:has(.badge))").filter({ hasText: /Provisional: \d\.\d s of at most 12\.0 s/ });
+  const final = page.locator("#metrics:has(.badge.pass)").filter({ hasNotText: "Provisional" });
+  await provisional.waitFor({ timeout: PATIENCE });
+  // The end is that of the systems, long before that of the maneuver.
+  await final.waitFor({ timeout: PATIENCE });
+  await page.getByRole("slider", { name: /^Time/ }).focus();
+  await page.keyboard.press("Home");
+  await page.getByRole("button", { name: "Play", exact: true }).click();
+  await provisional.waitFor({ timeout: PATIENCE });
+  await final.waitFor({ timeout: PATIENCE });
   assert.deepEqual(lab.faults, []);
 });
 

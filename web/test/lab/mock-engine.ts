@@ -1,6 +1,7 @@
 /**
  * A test double of the engine: it speaks the protocol without a simulation, so that tests can cause what the real engine does not do on demand.
- * Vehicles move by sine functions. The controller `Endless` never returns from 1 s on, `Broken` fails at 1 s.
+ * Vehicles move by sine functions. The controller `Endless` never returns from 1 s on, `Broken` fails at 1 s, `Rollover` ends both systems
+ * at 4 s.
  */
 
 import type { Adjustable, Catalog, Column, Controller, Event, FmuFile, Opened, Request, Response, Setup, Vehicle } from "../../lab/src/protocol";
@@ -16,6 +17,7 @@ const CONTROLLERS: Controller[] = [
   { fmu: "Helper", title: "Needs Steady", needs: ["Steady"], excludes: [] },
   { fmu: "Endless", title: "Does not return from a step at 1 s", needs: [], excludes: ["Steady"] },
   { fmu: "Broken", title: "Fails at 1 s", needs: [], excludes: [] },
+  { fmu: "Rollover", title: "Ends both systems at 4 s", needs: [], excludes: [] },
 ];
 const SPEED = adjustable("speed", "Speed", "m/s", 5, 30, 20);
 
@@ -54,6 +56,7 @@ let [time, rate, branch, branches, isBehind] = [0, 0, 0, 0, false];
 let gain = 1;
 let steer = 0;
 let hasFailed = false;
+let hasRolledOver = false;
 
 const post = (message: Response | Event) => self.postMessage(message);
 const has = (name: string) => setup?.system.kind === "free" && setup.system.controllers.includes(name);
@@ -111,7 +114,7 @@ const info = (title: string) => ({
 });
 
 function open(next: Setup): Opened {
-  [setup, time, rate, branch, branches, isBehind, gain, steer, hasFailed] = [next, 0, 0, 0, 0, false, 1, 0, false];
+  [setup, time, rate, branch, branches, isBehind, gain, steer, hasFailed, hasRolledOver] = [next, 0, 0, 0, 0, false, 1, 0, false, false];
   const path = Array.from({ length: 300 }, (_, i) => [i, 3 * (1 - Math.cos(2 * Math.PI * 0.3 * i / 20))] as [number, number]);
   return { step: 0.001, stop: STOP, rowStep: STEP, systems: [info(`${vehicleName()} with controllers`), info("Without controllers")], path, cones: [[20, 40, -2, 2], [60, 80, 4, 8]], origin: [{ fmu: "RescueVehicle", version: "0", guid: "{0}" }] };
 }
@@ -129,6 +132,11 @@ setInterval(() => {
   if (wanted > 1 && has("Broken") && !hasFailed) {
     hasFailed = true;
     post({ kind: "failed", system: 0, time: 1, component: "Broken", message: "division by zero" });
+  }
+  if (wanted > 4 && has("Rollover")) {
+    if (!hasRolledOver) for (const system of [0, 1]) post({ kind: "failed", system, time: 4, component: "", message: "the vehicle rolled over" });
+    [hasRolledOver, rate] = [true, 0];
+    return post({ kind: "clock", time, rate, playing: false });
   }
   if (last >= first) send(first, last - first + 1);
   time = wanted;
@@ -149,7 +157,7 @@ self.addEventListener("message", ({ data }: MessageEvent<Request>) => {
     case "play": rate = data.rate; return;
     case "seek":
       time = data.time;
-      isBehind = true;
+      [isBehind, hasRolledOver] = [true, false];
       return post({ kind: "sought", id: data.id, time });
     case "set": if (data.adjustable.endsWith("friction")) gain = 0.7 / data.value; return;
     case "drive": steer = data.driving.steer; return;

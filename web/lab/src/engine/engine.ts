@@ -164,6 +164,8 @@ export class Engine {
     this.#branch += 1;
     this.#post({ kind: "branch", branch: this.#branch, from: this.#from }, []);
     this.#from = null;
+    // A system that had stopped before the time of the branch is stopped in the branch, too.
+    this.#failed.forEach((failed, system) => failed && this.#report(system));
   }
 
   #advance(steps: number): void {
@@ -173,12 +175,16 @@ export class Engine {
       if (done < 0) {
         this.#failed[system] = true;
         this.#sendRows();
-        const failure = this.#running.failure(system);
-        this.#post({ kind: "failed", system, time: failure?.time ?? this.#running.time(system), component: failure?.component ?? "", message: failure?.message ?? "" }, []);
+        this.#report(system);
       } else if (done < steps) {
         this.#over[system] = true;
       }
     });
+  }
+
+  #report(system: number): void {
+    const failure = this.#running.failure(system);
+    this.#post({ kind: "failed", system, time: failure?.time ?? this.#running.time(system), component: failure?.component ?? "", message: failure?.message ?? "" }, []);
   }
 
   #sendRows(): void {

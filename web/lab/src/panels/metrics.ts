@@ -35,6 +35,7 @@ export class MetricsPanel {
       this.#asked = 0;
     });
     model.on("rows", () => (this.#isStale = true));
+    model.on("failed", () => (this.#isStale = true));
   }
 
   /** Called for each frame of the display. */
@@ -60,7 +61,11 @@ export class MetricsPanel {
 
   #show(metrics: Metric[]): void {
     const titles = (this.model.opened?.systems ?? []).map((_, i) => this.model.titleOf(i));
-    const shown = JSON.stringify([titles, metrics]);
+    const { opened, end } = this.model;
+    // What is not over may still change: an overshoot at 1.55 s, a course that is not passed yet.
+    const isProvisional = opened !== null && !this.model.hasEnded;
+    const note = isProvisional ? `Provisional: ${end.toFixed(1)} s of at most ${opened.stop.toFixed(1)} s. Verdicts follow at the end.` : "";
+    const shown = JSON.stringify([titles, metrics, note]);
     if (shown === this.#shown) return;
     this.#shown = shown;
     if (metrics.length === 0) {
@@ -68,7 +73,7 @@ export class MetricsPanel {
       return;
     }
     const cell = (title: string, className = "") => element("th", { scope: "col", textContent: title, className });
-    const hasVerdicts = metrics.some(({ verdict }) => verdict !== null);
+    const hasVerdicts = !isProvisional && metrics.some(({ verdict }) => verdict !== null);
     const head = element("tr", {}, cell("Metric"), ...titles.map((title) => cell(title, "number")), cell("Unit"), ...(hasVerdicts ? [cell("Verdict")] : []));
     const rows = metrics.map((metric) => {
       const name = element("th", { scope: "row" }, metric.title);
@@ -76,12 +81,12 @@ export class MetricsPanel {
       const factor = DEGREES[metric.unit] === undefined ? 1 : 180 / Math.PI;
       const values = titles.map((_, i) => {
         const value = metric.values[i] ?? null;
-        const result = element("td", { className: "number", textContent: valueText(value, factor) });
+        const result = element("td", { className: isProvisional ? "number provisional" : "number", textContent: valueText(value, factor) });
         if (value === null && metric.reason !== "") result.append(element("small", { textContent: metric.reason }));
         return result;
       });
       const verdict = element("td");
-      if (metric.verdict !== null) verdict.append(element("span", { className: `badge ${metric.verdict}`, textContent: VERDICTS[metric.verdict] }));
+      if (hasVerdicts && metric.verdict !== null) verdict.append(element("span", { className: `badge ${metric.verdict}`, textContent: VERDICTS[metric.verdict] }));
       return element("tr", {}, name, ...values, element("td", { className: "unit", textContent: unitText(DEGREES[metric.unit] ?? metric.unit) }), ...(hasVerdicts ? [verdict] : []));
     });
     const table = element("table", { className: "metrics" }, element("thead", {}, head), element("tbody", {}, ...rows));
@@ -91,7 +96,7 @@ export class MetricsPanel {
     // Someone who reads the table keeps the place.
     const left = this.root.querySelector(".scroll")?.scrollLeft ?? 0;
     const hadFocus = this.root.contains(document.activeElement);
-    this.root.replaceChildren(scroll);
+    this.root.replaceChildren(...(note === "" ? [] : [element("p", { className: "note", textContent: note })]), scroll);
     scroll.scrollLeft = left;
     if (hadFocus) scroll.focus({ preventScroll: true });
   }

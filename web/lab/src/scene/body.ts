@@ -166,9 +166,21 @@ function car(kit: Kit, shape: Shape): void {
   kit.box("dark", [nose - 0.5, -side + 0.3, sill - 0.02], [tail + 0.5, side - 0.3, sill + 0.12]);
 }
 
+/** A cross section of a car at the center of mass, on a frame. */
+function halfCar(kit: Kit, shape: Shape): void {
+  const { front, rear } = shape;
+  const side = shape.track / 2 - 0.6 * shape.width;
+  kit.box("second", [front, -0.3, 0.42], [rear, 0.3, 0.52], 0.03);
+  kit.box("paint", [0.2, -side, 0.4], [-0.2, side, 0.92], 0.05);
+  kit.box("glass", [0.16, -side + 0.12, 0.9], [-0.16, side - 0.12, 1.36], 0.05);
+  kit.box("paint", [0.19, -side + 0.16, 1.34], [-0.19, side - 0.16, 1.42], 0.03);
+  // An arrow that points forward.
+  kit.add("white", new ExtrudeGeometry(polygon([[front - 0.05, 0], [front - 0.5, 0.22], [front - 0.5, -0.22]]), { depth: 0.02, bevelEnabled: false }).translate(0, 0, 0.52));
+}
+
 export function bodyParts(shape: Shape): Parts {
   const kit = new Kit();
-  ({ rescue, truck, car })[shape.kind](kit, shape);
+  ({ rescue, truck, car, "half car": halfCar })[shape.kind](kit, shape);
   return kit.parts;
 }
 
@@ -199,7 +211,7 @@ export function wheelParts(shape: Shape, count: number): Parts {
 /** A strut of length 1 upwards from the origin. */
 export function strutParts(shape: Shape): Parts {
   const kit = new Kit();
-  const size = shape.kind === "car" ? 0.6 : 1;
+  const size = shape.kind === "rescue" || shape.kind === "truck" ? 1 : 0.6;
   kit.add("metal", new CylinderGeometry(0.035 * size, 0.035 * size, 1, 12).rotateX(Math.PI / 2).translate(0, 0, 0.5));
   const coils = 7;
   for (let i = 0; i < coils; i++) {

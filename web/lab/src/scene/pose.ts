@@ -28,7 +28,7 @@ export interface Pose {
 
 export class PoseReader {
   readonly #body: Record<"x" | "y" | "yaw" | "heave" | "roll" | "pitch", number>;
-  readonly #wheels: Record<keyof WheelPose, number>[];
+  readonly #wheels: (Record<keyof WheelPose, number> & { share: number })[];
   readonly #beams: [number, number][];
 
   constructor(
@@ -44,7 +44,7 @@ export class PoseReader {
       roll: column("body.roll"),
       pitch: column("body.pitch"),
     };
-    this.#wheels = shape.wheels.map(({ place, axle, side }, i) => {
+    this.#wheels = shape.wheels.map(({ place, axle, side, share }, i) => {
       // A half car has one wheel for each side.
       const half = side > 0 ? "l" : "r";
       return {
@@ -54,12 +54,14 @@ export class PoseReader {
         load: column(`tire_load.${place}`, `tire_load.${half}`),
         lateral: column(`tire_lateral_force.${place}`),
         longitudinal: column(`tire_longitudinal_force.${place}`),
+        share,
       };
     });
-    this.#beams = ["l", "r"].map((side) => [column(`beam_height.${side}`), column(`beam_pitch.${side}`)]);
+    this.#beams = ["l", "r"].map((side) => [column(`beam_height.${side}`, `wheel_height.${side}`), column(`beam_pitch.${side}`)]);
   }
 
   read(branch: number, time: number): Pose {
+    const scaled = (value: number | null, factor: number) => (value === null ? null : factor * value);
     const get = (column: number): number | null => {
       const value = this.recording.at(branch, column, time);
       return Number.isFinite(value) ? value : null;
@@ -76,7 +78,7 @@ export class PoseReader {
         height: get(wheel.height) ?? 0,
         steer: get(wheel.steer) ?? 0,
         spin: get(wheel.spin) ?? 0,
-        load: get(wheel.load),
+        load: scaled(get(wheel.load), wheel.share),
         lateral: get(wheel.lateral),
         longitudinal: get(wheel.longitudinal),
       })),

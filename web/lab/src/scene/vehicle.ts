@@ -20,6 +20,7 @@ const PAINT: Record<Shape["kind"], [paint: number, second: number]> = {
   rescue: [0xc2312b, 0xa32722],
   truck: [0x2f6f9f, 0x285a80],
   car: [0x2a7f86, 0x23666c],
+  "half car": [0x2a7f86, 0x23666c],
 };
 const FINISH: Record<Exclude<Finish, "paint" | "second">, [color: number, roughness: number, metalness: number]> = {
   glass: [0x18222c, 0.15, 0.3],
@@ -70,7 +71,8 @@ export class VehicleModel {
       for (const side of [1, -1]) {
         const group = new Group();
         this.#put(group, beamParts(beam.length), twinColor, false);
-        group.position.set(beam.x, side * (shape.track / 2 - 0.42), beam.z);
+        const inset = shape.kind === "half car" ? 0.5 * shape.width + 0.18 : 0.42;
+        group.position.set(beam.x, side * (shape.track / 2 - inset), beam.z);
         this.#beams.push(group);
         this.root.add(group);
       }
@@ -163,9 +165,9 @@ export class VehicleModel {
       // From the wheel to the body above it: small angles.
       const y = place.y - place.side * (0.5 * shape.width * place.count + 0.18);
       const attached = factor * (pose.heave - place.x * pose.pitch + place.y * pose.roll);
-      const top = (shape.kind === "car" ? 2.3 : 2.2) * shape.radius + attached;
+      const top = (shape.kind === "half car" ? 1.9 : shape.kind === "car" ? 2.3 : 2.2) * shape.radius + attached;
       strut.visible = !beam;
-      strut.position.set(place.x, y, carrier.position.z);
+      strut.position.set(shape.kind === "half car" ? 0 : place.x, y, carrier.position.z);
       strut.scale.z = Math.max(0.05, top - carrier.position.z);
     });
     pose.beams.forEach(([height, pitch], i) => {
