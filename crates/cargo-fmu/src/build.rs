@@ -33,6 +33,9 @@ pub(crate) struct Options {
     /// Requires that Cargo.lock is up to date
     #[arg(long)]
     locked: bool,
+    /// Keep the symbols for a debugger, and build without optimization
+    #[arg(long)]
+    debug: bool,
     /// Folder for what cargo builds [default: the workspace's target]
     #[arg(long, value_name = "DIR")]
     pub(crate) target_dir: Option<PathBuf>,
@@ -119,6 +122,10 @@ const PROFILE: [&str; 5] = [
     "profile.fmu.panic=\"unwind\"",
 ];
 
+/// The profile of binaries for a debugger. They have another one's name, so that both are kept.
+const DEBUG_PROFILE: [&str; 3] =
+    ["profile.fmu-debug.inherits=\"dev\"", "profile.fmu-debug.debug=\"full\"", "profile.fmu-debug.opt-level=0"];
+
 /// Builds libraries that describe their models, and returns them in the order of the models.
 ///
 /// # Errors
@@ -153,6 +160,33 @@ fn rounds(models: &[Model]) -> Vec<Vec<&Model>> {
         left = later;
     }
     rounds
+}
+
+/// Folders of the packages that are built from a path outside of the workspace, such as an exporter that is not published, with
+/// their names.
+fn packages_outside(workspace: &Workspace, options: &Options) -> Result<Vec<(PathBuf, String)>> {
+    #[derive(Deserialize)]
+    struct Metadata {
+        packages: Vec<Package>,
+    }
+    #[derive(Deserialize)]
+    struct Package {
+        name: String,
+        source: Option<String>,
+        manifest_path: PathBuf,
+    }
+    let mut command = cargo();
+    command.args(["metadata", "--format-version", "1"]);
+    options.apply(&mut command);
+    let output = command.current_dir(&workspace.root).output().into_diagnostic().wrap_err("cargo cannot be run")?;
+    if !output.status.success() {
+        return Err(miette!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr).trim()));
+    }
+    let metadata: Metadata =
+        serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err("reading cargo metadata")?;
+    let local = metadata.packages.into_iter().filter(|package| package.source.is_none());
+    let folders = local.filter_map(|package| Some((package.manifest_path.parent()?.to_path_buf(), package.name)));
+    Ok(folders.filter(|(folder, _)| !folder.starts_with(&workspace.root)).collect())
 }
 
 /// The target of this machine's compiler.
@@ -392,7 +426,7 @@ impl Builder {
         match self {
             Self::Native(_) => None,
             Self::Portable(zigbuild) => zigbuild.toolchain(),
-            Self::Win64(mingw) => Some(mingw.toolchain()),
+            Self::Win64(mingw) => mingw.toolchain(),
             Self::Wasm32(wasm) => Some(wasm.toolchain()),
         }
     }
@@ -415,13 +449,20 @@ impl Builder {
         let mut messages = String::new();
         let mut libraries = BTreeMap::new();
         let platform = self.platform().name();
+        let outside = packages_outside(workspace, options)?;
         for (model, export) in models.iter().zip(exports) {
-            let mut command = self.command(workspace, options)?;
+            let mut command = self.command(workspace, options, &outside)?;
             // Without the ordinary library, for which cargo would leave out link-time optimization.
             command.args(["--lib", "--crate-type", "cdylib"]);
             command.env(format!("{EXPORT}{}", model.library), export.to_string());
-            let built = carry_out(command, workspace, &[model], &library_flags(self.platform(), &model.name))
-                .wrap_err_with(|| format!("building for {platform}"))?;
+            let mut flags = library_flags(self.platform(), &model.name);
+            if !options.debug {
+                // Paths below the workspace are relative in its other packages. As a flag of all of them it would differ between two
+                // packages that share a target folder, and cargo would build the exporter again for each.
+                flags.push(format!("--remap-path-prefix={}=/workspace", workspace.root.display()));
+            }
+            let built =
+                carry_out(command, workspace, &[model], &flags).wrap_err_with(|| format!("building for {platform}"))?;
             let folder = workspace.target.join("fmu-build").join(platform);
             libraries.extend(kept(artifacts(&built)?, &[model], &folder)?);
             messages.push_str(&built);
@@ -431,7 +472,7 @@ impl Builder {
     }
 
     /// A call of cargo, without packages.
-    fn command(&self, workspace: &Workspace, options: &Options) -> Result<Command> {
+    fn command(&self, workspace: &Workspace, options: &Options, outside: &[(PathBuf, String)]) -> Result<Command> {
         let platform = self.platform();
         let mut folder = workspace.target.join("fmu-build");
         let mut sources = None;
@@ -447,23 +488,28 @@ impl Builder {
                 (command, target)
             }
             Self::Portable(zigbuild) => (zigbuild.cargo_rustc(), platform.target().to_owned()),
-            Self::Win64(mingw) => (mingw.cargo_rustc(), platform.target().to_owned()),
+            Self::Win64(mingw) => (mingw.cargo_rustc(), mingw.target().to_owned()),
             Self::Wasm32(wasm) => (wasm.cargo_rustc(), platform.target().to_owned()),
         };
-        command.args(["--profile", "fmu", "--target-dir"]).arg(&folder);
-        for setting in PROFILE {
+        let (profile, settings) = if options.debug { ("fmu-debug", &DEBUG_PROFILE[..]) } else { ("fmu", &PROFILE[..]) };
+        command.args(["--profile", profile, "--target-dir"]).arg(&folder);
+        for setting in settings {
             command.args(["--config", setting]);
         }
         options.apply(&mut command);
         let mut flags = user_flags(&workspace.root, &target);
         flags.extend(linker_flags(platform, matches!(self, Self::Native(_))));
-        for (from, to) in [(cargo_home(), "/cargo"), (Some(workspace.root.clone()), "/workspace"), (sources, "/rust")] {
-            if let Some(from) = from {
-                let mut flag = OsString::from("--remap-path-prefix=");
-                flag.push(from);
-                flag.push(format!("={to}"));
-                flags.push(flag);
-            }
+        // Paths of this machine are replaced in the binaries. The last one that fits counts: a package may be in a folder of
+        // the others.
+        let known = [(cargo_home(), "/cargo"), (Some(workspace.target.clone()), "/target"), (sources, "/rust")];
+        let known = known.into_iter().filter_map(|(from, to)| Some((from?, to.to_owned())));
+        let all = known.chain(outside.iter().map(|(from, name)| (from.clone(), format!("/packages/{name}"))));
+        // A debugger reads the sources where they are.
+        for (from, to) in all.filter(|_| !options.debug) {
+            let mut flag = OsString::from("--remap-path-prefix=");
+            flag.push(from);
+            flag.push(format!("={to}"));
+            flags.push(flag);
         }
         command.env("CARGO_ENCODED_RUSTFLAGS", flags.join(&OsString::from("\u{1f}")));
         Ok(command)

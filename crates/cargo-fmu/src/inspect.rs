@@ -1,10 +1,13 @@
-//! `cargo fmu inspect`: what an FMU says about itself.
+//! `cargo fmu inspect`: metadata and variables of an FMU.
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
 
-use fmu_import::archive::Archive;
+use fmu_import::archive::{Archive, ArchiveError};
 use fmu_import::description::{Causality, FmiVersion, ModelDescription};
 use fmu_import::terminal::{indented, line};
+use fmu_import::xml::{self, Element};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::output::{outln, write_file};
@@ -38,18 +41,100 @@ pub(crate) fn locate(fmu: &str) -> Result<PathBuf> {
     found.ok_or_else(|| miette!("{} is not packed; run `cargo fmu pack {}`", model.name, model.name))
 }
 
+/// The text of a description, as far as it can be read, and what is wrong with the archive.
+struct Opened {
+    text: String,
+    platforms: Vec<String>,
+    problem: Option<ArchiveError>,
+}
+
+/// Opens an FMU. One that other commands refuse is read all the same if its description is where it belongs.
+fn open(path: &Path) -> Result<Opened, ArchiveError> {
+    const NAME: &str = "modelDescription.xml";
+    let lossy = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+    match Archive::open(path) {
+        Ok(mut archive) => {
+            let platforms = archive.platforms();
+            match archive.description_text() {
+                Ok(text) => Ok(Opened { text, platforms, problem: None }),
+                // It is too large, or not UTF-8.
+                Err(error) => match archive.entry(NAME) {
+                    Ok(Some(bytes)) if bytes.len() <= xml::MAX_BYTES => {
+                        Ok(Opened { text: lossy(bytes), platforms, problem: Some(error) })
+                    }
+                    _ => Err(error),
+                },
+            }
+        }
+        Err(error) => {
+            let read = || -> Option<Vec<u8>> {
+                let mut zip = zip::ZipArchive::new(File::open(path).ok()?).ok()?;
+                let mut bytes = Vec::new();
+                zip.by_name(NAME).ok()?.take(xml::MAX_BYTES as u64).read_to_end(&mut bytes).ok()?;
+                Some(bytes)
+            };
+            match read() {
+                Some(bytes) => Ok(Opened { text: lossy(bytes), platforms: Vec::new(), problem: Some(error) }),
+                None => Err(error),
+            }
+        }
+    }
+}
+
 /// Prints.
 ///
 /// # Errors
-/// When the file is no FMU.
+/// When the file is no FMU, or one that other commands refuse: after what can be read.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
-    let mut archive = Archive::open(&path).into_diagnostic()?;
+    let Opened { text, platforms, problem } = open(&path).into_diagnostic()?;
+    let unusable = |problem: Option<String>| match problem {
+        None => Ok(()),
+        Some(problem) => Err(miette!("other commands cannot use this FMU: {problem}")),
+    };
+    let problem = problem.map(|error| error.to_string());
     if arguments.xml {
-        write_file(&archive.description_text().into_diagnostic()?);
-        return Ok(());
+        write_file(&text);
+        return unusable(problem);
     }
-    let description = archive.description().into_diagnostic()?;
+    match ModelDescription::parse(&text) {
+        Ok(description) => {
+            show(&description, &platforms);
+            unusable(problem)
+        }
+        Err(error) => {
+            let problem = problem.unwrap_or_else(|| format!("{}: modelDescription.xml: {error}", path.display()));
+            // What is not XML cannot be shown.
+            let root = xml::parse(&text).map_err(|_| miette!("{problem}"))?;
+            show_elements(&root, &platforms);
+            unusable(Some(problem))
+        }
+    }
+}
+
+/// Prints what the elements of a description say that breaks rules of FMI, or is of another version.
+fn show_elements(root: &Element, platforms: &[String]) {
+    let text = |element: &Element, name: &str| line(element.attribute(name).unwrap_or("-")).into_owned();
+    outln!("{}", text(root, "modelName"));
+    outln!("FMI             {}", text(root, "fmiVersion"));
+    outln!("made with       {}", text(root, "generationTool"));
+    outln!("platforms       {}", platforms.join(", "));
+    for element in root.children.iter().filter(|element| element.attribute("modelIdentifier").is_some()) {
+        outln!("{:14}  {}", line(&element.name), text(element, "modelIdentifier"));
+    }
+    let variables = root.child("ModelVariables").map_or(&[][..], |variables| &variables.children);
+    let name = |variable: &Element| text(variable, "name");
+    let width = variables.iter().map(|variable| name(variable).chars().count()).max().unwrap_or(0);
+    outln!("\nVariables ({})", variables.len());
+    for variable in variables {
+        let causality = line(variable.attribute("causality").unwrap_or("local"));
+        let description = line(variable.attribute("description").unwrap_or_default()).into_owned();
+        outln!("  {:width$}  {causality:19}  {description}", name(variable));
+    }
+}
+
+/// Prints a description.
+fn show(description: &ModelDescription, platforms: &[String]) {
     let version = description.version.as_deref().unwrap_or_default();
     outln!("{} {}", line(&description.model_name), line(version));
     if let Some(text) = &description.description {
@@ -62,8 +147,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     outln!("FMI             {}", line(&description.fmi_version));
     outln!("{token:14}  {}", line(&description.guid));
     outln!("made with       {}", line(description.generation_tool.as_deref().unwrap_or("unknown")));
-    outln!("platforms       {}", archive.platforms().join(", "));
-    for (interface, capabilities) in interfaces(&description) {
+    outln!("platforms       {}", platforms.join(", "));
+    for (interface, capabilities) in interfaces(description) {
         outln!("{interface:14}  {}", if capabilities.is_empty() { "-".to_owned() } else { capabilities.join(", ") });
     }
     for (causality, title) in [
@@ -75,10 +160,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         (Causality::Local, "Local variables"),
         (Causality::Independent, "Independent variable"),
     ] {
-        table(&description, causality, title);
+        table(description, causality, title);
     }
-    opaque(&description);
-    Ok(())
+    opaque(description);
 }
 
 /// The interfaces of an FMU, each with its capabilities.

@@ -6,6 +6,7 @@ mod page;
 mod page_data;
 mod picture;
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use fmu_import::archive::read_description;
@@ -14,14 +15,14 @@ use nalgebra::DMatrix;
 
 use self::model::{LinearModel, Mode, Signal};
 use crate::inspect::locate;
-use crate::output::outln;
+use crate::output::{errln, outln};
 use crate::pack::write_whole;
 use crate::worker;
 
 /// Which plant, where.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Arguments {
-    /// Name of an FMU of this workspace (packed before), or path of any .fmu file with directional derivatives
+    /// Name of an FMU of this workspace (packed before), or path of any .fmu file with directional derivatives or model exchange
     fmu: String,
     /// Operating point: a parameter, an input or a state, such as --set driver.speed=9.7; a Boolean is true or false, an
     /// enumeration takes its names; may be repeated
@@ -60,7 +61,9 @@ impl Arguments {
         self.free.iter().for_each(|inputs| add("--free", inputs));
         self.bode.iter().for_each(|pair| add("--bode", pair));
         self.out.iter().for_each(|file| add("--out", &file.display().to_string()));
-        self.workers.given().iter().for_each(|(option, value)| add(option, value));
+        for (option, value) in self.workers.given() {
+            words.extend([option.to_owned()].into_iter().chain(value));
+        }
         let flags = [("--trim", self.trim), ("--matrices", self.matrices), ("--json", self.json)];
         words.extend(flags.into_iter().filter(|(_, is_given)| *is_given).map(|(flag, _)| flag.to_owned()));
         words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
@@ -99,12 +102,12 @@ fn format(path: &Path) -> Result<Format> {
 /// Prints the modes of the linear model, and writes files.
 ///
 /// # Errors
-/// When the FMU has no states or directional derivatives, a value cannot be set, or a file cannot be written.
+/// When the FMU has no states, or neither directional derivatives nor model exchange, a value cannot be set, or a file cannot be written.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let path = locate(&arguments.fmu)?;
     let settings = arguments.set.iter().map(|setting| parse(setting)).collect::<Result<Vec<_>>>()?;
     let formats = arguments.out.iter().map(|path| format(path)).collect::<Result<Vec<_>>>()?;
-    let workers = arguments.workers.settings(worker::printed())?;
+    let workers = arguments.workers.settings(worker::to_terminal(), NonZeroUsize::MIN)?;
     let settings = if arguments.trim {
         let free = crate::trim::groups(&arguments.free);
         let steady =
@@ -114,6 +117,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         settings
     };
     let linear = fmu_import::worker::linearize(&workers, &path, &settings).map_err(|message| miette!("{message}"))?;
+    if linear.by_differences {
+        errln!("note: the FMU has no directional derivatives; the matrices are computed by central differences");
+    }
     let description = read_description(&path).into_diagnostic()?;
     let file = std::fs::read(&path).into_diagnostic()?;
     let model = LinearModel::new(&description, &file, &settings, linear)

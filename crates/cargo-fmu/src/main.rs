@@ -31,31 +31,36 @@ use miette::{IntoDiagnostic as _, miette};
 /// Commands of earlier versions, and what they are called now.
 const RENAMED: [(&str, &str); 3] = [("system", "export"), ("systems", "compat"), ("tune", "study")];
 
-/// Exports models as FMUs and runs systems of them
+/// Export models as FMUs and run systems of them
 #[derive(Parser, Debug)]
 #[command(name = "cargo fmu", bin_name = "cargo fmu", version)]
 enum Cli {
-    /// Builds models and packs them to target/fmu/NAME.fmu
+    /// Build models and pack them to target/fmu/NAME.fmu
     Pack(pack::Arguments),
-    /// Shows what an FMU says about itself
+    /// Show an FMU's metadata and variables
     Inspect(inspect::Arguments),
-    /// Validates FMUs of any origin: the description by the rules of FMI 2.0 or 3.0, the binary by its behavior
+    /// Validate FMUs of any origin: the description by the rules of FMI 2.0 or 3.0, the binary by its behavior
     ///
-    /// The binary is loaded and run in a process of its own, so a crash is one more finding: start values, repeated runs, two instances, reset, saved states,
-    /// dependencies, and whatever else the description promises. Model exchange is run with a built-in solver: states, derivatives, event
-    /// indicators and events. Ends with 1 if there are errors.
+    /// The binary is loaded and run in a separate process, on Linux in a sandbox, so a crash is one more finding: start values, repeated runs,
+    /// the whole default experiment, another start time, two instances, reset, saved states, dependencies, and whatever else the description
+    /// promises. Model exchange is run with a built-in solver: states, derivatives, event indicators and events.
+    ///
+    /// Each finding answers one of two questions: does the FMU simulate, or does it follow the standard? Exit code 1 if errors were found;
+    /// `--fail-on` selects the question that counts. The default experiment is cut after --timeout, with a note. Results that differ where they should
+    /// not are a note up to 1e-12 of the peak (rounding), a warning up to the tolerance of the default experiment (1e-4 without one), and an
+    /// error above.
     Check(check::Arguments),
-    /// Linearizes a plant at an operating point: modes, A, B, C, D, Bode plots
+    /// Linearize a plant at an operating point: modes, A, B, C, D, Bode plots
     Linearize(linearize::Arguments),
-    /// Finds the steady state of a plant at an operating point, with the drive torques that it takes
+    /// Find the steady state of a plant at an operating point, with the drive torques that it takes
     ///
     /// Newton's method on the exact Jacobian of the FMU finds the values at which the derivatives of all states vanish, to 1e-10 of the
     /// nominal value per second. States that only integrate others, such as position and heading, drift and keep their start values. A
     /// state that is given by --set is held; an input that is free (--free) keeps it there. The speed of a plant with pedals is always held,
-    /// and its drive torques, all equal, are free unless they are given. Ends with 1 and the name of a state that cannot rest if there is no
-    /// steady state.
+    /// and its drive torques, all equal, are free unless they are given. Without a steady state, the command prints a state that keeps
+    /// changing and exits with 1.
     Trim(trim::Arguments),
-    /// Writes a working package of a new model, or a scenario that runs
+    /// Write a working package of a new model, or a scenario that runs
     New(new::Arguments),
     #[cfg(feature = "system")]
     #[command(flatten)]
@@ -78,6 +83,19 @@ fn main() -> miette::Result<()> {
     if !matches!(command, Cli::Worker(_)) {
         fmu_import::temporary::remove_on_signals().into_diagnostic()?;
     }
+    let result = run(command);
+    #[cfg(feature = "system")]
+    if let Err(report) = &result
+        && system::is_about_data(report)
+    {
+        // As with the arguments: nothing was run.
+        eprintln!("Error: {report:?}");
+        std::process::exit(2);
+    }
+    result
+}
+
+fn run(command: Cli) -> miette::Result<()> {
     match command {
         Cli::Pack(arguments) => pack::run(&arguments),
         Cli::Inspect(arguments) => inspect::run(&arguments),

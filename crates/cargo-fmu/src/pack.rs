@@ -28,7 +28,7 @@ pub(crate) struct Arguments {
     /// All models of the workspace's default members
     #[arg(long, conflicts_with = "names")]
     all: bool,
-    /// The models that this scenario or study needs; tells only what it had to pack
+    /// Pack what this scenario or study needs; skip up-to-date FMUs
     #[arg(long = "for", value_name = "FILE", conflicts_with_all = ["names", "all"])]
     needed_by: Option<PathBuf>,
     /// Platforms to build for; platforms other than this machine's need cargo-zigbuild (Linux) or mingw-w64 (Windows) and a
@@ -120,6 +120,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         ));
     }
     let (models, descriptions) = describe(&workspace, models, &format, &arguments.cargo)?;
+    for (model, description) in models.iter().zip(&descriptions) {
+        follow_convention(&workspace, model, &description.parsed)?;
+    }
     let exports: Vec<_> = descriptions.iter().map(|description| description.export(&format)).collect();
     let mut libraries = vec![Vec::new(); models.len()];
     let mut licenses = vec![Licenses::default(); models.len()];
@@ -185,6 +188,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "note: README.md of {name} still contains placeholder text, which the documentation of the FMU shows: {line}"
         );
     }
+    for (model, description) in models.iter().zip(&descriptions) {
+        for note in &description.notes {
+            errln!("note: in the model structure of {} everything depends on everything, because {note}", model.name);
+        }
+    }
     if !changed.is_empty() {
         eprintln!(
             "The interface of {} differs from the description in {}, or there is none yet; if that is intended, run `cargo fmu \
@@ -225,6 +233,8 @@ struct Description {
     xml: String,
     /// terminalsAndIcons.xml; empty in FMI 2.0.
     terminals: String,
+    /// Reasons for a dense model structure.
+    notes: Vec<String>,
     parsed: ModelDescription,
 }
 
@@ -262,6 +272,9 @@ fn describe(
             match (exported.pop(), exported.len()) {
                 (Some((name, xml)), 0) => {
                     let parsed = ModelDescription::parse(&xml).into_diagnostic()?;
+                    let notes = ask(format.options() | description_options::NOTES).into_diagnostic()?;
+                    let notes = notes.iter().flat_map(|(_, notes)| notes.lines());
+                    let notes = notes.filter(|note| !note.is_empty()).map(str::to_owned).collect();
                     let terminals = match format.version {
                         3 => ask(format.options() | description_options::TERMINALS)
                             .into_diagnostic()?
@@ -269,7 +282,7 @@ fn describe(
                             .map(|(_, xml)| xml),
                         _ => None,
                     };
-                    Ok(Description { model: name, parsed, xml, terminals: terminals.unwrap_or_default() })
+                    Ok(Description { model: name, parsed, xml, terminals: terminals.unwrap_or_default(), notes })
                 }
                 (None, _) => Err(miette!(
                     help = "Put `#[fmu::model(stop_time = …, step_size = …)]` on the implementation of `Continuous`, \
@@ -288,6 +301,22 @@ fn describe(
         descriptions.push(description);
     }
     Ok((models, descriptions))
+}
+
+/// Fails if a model breaks the naming convention of the workspace.
+fn follow_convention(workspace: &Workspace, model: &Model, description: &ModelDescription) -> Result<()> {
+    let Some(convention) = workspace.settings.names else { return Ok(()) };
+    let names = description.variables.iter().map(|variable| variable.name.as_str());
+    let others: Vec<&str> = names.filter(|name| !convention.admits(name)).collect();
+    let Some(first) = others.first() else { return Ok(()) };
+    let more = if others.len() > 1 { format!(" and {} more", others.len() - 1) } else { String::new() };
+    Err(miette!(
+        help = "Rename it, as in `#[var(\"speed.vehicle\")]`, or remove `names` from [workspace.metadata.fmu] in Cargo.toml at \
+                the top of the workspace: FMI allows any name.",
+        "the name `{first}`{more} of a variable of {} does not follow the convention of this workspace: words in lower snake case, \
+         joined by dots",
+        model.name
+    ))
 }
 
 /// Compares with, or writes, `NAME.xml` in the folder of committed descriptions. False if they differ.
@@ -380,6 +409,15 @@ fn add_folder(folder: &Path, entry: &str, files: &mut BTreeMap<String, Vec<u8>>)
         }
     }
     Ok(())
+}
+
+/// An error if nothing can be written to the folder: that would be known only after hours otherwise.
+#[cfg(feature = "system")]
+pub(crate) fn try_to_write(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder)
+        .and_then(|()| tempfile::tempfile_in(folder).map(drop))
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot write to {}; nothing was simulated", folder.display()))
 }
 
 /// Writes a file so that it is there whole or not at all.

@@ -13,39 +13,41 @@ mod selection;
 pub(crate) mod starter;
 mod study;
 
+use fmu_system::data::DataError;
+use fmu_system::resolve::ResolveError;
 use miette::Result;
 
 /// Commands for systems of several FMUs.
 #[derive(clap::Subcommand, Debug)]
 pub(crate) enum Command {
-    /// Checks a scenario and shows what it runs and how it is wired
+    /// Check a scenario and show its runs and its wiring
     ///
-    /// Components without inputs are run alone for a moment, in a process of their own, to find parameters without an effect.
+    /// Components without inputs are run alone for a moment, in a separate process, to find parameters without an effect.
     Plan(plan::Arguments),
-    /// Prints the JSON Schema of plans, for programs that read what `plan --json` prints
+    /// Print the JSON Schema of plans, for programs that read the output of `plan --json`
     PlanSchema,
-    /// Executes all runs of a scenario and writes a CSV file for each
+    /// Execute all runs of a scenario and write a CSV file for each
     Run(run::Arguments),
-    /// Writes a run of a scenario for other masters: an SSP file and a system structure of libcosim, with the FMUs
+    /// Write a run of a scenario for other masters: an SSP file and a system structure of libcosim, with the FMUs
     ///
     /// OUT/NAME.ssp holds the structure with units of measure, parameter sets and the FMUs, for Ecos, libcosim and
     /// OMSimulator; OUT/OspSystemStructure.xml is for libcosim. Inputs that keep one value are start values. Neither file
     /// says in which order the components of a step follow each other: Ecos and libcosim step all at once (`--order jacobi`
     /// of `cargo fmu run`). What is recorded becomes a connector; metrics and figures are left out.
     Export(export::Arguments),
-    /// Tunes parameters of a scenario as a study describes, by PACSA, a genetic algorithm or CMA-ES
+    /// Tune parameters of a scenario as a study describes, by PACSA, a genetic algorithm or CMA-ES
     ///
     /// For studies of method `optimize` with `[[parameter]]`. All other studies, with `[[vary]]`, need Python: `scripts/study`
     /// carries out sweeps, samples, sensitivities and searches by samplers of Optuna, here or on a cluster.
     Study(study::Arguments),
-    /// Drives a plant through standard maneuvers, without and with controllers, and compares
+    /// Drive a plant through standard maneuvers, without and with controllers, and compare
     ///
     /// `cargo fmu assess EspCar --with DirectYawControl --with AntilockBraking`. Signals are wired by name; what a plant does not have
     /// leaves out the maneuvers and numbers that need it. Writes OUT/assessment.json and the signals of runs to OUT/runs. Ends with
     /// 1 if a limit of a regulation or of --require is not kept, with 2 if nothing could be run. The bench follows the procedures of
     /// standards; it certifies nothing.
     Assess(assess::Arguments),
-    /// Shows which FMUs fit which plants by their signals
+    /// Show which FMUs fit which plants by their signals
     ///
     /// A plant is an FMU with continuous states, unless it writes inputs of one with more states: then it is an actuator.
     /// A block whose signals have no units, and names that no other FMU has, is not a plant either.
@@ -57,12 +59,19 @@ pub(crate) enum Command {
     /// Matching signals are not enough: a controller may contain parameters of another vehicle, and an output that nothing
     /// reads has no effect.
     Compat(compat::Arguments),
-    /// Computes the metrics of a standard maneuver from recorded signals, and prints them as JSON
+    /// Compute the metrics of a standard maneuver from recorded signals, and print them as JSON
     ///
-    /// The recording is a CSV file, plain or compressed with gzip, of a simulation, a measurement or another simulator. Line 1 has the
-    /// names of the columns: `time` (s), and signals by the names and SI units of the library. A metric that cannot be computed is
-    /// null; the reasons go to the standard error.
+    /// The recording is a CSV file, plain or compressed with gzip, of a simulation, a measurement or another simulator. Its first line has
+    /// the names of the columns: `time` (s), and signals by the names of the library, in SI units or those that the file gives: `Speed
+    /// [km/h]`, or a line of units below the names. --vehicle renames columns. Other columns are ignored. A metric that cannot be computed
+    /// is null; the reasons go to the standard error. Exit code 2 if the file cannot be used.
     Evaluate(evaluate::Arguments),
+}
+
+/// True if a file of data cannot be used and nothing was run.
+pub(crate) fn is_about_data(report: &miette::Report) -> bool {
+    let resolved = report.downcast_ref::<ResolveError>();
+    report.downcast_ref::<DataError>().is_some() || matches!(resolved, Some(ResolveError::Data(_)))
 }
 
 /// Carries out a command.

@@ -1,5 +1,6 @@
 //! `cargo fmu trim`: the steady state of a plant at an operating point.
 
+use std::num::NonZeroUsize;
 #[cfg(feature = "system")]
 use std::path::PathBuf;
 
@@ -58,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(out) = arguments.out.as_ref().filter(|out| out.extension().is_none_or(|extension| extension != "ssv")) {
         return Err(miette!("--out {}: the name must end in .ssv", out.display()));
     }
-    let workers = arguments.workers.settings(worker::printed())?;
+    let workers = arguments.workers.settings(worker::to_terminal(), NonZeroUsize::MIN)?;
     let steady = fmu_import::worker::trim(&workers, &path, &settings, &groups(&arguments.free))
         .map_err(|message| miette!("{message}"))?;
     let description = read_description(&path).into_diagnostic()?;

@@ -1,11 +1,14 @@
 //! `cargo fmu worker`: the processes that execute FMUs for the other commands, and the options of these about them.
 
+use std::collections::HashSet;
 use std::ffi::OsString;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use fmu_import::worker::{Launch, Printed, Settings};
+use fmu_import::terminal::line;
+use fmu_import::worker::{Launch, Settings, memory_share};
 use miette::{IntoDiagnostic, Result, WrapErr};
 
 /// What to work at, and the file in which calls of FMUs are announced.
@@ -39,6 +42,27 @@ pub(crate) struct Options {
     /// Library of Python (libpython3.*.so), for FMUs made with Python that do not bring it along
     #[arg(long, value_name = "FILE")]
     libpython: Option<PathBuf>,
+
+    /// Memory limit of each process that executes FMUs, such as `4G` or `500M`, or `none`; Linux only
+    /// [default: 80 % of the machine, divided by the number of processes, at least 1G]
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    memory: Option<Memory>,
+
+    /// Deny FMUs the network, other programs and processes, and writing outside of their temporary folder and the
+    /// folder for results; Linux only, the default of `check`
+    #[arg(long, conflicts_with = "no_sandbox")]
+    sandbox: bool,
+
+    /// Allow FMUs everything that you may do, for those that need a license server or another program
+    #[arg(long)]
+    no_sandbox: bool,
+}
+
+/// Most memory of a process.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Memory {
+    Bytes(u64),
+    Unlimited,
 }
 
 fn timeout(text: &str) -> Result<Duration, String> {
@@ -46,38 +70,107 @@ fn timeout(text: &str) -> Result<Duration, String> {
     seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()).ok_or("must be a number above 0".to_owned())
 }
 
+/// Least memory that a worker can start with, bytes.
+const LEAST_MEMORY: u64 = 64 << 20;
+
+fn memory(text: &str) -> Result<Memory, String> {
+    if text == "none" {
+        return Ok(Memory::Unlimited);
+    }
+    let unit = [('K', 10), ('M', 20), ('G', 30), ('T', 40)];
+    let parsed = unit.iter().find_map(|(letter, bits)| Some((text.strip_suffix(*letter)?, 1_u64 << bits)));
+    let bytes = parsed.and_then(|(number, unit)| number.parse::<u64>().ok()?.checked_mul(unit));
+    match bytes {
+        Some(bytes) if bytes >= LEAST_MEMORY => Ok(Memory::Bytes(bytes)),
+        Some(_) => Err("must be at least 64M, or `none`".to_owned()),
+        None => Err("must be `none`, or a whole number followed by K, M, G or T".to_owned()),
+    }
+}
+
 /// What other commands use: those of no FMU made with Python.
 #[cfg(feature = "system")]
 impl Default for Options {
     fn default() -> Self {
-        Self { timeout: DEFAULT_TIMEOUT, libpython: None }
+        Self { timeout: DEFAULT_TIMEOUT, libpython: None, memory: None, sandbox: false, no_sandbox: false }
     }
 }
 
-/// Prints what FMUs print.
-pub(crate) fn printed() -> Printed {
-    Arc::new(|line| eprintln!("FMU prints: {line}"))
+/// Takes lines about workers and FMUs.
+pub(crate) type Lines = Arc<dyn Fn(&str) + Send + Sync>;
+
+/// Prints lines about workers and FMUs.
+pub(crate) fn to_terminal() -> Lines {
+    Arc::new(|line| eprintln!("{line}"))
 }
 
 impl Options {
-    /// The options that differ from the defaults, with their values.
-    pub(crate) fn given(&self) -> Vec<(&'static str, String)> {
-        let timeout = (self.timeout != DEFAULT_TIMEOUT).then(|| ("--timeout", self.timeout.as_secs_f64().to_string()));
-        let library = self.libpython.as_ref().map(|file| ("--libpython", file.display().to_string()));
-        timeout.into_iter().chain(library).collect()
+    /// The options that differ from the defaults, with their values; a flag has none.
+    pub(crate) fn given(&self) -> Vec<(&'static str, Option<String>)> {
+        let mut given = Vec::new();
+        if self.timeout != DEFAULT_TIMEOUT {
+            given.push(("--timeout", Some(self.timeout.as_secs_f64().to_string())));
+        }
+        if let Some(file) = &self.libpython {
+            given.push(("--libpython", Some(file.display().to_string())));
+        }
+        if let Some(memory) = self.memory {
+            let text = match memory {
+                Memory::Bytes(bytes) => format!("{}K", bytes >> 10),
+                Memory::Unlimited => "none".to_owned(),
+            };
+            given.push(("--memory", Some(text)));
+        }
+        if self.sandbox {
+            given.push(("--sandbox", None));
+        }
+        given
     }
 
-    /// Settings of workers that start this program. `printed` takes what FMUs print.
-    pub(crate) fn settings(&self, printed: Printed) -> Result<Settings> {
+    /// Returns true with `--no-sandbox`. Only commands with a sandbox by default call it.
+    pub(crate) fn is_without_sandbox(&self) -> bool {
+        self.no_sandbox
+    }
+
+    /// Settings of some workers that start this program. `lines` takes what FMUs print, and notes about the workers, each once.
+    pub(crate) fn settings(&self, lines: Lines, workers: NonZeroUsize) -> Result<Settings> {
         let program = std::env::current_exe().into_diagnostic().wrap_err("finding this program")?;
         if let Some(library) = self.libpython.as_ref().filter(|library| !library.is_file()) {
             return Err(miette::miette!("there is no file {}, the library of Python", library.display()));
         }
+        let printing = Arc::clone(&lines);
+        let noted = Mutex::new(HashSet::new());
         Ok(Settings {
             launch: Launch { program, arguments: vec![OsString::from("worker")] },
             timeout: self.timeout,
             libpython: self.libpython.as_ref().map(std::path::absolute).transpose().into_diagnostic()?,
-            printed,
+            printed: Arc::new(move |line| printing(&format!("FMU prints: {line}"))),
+            sandbox: self.sandbox.then(Vec::new),
+            memory: match self.memory {
+                None => memory_share(workers),
+                Some(Memory::Bytes(bytes)) => Some(bytes),
+                Some(Memory::Unlimited) => None,
+            },
+            noticed: Arc::new(move |note| {
+                let note = format!("note: {}", line(note));
+                if noted.lock().unwrap_or_else(PoisonError::into_inner).insert(note.clone()) {
+                    lines(&note);
+                }
+            }),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_of_memory() {
+        assert_eq!(memory("none"), Ok(Memory::Unlimited));
+        assert_eq!(memory("2G"), Ok(Memory::Bytes(2 << 30)));
+        assert_eq!(memory("65536K"), Ok(Memory::Bytes(LEAST_MEMORY)));
+        for text in ["", "2", "G", "-1G", "1.5G", "63M", "99999999999T"] {
+            assert!(memory(text).is_err(), "{text}");
+        }
     }
 }

@@ -48,6 +48,29 @@ pub(crate) struct Settings {
     pub(crate) descriptions: Option<PathBuf>,
     /// Folders of new models by kind: `continuous`, `discrete`, `stateful`.
     pub(crate) new: BTreeMap<String, PathBuf>,
+    /// Convention of the names of variables; without it any name that FMI allows is accepted.
+    pub(crate) names: Option<Names>,
+}
+
+/// A convention of the names of variables.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Names {
+    /// Words in lower snake case, joined by dots.
+    LowerSnakeCase,
+}
+
+impl Names {
+    /// Whether a name follows the convention. Indices and the `der(…)` of a derivative belong to every name.
+    pub(crate) fn admits(self, name: &str) -> bool {
+        let Self::LowerSnakeCase = self;
+        let name = name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')')).unwrap_or(name);
+        name.split('.').all(|part| {
+            let word = part.strip_suffix(']').and_then(|rest| rest.split_once('[')).map_or(part, |(word, _)| word);
+            word.starts_with(|c: char| c.is_ascii_lowercase())
+                && word.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_')
+        })
+    }
 }
 
 #[derive(Deserialize)]
@@ -219,6 +242,16 @@ mod tests {
     }
 
     #[test]
+    fn a_convention_admits_its_names_only() {
+        for name in ["tire.front_left.load", "x[1,2]", "der(axle.rear[2].speed)", "b2"] {
+            assert!(Names::LowerSnakeCase.admits(name), "{name}");
+        }
+        for name in ["VehSpd_kph", "acc.setSpeed", "a b", "der(X)", "a..b", "2b"] {
+            assert!(!Names::LowerSnakeCase.admits(name), "{name}");
+        }
+    }
+
+    #[test]
     fn settings_are_read_and_mistakes_named() {
         let portable = |metadata: serde_json::Value| settings(&metadata).map(|settings| settings.portable);
         assert!(!portable(serde_json::Value::Null).unwrap());
@@ -227,9 +260,10 @@ mod tests {
         for (table, part) in [
             (
                 serde_json::json!({ "portabel": true }),
-                "unknown field `portabel`, expected one of `portable`, `descriptions`, `new`",
+                "unknown field `portabel`, expected one of `portable`, `descriptions`, `new`, `names`",
             ),
             (serde_json::json!({ "portable": "yes" }), "invalid type: string \"yes\", expected a boolean"),
+            (serde_json::json!({ "names": "camel" }), "unknown variant `camel`, expected `lower_snake_case`"),
         ] {
             let error = portable(serde_json::json!({ "fmu": table })).unwrap_err().to_string();
             assert!(error.starts_with("[workspace.metadata.fmu]: ") && error.contains(part), "{error}");

@@ -99,7 +99,7 @@ fn a_scenario_is_planned_and_run() {
     let output = command(folder.path(), &["plan", "ramp.toml", "--stop", "0.5", "--json"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let plan = text(&output.stdout);
-    assert!(plan.starts_with(r#"{"format":6,"name":"ramp","file":"ramp.toml","title":"Ramp""#), "{plan}");
+    assert!(plan.starts_with(r#"{"format":7,"name":"ramp","file":"ramp.toml","title":"Ramp""#), "{plan}");
     assert!(plan.contains(r#""stop":0.5,"step":0.25,"steps":2,"order":"sequential""#), "{plan}");
     assert!(plan.contains(r#""fmu":"target/fmu/Ramp.fmu""#), "{plan}");
 
@@ -111,7 +111,7 @@ fn a_scenario_is_planned_and_run() {
     assert_eq!(result("steep.csv").unwrap(), "time,x\n0.0,0.0\n0.25,0.5\n0.5,1.0\n0.75,1.5\n1.0,2.0\n");
     assert_eq!(result("flat.csv").unwrap().lines().last(), Some("1.0,1.0"));
 
-    // A run that fails leaves no file, not even that of an earlier call.
+    // A run that fails keeps its rows up to the failure, none of an earlier call, and is marked.
     let failing = SCENARIO.replace("gain = 0.5", "failure = 1");
     std::fs::write(folder.path().join("ramp.toml"), failing).unwrap();
     let output = command(folder.path(), &["run", "ramp.toml"]);
@@ -120,7 +120,9 @@ fn a_scenario_is_planned_and_run() {
     assert!(error.contains("1 of 2 runs failed"), "{error}");
     assert!(error.contains("x left 90% of its range"), "{error}");
     assert!(result("steep.csv").is_ok());
-    assert!(result("flat.csv").is_err());
+    let rows = result("flat.csv").unwrap();
+    assert!(rows.starts_with("time,x\n0.0,0.0\n") && !rows.contains("\n1.0,"), "{rows}");
+    assert!(result("status.json").unwrap().contains(r#""status": "failed""#));
 }
 
 #[cfg(unix)]
@@ -145,7 +147,10 @@ fn an_fmu_is_validated() {
     );
     let binary = findings.lines().find(|line| line.starts_with("  binary: ")).unwrap();
     assert!(
-        binary.ends_with("start values, runs, resets, two instances, dependencies at the start, the end of a run"),
+        binary.ends_with(
+            "start values, runs, another start time, reset before initialization, reset after a run, two instances, \
+             dependencies at the start, the end of a run, stack"
+        ),
         "{binary}"
     );
     let steps: usize = binary.split(", ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
@@ -189,6 +194,7 @@ fn what_other_platforms_lack_is_said_before_anything_is_built() {
     contains(&error, "the linker x86_64-w64-mingw32-gcc is not on the PATH");
     contains(&error, "no/rust/here/bin/cargo does not exist");
     contains(&error, "gcc-mingw-w64-x86-64-win32 cargo-web rustc-web rust-web-src");
+    contains(&error, "`rustup target add x86_64-pc-windows-gnu`");
     contains(&error, "CHASSIS_FMU_WIN64_RUST=FOLDER");
     let error = pack(&["--platforms", "linux64,wasm32"], "");
     contains(&error, "wasm32 cannot be built here");

@@ -85,6 +85,62 @@ fn every_evaluator_reads_its_recording() {
     }
 }
 
+/// The recording as a logger writes it: other names, units, decimal commas, text beside the numbers. Expected: that of
+/// the reference, whose numbers have nine digits.
+#[test]
+fn a_file_of_a_logger_gives_the_same_metrics() {
+    let path = reference("step_steer.csv.gz");
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(&*std::fs::read(&path).unwrap()).read_to_string(&mut text).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let at = header.split(',').position(|name| name == "vehicle.yaw_rate").unwrap();
+    let header = header.replace("time", "Zeit").replace("vehicle.yaw_rate", "Gier [°/s]").replace(',', ";") + ";Marker";
+    let rows = rows.lines().map(|row| {
+        let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+        if let Ok(rate) = cells[at].parse::<f64>() {
+            cells[at] = rate.to_degrees().to_string();
+        }
+        cells.join(";").replace('.', ",") + ";x"
+    });
+    let german = std::iter::once(header).chain(rows).collect::<Vec<_>>().join("\r\n");
+    let (folder, file) = recording(&german);
+    let vehicle = folder.path().join("logger.toml");
+    std::fs::write(
+        &vehicle,
+        "[signals]\ntime = \"Zeit\"\n\"vehicle.yaw_rate\" = \"Gier\"\n\"body.roll\" = { unit = \"rad\" }\n",
+    )
+    .unwrap();
+    let output = evaluate(&["step_steer", &file, "--vehicle", vehicle.to_str().unwrap()]);
+    let (found, expected) = (document(&output), document(&evaluate(&["step_steer", path.to_str().unwrap()])));
+    for metric in ["gain", "overshoot", "response_time"] {
+        let number = |of: &Value| of["yaw_rate"][metric].as_f64().unwrap();
+        let (found, expected) = (number(&found), number(&expected));
+        assert!((found - expected).abs() <= 1e-8 * expected.abs(), "{metric}: {found}, not {expected}");
+    }
+    let message = message(&output);
+    assert!(message.contains("note: the column `Gier` is converted to rad/s (factor 0.017453293)"), "{message}");
+}
+
+/// Expected: the reference; every tenth row is lost, and the response is smooth.
+#[test]
+fn rows_that_are_lost_are_interpolated_by_option() {
+    let path = reference("step_steer.csv.gz");
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(&*std::fs::read(&path).unwrap()).read_to_string(&mut text).unwrap();
+    let kept: Vec<&str> =
+        text.lines().enumerate().filter(|(row, _)| *row < 2 || row % 10 != 5).map(|(_, line)| line).collect();
+    let (_folder, file) = recording(&kept.join("\n"));
+    let output = evaluate(&["step_steer", &file]);
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(message(&output).matches("the rows have a gap").count(), 1);
+    let output = evaluate(&["step_steer", &file, "--resample"]);
+    let (found, expected) = (document(&output), document(&evaluate(&["step_steer", path.to_str().unwrap()])));
+    let number = |of: &Value| of["yaw_rate"]["gain"].as_f64().unwrap();
+    assert!((number(&found) / number(&expected) - 1.0).abs() < 1e-4, "{} {}", number(&found), number(&expected));
+    let message = message(&output);
+    assert_eq!(message.matches("note: the rows are interpolated every").count(), 1, "{message}");
+}
+
 #[test]
 fn what_cannot_be_computed_is_null_with_a_reason() {
     let (_folder, path) = recording("time,driver.steer\n");
@@ -99,15 +155,17 @@ fn what_cannot_be_computed_is_null_with_a_reason() {
 #[test]
 fn mistakes_name_the_place_and_what_to_do() {
     let (_folder, path) = recording("time,driver.steer\n0,0\n0.1,fast\n");
-    let (_other, semicolons) = recording("time;driver.steer\n0;0\n");
-    for (arguments, expected) in [
-        (&["step_steer", &path][..], "run.csv: line 3, column `driver.steer`: \"fast\" is not a number"),
-        (&["step_steer", &semicolons], "line 1 has no column `time`"),
-        (&["step_steer", "missing.csv"], "missing.csv cannot be read"),
-        (&["step_steer", &path, "--options", "{"], "--options: EOF while parsing"),
+    let (_other, unnamed) = recording("driver.steer;a\n0;0\n");
+    let (_gap, gap) = recording("time,driver.steer\n0,0\n0.01,0\n0.02,0\n0.1,0\n");
+    for (arguments, code, expected) in [
+        (&["step_steer", &path][..], 2, "run.csv:3: `fast` at line 3, column `driver.steer`, is not a number"),
+        (&["step_steer", &unnamed], 2, "the file has no column `time`, but `driver.steer`, `a`"),
+        (&["step_steer", "missing.csv"], 2, "missing.csv: the file cannot be read"),
+        (&["step_steer", &gap], 2, "the rows have a gap from 0.02 s to 0.1 s"),
+        (&["step_steer", &path, "--options", "{"], 1, "--options: EOF while parsing"),
     ] {
         let output = evaluate(arguments);
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
         assert!(output.stdout.is_empty());
         let message = message(&output);
         assert!(message.contains(expected), "{message}");

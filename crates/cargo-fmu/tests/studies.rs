@@ -169,7 +169,7 @@ impl Place {
 fn workers(jobs: usize) -> Workers {
     let program = PathBuf::from(env!("CARGO_BIN_EXE_cargo-fmu"));
     let launch = Launch { program, arguments: vec!["worker".into()] };
-    let settings = Settings { launch, timeout: Duration::from_secs(60), libpython: None, printed: Arc::new(|_| ()) };
+    let settings = Settings::new(launch, Duration::from_secs(60), Arc::new(|_| ()));
     Workers { settings, jobs: NonZeroUsize::new(jobs).unwrap() }
 }
 
@@ -557,4 +557,18 @@ fn what_the_study_needs_must_be_there() {
     assert!(error.starts_with("cannot read nowhere.toml: "), "{error}");
     std::fs::write(place.path("ring.toml"), SCENARIO.replacen("Velocity", "Velocety", 1)).unwrap();
     assert!(matches!(place.read(STUDY, 1), Err(StudyError::Scenario(_))));
+}
+
+/// A relative path starts at the folder of the scenario; the content of the file decides, as that of an FMU.
+#[test]
+fn a_file_that_an_fmu_reads_is_part_of_the_study() {
+    let place = Place::new();
+    let named = SCENARIO.replacen("fmu = \"Velocity\"", "fmu = \"Velocity\"\nparameters = { label = \"data.csv\" }", 1);
+    std::fs::write(place.path("ring.toml"), named).unwrap();
+    std::fs::write(place.path("data.csv"), "first").unwrap();
+    place.execute(STUDY, 2, "out", Existing::Error).unwrap();
+    place.execute(STUDY, 2, "out", Existing::Resume).unwrap();
+    std::fs::write(place.path("data.csv"), "other").unwrap();
+    let error = place.execute(STUDY, 2, "out", Existing::Resume).unwrap_err().to_string();
+    assert!(error.contains("belongs to another version"), "{error}");
 }

@@ -73,6 +73,42 @@ fn arrays_are_linearized_by_either_interface() {
     assert!(error.contains("--set v=1: `v` is an array of 3 elements; only scalars can be set"), "{error}");
 }
 
+/// x' = -k x and y = x + u at k = 2, u = 0.5: A, C and D are constant, so central differences have rounding errors only. Without model
+/// exchange there is nothing to take differences of.
+#[test]
+fn an_fmu_without_directional_derivatives_is_linearized_by_differences() {
+    for (fmi, name, flag) in [
+        (FmiVersion::V2, "Decay2.fmu", r#" providesDirectionalDerivative="true""#),
+        (FmiVersion::V3, "Decay3.fmu", r#" providesDirectionalDerivatives="true""#),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        Decay { edits: &[(flag, ""), (flag, "")], ..Decay::new(fmi) }.pack(folder.path());
+        let output = command(folder.path(), &["linearize", name, "--json", "--set", "u=0.5"]);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && said.contains("central differences"), "{said}");
+        let linear: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let at = |matrix: &str, row: usize, column: usize| linear[matrix][row][column].as_f64().unwrap();
+        // Float32 variables of the second one have 7 digits.
+        let slack = if fmi == FmiVersion::V2 { 1e-9 } else { 1e-4 };
+        let expected = [("A", 0, 0, -2.0), ("B", 0, 0, 0.0), ("C", 0, 0, 1.0), ("C", 1, 0, 1.0), ("D", 1, 0, 1.0)];
+        for (matrix, row, column, value) in expected {
+            assert!((at(matrix, row, column) - value).abs() < slack, "{name} {matrix}[{row}][{column}]: {linear}");
+        }
+
+        let description = match fmi {
+            FmiVersion::V2 => include_str!("../../fmu-import/tests/data/decay2.xml"),
+            FmiVersion::V3 => include_str!("../../fmu-import/tests/data/decay3.xml"),
+        };
+        let exchange = description.lines().find(|line| line.contains("<ModelExchange")).unwrap();
+        Decay { edits: &[(exchange, ""), (flag, "")], ..Decay::new(fmi) }.pack(folder.path());
+        let output = command(folder.path(), &["linearize", name]);
+        assert_eq!(output.status.code(), Some(1));
+        let said = String::from_utf8_lossy(&output.stderr).replace('│', " ");
+        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(said.contains("neither directional derivatives nor the interface for model exchange"), "{said}");
+    }
+}
+
 /// x' = -2 x rests at 0, wherever it starts, in both versions and by either interface. The pole is -2.
 #[test]
 fn decay_is_trimmed_by_either_interface() {

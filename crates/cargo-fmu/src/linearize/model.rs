@@ -198,8 +198,13 @@ pub(crate) mod tests {
         // Columns: s, v, their integral, f. Rows: s', v', s, output s.
         let rows = [[0.0, 1.0, 0.0, 0.0], [-100.0, -2.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]];
         let jacobian = (0..4).flat_map(|column| rows.iter().map(move |row| row[column])).collect();
-        let linear =
-            Linear { states: names(&["s", "v", "integral"]), inputs: names(&["f"]), outputs: names(&["y"]), jacobian };
+        let linear = Linear {
+            states: names(&["s", "v", "integral"]),
+            inputs: names(&["f"]),
+            outputs: names(&["y"]),
+            jacobian,
+            by_differences: false,
+        };
         LinearModel::new(&description, b"abc", &[("k".to_owned(), "200".to_owned())], linear).unwrap()
     }
 

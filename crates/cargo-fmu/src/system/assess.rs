@@ -20,7 +20,7 @@ use std::time::Duration;
 use super::folders::folders;
 use super::jobs::jobs;
 use crate::output::{errln, outln};
-use crate::pack::write_whole;
+use crate::pack::{try_to_write, write_whole};
 use crate::worker;
 
 /// Which vehicle, and what is asked of it.
@@ -51,12 +51,12 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "COMPONENT:PARAMETER=VALUE", value_parser = setting)]
     set: Vec<(String, String, String)>,
 
-    /// SSP parameter set with values of parameters, named component.parameter; `--set` stands above it
+    /// SSP parameter set with values of parameters, named component.parameter; `--set` takes precedence
     #[arg(long, value_name = "FILE")]
     parameters: Option<PathBuf>,
 
-    /// File with data of the vehicle and its names of signals, the tables `vehicle` and `signals`; it stands above the data that
-    /// the bench has of the vehicles of the library
+    /// File with data of the vehicle and its names of signals, the tables `vehicle` and `signals`; its values override the
+    /// built-in vehicle data
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
 
@@ -64,11 +64,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "SPEED", value_parser = speed)]
     speed: Option<f64>,
 
-    /// Ends the series of sine with dwell after the first unstable runs
+    /// End the series of sine with dwell after the first unstable runs
     #[arg(long)]
     quick: bool,
 
-    /// Lets the driver know each of the two systems, not only the one without controllers
+    /// Give the driver model each system's understeer gradient, not only that of the vehicle without controllers
     #[arg(long)]
     adapt: bool,
 
@@ -80,11 +80,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "OUT")]
     out: Option<PathBuf>,
 
-    /// Writes the assessment as JSON here, too
+    /// Write the assessment as JSON here, too
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Writes the verdicts as JUnit here
+    /// Write the verdicts as JUnit here
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 
@@ -192,6 +192,10 @@ fn named(name: &str, folders: &mut Vec<PathBuf>) -> String {
 /// Assesses the plant. The exit code is 1 if a limit is not kept or a run broke down, 2 if nothing could be run.
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let code = match carried_out(arguments) {
+        Ok(assessment) if !assessment.has_run() => {
+            errln!("Error: nothing could be run: the reasons are above");
+            2
+        }
         Ok(assessment) if assessment.is_passed() => return Ok(()),
         Ok(_) => 1,
         Err(error) => {
@@ -242,14 +246,15 @@ fn carried_out(arguments: &Arguments) -> miette::Result<Assessment> {
     bar.set_message(subject.plant.clone());
     bar.enable_steady_tick(Duration::from_millis(200));
     let printing = bar.clone();
-    let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
-    let settings = arguments.workers.settings(printed)?;
+    let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
+    let settings = arguments.workers.settings(lines, options.jobs)?;
     let progress = |done: usize, total: usize, runs: usize| {
         bar.set_length(total as u64);
         bar.set_position(done as u64);
         bar.set_message(format!("{} ({runs} runs)", subject.plant));
     };
     let source: FmuFolder = folders(&places);
+    try_to_write(&out)?;
     let result = assess(&subject, &source, &options, &settings, &progress);
     bar.finish_and_clear();
     let (assessment, shown) = result.map_err(|error: SetupError| match error.help.clone() {
@@ -353,6 +358,63 @@ fn limit_text(row: &Row) -> String {
     }
 }
 
+/// Reasons for numbers that are missing, and where numbers were compared.
+fn notes(row: &Row, has_both: bool) -> Vec<String> {
+    let mut notes = Vec::new();
+    let reason_with = row.reason.as_deref().unwrap_or_default();
+    let reason_without = row.reason_without.as_deref().unwrap_or_default();
+    if !has_both {
+        return if row.without.is_null() && !reason_with.is_empty() { vec![reason_with.to_owned()] } else { notes };
+    }
+    match (row.without.is_null(), row.with.is_null()) {
+        (true, true) if reason_without == reason_with => notes.push(reason_with.to_owned()),
+        (without, with) => {
+            if without && !reason_without.is_empty() {
+                notes.push(format!("without: {reason_without}"));
+            }
+            if with && !reason_with.is_empty() {
+                notes.push(format!("with: {reason_with}"));
+            }
+        }
+    }
+    if let Some(compared) = &row.compared {
+        let (without, with) = (shown(compared.without), shown(compared.with));
+        notes.push(format!("at {} {}: {without} and {with}", shown(compared.at), compared.at_unit));
+    }
+    if let Some(reason) = row.incomparable.as_ref().filter(|_| !row.without.is_null() && !row.with.is_null()) {
+        notes.push(reason.clone());
+    }
+    notes
+}
+
+/// Flags of runs and their descriptions.
+const EVENTS: [(&str, &str); 5] = [
+    ("spun", "spun"),
+    ("rolled_over", "rolled over"),
+    ("lost", "lost the path"),
+    ("not_finished", "did not get to the end of the path"),
+    ("not_settled", "did not settle"),
+];
+
+/// Prints the events of runs, except errors.
+fn print_events(assessment: &Assessment) {
+    let has_both = assessment.systems.len() > 1;
+    for (flag, words) in EVENTS {
+        for system in &assessment.systems {
+            let runs: Vec<&str> = (assessment.runs.iter())
+                .filter(|run| run.system == *system && run.flags.contains(&flag))
+                .map(|run| run.id.as_str())
+                .collect();
+            if runs.is_empty() {
+                continue;
+            }
+            let of = if has_both { format!(" {system} controllers") } else { String::new() };
+            let rest = if runs.len() > 5 { format!(" and {} others", runs.len() - 5) } else { String::new() };
+            outln!("{words}{of}: {}{rest}", runs[..runs.len().min(5)].join(", "));
+        }
+    }
+}
+
 fn print(assessment: &Assessment) {
     let has_both = assessment.systems.len() > 1;
     print_systems(assessment);
@@ -380,20 +442,24 @@ fn print(assessment: &Assessment) {
                 serde_json::Value::Null => "–".to_owned(),
                 number => number.as_f64().map_or_else(|| number.to_string(), shown),
             };
-            let mut line = format!("  {:width$}  {:>10}", row.title, value(&row.without));
+            let bound = |system: &str, number: &serde_json::Value| match row.bounds.get(system) {
+                Some(bound) if number.is_null() => bound.clone(),
+                _ => value(number),
+            };
+            let mut line = format!("  {:width$}  {:>10}", row.title, bound("without", &row.without));
             if has_both {
                 let change = row.change.as_f64().map_or(String::new(), |change| match change {
-                    change if change > 1000.0 => "> 1000 %".to_owned(),
                     change if change.abs() < 0.05 => "0.0 %".to_owned(),
                     change => format!("{change:+.1} %"),
                 });
-                let _ = write!(line, "  {:>10}  {change:>10}", value(&row.with));
+                let _ = write!(line, "  {:>10}  {change:>10}", bound("with", &row.with));
             }
             let _ = write!(line, " {unit:<10}");
             let judged = match row.judgment {
                 Some(Judgment::Better) => "better",
                 Some(Judgment::Worse) => "worse",
                 Some(Judgment::Same) => "same",
+                Some(Judgment::NotComparable) => "not comparable",
                 None => "",
             };
             let verdict = match row.verdict {
@@ -405,19 +471,27 @@ fn print(assessment: &Assessment) {
             };
             let of_last = if has_both { "with" } else { "without" };
             let words = row.words.get(of_last).copied().unwrap_or_default();
-            let _ = write!(line, " {judged:<7} {verdict}{words}");
+            let notes = notes(row, has_both).join("; ");
+            let notes = if notes.is_empty() { notes } else { format!(" ({notes})") };
+            let _ = write!(line, " {judged:<7} {verdict}{words}{notes}");
             outln!("{}", line.trim_end());
         }
     }
     for dropped in &assessment.dropped {
         outln!("left out: {} ({})", dropped.run, dropped.reason);
     }
+    print_events(assessment);
     let broken: Vec<_> = assessment.runs.iter().filter(|run| run.error.is_some()).collect();
     for run in broken.iter().take(5) {
         outln!("broke down: {} {}: {}", run.system, run.id, run.error.as_deref().unwrap_or_default());
     }
     if broken.len() > 5 {
         outln!("and {} other runs", broken.len() - 5);
+    }
+    if !assessment.assumed.is_empty() {
+        let signals: Vec<String> =
+            assessment.assumed.iter().map(|(signal, unit)| format!("`{signal}` ({unit})")).collect();
+        errln!("note: the plant declares no unit of {}: they are taken as such", signals.join(", "));
     }
     for unit in &assessment.idle {
         errln!("warning: {unit} has no effect: nothing reads what it writes");

@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
 use fmu_assess::evaluators::{self, EVALUATORS, reference};
-use fmu_assess::{Evaluator, Trace, Value};
+use fmu_assess::vehicle::VehicleFile;
+use fmu_assess::{Evaluator, Reading, Resample, Trace, Value};
+use fmu_system::data::DataError;
+use fmu_system::limits;
 use miette::{Result, miette};
 
 use crate::output::{errln, out, outln};
@@ -14,6 +17,7 @@ const EXAMPLES: &str = "\
 Examples:
   cargo fmu evaluate step_steer run.csv
   cargo fmu evaluate sine_with_dwell measured.csv.gz --options '{\"steer.ratio\": 16}'
+  cargo fmu evaluate braking measured.csv --vehicle logger.toml --resample
   cargo fmu evaluate cones --list";
 
 /// Arguments of `cargo fmu evaluate`.
@@ -24,15 +28,23 @@ pub(crate) struct Arguments {
     #[arg(value_name = "NAME", required_unless_present = "list", value_parser = parser())]
     evaluator: Option<&'static Evaluator>,
 
-    /// CSV file of the recording, plain or compressed with gzip
+    /// CSV file of the recording, plain or compressed with gzip; delimiter, decimal mark, encoding and units are detected
     #[arg(required_unless_present = "list")]
     trace: Option<PathBuf>,
+
+    /// File with names and units of signals, the table `signals` of `cargo fmu assess --vehicle`; `time` is the column of times
+    #[arg(long, value_name = "FILE")]
+    vehicle: Option<PathBuf>,
+
+    /// Interpolate between rows that are not evenly spaced, every SECONDS or at their median distance
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, require_equals = true, default_missing_value = "median", value_parser = resample)]
+    resample: Option<Resample>,
 
     /// Options of the evaluator as an object of JSON
     #[arg(long, value_name = "JSON", default_value = "{}")]
     options: String,
 
-    /// Prints columns, options and definitions of the metrics instead, of one evaluator or of all
+    /// Print columns, options and definitions of the metrics instead, of one evaluator or of all
     #[arg(long)]
     list: bool,
 }
@@ -42,6 +54,15 @@ fn parser() -> impl clap::builder::TypedValueParser<Value = &'static Evaluator> 
     let names = EVALUATORS.iter().map(|evaluator| PossibleValue::new(evaluator.name).help(evaluator.title));
     PossibleValuesParser::new(names)
         .try_map(|name| evaluators::find(&name).ok_or_else(|| format!("there is no evaluator {name}")))
+}
+
+/// Reads the value of `--resample`.
+fn resample(text: &str) -> std::result::Result<Resample, String> {
+    if text == "median" {
+        return Ok(Resample::Median);
+    }
+    let step = text.parse().ok().filter(|step: &f64| step.is_finite() && *step > 0.0);
+    step.map(Resample::Step).ok_or_else(|| "expected a time above 0, in s".to_owned())
 }
 
 /// Prints the metrics as JSON. Reasons go to the standard error.
@@ -65,19 +86,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             "--options: {error}"
         )
     })?;
-    let place = || path.display().to_string();
-    let bytes = std::fs::read(path).map_err(|error| {
-        miette!(
-            help = "Give the path of a CSV file, plain or compressed with gzip.",
-            "{} cannot be read: {error}",
-            place()
-        )
+    let file = path.display().to_string();
+    let bytes = limits::read_bytes(path, limits::INPUT_FILE).map_err(|error| {
+        let help = "give the path of a CSV file, plain or compressed with gzip".to_owned();
+        DataError::new(&file, format!("the file cannot be read: {error}"), Some(help))
     })?;
-    let trace = Trace::read(&bytes).map_err(|error| miette!(help = error.help(), "{}: {error}", place()))?;
+    let mut reading = Reading { resample: arguments.resample, ..Reading::default() };
+    if let Some(path) = &arguments.vehicle {
+        let text = std::fs::read_to_string(path).map_err(|error| miette!("{}: {error}", path.display()))?;
+        let vehicle = VehicleFile::parse(&text).map_err(|error| miette!("{}: {error}", path.display()))?;
+        (reading.names, reading.units) = (vehicle.signals, vehicle.units);
+    }
+    let (trace, notes) = Trace::read(&file, &bytes, evaluator.columns, &reading)?;
     let evaluation = evaluator.evaluate(&trace, &options).map_err(|error| {
         let list = format!("`cargo fmu evaluate {} --list` shows all options.", evaluator.name);
         miette!(help = format!("{} {list}", error.help()), "--options: {error}")
     })?;
+    for note in notes.iter().chain(&evaluation.notes) {
+        errln!("note: {note}");
+    }
     for metric in &evaluation.metrics {
         if let Value::Null(reason) = &metric.value {
             errln!("note: {} is null: {reason}", metric.name);

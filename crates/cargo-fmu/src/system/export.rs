@@ -1,17 +1,18 @@
 //! `cargo fmu export`: writes a run of a scenario for other masters.
 
 use clap::Args;
+use fmu_import::description::Value;
 use fmu_import::names::suggestion;
 use fmu_system::export::System;
 use fmu_system::plan::Plan;
 use fmu_system::resolve::{Options, resolve};
 use fmu_system::run::Run;
 use miette::{IntoDiagnostic, miette};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::folders::folders;
 use super::selection::find_steady_starts;
-use crate::output::outln;
+use crate::output::{errln, outln};
 use crate::worker;
 
 /// Arguments of `cargo fmu export`.
@@ -60,6 +61,18 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     outln!("run {} for other masters, step {:?} s, until {:?} s:", run.id, system.step, system.stop);
     for file in files {
         outln!("  {}", file.display());
+    }
+    for component in &run.components {
+        for setting in &component.parameters {
+            // The resolver has made an absolute path of it.
+            if let Value::String(path) = &setting.value
+                && Path::new(path).is_absolute()
+                && Path::new(path).is_file()
+            {
+                let name = format!("{}:{}", component.name, setting.name);
+                errln!("note: `{name}` is {path}, a file of this machine that the files do not contain");
+            }
+        }
     }
     Ok(())
 }

@@ -87,6 +87,11 @@ fn summary(plan: &Plan) -> String {
         counted(plan.metrics.len(), "metric"),
         counted(plan.figures.len(), "figure")
     ));
+    let from_file: Vec<&str> =
+        plan.columns.iter().filter(|column| column.from_file).map(|column| column.name.as_str()).collect();
+    if !from_file.is_empty() {
+        lines.push(format!("Recorded as the input file has them: {}", line(&from_file.join(", "))));
+    }
     lines.push("\nComponents in order of execution".to_string());
     lines.extend(components(plan));
     let mut known: HashSet<[String; 3]> = HashSet::new();
@@ -112,6 +117,33 @@ fn summary(plan: &Plan) -> String {
     lines.join("\n")
 }
 
+/// The components in the order in which every run executes those that it has.
+fn order(plan: &Plan) -> Vec<&str> {
+    let mut orders: Vec<Vec<&str>> = Vec::new();
+    for run in &plan.runs {
+        let order = run.components.iter().map(|component| component.name.as_str()).collect();
+        if !orders.contains(&order) {
+            orders.push(order);
+        }
+    }
+    let mut left: Vec<&str> = Vec::new();
+    for name in orders.iter().flatten() {
+        if !left.contains(name) {
+            left.push(name);
+        }
+    }
+    let mut found = Vec::new();
+    while !left.is_empty() {
+        // The first one that no run executes another one before.
+        let is_next = |name: &&str| {
+            orders.iter().filter(|o| o.contains(name)).all(|o| o.iter().find(|n| left.contains(n)) == Some(name))
+        };
+        let next = left.iter().position(is_next).unwrap_or(0);
+        found.push(left.remove(next));
+    }
+    found
+}
+
 /// Name and FMU of all components, with the number of parameters that are set.
 fn components(plan: &Plan) -> Vec<String> {
     let mut rows: Vec<[String; 3]> = Vec::new();
@@ -129,6 +161,8 @@ fn components(plan: &Plan) -> Vec<String> {
             Some(_) => (),
         }
     }
+    let order = order(plan);
+    rows.sort_by_key(|row| order.iter().position(|name| *name == row[0]));
     table(&rows)
 }
 

@@ -4,7 +4,7 @@ use super::jobs::jobs;
 use super::plan::print_warnings;
 use super::selection::Selection;
 use crate::output::{errln, outln};
-use crate::pack::write_whole;
+use crate::pack::{try_to_write, write_whole};
 use crate::worker;
 use clap::Args;
 use fmu_import::terminal::{escaped, indented};
@@ -12,9 +12,9 @@ use fmu_system::fmus::Fmus;
 use fmu_system::master::Recording;
 use fmu_system::plan::{Plan, Signal};
 use fmu_system::requirements::{self, Signals, Status};
-use fmu_system::results;
+use fmu_system::results::{self, RunStatus, RunStatuses};
 use fmu_system::run::Run;
-use fmu_system::worker::{Failure, Pool, Task};
+use fmu_system::worker::{Failure, FailureKind, Pool, Task};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use std::collections::{BTreeMap, BTreeSet};
@@ -62,6 +62,8 @@ pub(crate) struct Arguments {
 
 /// What is left of a run once its file is written.
 struct Done {
+    /// Time of the last row, s.
+    end: Option<f64>,
     seconds: f64,
     messages: Vec<String>,
 }
@@ -69,7 +71,7 @@ struct Done {
 impl From<Recording> for Done {
     fn from(recording: Recording) -> Self {
         let messages = recording.messages.iter().map(|(component, message)| format!("{component}: {}", message.text));
-        Self { seconds: recording.seconds, messages: messages.collect() }
+        Self { end: recording.time.last().copied(), seconds: recording.seconds, messages: messages.collect() }
     }
 }
 
@@ -87,17 +89,24 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
         plan
     };
     let folder = arguments.out.join(&plan.name).join("runs");
-    remove_old(&plan, &folder)?;
     let fmus = Fmus::unpack(&plan.runs).into_diagnostic()?;
+    try_to_write(&folder)?;
+    remove_old(&plan, &folder)?;
     let bar = progress_bar(&plan)?;
     let printing = bar.clone();
-    let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
-    let pool = Pool::new(arguments.workers.settings(printed)?, jobs(arguments.jobs), &fmus);
+    let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
+    let jobs = jobs(arguments.jobs);
+    // An FMU may change the folder of its process.
+    let target = std::path::absolute(&folder).into_diagnostic()?;
+    let mut settings = arguments.workers.settings(lines, jobs)?;
+    if let Some(writable) = &mut settings.sandbox {
+        std::fs::create_dir_all(&target).into_diagnostic().wrap_err_with(|| format!("making {}", target.display()))?;
+        writable.push(target.clone());
+    }
+    let pool = Pool::new(settings, jobs, &fmus);
 
     let began = Instant::now();
     let names: Vec<String> = plan.columns.iter().map(|column| column.name.clone()).collect();
-    // An FMU may change the folder of its process.
-    let target = std::path::absolute(&folder).into_diagnostic()?;
     let task = |index: usize| {
         let run = plan.runs[index].clone();
         let path = target.join(results::file_name(&run));
@@ -111,15 +120,32 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     bar.finish_and_clear();
 
     let mut done = Vec::new();
-    let mut failures = Vec::new();
+    let (mut failures, mut ended, mut statuses) = (Vec::new(), Vec::new(), Vec::new());
     for (index, outcome) in outcomes.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        let run = &plan.runs[index];
         match outcome {
-            Ok(result) => done.push((&plan.runs[index], result)),
-            Err(error) => failures.push((plan.runs[index].id.clone(), error.to_string())),
+            Ok(result) => {
+                statuses.push(RunStatus::completed(run, result.end));
+                done.push((run, result));
+            }
+            Err(failure) => {
+                statuses.push(RunStatus::of(run, &failure));
+                let of_kind = if failure.kind == FailureKind::Terminated { &mut ended } else { &mut failures };
+                of_kind.push((run.id.clone(), described(&failure)));
+            }
         }
     }
+    let statuses = serde_json::to_string_pretty(&RunStatuses::new(statuses)).into_diagnostic()?;
+    write_whole(&folder.join(results::STATUS_FILE), (statuses + "\n").as_bytes())?;
     print_summary(&plan, &done, &folder, began.elapsed());
-    let failed = if arguments.no_verdicts { 0 } else { report_verdicts(&plan, &folder, &failures, arguments)? };
+    for (_, message) in &ended {
+        errln!("note: {}", indented(message, "  "));
+    }
+    let failed = if arguments.no_verdicts {
+        0
+    } else {
+        report_verdicts(&plan, &folder, [&failures[..], &ended[..]], arguments)?
+    };
     if !failures.is_empty() {
         let messages: Vec<&str> = failures.iter().map(|(_, message)| message.as_str()).collect();
         return Err(miette!("{} of {} runs failed\n\n{}", failures.len(), plan.runs.len(), messages.join("\n\n")));
@@ -132,19 +158,31 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
 }
 
+/// The reason that a run is incomplete, and its last row.
+fn described(failure: &Failure) -> String {
+    let last = failure.recorded.as_ref().and_then(|recording| recording.time.last());
+    let rows = last.map_or("there is no row".to_owned(), |time| format!("the rows end at {time} s"));
+    let message = failure.to_string();
+    // Log messages of the components follow in lines of their own.
+    match message.split_once('\n') {
+        Some((first, logged)) => format!("{first}; {rows}\n{logged}"),
+        None => format!("{message}; {rows}"),
+    }
+}
+
 /// Options for requirements that are not met.
 const NO_FAIL: &str = "With `--no-fail` the exit code is 0 all the same.";
 
-/// Prints the verdicts on the requirements and writes them as JUnit XML. Returns how many are not met. `failures` are ids of runs
-/// with messages.
+/// Prints the verdicts on the requirements and writes them as JUnit XML. Returns how many are not met. Runs that failed and those
+/// that an FMU ended are given by their ids with messages: their rows are not those of a whole run.
 fn report_verdicts(
     plan: &Plan,
     folder: &Path,
-    failures: &[(String, String)],
+    [failures, ended]: [&[(String, String)]; 2],
     arguments: &Arguments,
 ) -> miette::Result<usize> {
     let read = |run: &Run, columns: &BTreeSet<usize>| {
-        if failures.iter().any(|(failed, _)| *failed == run.id) {
+        if failures.iter().chain(ended).any(|(other, _)| *other == run.id) {
             return None;
         }
         let names: Vec<&str> = columns.iter().map(|index| plan.columns[*index].name.as_str()).collect();
@@ -170,8 +208,10 @@ fn report_verdicts(
         }
         match verdicts.iter().filter(|verdict| verdict.outcome.status == Status::Open).count() {
             0 => {}
-            1 => outln!("1 requirement is not evaluated: a run failed or was cut short."),
-            open => outln!("{open} requirements are not evaluated: runs failed or were cut short."),
+            1 => outln!("1 requirement is not evaluated: a run failed, was ended by an FMU or was cut short."),
+            open => {
+                outln!("{open} requirements are not evaluated: runs failed, were ended by an FMU or were cut short.")
+            }
         }
     }
     Ok(verdicts.iter().filter(|verdict| verdict.outcome.status == Status::Failed).count())
@@ -179,8 +219,9 @@ fn report_verdicts(
 
 /// Removes the files of an earlier call, so that a failed run leaves no old results behind.
 fn remove_old(plan: &Plan, folder: &Path) -> miette::Result<()> {
-    for run in &plan.runs {
-        let path = folder.join(results::file_name(run));
+    let files = plan.runs.iter().map(results::file_name);
+    for file in files.chain([results::STATUS_FILE.to_owned()]) {
+        let path = folder.join(file);
         results::remove_parts(&path);
         match std::fs::remove_file(&path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {

@@ -4,8 +4,9 @@ use super::folders::folders;
 use crate::worker;
 use clap::{Args, ValueEnum};
 use fmu_system::plan::Plan;
-use fmu_system::resolve::{Options, resolve};
+use fmu_system::resolve::{self, Options, resolve};
 use fmu_system::run;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -20,9 +21,13 @@ pub(crate) struct Selection {
     fmus: Vec<PathBuf>,
 
     /// CSV file with a column `time` and columns named like signals (or component:signal), which write
-    /// these signals instead of the components
+    /// these signals instead of the components; continuous inputs are interpolated linearly, others hold the last value
     #[arg(long, value_name = "FILE")]
     inputs: Option<PathBuf>,
+
+    /// Value of a signal of that file after its last sample
+    #[arg(long, value_name = "WHAT", default_value = "error", requires = "inputs")]
+    after_end: AfterEnd,
 
     /// Stop at this time instead, s
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
@@ -35,6 +40,15 @@ pub(crate) struct Selection {
     /// Order of the components within a step, instead of the scenario's
     #[arg(long)]
     order: Option<Order>,
+}
+
+/// Value of a signal of an input file after its last sample.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum AfterEnd {
+    /// None: a file that ends before the run is an error
+    Error,
+    /// The last value
+    Hold,
 }
 
 /// Order of the components within a step.
@@ -50,7 +64,11 @@ impl Selection {
     /// Resolves the scenario and adds the warnings that only trial runs give.
     pub(crate) fn plan_with_warnings(&self, workers: &worker::Options) -> miette::Result<Plan> {
         let mut plan = self.plan()?;
-        let more = fmu_system::worker::trials(&workers.settings(Arc::new(|_| ()))?, &plan.simulation, &plan.trials);
+        let more = fmu_system::worker::trials(
+            &workers.settings(Arc::new(|_| ()), NonZeroUsize::MIN)?,
+            &plan.simulation,
+            &plan.trials,
+        );
         plan.warnings.extend(more);
         Ok(plan)
     }
@@ -72,6 +90,10 @@ impl Selection {
             }),
             seeds: self.seeds.and_then(|n| usize::try_from(n).ok()),
             inputs: self.inputs.clone(),
+            after_end: match self.after_end {
+                AfterEnd::Error => resolve::AfterEnd::Error,
+                AfterEnd::Hold => resolve::AfterEnd::Hold,
+            },
             fmus: Vec::new(),
         };
         Ok(resolve(&self.scenario, &folders(&self.fmus), &options)?)
@@ -84,6 +106,6 @@ pub(crate) fn find_steady_starts(
     runs: &mut [run::Run],
     workers: &worker::Options,
 ) -> miette::Result<()> {
-    let settings = workers.settings(worker::printed())?;
+    let settings = workers.settings(worker::to_terminal(), NonZeroUsize::MIN)?;
     fmu_system::worker::find_steady_starts(&settings, simulation, runs).map_err(|message| miette::miette!("{message}"))
 }

@@ -48,11 +48,13 @@ impl Scenario {
 /// # Errors
 /// The file exists, an FMU is not there, the driver has no such maneuver, or the file cannot be written.
 pub(crate) fn write(path: &Path, arguments: &Scenario) -> Result<()> {
-    let name = path.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    // Names may have dots, which begin no extension.
+    let name = name.strip_suffix(".toml").unwrap_or(name);
     if name.is_empty() {
         return Err(miette!("{} is no name of a file, expected one such as my-test", path.display()));
     }
-    let file = place(path).with_extension("toml");
+    let file = place(path).with_file_name(format!("{name}.toml"));
     if file.exists() {
         return Err(miette!("{} exists already; nothing was written", file.display()));
     }

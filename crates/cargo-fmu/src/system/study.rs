@@ -84,8 +84,9 @@ impl Bars {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     let bar = ProgressBar::no_length();
     let printing = bar.clone();
-    let printed = Arc::new(move |line: &str| printing.suspend(|| eprintln!("FMU prints: {line}")));
-    let workers = Workers { settings: arguments.workers.settings(printed)?, jobs: jobs(arguments.jobs) };
+    let lines = Arc::new(move |line: &str| printing.suspend(|| eprintln!("{line}")));
+    let jobs = jobs(arguments.jobs);
+    let workers = Workers { settings: arguments.workers.settings(lines, jobs)?, jobs };
     let mut study = study::read(&arguments.study, &folders(&arguments.fmus), workers)?;
     if let Some(budget) = arguments.budget {
         study.evaluations = budget.get();
