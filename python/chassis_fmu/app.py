@@ -8,6 +8,7 @@ import importlib.metadata
 import os
 import shlex
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -49,6 +50,11 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--inputs", type=Path, metavar="CSV", help="signals from a file instead of the components' outputs"
     )
+    parser.add_argument(
+        "--after-end",
+        choices=("error", "hold"),
+        help="value of a signal of that file after its last sample (default: error)",
+    )
     parser.add_argument("--stop", type=float, metavar="T", help="stop at this time (s)")
     parser.add_argument("--seeds", type=shell.positive, metavar="N", help="the first N seeds only")
     parser.add_argument("--order", choices=("sequential", "jacobi"), help="order of execution")
@@ -69,6 +75,8 @@ def _options(options: argparse.Namespace) -> list[str]:
     out = [str(options.scenario.resolve())]
     if options.inputs is not None:
         out += ["--inputs", str(options.inputs.resolve())]
+    if options.after_end is not None:
+        out += ["--after-end", options.after_end]
     for folder in options.fmus or ():
         out += ["--fmus", str(folder.resolve())]
     return shell.from_root([*out, *shell.set_options(options, ("stop", "seeds", "order"))])
@@ -134,7 +142,7 @@ def _aligned(rows: Sequence[tuple[str, str]]) -> str:
 
 
 def report(scenario: Plan, folder: Path, failures: dict[str, str], context: page.Context) -> Report:
-    """Write tables, figures and page of finished runs."""
+    """Write tables, figures and page of whole runs; `failures` says why the others are not."""
     values, recordings = _collect(scenario, folder / "runs", failures)
     finished = {r.id for r in scenario.runs} - set(failures)
     numbers = Numbers(scenario, values, finished)
@@ -176,6 +184,9 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.out.resolve() / scenario.name
     runs = folder / "runs"
     runs.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=runs):
+        # A folder that cannot be written to is an error before the runs.
+        pass
     for run in scenario.runs:
         # What an earlier call left with this option is not of these runs.
         (runs / f"{run.stem}.parquet").unlink(missing_ok=True)
@@ -184,9 +195,10 @@ def _run(options: argparse.Namespace) -> int:
         master = "CSV files of earlier runs"
         given = options.from_csv.resolve()
         # The folder of a scenario's results is as good as the folder of the files in it.
-        failures = batch.take(scenario, given / "runs" if (given / "runs").is_dir() else given, runs)
-        if len(failures) == len(scenario.runs):
-            raise AppError(f"{options.from_csv} has no results of {scenario.name}: {next(iter(failures.values()))}", 1)
+        outcome = batch.take(scenario, given / "runs" if (given / "runs").is_dir() else given, runs)
+        if len(outcome.failures) == len(scenario.runs):
+            first = next(iter(outcome.failures.values()))
+            raise AppError(f"{options.from_csv} has no results of {scenario.name}: {first}", 1)
     elif options.native:
         master = "native (cargo fmu run)"
         repeat.append("--native")
@@ -194,18 +206,19 @@ def _run(options: argparse.Namespace) -> int:
         jobs = [] if options.jobs is None else ["--jobs", str(options.jobs)]
         arguments = [*shared, *out, *jobs, *shell.workers(options)]
         code, _ = shell.cargo_fmu(["run", "--no-warnings", "--no-verdicts", *arguments], PURPOSE)
-        # Runs that failed have left no file, the others are reported.
-        failures = batch.take(scenario, runs, runs)
-        if code != 0 and not failures:
+        # The runs that are whole are reported.
+        outcome = batch.take(scenario, runs, runs)
+        if code != 0 and not outcome.failures:
             raise AppError("", code)
     else:
         master = f"fmpy {importlib.metadata.version('fmpy')}"
         outcome = batch.execute(scenario, runs, options.jobs or _processors(), options.timeout)
-        failures = outcome.failures
         for name, warnings in outcome.warnings.items():
             print(f"warning: run {name}:", *map(escaped, warnings), sep="\n  ", file=sys.stderr)
+    failures = outcome.failures
+    left_out = failures | outcome.ended
     if options.parquet:
-        batch.convert(scenario, runs, failures)
+        batch.convert(scenario, runs, left_out)
         repeat.append("--parquet")
     if len(failures) == len(scenario.runs) and code != 0:
         # The page of an earlier run, if there is one, is better than one without numbers. A report of tests is not.
@@ -220,12 +233,14 @@ def _run(options: argparse.Namespace) -> int:
         shortened=" ".join(cut) or None,
         versions=shell.versions(),
     )
-    made = report(scenario, folder, failures, context)
+    made = report(scenario, folder, left_out, context)
     print(escaped(made.text))
     if options.junit is not None:
         results.write_text(options.junit, junit.document(made.numbers, failures))
     if cut:
         print(f"Run with {' '.join(cut)}: the paper's numbers and the findings are about the whole scenario.\n")
+    for name, end in outcome.ended.items():
+        print(f"note: run {name}: {escaped(end)}\n", file=sys.stderr)
     for name, error in failures.items():
         print(f"error: run {name}: {escaped(error)}\n", file=sys.stderr)
     if failures:

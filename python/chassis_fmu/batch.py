@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import json
 import multiprocessing
 import os
+import shutil
 import signal
+import sys
 import threading
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import fmpy
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from . import calls, master, results, temporary
+from . import calls, family, master, results, temporary
 from .calls import Board
 from .plan import Plan, Run, Simulation
 
@@ -31,6 +35,12 @@ LOOK_INTERVAL = 0.1
 START_TIMEOUT = 60.0
 
 
+# How the runs ended, beside their rows.
+STATUS_FILE = "status.json"
+
+Status = Literal["completed", "terminated", "discarded", "failed"]
+
+
 @dataclass(frozen=True)
 class _Task:
     run: Run
@@ -39,6 +49,7 @@ class _Task:
     folders: Mapping[Path, Path]
     out: Path
     board: Board
+    memory: Any
 
 
 @dataclass(frozen=True)
@@ -47,14 +58,77 @@ class _Verdict:
 
     error: str | None
     warnings: tuple[str, ...] = ()
+    status: Status = "failed"
+    at: float | None = None
+    component: str | None = None
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Error messages of the runs that failed and messages of the components of the others, by run id."""
+class _Left:
+    """Programs that the FMUs of a run had started and that did not end with it."""
 
-    failures: dict[str, str]
-    warnings: dict[str, tuple[str, ...]]
+    programs: list[str]
+
+    def __str__(self) -> str:
+        count = len(self.programs)
+        processes = "a process" if count == 1 else f"{count} processes"
+        ended = "it was ended" if count == 1 else "they were ended"
+        return f"{processes} that an FMU had started ({', '.join(self.programs[:5])}) did not end with the run; {ended}"
+
+
+@dataclass(frozen=True)
+class RunStatus:
+    """How a run ended: an entry of `status.json`, which the native master writes, too."""
+
+    run: str
+    file: str | None
+    status: Status
+    end: float | None
+    at: float | None
+    component: str | None
+    message: str | None
+
+
+@dataclass
+class Outcome:
+    """What came of runs: messages by run id.
+
+    `failures` are those of the runs that failed, `ended` those of the runs that an FMU has ended: both are not whole.
+    `warnings` are messages of the components of the others.
+    """
+
+    failures: dict[str, str] = field(default_factory=dict)
+    ended: dict[str, str] = field(default_factory=dict)
+    warnings: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    statuses: dict[str, RunStatus] = field(default_factory=dict)
+
+    def add(self, status: RunStatus) -> None:
+        """Take how a run ended."""
+        self.statuses[status.run] = status
+        if status.status != "completed":
+            of_kind = self.ended if status.status == "terminated" else self.failures
+            of_kind[status.run] = status.message or status.status
+
+
+def write_statuses(plan: Plan, folder: Path, outcome: Outcome) -> None:
+    """Write how the runs ended, in the order of the plan, to the folder of their rows."""
+    runs = [vars(outcome.statuses[run.id]) for run in plan.runs if run.id in outcome.statuses]
+    results.write_text(folder / STATUS_FILE, json.dumps({"format": 1, "runs": runs}, indent=2) + "\n")
+
+
+def read_statuses(folder: Path) -> dict[str, RunStatus]:
+    """Read how runs ended, by run id; empty without the file, as for results of a master that writes none.
+
+    Raises ResultsError for a file that is none.
+    """
+    path = folder / STATUS_FILE
+    try:
+        found = [RunStatus(**entry) for entry in json.loads(path.read_text(encoding="utf-8"))["runs"]]
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise results.ResultsError(f"{path}: cannot read how the runs ended: {error}") from error
+    return {status.run: status for status in found}
 
 
 @dataclass
@@ -64,6 +138,7 @@ class _Running:
     run: Run
     process: Any
     board: Board
+    memory: Any
     done: int = 0
     pulse: int = 0
     since: float = field(default_factory=time.monotonic)
@@ -80,7 +155,8 @@ class _Running:
         if where is None:
             return _Verdict(f"{how} outside of the FMUs")
         component, function, at = where
-        return _Verdict(str(master.RunError(self.run.components[component].name, function, at, how)))
+        name = self.run.components[component].name
+        return _Verdict(str(master.RunError(name, function, at, how)), at=at, component=name)
 
 
 def _end_with_parent() -> None:
@@ -93,6 +169,7 @@ def _end_with_parent() -> None:
 
 def _execute(task: _Task, pipe: Connection) -> None:
     """Body of a process: simulates one run, writes its files, sends numbers of steps and in the end a verdict."""
+    family.divide(lambda programs: pipe.send(_Left(programs)))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # An interrupt from the keyboard reaches all processes; the first one ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -107,23 +184,34 @@ def _execute(task: _Task, pipe: Connection) -> None:
             pending, last = 0, time.monotonic()
 
     try:
-        times, rows = master.simulate(
+        master.simulate(
             task.run,
             task.simulation,
             lambda component: master.FmpyInstance(component, task.folders[component.fmu]),
             progress,
             board=task.board,
+            memory=np.frombuffer(task.memory),
         )
-        present = [i for i, slot in enumerate(task.run.columns) if slot is not None]
-        names = [task.names[i] for i in present]
-        results.write_csv(task.out / f"{task.run.stem}.csv", names, times, rows)
-        pipe.send(_Verdict(None, tuple(f"component {component}: {text}" for component, text in master.messages())))
+        _write(task.run, task.simulation, task.names, task.out, task.memory)
+        warnings = tuple(f"component {component}: {text}" for component, text in master.messages())
+        pipe.send(_Verdict(None, warnings, "completed"))
     except master.RunError as error:
-        pipe.send(_Verdict(str(error)))
+        status: Status = "terminated" if error.is_end else "discarded" if error.is_discarded else "failed"
+        pipe.send(_Verdict(str(error), (), status, error.time, error.component))
     except Exception as error:
         pipe.send(_Verdict(f"{type(error).__name__}: {error}"))
     finally:
         pipe.close()
+
+
+def _write(run: Run, simulation: Simulation, names: Sequence[str], out: Path, memory: Any) -> float | None:
+    """Write the rows that are in the memory of a run, if there are any; return the time of the last one."""
+    times, rows = master.rows_in(np.frombuffer(memory), run, simulation)
+    if not len(times):
+        return None
+    present = [names[i] for i, slot in enumerate(run.columns) if slot is not None]
+    results.write_csv(out / f"{run.stem}.csv", present, times, rows)
+    return float(times[-1])
 
 
 def _extract(plan: Plan, folder: Path) -> tuple[dict[Path, Path], dict[Path, str]]:
@@ -147,19 +235,17 @@ def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
     """Execute all runs of the plan, at most `jobs` at a time; their files go to `out`.
 
     Every run has a process of its own: an FMU that crashes takes only its run with it, and so does one of whose steps
-    takes longer than the timeout (s). Files of an earlier
-    execution of the same runs are removed first. A run that fails does not stop the others.
+    takes longer than the timeout (s). A run that is not whole keeps its rows up to there; `status.json` says so. Files
+    of an earlier execution of the same runs are removed first. A run that fails does not stop the others.
     """
     # A method that does not copy the threads of this process; the server imports the modules only once.
     methods = multiprocessing.get_all_start_methods()
     context: Any = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if "forkserver" in methods:
         context.set_forkserver_preload(["chassis_fmu.batch"])
-    failures: dict[str, str] = {}
-    warnings: dict[str, tuple[str, ...]] = {}
+    outcome = Outcome()
     names = tuple(c.name for c in plan.columns)
-    for run in plan.runs:
-        (out / f"{run.stem}.csv").unlink(missing_ok=True)
+    _remove(plan, out)
     running: dict[Connection, _Running] = {}
     with (
         temporary.folder() as folder,
@@ -172,7 +258,8 @@ def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
             if bad is None:
                 waiting.append(run)
             else:
-                failures[run.id] = f"component {bad.name}, loading: {bad.fmu}: {broken[bad.fmu]}"
+                cause = f"component {bad.name}, loading: {bad.fmu}: {broken[bad.fmu]}"
+                outcome.add(RunStatus(run.id, None, "failed", None, None, bad.name, cause))
         waiting.reverse()
         try:
             while waiting or running:
@@ -180,13 +267,17 @@ def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
                     run = waiting.pop()
                     ours, theirs = context.Pipe(duplex=False)
                     board: Board = context.RawValue(Board, calls.NONE)
-                    task = _Task(run, plan.simulation, names, folders, out, board)
+                    # Shared, so that the rows outlive the process.
+                    memory: Any = context.RawArray("d", master.room(run, plan.simulation))
+                    np.frombuffer(memory)[:] = np.nan
+                    task = _Task(run, plan.simulation, names, folders, out, board, memory)
                     process = context.Process(target=_execute, args=(task, theirs), daemon=True)
                     process.start()
                     theirs.close()
-                    running[ours] = _Running(run, process, board)
+                    running[ours] = _Running(run, process, board, memory)
                 ready = wait(list(running), LOOK_INTERVAL)
                 for pipe, one in list(running.items()):
+                    message: int | _Verdict
                     if pipe in ready:
                         try:
                             message = pipe.recv()
@@ -194,31 +285,54 @@ def execute(plan: Plan, out: Path, jobs: int, timeout: float) -> Outcome:
                             one.process.join()
                             message = one.ended(f"the process ended ({_exit(one.process.exitcode)})")
                     elif one.is_late(timeout):
-                        one.process.kill()
+                        _end(one.process)
+                        one.process.join()
                         message = one.ended(f"not done after {timeout:g} s (--timeout), stopped")
                     else:
+                        continue
+                    if isinstance(message, _Left):
+                        outcome.warnings[one.run.id] = (*outcome.warnings.get(one.run.id, ()), str(message))
                         continue
                     if isinstance(message, int):
                         bar.update(message)
                         one.done += message
                         continue
-                    if message.error is not None:
-                        failures[one.run.id] = message.error
-                    elif message.warnings:
-                        warnings[one.run.id] = message.warnings
+                    end: float | None = float(plan.simulation.times[-1])
+                    if message.status != "completed":
+                        end = _write(one.run, plan.simulation, names, out, one.memory)
+                    file = None if end is None else f"{one.run.stem}.csv"
+                    at = end if message.error is None else message.at
+                    outcome.add(RunStatus(one.run.id, file, message.status, end, at, message.component, message.error))
+                    if message.warnings:
+                        outcome.warnings[one.run.id] = (*message.warnings, *outcome.warnings.get(one.run.id, ()))
+                    # The supervisor ends what is left before the connection ends.
+                    with contextlib.suppress(EOFError, OSError):
+                        while True:
+                            if isinstance(more := pipe.recv(), _Left):
+                                outcome.warnings[one.run.id] = (*outcome.warnings.get(one.run.id, ()), str(more))
                     bar.update(plan.simulation.steps - one.done)
                     pipe.close()
                     one.process.join()
                     del running[pipe]
         finally:
             for pipe, one in running.items():
-                one.process.kill()
+                _end(one.process)
                 one.process.join()
                 pipe.close()
             with contextlib.suppress(OSError):
                 for part in out.glob(".*.part"):
                     part.unlink()
-    return Outcome(failures, warnings)
+    write_statuses(plan, out, outcome)
+    return outcome
+
+
+def _end(process: Any) -> None:
+    """End a process of a run, and all that its FMUs have started."""
+    if sys.platform == "linux":
+        # Its supervisor ends the others first.
+        process.terminate()
+        process.join(family.PATIENCE + 1)
+    process.kill()
 
 
 def _exit(code: int | None) -> str:
@@ -228,14 +342,23 @@ def _exit(code: int | None) -> str:
     return f"exit code {code}"
 
 
-def take(plan: Plan, source: Path, out: Path) -> dict[str, str]:
+def take(plan: Plan, source: Path, out: Path) -> Outcome:
     """Check the CSV files of the runs in `source` and copy them to `out`, if they lie elsewhere.
 
-    Returns the error message of every run whose file cannot be used, by run id.
+    Runs that are not whole, by `status.json` or their rows, are not used; the rows that they kept are copied. Files of
+    an earlier execution of the same runs in `out` are removed first. Raises ResultsError if `status.json` is invalid.
     """
-    failures: dict[str, str] = {}
+    outcome = Outcome()
+    known = read_statuses(source)
+    is_elsewhere = source.resolve() != out.resolve()
+    if is_elsewhere:
+        _remove(plan, out)
     for run in plan.runs:
         names = _names(plan, run)
+        status = known.get(run.id)
+        if status is not None and status.status != "completed":
+            outcome.add(_copy_kept(status, run, source, out) if is_elsewhere else status)
+            continue
         try:
             recording = results.read_csv(source / f"{run.stem}.csv")
             absent = [n for n in names if n not in recording.values]
@@ -248,11 +371,30 @@ def take(plan: Plan, source: Path, out: Path) -> dict[str, str]:
             rows = _rows(recording, names)
             if not np.isfinite(rows).all():
                 raise results.ResultsError(f"{run.stem}.csv holds a value that is not finite")
-            if source != out:
+            if is_elsewhere:
                 results.write_csv(out / f"{run.stem}.csv", names, recording.times, rows)
+            end = float(recording.times[-1])
+            outcome.add(RunStatus(run.id, f"{run.stem}.csv", "completed", end, end, None, None))
         except results.ResultsError as error:
-            failures[run.id] = str(error)
-    return failures
+            outcome.add(RunStatus(run.id, None, "failed", None, None, None, str(error)))
+    if is_elsewhere:
+        write_statuses(plan, out, outcome)
+    return outcome
+
+
+def _remove(plan: Plan, out: Path) -> None:
+    """Remove what an earlier execution of the runs has written."""
+    for name in (STATUS_FILE, *(f"{run.stem}.csv" for run in plan.runs)):
+        (out / name).unlink(missing_ok=True)
+
+
+def _copy_kept(status: RunStatus, run: Run, source: Path, out: Path) -> RunStatus:
+    """Copy the rows that a run has kept; return its status, with a file only if there is one."""
+    name = f"{run.stem}.csv"
+    if status.file is None or not (source / name).is_file():
+        return dataclasses.replace(status, file=None, end=None)
+    shutil.copyfile(source / name, out / name)
+    return dataclasses.replace(status, file=name)
 
 
 def convert(plan: Plan, runs: Path, failures: Collection[str]) -> None:

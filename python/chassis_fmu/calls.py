@@ -24,6 +24,8 @@ FUNCTIONS = (
     "fmi2GetReal",
     "fmi2GetInteger",
     "fmi2GetBoolean",
+    "fmi2GetRealStatus",
+    "fmi2GetBooleanStatus",
     "fmi2SetReal",
     "fmi2SetInteger",
     "fmi2SetBoolean",

@@ -152,7 +152,7 @@ def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> t
 
     def wire(name: str, slot: int) -> plan.Wire:
         found = variable(description, name)
-        return plan.Wire(found.valueReference, found.type, slot)
+        return plan.Wire(found.valueReference, found.type, slot, name)
 
     def setting(name: str, value: float) -> plan.Setting:
         found = variable(description, name)
@@ -163,9 +163,9 @@ def run(demo: Demo, fmu: Path, folder: Path, description: ModelDescription) -> t
     series = []
     for slot, signal in enumerate(demo.inputs.values()):
         if callable(signal):
-            series.append(plan.InputSeries(slot, tuple(grid.tolist()), tuple(signal(grid).tolist())))
+            series.append(plan.InputSeries(slot, "hold", tuple(grid.tolist()), tuple(signal(grid).tolist())))
         else:
-            series.append(plan.InputSeries(slot, (0.0,), (signal,)))
+            series.append(plan.InputSeries(slot, "hold", (0.0,), (signal,)))
     inputs = tuple(wire(name, slot) for slot, name in enumerate(demo.inputs))
     outputs = tuple(wire(name, slot) for slot, name in enumerate(demo.outputs, start=len(inputs)))
     component = plan.Component(

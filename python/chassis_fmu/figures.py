@@ -244,7 +244,15 @@ def columns_of(plan: Plan, figure: Figure) -> set[int]:
 
 
 def label(column: Column) -> str:
-    """Return the essence of a description: what stands before its first remark."""
+    """Return the text of a description before its first remark, and whether the input file has the values."""
+    return _marked(column, _essence(column))
+
+
+def _marked(column: Column, text: str) -> str:
+    return f"{text} (input file)" if column.from_file else text
+
+
+def _essence(column: Column) -> str:
     text = column.description
     for stop in (";", ":", " (", ". "):
         text = text.split(stop)[0]
@@ -254,8 +262,8 @@ def label(column: Column) -> str:
 
 def brief(column: Column) -> str:
     """Return the essence of a description as it fits beside an axis: without the sign convention, or else the name."""
-    text = label(column).split(", positive")[0]
-    return text if len(text) <= MOST_LETTERS else column.name
+    text = _essence(column).split(", positive")[0]
+    return _marked(column, text if len(text) <= MOST_LETTERS else column.name)
 
 
 def density_unit(unit: str) -> str:
@@ -349,6 +357,9 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
     x = Axis("Time", (Conversion("s"),), range=figure.window or (plan.simulation.start, plan.simulation.stop))
     for index in figure.columns:
         column = plan.columns[index]
+        # Levels are in the unit of the figure, or of its first signal: they mean nothing in panels of other units.
+        of_levels = _units(plan.columns[figure.columns[0]], figure)[0]
+        levels = figure.levels if _units(column, figure)[0] == of_levels else ()
         # Side by side are the points, also where every case has panels of its own.
         for together in [[c] for c in cases] if figure.separate else [cases]:
             for point in plan.point_names:
@@ -368,7 +379,7 @@ def _time(plan: Plan, figure: Figure, recordings: Recordings) -> Iterator[Panel]
                 if any(found is not None and column.name in found.values for found in recorded):
                     note = ", ".join(t for t in (together[0].title if figure.separate else "", titles[point]) if t)
                     y = unit_axis(_units(column, figure))
-                    yield Panel(label(column), note, x, y, tuple(lines), figure.levels, right=right)
+                    yield Panel(label(column), note, x, y, tuple(lines), levels, right=right)
 
 
 def _xy(plan: Plan, figure: Figure, recordings: Mapping[Key, Recording]) -> Iterator[Panel]:

@@ -50,6 +50,11 @@ SPECIAL: Mapping[str, tuple[str, Any]] = {
     "Enumeration": ("Int64", ctypes.c_int64),
 }
 
+# Integers that may have more than 32 bits.
+WIDE = ("UInt32", "Int64", "UInt64")
+# A signal is a double, which holds all whole numbers up to this one.
+LARGEST_WHOLE = 2**53
+
 # Booleans of one call, as in the native master.
 CHUNK = 64
 
@@ -80,6 +85,7 @@ class Functions:
         self._library = library
         self._types = types
         self._special = {reference for reference, name in types.items() if name not in PLAIN}
+        self.wide = {reference for reference, name in types.items() if name in WIDE}
         self._experiment: tuple[float, bool, float] = (0.0, False, 0.0)
         self._get_float64 = _getter(library, "fmi3GetFloat64", ctypes.c_double)
         self._set_float64 = _getter(library, "fmi3SetFloat64", ctypes.c_double)
@@ -133,10 +139,23 @@ class Functions:
         status = int(self._do_step(component, time, step, bool(final), *self._outcome_pointers))
         return DISCARD if status < DISCARD and (terminate.value or early.value) else status
 
+    def fmi2GetRealStatus(self, _component: Any, _kind: int, value: Any) -> int:
+        """Return the last successful time of the latest step."""
+        value._obj.value = self._outcome[3].value
+        return OK
+
+    def fmi2GetBooleanStatus(self, _component: Any, _kind: int, value: Any) -> int:
+        """Return whether the latest step has ended the simulation."""
+        value._obj.value = int(self._outcome[1].value)
+        return OK
+
     def _has_special(self, references: Any, count: int) -> bool:
         return bool(self._special) and any(references[i] in self._special for i in range(count))
 
     def _get(self, component: Any, references: Any, count: int, values: Any, plain: str) -> int:
+        least, most = -(2**31), 2**31 - 1
+        if values._type_ is ctypes.c_int64:
+            least, most = -LARGEST_WHOLE, LARGEST_WHOLE
         for i in range(count):
             name, kind = SPECIAL[self._types.get(references[i], plain)]
             value = (kind * 1)()
@@ -144,7 +163,7 @@ class Functions:
             status = _getter(self._library, f"fmi3Get{name}", kind)(component, reference, 1, value, 1)
             if status >= DISCARD:
                 return status
-            if plain == "Int32" and not -(2**31) <= value[0] < 2**31:
+            if plain == "Int32" and not least <= value[0] <= most:
                 return ERROR
             values[i] = value[0]
         return OK
@@ -175,7 +194,7 @@ class Functions:
         return self._set_float64(component, references, count, values, count)
 
     def fmi2GetInteger(self, component: Any, references: Any, count: int, values: Any) -> int:
-        """Read integers of all types and enumerations."""
+        """Read integers of all types and enumerations; values of 64 bits take those up to 2^53."""
         if self._has_special(references, count):
             return self._get(component, references, count, values, "Int32")
         return self._get_int32(component, references, count, values, count)

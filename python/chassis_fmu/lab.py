@@ -18,6 +18,25 @@ VARIABLE = "CHASSIS_FMU_LAB"
 SITE = ROOT / "target" / "lab" / "index.html"
 
 
+# The maneuvers that the lab replays. The frequency response is read from a table that only the test bench writes.
+MANEUVERS = frozenset(
+    {
+        "iso3888_1",
+        "iso3888_2",
+        "single_lane_change",
+        "sine_with_dwell",
+        "step_steer",
+        "fishhook",
+        "j_turn",
+        "constant_radius",
+        "braking",
+        "split_friction",
+        "brake_in_turn",
+        "ride",
+    }
+)
+
+
 def address(folder: Path) -> str | None:
     """Return the address of the lab as seen from a page in a folder; None if `scripts/lab` has not built it."""
     hosted = os.environ.get(VARIABLE)
@@ -52,9 +71,12 @@ def of_scenario(plan: Plan, folder: Path) -> list[tuple[str, str]]:
 def of_system(
     plant: str, controllers: Sequence[str], maneuver: str, values: Mapping[str, float], folder: Path
 ) -> str | None:
-    """Return the address of a maneuver that a vehicle drives with controllers, beside itself without them."""
+    """Return the address of a maneuver that a vehicle drives with controllers, beside itself without them.
+
+    None if there is no lab, or if it does not have the maneuver.
+    """
     site = address(folder)
-    if site is None:
+    if site is None or maneuver not in MANEUVERS:
         return None
     system = {
         "kind": "free",

@@ -8,8 +8,10 @@ run time.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import math
+import os
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -33,20 +35,33 @@ from .calls import Board
 from .plan import Component, InputSeries, Kind, Run, Setting, Simulation, Wire
 
 WARNING = 1
+DISCARD = 2
+ERROR = 3
 FATAL = 4
+# Kinds of fmi2StatusKind.
+LAST_SUCCESSFUL_TIME = 2
+TERMINATED = 3
 STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
 
 # Steps between two reports of progress.
 PROGRESS_INTERVAL = 200
 
-# Slack of the zero-order hold of an input series, in steps: a row at t_k counts although t_k is rounded.
+# Slack of the times of a held input series, in steps: a sample at t_k counts although t_k is rounded.
 SERIES_SLACK = 1e-9
+
+# A step is done if the FMU says that it has reached a time this near to its end, in steps.
+STEP_SLACK = 1e-6
+# Operands whose sums show the rounding mode; as constants of an expression they would be added when it is compiled.
+_ONE = 1.0
+_HALF_ULP = 2.0**-53
+# FE_TONEAREST of <fenv.h>, on all processors that the FMUs are built for.
+_TO_NEAREST = 0
 
 Array = NDArray[np.floating[Any]]
 
 
 class RunError(Exception):
-    """A run that could not be finished: which component, which function, when, and what the component logged."""
+    """A run that is not whole: which component, which function, when, and what the component logged."""
 
     def __init__(
         self,
@@ -56,14 +71,22 @@ class RunError(Exception):
         detail: str,
         messages: Iterable[str] = (),
         fatal: bool = False,
+        is_end: bool = False,
+        is_discarded: bool = False,
     ) -> None:
         self.messages = tuple(messages)
-        super().__init__(component, function, time, detail, self.messages, fatal)
+        super().__init__(component, function, time, detail, self.messages, fatal, is_end, is_discarded)
         self.component = component
         self.function = function
         self.time = time
         self.detail = detail
         self.fatal = fatal
+        # The FMU has ended the simulation, which is no mistake.
+        self.is_end = is_end
+        # The FMU has discarded a step.
+        self.is_discarded = is_discarded
+        # Times and rows before it.
+        self.recorded: tuple[Array, Array] | None = None
 
     def __str__(self) -> str:
         when = "" if self.time is None else f" at t = {self.time:.9g} s"
@@ -114,6 +137,8 @@ class Functions(Protocol):
     fmi2ExitInitializationMode: Callable[..., int]
     fmi2Terminate: Callable[..., int]
     fmi2DoStep: Callable[..., int]
+    fmi2GetRealStatus: Callable[..., int]
+    fmi2GetBooleanStatus: Callable[..., int]
     fmi2SetReal: Callable[..., int]
     fmi2SetInteger: Callable[..., int]
     fmi2SetBoolean: Callable[..., int]
@@ -128,9 +153,6 @@ class Instance(Protocol):
 
     functions: Functions
     component: Any
-
-    def name_of(self, reference: int) -> str:
-        """Name of a real output, for messages."""
 
     def free(self) -> None:
         """Free the instance and unload the library."""
@@ -163,6 +185,13 @@ class FmpyInstance:
         self.functions: Functions = self._slave.dll
         if is_new:
             types = {variable.valueReference: str(variable.type) for variable in self._variables()}
+            named = [(one.name, one.reference) for one in (*component.starts, *component.constants)]
+            named += [(one.name, one.reference) for one in (*component.inputs, *component.outputs)]
+            # Elements of arrays have references that the native master alone knows.
+            if elements := [name for name, reference in named if reference not in types]:
+                text = f"`{elements[0]}` is an element of an array, which `cargo fmu run` connects, but not this master"
+                self.free()
+                raise RunError(component.name, "loading", None, text)
             self.functions = cast(Functions, fmi3.Functions(self._slave.dll, types))
 
     @staticmethod
@@ -177,13 +206,6 @@ class FmpyInstance:
     def _variables(self) -> Sequence[Any]:
         variables: Sequence[Any] = read_model_description(str(self._folder), validate=False).modelVariables
         return variables
-
-    def name_of(self, reference: int) -> str:
-        """Name of a real output, for messages."""
-        for variable in self._variables():
-            if variable.type in ("Real", "Float64", "Float32") and variable.valueReference == reference:
-                return str(variable.name)
-        return f"value reference {reference}"
 
     def free(self) -> None:
         """Free the instance and unload the library."""
@@ -235,17 +257,24 @@ class _WholeGroup(_Group):
     """Integers and Booleans travel on the bus as doubles.
 
     A Boolean output is 0 or 1 there, a Boolean input is true above 0.5: so a connection converts Real and Boolean.
+    Integers that may have more than 32 bits are a group of their own.
     """
 
-    def __init__(self, wires: Sequence[Wire], bus: Array, boolean: bool) -> None:
+    def __init__(self, wires: Sequence[Wire], bus: Array, boolean: bool, wide: bool = False) -> None:
         super().__init__(wires, bus)
         self.boolean = boolean
-        self.buffer = np.zeros(self.count, dtype=np.int32)
-        self.values = _pointer(self.buffer, ctypes.c_int)
+        self.buffer = np.zeros(self.count, dtype=np.int64 if wide else np.int32)
+        self.values = _pointer(self.buffer, ctypes.c_int64 if wide else ctypes.c_int)
 
-    def load(self) -> None:
+    def load(self) -> bool:
+        """Return whether the variables can have the values."""
         values = self.bus[self.slots]
-        self.buffer[:] = values > 0.5 if self.boolean else np.rint(values)
+        if self.boolean:
+            self.buffer[:] = values > 0.5
+            return True
+        with np.errstate(invalid="ignore"):
+            self.buffer[:] = values
+        return bool((self.buffer == values).all())
 
     def store(self) -> None:
         self.bus[self.slots] = self.buffer != 0 if self.boolean else self.buffer
@@ -263,10 +292,13 @@ class Slave:
         self.instance = instance
         self._board = board
         self._index = index
+        self._has_changed_rounding = False
         self._names = fmi3.NAMES if component.fmi == "3.0" else {}
         hot = ("fmi2SetReal", "fmi2DoStep", "fmi2GetReal")
         self._calls = tuple(calls.code(index, self._named(name)) for name in hot)
         self._functions = instance.functions
+        # Value references of integers that may have more than 32 bits.
+        self._wide: set[int] = cast(fmi3.Functions, instance.functions).wide if component.fmi == "3.0" else set()
         self._component = instance.component
         self._do_step = self._functions.fmi2DoStep
         self._set_real = self._functions.fmi2SetReal
@@ -277,20 +309,34 @@ class Slave:
         # The rare base types; the name of the function is kept for error messages.
         self._whole_inputs = [
             (group, name, call)
-            for group, name, call in (
-                (_WholeGroup(_of(component.inputs, "Integer"), bus, False), "fmi2SetInteger", f.fmi2SetInteger),
-                (_WholeGroup(_of(component.inputs, "Boolean"), bus, True), "fmi2SetBoolean", f.fmi2SetBoolean),
+            for group, name, call in zip(
+                self._whole_groups(component.inputs, bus),
+                ("fmi2SetInteger", "fmi2SetBoolean", "fmi2SetInteger"),
+                (f.fmi2SetInteger, f.fmi2SetBoolean, f.fmi2SetInteger),
+                strict=True,
             )
             if group.count
         ]
         self._whole_outputs = [
             (group, name, call)
-            for group, name, call in (
-                (_WholeGroup(_of(component.outputs, "Integer"), bus, False), "fmi2GetInteger", f.fmi2GetInteger),
-                (_WholeGroup(_of(component.outputs, "Boolean"), bus, True), "fmi2GetBoolean", f.fmi2GetBoolean),
+            for group, name, call in zip(
+                self._whole_groups(component.outputs, bus),
+                ("fmi2GetInteger", "fmi2GetBoolean", "fmi2GetInteger"),
+                (f.fmi2GetInteger, f.fmi2GetBoolean, f.fmi2GetInteger),
+                strict=True,
             )
             if group.count
         ]
+
+    def _whole_groups(self, wires: Sequence[Wire], bus: Array) -> tuple[_WholeGroup, _WholeGroup, _WholeGroup]:
+        """Return the Integers of 32 bits, the Booleans, and the Integers that may have more."""
+        wide = self._wide
+        integers = _of(wires, "Integer")
+        return (
+            _WholeGroup([w for w in integers if w.reference not in wide], bus, False),
+            _WholeGroup(_of(wires, "Boolean"), bus, True),
+            _WholeGroup([w for w in integers if w.reference in wide], bus, False, wide=True),
+        )
 
     def check(self, status: int, function: str, time: float | None, subject: str = "") -> None:
         """Raise RunError if a status is worse than a warning. The function is named as in FMI 2.0."""
@@ -298,8 +344,15 @@ class Slave:
             function = self._named(function)
             label = STATUS[status] if status < len(STATUS) else "unknown"
             detail = f"status {status} ({label})" + (f", {subject}" if subject else "")
-            messages = _log.get(self.component.name, ())
-            raise RunError(self.component.name, function, time, detail, messages, status == FATAL)
+            raise RunError(
+                self.component.name,
+                function,
+                time,
+                detail,
+                _log.get(self.component.name, ()),
+                fatal=status == FATAL,
+                is_discarded=status == DISCARD and function == self._named("fmi2DoStep"),
+            )
 
     def _named(self, function: str) -> str:
         """Return the name of a function of FMI 2.0 in the version of the component."""
@@ -314,6 +367,18 @@ class Slave:
         status = self._functions.fmi2SetupExperiment(self._component, 0, 0.0, simulation.start, 1, simulation.stop)
         self.check(status, "fmi2SetupExperiment", simulation.start)
 
+    def _restore_rounding(self, function: str) -> None:
+        """Round to the nearest number again, in case that a call has changed it: the FMUs share it with this master."""
+        # Each mode but the nearest changes one of these.
+        if _ONE + _HALF_ULP != 1.0 or -_ONE - _HALF_ULP != -1.0 or _ONE - 0.5 * _HALF_ULP != 1.0:
+            set_rounding = getattr(ctypes.CDLL(None), "fesetround", None) if os.name == "posix" else None
+            if set_rounding is not None:
+                set_rounding(_TO_NEAREST)
+            if not self._has_changed_rounding:
+                self._has_changed_rounding = True
+                text = "changes the rounding mode of its process; it is restored after the call"
+                _note(self.component.name, WARNING, None, f"{self._named(function)} {text}")
+
     def apply(self, settings: Iterable[Setting], time: float) -> None:
         """Set parameters or constant inputs, one call each."""
         for s in settings:
@@ -324,7 +389,11 @@ class Slave:
             if s.kind == "Real":
                 call, value = f.fmi2SetReal, (ctypes.c_double * 1)(float(s.value))
             elif s.kind == "Integer":
-                call, value = f.fmi2SetInteger, (ctypes.c_int * 1)(int(s.value))
+                is_wide = s.reference in self._wide
+                call, value = f.fmi2SetInteger, ((ctypes.c_int64 if is_wide else ctypes.c_int) * 1)(int(s.value))
+                if value[0] != s.value:
+                    # ctypes wraps integers around.
+                    self.check(ERROR, "fmi2SetInteger", time, f"{s.name} = {s.value!r}")
             elif s.kind == "Boolean":
                 call, value = f.fmi2SetBoolean, (ctypes.c_int * 1)(int(bool(s.value)))
             else:
@@ -337,12 +406,14 @@ class Slave:
         """Enter the initialization mode."""
         self._enter("fmi2EnterInitializationMode")
         status = self._functions.fmi2EnterInitializationMode(self._component)
+        self._restore_rounding("fmi2EnterInitializationMode")
         self.check(status, "fmi2EnterInitializationMode", time)
 
     def leave(self, time: float) -> None:
         """Leave the initialization mode."""
         self._enter("fmi2ExitInitializationMode")
         status = self._functions.fmi2ExitInitializationMode(self._component)
+        self._restore_rounding("fmi2ExitInitializationMode")
         self.check(status, "fmi2ExitInitializationMode", time)
 
     def set(self, time: float) -> None:
@@ -355,16 +426,45 @@ class Slave:
             if status > WARNING:
                 self.check(status, "fmi2SetReal", time)
         for whole, name, call in self._whole_inputs:
-            whole.load()
             self._enter(name)
+            if not whole.load():
+                self.check(ERROR, name, time, "a value does not fit the type of the variable")
             self.check(call(self._component, whole.references, whole.count, whole.values), name, time)
 
-    def step(self, time: float, step: float) -> None:
-        """Advance from `time` by `step`."""
+    def step(self, time: float, step: float) -> RunError | None:
+        """Advance from `time` by `step`. Returns the end of the simulation if the FMU wants it at the end of the step.
+
+        Raises RunError; it has `is_end` if the FMU wants the end of the simulation where the step begins.
+        """
         self._board.call = self._calls[1]
         status = self._do_step(self._component, time, step, 1)
-        if status > WARNING:
-            self.check(status, "fmi2DoStep", time)
+        self._restore_rounding("fmi2DoStep")
+        if status <= WARNING:
+            return None
+        if status == DISCARD:
+            reached = self._reached()
+            if reached is not None:
+                is_done = abs(reached - (time + step)) <= STEP_SLACK * step
+                text = "the FMU ended the simulation"
+                log = _log.get(self.component.name, ())
+                function = self._named("fmi2DoStep")
+                end = RunError(self.component.name, function, time + is_done * step, text, log, is_end=True)
+                if not is_done:
+                    raise end
+                return end
+        self.check(status, "fmi2DoStep", time)
+        return None
+
+    def _reached(self) -> float | None:
+        """Return the last successful time if the FMU wants the end of the simulation."""
+        wants, reached = ctypes.c_int(0), ctypes.c_double(math.nan)
+        self._enter("fmi2GetBooleanStatus")
+        status = self._functions.fmi2GetBooleanStatus(self._component, TERMINATED, ctypes.byref(wants))
+        if status > WARNING or not wants.value:
+            return None
+        self._enter("fmi2GetRealStatus")
+        self._functions.fmi2GetRealStatus(self._component, LAST_SUCCESSFUL_TIME, ctypes.byref(reached))
+        return reached.value
 
     def read(self, time: float) -> None:
         """Read the wired and recorded outputs onto the bus."""
@@ -392,18 +492,32 @@ class Slave:
 
 
 class _Player:
-    """Plays an input series: zero-order hold of its rows."""
+    """Plays an input series: linear between its samples, or held."""
 
-    def __init__(self, feed: InputSeries, slack: float) -> None:
+    def __init__(self, feed: InputSeries, step: float) -> None:
         self.feed = feed
-        self.slack = slack
-        self.row = 0
+        self._linear = feed.interpolation == "linear"
+        # A linear series has the value in the middle of the step, any other the last sample at its start.
+        self._later = 0.5 * step if self._linear else SERIES_SLACK * step
+        self._row = 0
 
-    def at(self, time: float) -> float:
-        times = self.feed.times
-        while self.row + 1 < len(times) and times[self.row + 1] <= time + self.slack:
-            self.row += 1
-        return self.feed.values[self.row]
+    def at_start(self, time: float) -> float:
+        """Return the value in Initialization Mode."""
+        return self._at(time if self._linear else time + self._later)
+
+    def of_step(self, time: float) -> float:
+        """Return the value for the step that begins at a time; times rise from call to call."""
+        return self._at(time + self._later)
+
+    def _at(self, time: float) -> float:
+        times, values, row = self.feed.times, self.feed.values, self._row
+        while row + 1 < len(times) and times[row + 1] <= time:
+            row += 1
+        self._row = row
+        before, value = times[row], values[row]
+        if self._linear and row + 1 < len(times) and time > before:
+            return value + (values[row + 1] - value) * ((time - before) / (times[row + 1] - before))
+        return value
 
 
 def _non_finite(slaves: Sequence[Slave], bus: Array) -> tuple[str, str] | None:
@@ -415,8 +529,31 @@ def _non_finite(slaves: Sequence[Slave], bus: Array) -> tuple[str, str] | None:
     for slave in slaves:
         for wire in slave.component.outputs:
             if wire.slot == slot:
-                return slave.component.name, f"output {slave.instance.name_of(wire.reference)} is {value}"
+                return slave.component.name, f"output {wire.name} is {value}"
     return "input file", f"the value for bus slot {slot} is {value}"
+
+
+def _end(slaves: Iterable[Slave], time: float) -> None:
+    """Terminate after an FMU has ended the simulation. What an FMU says of it decides nothing."""
+    for slave in slaves:
+        with contextlib.suppress(RunError):
+            slave.terminate(time)
+
+
+def room(run: Run, simulation: Simulation) -> int:
+    """Return how many numbers the rows of a run have."""
+    return simulation.rows * (1 + sum(slot is not None for slot in run.columns))
+
+
+def _block(memory: Array, run: Run, simulation: Simulation) -> Array:
+    return memory.reshape(simulation.rows, room(run, simulation) // simulation.rows)
+
+
+def rows_in(memory: Array, run: Run, simulation: Simulation) -> tuple[Array, Array]:
+    """Return times and rows that are in the memory of a run, whole or not, which began with NaN."""
+    block = _block(memory, run, simulation)
+    count = int(np.isfinite(block[:, 0]).sum())
+    return block[:count, 0], block[:count, 1:]
 
 
 def simulate(
@@ -426,6 +563,7 @@ def simulate(
     progress: Callable[[int], None] = lambda _steps: None,
     fresh: bool = False,
     board: Board | None = None,
+    memory: Array | None = None,
 ) -> tuple[Array, Array]:
     """Execute a run.
 
@@ -433,36 +571,36 @@ def simulate(
     `instantiate` makes the instance of a component, `progress` hears of finished steps.
     With `fresh` the rows hold the outputs read again after the inputs were passed on, as Ecos does, and not those that
     are passed on. The standard leaves open what an FMU answers then; those of this project answer for the new inputs.
-    Every call is announced on the `board`.
-    Raises RunError if an FMU cannot be loaded, a call returns more than a warning, or a value is not finite.
+    Every call is announced on the `board`. `memory` is where the rows lie, as `rows_in` finds them.
+    Raises RunError if an FMU cannot be loaded, a call returns more than a warning, a value is not finite, or an FMU
+    ends the simulation before the stop time; the error has the rows before it.
     """
     _log.clear()
     start, step, steps, every = simulation.start, simulation.step, simulation.steps, simulation.every
     bus: Array = np.zeros(run.slots)
     recorded = np.array([c for c in run.columns if c is not None], dtype=np.intp)
-    times: Array = np.empty(simulation.rows)
-    rows: Array = np.empty((simulation.rows, len(recorded)))
-    players = [_Player(f, SERIES_SLACK * step) for f in run.series]
+    block = _block(np.empty(room(run, simulation)) if memory is None else memory, run, simulation)
+    times, rows = block[:, 0], block[:, 1:]
+    times[:] = math.nan
+    players = [_Player(f, step) for f in run.series]
     slaves: list[Slave] = []
     time = start
     board = board or Board()
     board.begin()
 
-    def feed(t: float) -> None:
-        for player in players:
-            bus[player.feed.slot] = player.at(t)
-
     def record(row: int, t: float) -> None:
-        times[row] = t
         if fresh:
             passed_on = bus.copy()
             for slave in slaves:
                 slave.set(t)
             for slave in slaves:
                 slave.read(t)
+            finite(t, "fmi2GetReal")
         bus.take(recorded, out=rows[row], mode="clip")
         if fresh:
             bus[:] = passed_on
+        # Last, so that a row with a time is whole.
+        times[row] = t
 
     def finite(t: float, function: str) -> None:
         # The sum is the cheapest test; only a suspicious one is looked at closely.
@@ -484,7 +622,8 @@ def simulate(
             slave.apply(slave.component.starts, start)
         for slave in slaves:
             slave.enter(start)
-        feed(start)
+        for player in players:
+            bus[player.feed.slot] = player.at_start(start)
         for slave in slaves:
             slave.read(start)
         for slave in slaves:
@@ -500,41 +639,57 @@ def simulate(
 
         sequential = simulation.order == "sequential"
         reported = 0
+        end: RunError | None = None
         for k in range(steps):
             time = start + k * step
             board.step(time)
-            feed(time)
+            for player in players:
+                bus[player.feed.slot] = player.of_step(time)
+            size = simulation.step_size(time)
             if sequential:
                 for slave in slaves:
                     slave.set(time)
-                    slave.step(time, step)
+                    ended = slave.step(time, size)
+                    end = end or ended
                     slave.read(time)
             else:
                 for slave in slaves:
                     slave.set(time)
                 for slave in slaves:
-                    slave.step(time, step)
+                    ended = slave.step(time, size)
+                    end = end or ended
                 for slave in slaves:
                     slave.read(time)
-            finite(time, "fmi2DoStep")
+            finite(start + (k + 1) * step, "fmi2DoStep")
             if (k + 1) % every == 0:
                 record((k + 1) // every, start + (k + 1) * step)
+            if end is not None:
+                break
             if k + 1 - reported == PROGRESS_INTERVAL:
                 reported = k + 1
                 progress(PROGRESS_INTERVAL)
         progress(steps - reported)
-        for slave in slaves:
-            slave.terminate(start + steps * step)
+        if end is not None:
+            if k + 1 < steps:
+                raise end
+            _end(slaves, time)
+        else:
+            for slave in slaves:
+                slave.terminate(start + steps * step)
     except RunError as error:
+        kept = rows_in(block, run, simulation)
+        error.recorded = kept if len(kept[0]) else None
         if error.fatal:
             # The standard forbids any further call after fmi2Fatal.
             slaves.clear()
             raise
+        if error.is_end:
+            _end(slaves, time)
+            raise
         # An FMU that rejects a value is the messenger: say where the value came from.
         bad = _non_finite(slaves, bus)
         if bad is not None and bad[0] != error.component:
-            messages = (*error.messages, f"component {bad[0]}: {bad[1]}")
-            raise RunError(error.component, error.function, error.time, error.detail, messages) from error
+            error.messages = (*error.messages, f"component {bad[0]}: {bad[1]}")
         raise
     finally:
         for slave in slaves:

@@ -223,9 +223,10 @@ class Numbers:
         if against is None or not pairs:
             return Status.NOT_REPRODUCED
         difference = verdict.paired(pairs)
-        if check.expect in ("lower", "higher"):
-            return verdict.of_sign(difference, 1 if check.expect == "higher" else -1)
         found = self.change(cell, against)
+        if check.expect in ("lower", "higher"):
+            percent = None if found is None else found.mean
+            return verdict.of_sign(difference, 1 if check.expect == "higher" else -1, percent)
         if check.expect == "unchanged":
             if found is None:
                 # In percent of next to nothing nothing can be said: both must be that.

@@ -221,6 +221,19 @@ def _collapse(plan: Plan, values: Mapping[tuple[str, str | None], str]) -> tuple
     return tuple((f"{cases[c]}, {points.get(p, '')}", v) for (c, p), v in values.items())
 
 
+def order_of(runs: Sequence[Run]) -> list[str]:
+    """Return the components in the order in which every run executes those that it has."""
+    orders = list(dict.fromkeys(tuple(component.name for component in run.components) for run in runs))
+    left = list(dict.fromkeys(name for order in orders for name in order))
+    found: list[str] = []
+    while left:
+        # The first one that no run executes another one before.
+        behind = {name for order in orders for name in [n for n in order if n in left][1:]}
+        found.append(next((name for name in left if name not in behind), left[0]))
+        left.remove(found[-1])
+    return found
+
+
 def components(plan: Plan) -> list[ComponentSection]:
     """Collect the components of all runs with the parameters that differ from the defaults of their FMUs."""
     runs = [r for r in plan.runs if r.seed == plan.seed_values[0]]
@@ -228,8 +241,7 @@ def components(plan: Plan) -> list[ComponentSection]:
     for run in runs:
         for component in run.components:
             found.setdefault((component.name, component.fmu), []).append((run, component))
-    # The order of the scenario, also for components that not every run has.
-    order = {name: i for r in reversed(runs) for i, name in enumerate(u.name for u in r.components)}
+    order = {name: i for i, name in enumerate(order_of(runs))}
     descriptions: dict[Path, Description] = {}
     sections = []
     for (name, fmu), places in sorted(found.items(), key=lambda item: order[item[0][0]]):

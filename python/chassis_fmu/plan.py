@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-FORMAT = 6
+FORMAT = 7
 
 Kind = Literal["Real", "Integer", "Boolean", "String"]
 Version = Literal["2.0", "3.0"]
@@ -54,6 +54,7 @@ class Wire(_Part, frozen=True, rename={"kind": "type"}):
     reference: int
     kind: Kind
     slot: int
+    name: str
 
 
 class Component(_Part, frozen=True):
@@ -84,9 +85,10 @@ class Component(_Part, frozen=True):
 
 
 class InputSeries(_Part, frozen=True):
-    """A signal from an input file, held between its rows."""
+    """A signal from an input file. At equal times it jumps."""
 
     slot: int
+    interpolation: Literal["linear", "hold"]
     times: tuple[float, ...]
     values: tuple[float, ...]
 
@@ -118,6 +120,13 @@ class Simulation(_Part, frozen=True):
     steps: int
     order: Literal["sequential", "jacobi"]
     every: int
+
+    def step_size(self, time: float) -> float:
+        """Return the size of the step from a time: the communication step, or what is left of it before the stop time.
+
+        An FMU that was told the stop time may refuse to go beyond it, and the sum of the two may do so by rounding.
+        """
+        return self.stop - time if time + self.step > self.stop else self.step
 
     @property
     def rows(self) -> int:
@@ -171,7 +180,10 @@ class DisplayUnit(_Part, frozen=True):
 
 
 class Column(_Part, frozen=True):
-    """A recorded signal. `display_unit` is the preferred unit for people, where the variable declares one."""
+    """A recorded signal. `display_unit` is the preferred unit for people, where the variable declares one.
+
+    With `from_file` the values are those of the input file, not of the component.
+    """
 
     name: str
     unit: str | None
@@ -180,6 +192,7 @@ class Column(_Part, frozen=True):
     offset: float
     description: str
     units: tuple[DisplayUnit, ...]
+    from_file: bool
 
     @property
     def shown(self) -> Conversion:

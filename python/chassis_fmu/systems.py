@@ -187,11 +187,11 @@ def with_fmpy(folder: Path, order: Order = "sequential", fresh: bool = False) ->
                     parameters=tuple(s for s in settings if variables[s.name].causality != "input"),
                     constants=tuple(s for s in settings if variables[s.name].causality == "input"),
                     inputs=tuple(
-                        Wire(variables[v].valueReference, kind, slots[writers[name, v]])
+                        Wire(variables[v].valueReference, kind, slots[writers[name, v]], v)
                         for v, kind in structure.connectors(component, "input")
                     ),
                     outputs=tuple(
-                        Wire(variables[v].valueReference, kind, slots[name, v])
+                        Wire(variables[v].valueReference, kind, slots[name, v], v)
                         for v, kind in structure.connectors(component, "output")
                     ),
                 )

@@ -12,9 +12,7 @@ from tabulate import tabulate
 
 from .numbers import Row, Statistic
 from .plan import Plan
-
-# A change smaller than this (percent) is called none.
-NO_CHANGE = 0.5
+from .verdict import NO_CHANGE
 
 # Numbers below this are shown with a power of ten.
 SMALL = 1e-4
@@ -90,7 +88,7 @@ def _percent_decimals(percent: float) -> int:
 
 
 # From this change on (percent) the baseline is next to zero, and digits would say nothing.
-FAR = 10_000.0
+FAR = 1_000.0
 
 
 def signed(percent: float | None) -> str:

@@ -20,6 +20,8 @@ VALUE_SHARE = 0.05
 CONFIDENCE = 0.95
 # Differences this small against the values themselves are rounding.
 ROUNDING = 1e-12
+# A change smaller than this (percent) is called none.
+NO_CHANGE = 0.5
 
 
 class Status(enum.Enum):
@@ -59,10 +61,11 @@ MEANINGS = {
     f"difference excludes zero; an absolute value is within {100 * VALUE_SHARE:g} %",
     Status.CALIBRATED: "something was fitted to the paper's number, whatever came of it",
     Status.PARTLY: "a change has the same sign as the paper's, but is further away or lost in the scatter",
-    Status.NOT_REPRODUCED: "a change has the other sign or none; an absolute value is further away",
+    Status.NOT_REPRODUCED: f"a change has the other sign, or is none: below {NO_CHANGE:g} % and lost in the scatter, "
+    "or below it where the paper's is not; an absolute value is further away",
     Status.OWN_RESULT: "no paper makes the claim; the runs confirm it",
     Status.REFUTED: "no paper makes the claim; the runs do not confirm it",
-    Status.OPEN: "a run that it needs failed, or was cut short",
+    Status.OPEN: "a run that it needs failed, was ended by an FMU, or was cut short",
     Status.PASSED: "the number of every run keeps the required limits",
     Status.FAILED: "a run has a number outside the required limits, or none",
 }
@@ -141,9 +144,12 @@ def paired(pairs: Iterable[tuple[float, float]]) -> Interval:
     return Interval.of([0.0 if abs(a - b) <= ROUNDING * max(abs(a), abs(b)) else a - b for a, b in pairs])
 
 
-def of_sign(difference: Interval, expected: int) -> Status:
-    """Decide on a claim without a number: more (1) or less (-1)."""
+def of_sign(difference: Interval, expected: int, percent: float | None = None) -> Status:
+    """Decide on a claim without a number: more (1) or less (-1); `percent` is the change, where there is one."""
     if difference.sign != expected:
+        return Status.NOT_REPRODUCED
+    if not difference.is_clear and percent is not None and abs(percent) < NO_CHANGE:
+        # No effect, and no sign of one.
         return Status.NOT_REPRODUCED
     return Status.REPRODUCED if difference.is_clear else Status.PARTLY
 
@@ -155,10 +161,15 @@ def of_change(difference: Interval, percent: float | None, paper: float) -> Stat
     if percent is not None and percent * paper <= 0.0:
         # The mean of the changes and the mean difference may disagree where both are lost in the scatter.
         return Status.NOT_REPRODUCED
-    status = of_sign(difference, 1 if paper > 0.0 else -1)
+    status = of_sign(difference, 1 if paper > 0.0 else -1, percent)
     if status is not Status.REPRODUCED:
         return status
-    near = percent is not None and abs(percent - paper) <= max(CHANGE_SHARE * abs(paper), CHANGE_POINTS)
+    if percent is None:
+        return Status.PARTLY
+    difference_of_changes = abs(percent - paper)
+    if abs(percent) < NO_CHANGE <= abs(paper) and difference_of_changes > CHANGE_SHARE * abs(paper):
+        return Status.NOT_REPRODUCED
+    near = difference_of_changes <= max(CHANGE_SHARE * abs(paper), CHANGE_POINTS)
     return Status.REPRODUCED if near else Status.PARTLY
 
 

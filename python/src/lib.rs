@@ -12,7 +12,8 @@ use pyo3::pymodule;
 mod _native {
     #[pymodule_export]
     use super::metrics::{
-        MetricError, cross, evaluate, formula, requirement_status, running, spectrum, transfer, value, window,
+        MetricError, cross, evaluate, formula, holds, is_enough, requirement_status, running, spectrum, transfer,
+        value, window,
     };
     #[pymodule_export]
     use super::session::Session;

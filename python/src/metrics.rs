@@ -117,6 +117,18 @@ pub(crate) fn requirement_status(
     Ok((outcome.status.name(), outcome.worst, outcome.missing))
 }
 
+/// Whether a number keeps limits.
+#[pyfunction]
+pub(crate) fn holds(min: Option<f64>, max: Option<f64>, value: Option<f64>) -> bool {
+    requirements::holds([min, max], value)
+}
+
+/// Whether enough of some runs keep limits.
+#[pyfunction]
+pub(crate) fn is_enough(kept: usize, of: usize, share: f64) -> bool {
+    requirements::is_enough(kept, of, share)
+}
+
 /// The number of an expression for numbers of metrics by their names.
 #[pyfunction]
 pub(crate) fn evaluate(text: &str, values: BTreeMap<String, Option<f64>>) -> PyResult<Option<f64>> {

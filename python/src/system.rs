@@ -1,13 +1,13 @@
 //! Runs of a scenario with other values: in this process, or in worker processes.
 
 use fmu_import::description::{BaseType, Value, Variable};
-use fmu_import::worker::{Launch, Settings};
+use fmu_import::worker::{Launch, Settings, memory_share};
 use fmu_system::batch::{Batch, Change, End, Row, Sample};
 use fmu_system::fmus::{Fmus, FmusError};
 use fmu_system::master::{self, Recording, RunError};
 use fmu_system::parameter;
 use fmu_system::plan::Plan;
-use fmu_system::resolve::{FmuFolder, Options, OtherFmu, ResolveError, resolve};
+use fmu_system::resolve::{FmuFolder, Options, OtherFmu, ResolveError, file_of, resolve};
 use fmu_system::run::{Run, Simulation};
 use fmu_system::worker::Pool;
 use numpy::{IntoPyArray as _, PyArray1};
@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
@@ -61,9 +61,9 @@ impl Given {
     fn of(self, variable: &Variable) -> Result<Value, String> {
         let value = match (self, variable.base_type) {
             (Self::Integer(value), BaseType::Real) => Value::Real(f64::from(value)),
-            (Self::Integer(value), _) => Value::Integer(value),
+            (Self::Integer(value), _) => Value::Integer(value.into()),
             (Self::Real(value), BaseType::Integer) if value.fract() == 0.0 && value.abs() <= f64::from(i32::MAX) => {
-                Value::Integer(value as i32)
+                Value::Integer(value as i64)
             }
             (Self::Real(value), _) => Value::Real(value),
             (Self::Boolean(value), _) => Value::Boolean(value),
@@ -73,7 +73,7 @@ impl Given {
                     let names: Vec<String> = known.iter().map(|(_, name)| format!("`{name}`")).collect();
                     return Err(format!("`{}` is \"{name}\", expected one of {}", variable.name, names.join(", ")));
                 };
-                Value::Integer(*value)
+                Value::Integer((*value).into())
             }
             (Self::Text(value), _) => Value::String(value),
         };
@@ -186,11 +186,13 @@ impl System {
 
     /// Prepares worker processes, which start when they are needed first.
     fn start(&self, program: PathBuf, jobs: NonZeroUsize, timeout: f64, libpython: Option<PathBuf>) -> PyResult<()> {
+        let launch = Launch { program, arguments: vec![OsString::from("worker")] };
+        let timeout = Duration::try_from_secs_f64(timeout).map_err(error)?;
         let settings = Settings {
-            launch: Launch { program, arguments: vec![OsString::from("worker")] },
-            timeout: Duration::try_from_secs_f64(timeout).map_err(error)?,
             libpython,
-            printed: Arc::new(|line| eprintln!("FMU prints: {line}")),
+            memory: memory_share(jobs),
+            noticed: Arc::new(|line| eprintln!("note: {line}")),
+            ..Settings::new(launch, timeout, Arc::new(|line| eprintln!("FMU prints: {line}")))
         };
         let pool = Pool::new(settings, jobs, self.batch.fmus());
         *self.pool.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(pool));
@@ -313,7 +315,12 @@ impl System {
         for found in components.filter(|other| other.name == component) {
             let fmu = self.batch.fmus().get(&found.fmu).map_err(error)?;
             if let Some(variable) = fmu.description().variable(&name) {
-                let value = value.of(variable).map_err(|message| error(format!("`{component}`: {message}")))?;
+                let mut value = value.of(variable).map_err(|message| error(format!("`{component}`: {message}")))?;
+                if let Value::String(text) = &mut value
+                    && let Some(path) = file_of(Path::new(&self.plan.file), text)
+                {
+                    *text = path;
+                }
                 return Ok(Change { component, variable: name, value });
             }
         }

@@ -24,6 +24,8 @@ DESCRIPTION = """<?xml version="1.0"?>
 <ScalarVariable name="seed" valueReference="0" causality="parameter" variability="fixed" initial="exact">
 <Integer start="0"/></ScalarVariable>
 <ScalarVariable name="y" valueReference="1" causality="output"><Real/></ScalarVariable>
+<ScalarVariable name="file" valueReference="0" causality="parameter" variability="fixed" initial="exact">
+<String start=""/></ScalarVariable>
 </ModelVariables>
 <ModelStructure><Outputs><Unknown index="5"/></Outputs></ModelStructure>
 </fmiModelDescription>

@@ -82,6 +82,7 @@ def test_outputs_repeat_to_the_byte(
         "trial/table.md",
         "trial/figures/roll.svg",
         "trial/figures/roll.png",
+        "trial/runs/status.json",
         *(f"trial/runs/{r}.csv" for r in ("passive_1", "passive_2", "active_1", "active_2")),
     }
     assert one["trial/runs/active_1.csv"] == (recorded / "active_1.csv").read_bytes()
@@ -100,14 +101,14 @@ def test_parquet_is_written_when_asked_for_and_goes_with_the_next_call(
     runs = tmp_path / "out" / "trial" / "runs"
     options = ["trial.toml", "--from-csv", str(recorded), "--out", str(tmp_path / "out")]
     assert app.main([*options, "--parquet"]) == 0
-    assert sorted(p.suffix for p in runs.iterdir()) == [".csv"] * 4 + [".parquet"] * 4
+    assert sorted(p.suffix for p in runs.iterdir()) == [".csv"] * 4 + [".json"] + [".parquet"] * 4
     schema = pyarrow.parquet.read_schema(runs / "passive_1.parquet")
     assert schema.names == ["time", "source.count", "body.roll"]
     assert schema.field("body.roll").metadata == {b"unit": b"rad"}
     table = pyarrow.parquet.read_table(runs / "passive_1.parquet")
     assert table["body.roll"].to_pylist() == list(results.read_csv(runs / "passive_1.csv").values["body.roll"])
     assert app.main(options) == 0
-    assert sorted(p.suffix for p in runs.iterdir()) == [".csv"] * 4
+    assert sorted(p.suffix for p in runs.iterdir()) == [".csv"] * 4 + [".json"]
     assert cargo.exists()
 
 

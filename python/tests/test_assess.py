@@ -11,12 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from chassis_fmu.assess import app, charts, report
-from chassis_fmu.assess.assessment import AssessmentError, Folder
+from chassis_fmu.assess.assessment import AssessmentError, Folder, Row
 from chassis_fmu.describe import sha256
+from chassis_fmu.plan import Case
 from chassis_fmu.results import read_csv
 from tests.page_schema import data_of
 
@@ -77,6 +79,31 @@ def test_the_page_has_the_verdicts_of_both_systems(folder: Path, page: str) -> N
     for name, _ in found.data:
         assert report.DATA[name] in head
     assert set(report.DATA) >= {name for name, _ in found.data}
+
+
+def test_the_page_says_where_systems_were_compared() -> None:
+    """By hand: a faster and a slower system, a bound, and a number that is missing."""
+    common = {"definition": "", "unit": "km/h", "suite": "stability", "verdict": "info", "verdict_without": "info"}
+    data = {
+        **common, "id": "iso3888_1.roll_peak", "title": "Roll", "without": 2.0, "with": 3.0, "change": -25.0,
+        "limit": None,
+        "judgment": "better", "reason": None, "compared": {"at": 39.7, "at_unit": "km/h", "without": 2.0, "with": 1.5},
+    }  # fmt: skip
+    cases = (Case("without", "Without", None), Case("with", "With", "without"))
+    row = msgspec.convert(data, Row)
+    assert report.notes(row, cases) == ["compared at 39.70 km/h: 2.000 and 1.500"]
+    none = {"with": None, "change": None, "compared": None, "reason": "it fails at 30 km/h", "judgment": "worse"}
+    row = msgspec.convert({**data, **none, "bounds": {"with": "< 30"}}, Row)
+    assert (report.value(row, "without"), report.value(row, "with")) == ("2.000", "< 30")
+    assert report.notes(row, cases) == ["with controllers: it fails at 30 km/h"]
+    lost = {
+        "compared": None,
+        "judgment": "not_comparable",
+        "incomparable": "with controllers: the driver lost the path",
+    }
+    row = msgspec.convert({**data, **lost}, Row)
+    assert report.notes(row, cases) == ["not comparable: with controllers: the driver lost the path"]
+    assert report.CHANGES["not_comparable"][1] == "not comparable"
 
 
 def test_the_page_explains_what_it_counts(page: str) -> None:

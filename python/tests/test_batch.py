@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -55,7 +56,7 @@ def planned(scenario: Plan, fmu: Path) -> Plan:
     for name, gain in (("bad", 1.0), ("good", 0.5)):
         gains = (Setting("gain", "Real", 2, gain),)
         inputs = (Setting("u", "Real", 0, 2.0),)
-        component = Component("ramp", fmu, "2.0", "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0),))
+        component = Component("ramp", fmu, "2.0", "Ramp", "Ramp", gains, inputs, (), (Wire(1, "Real", 0, "y"),))
         runs.append(replace(scenario.runs[0], id=name, components=(component,), series=(), slots=1, columns=(0, None)))
     return replace(scenario, runs=tuple(runs))
 
@@ -76,7 +77,82 @@ def test_an_fmu_costs_its_run_only(scenario: Plan, tmp_path: Path, end: str, exp
     # exact but for the rounding of three sums
     recording = results.read_csv(tmp_path / "runs" / "good.csv")
     assert recording.values[scenario.columns[0].name][-1] == pytest.approx(0.3, abs=1e-15)
-    assert [p.name for p in (tmp_path / "runs").glob("*.csv")] == ["good.csv"]
+    # The rows before the failure are kept, marked, and not taken for those of a whole run.
+    assert len(results.read_csv(tmp_path / "runs" / "bad.csv").times) == 2
+    bad = batch.read_statuses(tmp_path / "runs")["bad"]
+    assert (bad.status, bad.file, bad.end, bad.at, bad.component) == ("failed", "bad.csv", 0.1, 0.1, "ramp")
+    taken = batch.take(plan, tmp_path / "runs", tmp_path / "runs")
+    assert taken.failures == outcome.failures
+
+
+@pytest.mark.parametrize(("code", "expected"), [(2, "discarded"), (3, "failed")])
+def test_a_discarded_step_is_told_apart_from_an_error(scenario: Plan, tmp_path: Path, code: int, expected: str) -> None:
+    plan = planned(scenario, build(tmp_path, f"if (t > 0.05 && i->v.real[2] == 1) return {code};"))
+    outcome = batch.execute(plan, tmp_path / "runs", 2, 60.0)
+    assert set(outcome.failures) == {"bad"}
+    statuses = batch.read_statuses(tmp_path / "runs")
+    assert (statuses["good"].status, statuses["bad"].status) == ("completed", expected)
+
+
+def test_rows_of_earlier_runs_are_replaced_by_those_that_are_taken(scenario: Plan, tmp_path: Path) -> None:
+    source, out = tmp_path / "source", tmp_path / "out"
+    batch.execute(planned(scenario, build(tmp_path, "")), out, 2, 60.0)
+    assert len(results.read_csv(out / "bad.csv").times) == scenario.simulation.rows
+    plan = planned(scenario, build(tmp_path, "if (t > 0.05 && i->v.real[2] == 1) return 3;"))
+    batch.execute(plan, source, 2, 60.0)
+    batch.take(plan, source, out)
+    kept = source / "bad.csv"
+    assert (out / "bad.csv").read_bytes() == kept.read_bytes()
+    assert batch.read_statuses(out) == batch.read_statuses(source)
+    # Rows that are not there any more are not those of the earlier run.
+    batch.execute(planned(scenario, build(tmp_path, "")), out, 2, 60.0)
+    kept.unlink()
+    batch.take(plan, source, out)
+    assert not (out / "bad.csv").exists()
+    assert batch.read_statuses(out)["bad"].file is None
+    # Neither are those of a run that cannot be read.
+    batch.execute(planned(scenario, build(tmp_path, "")), out, 2, 60.0)
+    (source / "good.csv").unlink()
+    assert set(batch.take(plan, source, out).failures) == {"bad", "good"}
+    assert not (out / "good.csv").exists()
+
+
+def test_rows_that_are_taken_from_their_own_folder_stay(scenario: Plan, tmp_path: Path) -> None:
+    plan = planned(scenario, build(tmp_path, ""))
+    batch.execute(plan, tmp_path / "runs", 2, 60.0)
+    (tmp_path / "link").symlink_to(tmp_path / "runs")
+    assert not batch.take(plan, tmp_path / "link", tmp_path / "runs").failures
+
+
+# Elsewhere a daemon leaves the process group that ends with its worker (docs/guide/src/untrusted.md). All tiers of CI
+# run on Linux, so the test is never skipped there.
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has supervisors")
+@pytest.mark.parametrize("end", ["", "abort()", "for (;;) sleep(1)"])
+def test_what_an_fmu_starts_ends_with_its_run(scenario: Plan, tmp_path: Path, end: str) -> None:
+    # A daemon: in another session, without its parent.
+    note = tmp_path / "number"
+    writing = f'FILE *f = fopen("{note}.part", "w"); fprintf(f, "%d", getpid()); fclose(f);'
+    start = f'{writing} rename("{note}.part", "{note}"); sleep(300);'
+    daemon = f"if (fork() == 0) {{ setsid(); if (fork() == 0) {{ {start} }} _exit(0); }}"
+    daemon += f' while (access("{note}", 0)) usleep(1000);'
+    plan = planned(scenario, build(tmp_path, f"if (t > 0.15 && i->v.real[2] == 1) {{ {daemon} {end}; }}"))
+    outcome = batch.execute(replace(plan, runs=plan.runs[:1]), tmp_path / "runs", 1, 2.0)
+    assert set(outcome.failures) == ({"bad"} if end else set())
+    assert "that an FMU had started" in "".join(outcome.warnings["bad"])
+    assert not is_alive(note.read_text())
+
+
+def test_the_rounding_mode_of_an_fmu_stays_its_own(scenario: Plan, tmp_path: Path) -> None:
+    # FE_UPWARD of <fenv.h>; the times are start + k step, rounded to the nearest number.
+    upward = {"x86_64": 0x800, "aarch64": 0x400000}[platform.machine()]
+    plan = planned(scenario, build(tmp_path, f"int fesetround(int); fesetround({upward})"))
+    outcome = batch.execute(plan, tmp_path / "runs", 1, 60.0)
+    assert not outcome.failures
+    assert "fmi2DoStep changes the rounding mode" in "".join(outcome.warnings["good"])
+    times = results.read_csv(tmp_path / "runs" / "good.csv").times
+    simulation = scenario.simulation
+    step = simulation.every * simulation.step
+    assert list(times) == [simulation.start + k * step for k in range(simulation.rows)]
 
 
 def test_a_library_that_does_not_load_in_time_is_named(scenario: Plan, tmp_path: Path) -> None:

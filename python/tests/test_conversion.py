@@ -61,7 +61,7 @@ def test_both_masters_convert_alike(tmp_path: Path, run_by_both_masters: Callabl
     scenario.write_text(SCENARIO, encoding="utf-8")
     with run_by_both_masters(scenario, FOLDER).open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    names = ("driver.brake", "first:antilock_active.fl", "second:antilock_active.rl", "second:antilock_active.rr")
+    names = ("driver.brake", "antilock_active.fl", "antilock_active.rl", "antilock_active.rr")
     pedal, first, left, right = (np.array([float(row[name]) for row in rows]) for name in names)
     # The logic samples every millisecond or later, so its flag may follow the pedal by a sample.
     on = int(np.argmax(pedal > 0.5))

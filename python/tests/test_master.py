@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from typing import Any
 
@@ -9,10 +10,10 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from chassis_fmu import master
-from chassis_fmu.plan import Component, InputSeries, Plan, Run
+from chassis_fmu import fmi3, master
+from chassis_fmu.plan import Component, InputSeries, Plan, Run, Setting, Wire
 
-OK, WARNING, ERROR, FATAL = 0, 1, 3, 4
+OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4
 
 
 class StandIn:
@@ -24,11 +25,12 @@ class StandIn:
         self.step = step
         self.values: dict[int, Any] = {}
         self.freed = False
+        self.steps: list[tuple[float, float]] = []
+        self.ends_at: float | None = None
+        self.is_done = True
+        self.reached: float | None = None
         self.functions: Any = self
         self.component = 1
-
-    def name_of(self, reference: int) -> str:
-        return f"variable.{reference}"
 
     def free(self) -> None:
         self.freed = True
@@ -39,6 +41,8 @@ class StandIn:
 
     def __getattr__(self, name: str) -> Callable[..., int]:
         action = name.removeprefix("fmi2")
+        if action in ("GetRealStatus", "GetBooleanStatus"):
+            return self._real_status if action == "GetRealStatus" else self._boolean_status
         if action.startswith("Set") and action != "SetupExperiment":
             return lambda _c, references, n, values: self._set(action, references, n, values)
         if action.startswith("Get"):
@@ -60,9 +64,24 @@ class StandIn:
             values[i] = self.values.get(references[i], 0)
         return self._note(action)
 
+    def _real_status(self, _component: Any, kind: int, value: Any) -> int:
+        assert kind == 2
+        value._obj.value = self.reached
+        return OK
+
+    def _boolean_status(self, _component: Any, kind: int, value: Any) -> int:
+        assert kind == 3
+        value._obj.value = int(self.reached is not None)
+        return OK
+
     def _do_step(self, _component: Any, time: float, step: float, no_set_state: int) -> int:
         assert no_set_state == 1
         self._note(f"DoStep {time:.9g}")
+        self.steps.append((time, step))
+        if self.ends_at is not None and time + step > self.ends_at:
+            self.reached = time + step if self.is_done else time
+            self.step(self.values, step)
+            return DISCARD
         return self.step(self.values, step)
 
 
@@ -79,17 +98,28 @@ def integrate(values: dict[int, Any], step: float) -> int:
 
 
 class System:
-    """The two components of the fixture as stand-ins."""
+    """The two components of the fixture as stand-ins; those of `ending` end the simulation at a time."""
 
-    def __init__(self, source: Any = count, plant: Any = integrate) -> None:
+    def __init__(
+        self,
+        source: Any = count,
+        plant: Any = integrate,
+        ends_at: float | None = None,
+        is_done: bool = True,
+        ending: tuple[str, ...] = ("source",),
+    ) -> None:
+        self.ends_at, self.is_done, self.ending = ends_at, is_done, ending
         self.calls: list[str] = []
         self.components: dict[str, StandIn] = {}
         self.steps = {"source": source, "plant": plant}
 
     def __call__(self, component: Component) -> StandIn:
         self.calls.append(f"{component.name} Instantiate")
-        self.components[component.name] = StandIn(component.name, self.calls, self.steps[component.name])
-        return self.components[component.name]
+        made = StandIn(component.name, self.calls, self.steps[component.name])
+        if component.name in self.ending:
+            made.ends_at, made.is_done = self.ends_at, self.is_done
+        self.components[component.name] = made
+        return made
 
 
 @pytest.fixture
@@ -181,12 +211,23 @@ def test_columns_of_absent_components_are_left_out(scenario: Plan, run: Run) -> 
 
 def test_an_input_series_is_held_between_its_rows(scenario: Plan, run: Run) -> None:
     # The row at 3*0.1 counts at t = 0.3 although 0.30000000000000004 is what the master computes, and vice versa.
-    feed = InputSeries(2, (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
+    feed = InputSeries(2, "hold", (0.0, 0.1, 0.30000000000000004), (7.0, 8.0, 9.0))
     plant = replace(run.components[1], inputs=(replace(run.components[1].inputs[0], slot=2),))
     fed = replace(run, components=(run.components[0], plant), series=(feed,), slots=3, columns=(2, 1))
     longer = replace(scenario.simulation, steps=4, stop=0.4)
     _, rows = master.simulate(fed, longer, System())
     assert rows[:, 0].tolist() == [7.0, 7.0, 8.0, 8.0, 9.0]
+
+
+def test_a_linear_input_series_has_its_value_in_the_middle_of_the_step(scenario: Plan, run: Run) -> None:
+    # By hand: 0 to 1 within 0.2 s, then a jump to 3 and down to 1 at 0.4 s; row 0 is the start, each other row
+    # the middle of its step.
+    feed = InputSeries(2, "linear", (0.0, 0.2, 0.2, 0.4), (0.0, 1.0, 3.0, 1.0))
+    plant = replace(run.components[1], inputs=(replace(run.components[1].inputs[0], slot=2),))
+    fed = replace(run, components=(run.components[0], plant), series=(feed,), slots=3, columns=(2, 1))
+    longer = replace(scenario.simulation, steps=4, stop=0.4)
+    _, rows = master.simulate(fed, longer, System())
+    assert rows[:, 0] == pytest.approx([0.0, 0.25, 0.75, 2.5, 1.5], abs=1e-12)
 
 
 def test_outputs_in_scattered_slots_arrive(scenario: Plan, run: Run) -> None:
@@ -257,8 +298,63 @@ def test_a_value_that_is_not_finite_is_an_error(scenario: Plan, run: Run) -> Non
         values[13] = float("nan")
         return OK
 
-    with pytest.raises(master.RunError, match=r"plant, fmi2DoStep at t = 0 s: output variable\.13 is nan"):
+    with pytest.raises(master.RunError, match=r"plant, fmi2DoStep at t = 0\.1 s: output angle is nan") as caught:
         master.simulate(run, scenario.simulation, System(plant=explode))
+    # The row of the start is kept.
+    assert caught.value.recorded is not None
+    assert caught.value.recorded[0].tolist() == [0.0]
+
+
+def test_no_step_goes_beyond_the_declared_stop_time(scenario: Plan, run: Run) -> None:
+    # 199 * 0.1 + 0.1 is 20.000000000000004 in double arithmetic, the only sum above 20.
+    system = System()
+    master.simulate(run, replace(scenario.simulation, stop=20.0, steps=200), system)
+    for component in system.components.values():
+        assert component.steps[:-1] == [(k * 0.1, 0.1) for k in range(199)]
+        assert component.steps[-1] == (199 * 0.1, 20.0 - 199 * 0.1)
+        assert all(time + step <= 20.0 for time, step in component.steps)
+
+
+@pytest.mark.parametrize("order", ["sequential", "jacobi"])
+@pytest.mark.parametrize(("is_done", "rows"), [(True, 3), (False, 2)])
+def test_an_fmu_ends_the_simulation(scenario: Plan, run: Run, order: str, is_done: bool, rows: int) -> None:
+    system = System(ends_at=0.15, is_done=is_done)
+    with pytest.raises(master.RunError, match=r"source, fmi2DoStep at t = .*: the FMU ended the simulation") as caught:
+        master.simulate(run, replace(scenario.simulation, order=order), system)
+    assert caught.value.is_end
+    assert caught.value.time == pytest.approx(0.1 * (rows - 1))
+    assert caught.value.recorded is not None
+    times, values = caught.value.recorded
+    assert times.tolist() == [0.0, 0.1, 0.2][:rows]
+    # The other component has made the last step of these rows.
+    if order == "sequential":
+        assert values[-1, 1] == pytest.approx(sum(0.2 * (k + 1 + 0.5) for k in range(rows - 1)))
+    assert [call for call in system.calls if call.endswith("Terminate")] == ["source Terminate", "plant Terminate"]
+
+
+@pytest.mark.parametrize("order", ["sequential", "jacobi"])
+def test_the_first_of_two_components_that_end_in_one_step_is_named(scenario: Plan, run: Run, order: str) -> None:
+    system = System(ends_at=0.15, ending=("source", "plant"))
+    with pytest.raises(master.RunError, match="the FMU ended the simulation") as caught:
+        master.simulate(run, replace(scenario.simulation, order=order), system)
+    assert caught.value.component == "source"
+    # The second one has made the step, too.
+    assert [len(component.steps) for component in system.components.values()] == [2, 2]
+
+
+def test_only_a_discarded_step_is_discarded(scenario: Plan, run: Run) -> None:
+    with pytest.raises(master.RunError, match=r"plant, fmi2DoStep at t = 0 s: status 2 \(discard\)") as caught:
+        master.simulate(run, scenario.simulation, System(plant=lambda _values, _step: DISCARD))
+    assert caught.value.is_discarded
+    assert not caught.value.is_end
+    with pytest.raises(master.RunError, match="status 3") as caught:
+        master.simulate(run, scenario.simulation, System(plant=lambda _values, _step: ERROR))
+    assert not caught.value.is_discarded
+
+
+def test_an_end_at_the_stop_time_is_a_whole_run(scenario: Plan, run: Run) -> None:
+    times, _ = master.simulate(run, scenario.simulation, System(ends_at=0.25))
+    assert len(times) == scenario.simulation.rows
 
 
 def test_a_component_that_rejects_a_value_is_only_the_messenger(scenario: Plan, run: Run) -> None:
@@ -272,7 +368,7 @@ def test_a_component_that_rejects_a_value_is_only_the_messenger(scenario: Plan, 
     with pytest.raises(master.RunError) as caught:
         master.simulate(exploding, scenario.simulation, system)
     assert caught.value.component == "plant"
-    assert caught.value.messages == ("component source: output variable.30 is inf",)
+    assert caught.value.messages == ("component source: output count is inf",)
 
 
 def test_huge_finite_values_are_no_error(scenario: Plan, run: Run) -> None:
@@ -281,7 +377,49 @@ def test_huge_finite_values_are_no_error(scenario: Plan, run: Run) -> None:
         return OK
 
     wire = run.components[1].outputs[0]
-    plant = replace(run.components[1], outputs=(wire, replace(wire, reference=14, slot=2)))
+    plant = replace(run.components[1], outputs=(wire, replace(wire, reference=14, slot=2, name="rate")))
     wide = replace(run, components=(run.components[0], plant), slots=3)
     _, rows = master.simulate(wide, scenario.simulation, System(plant=huge))
     assert rows[-1, 1] == 1.7e308
+
+
+def test_an_integer_that_does_not_fit_is_an_error(scenario: Plan, run: Run) -> None:
+    """A constant and a signal beyond 32 bits; ctypes and NumPy would wrap them around."""
+    constant = Setting(name="mode", kind="Integer", reference=40, value=2**31)
+    constants = replace(run, components=(run.components[0], replace(run.components[1], constants=(constant,))))
+    with pytest.raises(master.RunError, match=r"fmi2SetInteger.*mode = 2147483648"):
+        master.simulate(constants, scenario.simulation, System())
+    feed = InputSeries(slot=2, interpolation="hold", times=(0.0,), values=(2.0**31,))
+    wire = Wire(reference=40, kind="Integer", slot=2, name="mode")
+    reader = replace(run.components[1], inputs=(*run.components[1].inputs, wire))
+    fed = replace(run, components=(run.components[0], reader), series=(feed,), slots=3)
+    with pytest.raises(master.RunError, match=r"fmi2SetInteger.*does not fit the type"):
+        master.simulate(fed, scenario.simulation, System())
+
+
+class WideLibrary:
+    """The functions of an FMU of FMI 3.0 with one Int64."""
+
+    def __init__(self) -> None:
+        self.value = 0
+
+    def __getitem__(self, name: str) -> Any:
+        def access(_component: Any, _references: Any, _count: int, values: Any, _size: int) -> int:
+            if name == "fmi3SetInt64":
+                self.value = values[0]
+            elif name == "fmi3GetInt64":
+                values[0] = self.value
+            return OK
+
+        return access
+
+
+def test_integers_of_64_bits_are_exact_up_to_two_to_53() -> None:
+    functions = fmi3.Functions(WideLibrary(), {7: "Int64", 8: "Int32"})
+    assert functions.wide == {7}
+    reference = (ctypes.c_uint * 1)(7)
+    for value, status in [(2**53, OK), (-(2**53), OK), (5_000_000_000, OK), (2**53 + 1, ERROR)]:
+        assert functions.fmi2SetInteger(1, reference, 1, (ctypes.c_int64 * 1)(value)) == OK
+        read = (ctypes.c_int64 * 1)()
+        assert functions.fmi2GetInteger(1, reference, 1, read) == status
+        assert status or read[0] == value

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from chassis_fmu import figures, page, page_data, plots
 from chassis_fmu.numbers import Numbers
-from chassis_fmu.plan import Plan, Point
+from chassis_fmu.plan import Plan, Point, Run
 from chassis_fmu.results import Recording
 
 NO_FIGURES = '{"format":1,"figures":[]}'
@@ -153,6 +153,19 @@ def test_a_page_without_anything_optional(scenario: Plan) -> None:
         page.render(Numbers(bare, {}), [], NO_FIGURES, {}, page.Context("native", "scripts/run"))
     )
     assert [h.text for h in tree.xpath("//h2")] == ["Components in the order of execution", "How it was run"]
+
+
+def test_components_are_in_the_order_of_every_run(scenario: Plan) -> None:
+    """By hand: the first case leaves out the component between the two others, and one in front of them."""
+    run = scenario.runs[0]
+    component = run.components[0]
+
+    def of(names: str) -> Run:
+        return replace(run, components=tuple(replace(component, name=name) for name in names))
+
+    assert page.order_of([of("ac"), of("abc"), of("dac")]) == ["d", "a", "b", "c"]
+    assert page.order_of([of("bc"), of("ab")]) == ["a", "b", "c"]
+    assert page.order_of([of("abc")]) == ["a", "b", "c"]
 
 
 def test_badges_of_requirements_are_explained(scenario: Plan) -> None:

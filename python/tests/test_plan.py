@@ -17,7 +17,7 @@ def test_fields_arrive(scenario: plan.Plan) -> None:
     assert [r.stem for r in scenario.runs] == ["passive_1", "passive_2", "active_1", "active_2"]
     component = scenario.run("passive", None, 1).components[1]
     assert component.fmu == HERE / "fmu" / "Plant.fmu"
-    assert component.inputs == (plan.Wire(11, "Real", 0),)
+    assert component.inputs == (plan.Wire(11, "Real", 0, "speed"),)
     assert scenario.columns[0].shown == plan.Conversion("1")
     assert scenario.columns[1].shown == plan.Conversion("deg", 57.29577951308232, 0.0)
     assert scenario.run("active", None, 2).columns == (None, 1)
@@ -33,7 +33,7 @@ def test_outputs_that_nothing_reads_are_grouped(scenario: plan.Plan) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": 1}, "plan format 1, expected 6"),
+        ({"format": 1}, "plan format 1, expected 7"),
         ({"simulation": None}, r"expected fields: .*`\$.simulation`"),
         ({"cases": [{"name": "a"}]}, r"missing required field `title` - at `\$.cases\[0\]`"),
         ({"name_": "b"}, "unknown field `name_`"),

@@ -118,6 +118,15 @@ def test_a_figure_shows_its_cases_and_levels(scenario: Plan) -> None:
     assert "A &lt;level&gt;" not in bare.svg
 
 
+def test_levels_are_in_panels_of_their_unit(scenario: Plan) -> None:
+    """By hand: a level of the first signal means nothing beside a signal in another unit."""
+    other = replace(scenario.columns[1], unit="N", display_unit=None, factor=1.0, offset=0.0)
+    plan = replace(scenario, columns=(scenario.columns[0], other))
+    figure = replace(plan.figures[0], columns=(0, 1), unit=None)
+    assert figure.levels
+    assert [panel.levels for panel in panels(plan, figure, recordings())] == [figure.levels, ()]
+
+
 def test_separate_cases_have_panels_of_their_own(scenario: Plan) -> None:
     first = scenario.figures[0]
     overlaid = draw(scenario, first, recordings())

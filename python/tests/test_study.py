@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import json
 import re
+import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +16,11 @@ import pytest
 import scipy.stats
 from numpy.typing import NDArray
 
-from chassis_fmu.study import app, report, search
+from chassis_fmu.study import app, bundle, report, search
 from chassis_fmu.study.engines import Local
-from chassis_fmu.study.job import Done
+from chassis_fmu.study.file import StudyError
+from chassis_fmu.study.file import read as load_study
+from chassis_fmu.study.job import Done, Job
 from tests import study_system
 from tests.study_system import SCENARIO, build, vary, write
 
@@ -756,3 +761,90 @@ def test_the_page_says_what_the_colors_of_effects_mean(tmp_path: Path) -> None:
     axes = [panel["x"] for figure in data["figures"] for panel in figure["panels"]]
     units = {axis["title"]: axis["units"][0]["name"] for axis in axes}
     assert (units["rising"], units["share"]) == ("m", "")
+
+
+def job(folder: Path, study: str, scenario: str) -> Job:
+    """Return a study as it is executed."""
+    path = write(folder, study, scenario)
+    return Job(load_study(path), path, [folder / "fmus"])
+
+
+def naming(path: str, place: str) -> tuple[str, str]:
+    """Return a scenario and a study in which a parameter or a level of a factor is the path of a file."""
+    if place == "parameter":
+        return SCENARIO.replace("c = 3.0 }", f'c = 3.0, file = "{path}" }}'), SAMPLE + TWO
+    return SCENARIO, SAMPLE + TWO + vary("road", "f:file", f'values = ["{path}", "other"]')
+
+
+@pytest.mark.parametrize("place", ["parameter", "level"])
+def test_files_that_fmus_read_are_part_of_the_study(tmp_path: Path, place: str) -> None:
+    build(tmp_path)
+    data = tmp_path / "data" / "road.csv"
+    data.parent.mkdir()
+    data.write_text("first")
+    scenario, study = naming("data/road.csv", place)
+    first = job(tmp_path, study, scenario)
+    assert first.data_files() == [data]
+    # Wherever it is executed: the path is absolute where it is a parameter.
+    settings = [s for unit in first.plan.runs[0].components for s in unit.parameters if s.kind == "String"]
+    assert [s.value for s in settings] == ([str(data)] if place == "parameter" else [])
+    before = first.fingerprint()
+    assert job(tmp_path, study, scenario).fingerprint() == before
+    with zipfile.ZipFile(io.BytesIO(bundle.archive(first))) as file:
+        assert file.read("scenario/l0/l1/l2/l3/data/road.csv") == b"first"
+    data.write_text("other")
+    assert job(tmp_path, study, scenario).fingerprint() != before
+
+
+@pytest.mark.parametrize("place", ["parameter", "level"])
+def test_a_file_in_a_folder_above_the_scenario_is_found_on_other_machines(tmp_path: Path, place: str) -> None:
+    folder = tmp_path / "scenarios"
+    folder.mkdir()
+    build(folder)
+    data = tmp_path / "data" / "road.csv"
+    data.parent.mkdir()
+    data.write_text("first")
+    scenario, study = naming("../data/road.csv", place)
+    first = job(folder, study, scenario)
+    before = first.fingerprint()
+    unpacked = tmp_path / "worker"
+    with zipfile.ZipFile(io.BytesIO(bundle.archive(first))) as file:
+        file.extractall(unpacked)
+    deep = unpacked.joinpath("scenario", "l0", "l1", "l2", "l3")
+    assert (deep / "../data/road.csv").read_text() == "first"
+    opened = replace(first.sources[0], file=deep / first.sources[0].file.name).open()
+    settings = [s for unit in opened.plan.runs[0].components for s in unit.parameters if s.kind == "String"]
+    assert [Path(str(s.value)).read_text() for s in settings] == ["first"] * (place == "parameter")
+    data.write_text("other")
+    assert job(folder, study, scenario).fingerprint() != before
+
+
+@pytest.mark.parametrize("place", ["parameter", "level"])
+def test_a_folder_that_a_string_names_is_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    build(tmp_path)
+    (tmp_path / "tables").mkdir()
+    scenario, study = SCENARIO, SAMPLE + TWO
+    if place == "parameter":
+        scenario = SCENARIO.replace("c = 3.0 }", 'c = 3.0, file = "tables" }')
+    else:
+        # Neither a separator nor a text that is too long for a name is a folder.
+        study += vary("road", "f:file", f'values = ["tables", ".", "{"long" * 100}"]')
+    what = "`file` of `f`" if place == "parameter" else "a value of `road`"
+    expected = (
+        f"{what} names the folder tables: `--resume` ignores changes of its files, and other machines do not get them; "
+        "use Strings that name files"
+    )
+    assert job(tmp_path, study, scenario).warnings() == [expected]
+    assert run(tmp_path, write(tmp_path, study, scenario)) == 0
+    assert capsys.readouterr().err.count(f"warning: {expected}\n") == 1
+
+
+def test_a_file_with_an_absolute_path_does_not_travel(tmp_path: Path) -> None:
+    build(tmp_path)
+    data = tmp_path / "road.csv"
+    data.write_text("first")
+    scenario = SCENARIO.replace("c = 3.0 }", f'c = 3.0, file = "{data}" }}')
+    with pytest.raises(StudyError, match="an absolute path is another file on other machines"):
+        bundle.archive(job(tmp_path, SAMPLE + TWO, scenario))

@@ -267,8 +267,10 @@ def test_a_worker_that_cannot_open_the_scenario_is_explained(tmp_path: Path, clu
 
 
 def test_a_run_that_kills_its_worker_is_a_row(tmp_path: Path, cluster: Cluster) -> None:
-    # The FMU ends the worker of Dask, the parent of its process, as when the system is out of memory.
-    build(tmp_path, before="if (a > 11.0 / 12.0) { kill(getppid(), SIGKILL); sleep(30); }")
+    # The FMU ends the worker of Dask, as when the system is out of memory. Between them is the supervisor.
+    supervisor = 'char path[64]; snprintf(path, sizeof path, "/proc/%d/stat", getppid()); FILE *f = fopen(path, "r");'
+    parent = 'int worker; if (f && fscanf(f, "%*d (%*[^)]) %*c %d", &worker) == 1) kill(worker, SIGKILL);'
+    build(tmp_path, before=f"if (a > 11.0 / 12.0) {{ {supervisor} {parent} sleep(30); }}")
     write(tmp_path, TWELVE)
     # With a nanny, which starts the worker anew.
     cluster.worker("--nanny")

@@ -54,6 +54,15 @@ class Page:
         rows: list[Any] = found.xpath("./tr")
         return rows
 
+    def check_tables(self) -> int:
+        """Check that each row of a table has a cell for each heading; return the number of tables."""
+        tables = self._tree.xpath("//table[thead]")
+        for table in tables:
+            (head,) = table.xpath("./thead/tr")
+            for row in table.xpath("./tbody/tr"):
+                assert len(cells(row)) == len(cells(head)), (cells(head), cells(row))
+        return len(tables)
+
     def panels(self, figure: str) -> dict[tuple[str, str], dict[str, Any]]:
         """Return the panels of a figure by title and note; it is drawn, too, on the page and as a file."""
         (drawn,) = self._tree.xpath(f'//figure[@id="{figure}"]')
@@ -245,6 +254,34 @@ def test_choices_are_compared(tmp_path: Path) -> None:
         # By hand: the laws differ by 0.2 c - 1, which is below zero for all samples.
         assert count == 25
         assert rows[1].xpath('./td[@class="number strong"]')
+
+
+@pytest.mark.parametrize("method", ["sweep", "sample"])
+def test_tables_of_choices_have_intervals_only_with_a_probability(tmp_path: Path, method: str) -> None:
+    build(tmp_path)
+    build(tmp_path, "a + 10 * b + 100.2 * c - 1", name="Other")
+    law = '[[vary]]\nname = "law"\nfmu = "f"\nvalues = ["Function", "Other"]\n'
+    requirement = '[[requirement]]\nmetric = "y"\nmax = 1000.0\n'
+    factor = vary("p", "f:a", "values = [0.0, 1.0, 3.0]") if method == "sweep" else vary("p", "f:a", UNIFORM)
+    page = Page(
+        tmp_path, f'method = "{method}"\n{"runs = 6" if method == "sample" else ""}\n{law}{factor}{requirement}'
+    )
+    assert page.check_tables() > 5
+    rows = page.table("By choice: Plain")
+    (note,) = rows[0].xpath('ancestor::div[1]/following-sibling::p[@class="note"][1]')
+    text = note.text_content()
+    if method == "sample":
+        assert len(cells(rows[1])) == 9
+        assert "(Student)" in text
+        assert "Bold" in text
+    else:
+        # Factor, choice, runs, mean, against, difference, share.
+        assert len(cells(rows[1])) == 7
+        assert cells(rows[1])[:3] == ["law", "Other", "3"]
+        assert cells(rows[1])[4] == "Function"
+        assert not rows[1].xpath('./td[contains(@class, "strong")]')
+        assert "interval" not in text
+        assert "(Student)" not in text
 
 
 def test_main_effects_are_means_over_the_other_factors(tmp_path: Path) -> None:

@@ -63,6 +63,11 @@ def test_an_interval_by_hand() -> None:
         (0.0, 0.0, 0.0, -2.0, Status.NOT_REPRODUCED),
         (-1.0, 1.5, 0.1, -2.0, Status.NOT_REPRODUCED),
         (-1.0, 0.5, None, -2.0, Status.PARTLY),
+        # no effect: less than 0.5 %, in the scatter or not, where the paper has more
+        (-0.008, 0.015, -0.008, -4.0, Status.NOT_REPRODUCED),
+        (-0.008, 0.0, -0.008, -4.0, Status.NOT_REPRODUCED),
+        (-0.4, 0.0, -0.4, -0.5, Status.REPRODUCED),
+        (-0.3, 0.0, -0.3, -0.4, Status.REPRODUCED),
         # the paper says that nothing changes
         (1.0, 0.5, 4.9, 0.0, Status.REPRODUCED),
         (1.0, 0.5, 5.1, 0.0, Status.NOT_REPRODUCED),

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 DATA = ROOT / "crates" / "fmu-import" / "tests" / "data"
 
 # x' = -2 x from 1, exactly; y = x + u. The component of FMI 2.0 reads the output of that of FMI 3.0, whose variables
-# have types that FMI 2.0 lacks.
+# have types that FMI 2.0 lacks. Its array is left out: this master takes no elements.
 SCENARIO = """
 title = "Versions"
 reference = "None: a test."
@@ -38,7 +38,7 @@ to = "old:u"
 name = "only"
 title = "Only"
 [record]
-signals = ["new:*", "old:y"]
+signals = ["new:y", "x", "y32", "not", "sum", "next", "old:y"]
 """
 
 
@@ -57,7 +57,7 @@ def test_both_masters_run_components_of_both_versions_alike(
     with run_by_both_masters(scenario, tmp_path).open(encoding="utf-8") as file:
         row = list(csv.DictReader(file))[-1]
     x = math.exp(-2.0 * 0.3)
-    assert float(row["new:x"]) == pytest.approx(x, abs=1e-14)
+    assert float(row["x"]) == pytest.approx(x, abs=1e-14)
     assert float(row["old:y"]) == pytest.approx(2.0 * x + 0.25, abs=1e-14)
     rest = {name: float(row[name]) for name in ("y32", "not", "sum", "next")}
     assert rest == {"y32": 0.125, "not": 0.0, "sum": 95.0, "next": 3.0}

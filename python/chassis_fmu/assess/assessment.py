@@ -65,6 +65,15 @@ class Limit(msgspec.Struct, frozen=True, rename={"holds": "is"}):
     max: float | None = None
 
 
+class Compared(msgspec.Struct, frozen=True, rename={"with_": "with"}):
+    """Numbers of both systems under the highest condition that both can drive: a speed, or an amplitude."""
+
+    at: float
+    at_unit: str
+    without: float
+    with_: float
+
+
 class Row(msgspec.Struct, frozen=True, rename={"name": "id", "with_": "with"}):
     """A metric of both systems."""
 
@@ -76,12 +85,17 @@ class Row(msgspec.Struct, frozen=True, rename={"name": "id", "with_": "with"}):
     without: Number
     with_: Number
     change: float | None
-    judgment: Literal["better", "same", "worse"] | None
+    judgment: Literal["better", "same", "worse", "not_comparable"] | None
     verdict: Literal["pass", "fail", "info", "comparison", "dropped", "error"]
     verdict_without: str
     limit: Limit | None
     reason: str | None
+    reason_without: str | None = None
     words: dict[Name, str] = {}
+    bounds: dict[Name, str] = {}
+    """What is known of a number that is missing, such as `< 30`."""
+    compared: Compared | None = None
+    incomparable: str | None = None
 
     @property
     def maneuver(self) -> str:
@@ -121,6 +135,7 @@ class Assessment(msgspec.Struct, frozen=True, rename={"with_": "with"}, dict=Tru
     systems: tuple[Name, ...]
     unwritten: dict[str, dict[str, str]]
     idle: tuple[str, ...]
+    assumed: dict[str, str]
     runs: tuple[Run, ...]
     metrics: tuple[Row, ...]
     dropped: tuple[Dropped, ...]

@@ -14,7 +14,7 @@ import jinja2
 from .. import index, lab, page, page_data, plots, results, tables
 from ..charts import Chart
 from ..plan import Case
-from .assessment import Assessment, Folder, Number, Row, Run, Suite
+from .assessment import Assessment, Folder, Name, Number, Row, Run, Suite
 from .charts import CHARTS, Source, Systems
 
 SUITES: dict[Suite, tuple[str, str]] = {
@@ -36,7 +36,12 @@ VERDICTS = {
 }
 """Class and text of the badges."""
 
-CHANGES = {"better": ("passed", "better"), "worse": ("failed", "worse"), "same": ("same", "same")}
+CHANGES = {
+    "better": ("passed", "better"),
+    "worse": ("failed", "worse"),
+    "same": ("same", "same"),
+    "not_comparable": ("open", "not comparable"),
+}
 
 DATA = {
     "class": "Car up to 3,500 kg, truck above; limits of regulations are those of cars.",
@@ -57,6 +62,7 @@ FLAGS = {
     "rolled_over": "rolled over",
     "lost": "lost the path",
     "not_finished": "did not get to the end",
+    "not_settled": "did not settle",
     "diverged": "broke down",
 }
 
@@ -110,6 +116,32 @@ def shown(value: Number, row: Row) -> str:
         return "yes" if value else "no"
     factor, _ = unit_of(row)
     return tables.number(factor * value, None)
+
+
+def value(row: Row, system: Name) -> str:
+    """Write the number of a system, or what is known of it."""
+    number = row.without if system == "without" else row.with_
+    return row.bounds.get(system, "–") if number is None else shown(number, row)
+
+
+def notes(row: Row, cases: Sequence[Case]) -> list[str]:
+    """Say why numbers are missing or cannot be compared, and where they were compared."""
+    if len(cases) == 1:
+        return [row.reason] if row.reason else []
+    found = []
+    if row.without is None and row.reason_without and (row.with_ is not None or row.reason_without != row.reason):
+        found.append(f"without controllers: {row.reason_without}")
+    if row.reason:
+        # A limit that does not apply has a reason, too.
+        of = "with controllers: " if row.with_ is None and row.without is not None else ""
+        found.append(f"{of}{row.reason}")
+    if row.compared is not None:
+        unit = "A" if row.compared.at_unit == "A" else row.compared.at_unit
+        both = " and ".join(shown(v, row) for v in (row.compared.without, row.compared.with_))
+        found.append(f"compared at {tables.number(row.compared.at, None)} {unit}: {both}")
+    if row.incomparable and row.without is not None and row.with_ is not None:
+        found.append(f"not comparable: {row.incomparable}")
+    return found
 
 
 def unit_of(row: Row) -> tuple[float, str]:
@@ -220,7 +252,8 @@ def render(found: Assessment, folder: Folder, context: Context) -> str:
         troubles=_troubles(found, source.cases),
         interactive=page_data.Interactive.of(page_data.render(source.cases, [], drawn)),
         context=context,
-        shown=shown,
+        value=value,
+        notes=lambda row: notes(row, source.cases),
         unit_of=unit_of,
         limit=limit,
         words=words,
@@ -244,7 +277,7 @@ def _replay(found: Assessment, maneuver: str, folder: Path) -> str | None:
     """
     runs = found.runs_of(maneuver, found.systems[-1])
     units = [unit.fmu for unit in (found.plant, *found.base, *found.with_)]
-    if not runs or maneuver == "slowly_increasing_steer" or not all(lab.has(unit) for unit in units):
+    if not runs or not all(lab.has(unit) for unit in units):
         return None
     parameters = runs[-1].parameters
     values = {"speed": parameters["speed"]}
@@ -272,7 +305,7 @@ def counts(found: Assessment) -> dict[str, int]:
 def changes(found: Assessment) -> dict[str, int]:
     """Count the metrics that the controllers make better or worse."""
     judgments = [row.judgment for row in found.metrics]
-    return {name: judgments.count(name) for name in ("better", "same", "worse")}
+    return {name: judgments.count(name) for name in ("better", "same", "worse", "not_comparable")}
 
 
 def write(found: Assessment, folder: Folder, context: Context) -> Path:

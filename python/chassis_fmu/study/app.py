@@ -193,6 +193,8 @@ def _series(job: Job, numbers: Numbers, folder: Path, engine: Engine) -> tuple[R
 
 def _run(options: argparse.Namespace, *, merging: bool) -> int:
     job = _job(options)
+    for text in job.warnings():
+        print(f"warning: {escaped(text)}", file=sys.stderr)
     folder = Folder(options.out.resolve() / job.name)
     shard = options.shard or WHOLE
     if shard != WHOLE and job.study.is_adaptive:

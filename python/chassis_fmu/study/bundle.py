@@ -9,10 +9,12 @@ from __future__ import annotations
 import atexit
 import hashlib
 import io
+import os
 import shutil
 import tempfile
 import threading
 import zipfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +31,8 @@ def archive(job: Job) -> bytes:
     source = job.sources[0]
     files = {f"fmus/{path.name}": path for path in job.fmu_files()}
     top = source.file.parent
-    for path in scenario_files(source.file):
+    texts = scenario_files(source.file)
+    for path in (*texts, *_data_files(job, texts)):
         # Beside each other as they are here, also those in folders above.
         files[(Path("scenario") / _relative(path, top)).as_posix()] = path
     out = io.BytesIO()
@@ -39,12 +42,28 @@ def archive(job: Job) -> bytes:
     return out.getvalue()
 
 
+def _data_files(job: Job, texts: Sequence[Path]) -> list[Path]:
+    """Return the files that FMUs read; raises StudyError for one that other machines would not find."""
+    found = job.data_files()
+    written = [path.read_text(encoding="utf-8", errors="replace") for path in texts]
+    written += [str(level) for factor in job.study.vary for level in factor.levels or ()]
+    for path in found:
+        if any(str(path) in text for text in written):
+            raise StudyError(
+                f"{path}: an absolute path is another file on other machines; write it relative to the scenario, "
+                "and put the file beside it"
+            )
+    return found
+
+
 # Folders above that of the scenario, as far as a name may lead.
 DEPTH = 4
 
 
 def _relative(path: Path, top: Path) -> Path:
     """Return where a file lies in a bundle: the scenario's own folder is so many levels deep, so that `../` works."""
+    # An archive drops `..` where it is unpacked.
+    path = Path(os.path.normpath(path))
     tops = [top, *top.parents][: DEPTH + 1]
     for up, folder in enumerate(tops):
         if path.is_relative_to(folder):

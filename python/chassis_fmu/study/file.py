@@ -117,6 +117,11 @@ class Study(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=Tru
         return self.design or DESIGNS[self.method][0]
 
     @property
+    def has_probability(self) -> bool:
+        """Tell whether the samples are drawn from distributions: others have no percentiles and no confidence."""
+        return self.method == "sample" or (self.method == "sensitivity" and self.analysis != "morris")
+
+    @property
     def is_adaptive(self) -> bool:
         """Tell whether the samples depend on the runs before."""
         return self.method in ("worst_case", "optimize")

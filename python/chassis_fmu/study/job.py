@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import plan
+from .. import _native, plan
 from ..names import unknown
 from ..scenario import Outcome, Sample, Scenario, ScenarioError, Value, Variable
 from .factors import Factor
@@ -75,10 +75,8 @@ class Limits:
     of_change: bool = False
 
     def holds(self, value: float | None) -> bool:
-        """Tell whether a number keeps the limits; one that is not there does not."""
-        if value is None:
-            return False
-        return (self.min is None or value >= self.min) and (self.max is None or value <= self.max)
+        """Tell whether a number keeps the limits; one that is not there or not finite does not."""
+        return _native.holds(self.min, self.max, value)
 
 
 class Job:
@@ -285,15 +283,68 @@ class Job:
         """Return all FMUs, each once."""
         return sorted({unit.fmu for s in self.scenarios for run in s.plan.runs for unit in run.components})
 
+    def data_files(self) -> list[Path]:
+        """Return all files that the FMUs read: those that Strings and levels of factors name, each once."""
+        named = {text for _, text in self._strings()}
+        # Absolute already, because they are those of a plan.
+        found = {path for path in map(Path, named) if path.is_absolute() and path.is_file()}
+        return sorted(found | set(self._levels().values()))
+
+    def warnings(self) -> list[str]:
+        """Return a warning for each String that names a folder, whose files are not part of the study."""
+        named = set(self._strings())
+        named |= {
+            (f"a value of `{factor.name}`", level)
+            for factor in self.study.vary
+            if factor.fmu is None
+            for level in factor.levels or ()
+            if isinstance(level, str)
+        }
+        top = self.sources[0].file.parent
+        return [
+            f"{what} names the folder {text}: `--resume` ignores changes of its files, and other machines do not get "
+            "them; use Strings that name files"
+            for what, text in sorted(named)
+            # A decimal or path separator is an option, not a folder.
+            if any(map(str.isalnum, text)) and _tells((top / text).is_dir)
+        ]
+
+    def _strings(self) -> Iterator[tuple[str, str]]:
+        """Iterate over the Strings of all scenarios: parameter or input with its component, and value."""
+        for unit in (unit for s in self.scenarios for run in s.plan.runs for unit in run.components):
+            for setting in (*unit.parameters, *unit.constants):
+                if setting.kind == "String":
+                    yield f"`{setting.name}` of `{unit.name}`", str(setting.value)
+
+    def _levels(self) -> dict[str, Path]:
+        """Return the files that levels of factors name; a relative path starts at the folder of the scenario."""
+        levels = {str(level) for factor in self.study.vary for level in factor.levels or () if isinstance(level, str)}
+        files = {level: self.sources[0].file.parent / level for level in levels if level}
+        return {level: path for level, path in files.items() if _tells(path.is_file)}
+
     def fingerprint(self) -> str:
-        """Return a hash of all that decides about the rows: study, scenario, content of the FMUs."""
+        """Return a hash of all that decides about the rows: study, scenario, FMUs and the files that they read."""
         parts: list[Any] = [_of_study(self.study), self.plan_hash()]
+        parts += [[level, _hash(path)] for level, path in sorted(self._levels().items())]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def plan_hash(self) -> list[Any]:
         """Return what identifies the runs, wherever the FMUs lie."""
-        hashes = {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in self.fmu_files()}
+        files = [*self.fmu_files(), *self.data_files()]
+        hashes = {str(path): _hash(path) for path in files}
         return [[_without_paths(s.json(), hashes) for s in self.scenarios], sorted(set(hashes.values()))]
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _tells(test: Callable[[], bool]) -> bool:
+    """Return what a test of a path tells; the path of any other text, however long, is neither file nor folder."""
+    try:
+        return test()
+    except (OSError, ValueError):
+        return False
 
 
 def _open(source: Source, path: Path) -> Scenario:
@@ -322,6 +373,9 @@ def _without_paths(text: str, hashes: Mapping[str, str]) -> str:
     for run in found["runs"]:
         for unit in run["components"]:
             unit["fmu"] = hashes.get(unit["fmu"], unit["fmu"])
+            for setting in (*unit["parameters"], *unit["constants"]):
+                if setting["type"] == "String":
+                    setting["value"] = hashes.get(setting["value"], setting["value"])
     return hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()
 
 

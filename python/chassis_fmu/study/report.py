@@ -324,7 +324,7 @@ def render(numbers: Numbers, recorded: Recorded, context: Context, folder: Path)
         history=history_drawing,
         best=best(numbers),
         failure_text=lambda done: failure_text(numbers, done),
-        percentiles=statistics.PERCENTILES,
+        percentiles=statistics.PERCENTILES if job.study.has_probability else (),
         confidence=100 * statistics.CONFIDENCE,
         interactive=page_data.Interactive.of(page_data.render(job.plan.cases, [], drawn)),
         context=context,
@@ -455,17 +455,20 @@ def write(numbers: Numbers, recorded: Recorded, context: Context, folder: Path) 
 def console(numbers: Numbers) -> str:
     """Return what the terminal shows: numbers of the metrics, sensitivities, requirements, failed runs."""
     job = numbers.job
-    header = ["Metric", "Case", "runs", "mean", "5 %", "50 %", "95 %", "min", "max"]
+    # Of values that are chosen, not drawn, percentiles say where they were chosen.
+    picked = (0, 2, 4) if job.study.has_probability else ()
+    named = [f"{statistics.PERCENTILES[i]:g} %" for i in picked]
+    header = ["Metric", "Case", "runs", "mean", *named, "min", "max"]
     rows = []
     notes = []
     for metric in job.metrics:
         of = job.plan.metrics[metric]
-        for title, values, _ in _groups(numbers, metric):
-            found = Distribution.of(values)
-            shown = ["–"] * 6
+        for title, of_group, _ in _groups(numbers, metric):
+            found = Distribution.of(of_group)
+            shown = ["–"] * (3 + len(picked))
             if found is not None:
-                picked = (found.mean, *(found.percentiles[i] for i in (0, 2, 4)), found.min, found.max)
-                shown = [number(value, of) for value in picked]
+                values = (found.mean, *(found.percentiles[i] for i in picked), found.min, found.max)
+                shown = [number(value, of) for value in values]
             count = "0" if found is None else str(found.count)
             rows.append([tables.with_unit(of.title, of.conversion.unit), title, count, *shown])
         at = job.metrics.index(metric)
@@ -537,9 +540,9 @@ def _verdict(numbers: Numbers, share: Share) -> str:
     limits = " and ".join(f"{word} {tables.scientific(v)} {unit}".rstrip() for word, v in ends if v is not None)
     limits = f"a change of {limits}" if share.limits.of_change else limits
     place = f"{metric.title}, {_titles(numbers, share.case, share.point)}"
-    # A sweep's values are chosen, not sampled: its share is exact and needs no confidence interval.
+    # Values that are chosen, not drawn, have an exact share: it needs no confidence interval.
     interval = ""
-    if numbers.job.study.method != "sweep":
+    if numbers.job.study.has_probability:
         low, high = share.interval
         interval = f" ({100 * statistics.CONFIDENCE:g} % interval {percent(low)} to {percent(high)})"
     return (

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
+from .. import _native
 from . import design
 from .file import Study
 from .job import Done, Job, Limits
@@ -49,7 +50,7 @@ class Share:
     @property
     def holds(self) -> bool:
         """Tell whether enough runs keep it."""
-        return self.of > 0 and self.share >= self.limits.share
+        return self.of > 0 and _native.is_enough(self.met, self.of, self.limits.share)
 
 
 def wilson(met: int, of: int) -> tuple[float, float]:
