@@ -225,7 +225,7 @@ pub fn fuzz(
         size: variable.size,
         start: match variable.start {
             Some(Value::Real(start)) => start,
-            Some(Value::Integer(start)) => f64::from(start),
+            Some(Value::Integer(start)) => start as f64,
             Some(Value::Boolean(start)) => f64::from(u8::from(start)),
             _ => 0.0,
         },

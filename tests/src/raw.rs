@@ -16,10 +16,14 @@ use std::sync::{Mutex, PoisonError};
 
 mod calls;
 mod events;
+#[cfg(target_arch = "x86_64")]
+mod float_environment;
 mod names;
 mod types;
 
 pub use events::{DerivativeArrays, UpdateFlags};
+#[cfg(target_arch = "x86_64")]
+pub use float_environment::FloatEnvironment;
 pub use names::in_version;
 pub use types::TYPES_WITHOUT_VARIABLES;
 

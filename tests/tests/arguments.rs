@@ -133,7 +133,7 @@ fn set_start(instance: &mut Instance, variable: &Variable) -> Rejected {
     let reference = [variable.reference];
     match &variable.start {
         Some(Value::Real(value)) => instance.set_real(&reference, &[*value]),
-        Some(Value::Integer(value)) => instance.set_integer(&reference, &[*value]),
+        Some(Value::Integer(value)) => instance.set_integer(&reference, &[i32::try_from(*value).unwrap()]),
         Some(Value::Boolean(value)) => instance.set_boolean(&reference, &[i32::from(*value)]),
         Some(Value::String(value)) => instance.set_string(&reference, &[value]),
         None => instance.set_real(&reference, &[0.0]),
@@ -187,7 +187,7 @@ fn start_values_are_those_of_the_description() {
                 Some(Value::Integer(value)) => {
                     let mut found = [0];
                     ok(instance.get_integer(&reference, &mut found));
-                    assert_eq!(found, [*value], "{}: {}", fmu.name, variable.name);
+                    assert_eq!(i64::from(found[0]), *value, "{}: {}", fmu.name, variable.name);
                 }
                 Some(Value::Boolean(value)) => {
                     let mut found = [0];

@@ -169,6 +169,17 @@ fn a_rollover_is_a_result() {
 
 /// An FMU of the library with other names of variables, as a stranger's has them.
 fn stranger(folder: &Path, fmu: &str, name: &str, renamed: &[(&str, &str)]) {
+    edited(folder, fmu, name, |mut text| {
+        for (old, new) in renamed {
+            assert!(text.contains(&format!("name=\"{old}\"")), "{old}");
+            text = text.replace(&format!("name=\"{old}\""), &format!("name=\"{new}\""));
+        }
+        text
+    });
+}
+
+/// An FMU of the library with another description.
+fn edited(folder: &Path, fmu: &str, name: &str, edit: impl Fn(String) -> String) {
     let source = std::fs::File::open(tests::folder().join(format!("{fmu}.fmu"))).unwrap();
     let mut archive = zip::ZipArchive::new(source).unwrap();
     let mut copy = zip::ZipWriter::new(std::fs::File::create(folder.join(format!("{name}.fmu"))).unwrap());
@@ -178,12 +189,7 @@ fn stranger(folder: &Path, fmu: &str, name: &str, renamed: &[(&str, &str)]) {
         let mut bytes = Vec::new();
         entry.read_to_end(&mut bytes).unwrap();
         if name == "modelDescription.xml" {
-            let mut text = String::from_utf8(bytes).unwrap();
-            for (old, new) in renamed {
-                assert!(text.contains(&format!("name=\"{old}\"")), "{old}");
-                text = text.replace(&format!("name=\"{old}\""), &format!("name=\"{new}\""));
-            }
-            bytes = text.into_bytes();
+            bytes = edit(String::from_utf8(bytes).unwrap()).into_bytes();
         }
         copy.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
         copy.write_all(&bytes).unwrap();
@@ -220,6 +226,110 @@ fn a_strangers_plant_is_assessed_by_other_names() {
     let message = refused.errors();
     assert!(message.contains("it has no input `steer.front` and no output `vehicle.yaw_rate`"), "{message}");
     assert!(message.contains("[signals]"), "{message}");
+}
+
+/// The description of a plant whose variables are in other units: variable, its unit, the one it declares. The base units of these
+/// are added, but for those without any.
+fn in_units(text: String, units: &[(&str, &str, &str)]) -> String {
+    let definitions = [
+        ("deg/s", "s=\"-1\" rad=\"1\" factor=\"0.017453292519943295\""),
+        ("g", "m=\"1\" s=\"-2\" factor=\"9.80665\""),
+        ("km/h", "m=\"1\" s=\"-1\" factor=\"0.2777777777777778\""),
+        ("t", "kg=\"1\" factor=\"1000\""),
+    ];
+    units.iter().fold(text, |text, (name, old, new)| {
+        let at = text.find(&format!("<ScalarVariable name=\"{name}\"")).expect("the variable is there");
+        let (before, after) = text.split_at(at);
+        let after = after.replacen(&format!("unit=\"{old}\""), &format!("unit=\"{new}\""), 1);
+        let definition = definitions.iter().find(|(unit, _)| unit == new).map_or_else(String::new, |(unit, base)| {
+            format!("<UnitDefinitions>\n<Unit name=\"{unit}\"><BaseUnit {base}/></Unit>")
+        });
+        let before = if definition.is_empty() || before.contains(&format!("<Unit name=\"{new}\"")) {
+            before.to_owned()
+        } else {
+            before.replacen("<UnitDefinitions>", &definition, 1)
+        };
+        format!("{before}{after}")
+    })
+}
+
+/// Reference: the units. The plant still gives numbers in rad/s, m/s2 and kg; declared as deg/s, g and t they are other values, and
+/// what is linear in them has their factors.
+#[test]
+fn signals_are_converted_by_their_declared_units() {
+    let folder = TempDir::new().unwrap();
+    let folders = [folder.path().to_path_buf(), tests::folder()];
+    let handling = ["--suite", "handling", "--speed", "80"];
+    let ours = assess(&[&["BicycleCar"][..], &handling].concat());
+    let degrees = std::f64::consts::PI / 180.0;
+    edited(folder.path(), "BicycleCar", "Degrees", |text| in_units(text, &[("vehicle.yaw_rate", "rad/s", "deg/s")]));
+    let found = assess_with(&folders, &[&["Degrees"][..], &handling].concat());
+    for (id, factor) in [
+        ("step_steer.yaw_rate.gain", degrees),
+        ("step_steer.yaw_rate.overshoot", 1.0),
+        ("step_steer.lateral_acceleration.response_time", 1.0),
+    ] {
+        // Nine digits of the file.
+        let expected = factor * ours.number(id, "without");
+        near(found.number(id, "without"), expected, 1e-8 * expected);
+    }
+    // The unit of the file of the vehicle takes precedence over that of the FMU: 1 rad/s is 1 rad/s again.
+    let vehicle = folder.path().join("vehicle.toml");
+    std::fs::write(&vehicle, "[signals]\n\"vehicle.yaw_rate\" = { unit = \"rad/s\" }\n").unwrap();
+    let given = assess_with(&folders, &[&["Degrees", "--vehicle", vehicle.to_str().unwrap()][..], &handling].concat());
+    assert_eq!(given.json()["metrics"], ours.json()["metrics"]);
+    // 0.3 g is reached with 1 / 9.80665 of the steering: the car is linear.
+    edited(folder.path(), "BicycleCar", "Gravity", |text| {
+        in_units(text, &[("vehicle.lateral_acceleration", "m/s2", "g"), ("vehicle.mass", "kg", "t")])
+    });
+    let found = assess_with(&folders, &[&["Gravity"][..], &handling].concat());
+    let id = "step_steer.lateral_acceleration.response_time";
+    near(found.number(id, "without"), ours.number(id, "without"), 1e-6);
+    let (angle, usual) = (found.number("step_steer.steer", "without"), ours.number("step_steer.steer", "without"));
+    // Found within 1 % of the lateral acceleration; a vehicle of 1,500 t is a truck, whose step has half of it.
+    near(angle, 0.5 * usual / 9.806_65, 0.02 * angle);
+    assert_eq!(
+        (&found.json()["vehicle"]["class"], found.json()["vehicle"]["mass"]["value"].as_f64()),
+        (&"truck".into(), Some(1.5e6))
+    );
+}
+
+/// What cannot be converted is refused, with the variable, its unit, and what to do.
+#[test]
+fn signals_in_other_units_are_refused_where_nothing_converts_them() {
+    let folder = TempDir::new().unwrap();
+    let folders = [folder.path().to_path_buf(), tests::folder()];
+    for (name, variable, old, new, words) in [
+        ("Speed", "vehicle.speed", "m/s", "km/h", ["`vehicle.speed` of Speed is in km/h", "Export Speed with"]),
+        ("Steering", "steer.front", "rad", "deg", ["`steer.front` of Steering is in deg", "Export Steering with"]),
+        ("Unknown", "vehicle.yaw_rate", "rad/s", "blob", ["in blob, which no base unit explains", "Declare the unit"]),
+        ("Other", "body.roll", "rad", "kg", ["`body.roll` of Other is in kg, but the bench needs rad", "--vehicle"]),
+        (
+            "Mass",
+            "vehicle.mass",
+            "kg",
+            "m",
+            ["`vehicle.mass` of Mass is in m, but the bench needs kg", "Declare the unit"],
+        ),
+    ] {
+        edited(folder.path(), "BicycleCar", name, |text| in_units(text, &[(variable, old, new)]));
+        let found = assess_with(&folders, &[name, "--suite", "handling"]);
+        assert_eq!(found.code(), Some(2), "{name}: {}", found.errors());
+        for word in words {
+            assert!(found.errors().contains(word), "{name}: {}", found.errors());
+        }
+    }
+    // Without a unit there is nothing to check: it is said.
+    edited(folder.path(), "BicycleCar", "Silent", |text| {
+        let at = text.find("<ScalarVariable name=\"vehicle.yaw_rate\"").expect("the variable is there");
+        let (before, after) = text.split_at(at);
+        let after = after.replacen("unit=\"rad/s\" displayUnit=\"deg/s\"", "", 1);
+        format!("{before}{after}")
+    });
+    let found = assess_with(&folders, &["Silent", "--suite", "handling"]);
+    assert_eq!(found.code(), Some(0), "{}", found.errors());
+    assert_eq!(found.json()["assumed"], serde_json::json!({ "vehicle.yaw_rate": "rad/s" }));
+    assert!(found.errors().contains("the plant declares no unit of `vehicle.yaw_rate` (rad/s)"), "{}", found.errors());
 }
 
 /// A plant that does not tell its geometry: what needs the wheelbase is left out, everything else has the numbers of the plant
@@ -343,7 +453,9 @@ fn a_mirrored_track_has_the_same_margins() {
 #[test]
 fn maneuvers_that_are_left_out_are_reported() {
     let found = assess(&["RescueVehicle", "--suite", "braking"]);
-    assert_eq!(found.code(), Some(0), "{}", found.errors());
+    assert_eq!(found.code(), Some(2), "{}", found.errors());
+    assert!(found.errors().contains("nothing could be run"), "{}", found.errors());
+    assert!(String::from_utf8_lossy(&found.output.stdout).contains("left out: braking (there are no pedals"));
     for maneuver in ["braking", "split_friction", "brake_in_turn"] {
         let row = found.row(maneuver);
         assert_eq!((&row["verdict"], &row["without"]), (&"dropped".into(), &Value::Null));
@@ -422,13 +534,26 @@ fn the_rescue_vehicle_has_the_numbers_of_an_independent_bench() {
         ("fishhook.load_transfer_peak", "with", 0.33, 5e-3),
     ];
     has_numbers_of_an_independent_bench(&found, &numbers);
-    // A number that is lost is worse, and what only one system has keeps its verdict.
+    // At unequal entry speeds nothing is compared: the faster system drives at the speed of the other one, too.
+    let transfer = found.row("iso3888_1.load_transfer_peak");
+    let slower = found.number("iso3888_1.max_entry_speed", "without");
+    assert!(transfer["with"].as_f64() > transfer["without"].as_f64(), "{transfer}");
+    assert_eq!((transfer["compared"]["at"].as_f64(), &transfer["judgment"]), (Some(slower), &"better".into()));
+    let id = format!("iso3888_1.{slower:.4}");
+    let run = found.runs(&id).find(|run| run["system"] == "with").expect("a run");
+    assert_eq!(run["metrics"]["load_transfer_peak"], transfer["compared"]["with"]);
+    let said = String::from_utf8_lossy(&found.output.stdout).into_owned();
+    assert!(said.contains("lost the path with controllers: iso3888_2.20.0000"), "{said}");
+    assert!(said.contains("(with: it fails at 20 km/h)"), "{said}");
+    // A number that is known to be lower is worse, one that is not known cannot be compared.
     let speed = found.row("iso3888_2.max_entry_speed");
     assert_eq!((&speed["with"], &speed["judgment"]), (&Value::Null, &"worse".into()));
     assert_eq!(speed["reason"], "it fails at 20 km/h");
     let exit = found.row("iso3888_2.exit_speed");
     assert_eq!((&exit["with"], &exit["verdict"]), (&Value::Null, &"info".into()));
     assert_eq!(exit["reason"], "only the runs without controllers have it");
+    let roll = found.row("iso3888_2.roll_peak");
+    assert_eq!((&roll["with"], &roll["judgment"]), (&Value::Null, &"not_comparable".into()));
 }
 
 #[test]

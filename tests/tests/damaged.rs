@@ -140,7 +140,7 @@ fn damaged_scenarios_are_rejected_with_a_message() {
 /// Reading a study starts none of them.
 fn workers() -> Workers {
     let launch = Launch { program: PathBuf::from("none"), arguments: Vec::new() };
-    let settings = Settings { launch, timeout: Duration::from_secs(1), libpython: None, printed: Arc::new(|_| ()) };
+    let settings = Settings::new(launch, Duration::from_secs(1), Arc::new(|_| ()));
     Workers { settings, jobs: NonZeroUsize::MIN }
 }
 

@@ -145,7 +145,14 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
         let output = place.fmu(&["check", &format!("out/{fmu}.fmu")]);
         let report = String::from_utf8_lossy(&output.stdout);
         assert!(report.contains("no error, no warning"), "{report}");
-        let (description, _) = place.packed(fmu);
+        let (description, mut archive) = place.packed(fmu);
+        // The binary names neither the folder of the exporter nor that of the package nor that of the build.
+        let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
+        let bytes = std::fs::read(&unpacked.binary).expect("a library");
+        for folder in [workspace().join("crates"), place.path().to_path_buf(), Place::target()] {
+            let folder = folder.into_os_string().into_encoded_bytes();
+            assert!(!bytes.windows(folder.len()).any(|window| window == folder), "{fmu} names a folder of its sources");
+        }
         // Nothing in it names this project's authors, license or version.
         assert_eq!((description.author.as_deref(), description.license.as_deref()), (None, None), "{fmu}");
         assert_eq!(description.version.as_deref(), Some("0.1.0"), "{fmu}");
@@ -404,7 +411,7 @@ fn packages_that_cannot_be_packed_are_reported() {
     assert!(empty.contains("the package exports no model") && empty.contains("#[fmu::model("), "{empty}");
     place.package("twice", lib, &GAIN.replace("pub u: f64", "#[var(\"gain\")]\n    pub u: f64"));
     let twice = message("twice");
-    assert!(twice.contains("Widget: two variables are named 'gain'"), "{twice}");
+    assert!(twice.contains("two variables of the model are named `gain`"), "{twice}");
     place.package("plain", "[dependencies]\nfmu = { path = \"EXPORTER\" }\n", "//! No dynamic library.\n");
     let plain = message("plain");
     assert!(plain.contains("crate-type = [\"cdylib\", \"rlib\"]"), "{plain}");

@@ -292,7 +292,11 @@ fn held_outputs_depend_on_nothing_between_steps() {
                 assert_eq!(fmu.outputs(instance), held, "{}: an output reacts {place}", fmu.name);
             }
         };
-        check(&mut instance, "in Initialization Mode");
+        // There an output may follow an input, if it says so.
+        let follows = |index: &usize| fmu.description.variables[*index].causality == Causality::Input;
+        if !fmu.description.initial_unknowns.iter().any(|unknown| unknown.dependencies.iter().flatten().any(follows)) {
+            check(&mut instance, "in Initialization Mode");
+        }
         ok(instance.exit_initialization_mode());
         check(&mut instance, "before the first step");
         for k in 0..5 {
