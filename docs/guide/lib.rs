@@ -25,6 +25,7 @@ pages! {
     swapping = "src/swapping.md",
     optimal_control = "src/optimal-control.md",
     steady_states = "src/steady-states.md",
+    untrusted = "src/untrusted.md",
     studies = "src/studies.md",
     assess = "src/assess.md",
     attributes = "src/attributes.md",
