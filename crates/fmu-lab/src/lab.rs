@@ -76,7 +76,9 @@ impl Lab {
                 for open in &mut self.systems {
                     open.running.seek(time)?;
                 }
-                json(&Sought { time: self.systems.first().map_or(0.0, |open| open.running.time()) })
+                // A system whose run has ended before the time stays at its end.
+                let times = self.systems.iter().map(|open| open.running.time());
+                json(&Sought { time: times.reduce(f64::max).unwrap_or(0.0) })
             }
             Request::Set { system, adjustable, value } => {
                 self.set(system, &adjustable, value).map(|()| "null".to_owned())

@@ -6,6 +6,7 @@ use crate::fmus::{Descriptions, Modules, name_of};
 use crate::requests::{Driving, Failure};
 use fmu_assess::single::{PLANT, ROLLED_OVER};
 use fmu_import::description::{Causality, Value, Variable};
+use fmu_system::failure::FailureKind;
 use fmu_system::master::Recording;
 use fmu_system::run::{Run, Simulation};
 use fmu_system::session::{Overwrite, RunError, Saved, Session};
@@ -158,12 +159,16 @@ impl Running {
                 }
             }
         }
-        self.session.step()?;
-        self.record();
-        if self.ends_rolled_over {
-            self.end_rolled_over();
+        let ended = self.session.step();
+        // An FMU that ends the simulation at the end of the step has made it.
+        let is_whole = ended.as_ref().err().is_none_or(|error| error.kind() == FailureKind::Terminated);
+        if is_whole && self.session.steps() > step {
+            self.record();
+            if self.ends_rolled_over {
+                self.end_rolled_over();
+            }
         }
-        Ok(())
+        ended
     }
 
     /// Ends the run of a vehicle on its side, as the test bench does: what a model says of it has no meaning.
@@ -288,7 +293,13 @@ impl Running {
             while let Some((_, action)) = next.next_if(|(step, _)| *step == self.session.steps()) {
                 self.apply(action)?;
             }
-            self.step().map_err(failed)?;
+            if let Err(error) = self.step() {
+                if error.kind() != FailureKind::Terminated {
+                    return Err(failed(error));
+                }
+                self.stopped = Some(stopped(&error));
+                break;
+            }
         }
         self.actions = actions;
         self.actions.retain(|(step, _)| *step < target);
