@@ -153,6 +153,10 @@ fn templates_of_all_kinds_work_outside_of_any_workspace() {
             let folder = folder.into_os_string().into_encoded_bytes();
             assert!(!bytes.windows(folder.len()).any(|window| window == folder), "{fmu} names a folder of its sources");
         }
+        // Its documentation names no file that is not there.
+        let page = archive.entry("documentation/index.html").unwrap_or_else(|error| panic!("{error}"));
+        let page = String::from_utf8(page.expect("a page")).expect("text");
+        assert!(!page.contains("model.png") && !page.contains("reference.csv"), "{page}");
         // Nothing in it names this project's authors, license or version.
         assert_eq!((description.author.as_deref(), description.license.as_deref()), (None, None), "{fmu}");
         assert_eq!(description.version.as_deref(), Some("0.1.0"), "{fmu}");
@@ -294,6 +298,102 @@ impl Continuous for Stiff {
     let report = String::from_utf8_lossy(&output.stdout);
     assert!(report.contains("no error, 1 warning"), "{report}");
     assert!(report.contains("variable `max_step`: in the default experiment `x` differs by"), "{report}");
+}
+
+/// What only a run shows: a logarithm that loses its value in the middle of the default experiment, and time events that count from
+/// 0 s instead of the start. Both are built for a debugger, with the symbols that it needs.
+#[test]
+fn mistakes_that_only_a_run_shows_are_reported() {
+    const LATE: &str = r#"use fmu::prelude::*;
+
+#[derive(Parameters)]
+pub struct Late {
+    /// Time after which the logarithm has no value (s)
+    #[var("End_Time", start = 2.0)]
+    end: f64,
+}
+
+#[derive(State)]
+pub struct X<T> {
+    /// Integral of the logarithm (1)
+    integral: T,
+}
+
+/// Integral of ln(end - t)
+#[fmu::model(stop_time = 4.0, step_size = 0.01)]
+impl Continuous for Late {
+    type State<T: Scalar> = X<T>;
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        X { integral: (-at.time + self.end).ln() }
+    }
+}
+"#;
+    const CLOCK: &str = r#"use fmu::prelude::*;
+
+#[derive(Parameters)]
+pub struct Clock {
+    /// Time between two ticks (s)
+    #[var(start = 60.0)]
+    period: f64,
+}
+
+#[derive(State)]
+pub struct X<T> {
+    /// Mean of the ticks (1)
+    mean: T,
+}
+
+#[derive(DiscreteState, Clone, Default)]
+pub struct Ticks {
+    count: i32,
+}
+
+/// Ticks
+#[fmu::model(stop_time = 600.0, step_size = 1.0)]
+impl Continuous for Clock {
+    type State<T: Scalar> = X<T>;
+    type DiscreteState = Ticks;
+    fn derivatives<T: Scalar>(&self, at: At<T, Self>) -> X<T> {
+        X { mean: T::from(f64::from(at.discrete.count)) - at.state.mean }
+    }
+    fn next_time_event(&self, at: At<f64, Self>) -> Option<f64> {
+        Some(f64::from(at.discrete.count + 1) * self.period)
+    }
+    fn on_event(&self, event: Event<Self>) {
+        event.discrete.count += 1;
+    }
+}
+"#;
+    let place = Place::new();
+    let lib =
+        "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n[dependencies]\nfmu = { path = \"EXPORTER\" }\n[workspace]\n";
+    let check = |package: &str, fmu: &str, model: &str| {
+        place.package(package, lib, model);
+        place.run(&tests::cargo_fmu(), &["pack", "--debug", "--out", "../out"], &[], package);
+        let (description, mut archive) = place.packed(fmu);
+        let unpacked = archive.unpack(&description, Interface::CoSimulation).unwrap_or_else(|error| panic!("{error}"));
+        let library = std::fs::read(&unpacked.binary).expect("a library");
+        assert!(library.windows(11).any(|window| window == b".debug_info"), "{fmu} has no symbols");
+        let output = Command::new(tests::cargo_fmu())
+            .args(["check", &format!("out/{fmu}.fmu")])
+            .current_dir(place.path())
+            .output()
+            .expect("the command runs");
+        (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    let (code, report) = check("late", "Late", LATE);
+    assert_eq!(code, Some(1), "{report}");
+    let expected = "error: the default experiment: fails at 1.99 s of 4 s: fmi2DoStep returned fmi2Error \
+                    (\"fmi2DoStep: 'integral' became -inf at 2 s;";
+    assert!(report.contains(expected), "{report}");
+    assert!(report.contains("it simulates: no") && report.contains("it follows the standard: yes"), "{report}");
+    let (code, report) = check("clock", "Clock", CLOCK);
+    assert_eq!(code, Some(0), "{report}");
+    let expected = "warning: another start time: fails from 300 s on, not from 0 s on: fmi2ExitInitializationMode returned fmi2Error \
+                    (\"fmi2ExitInitializationMode: `next_time_event` must not return a time before the present one, 300 s, got 60 s;";
+    assert!(report.contains(expected), "{report}");
+    let expected = "warning: model exchange: another start time: fails from 300 s on";
+    assert!(report.contains(expected), "{report}");
 }
 
 /// A branch on a real parameter hides what only the other side reads: the model structure is that of the start value, and

@@ -1,5 +1,7 @@
 //! `documentation/index.html` of an FMU: the README of the model and the tables of its variables.
 
+use std::collections::BTreeMap;
+
 use fmu_import::description::{Causality, FmiVersion, ModelDescription, Variability, Variable};
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 
@@ -12,21 +14,27 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Without the links to other files of the repository, which an FMU does not contain. Their text stays.
+/// Without the links to other files of the repository and without its pictures, which an FMU does not contain. Their text stays.
 fn without_relative_links<'a>(events: impl Iterator<Item = Event<'a>>) -> impl Iterator<Item = Event<'a>> {
-    let mut is_relative = false;
+    let is_here = |url: &str| !["https:", "http:", "mailto:", "#"].iter().any(|start| url.starts_with(start));
+    let (mut in_link, mut in_picture) = (false, false);
     events.filter(move |event| match event {
         Event::Start(Tag::Link { dest_url, .. }) => {
-            is_relative = !["https:", "http:", "mailto:", "#"].iter().any(|start| dest_url.starts_with(start));
-            !is_relative
+            in_link = is_here(dest_url);
+            !in_link
         }
-        Event::End(TagEnd::Link) => !is_relative,
+        Event::End(TagEnd::Link) => !in_link,
+        Event::Start(Tag::Image { dest_url, .. }) => {
+            in_picture = is_here(dest_url);
+            !in_picture
+        }
+        Event::End(TagEnd::Image) => !in_picture,
         _ => true,
     })
 }
 
-/// The page, complete in itself.
-pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
+/// The page, complete in itself. It names those of the other files in the FMU that are there.
+pub(crate) fn page(description: &ModelDescription, readme: &str, files: &BTreeMap<String, Vec<u8>>) -> String {
     let mut body = String::new();
     html::push_html(&mut body, without_relative_links(Parser::new_ext(readme, Options::ENABLE_TABLES)));
     let name = escape(&description.model_name);
@@ -43,16 +51,20 @@ pub(crate) fn page(description: &ModelDescription, readme: &str) -> String {
     .collect();
     let guid = escape(&description.guid);
     let (prefix, icon, token) = match description.fmi {
-        FmiVersion::V2 => ("fmi2", "model.png", "GUID"),
+        FmiVersion::V2 => ("fmi2", ICON_OF_FMI2, "GUID"),
         FmiVersion::V3 => ("fmi3", ICON, "Instantiation token"),
     };
-    let calls = calls(description, prefix);
+    let icon = if files.contains_key(icon) { format!("<img src=\"../{icon}\" alt=\"\">") } else { String::new() };
+    let calls = calls(description, prefix, files.contains_key(REFERENCE_RUN));
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{name}</title>\n<style>\n{STYLE}</style>\n\
-         </head>\n<body>\n<p class=\"summary\"><img src=\"../{icon}\" alt=\"\">{summary}</p>\n{body}<h2>Variables</h2>\n{tables}\
+         </head>\n<body>\n<p class=\"summary\">{icon}{summary}</p>\n{body}<h2>Variables</h2>\n{tables}\
          <h2>Calls</h2>\n{calls}<p class=\"guid\">{token} {guid}</p>\n</body>\n</html>\n"
     )
 }
+
+/// Entry of the icon in FMI 2.0.
+pub(crate) const ICON_OF_FMI2: &str = "model.png";
 
 /// Entry of the icon in FMI 3.0.
 pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
@@ -61,7 +73,7 @@ pub(crate) const ICON: &str = "terminalsAndIcons/icon.png";
 pub(crate) const REFERENCE_RUN: &str = "extra/io.github.chassis-fmu/reference.csv";
 
 /// What the interfaces of the FMU promise to the tool that calls them.
-fn calls(description: &ModelDescription, prefix: &str) -> String {
+fn calls(description: &ModelDescription, prefix: &str, has_reference_run: bool) -> String {
     let mut text = String::from("<p>");
     if description.co_simulation.is_some() {
         text += "In co-simulation, the communication step may have any length above 0 and may vary. A step whose result is not a \
@@ -81,9 +93,11 @@ fn calls(description: &ModelDescription, prefix: &str) -> String {
     } else {
         "The complete state can be saved and restored."
     };
-    text += "</p>\n<p><code>REFERENCE_RUN</code>, where it exists, holds a reference run in co-simulation made by an independent \
-             implementation: set the inputs of a row, and for a plant read its outputs before the step, for a discrete-time model \
-             after it.</p>\n";
+    text += "</p>\n";
+    if has_reference_run {
+        text += "<p><code>REFERENCE_RUN</code> holds a reference run in co-simulation made by an independent implementation: set \
+                 the inputs of a row, and for a plant read its outputs before the step, for a discrete-time model after it.</p>\n";
+    }
     text.replace("PREFIX", prefix).replace("REFERENCE_RUN", REFERENCE_RUN)
 }
 
@@ -131,7 +145,7 @@ mod tests {
 
     #[test]
     fn arrays_have_lengths_and_start_values() {
-        let page = page(&ModelDescription::parse(DECAY).unwrap(), "");
+        let page = page(&ModelDescription::parse(DECAY).unwrap(), "", &BTreeMap::new());
         for row in [
             "<code>v</code> (3)</td><td></td><td>1 2 3</td>",
             "<code>bits</code> (2)</td><td></td><td>true false</td>",
@@ -144,26 +158,42 @@ mod tests {
 
     #[test]
     fn links_stay_only_if_they_work_in_the_fmu() {
-        let readme = "[code](src/lib.rs), [site](https://example.org), [above](#tests)";
-        let page = page(&ModelDescription::parse(DECAY).unwrap(), readme);
-        let links = "<p>code, <a href=\"https://example.org\">site</a>, <a href=\"#tests\">above</a></p>";
+        let readme = "[code](src/lib.rs), ![a plot](plot.svg), [site](https://example.org), [above](#tests)";
+        let page = page(&ModelDescription::parse(DECAY).unwrap(), readme, &BTreeMap::new());
+        let links = "<p>code, a plot, <a href=\"https://example.org\">site</a>, <a href=\"#tests\">above</a></p>";
         assert!(page.contains(links), "{page}");
+    }
+
+    #[test]
+    fn files_are_named_only_if_they_are_in_the_fmu() {
+        for xml in [DECAY, include_str!("../../fmu-import/tests/data/decay2.xml")] {
+            let description = ModelDescription::parse(xml).unwrap();
+            let icon = if description.fmi == FmiVersion::V3 { ICON } else { ICON_OF_FMI2 };
+            let sets: [&[&str]; 4] = [&[], &[icon], &[REFERENCE_RUN], &[icon, REFERENCE_RUN]];
+            for names in sets {
+                let files = names.iter().map(|name| ((*name).to_owned(), Vec::new())).collect();
+                let page = page(&description, "", &files);
+                for name in [icon, REFERENCE_RUN] {
+                    assert_eq!(page.contains(name), names.contains(&name), "{name}: {page}");
+                }
+            }
+        }
     }
 
     #[test]
     fn the_calls_are_those_of_the_interfaces() {
         let mut description = ModelDescription::parse(DECAY).unwrap();
-        let text = calls(&description, "fmi3");
+        let text = calls(&description, "fmi3", false);
         assert!(text.contains("communication step") && text.contains("fmi3Discard"), "{text}");
         description.co_simulation = None;
-        let text = calls(&description, "fmi3");
+        let text = calls(&description, "fmi3", false);
         assert!(!text.contains("communication step") && text.contains("fmi3Discard"), "{text}");
     }
 
     #[test]
     fn the_token_has_the_name_of_the_version() {
         let token = |xml: &str| {
-            let page = page(&ModelDescription::parse(xml).unwrap(), "");
+            let page = page(&ModelDescription::parse(xml).unwrap(), "", &BTreeMap::new());
             page.split_once("class=\"guid\">").unwrap().1.split_once('<').unwrap().0.to_owned()
         };
         assert_eq!(token(DECAY), "Instantiation token {decay}");

@@ -355,8 +355,6 @@ fn archive(
         let entry = if is_fmi3 { platform.entry_of_fmi3(&model.name) } else { platform.entry(&model.name) };
         files.insert(entry, read(library)?);
     }
-    let page = documentation::page(&description.parsed, readme);
-    files.insert("documentation/index.html".to_owned(), page.into_bytes());
     for (name, text) in licenses.files(model) {
         files.insert(format!("documentation/licenses/{name}"), text.into_bytes());
     }
@@ -367,12 +365,14 @@ fn archive(
         files.insert(format!("{folder}/terminalsAndIcons.xml"), description.terminals.clone().into_bytes());
         files.insert(documentation::ICON.to_owned(), icon);
     } else if let Some(icon) = icon {
-        files.insert("model.png".to_owned(), icon);
+        files.insert(documentation::ICON_OF_FMI2.to_owned(), icon);
     }
     let reference = model.folder.join("reference.csv");
     if reference.exists() {
         files.insert(documentation::REFERENCE_RUN.to_owned(), read(&reference)?);
     }
+    let page = documentation::page(&description.parsed, readme, &files);
+    files.insert("documentation/index.html".to_owned(), page.into_bytes());
     let resources = model.folder.join("resources");
     if resources.exists() {
         add_folder(&resources, "resources", &mut files)?;

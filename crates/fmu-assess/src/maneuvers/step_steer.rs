@@ -128,3 +128,40 @@ pub(crate) fn carry_out(bench: &Bench<'_>, results: &mut Results) {
     let steer = number(&metrics, "steer").filter(|_| is_reached);
     frequency_response::carry_out(bench, steer, results);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_in_proportion_until_that_leaves_the_bracket() {
+        assert_eq!(next(0.125, Some(2.0), 4.0, 1, [None, None]), Some(0.25));
+        assert_eq!(next(0.125, Some(2.0), 4.0, 1, [Some(0.125), Some(0.5)]), Some(0.25));
+        // 4 times the angle is known to be too much, and so is any angle after many tries: the middle.
+        assert_eq!(next(0.125, Some(1.0), 4.0, 1, [Some(0.125), Some(0.375)]), Some(0.25));
+        assert_eq!(next(0.125, Some(3.9), 4.0, MOST_RUNS.0, [Some(0.125), Some(0.375)]), Some(0.25));
+        // Without a steady value, half of what is too much; between neighbors, nothing.
+        assert_eq!(next(0.5, None, 4.0, 1, [None, Some(0.5)]), Some(0.25));
+        assert_eq!(next(0.5, None, 4.0, 1, [Some(0.5 * (1.0 - 0.5 * NEAREST)), Some(0.5)]), None);
+        assert_eq!(next(0.5, None, 4.0, 1, [None, None]), None);
+    }
+
+    /// Reference: an understeering vehicle of a_y = 8 tanh(10 angle) up to 0.05 rad, which does not settle beyond: 3.6 m/s² is at
+    /// artanh(0.45) / 10 rad.
+    #[test]
+    fn a_target_near_the_limit_is_found() {
+        let target = 3.6;
+        let exact = (target / 8.0_f64).atanh() / 10.0;
+        let steady = |angle: f64| (angle <= 0.05).then(|| 8.0 * (10.0 * angle).tanh());
+        let (mut angle, mut bracket) = (0.2, [None, None]);
+        for tries in 1.. {
+            let is_low = steady(angle).is_some_and(|steady| steady < target);
+            bracket[usize::from(!is_low)] = Some(angle);
+            let Some(other) = next(angle, steady(angle), target, tries, bracket) else { break };
+            angle = other;
+            assert!(tries < 100, "the search ends");
+        }
+        // The bracket is that narrow in the end.
+        assert!((angle - exact).abs() <= 2.0 * NEAREST * exact, "{angle} instead of {exact}");
+    }
+}
