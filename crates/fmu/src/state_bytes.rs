@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::calls::{Mode, Protocol};
+use crate::calls::{Interface, Mode, Protocol};
 use crate::clock::Clock;
 use crate::discrete_state::{OwnedWord, Word, Words};
 use crate::instance::Snapshot;
@@ -187,6 +187,9 @@ pub(crate) fn read<M: Model>(
     let number = source.u32()?;
     let mode = Mode::ALL.get(number as usize).copied().filter(|mode| mode.belongs_to(protocol));
     let mode = mode.ok_or_else(|| format!("unknown mode {number}"))?;
+    if mode == Mode::Event && protocol.interface == Interface::CoSimulation && !M::HAS_EVENTS {
+        return Err(format!("a model without events has no {} in co-simulation", mode.name()));
+    }
     let start = source.f64()?;
     let has_stop = source.switch()?;
     let stop = source.f64()?;

@@ -1,7 +1,8 @@
 //! Saved states: in memory, as bytes, damaged.
 
 use fmu::abi::Export;
-use fmu::calls::Mode;
+use fmu::calls::{Function, Mode, Protocol};
+use fmu::instance::Instance;
 use proptest::prelude::*;
 
 use crate::models::{CartPair, Fmu, Fragile, Sampler, error_of};
@@ -252,6 +253,26 @@ fn a_state_brings_no_count_of_samples_that_its_time_does_not_have() {
     crafted[at..at + 8].copy_from_slice(&1_u64.to_le_bytes());
     let message = error_of(fmu.0.deserialize(&with_checksum(crafted)).map(drop));
     assert!(message.ends_with("the sample counter is 1, but from 3.25 s to 3.25 s there are 0 samples"), "{message}");
+}
+
+/// The fuzzer of the package `tests` crafted Event Mode, in which a discrete-time model took its first sample before the first step; what
+/// the instance saved later was rejected.
+#[test]
+fn a_state_brings_no_event_mode_that_the_model_does_not_have() {
+    let folder = std::path::PathBuf::new();
+    let mut instance = Instance::<<Sampler as Export>::Model>::new(Protocol::CS3, Sampler::description(), folder);
+    instance.set_experiment(Function::SetupExperiment, 1.5, None, None).unwrap();
+    instance.enter_initialization().unwrap();
+    instance.exit_initialization().unwrap();
+    let mut bytes = instance.serialize(&instance.snapshot().unwrap()).unwrap();
+    // The number of the mode stands before the start time.
+    let at = bytes.windows(8).position(|window| window == 1.5_f64.to_le_bytes()).unwrap() - 4;
+    assert_eq!(bytes[at..at + 4], (Mode::Step as u32).to_le_bytes());
+    bytes[at..at + 4].copy_from_slice(&(Mode::Event as u32).to_le_bytes());
+    assert_eq!(
+        error_of(instance.deserialize(&with_checksum(bytes)).map(drop)),
+        "fmi3DeserializeFMUState: a model without events has no Event Mode in co-simulation"
+    );
 }
 
 fn steps() -> impl Strategy<Value = Vec<(f64, f64)>> {
