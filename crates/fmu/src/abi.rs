@@ -202,8 +202,8 @@ fn words(payload: &(dyn Any + Send)) -> &str {
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
 }
 
-/// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic. `f` runs in the default
-/// floating-point environment, whatever the caller's.
+/// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic. What computes runs in
+/// the default floating-point environment, whatever the caller's.
 #[inline]
 unsafe fn call<E: Export>(
     component: Component,
@@ -216,12 +216,12 @@ unsafe fn call<E: Export>(
     }
     // SAFETY: the caller passes a component of `instantiate` that was not freed.
     let handle = unsafe { &mut *handle };
-    let result = float_environment::in_default(|| {
-        catch_unwind(AssertUnwindSafe(|| {
-            handle.instance.check(function)?;
-            f(handle)
-        }))
-    });
+    let callers = if handle.instance.may_compute(function) { float_environment::enter() } else { None };
+    let result = catch_unwind(AssertUnwindSafe(|| {
+        handle.instance.check(function)?;
+        f(handle)
+    }));
+    float_environment::leave(callers);
     match result {
         Ok(Ok(())) => Status::Ok,
         Ok(Err(CallError::Error(message))) => {

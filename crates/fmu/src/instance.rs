@@ -388,6 +388,17 @@ impl<M: Model> Instance<M> {
         are_computed && self.outputs_are_old
     }
 
+    /// Whether a call may compute with real numbers. Setting some only compares those that are finite; the outputs of discrete-time and stateful
+    /// models are there once these have begun.
+    #[inline]
+    pub(crate) fn may_compute(&self, function: Function) -> bool {
+        match function {
+            Function::SetReal => false,
+            Function::GetReal => M::KIND == ModelKind::Continuous || self.is_before_start() || self.is_stale(),
+            _ => true,
+        }
+    }
+
     /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them. A controller's are
     /// so as a rule: always inlined, as the call would cost more than the test.
     #[inline(always)]

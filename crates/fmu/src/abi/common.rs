@@ -5,6 +5,7 @@ use std::ffi::CString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::c::{c_char, c_int, size_t};
+use super::float_environment::argument;
 use super::{
     Component, Export, FmuState, Handle, Log, Status, array, array_mut, call, error, float_environment, target, text,
     words,
@@ -38,7 +39,9 @@ pub(super) unsafe fn create<E: Export>(
         }
         make()
     });
-    let result = float_environment::in_default(|| catch_unwind(run));
+    let callers = float_environment::enter();
+    let result = catch_unwind(run);
+    float_environment::leave(callers);
     let message = match result {
         Ok(Ok(instance)) => {
             return Box::into_raw(Box::new(Handle::<E> {
@@ -103,7 +106,9 @@ pub unsafe fn free_instance<E: Export>(component: Component) {
         // SAFETY: made by Box::into_raw in `instantiate`, freed once.
         let handle = unsafe { Box::from_raw(handle) };
         // Nothing is left to report to if dropping panicked.
-        let _ = float_environment::in_default(|| catch_unwind(AssertUnwindSafe(move || drop(handle))));
+        let callers = float_environment::enter();
+        let _ = catch_unwind(AssertUnwindSafe(move || drop(handle)));
+        float_environment::leave(callers);
     }
 }
 
@@ -262,7 +267,7 @@ pub unsafe fn enter_continuous_time_mode<E: Export>(component: Component) -> Sta
 
 /// fmi2SetTime.
 pub unsafe fn set_time<E: Export>(component: Component, time: f64) -> Status {
-    unsafe { call::<E>(component, Function::SetTime, |h| h.instance.set_time(time)) }
+    unsafe { call::<E>(component, Function::SetTime, |h| h.instance.set_time(argument(time))) }
 }
 
 /// fmi2SetContinuousStates.

@@ -2,108 +2,100 @@
 //!
 //! A host may unmask exceptions (Delphi does, and `-ffpe-trap` of gfortran), choose another rounding, or flush subnormal
 //! numbers to zero. Rust code assumes the default of IEEE 754, and so do models: with traps they would end the host, with
-//! another rounding their results would change. Calls run in the default environment and give the caller's back.
+//! another rounding their results would change. Calls that compute run in the default environment and give the
+//! caller's back.
 
 #[cfg(target_arch = "aarch64")]
 use aarch64::{Control, Saved};
-#[cfg(not(any(
-    target_arch = "x86_64",
-    all(target_arch = "x86", target_feature = "sse2"),
-    target_arch = "aarch64"
-)))]
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 use fixed::{Control, Saved};
-#[cfg(any(target_arch = "x86_64", all(target_arch = "x86", target_feature = "sse2")))]
-use x86::{Control, Saved};
+#[cfg(target_arch = "x86_64")]
+use x86_64::{Control, Saved};
 
-/// Runs `f` in the default environment.
+/// The environment of a caller that has another one than the default.
+pub(super) struct Callers(Saved);
+
+/// Sets the default environment, until [`leave`].
+///
+/// The compiler knows nothing of the environment. It cannot move operations on what they read in memory to the other side of the assembly
+/// in [`Control`]; numbers in registers go through [`argument`].
 #[inline(always)]
-pub(super) fn in_default<R>(f: impl FnOnce() -> R) -> R {
+pub(super) fn enter() -> Option<Callers> {
     let callers = Control::current();
-    if callers.is_default() { apart(f) } else { replaced(callers, f) }
+    if callers.is_default() { None } else { Some(replace(callers)) }
 }
 
-/// Not inlined: the compiler, which knows nothing of the environment, may not move an operation of `f` in front of the check.
-#[inline(never)]
-fn apart<R>(f: impl FnOnce() -> R) -> R {
-    f()
+/// Gives the caller its environment back.
+#[inline(always)]
+pub(super) fn leave(callers: Option<Callers>) {
+    if let Some(callers) = callers {
+        restore(callers);
+    }
 }
 
 #[cold]
 #[inline(never)]
-fn replaced<R>(callers: Control, f: impl FnOnce() -> R) -> R {
-    struct Restore(Saved);
-    impl Drop for Restore {
-        fn drop(&mut self) {
-            self.0.restore();
-        }
-    }
-    let _restore = Restore(callers.replace());
-    apart(f)
+fn replace(callers: Control) -> Callers {
+    Callers(callers.replace())
 }
 
-/// Intel 64 and IA-32 Architectures Software Developer's Manual, volume 1, sections 8.1 (x87) and 10.2.3 (SSE).
-#[cfg(any(target_arch = "x86_64", all(target_arch = "x86", target_feature = "sse2")))]
-mod x86 {
+#[cold]
+#[inline(never)]
+fn restore(Callers(saved): Callers) {
+    saved.restore();
+}
+
+/// A number that the caller passed, to be used between [`enter`] and [`leave`] only.
+#[inline(always)]
+#[cfg_attr(not(target_arch = "x86_64"), expect(unused_mut, reason = "only assembly changes it"))]
+pub(super) fn argument(mut number: f64) -> f64 {
+    // SAFETY: no instruction. Assembly stays in its order, and what follows uses its result.
+    #[cfg(target_arch = "x86_64")]
+    unsafe {
+        std::arch::asm!("/* {} */", inout(xmm_reg) number, options(nomem, nostack, preserves_flags));
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let number = std::hint::black_box(number);
+    number
+}
+
+/// Intel 64 and IA-32 Architectures Software Developer's Manual, volume 1, section 10.2.3: SSE, with which Rust computes. The
+/// x87 unit has registers of its own and serves C code with `long double` only.
+#[cfg(target_arch = "x86_64")]
+mod x86_64 {
     use std::arch::asm;
 
     /// MXCSR with all exceptions masked, rounding to nearest and subnormal numbers.
-    const SSE: u32 = 0x1f80;
+    const DEFAULT: u32 = 0x1f80;
     /// Exceptions that occurred: they change nothing.
-    const SSE_FLAGS: u32 = 0x3f;
-    /// Masks of exceptions and the rounding. The precision, which differs between systems, is the caller's.
-    const X87_BITS: u16 = 0x0c3f;
-    const X87: u16 = 0x003f;
+    const FLAGS: u32 = 0x3f;
 
     #[derive(Clone, Copy)]
-    pub(super) struct Control {
-        sse: u32,
-        x87: u16,
-    }
-
-    pub(super) struct Saved {
-        sse: u32,
-        /// As fnstenv writes it: an exception that is pending stays pending.
-        x87: [u32; 7],
-    }
+    pub(super) struct Control(u32);
+    pub(super) type Saved = Control;
 
     impl Control {
         #[inline(always)]
         pub(super) fn current() -> Self {
-            let (mut sse, mut x87) = (0_u32, 0_u16);
-            // SAFETY: stores two registers.
-            unsafe {
-                asm!("stmxcsr [{}]", in(reg) &raw mut sse, options(nostack, preserves_flags));
-                asm!("fnstcw [{}]", in(reg) &raw mut x87, options(nostack, preserves_flags));
-            }
-            Self { sse, x87 }
+            let mut mxcsr = 0_u32;
+            // SAFETY: stores a register.
+            unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut mxcsr, options(nostack, preserves_flags)) };
+            Self(mxcsr)
         }
 
         #[inline(always)]
         pub(super) fn is_default(self) -> bool {
-            self.sse & !SSE_FLAGS == SSE && self.x87 & X87_BITS == X87
+            self.0 & !FLAGS == DEFAULT
         }
 
-        /// Sets the default and returns what to restore.
-        pub(super) fn replace(self) -> Saved {
-            let mut saved = Saved { sse: self.sse, x87: [0; 7] };
-            let (sse, x87) = (SSE, self.x87 & !X87_BITS | X87);
-            // SAFETY: stores and loads registers; fnstenv masks all exceptions, so that fldcw meets none.
-            unsafe {
-                asm!("fnstenv [{}]", in(reg) &raw mut saved.x87, options(nostack, preserves_flags));
-                asm!("fldcw [{}]", in(reg) &raw const x87, options(nostack, preserves_flags));
-                asm!("ldmxcsr [{}]", in(reg) &raw const sse, options(nostack, preserves_flags));
-            }
-            saved
+        pub(super) fn replace(self) -> Self {
+            Self(DEFAULT).restore();
+            self
         }
-    }
 
-    impl Saved {
         pub(super) fn restore(&self) {
-            // SAFETY: what the caller's registers held.
-            unsafe {
-                asm!("fldenv [{}]", in(reg) &raw const self.x87, options(nostack, preserves_flags));
-                asm!("ldmxcsr [{}]", in(reg) &raw const self.sse, options(nostack, preserves_flags));
-            }
+            // SAFETY: the default, or what the caller's register held.
+            unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const self.0, options(nostack, preserves_flags)) };
         }
     }
 }
@@ -143,8 +135,8 @@ mod aarch64 {
     }
 }
 
-/// WebAssembly has one environment. Of other processors none is known here.
-#[cfg(not(any(target_arch = "x86_64", all(target_arch = "x86", target_feature = "sse2"), target_arch = "aarch64")))]
+/// WebAssembly has one environment. Those of other processors are left as they are.
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod fixed {
     #[derive(Clone, Copy)]
     pub(super) struct Control;

@@ -10,6 +10,7 @@ pub use super::common::{
     get_nominals_of_continuous_states, reset, serialize_fmu_state, serialized_fmu_state_size, set_continuous_states,
     set_fmu_state, set_time, terminate,
 };
+use super::float_environment::argument;
 use super::{
     Component, Export, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error, target, text,
 };
@@ -145,7 +146,11 @@ pub unsafe fn setup_experiment<E: Export>(
     let function = Function::SetupExperiment;
     let stop = (stop_defined != 0).then_some(stop);
     let tolerance = (tolerance_defined != 0).then_some(tolerance);
-    unsafe { call::<E>(component, function, |h| h.instance.set_experiment(function, start, stop, tolerance)) }
+    unsafe {
+        call::<E>(component, function, |h| {
+            h.instance.set_experiment(function, argument(start), stop.map(argument), tolerance.map(argument))
+        })
+    }
 }
 
 /// fmi2EnterInitializationMode.
@@ -357,7 +362,7 @@ pub unsafe fn get_real_output_derivatives<E: Export>(
 
 /// fmi2DoStep.
 pub unsafe fn do_step<E: Export>(component: Component, time: f64, step: f64, _no_set_before: Boolean) -> Status {
-    unsafe { call::<E>(component, Function::DoStep, |h| h.instance.do_step(time, step)) }
+    unsafe { call::<E>(component, Function::DoStep, |h| h.instance.do_step(argument(time), argument(step))) }
 }
 
 /// fmi2CancelStep: a step is over when fmi2DoStep returns.

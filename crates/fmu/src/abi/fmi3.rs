@@ -9,6 +9,7 @@ pub use super::common::{
     get_continuous_states, get_derivatives, get_event_indicators, get_fmu_state, get_nominals_of_continuous_states,
     reset, serialized_fmu_state_size, set_continuous_states, set_fmu_state, set_time, terminate,
 };
+use super::float_environment::argument;
 use super::{
     Component, Export, FmuState, Handle, Log, Logger as AnyLogger, Status, array, array_mut, call, common, error,
     target, text,
@@ -144,7 +145,7 @@ pub unsafe fn enter_initialization_mode<E: Export>(
     let tolerance = (tolerance_defined != 0).then_some(tolerance);
     unsafe {
         call::<E>(component, function, |h| {
-            h.instance.set_experiment(function, start, stop, tolerance)?;
+            h.instance.set_experiment(function, argument(start), stop.map(argument), tolerance.map(argument))?;
             h.instance.enter_initialization()
         })
     }
@@ -554,6 +555,7 @@ pub unsafe fn do_step<E: Export>(
             let early = target::<E, _>(function, "earlyReturn", early_return)?;
             let last = target::<E, _>(function, "lastSuccessfulTime", last_successful_time)?;
             (*event, *terminate, *early, *last) = (0, 0, 0, h.instance.time());
+            let (time, step) = (argument(time), argument(step));
             // The constant leaves out what a model without events does not need.
             if <E::Model as Model>::HAS_EVENTS && h.returns_early {
                 let has_event = h.instance.do_step_to_event(time, step)?;

@@ -7,6 +7,13 @@ use crate::calls::{Function, Interface, Mode, Version};
 use crate::runner::Model;
 use crate::variable::{Kind, Role, Variable};
 
+/// Whether a number is finite, told by its bits: the floating-point environment of the host has no say, as in
+/// [`Instance::may_compute`].
+#[inline]
+const fn is_finite(value: f64) -> bool {
+    value.to_bits() << 1 < f64::INFINITY.to_bits() << 1
+}
+
 /// Type of the variables that a function sets, as FMI 2.0 calls it.
 fn type_set_by(function: Function) -> &'static str {
     let name = if function == Function::SetInt64 { Function::SetInteger } else { function }.name(Version::Fmi2);
@@ -247,9 +254,7 @@ impl<M: Model> Instance<M> {
         // The usual case, inputs and finite numbers, without branches; inputs carry no limits.
         let (first, count) = (layout.inputs.at.reals as u32, layout.inputs.counts.reals as u32);
         let are_inputs = references.iter().fold(true, |all, reference| all & (reference.wrapping_sub(first) < count));
-        // 0 times a number that is not finite is not 0, whose bits are zeros after the sign.
-        let not_zero = values.iter().fold(0, |bits, value| bits | (value * 0.0).to_bits());
-        if are_inputs && not_zero << 1 == 0 {
+        if are_inputs && values.iter().fold(true, |all, value| all & is_finite(*value)) {
             for (&reference, &value) in references.iter().zip(values) {
                 self.values.reals[reference as usize] = value;
             }
@@ -261,7 +266,7 @@ impl<M: Model> Instance<M> {
             if index >= layout.reals() {
                 return Err(self.unknown_reference(Function::SetReal, reference, "Real"));
             }
-            if !value.is_finite() {
+            if !is_finite(value) {
                 let message = format!("'{}' must be finite, got {value}", layout.real_name(index));
                 // A solver may try it.
                 let is_tried = self.mode == Mode::ContinuousTime && layout.states.reals().contains(&index);
