@@ -253,7 +253,7 @@ fn a_model_builds_from_the_packaged_crates() {
          fmu-math = { path = \"../fmu-math-0.1.0\" }\n[workspace]\n",
         &GAIN.replace("Widget", "FromCrates"),
     );
-    place.run(&tests::cargo_fmu(), &["pack", "--out", "../out"], &[], "from-crates");
+    place.run(&tests::cargo_fmu(), &["pack", "--debug", "--out", "../out"], &[], "from-crates");
     let (description, _) = place.packed("FromCrates");
     assert_eq!(description.version.as_deref(), Some("1.2.3"));
 }
@@ -293,7 +293,7 @@ impl Continuous for Stiff {
 }
 "#,
     );
-    place.run(&tests::cargo_fmu(), &["pack", "--out", "../out"], &[], "stiff");
+    place.run(&tests::cargo_fmu(), &["pack", "--debug", "--out", "../out"], &[], "stiff");
     let output = place.fmu(&["check", "out/Stiff.fmu"]);
     let report = String::from_utf8_lossy(&output.stdout);
     assert!(report.contains("no error, 1 warning"), "{report}");
@@ -473,7 +473,7 @@ impl Continuous for Hiding {
             .expect("the command runs");
         (output.status.success(), String::from_utf8_lossy(&output.stdout).into_owned())
     };
-    assert!(run(&["pack", "--out", "../out"]).0);
+    assert!(run(&["pack", "--debug", "--out", "../out"]).0);
     let (is_clean, report) = run(&["check", "../out/Hiding.fmu"]);
     assert!(!is_clean);
     let errors: Vec<&str> = report.lines().map(str::trim).filter(|line| line.starts_with("error: ")).collect();
