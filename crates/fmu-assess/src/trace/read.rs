@@ -15,6 +15,8 @@ const GAP: f64 = 1.9;
 const UNEVENNESS: f64 = 0.5;
 /// A larger share changes speeds and rates by more than 2 % of a row's.
 const JITTER: f64 = 0.02;
+/// Part of the distance of the rows by which two times may differ and still be the same instant.
+const SAME_TIME: f64 = 1e-6;
 
 /// Options for reading a file as a recording.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -109,7 +111,7 @@ impl Trace<'static> {
             }
             let values = match reading.resample {
                 None => at_rows(&trace.times, &found),
-                Some(_) => interpolated(file, name, &trace.times, &found)?,
+                Some(_) => interpolated(file, name, &trace.times, &found, &mut notes)?,
             };
             if trace.column(signal).is_some() {
                 let help = "remove or rename one of them".to_owned();
@@ -128,10 +130,28 @@ fn at_rows(times: &[f64], signal: &Signal) -> Vec<f64> {
     times.iter().map(value).collect()
 }
 
-/// The values of a signal at other times.
-fn interpolated(file: &str, name: &str, times: &[f64], signal: &Signal) -> Result<Vec<f64>, DataError> {
+/// The values of a signal at other times. Notes where it begins or ends in a gap.
+fn interpolated(
+    file: &str,
+    name: &str,
+    times: &[f64],
+    signal: &Signal,
+    notes: &mut Vec<String>,
+) -> Result<Vec<f64>, DataError> {
     if let Some(gap) = signal.times.windows(2).find(|pair| pair[1] - pair[0] > LONGEST_GAP) {
         return Err(too_long(file, &format!("the column `{name}`"), gap));
+    }
+    let usual = median(&signal.times);
+    for (times, values) in signal.times.windows(2).zip(signal.values.windows(2)) {
+        let (length, is_switch) = (times[1] - times[0], (values[0] == 0.0) != (values[1] == 0.0));
+        if is_switch && length > GAP * usual {
+            let what = if values[0] == 0.0 { "begins" } else { "ends" };
+            notes.push(format!(
+                "`{name}` {what} in the gap from {} s to {} s: when is known to {length:.3} s only, and so is what is \
+                 measured from there",
+                times[0], times[1]
+            ));
+        }
     }
     let mut row = 0;
     let value = |time: &f64| {
@@ -203,6 +223,10 @@ fn grid(file: &str, times: &[f64], resample: Resample, notes: &mut Vec<String>) 
     if gap[1] - gap[0] > LONGEST_GAP {
         return Err(too_long(file, "the file", gap));
     }
+    let is_even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() <= SAME_TIME * step;
+    if times.windows(2).all(is_even) {
+        return Ok(times.to_vec());
+    }
     notes.push(format!(
         "the rows are interpolated every {step:.9} s; the longest gap is from {} s to {} s",
         gap[0], gap[1]
@@ -212,7 +236,13 @@ fn grid(file: &str, times: &[f64], resample: Resample, notes: &mut Vec<String>) 
         let help = Some("choose a longer distance of the rows".to_owned());
         return Err(DataError::new(file, format!("{rows:.0} rows of {step} s are too many"), help));
     }
-    Ok((0..=rows as u64).map(|row| (first + row as f64 * step).min(*last)).collect())
+    let nearest = |time: f64| {
+        let next = times.partition_point(|of| *of < time);
+        let near = |of: &&f64| (**of - time).abs() <= SAME_TIME * step;
+        // Rounded times of one instant would put a switch into the interval before.
+        times[next.saturating_sub(1)..(next + 1).min(times.len())].iter().find(near).copied().unwrap_or(time)
+    };
+    Ok((0..=rows as u64).map(|row| nearest((first + row as f64 * step).min(*last))).collect())
 }
 
 #[cfg(test)]
@@ -304,6 +334,24 @@ mod tests {
             }
             assert!(notes[0].ends_with("the longest gap is from 0.29 s to 0.42 s"), "{notes:?}");
         }
+        // A switch stays between the same two rows, in spite of roundings: the median of these distances is 0.010000000000000009.
+        let switch = |times: &mut dyn Iterator<Item = i32>| {
+            let row = |k| format!("{},{}\n", f64::from(k) * 0.01, i32::from(k >= 100));
+            times.fold("time,vehicle.yaw_rate\n".to_owned(), |text, k| text + &row(k))
+        };
+        let reading = Reading { resample: Some(Resample::Median), ..Reading::default() };
+        let (trace, notes) = read(switch(&mut (0..300)).as_bytes(), &reading).unwrap();
+        assert_eq!(notes, [""; 0], "nothing is interpolated");
+        assert_eq!(trace.column("vehicle.yaw_rate").unwrap()[99..101], [0.0, 1.0]);
+        let (trace, notes) = read(switch(&mut (0..300).filter(|k| *k != 200)).as_bytes(), &reading).unwrap();
+        assert_eq!(notes.len(), 1, "{notes:?}");
+        assert_eq!(trace.column("vehicle.yaw_rate").unwrap()[99..101], [0.0, 1.0]);
+        // When it rises is not known where rows are missing.
+        let (_, notes) = read(switch(&mut (0..300).filter(|k| !(90..120).contains(k))).as_bytes(), &reading).unwrap();
+        assert!(
+            notes[1].starts_with("`vehicle.yaw_rate` begins in the gap from 0.89 s to 1.2 s: when is known to 0.31"),
+            "{notes:?}"
+        );
         let long = "time,vehicle.yaw_rate\n0,1\n0.1,1\n0.9,1\n";
         let reading = Reading { resample: Some(Resample::Median), ..Reading::default() };
         let error = read(long.as_bytes(), &reading).unwrap_err();
