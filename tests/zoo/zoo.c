@@ -1,8 +1,8 @@
 /* An FMU for co-simulation of FMI 2.0 or 3.0 (the macro FMI) that takes on the habits of other tools' FMUs.
    y = k u + c, yi = ui, yb = ub, ye = ue, ys = "file:us". Without a habit it is sound: `check` finds nothing.
    The parameter `habit` chooses what it does in each step that ends at the time `at` or later. The macros HABIT, AT and TARGET
-   are the start values of `habit`, `at` and `file`; habits of instantiation need HABIT. zoo.rs and python/tests/zoo.py build it,
-   and take the names of the habits from the list below. */
+   are the start values of `habit`, `at` and `file`; habits of instantiation need HABIT. zoo.rs builds it, and takes
+   the names of the habits from the list below. */
 #define _GNU_SOURCE
 #include <fenv.h>
 #include <locale.h>
@@ -67,6 +67,7 @@ enum {
     habit_shared,         /* attaches memory that other programs share */
     habit_schedule,       /* sets the priority of the process that started its own */
     habit_unpack,         /* makes a temporary file executable */
+    habit_deep,           /* takes 400 kB of stack */
 };
 #ifndef HABIT
 #define HABIT habit_none
@@ -98,6 +99,12 @@ static void start(Instance *i) {
     *i = fresh;
 }
 /* A fault: a signal that is only raised returns from the handler of a host in Rust. */
+/* A function of its own, so that other habits have no such frame. */
+static __attribute__((noinline)) void go_deep(void) {
+    volatile char room[400000];
+    for (size_t j = 0; j < sizeof room; j += 1000) room[j] = 1;
+}
+
 static void crash(void) { *(volatile int *)8 = 1; }
 static int reset(Instance *i) {
     if (HABIT == habit_reset_crash && !i->is_initialized) crash();
@@ -233,6 +240,7 @@ static int step(Instance *i, double t, double h) {
         if (program > 0) waitpid(program, NULL, 0);
         break;
     }
+    case habit_deep: go_deep(); break;
     case habit_network: { int s = socket(AF_INET, SOCK_STREAM, 0); if (s >= 0) close(s); break; }
     case habit_signal: kill(getppid(), SIGCONT); break;
     case habit_attributes: chmod(i->file, 0755); break;

@@ -109,6 +109,20 @@ fn the_default_experiment_is_simulated() {
     }
 }
 
+/// Reference: 400 kB are 391 KiB; a call without them takes some KiB.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_step_that_takes_much_stack_is_reported() {
+    let (line, topic) = only(&Zoo::new("deep"));
+    let size: usize = line
+        .strip_prefix("warning: stack: a run takes ")
+        .and_then(|rest| rest.split_once(" KiB of stack, more than 256 KiB"))
+        .and_then(|(size, _)| size.parse().ok())
+        .unwrap_or_else(|| panic!("{line}"));
+    assert!((391..450).contains(&size), "{line}");
+    assert_eq!(topic, Topic::Simulation);
+}
+
 /// Times are from the start on; an FMU that fails from a later one has a warning.
 #[test]
 fn another_start_time_is_tried() {
