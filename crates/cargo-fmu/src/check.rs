@@ -30,7 +30,7 @@ pub(crate) struct Arguments {
     workers: worker::Options,
 }
 
-/// Which errors count.
+/// The findings whose errors give exit code 1.
 #[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
 enum FailOn {
     /// Of both questions

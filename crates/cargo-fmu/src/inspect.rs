@@ -104,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
         Err(error) => {
             let problem = problem.unwrap_or_else(|| format!("{}: modelDescription.xml: {error}", path.display()));
-            // What is not XML cannot be shown.
+            // A file that is not XML has no elements to show.
             let root = xml::parse(&text).map_err(|_| miette!("{problem}"))?;
             show_elements(&root, &platforms);
             unusable(Some(problem))

@@ -61,7 +61,7 @@ pub(crate) enum Names {
 }
 
 impl Names {
-    /// Whether a name follows the convention. Indices and the `der(…)` of a derivative belong to every name.
+    /// Whether a name follows the convention. Indices and the `der(…)` of derivatives are always allowed.
     pub(crate) fn admits(self, name: &str) -> bool {
         let Self::LowerSnakeCase = self;
         let name = name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')')).unwrap_or(name);

@@ -93,7 +93,7 @@ fn a_banner_does_not_fill_the_report() {
     }
 }
 
-/// What other commands refuse is listed, with the reason and exit code 1.
+/// `inspect` lists FMUs that other commands refuse, gives the reason, and exits with 1.
 #[test]
 fn an_fmu_that_cannot_be_used_is_listed() {
     let folder = tempfile::tempdir().unwrap();

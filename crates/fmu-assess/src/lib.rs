@@ -1,7 +1,11 @@
 #![doc = include_str!("../README.md")]
-// Not dead: `assess`, which needs processes and is left out of WebAssembly, calls the rest of each maneuver. There, `single` calls
-// only what makes one run.
-#![cfg_attr(target_family = "wasm", allow(dead_code))]
+#![cfg_attr(
+    target_family = "wasm",
+    allow(
+        dead_code,
+        reason = "`assess`, which is left out of WebAssembly because it needs processes, calls the rest of each maneuver"
+    )
+)]
 
 #[cfg(not(target_family = "wasm"))]
 pub mod assess;

@@ -157,7 +157,7 @@ pub(crate) struct Series {
     pub(crate) unit: &'static str,
     /// Condition and value, of the runs that the vehicle can drive.
     pub(crate) values: Vec<(f64, f64)>,
-    /// Whether the metric comes of these runs alone.
+    /// Whether the metric depends on these runs only.
     pub(crate) is_whole: bool,
 }
 
@@ -555,13 +555,13 @@ fn comparison(without: &Measured, with: &Measured) -> Comparison {
             if let Some(rises) = beyond(without.bound, new) {
                 return Comparison::Rises(rises);
             }
-            return of("without", without.reason.as_deref().unwrap_or("there is no value"));
+            return of("without", without.reason.as_deref().unwrap_or("no value was computed"));
         }
         (old, Value::Null) => {
             if let Some(falls) = beyond(with.bound, old) {
                 return Comparison::Rises(!falls);
             }
-            return of("with", with.reason.as_deref().unwrap_or("there is no value"));
+            return of("with", with.reason.as_deref().unwrap_or("no value was computed"));
         }
         _ => (),
     }
@@ -591,7 +591,7 @@ fn condition_name(unit: &str) -> &'static str {
     if unit == "A" { "amplitude" } else { "speed" }
 }
 
-/// Whether a number is above all that a bound allows, or below all.
+/// `true` if the number is above every value that the bound allows, `false` if it is below every one.
 fn beyond(bound: Option<Bound>, number: &Value) -> Option<bool> {
     let number = number.as_f64()?;
     match bound? {
@@ -610,19 +610,19 @@ fn percent(old: f64, new: f64, unit: &str) -> Option<f64> {
 /// Tells if a metric is better with the controllers.
 fn judgment(old: &Value, new: &Value, comparison: &Comparison, metric: &Measured) -> Option<Judgment> {
     let is_up = metric.direction == Direction::Up;
-    let judged = |rises: bool| if rises == is_up { Judgment::Better } else { Judgment::Worse };
+    let judge = |rises: bool| if rises == is_up { Judgment::Better } else { Judgment::Worse };
     match comparison {
         Comparison::None(_) if old.is_null() && new.is_null() => None,
         Comparison::None(_) => Some(Judgment::NotComparable),
-        Comparison::Rises(rises) => Some(judged(*rises)),
+        Comparison::Rises(rises) => Some(judge(*rises)),
         Comparison::Booleans(old, new) if old == new => Some(Judgment::Same),
-        Comparison::Booleans(_, new) => Some(judged(*new)),
+        Comparison::Booleans(_, new) => Some(judge(*new)),
         Comparison::Numbers(old, new, _) => {
             let is_nothing = old.abs().max(new.abs()) < nothing(metric.unit);
             if is_nothing || (100.0 * (new - old) / old.abs()).abs() < COUNTS {
                 Some(Judgment::Same)
             } else {
-                Some(judged(new > old))
+                Some(judge(new > old))
             }
         }
     }

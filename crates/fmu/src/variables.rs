@@ -358,8 +358,12 @@ macro_rules! named_array {
             #[allow(non_camel_case_types)]
             enum Index { $($element),+ }
 
-            // A model may use some of the elements only, and declare the type in a private module.
-            #[allow(dead_code, non_snake_case, unreachable_pub)]
+            #[allow(
+                dead_code,
+                non_snake_case,
+                unreachable_pub,
+                reason = "a model names the elements, may use some of them only, and may declare the type in a private module"
+            )]
             impl<T: Copy> $name<T> {
                 $(
                     #[doc = concat!("The value of the ", $words, ".")]

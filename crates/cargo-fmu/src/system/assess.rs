@@ -455,7 +455,7 @@ fn print(assessment: &Assessment) {
                 let _ = write!(line, "  {:>10}  {change:>10}", bound("with", &row.with));
             }
             let _ = write!(line, " {unit:<10}");
-            let judged = match row.judgment {
+            let judgment = match row.judgment {
                 Some(Judgment::Better) => "better",
                 Some(Judgment::Worse) => "worse",
                 Some(Judgment::Same) => "same",
@@ -473,7 +473,7 @@ fn print(assessment: &Assessment) {
             let words = row.words.get(of_last).copied().unwrap_or_default();
             let notes = notes(row, has_both).join("; ");
             let notes = if notes.is_empty() { notes } else { format!(" ({notes})") };
-            let _ = write!(line, " {judged:<7} {verdict}{words}{notes}");
+            let _ = write!(line, " {judgment:<7} {verdict}{words}{notes}");
             outln!("{}", line.trim_end());
         }
     }

@@ -161,7 +161,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
 /// The reason that a run is incomplete, and its last row.
 fn described(failure: &Failure) -> String {
     let last = failure.recorded.as_ref().and_then(|recording| recording.time.last());
-    let rows = last.map_or("there is no row".to_owned(), |time| format!("the rows end at {time} s"));
+    let rows = last.map_or("no rows were written".to_owned(), |time| format!("the rows end at {time} s"));
     let message = failure.to_string();
     // Log messages of the components follow in lines of their own.
     match message.split_once('\n') {

@@ -53,7 +53,7 @@ pub(crate) fn carry_out(bench: &Bench<'_>, steer: Option<f64>, results: &mut Res
     let maneuver = results.maneuver;
     results.maneuver = "frequency_response";
     let Some(steer) = steer else {
-        results.take_none("frequency_response", &wanted, "there is no step steer to take the amplitude from");
+        results.take_none("frequency_response", &wanted, "the amplitude is that of the step steer, which found none");
         results.maneuver = maneuver;
         return;
     };
