@@ -25,7 +25,11 @@ pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str> + C
     const SHOWN: usize = 4;
     // Two letters are shared by chance.
     let words = |name: &str| -> BTreeSet<String> {
-        name.to_lowercase().split(['.', '_', ':', '*']).filter(|word| word.len() > 2).map(str::to_owned).collect()
+        name.to_lowercase()
+            .split(|letter: char| !letter.is_alphanumeric())
+            .filter(|word| word.len() > 2)
+            .map(str::to_owned)
+            .collect()
     };
     let wanted = words(name);
     suggestion(name, candidates.clone()).or_else(|| {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
 use fmu_assess::evaluators::{self, EVALUATORS, reference};
 use fmu_assess::vehicle::VehicleFile;
-use fmu_assess::{Evaluator, Reading, Resample, Trace, Value};
+use fmu_assess::{Evaluator, Metric, Reading, Reason, Resample, Trace, Value};
 use fmu_system::data::DataError;
 use fmu_system::limits;
 use miette::{Result, miette};
@@ -19,6 +19,9 @@ Examples:
   cargo fmu evaluate sine_with_dwell measured.csv.gz --options '{\"steer.ratio\": 16}'
   cargo fmu evaluate braking measured.csv --vehicle logger.toml --resample
   cargo fmu evaluate cones --list";
+
+/// Most metrics with the same reason for being null that are listed by name.
+const SHOWN: usize = 6;
 
 /// Arguments of `cargo fmu evaluate`.
 #[derive(clap::Args, Debug)]
@@ -105,11 +108,31 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     for note in notes.iter().chain(&evaluation.notes) {
         errln!("note: {note}");
     }
-    for metric in &evaluation.metrics {
-        if let Value::Null(reason) = &metric.value {
-            errln!("note: {} is null: {reason}", metric.name);
-        }
-    }
+    report_nulls(&evaluation.metrics);
     outln!("{}", evaluation.to_json());
     Ok(())
+}
+
+/// Says why metrics are null, once for each reason.
+fn report_nulls(metrics: &[Metric]) {
+    let mut reasons: Vec<(&Reason, Vec<&str>)> = Vec::new();
+    for metric in metrics {
+        let Value::Null(reason) = &metric.value else { continue };
+        match reasons.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, names)) => names.push(&metric.name),
+            None => reasons.push((reason, vec![&metric.name])),
+        }
+    }
+    for (reason, names) in &reasons {
+        match names[..] {
+            [name] => errln!("note: {name} is null: {reason}"),
+            [first, .., last] if names.len() > SHOWN => {
+                errln!("note: {} metrics, from {first} to {last}, are null: {reason}", names.len());
+            }
+            _ => errln!("note: {} are null: {reason}", names.join(", ")),
+        }
+    }
+    if reasons.iter().map(|(_, names)| names.len()).sum::<usize>() == metrics.len() {
+        errln!("warning: no metric has a value");
+    }
 }

@@ -2,13 +2,15 @@
 
 use super::Trace;
 use crate::evaluators::Column;
-use fmu_import::names::suggestion;
+use fmu_import::names::{similar, suggestion};
 use fmu_system::data::unit::{SAME, Target};
 use fmu_system::data::{Channel, DataError, Format, Signal, Table, TimeColumn};
 use std::collections::BTreeMap;
 
 /// Longest gap that is bridged, s.
 const LONGEST_GAP: f64 = 0.5;
+/// What to do about a longer one.
+const NOT_BRIDGED: &str = "a gap of more than 0.5 s is not bridged: cut the file before or after it";
 /// A distance of two rows of so many median ones is a gap.
 const GAP: f64 = 1.9;
 /// A row may be this share of the step away from its place in an even grid, as in `Rows`.
@@ -94,6 +96,15 @@ impl Trace<'static> {
                 notes.push(format!("the file has no column `{name}` for `{signal}`{near}"));
             }
         }
+        let has = |signal: &str| wanted.iter().any(|(_, known, _)| *known == signal);
+        for column in columns.iter().filter(|column| !has(column.name) && !reading.names.contains_key(column.name)) {
+            let others: Vec<&str> =
+                table.columns().iter().map(|other| other.name.as_str()).filter(|other| read(other).is_none()).collect();
+            let near = if column.is_needed { similar(column.name, others) } else { suggestion(column.name, others) };
+            if let Some(near) = near {
+                notes.push(format!("the file has no column `{}`; {near} (`--vehicle` names columns)", column.name));
+            }
+        }
         let times = match reading.resample {
             None => {
                 check_spacing(file, clock.times(), &mut notes)?;
@@ -171,8 +182,7 @@ fn interpolated(
 
 fn too_long(file: &str, what: &str, gap: &[f64]) -> DataError {
     let message = format!("{what} has a gap from {} s to {} s", gap[0], gap[1]);
-    let help = format!("a gap of more than {LONGEST_GAP} s is not bridged: cut the file before or after it");
-    DataError::new(file, message, Some(help))
+    DataError::new(file, message, Some(NOT_BRIDGED.to_owned()))
 }
 
 /// Median distance of the rows.
@@ -210,7 +220,8 @@ fn check_spacing(file: &str, times: &[f64], notes: &mut Vec<String>) -> Result<(
         }
         return Ok(());
     };
-    Err(DataError::new(file, message, Some("`--resample` interpolates between the rows".to_owned())))
+    let help = if gap[1] - gap[0] > LONGEST_GAP { NOT_BRIDGED } else { "`--resample` interpolates between the rows" };
+    Err(DataError::new(file, message, Some(help.to_owned())))
 }
 
 /// Evenly spaced times within those of the file.
@@ -282,6 +293,18 @@ mod tests {
     }
 
     /// Reference: 180 deg are pi rad, 1 kN is 1000 N.
+    /// A slip in any column is named, of a column that metrics cannot do without also those that share words with it.
+    #[test]
+    fn columns_of_similar_names_are_named() {
+        let notes = |header: &str| read(format!("{header}\n0,1,2\n1,1,2\n").as_bytes(), &Reading::default()).unwrap().1;
+        let needed =
+            "the file has no column `vehicle.yaw_rate`; similar names: `Yaw Rate filtered` (`--vehicle` names columns)";
+        assert_eq!(notes("time,Yaw Rate filtered,a"), [needed]);
+        let slip = "the file has no column `path.finished`; did you mean `path.finish`? (`--vehicle` names columns)";
+        assert_eq!(notes("time,vehicle.yaw_rate,path.finish"), [slip]);
+        assert_eq!(notes("time,vehicle.yaw_rate,a"), [""; 0]);
+    }
+
     #[test]
     fn columns_are_renamed_and_converted() {
         let text = "Zeit;Gier [°/s];vehicle.yaw_rate;tire_load.fl\nms;;;kN\n0;180,0;7;1,5\n10;90;7;2\n";
