@@ -246,7 +246,14 @@ impl Table {
                 Ok(line) => (line, format!("line {line} has {} fields, the header {count}", cells.len())),
                 Err(line) => (line, "a quotation mark is not closed".to_owned()),
             };
-            let help = "give every row a cell for each column; a cell may be empty".to_owned();
+            let help = if cells.len() == count + 1 && cells.last().is_some_and(|last| last.is_empty()) {
+                "remove the delimiter at the end of the rows, or add one to the header".to_owned()
+            } else if mistakes.is_empty() && self.lines.is_empty() {
+                "the header is the first line that is neither empty nor a comment (#, %): remove what stands above it"
+                    .to_owned()
+            } else {
+                "give every row a cell for each column; a cell may be empty".to_owned()
+            };
             mistakes.push(Mistake { line: Some(line), message, help: Some(help) });
             if mistakes.len() > REPORTED {
                 break;
@@ -379,15 +386,23 @@ fn decimal(mut rows: Rows<'_>, delimiter: char) -> char {
     '.'
 }
 
-/// Name and unit of `Speed [m/s]`. The index of an array (`a[2,1]`) is no unit.
+/// Name and unit of `Speed [m/s]` or `Speed (m/s)`. The index of an array (`a[2,1]`) is no unit, nor are words (`Force (front)`).
 fn split_unit(name: &str) -> (&str, Option<&str>) {
-    let split = name.strip_suffix(']').and_then(|rest| rest.rsplit_once('['));
-    match split {
-        Some((before, unit)) if !before.trim().is_empty() => {
+    let within = |open, close| name.strip_suffix(close).and_then(|rest: &str| rest.rsplit_once(open));
+    let (before, unit) = match (within('[', ']'), within('(', ')')) {
+        (Some((before, unit)), _) => {
             let is_index = !before.ends_with(char::is_whitespace)
                 && unit.chars().all(|c| c.is_ascii_digit() || c == ',' || c == ' ');
-            if is_index { (name, None) } else { (before.trim(), Some(unit.trim()).filter(|unit| !unit.is_empty())) }
+            if is_index {
+                return (name, None);
+            }
+            (before, unit)
         }
-        _ => (name, None),
+        (None, Some((before, unit))) if unit::find(unit).is_some() => (before, unit),
+        _ => return (name, None),
+    };
+    if before.trim().is_empty() {
+        return (name, None);
     }
+    (before.trim(), Some(unit.trim()).filter(|unit| !unit.is_empty()))
 }

@@ -210,6 +210,11 @@ fn units_are_converted_if_their_dimensions_agree() {
     ] {
         assert_eq!(Target::named(to).from(from).unwrap_err().0, expected);
     }
+    // Names of other languages and tools get the one that is meant, not one of similar letters.
+    for (from, to, meant) in [("Grad", "rad", "deg"), ("1/MIN", "rad/s", "rpm"), ("m/s/s", "m/s2", "m/s2")] {
+        let help = Target::named(to).from(from).unwrap_err().1;
+        assert!(help.starts_with(&format!("did you mean `{meant}`? ")), "{help}");
+    }
     // Of an FMU with a name of its own.
     let own = Target {
         name: Some("klaf".into()),
@@ -245,11 +250,38 @@ fn what_is_not_used_may_hold_anything() {
     for (text, expected) in [
         ("zeit,a\n0,1\n", "a.csv: the file has no column `time`, but `zeit`, `a`; call the column of times"),
         ("time,a\n", "a.csv: the file has no rows"),
+        (
+            "Logger 5\ntime;a\n0;1\n",
+            "a.csv: the file has no column `time`, but `Logger 5`; the first line names the columns",
+        ),
         ("time,a\n0,1\n,2\n", "a.csv:3: the time is missing at line 3"),
+        ("time (km),a\n0,1\n", "a.csv: column `time`: `km` and `s` measure different quantities"),
         ("time [km],a\n0,1\n", "a.csv: column `time`: `km` and `s` measure different quantities"),
     ] {
         let error = parse(text).times(&TimeColumn::default()).unwrap_err().to_string();
         assert!(error.starts_with(expected), "{error}");
+    }
+}
+
+/// Reference: the notations of loggers; a word in round brackets belongs to the name.
+#[test]
+fn round_brackets_hold_units_too() {
+    let table = parse("Time (ms),Yaw rate (°/s),Force (front),a(s)\n0,1,2,3\n");
+    let found: Vec<(&str, Option<&str>)> =
+        table.columns().iter().map(|column| (column.name.as_str(), column.unit.as_deref())).collect();
+    assert_eq!(found, [("Time", Some("ms")), ("Yaw rate", Some("°/s")), ("Force (front)", None), ("a", Some("s"))]);
+}
+
+/// Lines above the header and delimiters at the end of rows are told apart from missing cells.
+#[test]
+fn rows_of_other_lengths_have_a_remedy() {
+    for (text, help) in [
+        ("Logger 5;A\ntime;a;b\n0;1;2\n", "remove what stands above it"),
+        ("time;a\n0;1;\n1;2;\n", "remove the delimiter at the end of the rows, or add one to the header"),
+        ("time;a\n0;1\n1\n", "give every row a cell for each column; a cell may be empty"),
+    ] {
+        let error = Table::parse("a.csv", text.as_bytes(), &Format::default()).unwrap_err();
+        assert!(error.lines()[0].ends_with(help), "{:?}", error.lines());
     }
 }
 

@@ -1237,6 +1237,18 @@ fn inputs_from_a_file() {
     assert_eq!(run.components[0].inputs[0].slot, run.series[1].slot);
     assert_eq!(run.components[0].inputs[1].slot, run.series[0].slot);
 
+    // What the file replaces is named, at each input that read it.
+    let at = |warnings: &[String], column: &str| {
+        let found = warnings.iter().find(|warning| warning.contains(&format!("in.csv: `{column}` replaces")));
+        found.map(|warning| warning.split_once("in.csv: ").unwrap().1.to_owned())
+    };
+    let speed =
+        "`driver.speed` replaces the output `driver:driver.speed` at `steering:vehicle.speed`, `vehicle:driver.speed`";
+    assert_eq!(at(&plan.warnings, "driver.speed").as_deref(), Some(speed), "{:?}", plan.warnings);
+    assert!(at(&plan.warnings, "driver.steer").is_some());
+    let unit = "in.csv: columns without a unit are taken in that of the variable: ";
+    assert!(plan.warnings.iter().any(|warning| warning.contains(unit)), "{:?}", plan.warnings);
+
     // One input of one component only: the other readers keep the driver. It stands above a constant.
     let plan = with("time,vehicle:driver.speed,road_friction.l\n0,10,0.3\n2,10,0.3\n").unwrap();
     let run = plan.runs.iter().find(|r| r.case == "passive").unwrap();

@@ -149,7 +149,13 @@ impl Table {
                     let more = self.columns().len().saturating_sub(5);
                     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
                     let message = format!("the file has no column `time`, but {}{more}", shown.join(", "));
-                    return fail(None, message, "call the column of times `time`, `Time` or `t`");
+                    let help = match self.columns().len() {
+                        1 => {
+                            "the first line names the columns, separated by tab, `;`, `,` or `|`: remove what stands above it"
+                        }
+                        _ => "call the column of times `time`, `Time` or `t`",
+                    };
+                    return fail(None, message, help);
                 }
             },
         };

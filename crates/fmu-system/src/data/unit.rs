@@ -63,6 +63,22 @@ const MORE: [(&str, f64, f64, [i32; 6]); 3] = [
     ("Hz", 1.0, 0.0, [0, 0, -1, 0, 0, 0]),
 ];
 
+/// What units are called elsewhere, and the names that are meant. They are not accepted: some have other meanings, too.
+const SPELLINGS: [(&str, &str); 12] = [
+    ("Grad", "deg"),
+    ("degree", "deg"),
+    ("degrees", "deg"),
+    ("Grad/s", "deg/s"),
+    ("dps", "deg/s"),
+    ("radian", "rad"),
+    ("sec", "s"),
+    ("kmh", "km/h"),
+    ("kmph", "km/h"),
+    ("mps", "m/s"),
+    ("m/s/s", "m/s2"),
+    ("1/min", "rpm"),
+];
+
 /// A unit by its name: value in SI = factor * value + offset. `°`, `²` and `^2` are other ways to write `deg` and `2`, and `-` is 1.
 #[must_use]
 pub fn find(name: &str) -> Option<BaseUnit> {
@@ -154,7 +170,11 @@ impl Target {
             return Ok(Conversion { factor: 1.0 / display.factor, offset: offset(-display.offset / display.factor) });
         }
         let known = UNITS.iter().map(|unit| unit.0).chain(MORE.iter().map(|unit| unit.0));
-        let near = suggestion(unit, known.chain(self.display.iter().map(|display| display.name.as_str())));
+        let spelled = SPELLINGS.into_iter().find(|(name, _)| name.eq_ignore_ascii_case(unit));
+        let near = match spelled {
+            Some((_, meant)) => Some(format!("did you mean `{meant}`?")),
+            None => suggestion(unit, known.chain(self.display.iter().map(|display| display.name.as_str()))),
+        };
         let near = near.map_or(String::new(), |near| format!("{near} "));
         Err((
             format!("the unit `{unit}` cannot be converted to `{own}`"),

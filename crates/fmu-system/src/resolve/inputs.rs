@@ -10,6 +10,7 @@ use crate::run::{Interpolation, Simulation};
 use fmu_import::description::{BaseType, Causality, Variability, Variable};
 use fmu_import::names::suggestion;
 use std::collections::BTreeSet;
+use std::mem;
 use std::path::Path;
 
 /// Value of a signal after its last sample.
@@ -31,6 +32,10 @@ pub(super) struct Inputs {
     pub(super) feeds: Vec<Feed>,
     /// Columns that write an input in some case.
     used: BTreeSet<usize>,
+    /// What columns take the place of.
+    replacements: Vec<Replacement>,
+    /// Columns without a unit, and the unit that their values are taken in.
+    without_unit: Vec<(String, String)>,
     mistakes: Vec<Mistake>,
     warnings: Vec<String>,
 }
@@ -44,6 +49,20 @@ pub(super) struct Feed {
     pub(super) unit: Option<String>,
     pub(super) signal: Signal,
 }
+
+/// A column that writes inputs instead of an output.
+struct Replacement {
+    column: usize,
+    /// The output, as component:variable.
+    output: String,
+    /// The inputs, in the same form.
+    inputs: Vec<String>,
+}
+
+/// Fewest samples of a signal that are looked at for gaps: those of a profile that is written by hand may have any distance.
+const SAMPLED: usize = 20;
+/// A distance between samples of this many times the usual one is a gap.
+const GAP: f64 = 5.0;
 
 impl Inputs {
     /// Reads the file. Rows with equal times are a jump.
@@ -59,8 +78,18 @@ impl Inputs {
                 triple[0]
             ));
         }
-        let (used, mistakes) = (BTreeSet::new(), Vec::new());
-        Ok(Self { table, clock, simulation, after_end, feeds: Vec::new(), used, mistakes, warnings })
+        Ok(Self {
+            table,
+            clock,
+            simulation,
+            after_end,
+            feeds: Vec::new(),
+            used: BTreeSet::new(),
+            replacements: Vec::new(),
+            without_unit: Vec::new(),
+            mistakes: Vec::new(),
+            warnings,
+        })
     }
 
     /// Column of a signal, of any component or of one.
@@ -90,6 +119,14 @@ impl Inputs {
         match self.table.signal(&self.clock, &Channel::new(&name), target) {
             Ok(signal) => {
                 self.check_span(&name, &signal, interpolation);
+                if interpolation == Interpolation::Linear {
+                    self.check_gaps(&name, &signal);
+                }
+                if let Some(unit) = target.name.clone().filter(|unit| unit != "1" && self.unit(column).is_none())
+                    && !self.without_unit.contains(&(name.clone(), unit.clone()))
+                {
+                    self.without_unit.push((name, unit));
+                }
                 self.feeds.push(Feed { column, interpolation, unit: target.name.clone(), signal });
                 Some(self.feeds.len() - 1)
             }
@@ -98,6 +135,11 @@ impl Inputs {
                 None
             }
         }
+    }
+
+    /// Unit of a column.
+    fn unit(&self, column: usize) -> Option<&str> {
+        self.table.columns()[column].unit.as_deref()
     }
 
     fn note(&mut self, mistake: Mistake) {
@@ -122,7 +164,10 @@ impl Inputs {
         if first > start + slack(start) {
             let message =
                 format!("`{name}` begins at {first} s, after the start: from {start} s to {first} s it has no value");
-            let help = Some(format!("start the simulation at {first} s, or add a row for {start} s"));
+            let help = Some(format!(
+                "set `start` of [simulation] to {first}, or subtract {} from the times of the file",
+                first - start
+            ));
             self.note(Mistake { line: None, message, help });
         }
         let last = match interpolation {
@@ -138,6 +183,44 @@ impl Inputs {
                 let help = Some(format!("`--stop {last}` ends the run there, `--after-end hold` keeps the last value"));
                 self.note(Mistake { line: None, message, help });
             }
+        }
+    }
+
+    /// Warns of gaps between the samples of a signal, within the run.
+    fn check_gaps(&mut self, name: &str, signal: &Signal) {
+        let Simulation { start, stop, .. } = self.simulation;
+        let distance = |pair: &[f64]| pair[1] - pair[0];
+        let mut distances: Vec<f64> =
+            signal.times.windows(2).map(distance).filter(|distance| *distance > 0.0).collect();
+        if distances.len() < SAMPLED {
+            return;
+        }
+        distances.sort_by(f64::total_cmp);
+        let usual = distances[distances.len() / 2];
+        let is_gap = |pair: &&[f64]| distance(pair) > GAP * usual && pair[1] > start && pair[0] < stop;
+        let gaps: Vec<&[f64]> = signal.times.windows(2).filter(is_gap).collect();
+        let Some(longest) = gaps.iter().copied().max_by(|a, b| distance(a).total_cmp(&distance(b))) else { return };
+        let more = match gaps.len() - 1 {
+            0 => String::new(),
+            1 => ", and one shorter gap".to_owned(),
+            more => format!(", and {more} shorter gaps"),
+        };
+        self.warn(format!(
+            "`{name}` has no samples from {} s to {} s{more} (they are usually {} s apart); it is interpolated linearly there",
+            longest[0],
+            longest[1],
+            // Without the roundings of a difference of times.
+            format!("{usual:.6}").trim_end_matches('0').trim_end_matches('.'),
+        ));
+    }
+
+    /// Notes that a column writes an input instead of an output.
+    pub(super) fn replace(&mut self, column: usize, output: String, input: String) {
+        let is_same = |known: &&mut Replacement| known.column == column && known.output == output;
+        match self.replacements.iter_mut().find(is_same) {
+            Some(known) if known.inputs.contains(&input) => (),
+            Some(known) => known.inputs.push(input),
+            None => self.replacements.push(Replacement { column, output, inputs: vec![input] }),
         }
     }
 
@@ -231,6 +314,15 @@ impl Inputs {
         }
         if !self.mistakes.is_empty() {
             return Err(DataError { file: self.table.file().to_owned(), mistakes: self.mistakes });
+        }
+        for Replacement { column, output, inputs } in mem::take(&mut self.replacements) {
+            let name = self.name(column).to_owned();
+            self.warn(format!("`{name}` replaces the output {output} at {}", inputs.join(", ")));
+        }
+        if !self.without_unit.is_empty() {
+            let columns: Vec<String> =
+                self.without_unit.iter().map(|(name, unit)| format!("`{name}` in {unit}")).collect();
+            self.warn(format!("columns without a unit are taken in that of the variable: {}", columns.join(", ")));
         }
         if !ignored.is_empty() {
             self.warn(format!("no input takes the columns {}; they are ignored", ignored.join(", ")));
@@ -362,6 +454,32 @@ mod tests {
         held.feed(1, &Target::default(), linear);
         let warnings = held.finish(&[], &[], &[]).unwrap();
         assert!(warnings[0].ends_with("in.csv: `a` ends at 0.25 s; its last value holds until 1 s"), "{warnings:?}");
+    }
+
+    /// Reference: a gap is a distance of more than five usual ones between samples that are interpolated.
+    #[test]
+    fn gaps_between_samples_are_reported() {
+        let warnings = |times: &mut dyn Iterator<Item = f64>, interpolation: Interpolation| {
+            let rows: String = times.map(|time| format!("{time},1\n")).collect();
+            let mut inputs = inputs(&format!("time,a\n{rows}"), AfterEnd::Error).unwrap();
+            inputs.feed(1, &Target::default(), interpolation);
+            inputs.finish(&[], &[], &[]).unwrap()
+        };
+        let grid = |skipped: &'static [std::ops::Range<u32>]| {
+            (0..=200).filter(|k| !skipped.iter().any(|range| range.contains(k))).map(|k| f64::from(k) / 100.0)
+        };
+        let (linear, hold) = (Interpolation::Linear, Interpolation::Hold);
+        assert_eq!(warnings(&mut grid(&[]), linear), [""; 0]);
+        // Four missing rows are five distances, which is no gap.
+        assert_eq!(warnings(&mut grid(&[11..15]), linear), [""; 0]);
+        let found = warnings(&mut grid(&[11..20, 31..80]), linear);
+        let expected = "in.csv: `a` has no samples from 0.3 s to 0.8 s, and one shorter gap (they are usually 0.01 s apart); \
+                        it is interpolated linearly there";
+        assert!(matches!(&found[..], [warning] if warning.ends_with(expected)), "{found:?}");
+        // The run ends at 1 s; a signal that is held needs no samples; few points are a profile, not samples.
+        assert_eq!(warnings(&mut grid(&[131..180]), linear), [""; 0]);
+        assert_eq!(warnings(&mut grid(&[31..80]), hold), [""; 0]);
+        assert_eq!(warnings(&mut [0.0, 0.1, 0.2, 0.3, 2.0].into_iter(), linear), [""; 0]);
     }
 
     #[test]

@@ -219,6 +219,9 @@ impl<'a> Resolver<'a> {
         if let Some(column) = own {
             let from = explicit.map_or_else(|| others().next().filter(|_| others().count() == 1), Result::ok);
             lost.extend(from.map(|from| (from, column)));
+            if let Some(output) = from {
+                self.note_replacement(system, output, (m, v), column);
+            }
             return self.use_column(column, (member, input), input).map(Some);
         }
         let from = match explicit {
@@ -242,6 +245,7 @@ impl<'a> Resolver<'a> {
             // A connection that converts reads values of the output's type.
             let of = if conversion::between(output, input).is_some() { (writer, output) } else { (member, input) };
             lost.push(((w, o), column));
+            self.note_replacement(system, (w, o), (m, v), column);
             return self.use_column(column, of, input).map(Some);
         }
         // The ends of a connection were checked where it is written.
@@ -265,6 +269,17 @@ impl<'a> Resolver<'a> {
 
     fn column(&self, component: Option<&str>, signal: &str) -> Option<usize> {
         self.inputs.as_ref()?.column(component, signal)
+    }
+
+    /// Notes that a column writes an input instead of the output that is connected with it.
+    fn note_replacement(&mut self, system: &System<'_>, output: (usize, usize), input: (usize, usize), column: usize) {
+        let name = |(m, v): (usize, usize)| {
+            let member = &system.members[m];
+            format!("`{}:{}`", member.name(), member.variable(v).name)
+        };
+        if let Some(inputs) = &mut self.inputs {
+            inputs.replace(column, name(output), name(input));
+        }
     }
 
     /// Name of the column of the input file that a signal is made of.
