@@ -96,7 +96,10 @@ def _end_all() -> list[str]:
 
 
 def _children() -> list[tuple[int, str]]:
-    """Return the running children of this process, with the names of their programs."""
+    """Return the running children of this process, with the names of their programs.
+
+    An FMU that forks without a program of its own leaves copies of this one.
+    """
     found = []
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
@@ -106,5 +109,14 @@ def _children() -> list[tuple[int, str]]:
             start, rest = (entry / "stat").read_text(errors="replace").rsplit(")", 1)
             state, parent = rest.split()[:2]
             if int(parent) == os.getpid() and state not in ("Z", "X"):
-                found.append((int(entry.name), start.split("(", 1)[1]))
+                program = start.split("(", 1)[1]
+                found.append((int(entry.name), f"a copy of {program}" if _is_copy(entry) else program))
     return found
+
+
+def _is_copy(entry: Path) -> bool:
+    """Return whether a process executes the program of this one. False if the system does not tell."""
+    try:
+        return (entry / "exe").samefile("/proc/self/exe")
+    except OSError:
+        return False

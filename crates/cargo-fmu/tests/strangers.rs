@@ -78,6 +78,8 @@ fn nothing_that_an_fmu_started_outlives_the_command() {
         assert_eq!(survivors(folder.path()), [""; 0], "{habit}");
         assert!(is_success, "{habit}: {said}");
         assert!(said.contains("that an FMU had started") || !is_left, "{habit}: {said}");
+        // None of these starts a program: what is left is this one. Where the first thread has ended, the system does not tell.
+        assert!(said.contains("(a copy of cargo-fmu") || habit == "headless" || !is_left, "{habit}: {said}");
     }
 }
 

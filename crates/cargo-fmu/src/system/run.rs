@@ -137,7 +137,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<()> {
     }
     let statuses = serde_json::to_string_pretty(&RunStatuses::new(statuses)).into_diagnostic()?;
     write_whole(&folder.join(results::STATUS_FILE), (statuses + "\n").as_bytes())?;
-    print_summary(&plan, &done, &folder, began.elapsed());
+    print_summary(&plan, &done, ended.len(), &folder, began.elapsed());
     for (_, message) in &ended {
         errln!("note: {}", indented(message, "  "));
     }
@@ -245,7 +245,8 @@ fn progress_bar(plan: &Plan) -> miette::Result<ProgressBar> {
     Ok(bar)
 }
 
-fn print_summary(plan: &Plan, done: &[(&Run, Done)], folder: &Path, elapsed: Duration) {
+/// `ended` is the number of runs that an FMU ended, which are shorter than the others.
+fn print_summary(plan: &Plan, done: &[(&Run, Done)], ended: usize, folder: &Path, elapsed: Duration) {
     let width = plan.cases.iter().map(|case| case.name.len()).max().unwrap_or(0).max("case".len());
     outln!("{:width$}  runs  seconds per run", "case");
     for case in &plan.cases {
@@ -256,10 +257,11 @@ fn print_summary(plan: &Plan, done: &[(&Run, Done)], folder: &Path, elapsed: Dur
         outln!("{:width$}  {count:>4}  {mean:>15}", case.name);
     }
     outln!(
-        "{} of {} runs over {} s in {:.1} s: {}",
+        "{} of {} runs over {} s{} in {:.1} s: {}",
         done.len(),
         plan.runs.len(),
         plan.simulation.stop - plan.simulation.start,
+        if ended > 0 { format!(" and {ended} that an FMU ended before") } else { String::new() },
         elapsed.as_secs_f64(),
         folder.join("*.csv").display()
     );
@@ -268,7 +270,8 @@ fn print_summary(plan: &Plan, done: &[(&Run, Done)], folder: &Path, elapsed: Dur
         *messages.entry(message).or_default() += 1;
     }
     for (message, count) in messages.iter().take(SHOWN_MESSAGES) {
-        errln!("{} ({count} times)", indented(message, "  "));
+        let times = if *count > 1 { format!(" ({count} times)") } else { String::new() };
+        errln!("{}{times}", indented(message, "  "));
     }
     if messages.len() > SHOWN_MESSAGES {
         errln!("and {} other messages", messages.len() - SHOWN_MESSAGES);

@@ -46,6 +46,13 @@ pub(super) fn is_member(id: i32) -> bool {
     id > 1 && id != own && parents.take(DEEPEST).take_while(|id| *id > 1).any(|id| id == own)
 }
 
+/// Name of the program of a process: an FMU that forks without a program of its own leaves copies of this one.
+pub(super) fn name(id: Pid, program: String) -> String {
+    let file = |process: &str| std::fs::read_link(format!("/proc/{process}/exe")).ok();
+    let is_copy = file("self").is_some_and(|own| file(&id.as_raw_nonzero().to_string()) == Some(own));
+    if is_copy { format!("a copy of {program}") } else { program }
+}
+
 /// The group of a process.
 pub(super) fn group(id: i32) -> Option<i32> {
     Status::read(id).map(|status| status.group)

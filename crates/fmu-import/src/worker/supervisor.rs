@@ -190,7 +190,7 @@ fn end_all(worker: Pid, incidents: &File) {
                 } else {
                     rustix::process::kill_process(id, Signal::STOP)
                 };
-                entry.insert(process.program);
+                entry.insert(family::name(id, process.program));
             }
         }
         if found.len() == before {
@@ -198,7 +198,7 @@ fn end_all(worker: Pid, incidents: &File) {
                 let _ = rustix::process::kill_process(id, Signal::KILL);
                 // One that has come since the last look was not stopped.
                 if id != worker {
-                    found.entry(id).or_insert(process.program);
+                    found.entry(id).or_insert_with(|| family::name(id, process.program));
                 }
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -207,7 +207,7 @@ fn end_all(worker: Pid, incidents: &File) {
     let programs: Vec<String> = if are_ended {
         found.into_values().collect()
     } else {
-        family::members().map(|(_, process)| process.program).collect()
+        family::members().map(|(id, process)| family::name(id, process.program)).collect()
     };
     if !are_ended || !programs.is_empty() {
         note(incidents, &Incident::Left { programs, are_ended });
