@@ -8,6 +8,7 @@ use fmu::abi::Export;
 use fmu::calls::{Function, Interface, Mode, Protocol, Version};
 use fmu::instance::{CallError, Instance};
 use fmu::prelude::*;
+use fmu::runner::Model;
 use fmu::simulation::ContinuousSimulation;
 use fmu::variable::{Kind, Role};
 
@@ -138,6 +139,8 @@ tanks! {
     Classical Solver::RungeKutta;
     /// Two tanks with error control
     Controlled Solver::DormandPrince { tolerance: 1e-6 };
+    /// Two tanks by a solver that keeps a Jacobian
+    Stiff Solver::Rosenbrock { tolerance: 1e-6 };
 }
 
 #[derive(DiscreteState, Clone, Default)]
@@ -276,8 +279,8 @@ struct Run<E: Export> {
 impl<E: Export> Run<E> {
     fn instance(protocol: Protocol) -> Instance<E::Model> {
         let instance = Instance::new(protocol, E::description(), PathBuf::new());
-        // Event Mode, where the version has it.
-        if protocol == Protocol::CS3 { instance.with_event_mode() } else { instance }
+        // Event Mode, where version and model have it.
+        if protocol == Protocol::CS3 && E::Model::HAS_EVENTS { instance.with_event_mode() } else { instance }
     }
 
     fn is_exchange(&self) -> bool {
@@ -459,6 +462,8 @@ impl<E: Export> Run<E> {
     }
 }
 
+const CO_SIMULATION: [Protocol; 2] = [Protocol::CS2, Protocol::CS3];
+
 /// Seeds of each protocol; `FMU_TEST_FACTOR` makes them so many times more.
 fn seeds() -> u64 {
     39 * std::env::var("FMU_TEST_FACTOR").map_or(1, |factor| factor.parse::<u64>().unwrap())
@@ -490,17 +495,19 @@ fn check<E: Export>(protocols: &[Protocol]) {
 fn results_of_continuous_time_models_depend_on_the_values_alone() {
     check::<Classical>(&Protocol::ALL);
     check::<Controlled>(&Protocol::ALL);
+    // Model exchange has the solver of the importer.
+    check::<Stiff>(&CO_SIMULATION);
 }
 
 #[test]
 fn results_of_discrete_time_models_depend_on_the_values_alone() {
-    check::<Filter>(&[Protocol::CS2]);
-    check::<Wave>(&[Protocol::CS2]);
+    check::<Filter>(&Protocol::ALL);
+    check::<Wave>(&Protocol::ALL);
 }
 
 #[test]
 fn results_of_stateful_models_depend_on_the_values_alone() {
-    check::<Store>(&[Protocol::CS2]);
+    check::<Store>(&CO_SIMULATION);
 }
 
 /// level(0) = volume/area, whatever was read before.
