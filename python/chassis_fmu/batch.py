@@ -73,7 +73,9 @@ class _Left:
         count = len(self.programs)
         processes = "a process" if count == 1 else f"{count} processes"
         ended = "it was ended" if count == 1 else "they were ended"
-        return f"{processes} that an FMU had started ({', '.join(self.programs[:5])}) did not end with the run; {ended}"
+        names = list(dict.fromkeys(self.programs))
+        shown = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+        return f"{processes} that an FMU had started ({shown}) did not end with the run; {ended}"
 
 
 @dataclass(frozen=True)

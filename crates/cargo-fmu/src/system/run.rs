@@ -261,7 +261,7 @@ fn print_summary(plan: &Plan, done: &[(&Run, Done)], ended: usize, folder: &Path
         done.len(),
         plan.runs.len(),
         plan.simulation.stop - plan.simulation.start,
-        if ended > 0 { format!(" and {ended} that an FMU ended before") } else { String::new() },
+        if ended > 0 { format!(", {ended} ended by an FMU,") } else { String::new() },
         elapsed.as_secs_f64(),
         folder.join("*.csv").display()
     );

@@ -88,9 +88,15 @@ impl fmt::Display for Incident {
                     (count, true) => (format!("{count} processes"), "did not end with the run; they were ended"),
                     (count, false) => (format!("{count} processes"), "could not be ended"),
                 };
-                let shown: Vec<&str> = programs.iter().take(5).map(String::as_str).collect();
-                let dots = if programs.len() > shown.len() { ", ..." } else { "" };
-                write!(f, "{count} that an FMU had started ({}{dots}) {more}", shown.join(", "))
+                let mut names: Vec<&str> = Vec::new();
+                for program in programs {
+                    if !names.contains(&program.as_str()) {
+                        names.push(program);
+                    }
+                }
+                let dots = if names.len() > 5 { ", ..." } else { "" };
+                names.truncate(5);
+                write!(f, "{count} that an FMU had started ({}{dots}) {more}", names.join(", "))
             }
             Self::Memory { used, limit } => write!(
                 f,
