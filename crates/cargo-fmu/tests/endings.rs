@@ -62,6 +62,21 @@ fn status(folder: &Path) -> Value {
     serde_json::from_str::<Value>(&text).unwrap()["runs"][0].clone()
 }
 
+/// What tools call files: names with blanks, dots and dashes.
+#[test]
+fn fmus_have_any_file_name() {
+    let folder = TempDir::new().unwrap();
+    let fmu = Zoo::new("none").pack(folder.path());
+    std::fs::rename(fmu, folder.path().join("My Zoo-1.2.fmu")).unwrap();
+    std::fs::write(folder.path().join("ends.toml"), SCENARIO.replace("\"Zoo\"", "\"My Zoo-1.2\"")).unwrap();
+    for arguments in [&["plan", "ends.toml", "--fmus", "."][..], &["run", "ends.toml", "--fmus", ".", "--no-fail"]] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cargo-fmu"));
+        let output = command.args(arguments).current_dir(folder.path()).env("NO_COLOR", "1").output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", unwrapped(&output.stderr));
+    }
+    assert_eq!(times(folder.path()).len(), 11);
+}
+
 /// Reference: FMI 2.0, section 4.2.2 (fmi2Discard with fmi2Terminated and fmi2LastSuccessfulTime), FMI 3.0, `terminateSimulation`.
 #[test]
 fn an_fmu_ends_the_simulation() {

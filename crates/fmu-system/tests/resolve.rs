@@ -873,6 +873,8 @@ fn mistakes_are_reported_with_their_place() {
         ("name = \"driver\"", "name = \"vehicle\"", "the component `vehicle` is there twice"),
         ("fmu = \"Driver\"", "fmu = \"Drivr\"", "11:7: there is no Drivr.fmu in memory"),
         ("fmu = \"Driver\"", "fmu = \"../Driver\"", "file stem"),
+        ("fmu = \"Driver\"", "fmu = \"Driver.fmu\"", "file stem"),
+        ("fmu = \"Driver\"", "fmu = \"..\"", "file stem"),
         ("maneuver = 1", "manouver = 1", "Driver has no parameter `manouver`"),
         ("maneuver = 1", "maneuver = 10", "12:27: `maneuver` is 10, expected one of straight (0)"),
         ("maneuver = 1", "maneuver = 1.0", "12:27: `maneuver` must be a whole number, got 1.0"),

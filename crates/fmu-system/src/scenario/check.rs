@@ -48,7 +48,7 @@ impl Scenario {
             problems.add(0..0, "a scenario needs at least one [[case]]");
         }
         for (name, span) in self.fmus() {
-            if name.is_empty() || name.contains(['/', '\\', '.']) {
+            if name.trim_matches('.').is_empty() || name.contains(['/', '\\']) || name.ends_with(".fmu") {
                 problems.add(span, "an FMU is named by its file stem, without folder and extension");
             }
         }
