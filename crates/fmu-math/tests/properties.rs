@@ -365,6 +365,29 @@ fn integer_powers_are_products() {
     assert_eq!(math::powi(1.7, 3), 1.7 * (1.7 * 1.7));
 }
 
+/// Reference: x^y = (x^(y/2))^2, where x^(y/2) is within 1.2 ulp (`accuracy`), so that the square is within 3 ulp; below the normal
+/// numbers, each side is within a step of the exact result. Bases beside 1 with exponents to 1e18, and subnormal ones.
+#[test]
+fn powers_below_the_normal_numbers_are_squares() {
+    let mut random = Random(11);
+    let (mut subnormal, mut far) = (0, 0);
+    for k in 0..20_000 {
+        let near = 1.0 + random.unit() * 0.5_f64.powi(2 + (random.bits() % 48) as i32);
+        let x = if k % 3 == 0 { 1e-310 * (1.0 + random.unit()) } else { near };
+        // The logarithm of the result, from above the smallest normal number (-708.4) to below all numbers (-745.2).
+        let y = (-727.0 + 20.0 * random.unit()) / math::ln(x);
+        if !y.is_finite() {
+            continue;
+        }
+        let (power, root) = (math::pow(x, y), math::pow(x, y / 2.0));
+        let bound = 4.0 * f64::EPSILON * power + f64::from_bits(1);
+        assert!((power - root * root).abs() <= bound, "{x:e} ^ {y:e}: {power:e}, {:e}", root * root);
+        subnormal += u32::from(power > 0.0 && power < f64::MIN_POSITIVE);
+        far += u32::from(y.abs() > 2_147_483_648.0);
+    }
+    assert!(subnormal > 10_000 && far > 1_000, "{subnormal} results are subnormal, {far} exponents are above 2^31");
+}
+
 /// The same number on every platform: Linux on any processor, Windows, WebAssembly, ARM.
 #[test]
 fn a_million_results_have_the_same_hash_everywhere() {
