@@ -19,7 +19,17 @@ struct Handler(MietteHandler);
 
 impl ReportHandler for Handler {
     fn debug(&self, report: &dyn Diagnostic, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.debug(&Safe::new(report), f)
+        let report = Safe::new(report);
+        if report.related.is_empty() {
+            return self.0.debug(&report, f);
+        }
+        // A list of mistakes. miette would begin each with `Error:`, as the list begins already.
+        writeln!(f, "{report}")?;
+        for mistake in &report.related {
+            writeln!(f)?;
+            self.0.debug(mistake, f)?;
+        }
+        Ok(())
     }
 }
 
