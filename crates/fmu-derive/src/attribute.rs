@@ -13,7 +13,7 @@ use syn::{
 use crate::errors::Errors;
 use crate::unit::Unit;
 
-/// How a variable gets its name, unit and description.
+/// Source of the name, unit and description of a variable.
 pub(crate) enum Source {
     /// A `Definition`, shared by several models.
     Definition(ExprPath),
@@ -25,18 +25,18 @@ pub(crate) enum Source {
 pub(crate) struct Variable {
     pub(crate) source: Source,
     keys: Vec<(Ident, Option<Expr>)>,
-    /// Whether the attribute is there.
+    /// True if the attribute is present.
     pub(crate) is_explicit: bool,
 }
 
-/// What a type holds, as far as its tokens tell.
+/// Kind of values in a type, as far as its tokens show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Content {
     Real,
     Integer,
     /// Boolean, String.
     Other,
-    /// An enumeration, an alias, or a mistake; the compiler knows.
+    /// An enumeration, an alias, or a mistake, which the compiler resolves.
     Unknown,
 }
 
@@ -100,7 +100,7 @@ impl Variable {
         }
     }
 
-    /// Whether a flag is set.
+    /// Returns true if a flag is set.
     pub(crate) fn flag(&self, key: &str) -> Result<bool> {
         match self.keys.iter().find(|(known, _)| known == key) {
             Some((known, Some(_))) => Err(Error::new(known.span(), format!("`{key}` is a flag and takes no value"))),
@@ -108,7 +108,7 @@ impl Variable {
         }
     }
 
-    /// Where a key stands.
+    /// Returns the identifier of a key, if the key is present.
     pub(crate) fn key(&self, key: &str) -> Option<&Ident> {
         self.keys.iter().map(|(known, _)| known).find(|known| *known == key)
     }
@@ -138,7 +138,7 @@ impl Variable {
         }
     }
 
-    /// Rejects keys that mean nothing here.
+    /// Rejects keys that are not in `allowed`.
     pub(crate) fn allow(&self, allowed: &[&str]) -> Result<()> {
         let mut errors = Errors::default();
         for (key, _) in self.keys.iter().filter(|(key, _)| !allowed.iter().any(|name| key == name)) {
@@ -163,7 +163,7 @@ impl Variable {
         errors.finish(())
     }
 
-    /// The span errors about the whole attribute point at.
+    /// Span for errors about the whole attribute.
     pub(crate) fn span(&self) -> Span {
         match &self.source {
             Source::Definition(path) => path.span(),
@@ -214,7 +214,7 @@ impl Variable {
                 })?;
                 Ok((Some(unit.tokens(root)), Some(unit), description))
             }
-            // The words on an Integer may end in a letter that is a unit too: `1 (A) to 8 (H)`.
+            // The description of an Integer may end in a letter that is also a unit: `1 (A) to 8 (H)`.
             Some((_, unit)) if content == Content::Other && Unit::parse(unit, name.span()).is_ok() => {
                 let message = format!(
                     "only real variables have a unit: the doc comment of this field ends with the unit `({unit})`"
@@ -295,7 +295,7 @@ impl Variable {
         errors.finish(spec)
     }
 
-    /// Whether the unit is written in place and is not the second.
+    /// Returns true if the unit is written in place and is not the second.
     pub(crate) fn is_not_in_seconds(&self, doc: &str) -> bool {
         let text = match self.value("unit") {
             Ok(Some(Expr::Lit(ExprLit { lit: Lit::Str(text), .. }))) => text.value(),
@@ -309,7 +309,7 @@ impl Variable {
             && Unit::parse(&text, Span::call_site()).is_ok_and(|unit| !unit.is_second())
     }
 
-    /// Rejects a nominal value that is not above 0 and limits in the wrong order, as far as they are written as numbers.
+    /// Rejects a nominal value that is not above 0 and limits in the wrong order, as far as they are literals.
     fn check_limits(&self) -> Result<()> {
         if let Some(nominal) = self.value("nominal")?
             && literal(nominal).is_some_and(|number| number <= 0.0)
@@ -327,7 +327,7 @@ impl Variable {
         Ok(())
     }
 
-    /// Assertions of [`Self::check_limits`] about constants, which only the compiler can look at.
+    /// Assertions for the checks of [`Self::check_limits`] on constants, which only the compiler can evaluate.
     pub(crate) fn limit_assertions(&self) -> TokenStream {
         let constant = |key| self.value(key).ok().flatten().filter(|value| is_constant(value));
         let is_open = |value: &Expr| literal(value).is_none();
@@ -347,7 +347,7 @@ impl Variable {
         assertions
     }
 
-    /// Rejects a start value outside its limits, as far as both are written as numbers.
+    /// Rejects a start value outside its limits, as far as both are literals.
     pub(crate) fn check_start(&self, start: &Expr) -> Result<()> {
         if let Expr::Array(elements) = start {
             return elements.elems.iter().try_for_each(|element| self.check_start(element));
@@ -390,7 +390,7 @@ impl Source {
     }
 }
 
-/// Rejects what FMI does not allow in a name: it is not empty, and on one line.
+/// Rejects names that FMI does not allow: empty ones, and those with control characters such as line breaks.
 fn check_name(name: &LitStr) -> Result<()> {
     let text = name.value();
     if text.is_empty() {
@@ -404,7 +404,7 @@ fn check_name(name: &LitStr) -> Result<()> {
     Ok(())
 }
 
-/// The value of a number as written.
+/// The value of a literal number.
 pub(crate) fn literal(expression: &Expr) -> Option<f64> {
     match expression {
         Expr::Lit(ExprLit { lit: Lit::Float(number), .. }) => number.base10_parse().ok(),
@@ -414,7 +414,7 @@ pub(crate) fn literal(expression: &Expr) -> Option<f64> {
     }
 }
 
-/// Whether the compiler can evaluate a number: literals, constants, and what is computed from them.
+/// Returns true if the compiler can evaluate a number: literals, constants, and expressions of these.
 pub(crate) fn is_constant(expression: &Expr) -> bool {
     match expression {
         Expr::Lit(_) | Expr::Path(_) => true,
@@ -449,7 +449,7 @@ pub(crate) fn fields(input: &DeriveInput) -> Result<Punctuated<Field, Token![,]>
     }
 }
 
-/// What the type of a field holds; `number` is the type parameter.
+/// Returns the kind of values in the type of a field; `number` is the type parameter.
 pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
     match ty {
         Type::Array(array) => content(&array.elem, number),
@@ -475,7 +475,7 @@ pub(crate) fn content(ty: &Type, number: Option<&Ident>) -> Content {
     }
 }
 
-/// The path of the crate `fmu`: `::fmu`, or what `#[fmu(crate = …)]` names.
+/// The path of the crate `fmu`: `::fmu`, or the one in `#[fmu(crate = …)]`.
 pub(crate) fn root(attributes: &[Attribute]) -> Result<TokenStream> {
     let Some(attribute) = attributes.iter().find(|attribute| attribute.path().is_ident("fmu")) else {
         return Ok(quote!(::fmu));

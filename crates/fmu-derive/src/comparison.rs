@@ -1,5 +1,5 @@
 //! Comparisons in equations. A number of the equations has none, and the compiler would ask for `PartialOrd`; a trait of
-//! our own says what to write instead.
+//! this crate reports what to write instead.
 
 use proc_macro2::{Span, TokenStream};
 use quote::quote_spanned;
@@ -42,7 +42,7 @@ impl VisitMut for Comparisons<'_> {
         *expression = Expr::Verbatim(quote_spanned!(operator=> #root::comparison::#function(&(#left), &(#right))));
     }
 
-    // What is evaluated while the model compiles calls no trait; a nested item has its own types.
+    // Expressions evaluated at compile time call no trait; a nested item has its own types.
     fn visit_item_mut(&mut self, _: &mut Item) {}
     fn visit_type_mut(&mut self, _: &mut Type) {}
     fn visit_pat_mut(&mut self, _: &mut Pat) {}

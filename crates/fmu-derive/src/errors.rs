@@ -15,12 +15,12 @@ impl Errors {
         }
     }
 
-    /// The value, or `None` after noting the mistake.
+    /// Returns the value, or `None` after recording the mistake.
     pub(crate) fn keep<V>(&mut self, result: Result<V>) -> Option<V> {
         result.map_err(|error| self.add(error)).ok()
     }
 
-    /// Whether there was no mistake.
+    /// Returns true if there was no mistake.
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_none()
     }

@@ -158,7 +158,7 @@ impl Kind {
         }
     }
 
-    /// Whether a type has the number type of the equations.
+    /// Returns true if a type is generic over the number type of the equations.
     fn is_generic(self, name: &str) -> bool {
         self == Self::Continuous && ["State", "Inputs", "Outputs"].contains(&name)
     }
@@ -297,7 +297,7 @@ struct Search {
 }
 
 impl Search {
-    /// Notes the expression if it is the field of an argument.
+    /// Records the expression if it is the field of an argument.
     fn note(&mut self, expression: &Expr) {
         if let Expr::Field(access) = expression
             && matches!(&access.member, Member::Named(member) if member == self.field)

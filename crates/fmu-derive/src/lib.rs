@@ -74,7 +74,7 @@ derives! {
     /// Derived parameters: values that follow from the parameters. Fields with `#[var]` are calculated parameters of
     /// the FMU, the others are not visible.
     Derived = variables::derived, stubs::derived;
-    /// What a model remembers from one sample or event to the next; not visible outside of the FMU.
+    /// Discrete state of a model, kept from one sample or event to the next; not visible outside of the FMU.
     DiscreteState = variables::discrete_state, stubs::discrete_state;
     /// Named values: an enum whose variants have a doc comment and may have a number.
     Enumeration = enumeration::enumeration, stubs::enumeration;
@@ -83,8 +83,8 @@ derives! {
 /// Completes `impl Continuous for …`, `impl Discrete for …` or `impl Stateful for …` and exports the model.
 ///
 /// The name of the FMU is that of the type, its description the doc comment. `stop_time` and `step_size` are the default
-/// experiment in s. Author, license, version and homepage come from the manifest of the package. What a model does not
-/// have (inputs, outputs, derived parameters) is left out.
+/// experiment in s. Author, license, version and homepage come from the manifest of the package. Leave out inputs,
+/// outputs and derived parameters that the model does not have.
 ///
 /// More keys: `name = "…"` names the FMU differently, `solver = …` selects a `fmu::Solver`, `serialize` serializes the
 /// state of a stateful model with serde, `crate = path` names the crate `fmu` if the dependency is renamed.

@@ -19,7 +19,7 @@ use crate::reads;
 
 const EXAMPLE: &str = "as in `#[fmu::model(stop_time = 10.0, step_size = 0.001)]`";
 
-/// Environment variable in which `cargo fmu pack` tells the crate what to export, without the name of the crate.
+/// Prefix of the environment variable in which `cargo fmu pack` requests an export; the name of the crate follows.
 const EXPORT: &str = "FMU_EXPORT_";
 
 /// The keys of the attribute.
@@ -31,7 +31,7 @@ struct Keys {
     solver: Option<Expr>,
     serialize: Option<Path>,
     root: Option<Path>,
-    /// Whether all keys are known: a misspelled key must not be reported as missing too.
+    /// True if all keys are known: a misspelled key must not be reported as missing too.
     is_complete: bool,
 }
 
@@ -74,7 +74,7 @@ impl Keys {
     }
 }
 
-/// What is wrong with a key, and what to write.
+/// Returns the error message for an invalid key, including the correct form.
 fn unknown_key(name: &str) -> String {
     const KEYS: [&str; 6] = ["stop_time", "step_size", "name", "solver", "serialize", "crate"];
     if KEYS.contains(&name) {
@@ -90,7 +90,7 @@ fn unknown_key(name: &str) -> String {
     }
 }
 
-/// `crate` is a keyword, which is not a path on its own.
+/// Renames the key `crate`: the keyword is not a path on its own.
 fn with_crate(arguments: TokenStream) -> TokenStream {
     let mut all: Vec<proc_macro2::TokenTree> = arguments.into_iter().collect();
     for i in 0..all.len() {
@@ -103,7 +103,7 @@ fn with_crate(arguments: TokenStream) -> TokenStream {
     all.into_iter().collect()
 }
 
-/// What the model trait is.
+/// Kind of a model trait.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Continuous,
@@ -111,8 +111,8 @@ pub(crate) enum Kind {
     Stateful,
 }
 
-/// The implementation with what is missing, and the export; after a mistake the implementation without export, so that
-/// the mistake is the only message.
+/// Returns the completed implementation and the export. After a mistake the export is left out, so that the mistake is
+/// the only message.
 pub(crate) fn model(arguments: TokenStream, item: TokenStream) -> TokenStream {
     let block = match syn::parse2(item) {
         Ok(block) => block,
@@ -216,7 +216,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
                 add(name, quote! { type #ident = (); });
             }
             if let Some(key) = &keys.serialize {
-                // Without the feature `serde` the macro says so.
+                // Without the feature `serde` the macro reports an error.
                 let serialize = quote_spanned!(key.span()=> #root::serialize_with_serde!());
                 let option = quote!(::core::option::Option<#root::Serialize<Self::Simulation>>);
                 add("SERIALIZE", quote! { const SERIALIZE: #option = #serialize; });
@@ -262,7 +262,7 @@ fn completed(arguments: TokenStream, mut block: ItemImpl, errors: &mut Errors) -
     }
 }
 
-/// Whether an attribute is `#[fmu::model]`, as far as its path tells.
+/// Returns true if an attribute is `#[fmu::model]`, judged by its path.
 pub(crate) fn is_model(path: &Path) -> bool {
     path.segments.last().is_some_and(|last| last.ident == "model")
 }
@@ -277,7 +277,7 @@ fn name(item: &ImplItem) -> Option<String> {
     }
 }
 
-/// The type of the zero crossings, which belongs to the function; that of the function after a mistake.
+/// Returns the type of the zero crossings, taken from the function. Reports a missing type or function.
 fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
     let declared = items.iter().find_map(|item| match item {
         ImplItem::Type(item) if item.ident == "Crossings" => Some(item),
@@ -305,7 +305,7 @@ fn crossings(items: &[ImplItem], errors: &mut Errors) -> TokenStream {
     }
 }
 
-/// Checks the numbers of zero crossings that `on_event` asks for, as far as they are written in place.
+/// Checks the numbers of zero crossings that `on_event` asks for, as far as they are literals.
 fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> TokenStream {
     let handler = items.iter().find_map(|item| match item {
         ImplItem::Fn(item) if item.sig.ident == "on_event" => Some(item),
@@ -318,7 +318,7 @@ fn crossing_numbers(items: &[ImplItem], model: &Type, root: &TokenStream) -> Tok
     let checks = numbers.iter().filter_map(|number| {
         let value: usize = number.base10_parse().ok()?;
         let message = format!("there is no zero crossing {number}: `type Crossings` is shorter and counts from 0");
-        // At the place of the number, but not as if the author had written it: lints leave it alone.
+        // At the place of the number, but not as code of the author: lints ignore it.
         Some(quote_spanned! {number.span().resolved_at(Span::call_site())=>
             const _: () = ::core::assert!(
                 #value < ::core::mem::size_of::<<#model as #root::Continuous>::Crossings>() / 8,
@@ -402,7 +402,7 @@ fn shared_names(kind: Kind, block: &ItemImpl, root: &TokenStream) -> TokenStream
     tokens
 }
 
-/// Arguments of `fell` and `rose` that are written as numbers.
+/// Arguments of `fell` and `rose` that are literals.
 struct CrossingNumbers<'a>(&'a mut Vec<LitInt>);
 
 impl<'ast> Visit<'ast> for CrossingNumbers<'_> {
@@ -416,7 +416,7 @@ impl<'ast> Visit<'ast> for CrossingNumbers<'_> {
     }
 }
 
-/// `derivatives` and `outputs` from `evaluate`, or of a model without states or outputs.
+/// Adds `derivatives` and `outputs` from `evaluate`, or those of a model without states or outputs.
 fn equations(has: &dyn Fn(&str) -> bool, root: &TokenStream, add: &mut dyn FnMut(&str, TokenStream)) {
     let at = quote!(#root::At<'_, T, Self>);
     if has("evaluate") {
@@ -444,7 +444,7 @@ fn equations(has: &dyn Fn(&str) -> bool, root: &TokenStream, add: &mut dyn FnMut
     }
 }
 
-/// The export of the model: its C interface is part of the library only if `cargo fmu pack` says so.
+/// The export of the model: the library contains its C interface only if `cargo fmu pack` requests it.
 fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: bool) -> TokenStream {
     let name = model.to_token_stream().to_string();
     let test = quote::format_ident!(
@@ -468,7 +468,7 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: 
                 &LIBRARY
             }
         }
-        // Lets cargo compile the crate again when the variable changes.
+        // Makes cargo recompile the crate when the variable changes.
         const _: ::core::option::Option<&str> = ::core::option_env!(#variable);
         #symbols
 
@@ -481,7 +481,7 @@ fn export(model: &Type, root: &TokenStream, runner: &TokenStream, has_exchange: 
     }
 }
 
-/// The environment variable that tells the crate what to export, and its value.
+/// The environment variable that selects the export of the crate, and its value.
 fn wanted() -> (String, String) {
     let library = std::env::var("CARGO_CRATE_NAME").unwrap_or_default();
     let variable = format!("{EXPORT}{library}");
@@ -489,7 +489,7 @@ fn wanted() -> (String, String) {
     (variable, wanted)
 }
 
-/// The function by which `cargo fmu pack` asks for the description.
+/// The function from which `cargo fmu pack` reads the description.
 fn description(name: &str, model: &Type, root: &TokenStream) -> TokenStream {
     let symbol = format!("fmu_model_description_{name}");
     quote! {
@@ -507,7 +507,7 @@ fn description(name: &str, model: &Type, root: &TokenStream) -> TokenStream {
     }
 }
 
-/// What `cargo fmu pack` says about a library that it ships, as in `QuarterCar={0123…} fmi=2 interfaces=cs,me indicators=4`.
+/// Specification of a library that `cargo fmu pack` ships, as in `QuarterCar={0123…} fmi=2 interfaces=cs,me indicators=4`.
 struct Packed<'a> {
     name: &'a str,
     guid: &'a str,
@@ -535,7 +535,7 @@ impl<'a> Packed<'a> {
         Some(packed)
     }
 
-    /// The C interface, the constants of `Export`, and whether there is model exchange.
+    /// The C interface, the constants of `Export`, and true if there is model exchange.
     fn export(&self, model: &Type, root: &TokenStream) -> (TokenStream, TokenStream, bool) {
         let Self { guid, indicators, arrays, .. } = self;
         let has = |interface: &str| self.interfaces.contains(&interface);
@@ -636,7 +636,7 @@ fn info(keys: &Keys, block: &ItemImpl, root: &TokenStream, errors: &mut Errors) 
     }
 }
 
-/// FMI requires an identifier of C.
+/// Returns the error message for a name that is not a C identifier, which FMI requires.
 fn not_an_identifier(name: &str) -> Option<&'static str> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let is_identifier = name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(is_word);

@@ -1,4 +1,5 @@
-//! Implementations of a model trait that lack `#[fmu::model]`. Without the attribute the compiler lists all that it would have added.
+//! Implementations of a model trait that lack `#[fmu::model]`. Without the attribute the compiler lists all items that it would have
+//! added.
 
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
@@ -22,7 +23,7 @@ pub(crate) fn error(input: &DeriveInput) -> Option<TokenStream> {
     let error = Error::new(input.ident.span(), message).into_compile_error();
     let root = root(&input.attrs).ok()?;
     let of = format_ident!("{of}");
-    // With a second implementation, of a type that is an error, the compiler does not look for what the first one lacks.
+    // With a second implementation, for an error type, the compiler does not report the missing items of the first one.
     Some(quote!(#error impl #root::#of for __attribute_is_missing::Model {}))
 }
 

@@ -158,7 +158,7 @@ const PREFIXES: &[(&str, f64, f64)] = &[
     ("p", 1.0, 1e12),
 ];
 
-/// Units in which values of a unit are usually shown: factors that importers may convert with.
+/// Usual display units, which importers may convert values to.
 const DISPLAY: &[(&str, &[&str])] = &[
     ("1", &["%"]),
     ("kg", &["t"]),
@@ -194,7 +194,7 @@ pub(crate) struct Unit {
 }
 
 impl Unit {
-    /// The unit of a text, for example `m/s`; `1` for none.
+    /// Parses a unit, for example `m/s`; `1` is dimensionless.
     pub(crate) fn parse(text: &str, span: Span) -> Result<Self> {
         let mut unit =
             Self { name: text.to_owned(), exponents: DIMENSIONLESS, numerator: 1.0, denominator: 1.0, offset: 0.0 };
@@ -276,7 +276,7 @@ impl Unit {
         Ok(display)
     }
 
-    /// Whether the unit is the second.
+    /// Returns true if the unit is the second.
     pub(crate) fn is_second(&self) -> bool {
         self.exponents == [0, 0, 1, 0, 0, 0, 0, 0] && self.numerator == self.denominator
     }
@@ -352,7 +352,7 @@ impl Unit {
     }
 }
 
-/// A unit with signs that have no place in a name, written without them; `None` if that is no unit either.
+/// Replaces the non-ASCII signs in a unit, which names do not allow; `None` if the result is not a unit.
 fn in_ascii(text: &str) -> Option<String> {
     if text.is_ascii() {
         return None;
@@ -376,7 +376,7 @@ fn in_ascii(text: &str) -> Option<String> {
     (better.is_ascii() && Unit::parse(&better, Span::call_site()).is_ok()).then_some(better)
 }
 
-/// The named unit of some letters, perhaps behind a prefix, with its factor.
+/// Finds the named unit for some letters, which may start with a prefix, and the numerator and denominator of its factor.
 fn find(letters: &str) -> Option<(&'static Named, f64, f64)> {
     let exact = |name: &str| NAMED.iter().find(|named| named.name == name);
     if let Some(named) = exact(letters) {
@@ -384,7 +384,7 @@ fn find(letters: &str) -> Option<(&'static Named, f64, f64)> {
     }
     PREFIXES.iter().find_map(|(prefix, numerator, denominator)| {
         let named = exact(letters.strip_prefix(prefix)?)?;
-        // The kilogram has its prefix already.
+        // The kilogram already has a prefix.
         (named.takes_prefix && named.name != "kg").then_some((
             named,
             named.numerator * numerator,
@@ -404,7 +404,7 @@ fn unknown(letters: &str, text: &str, span: Span) -> Error {
             .iter()
             .map(|named| named.name.to_owned())
             .chain(prefixed)
-            // Of names that are equally near, one with the same beginning is meant.
+            // Among equally near names, prefer one with the same first letter.
             .map(|name| {
                 let distance = strsim::damerau_levenshtein(&name.to_lowercase(), &letters.to_lowercase());
                 let starts_alike = name.starts_with(letters.chars().next().unwrap_or_default());

@@ -10,7 +10,7 @@ use syn::{DeriveInput, Error, Expr, Field, GenericArgument, GenericParam, Ident,
 use crate::attribute::{Content, Source, Variable, content, doc, fields, literal, root};
 use crate::errors::Errors;
 
-/// What a struct of variables is for.
+/// Role of a struct of variables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Block {
     Parameters,
@@ -21,7 +21,7 @@ pub(crate) enum Block {
 }
 
 impl Block {
-    /// The keys of its fields.
+    /// The keys allowed on its fields.
     const fn keys(self, content: Content) -> &'static [&'static str] {
         match (self, content) {
             (Self::Parameters, Content::Integer) => {
@@ -81,7 +81,7 @@ impl Block {
     }
 }
 
-/// A field as it is read and written.
+/// A field, with the code to declare, read and write it.
 struct Part {
     name: Ident,
     ty: syn::Type,
@@ -243,7 +243,7 @@ pub(crate) fn variables(input: &DeriveInput, block: Block) -> Result<TokenStream
     errors.finish(tokens)
 }
 
-/// Whether a field of a struct without type parameter may hold real variables.
+/// Returns true if a field of a struct without type parameter may hold real variables.
 fn may_be_real(field: &Field) -> bool {
     match content(&field.ty, None) {
         Content::Real => true,
@@ -260,7 +260,7 @@ fn start_value(ty: &syn::Type, start: &Expr, root: &TokenStream, number: &TokenS
     match (element(ty), start) {
         (Some(inner), Expr::Array(starts)) => {
             let each = starts.elems.iter().map(|start| start_value(inner, start, root, number));
-            // Both lengths are stated: one that is inferred would be reported in words of the compiler.
+            // Both lengths are explicit: the compiler's message about an inferred one is less clear.
             let count = starts.elems.len();
             quote_spanned! {span=>
                 <<#ty as #root::Field<#number>>::Start>::listed::<#count>([#(#each),*])
@@ -315,7 +315,7 @@ fn name_of(ty: &syn::Type) -> Option<String> {
     }
 }
 
-/// Whether an array has numbers for all its elements.
+/// Returns true if the elements of an array are numbered, not named.
 fn is_numbered(ty: &syn::Type, variable: &Variable) -> bool {
     match ty {
         syn::Type::Array(array) => variable.key("elements").is_none() && is_numbered(&array.elem, variable),
@@ -339,7 +339,7 @@ fn element(ty: &syn::Type) -> Option<&syn::Type> {
     }
 }
 
-/// Two variables of one name.
+/// Reports two variables with the same name.
 fn twice(fields: &Punctuated<Field, Token![,]>, errors: &mut Errors) {
     let mut known: Vec<String> = Vec::new();
     for variable in fields.iter().filter_map(|field| Variable::of(field).ok()) {
@@ -352,7 +352,7 @@ fn twice(fields: &Punctuated<Field, Token![,]>, errors: &mut Errors) {
     }
 }
 
-/// What is wrong with a type that looks like one of a variable.
+/// Returns the error message for a type that resembles the type of a variable.
 fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
     let last = match ty {
         syn::Type::Path(path) => path.path.segments.last()?.ident.to_string(),
@@ -385,7 +385,7 @@ fn mistaken(ty: &syn::Type, parameter: Option<&Ident>) -> Option<String> {
     })
 }
 
-/// Declaration of a field, and how it is read and written.
+/// Builds the declaration of a field, and the code that reads and writes it.
 fn part(
     field: &Field,
     block: Block,
@@ -489,7 +489,7 @@ fn declaration(
         }
         None => quote!(::core::option::Option::None),
     };
-    // An alias of f64 needs a unit too, which only the compiler can tell.
+    // An alias of f64 needs a unit too; only the compiler can resolve it.
     let has_unit = variable.key("unit").map(Ident::span);
     let check = if let Some(span) = has_unit.filter(|_| content == Content::Unknown && parameter.is_none()) {
         quote_spanned! {span=>
@@ -571,7 +571,7 @@ pub(crate) fn derived(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
-/// The replacement for a type that cannot be part of a discrete state.
+/// Returns the replacement for a type that cannot be part of a discrete state.
 fn no_state(ty: &syn::Type) -> Option<&'static str> {
     let syn::Type::Path(path) = ty else { return no_state(element(ty)?) };
     match path.path.segments.last()?.ident.to_string().as_str() {
@@ -587,7 +587,7 @@ fn no_state(ty: &syn::Type) -> Option<&'static str> {
     }
 }
 
-/// `DiscreteState`: what a model remembers from one sample or event to the next.
+/// `DiscreteState`: the state of a model that is kept from one sample or event to the next.
 pub(crate) fn discrete_state(input: &DeriveInput) -> Result<TokenStream> {
     let root = root(&input.attrs)?;
     let ident = &input.ident;

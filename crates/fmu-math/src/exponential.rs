@@ -153,7 +153,7 @@ fn tanh_bent(x: f64) -> f64 {
     let scale = power_of_two(n);
     let (d, d_low) = fast_sum(value * scale, 1.0);
     let quotient = 2.0 / d;
-    // What the rounded denominator changes; 1/d is quotient/2.
+    // Effect of the rounding of the denominator; 1/d is quotient/2.
     let correction = quotient * (0.5 * quotient * (d_low + value_low * scale));
     let (result, error) = fast_sum(1.0, -quotient);
     flip(result + (error + correction), sign(x))

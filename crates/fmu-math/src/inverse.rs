@@ -20,7 +20,7 @@ fn angle(small: f64, great: f64, steep: u64, diagonal: u64, back: u64) -> f64 {
     let numerator = small - keep(diagonal, great);
     let (denominator, error) = fast_sum(great, keep(diagonal, small));
     let t = numerator / denominator;
-    // What the rounded denominator changes, which a rough reciprocal suffices for.
+    // Effect of the rounding of the denominator, for which a rough reciprocal is enough.
     let correction = t * (error * f64::from_bits(RECIPROCAL.wrapping_sub(denominator.to_bits())));
     let turn = (steep ^ back) & SIGN;
     let eighths = flip(keep(diagonal, 1.0), turn) + (keep(steep, 2.0) + keep(back & !steep, 4.0));

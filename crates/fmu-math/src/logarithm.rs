@@ -1,7 +1,7 @@
 //! Natural logarithm.
 //!
 //! x = 2^k m with m from sqrt(1/2) to sqrt(2). With f = m - 1 and s = f/(2 + f), ln(m) = f - f^2/2 + s (f^2/2 + R(s^2)), the
-//! form of fdlibm, which loses nothing near 1; the polynomial is our own.
+//! form of fdlibm, which is accurate near 1; the polynomial is our own.
 
 use crate::bits::{INFINITY, SIGN};
 use crate::coefficients::{LN, LN2_HI, LN2_LO};

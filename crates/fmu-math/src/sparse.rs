@@ -14,7 +14,7 @@ const NONE: u32 = u32::MAX;
 const DIAGONAL_PREFERENCE: f64 = 1e-3;
 
 /// The structure of a sparse matrix: for each line the positions of the elements that may differ from zero, ascending. Lines
-/// are rows or columns, as the owner says.
+/// are rows or columns, as defined by the user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Structure {
     starts: Vec<u32>,
@@ -446,7 +446,7 @@ mod tests {
         let b = product(&(1..=n).map(|i| i as f64).collect::<Vec<_>>());
         let mut lu = SparseLu::new(&structure, n * n).unwrap();
         let mut worst = 0.0_f64;
-        // The second time with what the first one left behind.
+        // The second time with the memory of the first one.
         for _ in 0..2 {
             assert!(lu.factorize(&structure, &values));
             let mut x = b.clone();

@@ -149,7 +149,7 @@ fn special_values_are_those_of_c() {
         for &(x, expected) in cases {
             same(name, &[x], f(x), expected);
         }
-        // NaN has one representation, whatever goes in.
+        // NaN has one representation, whatever the input.
         same(name, &[NAN], f(f64::from_bits(0xfff8_0000_0000_1234)), NAN);
     };
     let tiny = 5e-324;
@@ -299,7 +299,7 @@ fn special_values_are_those_of_c() {
     );
 }
 
-/// Where one formula ends and the next begins, and at the ends of the domain.
+/// Points where one formula ends and the next begins, and the ends of the domain.
 #[test]
 fn neighbors_are_in_order_at_the_ends_and_between_the_formulas() {
     let rises: [(&str, Single, &[f64]); 8] = [

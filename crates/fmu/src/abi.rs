@@ -1,5 +1,5 @@
-//! The C interface. All unsafe code of an FMU is in this module: here what the versions of the standard share, in [`fmi2`]
-//! and [`fmi3`] their functions.
+//! The C interface. All unsafe code of an FMU is in this module: the part common to the versions of the standard is here,
+//! the functions of each version are in [`fmi2`] and [`fmi3`].
 //!
 //! Every function checks its pointers, turns them into references and slices, and calls the safe
 //! [`Instance`]. An error is logged through the caller's logger and becomes a status; a
@@ -34,9 +34,9 @@ pub mod fmi3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub enum Status {
-    /// All well.
+    /// Success.
     Ok = 0,
-    /// There is no such information.
+    /// The requested information does not exist.
     Discard = 2,
     /// Rejected, or failed; see the log.
     Error = 3,
@@ -49,16 +49,16 @@ pub type FmuState = *mut c_void;
 
 /// A model with its description; [`model`](macro@crate::model) implements it.
 pub trait Export: 'static {
-    /// How it runs.
+    /// Runner of the model.
     type Model: Model;
-    /// The GUID, if the packer has built it in. Such a library need not write its description to know it, and does not
-    /// contain the code that could.
+    /// The GUID, if the packer has built it in. Such a library does not generate its description to compute the GUID,
+    /// and does not contain the code for it.
     const GUID: Option<&'static str> = None;
     /// The number of event indicators of model exchange, if the packer has built in the GUID.
     const EVENT_INDICATORS: usize = 0;
-    /// What the FMU is packed as.
+    /// Format of the packed FMU.
     const FORMAT: Format = Format::FMI2;
-    /// What the library keeps while it is loaded.
+    /// Returns the data that the library keeps while it is loaded.
     fn library() -> &'static Library;
     /// Computed on first use, then the same for all instances.
     ///
@@ -73,7 +73,7 @@ pub trait Export: 'static {
             });
             // On Linux the library lists the function itself, see `export!`.
             // SAFETY: a function of this library, called when the library is unloaded, at the latest when the process
-            // ends. If it cannot be registered, the description is lost at the end, nothing else.
+            // ends. If it cannot be registered, only the description is leaked at the end.
             #[cfg(not(any(target_os = "linux", target_family = "wasm")))]
             unsafe {
                 libc::atexit(forget::<Self>)
@@ -84,7 +84,7 @@ pub trait Export: 'static {
     }
 }
 
-/// What a loaded library keeps outside of its instances.
+/// Data that a loaded library keeps outside of its instances.
 #[derive(Debug, Default)]
 pub struct Library(Mutex<Kept>);
 
@@ -96,20 +96,20 @@ struct Kept {
 }
 
 impl Library {
-    /// Nothing yet.
+    /// An empty library.
     #[must_use]
     pub const fn new() -> Self {
         Self(Mutex::new(Kept { description: None, text: None }))
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
-        // A panic while it was computed has left it empty.
+        // A panic during its computation has left it empty.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Frees what the library keeps: a master that loads and unloads it again and again must not lose memory. Instances
-/// that are still there have their own share.
+/// Frees what the library keeps: a master that repeatedly loads and unloads it must not leak memory. Remaining
+/// instances hold their own reference.
 pub extern "C" fn forget<E: Export + ?Sized>() {
     let _ = catch_unwind(|| std::mem::take(&mut *E::library().lock()));
 }
@@ -123,7 +123,7 @@ enum Logger {
 struct Log {
     logger: Option<Logger>,
     name: CString,
-    /// Which of [`LOG_CATEGORIES`] are wanted besides errors.
+    /// Flags of the [`LOG_CATEGORIES`] that are wanted besides errors.
     wanted: [bool; LOG_CATEGORIES.len()],
 }
 
@@ -158,7 +158,7 @@ struct Handle<E: Export> {
     log: Log,
     /// Snapshots that were handed out: only these pointers are accepted back.
     snapshots: HashSet<*mut Snapshot<E::Model>, BuildHasherDefault<DefaultHasher>>,
-    /// Whether a step of co-simulation ends at the first event (FMI 3.0).
+    /// True if a step of co-simulation ends at the first event (FMI 3.0).
     returns_early: bool,
     /// Value references of the elements of native arrays in a call (FMI 3.0).
     elements: Vec<fmi3::ValueReference>,
@@ -202,8 +202,8 @@ fn words(payload: &(dyn Any + Send)) -> &str {
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
 }
 
-/// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic. What computes runs in
-/// the default floating-point environment, whatever the caller's.
+/// Runs `f` on the component if its mode allows `function`; logs an error; catches a panic. Computations run in the
+/// default floating-point environment, whatever the caller's.
 #[inline]
 unsafe fn call<E: Export>(
     component: Component,
@@ -312,9 +312,9 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, &'static str> {
     unsafe { CStr::from_ptr(pointer) }.to_str().map_err(|_| "not UTF-8")
 }
 
-/// Pointer to the model description, for the packer, or to an exclamation mark and what is wrong with the declarations. The
-/// text lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a sum of 1 (co-simulation),
-/// 2 (model exchange), 4 (native arrays), 8 (terminalsAndIcons.xml instead of the model description) and 16 (notes instead of it), as in
+/// Returns a pointer to the model description, for the packer, or to an exclamation mark and the error in the declarations. The text
+/// lives until the next call or until the library is unloaded. `version` is 2 or 3; `options` is a sum of 1 (co-simulation), 2 (model
+/// exchange), 4 (native arrays), 8 (terminalsAndIcons.xml instead of the model description) and 16 (notes instead of it), as in
 /// `fmu_import::loader::description_options`.
 pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_char {
     let text = || {
@@ -326,7 +326,7 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
         };
         let text = match Description::try_of::<E::Model>(format, Path::new(E::Model::INFO.resources)) {
             Ok(description) if has(8) => description.terminals(format),
-            // Not empty, which would be a failure.
+            // Not empty, because that would be a failure.
             Ok(description) if has(16) => format!("\n{}", description.notes.join("\n")),
             Ok(description) => description.xml,
             Err(problem) => format!("!{problem}"),
@@ -337,13 +337,13 @@ pub fn model_description<E: Export>(version: c_int, options: c_int) -> *const c_
     catch_unwind(text).unwrap_or(std::ptr::null())
 }
 
-/// What every library that the packer builds contains, whatever its interfaces.
+/// Content of every library that the packer builds, whatever its interfaces.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! unloading {
     ($model:ty) => {
-        // Called when the library is unloaded, or when the process ends. `atexit` would not do: the start-up code of
-        // zig does not connect it with the library, so the function is called when the library is gone.
+        // Called when the library is unloaded, or when the process ends. `atexit` does not work: the start-up code of
+        // zig does not associate it with the library, so the function would be called after the library is unloaded.
         #[cfg(target_os = "linux")]
         #[used]
         #[unsafe(link_section = ".fini_array")]

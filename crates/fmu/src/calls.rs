@@ -1,5 +1,4 @@
-//! Which function may be called when: the call-order rules of FMI 2.0 (sections 3.2.3 and 4.2.4) and FMI 3.0 (sections 2.3,
-//! 3.2 and 4.2), as one table.
+//! The call-order rules of FMI 2.0 (sections 3.2.3 and 4.2.4) and FMI 3.0 (sections 2.3, 3.2 and 4.2), as one table.
 
 /// Version of the standard that an FMU follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,9 +31,9 @@ impl Interface {
 /// Interfaces that an FMU provides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interfaces {
-    /// Whether it can be used by co-simulation.
+    /// True if it supports co-simulation.
     pub co_simulation: bool,
-    /// Whether it can be used by model exchange.
+    /// True if it supports model exchange.
     pub model_exchange: bool,
 }
 
@@ -44,7 +43,7 @@ impl Interfaces {
     /// Both.
     pub const ALL: Self = Self { co_simulation: true, model_exchange: true };
 
-    /// Whether an interface is provided.
+    /// Returns true if an interface is provided.
     #[must_use]
     pub const fn contains(self, interface: Interface) -> bool {
         match interface {
@@ -103,7 +102,7 @@ pub enum Mode {
     StepFailed,
     /// After the end of the simulation.
     Terminated,
-    /// After a panic inside a call; the values are not to be trusted.
+    /// After a panic inside a call; the values are not reliable.
     Broken,
     /// Events are handled.
     Event,
@@ -138,7 +137,7 @@ impl Mode {
         }
     }
 
-    /// Whether instances of this interface can be in the mode.
+    /// Returns true if instances of this interface can be in the mode.
     pub const fn belongs_to(self, protocol: Protocol) -> bool {
         match (self, protocol.interface) {
             (Self::Step | Self::StepFailed, interface) => matches!(interface, Interface::CoSimulation),
@@ -242,7 +241,7 @@ calls! {
     GetIntegerStatus "fmi2GetIntegerStatus" "":                               S|F|T, NO, NO, NO;
     GetBooleanStatus "fmi2GetBooleanStatus" "":                               S|F|T, NO, NO, NO;
     GetStringStatus "fmi2GetStringStatus" "":                                 S|F|T, NO, NO, NO;
-    // FMI 3.0: what no FMU of this exporter provides. The functions exist and return errors.
+    // FMI 3.0: not provided by any FMU of this exporter. The functions exist and return errors.
     GetNumberOfVariableDependencies "" "fmi3GetNumberOfVariableDependencies": NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     GetVariableDependencies "" "fmi3GetVariableDependencies":                 NO, NO, I|N|S|E|F|T, I|N|E|C|T;
     EnterConfigurationMode "" "fmi3EnterConfigurationMode":                   NO, NO, I|S|E, I|E;
@@ -277,12 +276,12 @@ calls! {
 }
 
 impl Function {
-    /// Whether the function may be called in `mode`.
+    /// Returns true if the function may be called in `mode`.
     pub const fn allowed(self, protocol: Protocol, mode: Mode) -> bool {
         self.modes()[protocol.column()] & mode.bit() != 0
     }
 
-    /// Why a call is out of order: "called in X, allowed in Y".
+    /// Returns the error message for a call out of order: "called in X, allowed in Y".
     #[cold]
     pub fn out_of_order(self, protocol: Protocol, mode: Mode) -> String {
         let name = self.name(protocol.version);
@@ -294,13 +293,12 @@ impl Function {
     }
 }
 
-/// The functions that may be called in a mode: the table of calls seen from the mode. An instance keeps them, so that a call
-/// tests one bit.
+/// The functions that may be called in a mode: the table of calls by mode. An instance keeps them, so that a call tests one bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Functions(u128);
 
 impl Functions {
-    /// All that may be called in `mode`.
+    /// All functions that may be called in `mode`.
     pub const fn allowed(protocol: Protocol, mode: Mode) -> Self {
         ALLOWED[protocol.column()][mode as usize]
     }

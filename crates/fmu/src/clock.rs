@@ -1,4 +1,4 @@
-//! The time of an instance: how far the master's times may be off, and which samples are due.
+//! The time of an instance: tolerance of the master's times, and samples that are due.
 
 use crate::calls::Interface;
 
@@ -12,7 +12,7 @@ const ROUNDINGS: f64 = 4.0;
 /// Number of samples above which a counter is no longer exact as a real number.
 const MOST_SAMPLES: u64 = 1 << 53;
 
-/// Where an instance stands in time.
+/// Position of an instance in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
     /// Start of the experiment in s.
@@ -21,7 +21,7 @@ pub struct Clock {
     pub stop: Option<f64>,
     /// Present time in s.
     pub time: f64,
-    /// Number of the next sample; 0 in a plant.
+    /// Number of the next sample; 0 in a continuous-time model.
     pub sample: u64,
 }
 
@@ -33,8 +33,8 @@ fn ulp(time: f64) -> f64 {
     f64::from_bits(magnitude.to_bits() + 1) - magnitude
 }
 
-/// Whether `difference` is not greater than a time near `time` may be off that belongs to a step of `step` s: a
-/// millionth of the step, or four units in the last place of the time.
+/// Returns true if `difference` is within the tolerance of a time near `time` in a step of `step` s: a millionth of the
+/// step, or four units in the last place of the time.
 #[inline]
 pub(crate) fn is_within_tolerance(difference: f64, time: f64, step: f64) -> bool {
     difference <= SLACK * step || difference <= ROUNDINGS * ulp(time)
@@ -51,16 +51,16 @@ pub(crate) fn ceil(x: f64) -> f64 {
     }
 }
 
-/// How far roundings may put the time `t` from the instant it is meant for: a millionth of a `part` (a step, a sample
-/// time) and four units in the last place of `t`; all in s.
+/// Returns the tolerance of the time `t` for rounding errors: a millionth of a `part` (a step, a sample time) and four
+/// units in the last place of `t`; all in s.
 #[inline]
 #[must_use]
 pub fn slack(part: f64, t: f64) -> f64 {
     SLACK * part + ROUNDINGS * ulp(t)
 }
 
-/// Number of samples due before `end`, the end of a step of `step` s; sample n is due `n sample_time` after `start`.
-/// A sample due at `end` counts as not before it, in spite of roundings.
+/// Number of samples due before `end`, the end of a step of `step` s; sample n is due `n sample_time` after `start`. A
+/// sample due at `end` does not count, in spite of rounding errors.
 #[inline]
 pub(crate) fn samples_before(end: f64, start: f64, sample_time: f64, step: f64) -> f64 {
     let part = if sample_time < step { sample_time } else { step };
@@ -89,10 +89,10 @@ pub(crate) fn samples_due(end: f64, start: f64, sample_time: f64, step: f64, sam
 impl Clock {
     pub(crate) const ZERO: Self = Self { start: 0.0, stop: None, time: 0.0, sample: 0 };
 
-    /// Checks a clock that did not come from steps but from the bytes of a state.
+    /// Checks a clock read from the bytes of a state.
     ///
     /// # Errors
-    /// When no sequence of steps leads to it.
+    /// No sequence of steps leads to it.
     pub(crate) fn check(
         &self,
         interface: Interface,
@@ -116,7 +116,7 @@ impl Clock {
         {
             return Err(format!("time = {time} s is past the stop time, {stop} s"));
         }
-        // A short step leaves less slack to the samples at its end than a long one, which may have been either.
+        // A short step leaves less slack to the samples at its end than a long one; the last step may have been either.
         let (least, most) = match sample_time {
             // A solver may look ahead and back, and the sample that is due at this time may have been taken.
             Some(_) if is_exchange => (0.0, MOST_SAMPLES as f64),
@@ -230,7 +230,7 @@ mod tests {
         }
         // 2^64 samples of 0.01 s: a time that a counter of 2^64 - 1 would agree with.
         assert!(check(clock(0.0, 2.0_f64.powi(64) * 0.01, u64::MAX)).is_err());
-        // Without samples, as in a plant.
+        // Without samples, as in a continuous-time model.
         assert_eq!(clock(0.0, 1.0, 0).check(Interface::CoSimulation, true, None), Ok(()));
         assert!(clock(0.0, 1.0, 1).check(Interface::CoSimulation, true, None).is_err());
     }

@@ -6,8 +6,9 @@ pub(crate) const MOST_VALUES: usize = 64;
 /// The most combinations that are tried.
 pub(crate) const MOST_COMBINATIONS: usize = 4096;
 
-/// For variables with so many values each, the numbers of the values to try together; `None` leaves a variable as it is. First
-/// all as they are, then all combinations, in which the first variable changes fastest. If these are more than [`MOST_COMBINATIONS`], each value of each variable alone.
+/// For variables with so many values each, the numbers of the values to try together; `None` leaves a variable unchanged. First all
+/// unchanged, then all combinations, in which the first variable changes fastest. If these are more than [`MOST_COMBINATIONS`], each value
+/// of each variable alone.
 pub(crate) fn combinations(sizes: &[usize]) -> Vec<Vec<Option<usize>>> {
     let mut tried = vec![vec![None; sizes.len()]];
     if are_few(sizes) {

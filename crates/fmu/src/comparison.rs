@@ -1,7 +1,7 @@
 //! Comparisons in equations, as [`model`](macro@crate::model) writes them: those of `PartialOrd` and `PartialEq`, with a
 //! message of their own for the numbers of the equations.
 
-/// What `<`, `<=`, `>` and `>=` compare.
+/// Operands of `<`, `<=`, `>` and `>=`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` has no comparison, use `if_greater`, `min`, `max`, `clamp` or `sign`",
     label = "a number of the equations",
@@ -19,7 +19,7 @@ pub trait Ordered<Rhs: ?Sized> {
     fn is_less_or_equal(&self, other: &Rhs) -> bool;
 }
 
-/// What `==` and `!=` compare.
+/// Operands of `==` and `!=`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` has no comparison, use `if_greater`, `min`, `max`, `clamp` or `sign`",
     label = "a number of the equations",

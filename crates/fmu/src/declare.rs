@@ -1,4 +1,4 @@
-//! What the derives call to declare variables; not needed in a model file.
+//! Functions that the derives call to declare variables; not needed in a model file.
 
 use std::marker::PhantomData;
 
@@ -15,7 +15,7 @@ pub struct Spec {
     name: String,
     description: &'static str,
     doc: &'static str,
-    /// Words that describe the element of an array.
+    /// Description of the element of an array.
     words: String,
     units: Units,
     display: Option<Display>,
@@ -237,7 +237,7 @@ impl Spec {
         let display = match self.display {
             None => None,
             Some(Display::Unit(display)) => Some(display),
-            // A name that the unit does not have is found when the description is made.
+            // An unknown name is reported when the description is generated.
             Some(Display::Named(name)) => {
                 Some(unit.display_unit(name).unwrap_or(DisplayUnit { name, factor: f64::NAN, offset: 0.0 }))
             }
@@ -348,11 +348,11 @@ pub fn nested(prefix: &str, declare: fn(&mut Vec<Declaration>), all: &mut Vec<De
 #[derive(Clone, Copy, Debug)]
 pub struct Name {
     text: &'static str,
-    /// Polynomial in the bytes of the text, modulo 2^64, and the power of its base that puts another one in front.
+    /// Polynomial in the bytes of the text, modulo 2^64, and the power of its base that prepends another text.
     hash: u64,
     power: u64,
     is_array: bool,
-    /// Those of a nested struct.
+    /// Names of a nested struct.
     fields: Option<&'static [Self]>,
 }
 
@@ -377,7 +377,7 @@ impl Name {
         Self { fields: Some(fields), ..Self::of(prefix, false) }
     }
 
-    /// The hash behind that of a prefix.
+    /// The hash of the text after a prefix.
     const fn behind(&self, prefix: u64) -> u64 {
         prefix.wrapping_mul(self.power).wrapping_add(self.hash)
     }
@@ -409,7 +409,7 @@ impl<D: Derived> NamesOfDerived<D> {
     pub const NAMES: &'static [Name] = D::NAMES;
 }
 
-/// Of a type without the derive.
+/// Names of a type without the derive.
 pub trait NoNames {
     /// None.
     const NAMES: &'static [Name] = &[];
@@ -418,7 +418,7 @@ pub trait NoNames {
 impl<V> NoNames for NamesOf<V> {}
 impl<D> NoNames for NamesOfDerived<D> {}
 
-/// A text that is made while the model compiles.
+/// A text built at compile time.
 #[derive(Debug)]
 pub struct Text {
     bytes: [u8; 256],

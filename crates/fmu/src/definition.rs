@@ -13,14 +13,14 @@ pub struct Definition {
     pub display: Option<&'static str>,
     /// Usual magnitude in the unit, to an order of magnitude.
     pub nominal: Option<f64>,
-    /// Values it may have.
+    /// Valid values.
     pub range: Range,
-    /// One sentence; `{}` stands for the element of an array.
+    /// One sentence; `{}` is replaced by the element of an array.
     pub description: &'static str,
 }
 
-/// Least value of a parameter that must be above zero, in its unit: FMI has no limits that are excluded, and smaller
-/// numbers overflow where a model divides by a power of them.
+/// Least value of a parameter that must be above zero, in its unit: FMI has no exclusive limits, and smaller numbers
+/// overflow where a model divides by a power of them.
 pub const LEAST_POSITIVE: f64 = 1e-6;
 
 /// The values a parameter may have.

@@ -30,14 +30,14 @@ pub const LOG_CATEGORIES: [(&str, &str); 3] = [
     (LOG_EVENTS, "Initialization, termination, reset and restored states"),
 ];
 
-/// What an FMU is packed as.
+/// Format of a packed FMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Format {
     /// Version of the standard.
     pub version: Version,
     /// Interfaces, as far as the model has them.
     pub interfaces: Interfaces,
-    /// Whether arrays of the model are variables with dimensions (FMI 3.0) instead of one variable for each element.
+    /// True if arrays of the model are variables with dimensions (FMI 3.0) instead of one variable for each element.
     pub arrays: bool,
 }
 
@@ -48,7 +48,7 @@ impl Format {
     pub const FMI3: Self = Self { version: Version::Fmi3, ..Self::FMI2 };
 }
 
-/// What is known about a model without an instance.
+/// Data of a model that need no instance.
 #[derive(Debug)]
 pub struct Description {
     /// All variables.
@@ -57,9 +57,9 @@ pub struct Description {
     pub guid: String,
     /// modelDescription.xml; empty in a packed library.
     pub xml: String,
-    /// What makes the model structure list too much, each with the remedy; empty in a packed library.
+    /// Reasons why the model structure lists too much, each with the remedy; empty in a packed library.
     pub notes: Vec<String>,
-    /// With native arrays, how many values the variable of a value reference has; otherwise empty.
+    /// With native arrays, the number of values of the variable of each value reference; otherwise empty.
     pub(crate) lengths: Vec<u32>,
 }
 
@@ -67,8 +67,8 @@ impl Description {
     /// Describes the model `M`; `resources` is the folder that [`crate::Continuous::load`] reads.
     ///
     /// # Panics
-    /// When the declarations contradict each other (two variables of one name, a start value outside its limits), or
-    /// a model has no derived parameters for any value of its Booleans and enumerations; the test that
+    /// If the declarations contradict each other (two variables of one name, a start value outside its limits), or a
+    /// model has no derived parameters for any value of its Booleans and enumerations. The test that
     /// [`model`](macro@crate::model) adds to the package finds that.
     pub fn of<M: Model>(format: Format, resources: &Path) -> Self {
         Self::try_of::<M>(format, resources).unwrap_or_else(|problem| panic!("{problem}"))
@@ -77,7 +77,7 @@ impl Description {
     /// As [`Self::of`].
     ///
     /// # Errors
-    /// What is wrong with the declarations.
+    /// The contradiction in the declarations.
     pub fn try_of<M: Model>(format: Format, resources: &Path) -> Result<Self, String> {
         let mut layout = M::layout();
         let Format { version, interfaces, .. } = format;
@@ -99,7 +99,7 @@ impl Description {
         };
         let xml = write(&layout, format, &structure).expect("writing to memory does not fail");
         let xml = with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"));
-        // The GUID is the hash of the description with an empty one, which is the first: it stands in the first element.
+        // The GUID is the hash of the description with an empty one. It is in the first element, so the first match is replaced.
         let hash = uuid::Uuid::new_v5(&uuid::Uuid::NAMESPACE_OID, xml.as_bytes());
         let guid = format!("{{{hash}}}");
         let empty = match version {
@@ -118,7 +118,8 @@ impl Description {
         with_references(std::str::from_utf8(&xml).expect("all texts are UTF-8"))
     }
 
-    /// What an instance needs, where the GUID and the number of event indicators are known: see [`crate::abi::Export::GUID`].
+    /// Creates the data that an instance needs, if the GUID and the number of event indicators are known: see
+    /// [`crate::abi::Export::GUID`].
     pub fn packed<M: Model>(format: Format, guid: &str, indicators: usize) -> Self {
         let mut layout = M::layout();
         layout.indicators.relations = indicators.saturating_sub(layout.indicators.declared);
@@ -126,7 +127,7 @@ impl Description {
     }
 }
 
-/// How many values the variable of each value reference has if arrays are native: an array has that of its first element.
+/// Number of values of the variable of each value reference if arrays are native: an array has the reference of its first element.
 fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
     if !format.arrays {
         return Vec::new();
@@ -136,7 +137,7 @@ fn lengths(layout: &Layout, format: Format) -> Vec<u32> {
     lengths.iter().map(|&length| length.max(1)).collect()
 }
 
-/// What is wrong with the declarations, if anything.
+/// Returns the contradiction in the declarations, if any.
 fn contradiction(info: &Info, layout: &Layout, format: Format) -> Option<String> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     if !info.name.starts_with(|c: char| c.is_ascii_alphabetic()) || !info.name.chars().all(is_word) {

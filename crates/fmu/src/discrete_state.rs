@@ -1,4 +1,4 @@
-//! What a model remembers from one sample or event to the next.
+//! The discrete state of a model, kept from one sample or event to the next.
 
 /// The discrete state of a model. Derive [`DiscreteState`](crate::derive::DiscreteState) beside `Clone` and `Default`.
 #[diagnostic::on_unimplemented(
@@ -6,9 +6,9 @@
     note = "add `#[derive(DiscreteState, Clone, Default)]`"
 )]
 pub trait DiscreteState: 'static {
-    /// Passes every value on.
+    /// Passes every value to the sink.
     fn save(&self, sink: &mut dyn FnMut(Word<'_>));
-    /// Takes the values back in the same order.
+    /// Restores the values in the same order.
     ///
     /// # Errors
     /// A value is missing, of another type, or impossible.
@@ -106,9 +106,9 @@ impl Words<'_> {
             model with other state implements `Stateful`"
 )]
 pub trait StateField {
-    /// Passes every value on.
+    /// Passes every value to the sink.
     fn save(&self, sink: &mut dyn FnMut(Word<'_>));
-    /// Takes its values back.
+    /// Restores its values.
     ///
     /// # Errors
     /// A value is missing, of another type, or impossible.

@@ -141,7 +141,7 @@ impl<T: Scalar> Scalar for Dual<T> {
         self.chain(self.re.atan(), T::from(1.0) / (self.re * self.re + 1.0))
     }
     fn atan2(self, x: Self) -> Self {
-        // Not by way of the quotient, which has no derivative where x is 0.
+        // Not by the quotient, which has no derivative where x is 0.
         let distance = self.re * self.re + x.re * x.re;
         let turn = x.re * self.eps - self.re * x.eps;
         // At the origin the angle has no derivative; 0 keeps a vehicle at rest differentiable.
@@ -192,7 +192,7 @@ impl<T: Scalar> Scalar for Dual<T> {
         let is_greater = self.re.if_greater(threshold.re, T::from(1.0), T::from(0.0));
         if is_greater.value() > 0.0 { then } else { otherwise }
     }
-    // By the values: they may be no relations of `T` (see `Relational`).
+    // By the values: they may not be relations of `T` (see `Relational`).
     fn max(self, other: Self) -> Self {
         if self.value() > other.value() { self } else { other }
     }
@@ -269,7 +269,7 @@ mod tests {
     fn duals_have_the_value_of_the_number_and_its_slope_at_the_edges_of_a_domain() {
         let zero = Dual64::from(0.0);
         let seeded = |value| Dual64::new(value, 1.0);
-        // d atan2(y, x) = (x dy - y dx)/(x^2 + y^2); by way of y/x it would be 0/0 where x = 0.
+        // d atan2(y, x) = (x dy - y dx)/(x^2 + y^2); from y/x it would be 0/0 where x = 0.
         assert_eq!(Scalar::atan2(Dual64::from(2.0), seeded(0.0)).eps, -0.5);
         assert_eq!(Scalar::atan2(seeded(2.0), zero).eps, 0.0);
         assert_eq!(pair(Scalar::atan2(seeded(0.0), Dual64::from(-2.0))), (std::f64::consts::PI, -0.5));

@@ -13,11 +13,11 @@ use crate::table::Table;
 pub(crate) struct Expression(u128);
 
 thread_local! {
-    /// Whether equations have looked at a value.
+    /// True if equations have read a value.
     static INSPECTED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs `equations`. Returns with their result whether they looked at a value, by [`Scalar::value`].
+/// Runs `equations`. Returns their result, and true if they read a value by [`Scalar::value`].
 pub(crate) fn inspected<R>(equations: impl FnOnce() -> R) -> (R, bool) {
     INSPECTED.set(false);
     (equations(), INSPECTED.get())

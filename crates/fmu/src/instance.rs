@@ -18,12 +18,12 @@ mod model_exchange;
 mod states;
 mod values;
 
-/// Why a call was not carried out.
+/// Error of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CallError {
-    /// fmi2Error: what, where and the rule.
+    /// fmi2Error: the problem, where it occurred, and the rule.
     Error(String),
-    /// fmi2Discard: there is no such information.
+    /// fmi2Discard: the requested information does not exist.
     Discard(String),
 }
 
@@ -33,15 +33,15 @@ impl From<String> for CallError {
     }
 }
 
-/// What a call returns.
+/// Result of a call.
 type CallResult<T = ()> = Result<T, CallError>;
 
-/// The whole state of an instance; what fmi2FMUstate points to.
+/// The whole state of an instance; fmi2FMUstate points to it.
 pub struct Snapshot<M: Model> {
     pub(crate) mode: Mode,
     pub(crate) clock: Clock,
     pub(crate) values: ValueStore,
-    /// Whether the parameter `tolerance` was set.
+    /// True if the parameter `tolerance` was set.
     pub(crate) is_tolerance_set: bool,
     pub(crate) memory: Option<M::Memory>,
     pub(crate) derived: Option<Arc<M::Derived>>,
@@ -51,7 +51,7 @@ pub struct Snapshot<M: Model> {
 /// An instance of the model `M`.
 pub struct Instance<M: Model> {
     protocol: Protocol,
-    /// Whether the importer handles the events of co-simulation (FMI 3.0).
+    /// True if the importer handles the events of co-simulation (FMI 3.0).
     uses_event_mode: bool,
     description: Arc<Description>,
     resources: PathBuf,
@@ -61,17 +61,18 @@ pub struct Instance<M: Model> {
     clock: Clock,
     values: ValueStore,
     parameters: M::Parameters,
-    /// Whether the parameter `tolerance` was set; otherwise it is the tolerance of the experiment.
+    /// True if the parameter `tolerance` was set; otherwise it is the tolerance of the experiment.
     is_tolerance_set: bool,
     derived: Option<Arc<M::Derived>>,
-    /// Whether a parameter has changed since the derived parameters were computed: they are computed again when they are needed.
+    /// True if a parameter has changed since the derived parameters were computed: they are computed again when they are needed.
     derived_are_old: bool,
-    /// Made when it is needed; before the start, it is made again after anything that it follows from has changed. When a step fails, only the discrete state of a continuous-time model is restored, for
-    /// its outputs; in Step Failed nothing reads the rest, and a saved state or a reset replaces it.
+    /// Created when needed. Before the start, it is created again after any change of the values that it follows from. When a step fails,
+    /// only the discrete state of a continuous-time model is restored, for its outputs; in Step Failed nothing reads the rest, and a saved
+    /// state or a reset replaces it.
     memory: Option<M::Memory>,
     outputs_are_old: bool,
     derivatives_are_old: bool,
-    /// Whether an output or derivative that is up to date is not finite; everything else always is.
+    /// True if an output or derivative that is up to date is not finite; everything else always is.
     has_not_finite: bool,
     /// Strings handed out by fmi2GetString; they live until the value changes.
     texts: Box<[CString]>,
@@ -116,7 +117,7 @@ impl<M: Model> Instance<M> {
         Self { uses_event_mode: true, ..self }
     }
 
-    /// Where the instance stands.
+    /// Returns the mode.
     pub fn mode(&self) -> Mode {
         self.mode
     }
@@ -144,12 +145,12 @@ impl<M: Model> Instance<M> {
         CallError::Error(format!("{}: {message}", function.name(self.protocol.version)))
     }
 
-    /// Whether the initialization has not ended.
+    /// Returns true if the initialization has not ended.
     fn is_before_start(&self) -> bool {
         matches!(self.mode, Mode::Instantiated | Mode::Initialization)
     }
 
-    /// After a panic nothing but reset and free is trusted.
+    /// Marks the instance as broken after a panic: only reset and free are allowed.
     pub(crate) fn mark_broken(&mut self) {
         self.enter(Mode::Broken);
     }
@@ -158,13 +159,13 @@ impl<M: Model> Instance<M> {
         &self.description.layout
     }
 
-    /// Whether the derived parameters or the memory have to be computed before they are used.
+    /// Returns true if the derived parameters or the memory must be computed before they are used.
     #[inline]
     fn is_stale(&self) -> bool {
         self.derived_are_old || self.memory.is_none()
     }
 
-    /// Whether the real `index` is a state whose start value has to be computed.
+    /// Returns true if the real `index` is a state whose start value must be computed.
     fn is_calculated_state(&self, index: usize) -> bool {
         let layout = self.layout();
         self.memory.is_none() && layout.states.reals().contains(&index) && layout.real(index).declaration.calculated
@@ -180,7 +181,7 @@ impl<M: Model> Instance<M> {
         self.set_experiment(function, start, stop, None)
     }
 
-    /// Start and stop time and relative tolerance, as a function sets them. The tolerance is that of a solver with error control,
+    /// Sets start and stop time and relative tolerance, for a function. The tolerance is that of a solver with error control,
     /// unless its parameter was set.
     ///
     /// # Errors
@@ -218,7 +219,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Gives the solver the tolerance of the experiment, within the limits of the parameter, or the one of the model.
+    /// Sets the solver's tolerance: that of the experiment, within the limits of the parameter, or that of the model.
     fn set_tolerance(&mut self, tolerance: Option<f64>) {
         let layout = &self.description.layout;
         if let Some(index) = layout.solver
@@ -243,11 +244,11 @@ impl<M: Model> Instance<M> {
     /// fmi2ExitInitializationMode: computes the derived parameters, which checks the parameters together.
     ///
     /// # Errors
-    /// When the parameters do not suit each other; the mode is kept.
+    /// The parameters are inconsistent; the mode is kept.
     pub fn exit_initialization(&mut self) -> CallResult {
         let function = Function::ExitInitializationMode;
         self.check(function)?;
-        // A simulation is started once more: what reading has made of the first one does not matter.
+        // A simulation is started again, so that earlier reads have no effect on it.
         self.memory = None;
         self.derive()?;
         let memory = self.memory.as_ref().expect("made with the derived parameters");
@@ -312,8 +313,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// The derived parameters, computed again if a parameter has changed. Before the start also the calculated states and the
-    /// memory: they are functions of the values, whatever was read before.
+    /// Returns the derived parameters, computed again if a parameter has changed. Before the start also computes the
+    /// calculated states and the memory, which depend on the values only, not on earlier reads.
     #[inline]
     fn derive(&mut self) -> CallResult<Arc<M::Derived>> {
         match &self.derived {
@@ -362,7 +363,7 @@ impl<M: Model> Instance<M> {
         Ok(derived)
     }
 
-    /// After parameters, inputs or states were set.
+    /// Discards results after parameters, inputs or states were set.
     #[inline]
     fn values_changed(&mut self) {
         if M::KIND == ModelKind::Continuous && self.is_before_start() {
@@ -372,7 +373,7 @@ impl<M: Model> Instance<M> {
         self.forget_results();
     }
 
-    /// Outputs and derivatives are computed again when they are read.
+    /// Discards outputs and derivatives, which are computed again when they are read.
     #[inline]
     fn forget_results(&mut self) {
         self.outputs_are_old = true;
@@ -380,16 +381,17 @@ impl<M: Model> Instance<M> {
         self.has_not_finite = false;
     }
 
-    /// Whether outputs have to be computed before they are read.
+    /// Returns true if outputs must be computed before they are read.
     #[inline]
     fn outputs_are_due(&self) -> bool {
-        // Those of a source are computed up to the start and held from then on; those of a stateful model with each step.
+        // Those of a source are computed up to the start and held from then on; those of a stateful model are computed in
+        // each step.
         let are_computed = M::KIND == ModelKind::Continuous || (M::CALCULATES_OUTPUTS && self.is_before_start());
         are_computed && self.outputs_are_old
     }
 
-    /// Whether a call may compute with real numbers. Setting some only compares those that are finite; the outputs of discrete-time and stateful
-    /// models are there once these have begun.
+    /// Returns true if a call may compute with real numbers. Setting real values only compares finite numbers; the outputs of discrete-time
+    /// and stateful models exist once these have started.
     #[inline]
     pub(crate) fn may_compute(&self, function: Function) -> bool {
         match function {
@@ -399,8 +401,8 @@ impl<M: Model> Instance<M> {
         }
     }
 
-    /// Brings outputs, derivatives and calculated parameters up to date as far as a caller asks for them. A controller's are
-    /// so as a rule: always inlined, as the call would cost more than the test.
+    /// Updates outputs, derivatives and calculated parameters as far as a caller requests them. Those of a controller are
+    /// usually up to date: always inlined, because the call would cost more than the test.
     #[inline(always)]
     fn refresh(&mut self, calculated: bool, outputs: bool, derivatives: bool) -> CallResult {
         let outputs = outputs && self.outputs_are_due();
@@ -408,7 +410,7 @@ impl<M: Model> Instance<M> {
         if calculated || outputs || derivatives { self.compute(outputs, derivatives) } else { Ok(()) }
     }
 
-    /// Computes outputs and derivatives; what is calculated from the parameters first, if it is not known.
+    /// Computes outputs and derivatives, and first the derived parameters and the memory if they are out of date.
     fn compute(&mut self, outputs: bool, derivatives: bool) -> CallResult {
         if self.is_stale() {
             self.derive()?;
@@ -451,7 +453,7 @@ impl<M: Model> Instance<M> {
     }
 }
 
-/// A string to hand out.
+/// Converts a string for the C interface.
 fn text(string: &str) -> CString {
     // A model may make one with a zero byte, which C cannot read.
     CString::new(string).unwrap_or_else(|_| CString::new(string.replace('\0', " ")).unwrap_or_default())

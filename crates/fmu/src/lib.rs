@@ -93,7 +93,7 @@ pub use table::Table;
 pub use unit::Unit;
 pub use variables::{Derived, Field, Parameters, Variables};
 
-/// How `#[fmu::model(…, serialize)]` serializes a simulation.
+/// Serialization of a simulation for `#[fmu::model(…, serialize)]`.
 #[cfg(feature = "serde")]
 #[doc(hidden)]
 #[macro_export]
@@ -115,7 +115,7 @@ macro_rules! serialize_with_serde {
     };
 }
 
-/// What a model file needs.
+/// Items that a model file needs.
 pub mod prelude {
     pub use crate::definition::{MAX_STEP, SAMPLE_TIME, TOLERANCE};
     pub use crate::derive::{Derived, DiscreteState, Enumeration, Inputs, Outputs, Parameters, State};

@@ -1,4 +1,4 @@
-//! What a model author writes: a continuous-time model, a discrete-time model, or a stateful one.
+//! The traits that a model author implements: for a continuous-time model, a discrete-time model, or a stateful one.
 
 use std::path::Path;
 
@@ -31,7 +31,7 @@ pub struct Info {
     pub resources: &'static str,
 }
 
-/// How the state of a continuous-time model gets from one communication point to the next.
+/// Solver of a continuous-time model: advances the state from one communication point to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Solver {
     /// The classical Runge-Kutta method of order 4 (Kutta 1901) in equal steps not longer than the parameter `max_step`.
@@ -52,7 +52,7 @@ pub enum Solver {
     Exact,
 }
 
-/// Where the equations of a continuous-time model are evaluated.
+/// Point at which the equations of a continuous-time model are evaluated.
 #[derive(Debug)]
 pub struct At<'a, T: Scalar, M: Continuous> {
     /// Time in s.
@@ -75,7 +75,7 @@ impl<T: Scalar, M: Continuous> Clone for At<'_, T, M> {
 }
 impl<T: Scalar, M: Continuous> Copy for At<'_, T, M> {}
 
-/// What an event may change, and what caused it.
+/// An event: its cause, and the values that it may change.
 #[derive(Debug)]
 pub struct Event<'a, M: Continuous> {
     /// Time in s.
@@ -88,14 +88,14 @@ pub struct Event<'a, M: Continuous> {
     pub inputs: &'a M::Inputs<f64>,
     /// Derived parameters.
     pub derived: &'a M::Derived,
-    /// Whether the time of [`Continuous::next_time_event`] has come.
+    /// True if the time of [`Continuous::next_time_event`] has come.
     pub is_timed: bool,
     pub(crate) before: &'a [f64],
     pub(crate) after: &'a [f64],
 }
 
 impl<M: Continuous> Event<'_, M> {
-    /// Whether the zero crossing of this index went from positive or zero to negative.
+    /// Returns true if the zero crossing of this index went from positive or zero to negative.
     ///
     /// # Panics
     /// If the model has no zero crossing of this index.
@@ -104,7 +104,7 @@ impl<M: Continuous> Event<'_, M> {
         self.changed(index) && self.after[index] < 0.0
     }
 
-    /// Whether the zero crossing of this index went from negative to positive or zero.
+    /// Returns true if the zero crossing of this index went from negative to positive or zero.
     ///
     /// # Panics
     /// If the model has no zero crossing of this index.
@@ -119,12 +119,12 @@ impl<M: Continuous> Event<'_, M> {
             index < count,
             "there is no zero crossing {index}: `type Crossings` has the length {count} and counts from 0"
         );
-        // A time event has no values.
+        // A time event has no such values.
         self.before.get(index).zip(self.after.get(index)).is_some_and(|(before, after)| is_crossing(*before, *after))
     }
 }
 
-/// Whether a quantity has crossed zero. Zero belongs to the positive side.
+/// Returns true if a quantity has crossed zero. Zero belongs to the positive side.
 pub(crate) fn is_crossing(before: f64, after: f64) -> bool {
     (before >= 0.0) != (after >= 0.0)
 }
@@ -133,14 +133,14 @@ pub(crate) fn is_crossing(before: f64, after: f64) -> bool {
 /// parameters.
 ///
 /// The equations are generic over the number type: the same function simulates, computes exact directional derivatives, and
-/// finds out what every result depends on. Write either [`Self::derivatives`] and [`Self::outputs`], or [`Self::evaluate`],
-/// which returns both. [`model`](macro@crate::model) adds what a model does not have.
+/// finds the dependencies of every result. Write either [`Self::derivatives`] and [`Self::outputs`], or [`Self::evaluate`],
+/// which returns both. [`model`](macro@crate::model) adds items that a model does not have.
 pub trait Continuous: Parameters {
     /// Facts about the model.
     const INFO: Info;
-    /// How the state is integrated.
+    /// Solver of the state.
     const SOLVER: Solver = Solver::RungeKutta;
-    /// Whether [`Self::next_time_event`] is written.
+    /// True if [`Self::next_time_event`] is implemented.
     const HAS_TIME_EVENTS: bool = false;
     /// The fields of `self` that the equations read; `None` if they pass on `self`, so that they may read any. The attribute
     /// [`model`](macro@crate::model) sets it; [`Self::derived`], [`Self::load`] and [`Self::initialize`] do not count.
@@ -153,7 +153,7 @@ pub trait Continuous: Parameters {
     type Outputs<T: Scalar>: Variables<T>;
     /// Derived parameters.
     type Derived: Derived;
-    /// What changes at events only.
+    /// Values that change at events only.
     type DiscreteState: DiscreteState + Clone + Default + Send;
     /// The quantities whose zero crossings are events, `[f64; N]`.
     type Crossings: AsRef<[f64]>;
@@ -181,7 +181,7 @@ pub trait Continuous: Parameters {
     /// `(): &()` in a model without derived parameters. The second one is the state, `state: &mut X<f64>`.
     fn initialize(&self, _derived: &Self::Derived, _state: &mut Self::State<f64>) {}
     /// The discrete state at the start, from the state and the inputs at the end of initialization. `at.discrete` holds the
-    /// default. A quantity that starts on its positive side has not risen: what an event would have set belongs here.
+    /// default. A quantity that starts on its positive side has not risen: set here what an event would have set.
     fn initial_discrete_state(&self, _at: At<'_, f64, Self>) -> Self::DiscreteState {
         Self::DiscreteState::default()
     }
@@ -215,8 +215,8 @@ pub trait Continuous: Parameters {
     fn on_event(&self, _event: Event<'_, Self>) {}
 }
 
-/// Whether an output of a source can depend on a parameter, both by name. `true` if it does so at any time of a run with
-/// any values of the other parameters; tools read it from the model structure.
+/// Function of the names of an output of a source and of a parameter: `true` if the output depends on the parameter at
+/// any time of a run with any values of the other parameters. Tools read it from the model structure.
 pub type Influence = fn(output: &str, parameter: &str) -> bool;
 
 /// A sample of a discrete-time model.
@@ -243,7 +243,7 @@ pub trait Discrete: Parameters {
     type Inputs: Variables<f64>;
     /// The outputs; their start values hold until the first sample, except in a source.
     type Outputs: Variables<f64>;
-    /// What the model remembers from one sample to the next.
+    /// Discrete state, kept from one sample to the next.
     type State: DiscreteState + Clone + Default + Send;
     /// Derived parameters.
     type Derived: Derived;
@@ -251,7 +251,7 @@ pub trait Discrete: Parameters {
     /// `Some` makes the model a source: from Initialization Mode on its outputs have the values of [`Self::start`], those of its first
     /// sample.
     const SOURCE: Option<Influence> = None;
-    /// Whether an output of [`Self::start`] can depend on an input, both by name; tools read it from the model structure.
+    /// Dependencies of outputs of [`Self::start`] on inputs, both by name; tools read them from the model structure.
     const FOLLOWS: Influence = |_, _| false;
 
     /// Computes the derived parameters. It is called again after a tunable parameter has changed.
@@ -293,7 +293,7 @@ pub trait Discrete: Parameters {
 
 /// A stateful model: an existing simulation that advances itself. The struct that implements it holds the parameters.
 ///
-/// The exporter knows nothing of the simulation but that it can be cloned, which saves and restores its state.
+/// The exporter only requires that the simulation can be cloned, which saves and restores its state.
 pub trait Stateful: Parameters {
     /// Facts about the model.
     const INFO: Info;
@@ -303,7 +303,7 @@ pub trait Stateful: Parameters {
     type Outputs: Variables<f64>;
     /// The simulation with all of its state.
     type Simulation: Clone + Send + 'static;
-    /// How the state becomes bytes; `#[fmu::model(…, serialize)]` uses serde.
+    /// Serialization of the state; `#[fmu::model(…, serialize)]` uses serde.
     const SERIALIZE: Option<Serialize<Self::Simulation>> = None;
 
     /// Makes the simulation; `resources` is the resources folder of the FMU. Parameters that are tuned after the start reach
@@ -315,7 +315,7 @@ pub trait Stateful: Parameters {
     /// Advances the simulation from `time` to `time + step`, both in s, the inputs held.
     ///
     /// # Errors
-    /// Why the simulation cannot go on. The instance can then only be reset or set to a saved state.
+    /// The reason why the simulation cannot continue. The instance can then only be reset or set to a saved state.
     fn step(
         &self,
         simulation: &mut Self::Simulation,
@@ -327,11 +327,11 @@ pub trait Stateful: Parameters {
     fn outputs(&self, simulation: &Self::Simulation) -> Self::Outputs;
 }
 
-/// How the state of a simulation becomes bytes and is read back.
+/// Conversion of the state of a simulation to bytes and back.
 #[derive(Debug)]
 pub struct Serialize<S> {
-    /// The bytes of a state.
+    /// Converts a state to bytes.
     pub save: fn(&S) -> Result<Vec<u8>, String>,
-    /// The state of bytes.
+    /// Converts bytes to a state.
     pub load: fn(&[u8]) -> Result<S, String>,
 }

@@ -1,8 +1,8 @@
 //! Relations: the conditions of [`Scalar::if_greater`], whose changes are events in model exchange.
 //!
 //! Between two events a relation keeps its side, whatever the values (FMI 2.0, section 3.1.1), so that an importer's solver
-//! sees smooth equations. Its indicator changes its sign where the relation would change its side. An author writes nothing
-//! for it: the equations run on [`Relational`] numbers, which ask the [`Relations`] in use for the side.
+//! sees smooth equations. Its indicator changes its sign where the relation would change its side. This needs no code in a
+//! model: the equations run on [`Relational`] numbers, which get the side from the [`Relations`] in use.
 
 use std::cell::RefCell;
 use std::iter::Sum;
@@ -14,11 +14,11 @@ use crate::scalar::Scalar;
 use crate::table::Table;
 
 /// Distance of an indicator from zero where the two sides of its relation are equal. At an event it is this far from zero, and
-/// a relation changes its side this far behind the equality, so that roundings at an event cause no second one.
+/// a relation changes its side this far beyond the equality, so that rounding errors at an event cause no second one.
 const BAND: f64 = 1e-9;
 
-/// The part of the greater operand that the scale of a relation is at least: roundings of the operands stay far below
-/// [`BAND`] times the scale.
+/// Least scale of a relation, relative to the greater operand: rounding errors of the operands stay far below [`BAND`]
+/// times the scale.
 const LEAST_SCALE: f64 = 1e-3;
 
 /// Part of the nominal values by which states and inputs are changed to find a scale.
@@ -52,7 +52,7 @@ fn swap(relations: &mut Relations) {
     IN_USE.with_borrow_mut(|in_use| std::mem::swap(&mut **in_use, relations));
 }
 
-/// Relations that are lent to the equations of this thread. They come back even after a panic.
+/// Relations that are lent to the equations of this thread. They are returned even after a panic.
 struct Loan<'a>(&'a mut Relations);
 
 impl Drop for Loan<'_> {
@@ -84,7 +84,7 @@ impl Relations {
         equations()
     }
 
-    /// Runs equations whose relations, from number `first` on, take the sides that the values have.
+    /// Runs equations whose relations, from number `first` on, take the sides of the present values.
     pub(crate) fn update<R>(&mut self, first: usize, equations: impl FnOnce() -> R) -> R {
         self.evaluate(first, false, equations)
     }
@@ -105,7 +105,7 @@ impl Relations {
         self.scales.fill(0.0);
     }
 
-    /// Adds what the last evaluation says, for which one value was changed by [`PROBE`] times its nominal value.
+    /// Adds the changes in the last evaluation, for which one value was changed by [`PROBE`] times its nominal value.
     pub(crate) fn add_to_scales(&mut self) {
         for ((scale, difference), base) in self.scales.iter_mut().zip(&self.differences).zip(&self.base) {
             let change = (difference - base).abs() / PROBE;
@@ -132,7 +132,7 @@ impl Relations {
         }
     }
 
-    /// Passes on what a saved state contains.
+    /// Passes the contents of a saved state to the sink.
     pub(crate) fn save(&self, sink: &mut dyn FnMut(Word<'_>)) {
         sink(Word::Whole(self.sides.len() as u64));
         for (&side, &scale) in self.sides.iter().zip(&self.scales) {
@@ -141,7 +141,7 @@ impl Relations {
         }
     }
 
-    /// Reads back what was saved.
+    /// Restores the contents of a saved state.
     ///
     /// # Errors
     /// A value is missing or impossible.
@@ -321,7 +321,7 @@ mod tests {
         assert_eq!((relations.update(0, || y.sign()).0, relations.count()), (-1.0, 2));
     }
 
-    /// More relations than expected have no indicators; their sides are those of the values.
+    /// More relations than expected have no indicators; their sides are those of the present values.
     #[test]
     fn relations_beyond_the_capacity_are_not_frozen() {
         let mut relations = Relations::with_capacity(1);

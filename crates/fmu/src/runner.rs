@@ -1,4 +1,4 @@
-//! How an instance runs a model: one interface for continuous-time, discrete-time and stateful models.
+//! Execution of a model by an instance: one interface for continuous-time, discrete-time and stateful models.
 
 mod continuous;
 mod discrete;
@@ -23,7 +23,7 @@ use crate::store::ValueStore;
 use crate::variable::Layout;
 use crate::variables::{Derived, Parameters};
 
-/// What kind of model.
+/// Kind of model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// [`Continuous`](crate::Continuous).
@@ -34,7 +34,7 @@ pub enum Kind {
     Stateful,
 }
 
-/// Why a step cannot be taken, or what it resulted in.
+/// Error of a step.
 #[derive(Debug)]
 pub enum StepError {
     /// The real variable of this index is not finite.
@@ -75,32 +75,32 @@ pub struct Step {
     pub step: f64,
     /// Number of the next sample.
     pub sample: u64,
-    /// Whether the step ends at the first event, which is handled later.
+    /// True if the step ends at the first event, which is handled later.
     pub stops_at_events: bool,
 }
 
 /// Result of an event in model exchange.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {
-    /// Whether the event has changed continuous states.
+    /// True if the event has changed continuous states.
     pub states_changed: bool,
     /// Time of the next time event in s.
     pub next_event_time: Option<f64>,
 }
 
-/// What the equations compute, see [`Model::expressions`].
+/// Expressions that the equations compute, see [`Model::expressions`].
 #[derive(Debug, Default)]
 pub struct Expressions {
     pub(crate) all: Vec<Expression>,
-    /// Whether equations looked at a value, by [`Scalar::value`](crate::Scalar::value) or a comparison.
+    /// True if equations read a value, by [`Scalar::value`](crate::Scalar::value) or a comparison.
     pub(crate) is_inspected: bool,
 }
 
-/// What an instance needs of a model.
+/// Interface of a model for instances.
 pub trait Model: 'static {
     /// Facts about the model.
     const INFO: Info;
-    /// What kind of model.
+    /// Kind of model.
     const KIND: Kind;
     /// See [`Discrete::SOURCE`](crate::Discrete::SOURCE).
     const SOURCE: Option<Influence> = None;
@@ -108,17 +108,17 @@ pub trait Model: 'static {
     const EQUATIONS_READ: Option<&'static [&'static str]> = None;
     /// See [`Discrete::FOLLOWS`](crate::Discrete::FOLLOWS).
     const FOLLOWS: Influence = |_, _| false;
-    /// Whether instances can be used by model exchange.
+    /// True if instances support model exchange.
     const MODEL_EXCHANGE: bool;
-    /// Whether the state can be serialized.
+    /// True if the state can be serialized.
     const IS_SERIALIZABLE: bool = true;
-    /// Whether the outputs are calculated at the start, instead of having start values.
+    /// True if the outputs are calculated at the start, instead of having start values.
     const CALCULATES_OUTPUTS: bool = matches!(Self::KIND, Kind::Continuous | Kind::Stateful) || Self::SOURCE.is_some();
     /// The parameters.
     type Parameters: Parameters;
     /// Derived parameters.
     type Derived: Derived;
-    /// What changes from step to step besides the variables.
+    /// State of a run besides the variables.
     type Memory: Clone + Send + 'static;
 
     /// Numbers all variables.
@@ -146,14 +146,14 @@ pub trait Model: 'static {
     fn initialize(_p: &Self::Parameters, _derived: &Self::Derived, _layout: &Layout, _values: &mut ValueStore) {}
     /// Number of integration steps or samples in a step; more than [`MOST_PARTS`] are rejected.
     fn parts(layout: &Layout, values: &ValueStore, step: Step) -> f64;
-    /// Whether the solver of co-simulation has a tolerance.
+    /// True if the solver of co-simulation has a tolerance.
     const HAS_ERROR_CONTROL: bool = false;
-    /// Whether a step can have events.
+    /// True if a step can have events.
     const HAS_EVENTS: bool = false;
     /// Advances states or outputs, and the memory. Returns the time of the event that ended the step early.
     ///
     /// # Errors
-    /// When a number is not finite or the model rejects; `values` is kept then, the memory is not.
+    /// A number is not finite or the model rejects the step; `values` is kept then, the memory is not.
     fn step(
         p: &Self::Parameters,
         derived: &Self::Derived,
@@ -177,7 +177,7 @@ pub trait Model: 'static {
     ) -> Result<(), StepError> {
         Ok(())
     }
-    /// Prepares the memory for events that the importer handles, if it is not: those up to `time` are done.
+    /// Prepares the memory for events that the importer handles, unless it is prepared: those up to `time` are done.
     fn begin_events(_memory: &mut Self::Memory, _layout: &Layout, _time: f64) {}
     /// Computes the outputs at `time`; those of the first sample of a source.
     fn outputs(
@@ -222,8 +222,8 @@ pub trait Model: 'static {
     fn with_mode(memory: Self::Memory, _modes: &Modes, _numbers: &[Option<usize>]) -> Option<Self::Memory> {
         Some(memory)
     }
-    /// What real outputs, then state derivatives depend on, a line for each: the known variables are the real inputs, then the
-    /// states, then the time. `None` if everything may depend on everything.
+    /// Dependencies of the real outputs, then of the state derivatives, a line for each: the known variables are the real
+    /// inputs, then the states, then the time. `None` if everything may depend on everything.
     fn dependencies(
         _p: &Self::Parameters,
         _derived: &Self::Derived,
@@ -265,7 +265,7 @@ pub trait Model: 'static {
         values: &mut ValueStore,
         clock: &mut Clock,
     ) -> Result<Update, StepError>;
-    /// Model exchange: gives every relation the side that the values have.
+    /// Model exchange: sets every relation to the side of the present values.
     fn settle(
         _p: &Self::Parameters,
         _derived: &Self::Derived,
@@ -298,12 +298,12 @@ pub trait Model: 'static {
     ) {
         result.fill(1.0);
     }
-    /// Passes every value of the memory on.
+    /// Passes every value of the memory to the sink.
     ///
     /// # Errors
-    /// Why a simulation cannot be serialized.
+    /// The simulation cannot be serialized.
     fn save(memory: &Self::Memory, sink: &mut dyn FnMut(Word<'_>)) -> Result<(), String>;
-    /// Reads a memory back; it is the one at the start before.
+    /// Restores a memory, which must be the one at the start.
     ///
     /// # Errors
     /// A value is missing, of another type, or impossible.
@@ -314,14 +314,14 @@ pub trait Model: 'static {
     }
 }
 
-/// Whether all are finite numbers. It stops at the first that is not, so that the compiler makes no vector code of it: the
-/// values were written one by one just before, and reading two at once would wait until they are in the cache.
+/// Returns true if all numbers are finite. It stops at the first that is not, so that the compiler does not vectorize it:
+/// the values were written one by one just before, and reading two at once would wait until they are in the cache.
 #[inline]
 pub(crate) fn are_finite(values: &[f64]) -> bool {
     values.iter().all(|value| value.is_finite())
 }
 
-/// The first of some reals that is not finite, as an error.
+/// Returns an error for the first of some reals that is not finite.
 #[inline]
 fn first_not_finite(reals: &[f64], range: std::ops::Range<usize>, time: f64) -> Result<(), StepError> {
     if are_finite(&reals[range.clone()]) {

@@ -1,16 +1,16 @@
 //! The numbers that the equations of a continuous-time model are written in.
 //!
 //! The same generic function runs on several types: [`f64`] simulates, [`Dual64`](crate::Dual64) differentiates exactly
-//! along one direction, [`Dependencies`] finds out which inputs and states a result depends on, and a type of the exporter
+//! along one direction, [`Dependencies`] finds the inputs and states that a result depends on, and a type of the exporter
 //! finds and freezes the relations of model exchange.
 //!
-//! [`Scalar`] has no comparison on purpose: a branch that looks at a value would hide the other side from
-//! [`Dependencies`]. Use [`Scalar::if_greater`], [`Scalar::min`], [`Scalar::max`], [`Scalar::sign`] and [`Scalar::clamp`].
-//! Branching on a Boolean, an enumeration or a bounded Integer is fine, because the model structure is the union over all
-//! their values. [`Scalar::value`] gives a plain number to compare; the model structure then says that everything depends on
+//! [`Scalar`] has no comparison on purpose: a branch on a value would hide the other side from [`Dependencies`]. Use
+//! [`Scalar::if_greater`], [`Scalar::min`], [`Scalar::max`], [`Scalar::sign`] and [`Scalar::clamp`]. Branching on a Boolean,
+//! an enumeration or a bounded Integer is fine, because the model structure is the union over all their values.
+//! [`Scalar::value`] gives a plain number to compare; the model structure then declares that everything depends on
 //! everything.
 //!
-//! A number and a `T` combine with the `T` first: `x * 2.0`, `-x + 1.0`. For a number first write `T::from(1.0) - x`.
+//! In an operation with a plain number the `T` comes first: `x * 2.0`, `-x + 1.0`. Otherwise write `T::from(1.0) - x`.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -230,17 +230,17 @@ impl Scalar for f64 {
 /// A set of known variables that a result depends on, for any value of the parameters.
 ///
 /// Every operation unites the sets of its operands; both sides of a branch count, and so does a product with zero. A set is the
-/// number of a node in the trace of this thread, which keeps of which two sets each was made. It is small and copied like a
-/// number, so that large models are traced on a small stack.
+/// number of a node in the trace of this thread, which records the two sets that each was made of. It is small and copied like
+/// a number, so that large models are traced on a small stack.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Dependencies(u32);
 
-/// What the sets of a trace consist of.
+/// Nodes of the sets of a trace.
 #[derive(Debug, Default)]
 struct Trace {
     /// The nodes of two sets; number `i` is the set `i + 1`. Set 0 is empty.
     nodes: Vec<(u32, u32)>,
-    /// Whether equations have looked at values.
+    /// True if equations have read values.
     has_inspections: bool,
 }
 
@@ -305,7 +305,7 @@ impl Dependencies {
         TRACE.with_borrow_mut(|trace| trace.push((index, VARIABLE)))
     }
 
-    /// Whether the known variable `index` is in the set.
+    /// Returns true if the known variable `index` is in the set.
     #[must_use]
     pub fn contains(self, index: usize) -> bool {
         self.variables().contains(&index)
@@ -322,7 +322,7 @@ impl Dependencies {
         })
     }
 
-    /// What is in either set.
+    /// Returns the union of both sets.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         match (self.0, other.0) {
@@ -331,7 +331,7 @@ impl Dependencies {
             (0, _) => other,
             (one, two) => {
                 TRACE.with_borrow_mut(|trace| match (trace.nodes[one as usize - 1], trace.nodes[two as usize - 1]) {
-                    // Sums add the same variable again and again.
+                    // Sums add the same variable repeatedly.
                     ((a, b), _) if b != VARIABLE && (a == two || b == two) => self,
                     (_, (a, b)) if b != VARIABLE && (a == one || b == one) => other,
                     _ => trace.push((one, two)),
@@ -340,8 +340,8 @@ impl Dependencies {
         }
     }
 
-    /// The variables that each of the results of some equations depends on, a line for each; `None` if the equations look at
-    /// values, by [`Scalar::value`], and may branch on them: then everything depends on everything.
+    /// Finds the variables that each of the results of some equations depends on, a line for each; `None` if the equations
+    /// read values by [`Scalar::value`] and may branch on them: then everything depends on everything.
     pub(crate) fn trace(equations: impl FnOnce() -> Vec<Self>) -> Option<Structure> {
         let mut loan = Loan(Trace::default());
         loan.swap();
@@ -375,7 +375,7 @@ impl DependencySet {
         Self((0..count as u32).collect())
     }
 
-    /// Whether the known variable `index` is in the set.
+    /// Returns true if the known variable `index` is in the set.
     #[must_use]
     pub fn contains(&self, index: usize) -> bool {
         self.0.binary_search_by(|&other| (other as usize).cmp(&index)).is_ok()

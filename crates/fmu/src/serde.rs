@@ -1,17 +1,17 @@
 //! Serializes the state of stateful models.
 
-/// The bytes of a simulation.
+/// Converts a simulation to bytes.
 ///
 /// # Errors
-/// What cannot be serialized.
+/// The simulation cannot be serialized.
 pub fn to_bytes<S: ::serde::Serialize>(simulation: &S) -> Result<Vec<u8>, String> {
     postcard::to_allocvec(simulation).map_err(|error| error.to_string())
 }
 
-/// The simulation of some bytes.
+/// Converts bytes to a simulation.
 ///
 /// # Errors
-/// Bytes of another type or version.
+/// The bytes are of another type or version.
 pub fn from_bytes<S: for<'de> ::serde::Deserialize<'de>>(bytes: &[u8]) -> Result<S, String> {
     postcard::from_bytes(bytes).map_err(|error| error.to_string())
 }

@@ -9,10 +9,10 @@ use crate::store::ValueStore;
 use crate::variable::{Layout, Role, Variable};
 use crate::variables::{Counts, Variables as _};
 
-/// Co-simulation is all that a run needs.
+/// A run needs co-simulation only.
 type Runner<M> = ContinuousModel<M, false>;
 
-/// A run of a continuous-time model, as its FMU would do it: same solver, same bits.
+/// A run of a continuous-time model, identical to that of its FMU: same solver, same bits.
 ///
 /// ```
 /// use fmu::prelude::*;
@@ -80,7 +80,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// Starts at time 0 with the start values of the states. Files come from the folder `resources` of the package.
     ///
     /// # Errors
-    /// The parameters do not suit each other.
+    /// The parameters are inconsistent.
     pub fn new(model: M) -> Result<Self, String> {
         Self::with_resources(model, Path::new(M::INFO.resources))
     }
@@ -88,7 +88,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// As [`Self::new`], with files from another folder.
     ///
     /// # Errors
-    /// The parameters do not suit each other, or a file cannot be read.
+    /// The parameters are inconsistent, or a file cannot be read.
     pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
         let layout = Runner::<M>::layout();
         let derived = model.load(resources)?;
@@ -133,7 +133,7 @@ impl<M: Continuous> ContinuousSimulation<M> {
     /// Replaces the tunable parameters, and computes the derived ones again. The fixed parameters must be those of the start.
     ///
     /// # Errors
-    /// A fixed parameter differs, or the parameters do not suit each other.
+    /// A fixed parameter differs, or the parameters are inconsistent.
     pub fn set_parameters(&mut self, model: M) -> Result<(), String> {
         let mut values = self.values.clone();
         model.write(&mut values.view_mut(), Counts::ZERO);
@@ -218,7 +218,7 @@ impl<M: Discrete> DiscreteSimulation<M> {
     /// Starts before the first sample, which is due at time 0. Files come from the folder `resources` of the package.
     ///
     /// # Errors
-    /// The parameters do not suit each other.
+    /// The parameters are inconsistent.
     pub fn new(model: M) -> Result<Self, String> {
         Self::with_resources(model, Path::new(M::INFO.resources))
     }
@@ -226,7 +226,7 @@ impl<M: Discrete> DiscreteSimulation<M> {
     /// As [`Self::new`], with files from another folder.
     ///
     /// # Errors
-    /// The parameters do not suit each other, or a file cannot be read.
+    /// The parameters are inconsistent, or a file cannot be read.
     pub fn with_resources(model: M, resources: &Path) -> Result<Self, String> {
         let layout = DiscreteModel::<M, false>::layout();
         let mut values = ValueStore::start(&layout);

@@ -11,7 +11,7 @@ use crate::scalar::{Dependencies, Scalar};
 use crate::variable::{Kind, Layout};
 use crate::variables::{ContinuousState, Counts, Values, ValuesMut, Variables};
 
-/// Model, inputs and the rest that stays as it is while a solver advances the state.
+/// Model, inputs and derived parameters, which are constant while a solver advances the state.
 pub(crate) struct Problem<'a, M: Continuous> {
     pub(crate) model: &'a M,
     pub(crate) inputs: &'a M::Inputs<f64>,
@@ -123,8 +123,8 @@ impl<M: Continuous> Problem<'_, M> {
         Some(end)
     }
 
-    /// The Jacobian of the derivatives with respect to the state, and their derivative with respect to time: exact, by dual
-    /// numbers. One evaluation is for all columns of a group.
+    /// Computes the Jacobian of the derivatives with respect to the state, and their derivative with respect to time:
+    /// exact, by dual numbers. One evaluation covers all columns of a group.
     fn linearize(&self, time: f64, x: &[f64], discrete: &M::DiscreteState, scratch: &mut Scratch) {
         if !scratch.is_traced {
             self.trace(discrete, scratch);
@@ -219,7 +219,7 @@ impl<M: Continuous> Problem<'_, M> {
         }
     }
 
-    /// What each derivative depends on: states by their number, then the time.
+    /// Dependencies of each derivative: states by their number, then the time.
     #[inline(never)]
     fn dependencies(&self, discrete: &M::DiscreteState, memory: &mut Inputs) -> Vec<Dependencies> {
         let n = M::State::<f64>::COUNTS.reals;
@@ -251,10 +251,10 @@ fn inputs_of<T: Scalar, M: Continuous>(
 /// The most states of a model with a fixed step that are kept as the model's struct, in registers or on the stack.
 const MOST_IN_PLACE: usize = 64;
 
-/// The fewest states of a stiff model whose structure is used.
+/// The fewest states of a stiff model for which the structure is used.
 const LEAST_SPARSE: usize = 32;
 
-/// Where the integration keeps states.
+/// Storage of states during the integration.
 pub(crate) trait Keep<M: Continuous> {
     /// A state.
     type State;
@@ -288,7 +288,7 @@ pub(crate) trait Keep<M: Continuous> {
     ) -> Option<Self::State>;
     /// See [`ode::error_norm`], for the error in the scratch memory.
     fn error_norm(x: &Self::State, end: &Self::State, tolerance: f64, scratch: &Scratch) -> f64;
-    /// Takes the memory of a state back.
+    /// Takes back the memory of a state.
     fn recycle(_x: Self::State, _scratch: &mut Scratch) {}
 }
 
@@ -420,9 +420,9 @@ struct Sparse {
     values: Vec<f64>,
     /// Numbers of the elements on the diagonal.
     diagonal: Vec<u32>,
-    /// Groups of columns that one evaluation is enough for.
+    /// Groups of columns that share one evaluation.
     groups: Structure,
-    /// Whether a derivative depends on the time.
+    /// True if a derivative depends on the time.
     follows_time: bool,
     lu: SparseLu,
 }
@@ -438,7 +438,8 @@ impl Jacobian {
         Self::Dense { matrix: vec![0.0; n * n], pivots: vec![0; n] }
     }
 
-    /// For derivatives that depend on these states and, after them, on the time; `None` if a dense matrix is the better choice.
+    /// Returns a sparse Jacobian of derivatives that depend on these states and, after them, on the time; `None` if a dense
+    /// matrix is the better choice.
     fn sparse(dependencies: &Structure) -> Option<Self> {
         let n = dependencies.lines();
         let is_state = |&&known: &&u32| (known as usize) < n;
@@ -537,11 +538,11 @@ pub(crate) struct Inputs {
     strings: Vec<String>,
 }
 
-/// Working memory of the solvers; keeps nothing from one step to the next but what follows from the equations.
+/// Working memory of the solvers; keeps only data that follows from the equations from one step to the next.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     n: usize,
-    /// States that are not in use.
+    /// Unused states.
     states: Vec<Vec<f64>>,
     work: Vec<f64>,
     error: Vec<f64>,
@@ -549,9 +550,9 @@ pub(crate) struct Scratch {
     jacobian: Jacobian,
     /// The structure that the Jacobian was made for, `Some(None)` if everything depends on everything.
     traced: Option<Option<Structure>>,
-    /// Whether the structure is that of the present parameters, discrete state and inputs.
+    /// True if the structure is that of the present parameters, discrete state and inputs.
     is_traced: bool,
-    /// Hash of what equations may branch on, when the structure was traced.
+    /// Hash of the values that equations may branch on, from the time of the trace.
     pub(crate) branches: u64,
     slope: Vec<f64>,
     duals: Vec<Dual64>,
@@ -605,7 +606,7 @@ impl Scratch {
         }
     }
 
-    /// Returns true if there is none yet: in a copy of a saved state.
+    /// Returns true if there is none yet, as in a copy of a saved state.
     #[inline]
     pub(crate) fn is_missing<M: Continuous>(&self) -> bool {
         !is_in_place::<M>() && self.nominals.len() < M::State::<f64>::COUNTS.reals
@@ -616,7 +617,7 @@ impl Scratch {
         self.states.pop().unwrap_or_else(|| vec![0.0; self.n])
     }
 
-    /// The structure of the Jacobian is found again before it is used: what equations may branch on has changed.
+    /// Discards the structure of the Jacobian, because values that equations may branch on have changed.
     pub(crate) fn forget_structure(&mut self) {
         self.is_traced = false;
     }

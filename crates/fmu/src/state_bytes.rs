@@ -16,7 +16,7 @@ use crate::variables::Derived as _;
 const MAGIC: &[u8; 8] = b"FMURS\r\n\0";
 const VERSION: u32 = 4;
 
-/// FNV-1a, 64 bits: finds damaged bytes; it is no protection against forged ones.
+/// FNV-1a, 64 bits: detects damaged bytes; not a protection against crafted ones.
 pub(crate) fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
@@ -39,7 +39,7 @@ impl Writer {
     }
 }
 
-/// The bytes of a snapshot. They depend on the state alone, not on what was computed from it to be read.
+/// Serializes a snapshot. The bytes depend on the state alone, not on results computed from it for reading.
 pub(crate) fn write<M: Model>(
     protocol: Protocol,
     guid: &str,
@@ -98,13 +98,13 @@ pub(crate) fn write<M: Model>(
     Ok(out.0)
 }
 
-/// Whether the initialization has ended.
+/// Returns true if the initialization has ended.
 fn is_initialized(mode: Mode) -> bool {
     !matches!(mode, Mode::Instantiated | Mode::Initialization)
 }
 
-/// Whether a value is computed from others before it is read. Between two events of model exchange the outputs that are not real
-/// keep their values.
+/// Returns true if a value is computed from others before it is read. Between two events of model exchange the outputs that are
+/// not real keep their values.
 fn is_computed<M: Model>(mode: Mode, variable: &Variable) -> bool {
     let initialized = is_initialized(mode);
     match variable.role {
@@ -154,7 +154,7 @@ impl Reader<'_> {
     }
 }
 
-/// The snapshot of some bytes.
+/// Reads the snapshot of some bytes.
 pub(crate) fn read<M: Model>(
     protocol: Protocol,
     guid: &str,
@@ -223,7 +223,7 @@ pub(crate) fn read<M: Model>(
             Kind::Real(_) if !values.reals[variable.index].is_finite() => {
                 return Err(format!("'{name}' is not a finite number"));
             }
-            // What no call accepts, no state may bring: laws rely on the limits of their parameters.
+            // A state must not contain values that no call accepts: models rely on the limits of their parameters.
             Kind::Real(real) if variable.role == Role::Parameter => {
                 let value = values.reals[variable.index];
                 let (min, max) = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));

@@ -34,14 +34,14 @@ impl ValueStore {
         Self { reals: reals.into(), integers: integers.into(), booleans: booleans.into(), strings: strings.into() }
     }
 
-    /// To read from.
+    /// View to read from.
     #[inline]
     #[must_use]
     pub fn view(&self) -> Values<'_, f64> {
         Values { reals: &self.reals, integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
     }
 
-    /// To write to.
+    /// View to write to.
     #[inline]
     pub fn view_mut(&mut self) -> ValuesMut<'_, f64> {
         ValuesMut {
@@ -57,7 +57,7 @@ impl ValueStore {
         Values { reals: &[], integers: &self.integers, booleans: &self.booleans, strings: &self.strings }
     }
 
-    /// Whether a variable has another value there.
+    /// Returns true if a variable has another value in `other`.
     pub(crate) fn differs(&self, other: &Self, variable: &Variable) -> bool {
         let index = variable.index;
         match variable.declaration.kind {

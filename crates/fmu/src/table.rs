@@ -53,8 +53,8 @@ impl Table {
         Self::new(rows.into_iter().map(|(_, x, y)| (x, y))).map_err(|error| format!("{}: {error}", path.display()))
     }
 
-    /// Hash of the points, the same on every platform: what `fingerprint` of a model returns, so that a saved state is restored
-    /// only with the same table.
+    /// Hash of the points, the same on every platform, for `fingerprint` of a model: a saved state is restored only with the
+    /// same table.
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
         // FNV-1a of the bytes of all numbers.

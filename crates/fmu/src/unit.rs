@@ -13,7 +13,7 @@ pub struct DisplayUnit {
 
 /// A unit of measure: `SI value = factor * value + offset`.
 ///
-/// [`unit!`](crate::unit!) makes the usual ones. One of your own:
+/// [`unit!`](crate::unit!) makes the usual ones. To define your own:
 ///
 /// ```
 /// use fmu::Unit;
@@ -51,13 +51,13 @@ impl Unit {
     /// signal that is connected. The description declares no unit.
     pub const NONE: Self = Self { name: "", exponents: [0; 8], factor: 1.0, offset: 0.0, display: &[], rate: None };
 
-    /// Whether the description declares it.
+    /// Returns true if the description declares it.
     #[must_use]
     pub const fn is_declared(&self) -> bool {
         !self.name.is_empty()
     }
 
-    /// A number with its unit, as messages show it.
+    /// A number with its unit, for messages.
     pub(crate) fn with(&self, value: f64) -> String {
         if self.is_declared() { format!("{value} {}", self.name) } else { format!("{value}") }
     }

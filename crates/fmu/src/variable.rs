@@ -11,15 +11,15 @@ use crate::variables::Counts;
 pub struct Declaration {
     /// Name in the model description.
     pub name: String,
-    /// What it is.
+    /// Description.
     pub description: String,
-    /// Whether a parameter may change between steps; false for everything else.
+    /// True if a parameter may change between steps; false for everything else.
     pub tunable: bool,
-    /// Whether a state is not an output (causality local).
+    /// True if a state is not an output (causality local).
     pub local: bool,
-    /// Whether the start value of a state follows from the parameters; false for everything else.
+    /// True if the start value of a state follows from the parameters; false for everything else.
     pub calculated: bool,
-    /// Type and what belongs to it.
+    /// Type with its attributes.
     pub kind: Kind,
     /// The array that it is an element of.
     pub array: Option<ArrayElement>,
@@ -64,7 +64,7 @@ pub enum Kind {
         type_name: &'static str,
         /// Values and names of an enumeration; empty for a plain number.
         items: &'static [Item],
-        /// Whether it is an FMI Enumeration.
+        /// True if it is an FMI Enumeration.
         is_enumeration: bool,
     },
     /// A Boolean.
@@ -79,14 +79,14 @@ pub enum Kind {
     },
 }
 
-/// What belongs to a real variable.
+/// Attributes of a real variable.
 #[derive(Clone, Debug)]
 pub struct Real {
     /// Unit of measure.
     pub unit: Unit,
     /// Unit to display values in.
     pub display: Option<DisplayUnit>,
-    /// Start value; what calculated variables have before they are calculated.
+    /// Start value; also the value of calculated variables before they are calculated.
     pub start: f64,
     /// Least value, if there is one.
     pub min: Option<f64>,
@@ -96,7 +96,7 @@ pub struct Real {
     pub nominal: Option<f64>,
 }
 
-/// What a variable is in the FMU; decides causality, variability and initial.
+/// Role of a variable in the FMU; determines causality, variability and initial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Set before or, if tunable, between steps.
@@ -107,7 +107,7 @@ pub enum Role {
     Input,
     /// Read by the master.
     Output,
-    /// A continuous state of a plant.
+    /// A continuous state.
     State,
     /// The derivative of the state of the same number.
     Derivative,
@@ -118,7 +118,7 @@ pub enum Role {
 pub struct Variable {
     /// As declared.
     pub declaration: Declaration,
-    /// What it is in the FMU.
+    /// Role in the FMU.
     pub role: Role,
     /// Index among the values of its type.
     pub index: usize,
@@ -126,7 +126,7 @@ pub struct Variable {
     pub reference: u32,
 }
 
-/// The variables of a block: where the values of each type begin, and how many there are.
+/// The variables of a block: position and number of the values of each type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Block {
     /// Position of the first values.
@@ -141,13 +141,13 @@ impl Block {
     pub const fn reals(&self) -> Range<usize> {
         self.at.reals..self.at.reals + self.counts.reals
     }
-    /// Whether it has variables that are not real.
+    /// Returns true if it has variables that are not real.
     pub(crate) const fn has_others(&self) -> bool {
         self.counts.integers + self.counts.booleans + self.counts.strings > 0
     }
 }
 
-/// How many event indicators model exchange has, in their order.
+/// Numbers of event indicators of model exchange, in their order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Indicators {
     /// Zero crossings that the model declares.
@@ -164,7 +164,7 @@ impl Indicators {
     }
 }
 
-/// All variables of a model and where their values are.
+/// All variables of a model and the positions of their values.
 ///
 /// Reals come first, block by block, so that a value reference is an index; Integers, Booleans and Strings follow.
 #[derive(Clone, Debug)]
@@ -283,8 +283,8 @@ impl Layout {
         }
     }
 
-    /// The array that a variable is an element of, if all elements agree in what an array has once (type, unit and limits) and
-    /// no variable has the name of the array.
+    /// The array that a variable is an element of, if all elements agree in the attributes of an array (type, unit and limits)
+    /// and no variable has the name of the array.
     pub(crate) fn array_of(&self, variable: &Variable) -> Option<Array<'_>> {
         let of = variable.declaration.array.as_ref()?;
         let is_element = |other: &&Variable| {
@@ -344,7 +344,7 @@ impl Layout {
         self.positions[reference as usize] + 1
     }
 
-    /// How many real values there are.
+    /// Number of real values.
     pub fn reals(&self) -> usize {
         self.derivatives.reals().end
     }
@@ -361,7 +361,7 @@ impl Variable {
 }
 
 impl Declaration {
-    /// Whether another variable differs in name, description and start value only.
+    /// Returns true if another variable differs in name, description and start value only.
     fn is_like(&self, other: &Self) -> bool {
         let is_like = match (&self.kind, &other.kind) {
             (Kind::Real(one), Kind::Real(other)) => {

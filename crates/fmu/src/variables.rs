@@ -4,7 +4,7 @@ use crate::declare::{Name, Spec};
 use crate::scalar::Scalar;
 use crate::variable::Declaration;
 
-/// How many values of each type; also a position among them.
+/// Number of values of each type; also a position among them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Reals.
@@ -102,7 +102,7 @@ impl<'a, T> ValuesMut<'a, T> {
 /// One element of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Element {
-    /// What follows the dot in the name of the variable, for example `fl`.
+    /// Part of the name of the variable after the dot, for example `fl`.
     pub name: &'static str,
     /// The element in words, for example `front left wheel`.
     pub description: &'static str,
@@ -117,9 +117,9 @@ pub struct Element {
 pub trait Field<T>: Sized {
     /// Start value, or start values of an array.
     type Start;
-    /// How many values the field holds.
+    /// Number of values in the field.
     const COUNTS: Counts;
-    /// Whether the variables are real.
+    /// True if the variables are real.
     const IS_REAL: bool;
     /// Adds the variables.
     fn declare(spec: &Spec, start: Option<Self::Start>, all: &mut Vec<Declaration>);
@@ -217,7 +217,7 @@ impl<T: Scalar> Field<T> for String {
 pub enum Starts<S, const N: usize> {
     /// The same for all elements.
     All(S),
-    /// One per element; not an array, which large models have no stack for.
+    /// One per element; not an array, because large models do not have enough stack for one.
     Each(Vec<S>),
 }
 
@@ -233,12 +233,12 @@ impl<S, const N: usize> From<[S; N]> for Starts<S, N> {
     }
 }
 
-/// How many start values are listed.
+/// Number of listed start values.
 #[doc(hidden)]
 #[derive(Debug)]
 pub struct Listed<const M: usize>;
 
-/// Whether that many start values are right for an array of `N`.
+/// Implemented by the number of start values that fits an array of `N`.
 #[doc(hidden)]
 #[diagnostic::on_unimplemented(
     message = "wrong number of start values: the array has {N} elements",
@@ -277,8 +277,8 @@ pub fn declare_elements<T, F: Field<T>, const N: usize>(
 ) where
     F::Start: Clone,
 {
-    // Empty without start values: an `Option` of the iterator compiles to a branch on a value that was never set, harmless, but an error for
-    // valgrind.
+    // Empty without start values: an `Option` of the iterator compiles to a branch on a value that was never set, which is harmless, but
+    // which valgrind reports.
     let mut starts = start.map_or_else(Vec::new, Starts::each).into_iter();
     let first = all.len();
     for i in 0..N {
@@ -434,7 +434,7 @@ macro_rules! named_array {
     note = "derive `Parameters`, `Inputs`, `Outputs` or `State`; without a type parameter its numbers are `f64`"
 )]
 pub trait Variables<T: Scalar>: Sized {
-    /// How many values the struct holds.
+    /// Number of values in the struct.
     const COUNTS: Counts;
     /// True if a variable has an explicit start value.
     const HAS_STARTS: bool = false;

@@ -15,7 +15,7 @@ use crate::description::{LOG_CATEGORIES, LOG_ERROR, LOG_EVENTS};
 use crate::instance::{CallError, Instance};
 use crate::runner::Model as _;
 
-/// Whether the FMU provides an interface.
+/// Returns true if the FMU provides an interface.
 pub(super) fn provides<E: Export>(interface: Interface) -> bool {
     match interface {
         Interface::CoSimulation => E::FORMAT.interfaces.co_simulation,
@@ -23,7 +23,7 @@ pub(super) fn provides<E: Export>(interface: Interface) -> bool {
     }
 }
 
-/// Makes an instance, or logs the reason why there is none and returns a null pointer.
+/// Makes an instance, or logs the reason for the failure and returns a null pointer.
 pub(super) unsafe fn create<E: Export>(
     function: &str,
     mut log: Log,

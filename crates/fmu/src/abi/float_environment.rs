@@ -2,8 +2,8 @@
 //!
 //! A host may unmask exceptions (Delphi does, and `-ffpe-trap` of gfortran), choose another rounding, or flush subnormal
 //! numbers to zero. Rust code assumes the default of IEEE 754, and so do models: with traps they would end the host, with
-//! another rounding their results would change. Calls that compute run in the default environment and give the
-//! caller's back.
+//! another rounding their results would change. Calls that compute run in the default environment and restore the
+//! caller's.
 
 #[cfg(target_arch = "aarch64")]
 use aarch64::{Control, Saved};
@@ -12,20 +12,20 @@ use fixed::{Control, Saved};
 #[cfg(target_arch = "x86_64")]
 use x86_64::{Control, Saved};
 
-/// The environment of a caller that has another one than the default.
+/// The environment of a caller, if it is not the default.
 pub(super) struct Callers(Saved);
 
 /// Sets the default environment, until [`leave`].
 ///
-/// The compiler knows nothing of the environment. It cannot move operations on what they read in memory to the other side of the assembly
-/// in [`Control`]; numbers in registers go through [`argument`].
+/// The compiler does not model the environment. It cannot move operations on values read from memory to the other side of the assembly in
+/// [`Control`]; numbers in registers go through [`argument`].
 #[inline(always)]
 pub(super) fn enter() -> Option<Callers> {
     let callers = Control::current();
     if callers.is_default() { None } else { Some(replace(callers)) }
 }
 
-/// Gives the caller its environment back.
+/// Restores the environment of the caller.
 #[inline(always)]
 pub(super) fn leave(callers: Option<Callers>) {
     if let Some(callers) = callers {
@@ -49,7 +49,7 @@ fn restore(Callers(saved): Callers) {
 #[inline(always)]
 #[cfg_attr(not(target_arch = "x86_64"), expect(unused_mut, reason = "only assembly changes it"))]
 pub(super) fn argument(mut number: f64) -> f64 {
-    // SAFETY: no instruction. Assembly stays in its order, and what follows uses its result.
+    // SAFETY: no instruction. Assembly keeps its order, and the following code uses its result.
     #[cfg(target_arch = "x86_64")]
     unsafe {
         std::arch::asm!("/* {} */", inout(xmm_reg) number, options(nomem, nostack, preserves_flags));
@@ -135,7 +135,7 @@ mod aarch64 {
     }
 }
 
-/// WebAssembly has one environment. Those of other processors are left as they are.
+/// WebAssembly has one environment. Those of other processors are not changed.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 mod fixed {
     #[derive(Clone, Copy)]

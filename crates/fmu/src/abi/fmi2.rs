@@ -30,7 +30,7 @@ pub type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Callbacks {
-    /// Where messages go.
+    /// Receives the messages.
     pub logger: Option<Logger>,
     /// Not used.
     pub allocate_memory: Option<unsafe extern "C" fn(size_t, size_t) -> *mut c_void>,
@@ -65,7 +65,7 @@ fn resources_path(uri: &str) -> PathBuf {
     let mut i = 0;
     while i < bytes.len() {
         let code = (bytes[i] == b'%').then(|| path.get(i + 1..i + 3)).flatten();
-        // A sign is no hexadecimal digit, though the parser would take it.
+        // A sign is not a hexadecimal digit, but the parser would accept it.
         let code = code.filter(|code| code.bytes().all(|byte| byte.is_ascii_hexdigit()));
         match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
             Some(byte) => {
@@ -333,7 +333,7 @@ pub unsafe fn get_directional_derivative<E: Export>(
     }
 }
 
-/// Inputs are held over a step and outputs have no known slope, as the capability flags say.
+/// Inputs are held over a step and outputs have no known slope, as the capability flags declare.
 unsafe fn no_interpolation<E: Export>(component: Component, function: Function) -> Status {
     unsafe { call::<E>(component, function, |_| Err(error::<E>(function, "not supported (see the capability flags)"))) }
 }
@@ -387,7 +387,7 @@ pub unsafe fn get_status<E: Export>(component: Component, kind: c_int, _value: *
     unsafe { no_answer::<E>(component, Function::GetStatus, kind) }
 }
 
-/// fmi2GetRealStatus: answers fmi2LastSuccessfulTime.
+/// fmi2GetRealStatus: returns fmi2LastSuccessfulTime.
 pub unsafe fn get_real_status<E: Export>(component: Component, kind: c_int, value: *mut f64) -> Status {
     let function = Function::GetRealStatus;
     if kind != LAST_SUCCESSFUL_TIME {
@@ -401,12 +401,12 @@ pub unsafe fn get_real_status<E: Export>(component: Component, kind: c_int, valu
     }
 }
 
-/// fmi2GetIntegerStatus: the standard has no question of this type.
+/// fmi2GetIntegerStatus: the standard defines no status of this type.
 pub unsafe fn get_integer_status<E: Export>(component: Component, kind: c_int, _value: *mut c_int) -> Status {
     unsafe { no_answer::<E>(component, Function::GetIntegerStatus, kind) }
 }
 
-/// fmi2GetBooleanStatus: answers fmi2Terminated; the FMU never asks to end the simulation.
+/// fmi2GetBooleanStatus: returns fmi2Terminated; the FMU never requests the end of the simulation.
 pub unsafe fn get_boolean_status<E: Export>(component: Component, kind: c_int, value: *mut Boolean) -> Status {
     let function = Function::GetBooleanStatus;
     if kind != TERMINATED {
@@ -429,15 +429,15 @@ pub unsafe fn get_string_status<E: Export>(component: Component, kind: c_int, _v
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct EventInfo {
-    /// Never: one call of fmi2NewDiscreteStates handles all events of a time.
+    /// Always false: one call of fmi2NewDiscreteStates handles all events of a time.
     pub new_discrete_states_needed: Boolean,
-    /// Never.
+    /// Always false.
     pub terminate_simulation: Boolean,
-    /// Never: nominal values are constant.
+    /// Always false: nominal values are constant.
     pub nominals_of_continuous_states_changed: Boolean,
-    /// Whether the event has set continuous states.
+    /// True if the event has set continuous states.
     pub values_of_continuous_states_changed: Boolean,
-    /// Whether there is another time event.
+    /// True if there is another time event.
     pub next_event_time_defined: Boolean,
     /// Its time in s.
     pub next_event_time: f64,
@@ -481,7 +481,7 @@ pub unsafe fn completed_integrator_step<E: Export>(
 }
 
 /// The C interface of a model by FMI 2.0, with the functions of co-simulation (`cs`), model exchange (`me`) or both.
-/// [`model`](macro@crate::model) adds it where `cargo fmu pack` asks for it.
+/// [`model`](macro@crate::model) adds it where `cargo fmu pack` requests it.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi2 {

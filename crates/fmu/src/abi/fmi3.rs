@@ -1,4 +1,4 @@
-//! The functions of FMI 3.0. All have to be there; those of interfaces and types that the FMU does not have return errors.
+//! The functions of FMI 3.0. All must be exported; those of interfaces and types that the FMU does not have return errors.
 
 use std::ffi::{CStr, CString};
 use std::path::PathBuf;
@@ -32,7 +32,7 @@ pub fn version() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// What the functions that make instances share.
+/// Common arguments of the functions that make instances.
 #[derive(Clone, Copy, Debug)]
 pub struct Arguments {
     /// instanceName.
@@ -151,7 +151,7 @@ pub unsafe fn enter_initialization_mode<E: Export>(
     }
 }
 
-/// Rejects arrays of values that are not as long as the variables need.
+/// Rejects arrays whose length is not the number of values of the variables.
 fn check_count<E: Export>(function: Function, expected: usize, count: usize) -> Result<(), CallError> {
     if expected == count {
         return Ok(());
@@ -173,7 +173,7 @@ unsafe fn elements<E: Export>(
     h.elements.clear();
     for &reference in references {
         let length = h.instance.length_of(reference);
-        // A reference that is unknown stays as it is, and is rejected.
+        // An unknown reference is kept, and is rejected later.
         h.elements.extend((0..length.max(1)).map(|i| reference.wrapping_add(i)));
     }
     Ok((&h.elements, &mut h.instance))
@@ -326,7 +326,7 @@ pub unsafe fn set_int64<E: Export>(
             let (references, instance) = elements(h, function, references, count)?;
             check_count::<E>(function, references.len(), values.len())?;
             references.iter().try_for_each(|&reference| instance.check_integer(function, reference))?;
-            // What does not fit is none of the values of an enumeration.
+            // A value that does not fit is not one of an enumeration.
             let values: Vec<_> = values.iter().map(|&value| i32::try_from(value).unwrap_or(i32::MIN)).collect();
             instance.set_integer_by(function, references, &values)
         })
@@ -376,7 +376,7 @@ pub unsafe fn set_string<E: Export>(
     }
 }
 
-/// Functions for types that no variable has: correct for no variable at all.
+/// Functions for types that no variable has: valid for empty lists only.
 pub unsafe fn no_variables<E: Export>(component: Component, function: Function, count: size_t) -> Status {
     unsafe {
         call::<E>(component, function, |_| {
@@ -556,7 +556,7 @@ pub unsafe fn do_step<E: Export>(
             let last = target::<E, _>(function, "lastSuccessfulTime", last_successful_time)?;
             (*event, *terminate, *early, *last) = (0, 0, 0, h.instance.time());
             let (time, step) = (argument(time), argument(step));
-            // The constant leaves out what a model without events does not need.
+            // The constant removes this branch for models without events.
             if <E::Model as Model>::HAS_EVENTS && h.returns_early {
                 let has_event = h.instance.do_step_to_event(time, step)?;
                 *event = has_event.into();
@@ -570,8 +570,9 @@ pub unsafe fn do_step<E: Export>(
     }
 }
 
-/// The C interface of a model by FMI 3.0. All functions are there; those of an interface that is not among `cs` and `me` return
-/// errors, because no instance of it can be made. [`model`](macro@crate::model) adds it where `cargo fmu pack` asks for it.
+/// The C interface of a model by FMI 3.0. All functions are exported; those of an interface that is not among `cs` and `me`
+/// return errors, because no instance of it can be made. [`model`](macro@crate::model) adds it where `cargo fmu pack` requests
+/// it.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! c_interface_of_fmi3 {

@@ -12,7 +12,7 @@ use super::{Format, Structure};
 use crate::runner::{Kind as ModelKind, Model};
 use crate::variable::{Kind, Layout, Role, Variable};
 
-/// How an empty GUID is written.
+/// An empty GUID in the description.
 pub(super) const NO_GUID: &str = "guid=\"\"";
 
 /// modelDescription.xml with an empty GUID.

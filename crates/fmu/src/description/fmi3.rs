@@ -12,7 +12,7 @@ use super::{Format, Structure};
 use crate::runner::{Kind as ModelKind, Model};
 use crate::variable::{Kind, Layout, Role, Variable};
 
-/// How an empty instantiation token is written.
+/// An empty instantiation token in the description.
 pub(super) const NO_TOKEN: &str = "instantiationToken=\"\"";
 
 /// modelDescription.xml with an empty instantiation token.
@@ -67,7 +67,7 @@ pub(super) fn write<M: Model>(layout: &Layout, format: Format, structure: &Struc
     Ok(bytes)
 }
 
-/// The variables that are written: with native arrays, the first element stands for all.
+/// The variables that are written: with native arrays, the first element represents all.
 fn variables(layout: &Layout, format: Format) -> impl Iterator<Item = &Variable> {
     let representatives = if format.arrays { layout.representatives() } else { Vec::new() };
     let is_written = move |variable: &&Variable| {
@@ -248,7 +248,7 @@ fn model_variable<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, vari
 }
 
 fn model_structure<M: Model>(xml: &mut Xml, layout: &Layout, format: Format, structure: &Structure) -> Written {
-    // With native arrays, an array depends on all that one of its elements depends on.
+    // With native arrays, an array has the dependencies of all its elements.
     let representatives = if format.arrays { layout.representatives() } else { Vec::new() };
     let representative =
         |variable: &Variable| representatives.get(variable.reference as usize).copied().unwrap_or(variable.reference);

@@ -1,4 +1,4 @@
-//! What the equations say about themselves: dependencies and relations.
+//! Structure of the equations: dependencies and relations.
 
 use std::path::Path;
 
@@ -10,16 +10,16 @@ use crate::store::ValueStore;
 use crate::variable::{Kind, Layout, Role, Variable};
 use crate::variables::{Counts, Parameters};
 
-/// What the equations say about themselves.
+/// Structure of the equations.
 #[derive(Default)]
 pub(super) struct Structure {
     /// The real inputs, states and time that each real output, then each derivative depends on.
     dependencies: Vec<DependencySet>,
     /// The inputs of other types that each output, then each derivative depends on, in the order of these inputs.
     on_others: Vec<DependencySet>,
-    /// Whether outputs of other types may depend on real variables.
+    /// True if outputs of other types may depend on real variables.
     is_inspected: bool,
-    /// The most relations.
+    /// Largest number of relations.
     pub(super) relations: usize,
     /// Reasons for a dense structure, with the remedy.
     pub(super) notes: Vec<String>,
@@ -29,9 +29,9 @@ pub(super) struct Structure {
 /// Booleans and enumerations of the discrete state.
 ///
 /// A Boolean or Integer input counts for an unknown if one of its values leads to another expression, for the start values of
-/// the real parameters or for others, since it may choose between two that start alike. Strings and Integers
-/// without limits have too many values to try. As parameters they are left out if the equations do not read them, as real
-/// ones are: what `load` and `derived` make of them is a constant of the equations.
+/// the real parameters or for others, since it may select between two that start with equal values. Strings and Integers
+/// without limits have too many values to try. As parameters they are left out if the equations do not read them, like real
+/// ones: the results of `load` and `derived` are constants of the equations.
 pub(super) fn structure<M: Model>(layout: &Layout, resources: &Path) -> Result<Structure, String> {
     let start = ValueStore::start(layout);
     let mut values = start.clone();
@@ -221,12 +221,12 @@ fn field_of<P: Parameters>(variable: &Variable) -> Option<&'static str> {
         .map(|(name, _)| *name)
 }
 
-/// An unknown of the model structure with what it depends on.
+/// An unknown of the model structure with its dependencies.
 pub(super) struct Unknown<'a> {
     pub(super) variable: &'a Variable,
     /// In the order of the model description.
     pub(super) dependencies: Vec<&'a Variable>,
-    /// Whether it depends on the time.
+    /// True if it depends on the time.
     pub(super) on_time: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What the descriptions of both versions share.
+//! Common parts of the descriptions of both versions.
 
 use std::collections::BTreeMap;
 
@@ -40,8 +40,8 @@ pub(super) fn facts(
     facts.into_iter().filter(|(_, value)| !value.is_empty())
 }
 
-/// `structured` promises that a dot leads from a whole to a part. It is one in names that follow the convention of this crate, words
-/// in lower snake case; in names that someone else dictates it is a letter like others, so they are `flat`, which promises nothing.
+/// `structured` means that a dot leads from a whole to a part. That holds for names in the convention of this crate, words in lower
+/// snake case. In other names a dot is an ordinary character, so they are `flat`, which promises nothing.
 fn naming_convention(layout: &Layout) -> &'static str {
     let is_structured = |variable: &Variable| is_structured(&variable.declaration.name);
     if layout.variables.iter().all(is_structured) { "structured" } else { "flat" }
@@ -61,15 +61,15 @@ fn is_structured(name: &str) -> bool {
     name.strip_prefix("der(").and_then(|rest| rest.strip_suffix(')')).unwrap_or(name).split('.').all(is_part)
 }
 
-/// Whether XML can hold a character.
+/// Returns true if XML can contain a character.
 pub(super) fn is_xml(c: char) -> bool {
     !(c < ' ' && !"\t\n\r".contains(c) || c == '\u{fffe}' || c == '\u{ffff}')
 }
 
-/// Writes line breaks and tabs in attributes as character references: a reader turns others into blanks.
+/// Writes line breaks and tabs in attributes as character references, because a reader turns others into blanks.
 pub(super) fn with_references(xml: &str) -> String {
     let mut result = String::with_capacity(xml.len());
-    // Values are in double quotes, which nothing but attributes contains, and have none inside.
+    // Values are in double quotes, which only attributes contain, and have none inside.
     let mut is_value = false;
     for c in xml.chars() {
         is_value ^= c == '"';
@@ -183,14 +183,14 @@ pub(super) fn kind_of<M: Model>(
     }
 }
 
-/// Nominal value as it is written: 1 is the default, which only a state states, because solvers look there.
+/// Nominal value to write. 1 is the default and is written for states only, because solvers read it there.
 pub(super) fn nominal(variable: &Variable) -> Option<f64> {
     let Kind::Real(real) = &variable.declaration.kind else { return None };
     real.nominal.filter(|&nominal| nominal != 1.0 || variable.role == Role::State)
 }
 
 /// A type of the enumerations of a model. Most are Integers, because several masters cannot set FMI enumerations; their
-/// description says what the numbers mean.
+/// description lists the meaning of the numbers.
 pub(super) struct EnumerationType {
     pub(super) name: String,
     pub(super) description: String,

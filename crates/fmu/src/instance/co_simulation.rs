@@ -10,12 +10,12 @@ impl<M: Model> Instance<M> {
     ///
     /// # Errors
     /// A rejected step (time, step size, stop time) changes nothing; a step with a result that is not finite restores
-    /// what was before it and leaves the instance in Step Failed.
+    /// the values before it and leaves the instance in Step Failed.
     pub fn do_step(&mut self, time: f64, step: f64) -> CallResult {
         self.advance(time, step, false).map(drop)
     }
 
-    /// fmi3DoStep of an importer that handles events: the step ends at the first one. Returns whether it has.
+    /// fmi3DoStep of an importer that handles events: the step ends at the first one. Returns true if there was one.
     ///
     /// # Errors
     /// As [`Self::do_step`].

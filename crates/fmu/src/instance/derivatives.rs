@@ -6,7 +6,7 @@ use super::{CallError, CallResult, Instance, Mode};
 use crate::calls::{Function, Version};
 use crate::runner::{Kind as ModelKind, Model};
 
-/// A variable whose derivative is asked for.
+/// A variable whose derivative is requested.
 #[derive(Clone, Copy)]
 enum Unknown {
     /// Position among the outputs and state derivatives.
@@ -16,7 +16,7 @@ enum Unknown {
 }
 
 impl Unknown {
-    /// Its derivative, of those along a direction.
+    /// Selects its derivative from those along a direction.
     fn of(self, direction: &[f64], slopes: &[f64]) -> f64 {
         match self {
             Self::Computed(position) => slopes[position],
@@ -29,8 +29,8 @@ impl<M: Model> Instance<M> {
     /// fmi2GetDirectionalDerivative.
     ///
     /// # Errors
-    /// For a discrete-time model, whose outputs are held; on a reference that is no output or state derivative (unknown) or
-    /// no input or state (known), or a seed that is not finite; fmi2Discard for a derivative that is not finite, as at the root of 0.
+    /// For a discrete-time model, whose outputs are held; on a reference that is not an output or state derivative (unknown) or not
+    /// an input or state (known), or a seed that is not finite; fmi2Discard for a derivative that is not finite, as at the root of 0.
     pub fn directional_derivative(
         &mut self,
         unknown: &[u32],
@@ -97,7 +97,7 @@ impl<M: Model> Instance<M> {
             groups.line(group).iter().for_each(|&column| direction[knowns[column as usize]] = 1.0);
             let slopes = self.slopes(&direction)?;
             for &column in groups.line(group) {
-                // What is not asked for may have no finite derivative.
+                // Derivatives that are not requested may not be finite.
                 let asked = || {
                     let rows = by_column.line(column as usize).iter().map(|&row| row as usize);
                     rows.filter(|&row| seed[row] != 0.0).map(|row| (row, unknowns[row].of(&direction, &slopes)))
@@ -121,8 +121,8 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Which of the known variables, by their places in the list, each unknown depends on. For a few of them one evaluation
-    /// each is as good as finding the structure.
+    /// Dependencies of each unknown on the known variables, by their positions in the list. For a few of them, one
+    /// evaluation each is as fast as finding the structure.
     fn structure(&mut self, unknowns: &[Unknown], knowns: &[usize]) -> CallResult<Structure> {
         const FEW: usize = 16;
         let mut rows = Structure::default();

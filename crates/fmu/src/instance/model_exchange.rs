@@ -24,7 +24,7 @@ impl<M: Model> Instance<M> {
     /// fmi2NewDiscreteStates: handles the events of the present time. One call is enough.
     ///
     /// # Errors
-    /// A number is not finite, the model rejects, or events accumulate; everything is kept then.
+    /// A number is not finite, the model rejects the event, or events accumulate; everything is kept then.
     pub fn new_discrete_states(&mut self) -> CallResult<Update> {
         let function = Function::NewDiscreteStates;
         self.check(function)?;
@@ -99,7 +99,7 @@ impl<M: Model> Instance<M> {
     /// fmi2GetContinuousStates.
     ///
     /// # Errors
-    /// On a wrong number of states, or parameters that do not suit each other.
+    /// On a wrong number of states, or inconsistent parameters.
     pub fn continuous_states(&mut self, states: &mut [f64]) -> CallResult {
         let function = Function::GetContinuousStates;
         self.check(function)?;
@@ -184,7 +184,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// Gives every relation the side that the values have.
+    /// Sets every relation to the side of the present values.
     fn settle(&mut self) -> CallResult {
         self.derive()?;
         let layout = &self.description.layout;

@@ -7,20 +7,20 @@ use crate::calls::{Function, Interface, Mode, Version};
 use crate::runner::Model;
 use crate::variable::{Kind, Role, Variable};
 
-/// Whether a number is finite, told by its bits: the floating-point environment of the host has no say, as in
+/// Returns true if a number is finite, by its bits: independent of the floating-point environment of the host, see
 /// [`Instance::may_compute`].
 #[inline]
 const fn is_finite(value: f64) -> bool {
     value.to_bits() << 1 < f64::INFINITY.to_bits() << 1
 }
 
-/// Type of the variables that a function sets, as FMI 2.0 calls it.
+/// Name in FMI 2.0 of the type of the variables that a function sets.
 fn type_set_by(function: Function) -> &'static str {
     let name = if function == Function::SetInt64 { Function::SetInteger } else { function }.name(Version::Fmi2);
     &name["fmi2Set".len()..]
 }
 
-/// A type of FMI 2.0 by its name in a version.
+/// Name in a version of a type of FMI 2.0.
 fn name_in(version: Version, name: &str) -> &str {
     match (version, name) {
         (Version::Fmi3, "Real") => "Float64",
@@ -48,7 +48,7 @@ impl<M: Model> Instance<M> {
     /// fmi2GetReal.
     ///
     /// # Errors
-    /// On an unknown reference, a design without solution, or a result that is not finite; `values` is kept then.
+    /// On an unknown reference, an error of the derived parameters, or a result that is not finite; `values` is then kept.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         self.check(Function::GetReal)?;
         let layout = self.layout();
@@ -74,13 +74,13 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// fmi3GetFloat64: also of the time and of event indicators.
+    /// fmi3GetFloat64: also for the time and event indicators.
     ///
     /// # Errors
     /// As [`Self::get_real`].
     pub fn get_float64(&mut self, references: &[u32], values: &mut [f64]) -> CallResult {
         let (time, indicators) = (self.layout().end, self.layout().indicators.total() as u32);
-        // The usual case: they have the last numbers.
+        // Fast path: the time and the event indicators have the last references.
         if references.iter().fold(0, |last, &reference| last.max(reference)) < time {
             return self.get_real(references, values);
         }
@@ -90,7 +90,7 @@ impl<M: Model> Instance<M> {
         if M::MODEL_EXCHANGE && references.iter().any(|reference| is_special(reference) && *reference != time) {
             self.indicators(Function::GetReal, &mut found)?;
         }
-        // First all that can be rejected: then no value is written.
+        // References that may be rejected are checked first: no value is written then.
         for reference in references.iter().filter(|reference| !is_special(reference)) {
             self.get_real(&[*reference], &mut [0.0])?;
         }
@@ -104,7 +104,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// How many values the variable of a value reference has.
+    /// Number of values of the variable of a value reference.
     pub(crate) fn length_of(&self, reference: u32) -> u32 {
         self.description.lengths.get(reference as usize).copied().unwrap_or(1)
     }
@@ -176,7 +176,7 @@ impl<M: Model> Instance<M> {
         Ok(self.values.booleans[index])
     }
 
-    /// fmi2GetString. The text stays where it is until the value changes, a string is set or a state is restored.
+    /// fmi2GetString. The text stays valid until the value changes, a string is set or a state is restored.
     ///
     /// # Errors
     /// On an unknown reference.
@@ -190,14 +190,14 @@ impl<M: Model> Instance<M> {
         Ok(&self.texts[index])
     }
 
-    /// Brings outputs and calculated parameters that are not real up to date.
+    /// Updates outputs and calculated parameters that are not real.
     fn refresh_others(&mut self) -> CallResult {
         let layout = self.layout();
         let (calculated, outputs) = (layout.derived.has_others() && self.is_stale(), layout.outputs.has_others());
         self.refresh(calculated, outputs, false)
     }
 
-    /// Rejects what may not be set now.
+    /// Rejects variables that may not be set now.
     fn settable(&self, function: Function, reference: u32) -> CallResult<&Variable> {
         let Some(variable) = self.layout().by_reference(reference) else {
             return Err(self.unknown_reference(function, reference, type_set_by(function)));
@@ -205,7 +205,7 @@ impl<M: Model> Instance<M> {
         let before_start = self.is_before_start();
         let is_continuous = self.mode == Mode::ContinuousTime;
         let (allowed, what) = match variable.role {
-            // As fmi2SetContinuousStates does: CasADi sets them so.
+            // As in fmi2SetContinuousStates: CasADi sets states this way.
             Role::State if is_continuous => (true, ""),
             Role::Input => (true, ""),
             Role::Parameter if variable.declaration.tunable => (!is_continuous, "a tunable parameter"),
@@ -214,7 +214,7 @@ impl<M: Model> Instance<M> {
                 (false, "a state whose start value follows from the parameters")
             }
             Role::State => (before_start, "a continuous state"),
-            // What has an exact start value may be set before the start (standard, section 2.1.7).
+            // Variables with an exact start value may be set before the start (standard, section 2.1.7).
             Role::Output if !M::CALCULATES_OUTPUTS => (before_start, "an output with a start value"),
             Role::Output => (false, "an output"),
             Role::Calculated => (false, "a calculated parameter"),
@@ -234,7 +234,7 @@ impl<M: Model> Instance<M> {
         Err(self.error(function, format_args!("'{name}' is {what}, {when}; the instance is in {mode}")))
     }
 
-    /// After a parameter has changed, fixed or tunable.
+    /// Updates the parameters after one has changed, fixed or tunable.
     pub(super) fn parameters_changed(&mut self) {
         self.parameters = self.values.parameters::<M>();
         self.derived_are_old = true;
@@ -251,7 +251,7 @@ impl<M: Model> Instance<M> {
         self.check(Function::SetReal)?;
         let layout = self.layout();
         let inputs = layout.inputs.reals();
-        // The usual case, inputs and finite numbers, without branches; inputs carry no limits.
+        // Fast path: inputs and finite numbers, without branches; inputs have no limits.
         let (first, count) = (layout.inputs.at.reals as u32, layout.inputs.counts.reals as u32);
         let are_inputs = references.iter().fold(true, |all, reference| all & (reference.wrapping_sub(first) < count));
         if are_inputs && values.iter().fold(true, |all, value| all & is_finite(*value)) {
@@ -292,7 +292,7 @@ impl<M: Model> Instance<M> {
                 return Err(self.error(Function::SetReal, message));
             }
         }
-        // Importers set parameters again that have not changed: nothing has to be computed anew for them.
+        // Importers also set parameters that have not changed: nothing is computed again for them.
         let parameters = layout.parameters.reals();
         let (solver, mut is_changed) = (layout.solver, false);
         for (&reference, &value) in references.iter().zip(values) {
@@ -389,7 +389,7 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
-    /// After values that are not real were set.
+    /// Updates the parameters and discards results after values that are not real were set.
     fn others_changed(&mut self, references: &[u32], is_changed: bool) {
         let variables = || references.iter().filter_map(|&reference| self.layout().by_reference(reference));
         if is_changed && variables().any(|variable| variable.role == Role::Parameter) {

@@ -84,7 +84,7 @@ const fn is_stiff<M: Continuous>() -> bool {
     matches!(M::SOLVER, Solver::Rosenbrock { .. })
 }
 
-/// Hash of what equations may branch on: parameters, inputs that are not real, discrete state (FNV-1a, 64 bits).
+/// Hash of the values that equations may branch on: parameters, inputs that are not real, discrete state (FNV-1a, 64 bits).
 fn branches<D: DiscreteState>(layout: &Layout, values: &ValueStore, discrete: &D) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |word: u64| hash = (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(29);
@@ -183,7 +183,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
         steps: &mut u64,
     ) -> Result<(K::State, f64), StepError> {
         let Self { problem, memory, .. } = self;
-        // At first a small part of the step, but not one that roundings of the time swallow.
+        // At first a small part of the step, but not one that is lost in the rounding of the time.
         let first = (limit * 1e-3).max(16.0 * f64::EPSILON * time.abs());
         let proposed = if memory.proposed > 0.0 { memory.proposed } else { first };
         // No tiny step is left over before the limit.
@@ -205,7 +205,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             let factor = ode::step_factor(norm);
             if norm <= 1.0 {
                 let next = h * factor;
-                // A step cut short by the limit says nothing about the steps to come.
+                // A step cut short by the limit does not predict the following ones.
                 memory.proposed = if h < proposed { proposed.max(next) } else { next };
                 return Ok((end, h));
             }
@@ -238,7 +238,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
                 next_time_event(self.problem.model, at)
             })?;
             let due = next.filter(|next| *next <= end);
-            // The end of the step before and the start of this one differ by roundings.
+            // The end of the step before and the start of this one differ by rounding errors.
             if let Some(due) = due.filter(|due| *due <= time.max(self.reached)) {
                 self.reached = due;
                 self.handled = due;
@@ -255,7 +255,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             let after_values = self.crossings(time + h, &after);
             let found = self.locate(time, &x, h, before_values.as_ref(), after_values.as_ref());
             let at = found.as_ref().map_or(time + h, |(at, ..)| *at);
-            // Roundings of `limit` must not lead past the time event.
+            // Rounding of `limit` must not lead past the time event.
             let is_at_limit = (found.is_none() && h >= limit) || at >= target.min(time + limit);
             time = if is_at_limit { target } else { at };
             self.reached = self.reached.max(time);
@@ -411,7 +411,7 @@ impl<'a, M: Continuous, K: Keep<M>> Integration<'a, M, K> {
             model.on_event(Event { time, state, discrete, inputs, derived, is_timed, before, after });
         });
         scratch.forget_structure();
-        // The solution has a corner: what the solver learned of it is of no use.
+        // The solution has a corner: the proposed step of the solver is not valid any more.
         self.memory.proposed = 0.0;
         let values = self.crossings(time, x);
         self.memory.crossings.clear();

@@ -23,8 +23,8 @@ fn sample_time(layout: &Layout, values: &ValueStore) -> f64 {
 }
 
 impl<M: Discrete, const MODEL_EXCHANGE: bool> DiscreteModel<M, MODEL_EXCHANGE> {
-    /// Takes one sample. Not inlined: in the loop over the samples of a step, which is one as a rule, the compiler would
-    /// compute and store beforehand what does not change from sample to sample.
+    /// Takes one sample. Not inlined: in the loop over the samples of a step, usually one, the compiler would compute
+    /// and store loop-invariant values in advance.
     #[inline(never)]
     fn sample(
         p: &M,

@@ -11,7 +11,7 @@ use crate::store::ValueStore;
 use crate::variable::{Kind, Layout};
 use crate::variables::{Counts, Values, ValuesMut, Variables as _};
 
-/// What a continuous-time model keeps for model exchange besides its variables.
+/// Data of a continuous-time model for model exchange, besides its variables.
 #[derive(Clone, Debug)]
 pub(super) struct Exchange {
     relations: Relations,
@@ -21,9 +21,9 @@ pub(super) struct Exchange {
     scales: Box<[f64]>,
     /// Time up to which time events were handled in s.
     pub(super) handled: f64,
-    /// Time of the next time event as the importer knows it in s; infinite if there is none.
+    /// Time of the next time event as announced to the importer in s; infinite if there is none.
     pub(super) announced: f64,
-    /// Inputs and states, then what is computed from them, as numbers of the equations.
+    /// Inputs and states, then the values computed from them, as numbers of the equations.
     known: Box<[Relational]>,
     unknown: Box<[Relational]>,
 }
@@ -101,14 +101,14 @@ pub(super) fn too_many_at(time: f64) -> StepError {
     ))
 }
 
-/// Which of the two functions of a model.
+/// One of the two functions of a model.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Part {
     Derivatives,
     Outputs,
 }
 
-/// Whether the relations take the sides of the values or keep theirs.
+/// Treatment of the relations: they take the sides of the values or keep theirs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Sides {
     Update,
@@ -189,7 +189,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         exchange.relations.count()
     }
 
-    /// Gives every relation the side that the values have, and every indicator its scale.
+    /// Sets every relation to the side of the present values, and the scale of every indicator.
     pub(super) fn take_sides(
         p: &M,
         derived: &M::Derived,
@@ -338,7 +338,7 @@ impl<M: Continuous, const MODEL_EXCHANGE: bool> ContinuousModel<M, MODEL_EXCHANG
         let mut next = None;
         if M::HAS_TIME_EVENTS {
             let is_due = |next: f64| next <= time + slack(0.0, time);
-            // An importer may handle the event that it was told of late. All others were none up to now.
+            // An importer may handle the announced event late. No other event was due up to now.
             if !is_due(exchange.announced) {
                 handled = handled.max(time);
             }

@@ -3,11 +3,11 @@
 use crate::combinations::MOST_VALUES;
 use crate::discrete_state::{DiscreteState, OwnedWord, Words};
 
-/// Numbers that an enumeration does not have, as nobody would list so many items.
+/// Numbers that no enumeration contains, because it would need too many items.
 const NOT_LISTED: [u64; 2] = [0x7fff_fe35, 0x7fff_ffff];
 
-/// The Booleans and enumerations of a discrete state, with every value. Other fields keep their values: equations need not work
-/// for any Integer, which may be a count or an index.
+/// The Booleans and enumerations of a discrete state, with every value. Other fields keep their values: equations need not be
+/// valid for any Integer, which may be a count or an index.
 #[derive(Debug, Default)]
 pub struct Modes(Vec<(usize, Vec<u64>)>);
 

@@ -1,4 +1,4 @@
-//! The calls of a running simulation do not allocate, and what an instance holds goes with it.
+//! The calls of a running simulation do not allocate, and an instance frees everything it holds.
 #![allow(unsafe_code, reason = "an allocator that counts can only be written with unsafe code")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -43,7 +43,7 @@ pub(crate) fn live() -> i64 {
     LIVE.get()
 }
 
-/// How often `f` allocates.
+/// Number of allocations of `f`.
 fn allocations(f: impl FnOnce()) -> u64 {
     let before = ALLOCATIONS.get();
     f();

@@ -13,13 +13,13 @@ use fmu::calls::{Function, Version};
 use crate::allocations::live;
 use crate::models::{CartPair, Fragile, Sampler, reference};
 
-/// What the logger was told.
+/// Message that the logger received.
 #[derive(Clone, Debug, PartialEq)]
 struct Message {
     instance: String,
     status: c_int,
     category: String,
-    /// As it came: a printf format.
+    /// As received: a printf format.
     format: String,
 }
 
@@ -147,7 +147,7 @@ impl<E: Export> C<E> {
         }
     }
 
-    /// What was logged since the last call.
+    /// Messages since the last call.
     fn take(&self) -> Vec<Message> {
         self.messages.take()
     }
@@ -189,7 +189,7 @@ fn instantiation_says_why_it_failed() {
         );
     }
     assert_eq!(rejected(name, 1, null(), uri), "fmi2Instantiate: fmuGUID is a null pointer");
-    // The message is a printf format: the percent sign comes doubled.
+    // The message is a printf format: the percent sign is doubled.
     assert_eq!(
         rejected(name, 1, c"{50%n#r1#}".as_ptr(), uri),
         format!(
@@ -199,7 +199,7 @@ fn instantiation_says_why_it_failed() {
         )
     );
     assert_eq!(rejected(name, 1, guid, c"\xc3".as_ptr()), "fmi2Instantiate: fmuResourceLocation is not UTF-8");
-    // Without callbacks, or without a logger, there is nobody to tell.
+    // Without callbacks, or without a logger, nothing can be reported.
     let silent = Callbacks { logger: None, ..callbacks };
     // SAFETY: null callbacks are rejected; no resources are fine.
     unsafe {

@@ -133,7 +133,7 @@ impl<E: Export> Instance<E> {
         (status, event == 1, early == 1, last)
     }
 
-    /// Whether an event has set states, and the time of the next one.
+    /// Returns true if an event has set states, and the time of the next one.
     fn update(&self) -> (bool, Option<f64>) {
         let (mut flags, mut next) = ([7_u8; 5], f64::NAN);
         let [needs, end, nominals, states, defined] = &mut flags;
@@ -352,7 +352,7 @@ fn the_time_and_the_event_indicators_are_variables() {
     assert!((values[2] - values[1] - 1e-9).abs() < 1e-9, "{values:?}");
     assert_eq!(instance.get(&[layout.end + 2], &mut values[..1]), Status::Error);
     assert_eq!(instance.set(&[layout.end], &[1.0]), Status::Error);
-    // A call that returns an error writes nothing, whatever comes before the reference that is wrong.
+    // A call that returns an error writes nothing, whatever precedes the wrong reference.
     let mut values = [7.0; 3];
     assert_eq!(instance.get(&[layout.end, height, u32::MAX], &mut values), Status::Error);
     assert_eq!(values, [7.0; 3]);
@@ -455,7 +455,7 @@ fn wheels_and_axles_are_terminals() {
     ] {
         assert!(xml.contains(text), "{xml}");
     }
-    // Local variables and parameters are no signals.
+    // Local variables and parameters are not signals.
     assert!(!xml.contains("cart_velocity") && !xml.contains("spring.stiffness"), "{xml}");
     // The packer asks the library for the same text.
     let asked = abi::model_description::<Carts>(3, 3 | 8);

@@ -1,6 +1,6 @@
-//! Results depend neither on which variables were read, nor on the order in which values were set, nor on whether the state went
-//! through bytes. Reference: a run that reads nothing before its end, sets values in the order of their declaration, and stays in
-//! one instance. The initial states and derived parameters have closed forms.
+//! Results depend neither on which variables were read, nor on the order in which values were set, nor on whether the state was
+//! converted to bytes. Reference: a run that reads nothing before its end, sets values in the order of their declaration, and
+//! stays in one instance. The initial states and derived parameters have closed forms.
 
 use std::path::{Path, PathBuf};
 
@@ -239,7 +239,7 @@ impl Stateful for Store {
     }
 }
 
-/// Numbers that look random (xorshift).
+/// Pseudorandom numbers (xorshift).
 struct Random(u64);
 
 impl Random {
@@ -259,7 +259,7 @@ impl Random {
     }
 }
 
-/// What a run does besides setting and stepping.
+/// Actions of a run besides setting and stepping.
 #[derive(Clone, Copy, Default, Debug)]
 struct Variation {
     reads: bool,
@@ -287,7 +287,7 @@ impl<E: Export> Run<E> {
         self.protocol.interface == Interface::ModelExchange
     }
 
-    /// Reads some variables, also in ways that are rejected; whatever comes of it.
+    /// Reads some variables, also in invalid ways, and ignores the results.
     fn read(&mut self) {
         let description = E::description();
         let layout = &description.layout;
@@ -308,14 +308,14 @@ impl<E: Export> Run<E> {
                 )),
                 4 => drop(i.event_indicators(&mut vec![0.0; layout.indicators.total()])),
                 5 => drop(i.state_derivatives(&mut vec![0.0; layout.states.counts.reals])),
-                // Time and event indicators in FMI 3.0, then no variable.
+                // Time and event indicators in FMI 3.0, then an invalid reference.
                 6 => drop(i.get_float64(&[layout.end + self.random.below(3) as u32, some[0]], &mut values)),
                 _ => drop(i.get_float64(&[layout.end + 1, u32::MAX], &mut values)),
             }
         }
     }
 
-    /// What may happen between two calls.
+    /// Applies the variations between two calls.
     fn between(&mut self) {
         if self.variation.reads {
             self.read();
@@ -401,7 +401,7 @@ impl<E: Export> Run<E> {
         if self.is_exchange() { self.instance.enter_continuous_time_mode() } else { self.instance.enter_step_mode() }
     }
 
-    /// A whole run; the values at its end.
+    /// Runs a whole simulation and returns the values at its end.
     fn run(&mut self, seed: u64) -> Result<Vec<u64>, CallError> {
         let mut values = Random(seed);
         self.set(&mut values, true);
@@ -464,7 +464,7 @@ impl<E: Export> Run<E> {
 
 const CO_SIMULATION: [Protocol; 2] = [Protocol::CS2, Protocol::CS3];
 
-/// Seeds of each protocol; `FMU_TEST_FACTOR` makes them so many times more.
+/// Number of seeds of each protocol; `FMU_TEST_FACTOR` multiplies it.
 fn seeds() -> u64 {
     39 * std::env::var("FMU_TEST_FACTOR").map_or(1, |factor| factor.parse::<u64>().unwrap())
 }

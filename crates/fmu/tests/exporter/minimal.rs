@@ -1,5 +1,4 @@
-//! What a model leaves out: names, units, parameters, derived parameters, state. Reference: the documentation of
-//! `fmu-derive`.
+//! Omitted parts of a model: names, units, parameters, derived parameters, state. Reference: the documentation of `fmu-derive`.
 
 use fmu::abi::Export;
 use fmu::prelude::*;

@@ -1,4 +1,4 @@
-//! Small models that use every kind of variable, and what the tests do with their instances.
+//! Small models that use every kind of variable, and helpers for their instances.
 
 use std::cell::Cell;
 use std::path::PathBuf;
@@ -105,7 +105,7 @@ pub(crate) struct CartOutputs<T> {
 }
 
 thread_local! {
-    /// How often the derivatives of the carts were computed in this thread.
+    /// Number of evaluations of the derivatives of the carts in this thread.
     static EVALUATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
@@ -367,7 +367,7 @@ pub(crate) fn reals<E: Export>() -> Vec<u32> {
     variables.filter(|v| matches!(v.declaration.kind, Kind::Real(_))).map(|v| v.reference).collect()
 }
 
-/// The message of a error_of call.
+/// The message of a failed call.
 #[track_caller]
 pub(crate) fn error_of<V: std::fmt::Debug>(answer: Result<V, CallError>) -> String {
     match answer {
@@ -439,7 +439,7 @@ impl<E: Export> Fmu<E> {
         values.iter().map(|value| value.to_bits()).collect()
     }
 
-    /// One step on from where the instance stands.
+    /// Takes a step from the present time.
     pub(crate) fn step(&mut self, step: f64) -> Result<(), CallError> {
         let time = self.0.time();
         self.0.do_step(time, step)

@@ -1,4 +1,4 @@
-//! Which values may be set and read when, and what an error says.
+//! Rules for setting and reading values, and the error messages.
 
 use fmu::calls::{Function, Mode, Protocol, Version};
 
@@ -90,7 +90,7 @@ fn outputs_with_a_start_value_may_be_set_before_the_start() {
 #[test]
 fn every_function_keeps_to_the_table_of_calls() {
     for mode in REACHABLE {
-        // A call that is allowed fails for another reason, or not at all; one that is not says so.
+        // A call that is allowed succeeds or fails for another reason; one that is not reports the rule.
         type Call = (Function, fn(&mut Fmu<CartPair>) -> Result<(), fmu::instance::CallError>);
         let calls: [Call; 12] = [
             (Function::SetupExperiment, |u| u.0.setup_experiment(0.0, None)),
@@ -357,7 +357,7 @@ fn an_output_of_a_continuous_model_that_is_not_finite_is_no_value() {
         "fmi2GetReal: 'distance' = inf at time 0 s, not a finite number"
     );
     assert_eq!(values, [7.0, 7.0]);
-    // Nothing else suffers.
+    // Nothing else is affected.
     assert_eq!(fmu.get("cart_position.l"), 0.1);
     fmu.step(0.01).unwrap();
     fmu.set("scale", 2.0).unwrap();
